@@ -44,18 +44,16 @@ from qvi_contact.bracket.parts import (
 )
 from qvi_contact.bracket.share import LeastChange, Share, SharedStress
 from qvi_contact.companion import CompanionResult
+from qvi_contact.companion.contact import DisplacementContact
 from qvi_contact.companion.solver import MOST, BodyAtRest, solutions
-from qvi_contact.companion.traces import DisplacementContact
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.problem.conditions import Contact, bears_shear, has_coulomb
+from qvi_contact.problem.conditions import bears_shear, has_coulomb
 from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import obstacle_work, rest_on_arcs, support_work
-
-_BACKWARDS = 1e-12  # of the displacements: what is no slip against the share
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -186,9 +184,9 @@ def coulomb_bounds(
     for rows in known.contacts:
         if rows.law != "tied" and max(excess[rows.edges].max(), tension[rows.edges].max()) > LOOSEST * own.size:
             return f"The stress does not obey the law of contact {rows.name!r} on whole edges."
-    refusal = _displacement_refused(companion, shares)
-    if refusal:
-        return refusal
+    assert companion.state is not None
+    if companion.state.contradiction:
+        return companion.state.contradiction
     problem = known.problem
     fields, before = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
     edges, slack, _ = edge_parts(fields, known, own, own.bound, left, companion)
@@ -227,26 +225,6 @@ def coulomb_bounds(
     )
 
 
-def _displacement_refused(companion: CompanionResult, shares: Mapping[str, Share]) -> str:
-    """Why a displacement is none of those that (D27) is for; empty if it is."""
-    assert companion.state is not None
-    contacts, c = companion.state.contacts, companion.state.c
-    n, size = contacts.count, max(1.0, float(np.abs(c).max(initial=0.0)))
-    for trace in contacts.traces:
-        over, slip = c[:n][trace.here] - trace.gap, c[n:][trace.here] - trace.offset
-        if (trace.law == "unilateral" or trace.name in shares) and over.max() > _BACKWARDS * size:
-            return f"The displacement passes the obstacle of contact {trace.name!r}."
-        if trace.name in shares:
-            wanted = trace.slipping_on(shares[trace.name].slipping)
-            wrong = np.where(wanted == 0.0, np.abs(slip), -wanted * slip) > _BACKWARDS * size
-            if wrong.any():
-                x, y = trace.places[int(wrong.argmax())] * companion.scales.length + companion.problem.mesh.origin
-                return (
-                    f"Supports make {trace.name!r} slip at ({x:.6g}, {y:.6g}), where friction does not reach its bound."
-                )
-    return ""
-
-
 _CUTS: Final = (1e-6, 1e-1)
 """Shares of the largest opening, slip, pressure or room below the bound of a contact that count as none.
 
@@ -264,7 +242,6 @@ _ROUNDING: Final = 1e-9  # of the largest: what is left where the dual pair must
 class _Line:
     """One contact that is not tied: what of it is open, slips and presses; 0 where that counts as none."""
 
-    contact: Contact
     trace: DisplacementContact
     rows: ContactRows
     share: Share | None  # s; None without Coulomb friction
@@ -327,12 +304,12 @@ def coulomb_force_bounds(errors: CoulombBounds, defect: float) -> dict[str, Boun
         pairs = _Pairs(errors, defect, body, fields, changes, list(_lines(errors, cut)))
         for line in pairs.lines:
             targets = {"normal_force": (-1.0, 0.0)}
-            if line.share and leads_one_way(mesh.vertices, mesh.edges(line.contact.edges)):
+            if line.share and leads_one_way(mesh.vertices, mesh.edges(line.trace.contact.edges)):
                 targets["tangential_force"] = (0.0, 1.0)
             for name, (a, b) in targets.items():
                 bounds = pairs.bounds(line, a, b)
                 if bounds is not None:
-                    key = f"{line.contact.name}.{name}"
+                    key = f"{line.trace.name}.{name}"
                     lower, upper = found.get(key, (-np.inf, np.inf))
                     found[key] = Bounds(max(lower, bounds.lower), min(upper, bounds.upper))
     return found
@@ -361,7 +338,7 @@ class _Pairs:
 
     def bounds(self, line: _Line, a: float, b: float) -> Bounds | None:
         """Bounds of ∫ a σ_N + b σ_T ds on one contact; None if no z meets the conditions of (D31)."""
-        goals = {each.contact.name: (a, b) if each is line else (0.0, 0.0) for each in self.lines}
+        goals = {each.trace.name: (a, b) if each is line else (0.0, 0.0) for each in self.lines}
         c, z, plates = self._displacement(goals)
         change, parts = self._continuous(self._stress(c))
         ratio = self._ratio(goals, c, change)
@@ -372,7 +349,12 @@ class _Pairs:
         if not np.isfinite(second):
             return None
         middle, residual = self._value(goals, c, z, plates, change)
-        middle -= a * float(line.trace.fluid.sum()) * self.known.scales.stress * self.known.scales.length
+        middle -= (
+            a
+            * float(self.body.contacts.fluid[line.trace.here].sum())
+            * self.known.scales.stress
+            * self.known.scales.length
+        )
         rest = (error * residual + ratio * self.defect + second) / self.unit
         rest += _ROUNDED * abs(middle)
         return Bounds(float(middle - rest), float(middle + rest))
@@ -385,7 +367,7 @@ class _Pairs:
         the interface that meet them with right-hand side d are P d + Z y.
         """
         body, n = self.body, self.body.contacts.count
-        tied = body.B[np.tile(body.contacts.gathered("tied").astype(bool), 2) & body.live]
+        tied = body.B[np.tile(body.contacts.tied, 2) & body.live]
         held, trial, test = [], [tied], [tied]
         for line in self.lines:
             closed, stuck = (line.trace.start + np.flatnonzero(part) for part in (line.closed, line.stuck))
@@ -402,7 +384,7 @@ class _Pairs:
         body, (held, particular, free, energies) = self.body, self._spaces
         wanted = [np.zeros(len(particular.T) - sum(len(closed) + stuck for closed, stuck in held))]  # of tied ones
         for line, (closed, stuck) in zip(self.lines, held, strict=True):
-            a, b = goals[line.contact.name]
+            a, b = goals[line.trace.name]
             wanted += [a + closed * b, np.full(stuck, b)]
         start = particular @ np.concatenate(wanted)
         w = start - free @ np.linalg.lstsq(energies @ free, energies @ start, rcond=1e-13)[0]
@@ -452,12 +434,12 @@ class _Pairs:
                 np.add.at(total, vertices, (values * bound)[:, -end])
                 np.add.at(mass, vertices, bound[:, -end])
                 np.add.at(still, vertices, held)
-            parts[line.contact.name] = replace(
+            parts[line.trace.name] = replace(
                 line.share, values=values, weights=bound, slipping=np.zeros(len(edges.first))
             )
         common = np.where(still > 0.0, 0.0, total / np.maximum(mass, 1e-300))
         for line in rough:
-            share, edges = parts[line.contact.name], line.trace.edges
+            share, edges = parts[line.trace.name], line.trace.edges
             own = share.values * share.weights
             share.values[:, 0], share.values[:, -1] = common[edges.first], common[edges.second]
             wanted[line.rows.rows] = (share.values * share.weights - own).ravel()
@@ -472,7 +454,7 @@ class _Pairs:
         normal, shear = (stress * (rows @ change) for rows in (self.known.qvi.N, self.known.qvi.T))
         size = float(np.abs(normal).max())
         for line in self.lines:
-            (a, b), here = goals[line.contact.name], line.trace.here
+            (a, b), here = goals[line.trace.name], line.trace.here
             slip = c[1, here] - b if line.share else 0.0 * c[1, here]
             across = c[0, here] - a + line.friction * line.slipping * slip
             pairs = [(self.unit * slip, line.slip, self.unit), (self.unit * across, line.opening, self.unit)]
@@ -518,10 +500,10 @@ class _Pairs:
             work += along(known, other) - along(known, u)
         for line in self.lines:
             if line.share:
-                b, here = goals[line.contact.name][1], line.trace.here
-                assert not callable(line.contact.cohesion)
+                b, here = goals[line.trace.name][1], line.trace.here
+                assert not callable(line.trace.contact.cohesion)
                 slipped = float(line.trace.weights @ (line.slipping * (c[1, here] - b))) * self.unit * scales.length
-                work += line.contact.cohesion * slipped
+                work += line.trace.contact.cohesion * slipped
         return work / self.unit, float(np.sqrt(size))
 
 
@@ -529,7 +511,8 @@ def _lines(errors: CoulombBounds, cut: float) -> Iterator[_Line]:
     stress, shares, state = errors.stress, errors.shares, errors.displacement.state
     known = stress.discretization
     assert state is not None
-    c, length = state.c.reshape(2, -1), known.scales.displacement
+    c, beyond = (each.reshape(2, -1) for each in (state.c, state.c - state.contacts.obstacle))
+    length = known.scales.displacement
     # where all of a contact is closed and sticks its displacements are the rounding of those of the body
     least = _MOVED * float(np.abs(state.v).max(initial=0.0))
 
@@ -537,7 +520,8 @@ def _lines(errors: CoulombBounds, cut: float) -> Iterator[_Line]:
         """The values, 0 where they count as none beside the size of what they are part of."""
         return np.where(values > max(cut * float(values.max(initial=0.0)), _NOISE * size), values, 0.0)
 
-    for contact, trace, rows in zip(known.problem.contacts, state.contacts.traces, known.contacts, strict=True):
+    for trace, rows in zip(state.contacts.traces, known.contacts, strict=True):
+        contact = trace.contact
         if contact.law == "tied":
             continue
         share, own = shares.get(contact.name), c[:, trace.here]
@@ -549,6 +533,6 @@ def _lines(errors: CoulombBounds, cut: float) -> Iterator[_Line]:
             room = share.room * (share.friction * np.maximum(-normal, 0.0) + contact.cohesion)
         moved, pressed = max(float(np.abs(own).max(initial=0.0)), least), float(np.abs(normal).max(initial=0.0))
         opening, slip = (
-            length * shown(part, moved) for part in (trace.gap - own[0], slipping * (own[1] - trace.offset))
+            length * shown(part, moved) for part in (-beyond[0, trace.here], slipping * beyond[1, trace.here])
         )
-        yield _Line(contact, trace, rows, share, slipping, opening, slip, shown(-normal, pressed), shown(room, pressed))
+        yield _Line(trace, rows, share, slipping, opening, slip, shown(-normal, pressed), shown(room, pressed))

@@ -31,9 +31,9 @@ from scipy.sparse.linalg import spsolve
 from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.bracket.share import Share, bodies_of, held_directions, shares_on, spans
 from qvi_contact.companion.body import PARALLEL, Elasticity
+from qvi_contact.companion.contact import DisplacementContact
 from qvi_contact.companion.solver import MOST, SINGULAR, BodyAtRest
 from qvi_contact.companion.space import DisplacementSpace, reference_matrices, triangle
-from qvi_contact.companion.traces import DisplacementContact
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
@@ -438,12 +438,7 @@ class _Energies:
         """By displacements on the mesh."""
         known = BodyAtRest.of(problem, _DEGREE)
         n, traces, none = known.contacts.count, known.contacts.traces, np.zeros((0, 0))
-        coulomb, tied, rough = (
-            np.repeat(np.array(chosen, dtype=bool), [line.count for line in traces])
-            for chosen in zip(
-                *((has_coulomb(c), c.law == "tied", bears_shear(c)) for c in problem.contacts), strict=True
-            )
-        )
+        coulomb, tied, rough = known.contacts.where(has_coulomb), known.contacts.tied, known.contacts.where(bears_shear)
         slips, presses, nowhere = coulomb & known.live[n:], coulomb & known.live[:n], np.zeros(n, dtype=bool)
         if len(known.live) > MOST:
             return cls(traces, slips, presses, none, none, none)

@@ -35,6 +35,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.quadrature import EdgeQuadrature
 from qvi_contact.mesh.edges import Edges, vectors_along
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Displacement, Traction
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem
@@ -56,20 +57,20 @@ def load_points(degree: int) -> int:
 
 
 def edge_data(
-    problem: ContactProblem, edges: Edges, name: str, field: Field, degree: int, unit: float
+    mesh: TriangleMesh, edges: Edges, name: str, field: Field, degree: int, unit: float
 ) -> tuple[FloatArray, float]:
     """A field on edges over its unit as polynomials: Bernstein coefficients (e, degree + 1), and the most they miss.
 
     The polynomial meets the function at both ends of each edge; what it misses is seen at `bernstein.SAMPLES`.
     """
     t = bernstein.nodes(degree)
-    values = evaluate(name, field, *problem.mesh.points_along(edges, t)) / unit
+    values = evaluate(name, field, *mesh.points_along(edges, t)) / unit
     coefficients = values @ bernstein.from_values(degree).T
     coefficients[:, [0, -1]] = values[:, [0, -1]]
     if not callable(field):
         return np.broadcast_to(values[:, :1], coefficients.shape).copy(), 0.0
     t = bernstein.SAMPLES
-    wanted = evaluate(name, field, *problem.mesh.points_along(edges, t)) / unit
+    wanted = evaluate(name, field, *mesh.points_along(edges, t)) / unit
     misfit = np.abs(coefficients @ bernstein.basis(degree, t).T - wanted)
     return coefficients, float(misfit.max(initial=0.0))
 
@@ -113,7 +114,7 @@ def supports(problem: ContactProblem, space: DisplacementSpace, scales: Scales) 
     conditions = [(np.empty(0, dtype=np.int64), np.empty((0, 2)), np.empty(0))]  # d·v = value at coefficients
     for given in problem.prescribed(Displacement):
         edges, numbers = given.edges, space.along(given.edges)
-        data, misfit = edge_data(problem, edges, given.name, given.value, p, unit)
+        data, misfit = edge_data(problem.mesh, edges, given.name, given.value, p, unit)
         if misfit > MISFIT * max(1.0, float(np.abs(data).max(initial=0.0))):
             reasons.append(
                 f"{given.name} is not a polynomial of degree {p} on each edge. It is interpolated, with an "
