@@ -333,7 +333,7 @@ class ContactResult(PicklesFields):
         moved = {}
         for contact, rows in zip(self.problem.contacts, self.discretization.contacts, strict=True):
             if contact.plate is not None:
-                centre = centre_of(self.problem, rows.points.edges)
+                centre = centre_of(self.problem.mesh, rows.points.edges)
                 moved[contact.name] = plate_motion(contact.plate, centre, motion.get(contact.name, {}))
         return MappingProxyType(Named("plates", _WITH_PLATE, moved))
 
