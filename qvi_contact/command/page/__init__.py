@@ -34,7 +34,7 @@ from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots.body import Scales
 from qvi_contact.plots.figures import limit_figure, problem_figure, result_figure
-from qvi_contact.plots.style import inline_svg, laid_out, magnified, new_figure, png_bytes, settings, svg_text
+from qvi_contact.plots.style import inline_image, magnified, new_figure, png_bytes, settings, svg_text
 from qvi_contact.plots.tractions import contact_tractions, pieces_along
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
@@ -134,7 +134,7 @@ def limit_page(request: Request, problem: ContactProblem, limit: LimitLoad, line
     picture = ""
     if moved is not None or limit.collapse is not None:
         figure = limit_figure(problem, limit, file.units, answer=f"{lines[0]}.")
-        picture = _picture(figure, "result", "How the body gives way")
+        picture = _picture(figure, "How the body gives way")
     contacts = {} if moved is None else moved.contacts
     text: str = page_template("qvi_contact.command.page", "limit.html").render(
         **_frame(request, problem, "Limit load"),
@@ -154,7 +154,7 @@ def _frame(request: Request, problem: ContactProblem, title: str) -> dict[str, A
         "made": datetime.now(tz=UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "request": request,
         "units": file.units,
-        "problem": _picture(problem_figure(problem, file.units), "problem", "The problem: mesh, loads, contacts"),
+        "problem": _picture(problem_figure(problem, file.units), "The problem: mesh, loads, contacts"),
     }
 
 
@@ -164,7 +164,7 @@ def _pictures(
     """The picture of a result; of several those of some of them, the first and the last among them, with the value."""
     if values is None or len(steps) == 1:
         figure = result_figure(steps[-1], file.units, panels=())
-        return [("", _picture(figure, "result", "The deformed body and what its contacts carry"))]
+        return [("", _picture(figure, "The deformed body and what its contacts carry"))]
     chosen = np.unique(np.linspace(0, len(steps) - 1, min(len(steps), _MOST_STEPS)).round().astype(int)).tolist()
     found, scales = [], Scales.of(step for step in map(steps.__getitem__, chosen) if step.has_state)
     for step in chosen:
@@ -197,19 +197,19 @@ def _contact(line: ContactLine, name: str, units: Units) -> dict[str, Any]:
         axes = figure.subplots()
         contact_tractions(axes, line, units)
         figure.legend(loc="outside right upper", frameon=False)
-        with laid_out(figure, "svg", figure.dpi):
-            box, (low, high) = axes.get_position(), axes.get_xlim()
+    picture = _picture(figure, f"Tractions along contact {line.name}")
+    box, (low, high) = axes.get_position(), axes.get_xlim()  # as they were drawn
     frame = {"low": low, "high": high, "left": float(box.x0), "right": float(box.x1)}
     return {
         "name": line.name,
         "id": name,
-        "picture": _picture(figure, name, f"Tractions along contact {line.name}"),
+        "picture": picture,
         "data": contact_data(line, units) | frame,
     }
 
 
-def _picture(figure: "Figure", name: str, label: str) -> Markup:
-    return Markup(inline_svg(svg_text(figure, name), name, label))
+def _picture(figure: "Figure", label: str) -> Markup:
+    return Markup(inline_image(svg_text(figure, "picture"), label))
 
 
 def _settings(result: ContactResult) -> list[tuple[str, str]]:
