@@ -17,11 +17,11 @@ from qvi_contact import ContactState, InputError, TriangleMesh, solve, solve_his
 from qvi_contact.basics import Rounding
 from qvi_contact.command import (
     Request,
-    history_lines,
     number,
     result_lines,
     result_page,
     result_tables,
+    series_lines,
     series_tables,
 )
 from qvi_contact.files import problem_from_toml
@@ -355,7 +355,7 @@ def test_tables_of_a_result(squeezed):
 
 def test_tables_of_load_steps(squeezed):
     history = solve_history([squeezed.problem, squeezed.problem])
-    lines = "\n".join(history_lines(history, (0.0, 1.0), UNITS))
+    lines = "\n".join(series_lines(history, "t", (0.0, 1.0), UNITS))
     assert not tiny(lines)
     assert "energy lost in friction: 0 N mm/mm" in lines
     _, _, rows = next(series_tables(history.steps, "t", (0.0, 1.0), UNITS))

@@ -22,7 +22,6 @@ from markupsafe import Markup
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units, shown
 from qvi_contact.basics.writing import page_template
-from qvi_contact.bracket import Bracket
 from qvi_contact.command import report
 from qvi_contact.command.outputs import SecondModel
 from qvi_contact.command.series import Series
@@ -96,11 +95,12 @@ def result_page(
         if len(steps) == 1
         else (None, "bounds are computed for a single solve only, and this is one of several results")
     )
-    shown = (
-        _shown(result, bracket, file.units, panels)
-        if result.has_state
-        else {"field": None, "contacts": [], "tables": []}
-    )
+    companion = bracket.companion if bracket is not None and bracket.companion.has_state else None
+    contacts = [
+        _contact(line, f"contact-{number}", file.units)
+        for number, line in enumerate(result.contacts.values() if result.has_state else (), 1)
+        if panels is None or line.name in panels
+    ]
     several: list[report.Titled] = []
     if series is not None and len(steps) > 1:
         several = [
@@ -122,8 +122,10 @@ def result_page(
         step_label="t" if series is None else series.label,
         pictures=_pictures(steps, None if series is None else series.values, file),
         settings=[*_settings(result), *((f"file {name}", f"SHA-256 {digest}") for name, digest in request.files)],
-        contact_data=[contact["data"] for contact in shown["contacts"]],
-        **shown,
+        field=field_data(result, companion, file.units) if result.has_state else None,
+        contacts=contacts,
+        contact_data=[contact["data"] for contact in contacts],
+        tables=result_tables(result, file.units) if result.has_state else [],
     )
     return text
 
@@ -174,22 +176,6 @@ def _pictures(
     return found
 
 
-def _shown(
-    result: ContactResult, bracket: Bracket | None, units: Units, panels: Sequence[str] | None
-) -> dict[str, Any]:
-    """Tables and pictures of a stress state."""
-    companion = bracket.companion if bracket is not None and bracket.companion.has_state else None
-    return {
-        "field": field_data(result, companion, units),
-        "contacts": [
-            _contact(line, f"contact-{number}", units)
-            for number, line in enumerate(result.contacts.values(), 1)
-            if panels is None or line.name in panels
-        ],
-        "tables": result_tables(result, units),
-    }
-
-
 def _contact(line: ContactLine, name: str, units: Units) -> dict[str, Any]:
     """Picture of the tractions, where its axes lie in it, and the values at the points."""
     with settings():
@@ -200,12 +186,7 @@ def _contact(line: ContactLine, name: str, units: Units) -> dict[str, Any]:
     picture = _picture(figure, f"Tractions along contact {line.name}")
     box, (low, high) = axes.get_position(), axes.get_xlim()  # as they were drawn
     frame = {"low": low, "high": high, "left": float(box.x0), "right": float(box.x1)}
-    return {
-        "name": line.name,
-        "id": name,
-        "picture": picture,
-        "data": contact_data(line, units) | frame,
-    }
+    return {"name": line.name, "id": name, "picture": picture, "data": contact_data(line, units) | frame}
 
 
 def _picture(figure: "Figure", label: str) -> Markup:
