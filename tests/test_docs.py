@@ -16,7 +16,7 @@ from comparisons.cli import group as comparisons
 from comparisons.lab.studies import DONE
 from comparisons.verification import KNOWN
 from qvi_contact import RefinementStatus, TriangleMesh, load_result, solve
-from qvi_contact.cli import group as qvi_contact
+from qvi_contact.command.cli import group as qvi_contact
 from qvi_contact.files import FORMAT_VERSION, Archive, FileReader, file_keys, summary, write_npz
 from qvi_contact.problem import Contact, ContactProblem, Material, RigidPlate, Traction
 from qvi_contact.runs import FAILURES

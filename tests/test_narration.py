@@ -12,7 +12,7 @@ from click.testing import CliRunner
 import qvi_contact
 from qvi_contact import InputError, LimitFactor, limit_load_factor, load_problem, refine, solve, solve_history
 from qvi_contact.bracket import bracket
-from qvi_contact.cli import group
+from qvi_contact.command.cli import group
 from qvi_contact.gallery import compressed_plate
 from solvers import Status
 from solvers.basics import Log, Progress, report

@@ -31,7 +31,7 @@ from comparisons.lab.numbers import NOTHING, listing, memory, seconds, span
 from comparisons.lab.studies import Row
 from qvi_contact.basics.writing import page_template, writable_folder, write_text
 from qvi_contact.errors import InputError
-from qvi_contact.plots.style import inline_svg
+from qvi_contact.plots.style import inline_image
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -91,10 +91,8 @@ class Report:
         body = body.replace("</table>", "</table>\n</div>")
 
         def picture(match: re.Match[str]) -> str:
-            file, label = match[1], html.unescape(match[2])
-            name = file.removeprefix(f"{self.name}-").removesuffix(".svg")
-            svg = inline_svg(self.pictures[file], name, label)
-            return f"<figure>\n{box.format(' picture', match[2])}{svg}</div>\n</figure>\n"
+            image = inline_image(self.pictures[match[1]], html.unescape(match[2]))
+            return f"<figure>\n{box.format(' picture', match[2])}{image}</div>\n</figure>\n"
 
         body = re.sub(r'<p><img src="([^"]*)" alt="([^"]*)" /></p>\n', picture, body)
         return page_template("comparisons.lab").render(title=self.title, body=body)

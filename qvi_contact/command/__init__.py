@@ -7,7 +7,7 @@ __getattr__ = front(
     {
         "cli": ("group",),
         "page": ("Request", "number", "result_page", "result_tables"),
-        "report": ("history_lines", "result_lines", "series_tables"),
+        "report": ("result_lines", "series_lines", "series_tables"),
         "progress_line": ("solving",),
     },
 )

@@ -18,6 +18,7 @@ from qvi_contact.files.export import json_ready, write_contacts_vtu, write_npz, 
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
+from qvi_contact.solution.sweep import Sweep
 from solvers.basics.names import known_name
 
 if TYPE_CHECKING:
@@ -114,20 +115,20 @@ def write_all(
     second: SecondModel,
     document: dict[str, Any],
     page: Callable[[], str] = str,
-    history: History | None = None,
+    several: History | Sweep | None = None,
     panels: Sequence[str] | None = None,
 ) -> bool:
     """Write the files asked for, as many as can be; whether all could be, and a line for each that could not.
 
-    The displacement model has the result. The picture is that of the result or history.
+    The displacement model has the result. The picture is that of the result, or of a history.
     """
     result, units = second.result, file.units
 
     def plot(path: str) -> None:
         from qvi_contact import plots
 
-        if history is not None and history.steps[0].has_state and result.problem.contacts:
-            plots.save_figure(path, plots.history_figure(history, units, file.times, file.title))
+        if isinstance(several, History) and several.steps[0].has_state and result.problem.contacts:
+            plots.save_figure(path, plots.history_figure(several, units, file.times, file.title))
         else:
             plots.save_figure(path, plots.result_figure(result, units, file.title, panels))
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field, FloatArray
 from qvi_contact.basics.schema import Varying, keys_of
 from qvi_contact.basics.units import Certainty, Rounding, Units, shown
 from qvi_contact.discretization.discretization import discretize
@@ -19,13 +18,13 @@ from qvi_contact.errors import InputError
 from qvi_contact.files.export import element_of, summary
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.limit.check_proof import check, sentences
-from qvi_contact.mesh.edges import Edges
-from qvi_contact.problem.conditions import DRIVES, Condition, Contact, Traction, components
-from qvi_contact.problem.fields import Expression, Polynomial, along_edges
-from qvi_contact.problem.problem import ContactProblem, direction_of
+from qvi_contact.problem.conditions import DRIVES, Condition, Contact, Traction
+from qvi_contact.problem.fields import Expression, Polynomial
+from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, plate_numbers
+from qvi_contact.solution.sweep import Sweep
 from solvers.solution import WHAT_TO_DO
 
 if TYPE_CHECKING:
@@ -68,23 +67,17 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
         yield f"obstacle {name} pushes with ({across}, {up}) {force}, moment {moment} {units.engineering_moment}"
 
 
-def history_lines(history: History, times: Sequence[float], units: Units) -> Iterator[str]:
-    """The tables of a history, then what became of it all."""
-    least = Rounding.largest(step.rounding for step in history.steps)
-    yield from _in_lines(series_tables(history.steps, "t", times, units))
-    lost = shown(float(history.dissipated.sum()), least.energy)
-    yield f"energy lost in friction: {lost} {units.engineering_energy}"
-    yield from _remark_lines(history.steps, units)
-    yield history.message
-
-
-def sweep_lines(
-    steps: Sequence[ContactResult], parameter: str, values: Sequence[float], message: str, units: Units
-) -> Iterator[str]:
-    """The tables of a sweep, then the outcome."""
-    yield from _in_lines(series_tables(steps, parameter, values, units))
-    yield from _remark_lines(steps, units)
-    yield message
+def series_lines(results: History | Sweep, label: str, values: Sequence[float], units: Units) -> Iterator[str]:
+    """The tables of load steps or of a sweep, each remark once, then what became of it all."""
+    steps = results.steps
+    yield from _in_lines(series_tables(steps, label, values, units))
+    if isinstance(results, History):
+        least = Rounding.largest(step.rounding for step in steps)
+        lost = shown(float(results.dissipated.sum()), least.energy)
+        yield f"energy lost in friction: {lost} {units.engineering_energy}"
+    remarks = dict.fromkeys(remark for step in steps for remark in step.remarks)
+    yield from (f"remark: {units.filled(remark)}" for remark in remarks)
+    yield results.message
 
 
 Titled: TypeAlias = tuple[str, list[str], list[list[str]]]
@@ -160,12 +153,6 @@ def with_units(labels: Iterable[str], columns: Mapping[str, str], units: Units) 
 def least_shown(columns: Mapping[str, str], least: Rounding) -> tuple[float, ...]:
     """Sizes up to which numbers of these columns are rounding."""
     return tuple(getattr(least, kind.removeprefix("engineering_") or "rotation") for kind in columns.values())
-
-
-def _remark_lines(steps: Sequence[ContactResult], units: Units) -> Iterator[str]:
-    """The remarks of all results, each once."""
-    remarks = dict.fromkeys(remark for step in steps for remark in step.remarks)
-    yield from (f"remark: {units.filled(remark)}" for remark in remarks)
 
 
 def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
@@ -477,29 +464,16 @@ def _condition(problem: ContactProblem, condition: Condition) -> dict[str, Any]:
 
 
 def _loads(problem: ContactProblem) -> Iterator[dict[str, Any]]:
-    """Resultants of the prescribed tractions and of the body force b = −∇φ, ∫ b dx = −∮ φ n ds."""
-    mesh = problem.mesh
-    acting = list[tuple[str, list[tuple[Edges, FloatArray, Field]]]]()  # of each load: edges, directions, components
-    for condition in problem.conditions:
-        if isinstance(condition, Traction):
-            edges, given = mesh.edges(condition.edges), components(condition)
-            acting.append((condition.name, [(edges, direction_of(n, edges), value) for n, value in given.items()]))
-    if callable(problem.body_potential):
-        acting.append(("body", [(mesh.boundary, -mesh.boundary.normal, problem.body_potential)]))
-    for name, parts in acting:
-        points = []  # x, y, weight, t_x, t_y
-        for edges, direction, value in parts:
-            found = along_edges(mesh, edges, "load", value)
-            x, y = mesh.points_along(edges.take(found.edge), found.t)
-            weights = (found.weights * edges.length[found.edge, None]).ravel()
-            vectors = found.values.ravel()[:, None] * np.repeat(direction[found.edge], found.t.shape[1], axis=0)
-            points.append(np.column_stack([x.ravel(), y.ravel(), weights, vectors]))
-        x, y, weights, t_x, t_y = np.concatenate(points).T
-        size = np.hypot(t_x, t_y)
-        if not size.any() or (parts[0][0] is mesh.boundary and np.ptp(size) == 0.0):  # a pressure all around is none
-            continue
-        largest = float(weights @ size)
-        moment = weights @ (x * t_y - y * t_x)
-        sums = {"x": (weights @ t_x, largest), "y": (weights @ t_y, largest)}
-        sums["moment"] = moment, largest * float(np.hypot(x, y).max())
+    """Resultants of tractions and body forces by their names, moments about the origin."""
+    from qvi_contact.mechanism import Bodies, works
+
+    bodies = Bodies.of(problem)
+    tractions = {each.name for each in problem.conditions if isinstance(each, Traction)}
+    for name, work in works(problem, bodies).items():
+        if not (name in tractions or (name in problem.body_forces and work.row.any())) or work.size == 0.0:
+            continue  # what drives a plate or presses in a contact, or a force of nothing
+        x, y, turned = work.row.reshape(-1, 3).T
+        moment = turned @ bodies.size + y @ bodies.centre[:, 0] - x @ bodies.centre[:, 1]
+        arm = float(np.hypot(*problem.mesh.vertices.T).max())
+        sums = {"x": (x.sum(), work.size), "y": (y.sum(), work.size), "moment": (moment, work.size * arm)}
         yield {"name": name} | {n: float(s) if abs(s) > _NOISE * most else 0.0 for n, (s, most) in sums.items()}

@@ -3,14 +3,12 @@
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from qvi_contact.basics.units import Units
 from qvi_contact.command.progress_line import solving
-from qvi_contact.command.report import history_lines, sweep_lines
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ProblemFile, SweepPlan
 from qvi_contact.files.stores import StoredSweep, read_sweep
@@ -26,30 +24,18 @@ _PARAMETERS: Final = ("friction", "load", "gap", "offset")
 _OWN: Final = ("parameter", "values", "of")  # arguments of `solve_sweep`, and keys of [sweep]
 
 
-@dataclass(frozen=True)
-class Series:
+class Series(NamedTuple):
     """Several results of one file: "t" or the parameter, and its values, also of results that are missing."""
 
+    results: History | Sweep
     label: str
     values: tuple[float, ...]
-    results: History | Sweep
-
-    @property
-    def history(self) -> History | None:
-        """The history, if it is one."""
-        return self.results if isinstance(self.results, History) else None
-
-    def lines(self, units: Units) -> Iterator[str]:
-        """All results as text."""
-        if self.history is not None:
-            return history_lines(self.history, self.values, units)
-        return sweep_lines(self.results.steps, self.label, self.values, self.results.message, units)
 
     def document(self, summaries: Sequence[dict[str, Any]], units: Units) -> dict[str, Any]:
         """What JSON holds of them beside the summaries of results; of a history also the energy lost in friction."""
-        if self.history is None:
+        if isinstance(self.results, Sweep):
             return {self.label: list(self.values), "steps": list(summaries)}
-        lost = self.history.dissipated
+        lost = self.results.dissipated
         dissipated = {
             "total": {"value": float(lost.sum()), "unit": units.energy},
             "steps": {"value": lost.tolist(), "unit": units.energy},
@@ -66,7 +52,7 @@ def solved_series(
         raise InputError("--store", store, remedy)
     if plan is not None and plan.parameter in _PARAMETERS:
         sweep = swept(file, plan, options, verbose)
-        return Series(plan.parameter, plan.values, sweep), sweep.steps
+        return Series(sweep, plan.parameter, plan.values), sweep.steps
     values = file.times if plan is None else plan.values
     title = file.title or ("sweep" if plan is not None else "history" if values else "solve")
     with solving(title, max(len(values), 1), verbose=verbose) as advance:
@@ -81,7 +67,7 @@ def solved_series(
                         solve(file.with_constants({plan.parameter: value}).problem, **options, verbose=verbose)
                     )
                     advance()
-            return Series(plan.parameter, values, Sweep(plan.parameter, values, tuple(steps))), steps
+            return Series(Sweep(plan.parameter, values, tuple(steps)), plan.parameter, values), steps
         if not values:
             return None, (solve(file.problem, **options, verbose=verbose),)
         done = 0
@@ -93,7 +79,7 @@ def solved_series(
                 done += 1
 
         history = solve_history(file.problems, told, store=store, **options, verbose=verbose)
-        return Series("t", values, history), history.steps
+        return Series(history, "t", values), history.steps
 
 
 def swept(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool, **stored: Any) -> Any:

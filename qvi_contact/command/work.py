@@ -98,10 +98,9 @@ def solve(
             found = [summary(step, units) for step in steps]
             document |= found[0] if series is None else series.document(found, units)
         second = SecondModel(steps[-1], options.get("time_limit"))
-        history = None if series is None else series.history
         page = page_of(file, problem_file, steps, second, series=series, panels=charts)
-        complete = write_all(targets, problem_file, second, document, page, history, charts)
-    lines = report.result_lines(steps[0], units) if series is None else series.lines(units)
+        complete = write_all(targets, problem_file, second, document, page, series and series.results, charts)
+    lines = report.result_lines(steps[0], units) if series is None else report.series_lines(*series, units)
     _show(problem_file, document if as_json else lines)
     return 2 if not complete else 0 if solved else 1
 

@@ -19,7 +19,7 @@ __all__ = ["ContactMotion", "Mechanism", "RigidMotion", "find_mechanism", "upper
 __getattr__ = front(
     __name__,
     {
-        "bodies": ("Bodies",),
+        "bodies": ("Bodies", "works"),
         "program": ("Rigid",),
     },
 )

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
+from urllib.parse import quote
 
 import numpy as np
 
@@ -96,30 +97,8 @@ def save_figure(path: str | Path, figure: "Figure", dpi: float = 150.0) -> None:
     one, or the file cannot be written.
     """
     suffix = picture_suffix(path)
-    with settings(), replacing(path) as temporary, laid_out(figure, suffix[1:], dpi):
+    with settings(), replacing(path) as temporary:
         figure.savefig(temporary, format=suffix[1:], dpi=dpi, metadata=_METADATA[suffix])
-
-
-@contextmanager
-def laid_out(figure: "Figure", kind: str, dpi: float) -> Iterator[None]:
-    """Panels are where a file of this kind has them, inside the block; `savefig` would draw all of it for that."""
-    from matplotlib.backend_bases import get_registered_canvas_class
-
-    engine, canvas, before = figure.get_layout_engine(), figure.canvas, figure.dpi
-    if engine is None or not figure.axes:
-        yield
-        return
-    writer = get_registered_canvas_class(kind)
-    writer(figure)  # its texts are as wide as those of the file
-    figure.set_dpi(writer.fixed_dpi or dpi)
-    try:
-        engine.execute(figure)
-        figure.set_layout_engine(None)
-        yield
-    finally:
-        figure.set_layout_engine(engine)
-        figure.set_dpi(before)
-        figure.set_canvas(canvas)
 
 
 def picture_suffix(path: str | Path) -> str:
@@ -216,11 +195,8 @@ def legend_below(axes: "Axes", handles: "Sequence[Artist]") -> None:
     axes.legend(handles=list(handles), ncols=columns, **look, **place)
 
 
-_TAG: Final = re.compile(r"<[A-Za-z][^<>]*>")
-_ID: Final = re.compile(r"(?<=\sid=\")([^\"]*)")
-_REFERENCE: Final = re.compile(r"(?<=url\(#)([^)]*)|(?<=href=\"#)([^\"]*)")
 _WIDTH: Final = re.compile(r'\swidth="([\d.]+)pt"')
-_STYLE_SHEET: Final = re.compile(r"(<style[^>]*>)\s*\*\s*\{")
+_URL: Final = " !$'()*+,/:;=?@[]^`{|}~"  # what stands for itself in the address of an image
 
 _READABLE: Final = 0.85  # of the natural size; exponents of numbers, 6.3 points, are then 7 pixels high
 _PIXELS_PER_POINT: Final = 4.0 / 3.0
@@ -230,42 +206,27 @@ _DOTS: Final = 120.0  # of pixels, an inch
 def png_bytes(figure: "Figure") -> bytes:
     """The figure as pixels."""
     picture = io.BytesIO()
-    with settings(), laid_out(figure, "png", _DOTS):
+    with settings():
         figure.savefig(picture, format="png", dpi=_DOTS, metadata={"Software": None})
     return picture.getvalue()
 
 
 def svg_text(figure: "Figure", name: str) -> str:
-    """The figure as an SVG element, to be put into a page; the same bytes for the same data.
+    """The figure as an SVG element with `name` in its ids; the same bytes for the same data.
 
-    It was made by `new_figure` inside ``settings()``. The name is a word that no other picture of the page has: it
-    makes the ids of the two different.
+    It was made by `new_figure` inside ``settings()``.
     """
     from matplotlib import rc_context
 
     with settings(), rc_context({"svg.fonttype": "none", "svg.hashsalt": name}):
         text = io.StringIO()
-        with laid_out(figure, "svg", figure.dpi):
-            figure.savefig(text, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
+        figure.savefig(text, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
     whole = text.getvalue()
     return "\n".join(line.rstrip() for line in whole[whole.index("<svg") :].splitlines()) + "\n"
 
 
-def inline_svg(svg: str, name: str, label: str) -> str:
-    """The picture to be put into a page, as an image with a label.
-
-    Matplotlib numbers its ids anew in each picture: each gets `name` and "--" in front, and so does each reference to
-    it. A style sheet for all elements holds for those of the picture only. The least width keeps text readable.
-    """
-
-    def prefixed(tag: re.Match[str]) -> str:
-        return _REFERENCE.sub(lambda match: f"{name}--{match[0]}", _ID.sub(rf"{name}--\1", tag[0]))
-
-    def labelled(tag: re.Match[str]) -> str:
-        width = _WIDTH.search(tag[0])
-        least = f' style="min-width: {_READABLE * _PIXELS_PER_POINT * float(width[1]):.0f}px"' if width else ""
-        start = f'<svg id="{name}--svg" role="img" aria-label="{html.escape(label)}"{least}'
-        return start + tag[0].removeprefix("<svg")
-
-    scoped = _STYLE_SHEET.sub(rf"\1#{name}--svg *{{", _TAG.sub(prefixed, svg))
-    return _TAG.sub(labelled, scoped, count=1).rstrip() + "\n"
+def inline_image(svg: str, label: str) -> str:
+    """A picture for a page that loads nothing, as an image with a label; the least width keeps its text readable."""
+    width = _WIDTH.search(svg)
+    least = f' style="min-width: {_READABLE * _PIXELS_PER_POINT * float(width[1]):.0f}px"' if width else ""
+    return f'<img src="data:image/svg+xml,{quote(svg, safe=_URL)}" alt="{html.escape(label)}"{least}>\n'

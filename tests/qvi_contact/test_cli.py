@@ -67,7 +67,7 @@ def test_help_and_what_is_unknown(shell):
         refused(shell(*words), words[-1])
 
 
-@pytest.mark.parametrize("module", ["qvi_contact.cli", "comparisons.cli"])
+@pytest.mark.parametrize("module", ["qvi_contact.command.cli", "comparisons.cli"])
 def test_help_imports_nothing_but_click(module):
     """So that it comes at once; numpy alone would take as long again, and solvers several times that."""
     code = f"""
@@ -90,7 +90,7 @@ def test_a_solve_imports_of_scipy_what_it_needs():
     file = ROOT / "examples" / "wedge.toml"
     code = f"""
 import sys
-from qvi_contact.cli import group
+from qvi_contact.command.cli import group
 try:
     group.main(["solve", {str(file)!r}])
 except SystemExit:
@@ -233,7 +233,7 @@ NOISY = """
 import atexit, ctypes, os, sys
 os.rmdir(os.getcwd())
 import qpsolvers, scipy.optimize
-from qvi_contact.cli import main
+from qvi_contact.command.cli import main
 
 def noisy(plain):
     def call(*words, **settings):

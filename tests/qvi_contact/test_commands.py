@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from qvi_contact import InputError, TriangleMesh, load_problem, refine, save_problem, solve
 from qvi_contact.bracket import document, lines
-from qvi_contact.cli import group
+from qvi_contact.command.cli import group
 from qvi_contact.export import write_npz
 from qvi_contact.files import Archive
 from qvi_contact.gallery import compressed_plate

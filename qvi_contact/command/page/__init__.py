@@ -22,7 +22,6 @@ from markupsafe import Markup
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units, shown
 from qvi_contact.basics.writing import page_template
-from qvi_contact.bracket import Bracket
 from qvi_contact.command import report
 from qvi_contact.command.outputs import SecondModel
 from qvi_contact.command.series import Series
@@ -34,7 +33,7 @@ from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots.body import Scales
 from qvi_contact.plots.figures import limit_figure, problem_figure, result_figure
-from qvi_contact.plots.style import inline_svg, laid_out, magnified, new_figure, png_bytes, settings, svg_text
+from qvi_contact.plots.style import inline_image, magnified, new_figure, png_bytes, settings, svg_text
 from qvi_contact.plots.tractions import contact_tractions, pieces_along
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
@@ -96,11 +95,12 @@ def result_page(
         if len(steps) == 1
         else (None, "bounds are computed for a single solve only, and this is one of several results")
     )
-    shown = (
-        _shown(result, bracket, file.units, panels)
-        if result.has_state
-        else {"field": None, "contacts": [], "tables": []}
-    )
+    companion = bracket.companion if bracket is not None and bracket.companion.has_state else None
+    contacts = [
+        _contact(line, f"contact-{number}", file.units)
+        for number, line in enumerate(result.contacts.values() if result.has_state else (), 1)
+        if panels is None or line.name in panels
+    ]
     several: list[report.Titled] = []
     if series is not None and len(steps) > 1:
         several = [
@@ -122,8 +122,10 @@ def result_page(
         step_label="t" if series is None else series.label,
         pictures=_pictures(steps, None if series is None else series.values, file),
         settings=[*_settings(result), *((f"file {name}", f"SHA-256 {digest}") for name, digest in request.files)],
-        contact_data=[contact["data"] for contact in shown["contacts"]],
-        **shown,
+        field=field_data(result, companion, file.units) if result.has_state else None,
+        contacts=contacts,
+        contact_data=[contact["data"] for contact in contacts],
+        tables=result_tables(result, file.units) if result.has_state else [],
     )
     return text
 
@@ -134,7 +136,7 @@ def limit_page(request: Request, problem: ContactProblem, limit: LimitLoad, line
     picture = ""
     if moved is not None or limit.collapse is not None:
         figure = limit_figure(problem, limit, file.units, answer=f"{lines[0]}.")
-        picture = _picture(figure, "result", "How the body gives way")
+        picture = _picture(figure, "How the body gives way")
     contacts = {} if moved is None else moved.contacts
     text: str = page_template("qvi_contact.command.page", "limit.html").render(
         **_frame(request, problem, "Limit load"),
@@ -154,7 +156,7 @@ def _frame(request: Request, problem: ContactProblem, title: str) -> dict[str, A
         "made": datetime.now(tz=UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "request": request,
         "units": file.units,
-        "problem": _picture(problem_figure(problem, file.units), "problem", "The problem: mesh, loads, contacts"),
+        "problem": _picture(problem_figure(problem, file.units), "The problem: mesh, loads, contacts"),
     }
 
 
@@ -164,7 +166,7 @@ def _pictures(
     """The picture of a result; of several those of some of them, the first and the last among them, with the value."""
     if values is None or len(steps) == 1:
         figure = result_figure(steps[-1], file.units, panels=())
-        return [("", _picture(figure, "result", "The deformed body and what its contacts carry"))]
+        return [("", _picture(figure, "The deformed body and what its contacts carry"))]
     chosen = np.unique(np.linspace(0, len(steps) - 1, min(len(steps), _MOST_STEPS)).round().astype(int)).tolist()
     found, scales = [], Scales.of(step for step in map(steps.__getitem__, chosen) if step.has_state)
     for step in chosen:
@@ -174,22 +176,6 @@ def _pictures(
     return found
 
 
-def _shown(
-    result: ContactResult, bracket: Bracket | None, units: Units, panels: Sequence[str] | None
-) -> dict[str, Any]:
-    """Tables and pictures of a stress state."""
-    companion = bracket.companion if bracket is not None and bracket.companion.has_state else None
-    return {
-        "field": field_data(result, companion, units),
-        "contacts": [
-            _contact(line, f"contact-{number}", units)
-            for number, line in enumerate(result.contacts.values(), 1)
-            if panels is None or line.name in panels
-        ],
-        "tables": result_tables(result, units),
-    }
-
-
 def _contact(line: ContactLine, name: str, units: Units) -> dict[str, Any]:
     """Picture of the tractions, where its axes lie in it, and the values at the points."""
     with settings():
@@ -197,19 +183,14 @@ def _contact(line: ContactLine, name: str, units: Units) -> dict[str, Any]:
         axes = figure.subplots()
         contact_tractions(axes, line, units)
         figure.legend(loc="outside right upper", frameon=False)
-        with laid_out(figure, "svg", figure.dpi):
-            box, (low, high) = axes.get_position(), axes.get_xlim()
+    picture = _picture(figure, f"Tractions along contact {line.name}")
+    box, (low, high) = axes.get_position(), axes.get_xlim()  # as they were drawn
     frame = {"low": low, "high": high, "left": float(box.x0), "right": float(box.x1)}
-    return {
-        "name": line.name,
-        "id": name,
-        "picture": _picture(figure, name, f"Tractions along contact {line.name}"),
-        "data": contact_data(line, units) | frame,
-    }
+    return {"name": line.name, "id": name, "picture": picture, "data": contact_data(line, units) | frame}
 
 
-def _picture(figure: "Figure", name: str, label: str) -> Markup:
-    return Markup(inline_svg(svg_text(figure, name), name, label))
+def _picture(figure: "Figure", label: str) -> Markup:
+    return Markup(inline_image(svg_text(figure, "picture"), label))
 
 
 def _settings(result: ContactResult) -> list[tuple[str, str]]:

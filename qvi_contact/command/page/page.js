@@ -8,7 +8,7 @@
 
   const contactPictures = () => {
     for (const box of document.querySelectorAll("[data-contact]")) {
-      const contact = data.contacts[box.dataset.contact], picture = box.querySelector("svg");
+      const contact = data.contacts[box.dataset.contact], picture = box.querySelector("img");
       const output = box.closest("figure").querySelector("output"), marker = document.createElement("div");
       const { length, stress } = contact.units;
       const say = (nearest) => {

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from qvi_contact import InputError, TriangleMesh, load_result, other_solutions, save_problem, solve, solve_history
 from qvi_contact.bracket import CellFields, bulk
-from qvi_contact.cli import group
+from qvi_contact.command.cli import group
 from qvi_contact.gallery import compressed_plate, masonry_wall, ssnv128
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Traction
 from qvi_contact.units import Units
