@@ -45,20 +45,18 @@ def check(proof: dict[str, Any]) -> tuple[Fraction | None, Fraction | float | No
 
 def carried(proof: dict[str, Any], counted: Counter[str]) -> Fraction:
     """The factor of the loads that the stresses (σ_xx, σ_yy, σ_xy) carry."""
-    factor, tractions, on_plates = proof["stress"]["factor"], dict[Any, list[Any]](), dict[str, list[Any]]()
+    factor, resultants = proof["stress"]["factor"], dict[str, list[Any]]()
     b_x, b_y = at_factor(proof["body_force"], factor)
-    for t, _, slopes, stress in triangles(proof, proof["stress"]):
+    for t, cones, _, slopes, stress in triangles(proof, proof["stress"]):
         for (xx_x, _), (_, yy_y), (xy_x, xy_y) in gradient(stress, slopes):
             demand(xx_x + xy_y + b_x == 0 == xy_x + yy_y + b_y, f"triangle {t} is not in equilibrium")
-        for (xx, yy, xy), (a, beta, gamma2) in product(stress.values(), cones(proof, t)):
+        for (xx, yy, xy), (a, beta, gamma2) in product(stress.values(), cones):
             limit, square = a - beta * (xx + yy), (xx - yy) ** 2 + 4 * xy**2 + gamma2 * (xx + yy) ** 2
             demand(limit >= 0 and square <= limit**2, f"a stress of triangle {t} is beyond its strength")
             counted["stresses in cones"] += 1
-        for edge, n, along in sides(proof, t, stress):
-            sigma_n = [(xx * n[0] + xy * n[1], xy * n[0] + yy * n[1]) for xx, yy, xy in along]
-            tractions.setdefault(edge, []).append((n, sigma_n))
-    for edge, (n, values), other, contact, pressure, loads in edges(proof, tractions):
-        demand(not other or values == [(-x, -y) for x, y in other], f"tractions across edge {edge} differ")
+    for edge, n, both, contact, pressure, loads in edges(proof, proof["stress"]):
+        values, *other = [[(xx * n[0] + xy * n[1], xy * n[0] + yy * n[1]) for xx, yy, xy in side] for side in both]
+        demand(other in ([], [values]), f"tractions across edge {edge} differ")
         counted["edges with tractions"] += 1
         for d, given in loads:
             have = [dot(d, value) for value in values]
@@ -70,9 +68,9 @@ def carried(proof: dict[str, Any], counted: Counter[str]) -> Fraction:
             counted["contact edges within their law"] += 1
             (x, y), (r_x, r_y) = zip(*values, strict=True), zip(*arms(proof, contact, edge), strict=True)
             resultant = mean(x), mean(y), mean(times(r_x, y)) - mean(times(r_y, x))
-            on_plates.setdefault(contact["name"], []).append(resultant)
+            resultants.setdefault(contact["name"], []).append(resultant)
     for contact in proof["contacts"]:
-        for given, *parts in zip(contact["forces"], *on_plates[contact["name"]], strict=True):
+        for given, *parts in zip(contact["forces"], *resultants[contact["name"]], strict=True):
             told = f"tractions on the plate of contact {contact['name']!r} are not its forces"
             demand(given is None or [sum(parts)] == at_factor(given, factor), told)
             counted["resultants of plates"] += given is not None
@@ -81,31 +79,29 @@ def carried(proof: dict[str, Any], counted: Counter[str]) -> Fraction:
 
 def exceeded(proof: dict[str, Any], counted: Counter[str]) -> Fraction | float:
     """The factor that the flow proves no stress to exceed."""
-    flow, spent, powers, velocities = proof["flow"], Fraction(0), list[Any](), dict[Any, list[Any]]()
+    flow, spent, powers = proof["flow"], Fraction(0), list[Any]()
     for contact in proof["contacts"]:
         told = f"the plate of contact {contact['name']!r} moves where no force is given"
         for given, part in zip(contact["forces"], flow["plates"][contact["name"]], strict=True):
             powers.append(power(given, [part], told))
-    for (t, area, slopes, v), rates in zip(triangles(proof, flow), flow["rates"], strict=True):
+    for (t, cones, area, slopes, v), rates in zip(triangles(proof, flow), flow["rates"], strict=True):
         for ((u_x, u_y), (v_x, v_y)), shares in zip(gradient(v, slopes), rates, strict=True):
-            spent += area / len(rates) * dissipated(t, [u_x + v_y, u_x - v_y, u_y + v_x], cones(proof, t), shares)
+            spent += area / len(rates) * dissipated(t, [u_x + v_y, u_x - v_y, u_y + v_x], cones, shares)
             counted["strain rates"] += 1
         drawn = [mean(along) for along in zip(*v.values(), strict=True)]
         powers.append([area * dot(force, drawn) for force in proof["body_force"]])
-        for edge, n, along in sides(proof, t, v):
-            velocities.setdefault(edge, []).append((n, along))
-    for edge, (n, values), other, contact, pressure, loads in edges(proof, velocities):
+    for edge, n, (values, *other), contact, pressure, loads in edges(proof, flow):
         if contact:
             x, y, turn = flow["plates"][contact["name"]]
             ends = [(x - turn * r_y, y + turn * r_x) for r_x, r_y in arms(proof, contact, edge)]
             plate = zip(*(times(part, [1] * (len(values) - 1)) for part in zip(*ends, strict=True)), strict=True)
-            jumps = [less(v, beyond) for v, beyond in zip(values, other or plate, strict=True)]
+            jumps = [less(v, beyond) for v, beyond in zip(values, other[0] if other else plate, strict=True)]
             openings = [-dot(n, jump) for jump in jumps]
             spent += mean([slid(contact, w, abs(cross(n, jump))) for w, jump in zip(openings, jumps, strict=True)])
             powers.append([mean(times(pressure, openings)), 0])
             counted["contact edges that move"] += 1
         else:
-            demand(not other or values == other, f"velocities across edge {edge} differ")
+            demand(other in ([], [values]), f"velocities across edge {edge} differ")
         for d, given in loads:
             along = [dot(d, value) / dot(d, d) for value in values]
             powers.append(power(given, along, f"edge {edge} moves where no traction is prescribed"))
@@ -115,42 +111,43 @@ def exceeded(proof: dict[str, Any], counted: Counter[str]) -> Fraction | float:
     return (spent - dead) / live if live > 0 else -inf
 
 
-def triangles(proof: dict[str, Any], field: dict[str, Any]) -> Iterator[tuple[int, Fraction, Any, dict[Any, Any]]]:
-    """Number, area, gradients of barycentric coordinates, and ordinates of a field, of every triangle."""
+def triangles(proof: dict[str, Any], field: dict[str, Any]) -> Iterator[tuple[int, Any, Fraction, Any, dict[Any, Any]]]:
+    """Number, cones, area, gradients of barycentric coordinates, and ordinates of a field, of every triangle."""
     demand(field["degree"] > 0, "degrees are positive")
     for t, (names, values) in enumerate(zip(proof["triangles"], field["ordinates"], strict=True)):
         a, b, c = (proof["vertices"][n] for n in names)
         area = cross(less(b, a), less(c, a)) / 2
         demand(area > 0, f"triangle {t} is not counterclockwise")
         slopes = [(-y / (2 * area), x / (2 * area)) for x, y in (less(c, b), less(a, c), less(b, a))]
-        yield t, area, slopes, dict(zip(exponents(field["degree"]), map(tuple, values), strict=True))
+        ordinates = dict(zip(exponents(field["degree"]), map(tuple, values), strict=True))
+        yield t, proof["strengths"][proof["strength_of"][t]], area, slopes, ordinates
 
 
-def sides(proof: dict[str, Any], t: int, values: dict[Any, Any]) -> Iterator[tuple[Any, Any, list[Any]]]:
-    """Ends of the sides of a triangle from left to right, outward normals as long as they are, ordinates along them."""
-    names = proof["triangles"][t]
-    for i, j in ((0, 1), (1, 2), (2, 0)):
-        low, high = sorted((i, j), key=lambda n: proof["vertices"][names[n]])
-        e = less(proof["vertices"][names[j]], proof["vertices"][names[i]])
-        along = sorted((alpha for alpha in values if alpha[3 - i - j] == 0), key=lambda alpha: alpha[high])
-        yield (names[low], names[high]), (e[1], -e[0]), [values[alpha] for alpha in along]
+def edges(proof: dict[str, Any], field: dict[str, Any]) -> Iterator[tuple[Any, Any, Any, Any, Any, Any]]:
+    """Every edge from left to right, the normal out of its first triangle, as long as it is, ordinates of both sides.
 
-
-def edges(proof: dict[str, Any], found: dict[Any, list[Any]]) -> Iterator[tuple[Any, Any, Any, Any, Any, Any]]:
-    """Every edge, its normal and ordinates, those beyond it; its contact and pressure; directions and their loads."""
-    known = [(load["edge"], (None, None, load["along"])) for load in proof["loads"]]
+    Then its contact, the pressure in it, and two directions with the loads along them.
+    """
+    known: list[Any] = [(load["edge"], (None, None, load["along"])) for load in proof["loads"]]
     for contact in proof["contacts"]:
         known += [(edge, (contact, p, ())) for edge, p in zip(contact["edges"], contact["pressures"], strict=True)]
-    given = {tuple(edge): each for edge, each in known}
+    given, found = {tuple(edge): each for edge, each in known}, dict[Any, list[Any]]()
+    for (t, *_, values), (i, j) in product(triangles(proof, field), ((0, 1), (1, 2), (2, 0))):
+        ends = [proof["vertices"][n] for n in proof["triangles"][t]]
+        low, high = sorted((i, j), key=lambda n: ends[n])
+        e, along = less(ends[j], ends[i]), sorted((alpha[high], alpha) for alpha in values if alpha[3 - i - j] == 0)
+        edge = proof["triangles"][t][low], proof["triangles"][t][high]
+        found.setdefault(edge, []).append(((e[1], -e[0]), [values[alpha] for _, alpha in along]))
     demand(len(given) == len(known), "an edge has more than one load or contact")
     demand(given.keys() <= found.keys(), "there are loads or contacts where there is no edge")
-    for edge, (first, *others) in found.items():
-        demand([normal for normal, _ in others] in ([], [less((0, 0), first[0])]), f"triangles overlap at edge {edge}")
+    for edge, both in found.items():
+        (n, *others), sides = zip(*both, strict=True)
+        demand(others in ([], [less((0, 0), n)]), f"triangles overlap at edge {edge}")
         held: Any = () if others else (((1, 0), None), ((0, 1), None))
         contact, pressure, loads = given.get(edge, (None, None, held))
         demand(not others or not (loads or (contact and any(contact["forces"]))), f"edge {edge} is inside the body")
         demand(not loads or (len(loads) == 2 and dot(loads[0][0], loads[1][0]) == 0), f"edge {edge} is overloaded")
-        yield edge, first, others[0][1] if others else None, contact, pressure, loads
+        yield edge, n, sides, contact, pressure, loads
 
 
 def arms(proof: dict[str, Any], contact: dict[str, Any], edge: Any) -> list[Any]:
@@ -207,14 +204,6 @@ def dissipated(t: int, strain: list[Any], cones: list[Any], shares: list[Any]) -
         demand(flows, f"triangle {t} cannot flow like this")
         spent += a * s / 2
     return spent
-
-
-def cones(proof: dict[str, Any], t: int) -> list[Any]:
-    """The cones a, β, γ² of a triangle, γ² S² + (σ_xx − σ_yy)² + 4 σ_xy² ≤ (a − β S)² with S = σ_xx + σ_yy.
-
-    None if it is rigid, and carries any stress.
-    """
-    return [] if proof["strength_of"][t] is None else proof["strengths"][proof["strength_of"][t]]
 
 
 def gradient(values: dict[Any, Any], slopes: Any) -> list[list[tuple[Fraction, Fraction]]]:

@@ -31,7 +31,6 @@ from qvi_contact.element import legendre
 from qvi_contact.element.triangle import EDGES, exponents
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.check_proof import FORMAT, at_factor, check, dissipated, gradient, triangles
-from qvi_contact.limit.check_proof import cones as _cones_of
 from qvi_contact.limit.check_proof import exponents as _exponents
 from qvi_contact.limit.flow import FlowProgram, Velocities
 from qvi_contact.limit.rational import (
@@ -178,7 +177,7 @@ class Statement:
                           for turned, (i, j, c) in zip(self.turned, parts, strict=True)],
             "body_force": [[-c for c in potential[1:]] for potential in self.potentials],
             "strengths": [[] if law is None else list(self._cones(law, plane)) for law in laws],
-            "strength_of": [None if laws[n] is None else n for n in np.repeat(problem.cell_materials, 3).tolist()],
+            "strength_of": np.repeat(problem.cell_materials, 3).tolist(),
             "loads": [{"edge": pair, "along": _along(loads)} for pair, loads in self.loads.items()],
             "contacts": [self._contact(contact, names) for contact in self.contacts],
         }  # fmt: skip
@@ -322,7 +321,7 @@ def _stresses(stated: Statement, p: int, factor: Fraction, airy: Iterable[Sequen
     """σ = (Φ_yy + φ, Φ_xx + φ, −Φ_xy) of ordinates of Φ."""
     found, c = [], stated.potential(factor)
     ordinates = _in_file(stated, p, [[[(value,) for value in part] for part in cell] for cell in airy])
-    for t, _, slopes, values in triangles(stated.about, {"degree": p, "ordinates": ordinates}):
+    for t, _, _, slopes, values in triangles(stated.about, {"degree": p, "ordinates": ordinates}):
         first = dict(zip(_exponents(p - 1), (slope for (slope,) in gradient(values, slopes)), strict=True))
         corners, stress = [stated.about["vertices"][n] for n in stated.about["triangles"][t]], []
         for alpha, ((xx, xy), (_, yy)) in zip(_exponents(p - 2), gradient(first, slopes), strict=True):
@@ -439,8 +438,8 @@ def _flow(stated: Statement, degree: int, moved: dict[str, Any], shares: Mapping
     """
     field, rates = {"degree": degree, "ordinates": _in_file(stated, degree, moved["velocities"])}, []
     exponents_, zero = _exponents(degree - 1), [ZERO] * 3
-    for t, _, slopes, v in triangles(stated.about, field):
-        laws, own = _cones_of(stated.about, t), list[Any]()
+    for t, laws, _, slopes, v in triangles(stated.about, field):
+        own = list[Any]()
         for (i, j, k), ((u_x, u_y), (v_x, v_y)) in zip(exponents_, gradient(v, slopes), strict=True):
             strain = [u_x + v_y, u_x - v_y, u_y + v_x]
             number = t * len(exponents_) + exponents_.index((j, i, k) if stated.turned[t] else (i, j, k))
