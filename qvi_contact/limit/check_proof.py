@@ -40,7 +40,7 @@ def check(proof: dict[str, Any]) -> tuple[Fraction | None, Fraction | float | No
     lower = carried(proof, counted) if "stress" in proof else None
     upper = exceeded(proof, counted) if "flow" in proof else None
     demand(lower is None or upper is None or lower <= upper, "the factors contradict each other")
-    return lower, upper, counted
+    return lower, upper, +counted
 
 
 def carried(proof: dict[str, Any], counted: Counter[str]) -> Fraction:

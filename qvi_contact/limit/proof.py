@@ -30,24 +30,22 @@ from qvi_contact.basics.writing import write_text
 from qvi_contact.element import legendre
 from qvi_contact.element.triangle import EDGES, exponents
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.limit.check_proof import FORMAT, at_factor, check, dissipated, gradient, triangles
+from qvi_contact.limit.check_proof import FORMAT, at_factor, check, cross, dissipated, dot, gradient, less, triangles
 from qvi_contact.limit.check_proof import exponents as _exponents
 from qvi_contact.limit.flow import FlowProgram, Velocities
 from qvi_contact.limit.rational import (
     ONE,
     ZERO,
-    Given,
     OutOfBalanceError,
     Row,
+    Smooth,
+    Terms,
     Vector,
-    cross,
-    dot,
-    less,
+    combined,
     middle,
-    smooth,
     solved,
 )
-from qvi_contact.limit.split import Nodes, lattice, numbered, part_corners
+from qvi_contact.limit.split import lattice, part_corners
 from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.mechanism import Mechanism, RigidMotion
 from qvi_contact.mesh.edges import Edges, linked
@@ -193,7 +191,8 @@ class Statement:
 
     def edge(self, pair: Sequence[int]) -> Vector:
         """The edge from one vertex to another."""
-        return less(self.points[pair[1]], self.points[pair[0]])
+        found: Vector = less(self.points[pair[1]], self.points[pair[0]])
+        return found
 
     def _pairs(self, edges: Edges) -> list[_Edge]:
         """The ends of edges, whose normals are noted."""
@@ -292,13 +291,12 @@ def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
     if found.unknowns is None:
         raise SolveError("proof: this mesh carries no largest multiple of the loads: there is nothing to prove")
     p, factor = program.cones.degree + 2, Fraction(found.factor)
-    rough = _rounded_airy(program, found.unknowns)
+    rough, space = _rounded_airy(program, found.unknowns), Smooth(stated.points, stated.cells, p)
 
     amounts = list[Fraction]()
     while True:
-        given, plates = _second_derivatives(stated, p - 2, factor), list(_resultants(stated, factor))
         try:
-            airy = list(smooth(stated.points, stated.cells, p, given, plates, rough))
+            airy = space.solved([*_tractions(stated, space, factor), *_resultants(stated, space, factor)], rough)
             return {"stress": {"factor": factor, "degree": p - 2, "ordinates": _stresses(stated, p, factor, airy)}}
         except OutOfBalanceError as error:
             amounts.append(error.amount)
@@ -331,37 +329,24 @@ def _stresses(stated: Statement, p: int, factor: Fraction, airy: Iterable[Sequen
     return found
 
 
-def _second_derivatives(stated: Statement, k: int, factor: Fraction) -> Given:
+def _tractions(stated: Statement, space: Smooth, factor: Fraction) -> Iterator[Row]:
     """What loads, and contacts without friction, say of edges: d·G' = d·σn less the part of φ."""
-    found: dict[_Edge, list[list[Fraction] | None]] = {}
-    potential = stated.potential(factor)
-    for pair, loads in stated.loads.items():
-        e, out = stated.edge(pair), stated.outward[pair]
-        normal, start = (e[1], -e[0]), stated.points[pair[0]]
-        phi = [potential[0] + dot(potential[1:], [x + Fraction(m, k) * d for x, d in zip(start, e, strict=True)])
-               for m in range(k + 1)]  # fmt: skip
-        right = [[out * a - b * dot(d, normal) for a, b in zip(at_factor(values, factor), phi, strict=True)]
-                 for d, values in loads]  # fmt: skip
-        directions = [d for d, _ in loads]
-        if len(loads) == 2:
-            det = cross(*directions)
-            turned = [[(u * directions[1][1 - i] - v * directions[0][1 - i]) / det * (1 - 2 * i) for i in (0, 1)]
-                      for u, v in zip(*right, strict=True)]  # fmt: skip
-            found[pair] = [[dot(axis, value) for value in turned] for axis in (normal, e)]
-            continue
-        parts = [dot(axis, directions[0]) for axis in (normal, e)]
-        if 0 not in parts:
-            remedy = "on slanted edges proof files hold x and y together, or normal and tangential ones"
-            raise InputError("Traction", stated.mesh.edge_names, remedy)
-        found[pair] = [None if part == 0 else [dot(e, e) / part * value for value in right[0]] for part in parts]
-    for contact in stated.about["contacts"]:
-        no_shear = contact["friction"] == contact["cohesion"] == 0 or contact["shear_limit"] == 0
-        if no_shear and contact["law"] != "tied":
-            found |= {pair: [None, [ZERO] * (k + 1)] for pair in contact["edges"]}
-    return found
+    k, potential, given = space.p - 2, stated.potential(factor), dict(stated.loads)
+    for known in stated.about["contacts"]:
+        no_shear = known["friction"] == known["cohesion"] == 0 or known["shear_limit"] == 0
+        if no_shear and known["law"] != "tied":
+            given |= {pair: [(stated.edge(pair), [[ZERO] * (k + 1)] * 2)] for pair in known["edges"]}
+    for pair, loads in given.items():
+        (x, y), out, start = stated.edge(pair), stated.outward[pair], stated.points[pair[0]]
+        for d, values in loads:
+            G = [space.slope(space.sides[pair][0], n, (-d[1], d[0])) for n in range(k + 2)]
+            for n, value in enumerate(at_factor(values, factor)):
+                share = Fraction(n, k)
+                phi = potential[0] + dot(potential[1:], (start[0] + share * x, start[1] + share * y))
+                yield combined((ONE * (k + 1), G[n + 1]), (-ONE * (k + 1), G[n])), out * value - phi * dot(d, (y, -x))
 
 
-def _resultants(stated: Statement, factor: Fraction) -> Iterator[Row]:
+def _resultants(stated: Statement, space: Smooth, factor: Fraction) -> Iterator[Row]:
     """What forces and moments of plates say of (Φ, Φ_x, Φ_y) at vertices.
 
     With r from the pivot, ∫ σn = [G] and ∫ r × σn = [Φ − r·∇Φ] between the ends of an edge, less the part of φ.
@@ -371,17 +356,16 @@ def _resultants(stated: Statement, factor: Fraction) -> Iterator[Row]:
         for i, given in enumerate(known["forces"]):
             if given is None:
                 continue
-            row, (right,) = dict[int, Fraction](), at_factor(given, factor)
+            row, (right,) = Terms(), at_factor(given, factor)
             for pair in known["edges"]:
                 e, out, ends = stated.edge(pair), stated.outward[pair], [stated.points[v] for v in pair]
                 arms, phi = [less(at, known["pivot"]) for at in ends], [c[0] + dot(c[1:], at) for at in ends]
                 for v, r, sign in zip(pair, arms, (-out, out), strict=True):
                     parts = [(ZERO, ZERO, ONE), (ZERO, -ONE, ZERO), (ONE, -r[0], -r[1])][i]
-                    for n, part in enumerate(parts):
-                        row[3 * v + n] = row.get(3 * v + n, ZERO) + sign * part
+                    row = combined((ONE, row), (Fraction(sign), space.at_vertex(v, parts)))
                 first, second = (out * [e[1], -e[0], -dot(r, e)][i] for r in arms)  # n, and r × n
                 right -= (phi[0] * (2 * first + second) + phi[1] * (first + 2 * second)) / 6
-            yield {n: value for n, value in row.items() if value}, right
+            yield row, right
 
 
 def _rounded_airy(program: StressProgram, unknowns: FloatArray) -> FloatArray:
@@ -628,49 +612,45 @@ def _streams(
 
     In floating point ψ is what p (c_(α + e_i) − c_(α + e_0)) = (x_i − x_0) × v_α says, zero at one node of each part.
     """
-    p, cells, nodes = space.degree + 1, np.flatnonzero(keeps), Nodes.of(space.degree + 1)
-    everywhere = numbered(stated.problem, nodes)
-    known, at = np.unique(everywhere[cells], return_inverse=True)
-    at = at.reshape(len(cells), -1)[:, nodes.of_parts]  # (n, 3, count)
+    p, cells = space.degree + 1, np.flatnonzero(keeps)
+    tips = space.global_[:, [space.nodes.of_sides[2, 0], space.nodes.of_sides[2, -1], space.nodes.of_sides[1, -1]]]
+    names, first = np.unique(tips[cells], return_index=True)  # of corners, which blocks do not share
+    ids = np.where(np.isin(tips, names), np.searchsorted(names, tips), -1)
+    points = [stated.points[n] for n in stated.mesh.cells[cells].ravel()[first].tolist()]
+    smooth = Smooth(points, ids[cells].tolist(), p)
+    rows = list[Row]()
+    for cell, pair, directions, plate in held:
+        motion, ends = plates[plate] if plate >= 0 else [ZERO] * 3, [stated.points[v] for v in pair]
+        i, j = (int(ids[cell, stated.cells[cell].index(n)]) for n in pair)
+        for d in directions:
+            rows += [(smooth.at_vertex(end, (ZERO, -d[1], d[0])), dot(d, _rigid(motion, at)))
+                     for end, at in zip((i, j), ends, strict=True) if end >= 0]  # fmt: skip
+            for n in range(p if keeps[cell] else 0):
+                share = Fraction(n, p - 1)
+                at = middle(ends, [1 - share, share])
+                rows.append((smooth.slope(smooth.sides[i, j][0], n, (-d[1], d[0])), dot(d, _rigid(motion, at))))
+
     number = {tuple(alpha): n for n, alpha in enumerate(exponents(p).tolist())}
     near = np.array([[number[tuple(alpha[m] + (m == i) for m in range(3))] for i in range(3)]
                      for alpha in exponents(p - 1).tolist()])  # fmt: skip
+    known, ordinates = np.unique(smooth.columns[:, smooth.nodes.of_parts], return_inverse=True)
+    ordinates = ordinates.reshape(len(cells), 3, -1)
     corners = part_corners(stated.mesh.corners[cells])
     v = velocities[cells][:, space.nodes.of_parts]
     arms = (corners[:, :, 1:] - corners[:, :, :1])[:, :, None]
     right = v[..., None, 0] * arms[..., 1] - v[..., None, 1] * arms[..., 0]
-    start, end = np.broadcast_arrays(at[..., near[:, :1]], at[..., near[:, 1:]])
+    start, end = np.broadcast_arrays(ordinates[..., near[:, :1]], ordinates[..., near[:, 1:]])
     one = sparse.eye_array(len(known), format="csr")
     A = p * (one[end.ravel()] - one[start.ravel()])
     fixed = np.zeros(len(known))
     fixed[np.unique(linked(start, end, len(known)), return_index=True)[1]] = 1.0
     square = sparse.csc_array(A.T @ A + sparse.diags_array(fixed))
     psi = linalg.splu(square).solve(np.asarray(A.T @ right.ravel()))
-    # corners, which blocks do not share, by numbers of their own
-    tips = everywhere[:, [nodes.of_sides[2, 0], nodes.of_sides[2, -1], nodes.of_sides[1, -1]]]
-    names, first = np.unique(tips[cells], return_index=True)
-    ids = np.where(np.isin(tips, names), np.searchsorted(names, tips), -1)
-    points = [stated.points[n] for n in stated.mesh.cells[cells].ravel()[first].tolist()]
-    given, rows = dict[_Edge, list[list[Fraction] | None]](), list[Row]()
-    for cell, pair, directions, plate in held:
-        motion = plates[plate] if plate >= 0 else [ZERO] * 3
-        i, j = (int(ids[cell, stated.cells[cell].index(n)]) for n in pair)
-        if directions and keeps[cell]:
-            e = stated.edge(pair)
-            axes = [any(dot(d, axis) != 0 for d in directions) for axis in ((e[1], -e[0]), e)]
-            if sum(axes) != len(directions):
-                remedy = "on slanted edges proof files hold no x or y alone"
-                raise InputError("Traction", stated.mesh.edge_names, remedy)
-            turned = (-motion[2] * dot(e, e), ZERO)  # n·v' and e·v'
-            given[i, j] = [[value] * (p - 1) if each else None for value, each in zip(turned, axes, strict=True)]
-        rows += [({n: value for n, value in ((3 * end + 2, d[0]), (3 * end + 1, -d[1])) if value},
-                  dot(d, _rigid(motion, stated.points[at])))
-                 for d in directions for end, at in zip((i, j), pair, strict=True) if end >= 0]  # fmt: skip
-    triangles = ids[cells].tolist()
-    smoothed = smooth(points, triangles, p, given, rows, psi[at])
-    for cell, corner, ordinates in zip(cells.tolist(), triangles, smoothed, strict=True):
+
+    exact = smooth.solved(rows, psi[ordinates])
+    for cell, corner, parts in zip(cells.tolist(), ids[cells].tolist(), exact, strict=True):
         ends = [points[i] for i in corner]
-        for c, (a, b), own in zip(ordinates, EDGES, space.nodes.of_parts, strict=True):
+        for c, (a, b), own in zip(parts, EDGES, space.nodes.of_parts, strict=True):
             along, inwards = less(ends[b], ends[a]), less(middle(ends), ends[a])
             for node, (c0, c1, c2) in zip(space.global_[cell, own].tolist(), near.tolist(), strict=True):
                 u, w = (p * (c[n] - c[c0]) / cross(along, inwards) for n in (c1, c2))  # ∇ψ along both, over the area
