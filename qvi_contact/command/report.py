@@ -328,8 +328,8 @@ def checked_proof(path: str) -> tuple[bool, str]:
         *proved, counted = check(proof)
     except OSError as error:
         raise InputError("file", path, f"cannot be read ({error.strerror}): {_REMEDY}") from error
-    except (KeyError, TypeError, IndexError, AttributeError, ZeroDivisionError, UnicodeDecodeError) as error:
-        raise InputError("file", path, f"is no proof file: {_REMEDY}") from error
+    except (KeyError, TypeError, IndexError, AttributeError, ArithmeticError, UnicodeDecodeError) as error:
+        raise InputError("file", path, f"is no proof file of this version: {_REMEDY}") from error
     except json.JSONDecodeError as error:
         raise InputError("file", path, f"is no JSON ({error}): {_REMEDY}") from error
     except ValueError as error:
