@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate, finite_number
+from qvi_contact.basics.schema import keys_of
 from qvi_contact.bracket.coulomb import CoulombBounds, coulomb_bounds
 from qvi_contact.bracket.outcome import Bracket, BracketKind, Uniqueness
 from qvi_contact.bracket.parts import (
@@ -263,7 +264,7 @@ def _on_edges(discretization: Discretization) -> Iterator[tuple[str, str, str, s
         elif isinstance(condition, Contact):
             place, degrees = (condition.name, condition.edges), dict.fromkeys(SPRINGS, 0)
             if condition.law != "tied":
-                degrees |= dict.fromkeys(("cohesion", "pore_pressure", "shear_limit"), most)
+                degrees |= {name: most for name, each in keys_of(Contact).items() if each.unit == "stress"}
                 yield "The body potential", "ContactProblem.body_potential", *place, problem.body_potential, most
             for name, own in degrees.items():
                 yield f"The {name.replace('_', ' ')}", f"Contact.{name}", *place, getattr(condition, name), own

@@ -21,10 +21,9 @@ from qvi_contact.command.progress_line import solving
 from qvi_contact.errors import InputError
 from qvi_contact.files.export import summary, write_collapse_vtu
 from qvi_contact.files.keys import listed
-from qvi_contact.files.options import RefineOptions
 from qvi_contact.files.problem_file import ProblemFile, load_problem
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.settings import Settings
+from qvi_contact.solution.settings import RefineOptions, Settings
 from qvi_contact.solution.solver import solve as solve_one
 from solvers import available
 from solvers.basics.progress import deadline

@@ -60,7 +60,7 @@ class LimitFactor:
         problem : ContactProblem
             The problem.
         parameter : str
-            "NAME.friction", "NAME.cohesion" or "NAME.shear_limit" of a contact; "load.NAME", a factor of a load; of
+            "NAME.friction" and the like of a contact, what bounds its shear; "load.NAME", a factor of a load; of
             strengths "material.c" and the like, "NAME.phi" of a region. A function counts as larger by the same number
             everywhere.
         side : "above" or "below", optional

@@ -16,6 +16,7 @@ from typing import Any, Final, Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray
+from qvi_contact.basics.schema import keys_of
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.limit.conic import ConicProgram
@@ -173,8 +174,10 @@ def _datum(
     if name == "young" or name in SPRINGS:
         return _Datum(lambda step: _with(problem, path, value / (1.0 + step)), -value, least=False)
     force = scales.stress * scales.length
-    units = {"friction": 1.0, "phi": 1.0, "cohesion": scales.stress, "shear_limit": scales.stress, "force_x": force}
-    units |= {"force_y": force, "moment": force * scales.length, "rotation": scales.displacement / scales.length}
+    units = {"phi": 1.0, "force_x": force, "force_y": force, "moment": force * scales.length}
+    units["rotation"] = scales.displacement / scales.length
+    if isinstance(_at(problem, path[:-1]), Contact):
+        units[name] = {"stress": scales.stress, "length": scales.displacement}.get(keys_of(Contact)[name].unit, 1.0)
     if name == "temperature":
         units[name] = scales.stress * scales.compliance / max(abs(each.expansion) for each in problem.materials)
     unit = units.get(name, scales.stress if "strength" in path else scales.displacement)

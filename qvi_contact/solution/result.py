@@ -402,10 +402,10 @@ class ContactResult(PicklesFields):
             "NAME.x", "NAME.y" or "NAME.rotation" of a plate; at a point "NAME.slip(x, y)" of a contact, and stresses
             "xx(x, y)", "yy(x, y)", "xy(x, y)".
         parameter : str
-            "NAME.friction", "NAME.cohesion", "NAME.shear_limit", "NAME.gap", "NAME.offset" or a stiffness of a contact,
-            and what is given of its plate; "EDGES.x" and the like of a prescribed displacement; "load.NAME", a factor
-            of a load as in `limit_load_factor`; "temperature", "material.young", or those of a region, "NAME.young". A
-            function counts as larger by the same number everywhere. Of a load step earlier slip is held as it is.
+            "NAME.friction" and the like of a contact, all data but a pore pressure, and what is given of its plate;
+            "EDGES.x" and the like of a prescribed displacement; "load.NAME", a factor of a load as in
+            `limit_load_factor`; "temperature", "material.young", or those of a region, "NAME.young". A function counts
+            as larger by the same number everywhere. Of a load step earlier slip is held as it is.
         side : "above" or "below", optional
             Needed where a point of a contact changes its state at this value of the parameter, so that the derivatives
             from both sides differ.
