@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from qvi_contact.discretization.space import LawOn
-    from qvi_contact.solution.derivatives import Side
+    from qvi_contact.refinement.measure import Side
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class LimitFactor:
             have friction.
 
         """
-        found = load("qvi_contact.solution.derivatives").limit_derivative
+        found = load("qvi_contact.refinement.measure").limit_derivative
         return float(found(problem, self.loads, parameter, side, degree=degree, law_on=law_on))
 
 
