@@ -28,8 +28,7 @@ from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.load_factor import checked_loads, loads_of, multiplied
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem, run_digest
-from qvi_contact.runs.cluster import Workers
-from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome
+from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome, Workers
 from qvi_contact.solution.result import ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import Settings
 from qvi_contact.solution.solver import discretized, fitted, solved
