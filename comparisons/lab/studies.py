@@ -30,9 +30,8 @@ from typing import TYPE_CHECKING, Any, Final
 from qvi_contact.basics.terminal import Advance, error_console
 from qvi_contact.basics.writing import replacing
 from qvi_contact.errors import InputError
-from qvi_contact.runs.cluster import Workers
 from qvi_contact.runs.database import Database
-from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome
+from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome, Workers
 
 if TYPE_CHECKING:
     from pandas import DataFrame, Series

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
     from qvi_contact.bracket import Bracket, Uniqueness
     from qvi_contact.mechanism import Mechanism
-    from qvi_contact.solution.derivatives import Side
+    from qvi_contact.refinement.measure import Side
     from qvi_contact.solution.remarks import UndeterminedMotion
 
 _LEAST_SHOWN: Final = 1e-6  # of the units of a result: what is larger is shown however bad the certificate is
@@ -422,7 +422,7 @@ class ContactResult(PicklesFields):
             have more than 2000 points.
 
         """
-        return float(load("qvi_contact.solution.derivatives").derivative(self, quantity, parameter, side))
+        return float(load("qvi_contact.refinement.measure").derivative(self, quantity, parameter, side))
 
 
 def contact_numbers(result: ContactResult) -> dict[str, dict[str, float]]:
