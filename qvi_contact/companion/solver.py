@@ -26,7 +26,7 @@ from solvers import Certificate, Iteration, QVISolution, Status, solve_qvi
 from solvers.basics.progress import Log
 from solvers.certificate.certificate import EXPONENTS
 from solvers.factorisation import FactorisationError
-from solvers.factorisation.pardiso import limited_blas
+from solvers.factorisation.base import limited_blas
 
 _FAILURES = {"singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY, "time": Status.TIME_LIMIT}
 
