@@ -228,17 +228,19 @@ class Basis:
         is_kept = np.ones(size, dtype=bool)
         is_kept[list(solved)] = False
         kept, number = np.flatnonzero(is_kept), np.cumsum(is_kept) - 1
-        rows = np.array([pivot for pivot, terms in solved.items() for _ in terms], dtype=np.int64)
-        columns = np.array([column for terms in solved.values() for column in terms], dtype=np.int64)
-        factors = np.array([factor for terms in solved.values() for factor in terms.values()])
-        at = np.append(kept, rows), np.append(np.arange(len(kept)), number[columns])
-        matrix = sparse.csr_array((np.append(np.ones(len(kept)), factors), at), shape=(size, len(kept)))
+        entries = [(row, *term) for row, terms in solved.items() for term in terms.items()]
+        rows, columns, factors = np.array(entries).reshape(-1, 3).T
+        rows, columns = np.append(kept, rows).astype(np.int64), np.append(kept, columns).astype(np.int64)
+        order, starts = np.lexsort((columns, rows)), np.zeros(size + 1, dtype=np.int64)
+        np.cumsum(np.bincount(rows, minlength=size), out=starts[1:])
+        data = np.append(np.ones(len(kept)), factors)[order]
+        matrix = sparse.csr_array((data, number[columns[order]], starts), shape=(size, len(kept)))
         read_only(matrix)
         return cls(kept, matrix)
 
     @cached_property
-    def _transposed(self) -> sparse.csr_array:
-        return sparse.csr_array(self.matrix.T)
+    def _transposed(self) -> sparse.csc_array:
+        return self.matrix.T
 
     @cached_property
     def magnitudes(self) -> sparse.csr_array:
@@ -267,8 +269,8 @@ class Basis:
             return self._transposed @ (self._transposed @ whole).T
         at = dofs.astype(np.int32 if size <= np.iinfo(np.int32).max else np.int64)  # others SciPy copies
         pairs = np.repeat(at, at.shape[1], axis=1).ravel(), np.tile(at, at.shape[1]).ravel()
-        matrix = sparse.coo_array((blocks.ravel(), pairs), shape=(size, size)).tocsr()
-        return (self._transposed @ (matrix @ self.matrix)).T  # symmetric, and compressed by columns
+        matrix = sparse.coo_array((blocks.ravel(), pairs), shape=(size, size)).tocsc()
+        return self._transposed @ (matrix @ self.matrix)
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,11 +290,15 @@ class Elimination:
 
         Of the possible pivots of a row those of the largest age (N,) are preferred, of these the largest entry.
         """
-        solved, ages, taken = dict[int, dict[int, float]](), age.tolist(), list[int]()
-        largest = np.abs(C.values).max(axis=(1, 2), initial=0.0).tolist()
-        entries = zip(largest, C.columns.tolist(), C.values[:, 0].tolist(), strict=True)
-        for row, (most, columns, values) in enumerate(entries):
-            terms = _reduced([pair for pair in zip(columns, values, strict=True) if pair[1] != 0.0], solved)
+        values, ages = C.values[:, 0], age.tolist()
+        alone = np.flatnonzero((values != 0.0).sum(axis=1) == 1)  # rows that prescribe one degree of freedom itself
+        fixed, first = np.unique(C.columns[alone, np.abs(values[alone]).argmax(axis=1)], return_index=True)
+        taken, solved = alone[first].tolist(), dict[int, dict[int, float]].fromkeys(fixed.tolist(), {})
+        others = np.delete(np.arange(len(values)), taken)
+        largest = np.abs(values[others]).max(axis=1, initial=0.0).tolist()
+        parts = (part.tolist() for part in (others, C.columns[others], values[others]))
+        for most, row, columns, entries in zip(largest, *parts, strict=True):
+            terms = _reduced([pair for pair in zip(columns, entries, strict=True) if pair[1] != 0.0], solved)
             sizes = list(map(abs, terms.values()))
             left = max(sizes, default=0.0)
             if left <= _DEPENDENT * most:
