@@ -91,7 +91,7 @@ class Supports(PicklesFields):
     def on(cls, space: StressSpace, given: Sequence[Prescribed], kept: Kept) -> Supports:
         """Those of a space for such components, made once."""
         parts = [(p.edges, p.direction, p.turns and p.edges.curved) for p in given]
-        key = (space, *((e.first.tobytes(), e.second.tobytes(), d.tobytes(), turns) for e, d, turns in parts))
+        key = (space, *((edges.number.tobytes(), d.tobytes(), turns) for edges, d, turns in parts))
         return kept(cls, key, lambda: cls(space, tuple(Component(p.edges, p.direction, p.turns) for p in given)))
 
     @property
@@ -125,7 +125,7 @@ class Supports(PicklesFields):
         d·σn = (d·n) σ_N + (d·t) σ_T is p − 1 rows, its coefficients in the mean square.
         """
         space, degree, components = self.space, self.space.degree - 2, self.components
-        number = np.concatenate([np.empty(0, np.int64), *(space.number(part.edges) for part in components)])
+        number = np.concatenate([np.empty(0, np.int64), *(part.edges.number for part in components)])
         direction = np.concatenate([np.empty((0, 2)), *(part.direction for part in components)])
         turns = np.concatenate([np.empty(0, bool), *(np.full(len(part.edges), part.turns) for part in components)])
         edges = _edges_of(space, number)  # as often as components are given there
@@ -141,11 +141,12 @@ class Supports(PicklesFields):
         values, project = legendre.basis(degree, t), legendre.from_values(degree, len(t))
         traces = space.traces(alone)
         combined: FloatArray = np.zeros((len(single), degree + 1, traces.columns.shape[1]))
-        for axis, found in zip(frames_along(alone, t), np.split(traces.values, 2, axis=1), strict=True):
+        halves = traces.values[:, : degree + 1], traces.values[:, degree + 1 :]
+        for axis, found in zip(frames_along(alone, t), halves, strict=True):
             share = (d * axis).sum(axis=-1)
             share = np.where(np.abs(share) <= _PARALLEL, 0.0, share)
-            matrices = project @ (share[:, :, None] * values)
-            matrices[~alone.bent] = share[~alone.bent, :1, None] * np.eye(degree + 1)  # zeros, not rounding
+            matrices = share[:, :1, None] * np.eye(degree + 1)  # of straight edges
+            matrices[alone.bent] = project @ (share[alone.bent][:, :, None] * values)
             combined += (matrices * scale[:, :, None]) @ found
         # what the other component has no part in: where there is none, the direction itself
         against, against_turns = np.column_stack([direction[:, 1], -direction[:, 0]]), turns.copy()
@@ -257,8 +258,9 @@ class Basis:
 
     def rows(self, given: Functionals) -> Any:
         """Functionals of u as rows on z (m, n), dense where they are few, else sparse."""
-        found = given.matrix() @ self.matrix
-        return found.toarray() if are_few(*found.shape) else found
+        matrix = given.matrix()
+        few = are_few(matrix.shape[0], len(self.kept))
+        return np.ascontiguousarray((self._transposed @ matrix.toarray().T).T) if few else matrix @ self.matrix
 
     def quadratic(self, blocks: FloatArray, dofs: IntArray) -> Any:
         """Σ Bᵀ K B (n, n) of matrices K (t, k, k) of the degrees of freedom (t, k), dense if few, else sparse."""
@@ -293,7 +295,8 @@ class Elimination:
         values, ages = C.values[:, 0], age.tolist()
         alone = np.flatnonzero((values != 0.0).sum(axis=1) == 1)  # rows that prescribe one degree of freedom itself
         fixed, first = np.unique(C.columns[alone, np.abs(values[alone]).argmax(axis=1)], return_index=True)
-        taken, solved = alone[first].tolist(), dict[int, dict[int, float]].fromkeys(fixed.tolist(), {})
+        taken: list[int] = alone[first].tolist()
+        solved: dict[int, dict[int, float]] = dict.fromkeys(fixed.tolist(), {})
         others = np.delete(np.arange(len(values)), taken)
         largest = np.abs(values[others]).max(axis=1, initial=0.0).tolist()
         parts = (part.tolist() for part in (others, C.columns[others], values[others]))
