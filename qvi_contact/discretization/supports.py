@@ -296,7 +296,7 @@ class Elimination:
         alone = np.flatnonzero((values != 0.0).sum(axis=1) == 1)  # rows that prescribe one degree of freedom itself
         fixed, first = np.unique(C.columns[alone, np.abs(values[alone]).argmax(axis=1)], return_index=True)
         taken: list[int] = alone[first].tolist()
-        solved: dict[int, dict[int, float]] = dict.fromkeys(fixed.tolist(), {})
+        solved: dict[int, dict[int, float]] = {pivot: {} for pivot in fixed.tolist()}
         others = np.delete(np.arange(len(values)), taken)
         largest = np.abs(values[others]).max(axis=1, initial=0.0).tolist()
         parts = (part.tolist() for part in (others, C.columns[others], values[others]))
