@@ -151,11 +151,7 @@ class Resultants:
     @classmethod
     def on(cls, supports: Supports, problem: ContactProblem, scales: Scales, driven: Sequence[_Driven]) -> Resultants:
         """Those of supports, made once."""
-        edges = [each.points.edges for each in driven]
-        key = (
-            supports,
-            *((e.first.tobytes(), e.second.tobytes(), *each[1:]) for e, each in zip(edges, driven, strict=True)),
-        )
+        key = supports, *((each.points.edges.number.tobytes(), *each[1:]) for each in driven)
 
         def made() -> Resultants:
             full: FloatArray = np.zeros((len(driven), supports.space.size))
