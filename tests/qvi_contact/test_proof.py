@@ -224,8 +224,8 @@ def test_a_block_lifts_off_the_ground_but_does_not_sink_into_it(cohesion):
     """Up to an uplift of its weight it is carried, if only by stresses in the tips of their cones; down at any load."""
     lower, upper, counted = check(block_on_the_ground(1, [0, "1/1000"], cohesion))
     assert (lower, upper) == (1, 1)
-    assert counted == {"stresses in cones": 18, "edges with tractions": 11, "loads carried": 6, "strain rates": 6,
-                       "contact edges within their law": 1, "contact edges that move": 1, "edges with velocities": 11}  # fmt: skip
+    in_parts, along_edges = ("stresses in cones", "strain rates"), ("edges with tractions", "edges with velocities")
+    assert [counted[each] for each in (*in_parts, *along_edges, "loads carried")] == [18, 6, 11, 11, 6]
     with pytest.raises(ValueError, match="ground"):
         check(block_on_the_ground(-1, [0, "-1/1000"], cohesion))
 
