@@ -1,6 +1,6 @@
 """The verification manual: its rows pass, wrong ones fail everywhere, and its files and pictures say the same.
 
-Each problem of the quick run is run once in a process; with pytest-xdist, `--dist loadfile` keeps the tests that share it in one.
+Each problem of the quick run is run once in a process; with pytest-xdist, `--dist loadfile` keeps all tests in one.
 """
 
 import math
