@@ -225,3 +225,37 @@ def test_the_command_writes_and_checks_them(tmp_path, shell):
     assert out.startswith("not proved")
     proof.write_text(json.dumps({"degree": 4}))
     assert shell("check-proof", proof)[0] == 2
+
+
+def block_on_the_ground(live, velocity, cohesion="1"):
+    """Two triangles on a smooth ground, under a dead and a live vertical load, that move, and without any stress."""
+    edges = [([2, 3], [1, 0]), ([0, 3], [1, 0]), ([0, 3], [0, 1]), ([1, 2], [1, 0]), ([1, 2], [0, 1])]
+    still = [{"edge": edge, "direction": d, "dead": [0, 0], "live": [0, 0]} for edge, d in edges]
+    ground = {"name": "ground", "edges": [[0, 1]], "law": "unilateral", "friction": 0, "cohesion": 0}
+    return {
+        "vertices": [[0, 0], [1, 0], [1, 1], [0, 1]], "triangles": [[0, 1, 2], [0, 2, 3]],
+        "potential": {"dead": [0, 0, 0], "live": [0, 0, 0]}, "contacts": [ground | {"shear_limit": None}],
+        "strengths": [[{"a": [1, 0, 0], "f": cohesion, "beta": 1}]], "strength_of": [0, 0],
+        "loads": [{"edge": [2, 3], "direction": [0, 1], "dead": [-live, -live], "live": [live, live]}, *still],
+        "flow": {"degree": 1, "shares": {}, "plates": {}, "velocities": [[[velocity] * 3] * 3] * 2},
+        "factor": 1, "degree": 3, "airy": [[[0] * 10] * 3] * 2,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("cohesion", ["1", "0"])
+def test_a_block_lifts_off_the_ground_but_does_not_sink_into_it(cohesion):
+    """Up to an uplift of its weight it is carried, if only by stresses in the tips of their cones; down at any load."""
+    lower, upper, counted = check(block_on_the_ground(1, [0, "1/1000"], cohesion))
+    assert (lower, upper) == (1, 1)
+    in_parts, along_edges = ("stresses in cones", "strain rates"), ("edges with tractions", "edges with velocities")
+    assert [counted[each] for each in (*in_parts, *along_edges, "loads carried")] == [18, 6, 11, 11, 6]
+    with pytest.raises(ValueError, match="ground"):
+        check(block_on_the_ground(-1, [0, "-1/1000"], cohesion))
+
+
+def test_a_block_that_slides_on_one_at_rest():
+    """The limit itself, which the motion of the upper block alone proves."""
+    wall = heavy_wall()
+    problem = replace(wall, conditions=[wall.conditions[0], Contact("joint", 0.1), *wall.conditions[2:]])
+    limit, proof = (found(problem, ["push"], degree=3) for found in (limit_load_factor, limit_proof))
+    assert float(check(proof)[1]) == pytest.approx(limit.upper, rel=1e-6)
