@@ -229,10 +229,10 @@ class TestExport:
         write_rows(path, written_rows(path))
         assert path.read_bytes() == before
 
-    @pytest.mark.parametrize("content", [b"no rows", gzip.compress(b'{"case": {}}')[:20], gzip.compress(b"[1]\n")])
+    @pytest.mark.parametrize("content", [b"no rows", b"{}\n", b"[1]\n"])
     def test_what_are_no_rows_is_refused(self, tmp_path, content):
         for name in ("a.jsonl.gz", "missing.jsonl.gz"):
-            (tmp_path / "a.jsonl.gz").write_bytes(content)
+            (tmp_path / "a.jsonl.gz").write_bytes(gzip.compress(content))
             with pytest.raises(InputError) as caught:
                 written_rows(tmp_path / name)
             assert caught.value.field == "rows"
