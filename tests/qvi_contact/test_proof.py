@@ -14,7 +14,7 @@ import pytest
 import qvi_contact.limit
 from qvi_contact import InputError, SolveError, Tresca, TriangleMesh, limit_load_factor, limit_proof, save_problem
 from qvi_contact.limit import check
-from qvi_contact.problem import Contact, ContactProblem, Material, Mises, MohrCoulomb, RigidPlate, Traction
+from qvi_contact.problem import Contact, ContactProblem, Material, Mises, MohrCoulomb, Region, RigidPlate, Traction
 from tests.qvi_contact.test_limit_yielding import random_body, stretched
 
 
@@ -57,6 +57,12 @@ def punched(strength, friction=0.0):
     return ContactProblem(mesh, block.material, [foot, Traction("free", x=0, y=0), *block.conditions[1:]])
 
 
+def on_rock(strength):
+    """A stretched block of which one half is rigid."""
+    mesh = TriangleMesh.rectangle((2, 4)).with_region("rock", lambda _, y: y < 0.5)
+    return replace(stretched(strength, mesh=mesh), regions=[Region(Material(10.0, 0.3, "strain"), name="rock")])
+
+
 @pytest.mark.parametrize(
     ("problem", "load"),
     [
@@ -73,6 +79,7 @@ def punched(strength, friction=0.0):
         (stretched(Tresca(0.7)), "top"),
         (stretched(Mises(1.0), "stress"), "top"),
         (heavy_wall(MohrCoulomb(2.0, 0.6)), "push"),
+        (on_rock(Tresca(0.7)), "top"),
         (random_body(14), "push"),  # shear beyond its bound in one ordinate, but nowhere
     ],
 )
