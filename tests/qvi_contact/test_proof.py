@@ -162,6 +162,14 @@ def test_cones_share_all_of_a_strain_rate():
         check(proof)
 
 
+def test_what_is_tied_slips_at_no_price():
+    proof = limit_proof(under("tied", force_x=0.0, moment=0.5, pivot=(0.5, 2.0)), ["push"], degree=3)
+    proof.pop("stress", None)
+    proof["contacts"][2]["shear_limit"] = "1"
+    with pytest.raises(ValueError, match="cannot move like this"):
+        check(changed(proof, ("flow", "plates", "cap", 0), "1"))
+
+
 def test_files_of_other_versions_are_refused(tmp_path, shell):
     path, proof = tmp_path / "limit.json", limit_proof(heavy_wall(), ["push"], degree=3)
     path.write_text(json.dumps({**proof, "format": 1}))
