@@ -1,13 +1,14 @@
 """Proof files in rational numbers, for a checker that trusts nothing of this package.
 
 *From below*: rounding breaks the smoothness of Φ and its tractions by some 1e-16. So Φ is built again, exactly, by
-`rational`: prescribed tractions are linear equations between its values at vertices of the boundary.
+`rational`: prescribed tractions, and forces of plates, are linear equations between its ordinates. The file has its
+stresses.
 
 *From above*: velocities are zero in the directions in which no traction is prescribed. Rigid blocks, and plates that
-forces drive, have three numbers each; for them that is a set of linear equations, and so is what holds contacts at the
-limits at which they are. Bodies that keep their volume flow by a stream function ψ, v = (ψ_y, −ψ_x), C1 on each of
-them. Of others the numbers at nodes are free. What a contact or a body that dilates must keep holds with room, by a
-share of a flow inside all limits.
+forces drive, have three numbers each. Bodies that keep their volume flow by a stream function ψ, v = (ψ_y, −ψ_x), C1 on
+each of them. Others have numbers at nodes. What is held is a set of linear equations between all of these, and so is
+what keeps contacts at the limits at which they are. What a contact or a body that dilates must keep holds with room, by
+a share of a flow inside all limits.
 """
 
 from __future__ import annotations
@@ -67,10 +68,7 @@ _Load: TypeAlias = tuple[Vector, list[list[Fraction]]]  # d, and ordinates of d�
 
 
 def proof_of(
-    problem: ContactProblem,
-    names: Sequence[str],
-    degree: int,
-    sides: Mapping[str, Sequence[Proof]],
+    problem: ContactProblem, names: Sequence[str], degree: int, ways: Sequence[tuple[str, Proof]]
 ) -> dict[str, Any]:
     """A proof as `check_proof.check` reads it, of the sides that can be proved; "missing" says why others are not.
 
@@ -86,7 +84,7 @@ def proof_of(
     stated = Statement(problem, names, degree)
     about, found = _written(stated.about), dict[str, tuple[Any, dict[str, Any]]]()
     errors: dict[str, InputError | SolveError] = {}
-    for side, prove in ((side, prove) for side, ways in sides.items() for prove in ways):
+    for side, prove in ways:
         try:
             part = _written(prove(stated))
             lower, upper, _ = check(about | part)
@@ -262,8 +260,7 @@ class Statement:
         found |= {"name": contact.name, "law": contact.law, "edges": self._pairs(edges)}
         found["pressures"] = self._ordinates(edges, "Contact.pore_pressure", contact.pore_pressure)
         found |= {"pivot": [ZERO, ZERO], "forces": [None] * 3}
-        plate = contact.plate
-        if plate is not None and plate.driven:
+        if (plate := contact.plate) is not None and plate.driven:
             found["pivot"] = [Fraction(x) for x in plate.pivot]
             parts, live = (plate.force_x, plate.force_y, plate.moment), contact.name in names
             forces = [None if each is None else [Fraction(each)] for each in parts]
@@ -438,13 +435,11 @@ def _flow(stated: Statement, degree: int, moved: dict[str, Any], shares: Mapping
 
 def _shared(laws: list[Any], strain: Sequence[Fraction], others: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
     """S of every cone, with its share of a strain rate, but for the first, which has the rest."""
-    found = list[list[Fraction]]()
-    for (_, beta, gamma2), (trace, *d) in zip(laws[1:], others, strict=True):
+    found, first = list[list[Fraction]](), [whole - sum(parts) for whole, *parts in zip(strain, *others, strict=True)]
+    for (_, beta, gamma2), (trace, *d) in zip(laws, [first, *others], strict=True):
         s = trace / beta if beta else _root(dot(d, d) + (trace**2 / gamma2 if gamma2 else 0))
-        found.append([s, trace, *d])
-    trace, *d = (whole - sum(parts) for whole, *parts in zip(strain, *(share[1:] for share in found), strict=True))
-    _, beta, gamma2 = laws[0]
-    return [[trace / beta if beta else _root(dot(d, d) + (trace**2 / gamma2 if gamma2 else 0))], *found]
+        found.append([s, trace, *d] if found else [s])
+    return found
 
 
 def _cost(laws: list[Any], strain: Sequence[Fraction], shares: list[Any]) -> float:
