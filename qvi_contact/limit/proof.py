@@ -18,6 +18,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from operator import add
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias
@@ -402,33 +403,27 @@ def exceeded(stated: Statement, program: FlowProgram) -> dict[str, Any]:
     assert flow.shares is not None
     # what cones but the first have of (tr ε, ε_xx − ε_yy, 2 ε_xy), by the number of its coefficient
     strain, shares = flow.shares / stated.mesh.length, dict[int, FloatArray]()
-    small, order = _ACTIVE * float(np.abs(strain).max(initial=0.0)), np.lexsort((~changes, cones.coefficient))
+    order = np.lexsort((~changes, cones.coefficient))
     for rows in np.split(order, np.flatnonzero(np.diff(cones.coefficient[order])) + 1):
-        if len(rows) > 1 and np.abs(strain[rows]).max() > small:
+        if len(rows) > 1:
             shares[int(cones.coefficient[rows[0]])] = strain[rows[1:]]
     return _flow(stated, cones.degree + 1, velocities, shares)
 
 
 def _flow(stated: Statement, degree: int, moved: dict[str, Any], shares: Mapping[int, FloatArray]) -> dict[str, Any]:
-    """The part of a proof about velocities, with what all cones dissipate.
-
-    Strain rates without shares are those of the one cone in which they dissipate least.
-    """
+    """The part of a proof about velocities, with what all cones dissipate: one of them, or shares of all, if given."""
     field, rates = {"degree": degree, "ordinates": _in_file(stated, degree, moved["velocities"])}, []
-    exponents_, zero = _exponents(degree - 1), [ZERO] * 3
+    alphas, zero = _exponents(degree - 1), [ZERO] * 3
     for t, laws, _, slopes, v in triangles(stated.about, field):
         own = list[Any]()
-        for (i, j, k), ((u_x, u_y), (v_x, v_y)) in zip(exponents_, gradient(v, slopes), strict=True):
+        for (i, j, k), ((u_x, u_y), (v_x, v_y)) in zip(alphas, gradient(v, slopes), strict=True):
             strain = [u_x + v_y, u_x - v_y, u_y + v_x]
-            number = t * len(exponents_) + exponents_.index((j, i, k) if stated.turned[t] else (i, j, k))
+            number = t * len(alphas) + alphas.index((j, i, k) if stated.turned[t] else (i, j, k))
+            others = [[strain if n == m else zero for n in range(1, len(laws))] for m in range(len(laws))]
             if number in shares:
-                others = [[Fraction(x) for x in share] for share in shares[number].tolist()]
-                choices = [_shared(laws, strain, others)]
-            else:
-                choices = [_shared(laws, strain, [strain if n == m else zero for n in range(1, len(laws))])
-                           for m in range(len(laws))]  # fmt: skip
-            costs = [_cost(laws, strain, choice) for choice in choices]
-            own.append(choices[int(np.argmin(costs))] if costs else [])
+                others.append([[Fraction(x) for x in share] for share in shares[number].tolist()])
+            choices = [_shared(laws, strain, each) for each in others]
+            own.append(min(choices, key=partial(_cost, laws, strain), default=[]))
         rates.append(own)
     return {"flow": {**field, "rates": rates, "plates": moved["plates"]}}
 
