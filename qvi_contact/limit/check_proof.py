@@ -36,7 +36,7 @@ def check(proof: dict[str, Any]) -> tuple[Fraction | None, Fraction | float | No
     demand(proof["format"] == FORMAT, f"the file has format {proof['format']}, not {FORMAT}: write it once more")
     proof, counted = exact(proof), Counter[str]()
     names = [contact["name"] for contact in proof["contacts"]]
-    demand(len({*names}) == len(names), "contacts have one name")
+    demand(len({*names}) == len(names), "two contacts have one name")
     lower = carried(proof, counted) if "stress" in proof else None
     upper = exceeded(proof, counted) if "flow" in proof else None
     demand(lower is None or upper is None or lower <= upper, "the factors contradict each other")
@@ -113,7 +113,7 @@ def exceeded(proof: dict[str, Any], counted: Counter[str]) -> Fraction | float:
 
 def triangles(proof: dict[str, Any], field: dict[str, Any]) -> Iterator[tuple[int, Any, Fraction, Any, dict[Any, Any]]]:
     """Number, cones, area, gradients of barycentric coordinates, and ordinates of a field, of every triangle."""
-    demand(field["degree"] > 0, "degrees are positive")
+    demand(field["degree"] > 0, "a degree is not positive")
     for t, (names, values) in enumerate(zip(proof["triangles"], field["ordinates"], strict=True)):
         a, b, c = (proof["vertices"][n] for n in names)
         area = cross(less(b, a), less(c, a)) / 2
@@ -162,10 +162,10 @@ def power(given: Any, along: list[Any], told: str) -> list[Fraction]:
 
 
 def law(contact: dict[str, Any]) -> tuple[Any, ...]:
-    """μ, c and t_max."""
-    parts = tuple(inf if contact[name] is None else contact[name] for name in ("friction", "cohesion", "shear_limit"))
-    demand(min(parts) >= 0, f"contact {contact['name']!r} has a negative strength")
-    return parts
+    """μ, c and t_max; what is tied has no t_max."""
+    mu, c, cap = contact["friction"], contact["cohesion"], contact["shear_limit"]
+    demand(min(mu, c, cap or 0) >= 0, f"contact {contact['name']!r} has a negative strength")
+    return mu, c, inf if cap is None or contact["law"] == "tied" else cap
 
 
 def admissible(contact: dict[str, Any], tractions: list[Any], normal: Any) -> bool:
@@ -242,7 +242,7 @@ def at_factor(given: Any, factor: Fraction) -> list[Fraction]:
 
 
 def exact(value: Any) -> Any:
-    """Numbers and texts of numbers as fractions."""
+    """Numbers, and texts of numbers, as fractions."""
     if isinstance(value, dict):
         return {exact(key): exact(each) for key, each in value.items()}
     if isinstance(value, list):

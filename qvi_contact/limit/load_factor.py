@@ -183,7 +183,7 @@ def limit_proof(
 ) -> dict[str, Any]:
     """A proof in rational numbers of both sides of `limit_load_factor`, or that the loads cannot be carried.
 
-    It holds loads, strengths and laws; an Airy function whose stresses carry the named loads times a factor just below
+    It holds loads, strengths and laws; stresses that carry the named loads times a factor just below
     `LimitLoad.lower`; and velocities which show that none carries more than a factor just above `LimitLoad.upper`.
     Without names of loads it has only velocities, of rigid blocks, which show that no stress carries all loads as they
     are. `qvi_contact/limit/check_proof.py`, a script that needs Python's standard library alone, checks it exactly.
@@ -218,11 +218,12 @@ def limit_proof(
         def of_blocks() -> Mechanism | None:
             return upper_bound(problem, names)[1] if names else find_mechanism(problem)
 
-        lower: list[Proof] = [lambda stated: carried(stated, StressProgram(low, posed.high))] if names else []
-        upper: list[Proof] = [lambda stated: exceeded_by_blocks(stated, of_blocks())]
+        ways: list[tuple[str, Proof]] = [("upper", lambda stated: exceeded_by_blocks(stated, of_blocks()))]
         if names and problem.yields:
-            upper = [lambda stated: exceeded(stated, FlowProgram(problem, names, k, low.scales)), *upper]
-        return proof_of(problem, names, k, {"lower": lower, "upper": upper})
+            ways = [("upper", lambda stated: exceeded(stated, FlowProgram(problem, names, k, low.scales))), *ways]
+        if names:
+            ways = [("lower", lambda stated: carried(stated, StressProgram(low, posed.high))), *ways]
+        return proof_of(problem, names, k, ways)
 
 
 @dataclass(frozen=True, eq=False)

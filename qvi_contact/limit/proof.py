@@ -1,13 +1,14 @@
 """Proof files in rational numbers, for a checker that trusts nothing of this package.
 
 *From below*: rounding breaks the smoothness of Φ and its tractions by some 1e-16. So Φ is built again, exactly, by
-`rational`: prescribed tractions are linear equations between its values at vertices of the boundary.
+`rational`: prescribed tractions, and forces of plates, are linear equations between its ordinates. The file has its
+stresses.
 
 *From above*: velocities are zero in the directions in which no traction is prescribed. Rigid blocks, and plates that
-forces drive, have three numbers each; for them that is a set of linear equations, and so is what holds contacts at the
-limits at which they are. Bodies that keep their volume flow by a stream function ψ, v = (ψ_y, −ψ_x), C1 on each of
-them. Of others the numbers at nodes are free. What a contact or a body that dilates must keep holds with room, by a
-share of a flow inside all limits.
+forces drive, have three numbers each. Bodies that keep their volume flow by a stream function ψ, v = (ψ_y, −ψ_x), C1 on
+each of them. Others have numbers at nodes. What is held is a set of linear equations between all of these, and so is
+what keeps contacts at the limits at which they are. What a contact or a body that dilates must keep holds with room, by
+a share of a flow inside all limits.
 """
 
 from __future__ import annotations
@@ -17,18 +18,17 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from operator import add
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse import linalg
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
 from qvi_contact.basics.writing import write_text
 from qvi_contact.element import legendre
-from qvi_contact.element.triangle import EDGES, exponents
+from qvi_contact.element.triangle import EDGES
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.check_proof import FORMAT, at_factor, check, cross, dissipated, dot, gradient, less, triangles
 from qvi_contact.limit.check_proof import exponents as _exponents
@@ -48,7 +48,7 @@ from qvi_contact.limit.rational import (
 from qvi_contact.limit.split import lattice, part_corners
 from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.mechanism import Mechanism, RigidMotion
-from qvi_contact.mesh.edges import Edges, linked
+from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import CARTESIAN, SHEAR_LAW, Contact, Symmetry, Traction, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.material import MohrCoulomb, Strength
@@ -66,14 +66,10 @@ _ACTIVE: Final = 1e-9  # speed of opening, over the largest one, within which a 
 _AXES: Final[list[Vector]] = [(ONE, ZERO), (ZERO, ONE)]
 _Edge: TypeAlias = tuple[int, int]
 _Load: TypeAlias = tuple[Vector, list[list[Fraction]]]  # d, and ordinates of d·σn that stay and that are multiplied
-_Held: TypeAlias = tuple[int, _Edge, list[Vector], int]  # cell, ends, directions, number of the plate or −1
 
 
 def proof_of(
-    problem: ContactProblem,
-    names: Sequence[str],
-    degree: int,
-    sides: Mapping[str, Sequence[Proof]],
+    problem: ContactProblem, names: Sequence[str], degree: int, ways: Sequence[tuple[str, Proof]]
 ) -> dict[str, Any]:
     """A proof as `check_proof.check` reads it, of the sides that can be proved; "missing" says why others are not.
 
@@ -89,7 +85,7 @@ def proof_of(
     stated = Statement(problem, names, degree)
     about, found = _written(stated.about), dict[str, tuple[Any, dict[str, Any]]]()
     errors: dict[str, InputError | SolveError] = {}
-    for side, prove in ((side, prove) for side, ways in sides.items() for prove in ways):
+    for side, prove in ways:
         try:
             part = _written(prove(stated))
             lower, upper, _ = check(about | part)
@@ -265,8 +261,7 @@ class Statement:
         found |= {"name": contact.name, "law": contact.law, "edges": self._pairs(edges)}
         found["pressures"] = self._ordinates(edges, "Contact.pore_pressure", contact.pore_pressure)
         found |= {"pivot": [ZERO, ZERO], "forces": [None] * 3}
-        plate = contact.plate
-        if plate is not None and plate.driven:
+        if (plate := contact.plate) is not None and plate.driven:
             found["pivot"] = [Fraction(x) for x in plate.pivot]
             parts, live = (plate.force_x, plate.force_y, plate.moment), contact.name in names
             forces = [None if each is None else [Fraction(each)] for each in parts]
@@ -339,7 +334,7 @@ def _tractions(stated: Statement, space: Smooth, factor: Fraction) -> Iterator[R
     for pair, loads in given.items():
         (x, y), out, start = stated.edge(pair), stated.outward[pair], stated.points[pair[0]]
         for d, values in loads:
-            G = [space.slope(space.sides[pair][0], n, (-d[1], d[0])) for n in range(k + 2)]
+            G = [space.slope(space.sides[pair][0], (-d[1], d[0]), n) for n in range(k + 2)]
             for n, value in enumerate(at_factor(values, factor)):
                 share = Fraction(n, k)
                 phi = potential[0] + dot(potential[1:], (start[0] + share * x, start[1] + share * y))
@@ -408,46 +403,38 @@ def exceeded(stated: Statement, program: FlowProgram) -> dict[str, Any]:
     assert flow.shares is not None
     # what cones but the first have of (tr ε, ε_xx − ε_yy, 2 ε_xy), by the number of its coefficient
     strain, shares = flow.shares / stated.mesh.length, dict[int, FloatArray]()
-    small, order = _ACTIVE * float(np.abs(strain).max(initial=0.0)), np.lexsort((~changes, cones.coefficient))
+    order = np.lexsort((~changes, cones.coefficient))
     for rows in np.split(order, np.flatnonzero(np.diff(cones.coefficient[order])) + 1):
-        if len(rows) > 1 and np.abs(strain[rows]).max() > small:
+        if len(rows) > 1:
             shares[int(cones.coefficient[rows[0]])] = strain[rows[1:]]
     return _flow(stated, cones.degree + 1, velocities, shares)
 
 
 def _flow(stated: Statement, degree: int, moved: dict[str, Any], shares: Mapping[int, FloatArray]) -> dict[str, Any]:
-    """The part of a proof about velocities, with what all cones dissipate.
-
-    Strain rates without shares are those of the one cone in which they dissipate least.
-    """
+    """The part of a proof about velocities, with what all cones dissipate: one of them, or shares of all, if given."""
     field, rates = {"degree": degree, "ordinates": _in_file(stated, degree, moved["velocities"])}, []
-    exponents_, zero = _exponents(degree - 1), [ZERO] * 3
+    alphas, zero = _exponents(degree - 1), [ZERO] * 3
     for t, laws, _, slopes, v in triangles(stated.about, field):
         own = list[Any]()
-        for (i, j, k), ((u_x, u_y), (v_x, v_y)) in zip(exponents_, gradient(v, slopes), strict=True):
+        for (i, j, k), ((u_x, u_y), (v_x, v_y)) in zip(alphas, gradient(v, slopes), strict=True):
             strain = [u_x + v_y, u_x - v_y, u_y + v_x]
-            number = t * len(exponents_) + exponents_.index((j, i, k) if stated.turned[t] else (i, j, k))
+            number = t * len(alphas) + alphas.index((j, i, k) if stated.turned[t] else (i, j, k))
+            others = [[strain if n == m else zero for n in range(1, len(laws))] for m in range(len(laws))]
             if number in shares:
-                others = [[Fraction(x) for x in share] for share in shares[number].tolist()]
-                choices = [_shared(laws, strain, others)]
-            else:
-                choices = [_shared(laws, strain, [strain if n == m else zero for n in range(1, len(laws))])
-                           for m in range(len(laws))]  # fmt: skip
-            costs = [_cost(laws, strain, choice) for choice in choices]
-            own.append(choices[int(np.argmin(costs))] if costs else [])
+                others.append([[Fraction(x) for x in share] for share in shares[number].tolist()])
+            choices = [_shared(laws, strain, each) for each in others]
+            own.append(min(choices, key=partial(_cost, laws, strain), default=[]))
         rates.append(own)
     return {"flow": {**field, "rates": rates, "plates": moved["plates"]}}
 
 
 def _shared(laws: list[Any], strain: Sequence[Fraction], others: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
     """S of every cone, with its share of a strain rate, but for the first, which has the rest."""
-    found = list[list[Fraction]]()
-    for (_, beta, gamma2), (trace, *d) in zip(laws[1:], others, strict=True):
+    found, first = list[list[Fraction]](), [whole - sum(parts) for whole, *parts in zip(strain, *others, strict=True)]
+    for (_, beta, gamma2), (trace, *d) in zip(laws, [first, *others], strict=True):
         s = trace / beta if beta else _root(dot(d, d) + (trace**2 / gamma2 if gamma2 else 0))
-        found.append([s, trace, *d])
-    trace, *d = (whole - sum(parts) for whole, *parts in zip(strain, *(share[1:] for share in found), strict=True))
-    _, beta, gamma2 = laws[0]
-    return [[trace / beta if beta else _root(dot(d, d) + (trace**2 / gamma2 if gamma2 else 0))], *found]
+        found.append([s, trace, *d] if found else [s])
+    return found
 
 
 def _cost(laws: list[Any], strain: Sequence[Fraction], shares: list[Any]) -> float:
@@ -463,8 +450,8 @@ def _root(x: Fraction) -> Fraction:
     return Fraction(math.sqrt(x) * (1.0 + 1e-15))
 
 
-def _held(stated: Statement) -> list[_Held]:
-    """Edges of the boundary, with the directions d in which d·v is that of a plate, or zero."""
+def _held(stated: Statement, space: Velocities) -> Iterator[tuple[int, Vector, int]]:
+    """Nodes on the boundary with directions d in which d·v is that of a plate, of this number, or zero, −1."""
     boundary, found = stated.mesh.boundary, dict[_Edge, list[Vector]]()
     plates, driven = dict[_Edge, int](), list(stated.plates)
     pairs: list[_Edge] = list(zip(boundary.first.tolist(), boundary.second.tolist(), strict=True))
@@ -477,8 +464,8 @@ def _held(stated: Statement) -> list[_Held]:
                 e = stated.edge((i, j))
                 found[i, j] = [] if contact.law == "unilateral" else [(e[1], -e[0]), *([e] if _sticks(known) else [])]
                 plates[i, j] = driven.index(contact.name) if contact.name in driven else -1
-    return [(int(cell), pair, found[pair], plates.get(pair, -1))
-            for cell, pair in zip(boundary.cells[:, 0], pairs, strict=True)]  # fmt: skip
+    for pair, nodes in zip(pairs, space.along(boundary).tolist(), strict=True):
+        yield from ((n, d, plates.get(pair, -1)) for n in nodes for d in found[pair])
 
 
 def _sticks(known: dict[str, Any]) -> bool:
@@ -491,17 +478,17 @@ def _rigid(motion: Sequence[Fraction], at: Vector) -> Vector:
     return motion[0] - motion[2] * at[1], motion[1] + motion[2] * at[0]
 
 
-def _rigid_row(body: int, d: Vector, at: Vector, sign: int = 1) -> dict[int, Fraction]:
-    """± d·v at a place as a row on the motions of bodies; without a body an empty one."""
+def _rigid_row(body: int, d: Vector, at: Vector) -> Terms:
+    """d·v at a place as terms of the motions of bodies; without a body none."""
     parts = (d[0], d[1], d[1] * at[0] - d[0] * at[1])
-    return {3 * body + i: sign * part for i, part in enumerate(parts) if part != 0} if body >= 0 else {}
+    return {3 * body + i: part for i, part in enumerate(parts) if part} if body >= 0 else {}
 
 
 def _at_limits(
     stated: Statement, contact: Contact, known: dict[str, Any], blocks: IntArray, plate: int,
     motions: Sequence[Fraction],
-) -> Iterator[dict[int, Fraction]]:  # fmt: skip
-    """Rows of what a contact must hold that a motion holds with equality, within rounding, at the ends of its edges."""
+) -> Iterator[Terms]:  # fmt: skip
+    """Terms that are zero where a motion is, within rounding, at the limit of a contact, at the ends of its edges."""
     joint, mu, cap = contact in stated.problem.joints, known["friction"], known["shear_limit"]
     edges = stated.mesh.edges(contact.edges)
     dilates = contact.law == "unilateral" and cap is None and mu > 0
@@ -513,145 +500,97 @@ def _at_limits(
         small = _ACTIVE * float(dot(e, e)) ** 0.5
         for at in (stated.points[end] for end in pair):
             opening, slip = (
-                {**_rigid_row(first, d, at, sign), **_rigid_row(second, d, at, -sign)} if first != second else {}
-                for d, sign in (((e[1], -e[0]), -out), (e, 1))
+                combined((ONE, _rigid_row(first, d, at)), (-ONE, _rigid_row(second, d, at)))
+                for d in ((-out * e[1], out * e[0]), e)
             )
-            w, t = (float(sum(c * motions[number] for number, c in row.items())) for row in (opening, slip))
+            w, t = (float(_value(row, motions)) for row in (opening, slip))
             if contact.law != "unilateral" or w - dilates * float(mu) * abs(t) <= small:
-                share = mu if t > 0 else -mu
                 stuck = not dilates or abs(t) <= small
-                yield opening if stuck else {number: opening.get(number, ZERO) - share * slip.get(number, ZERO)
-                                             for number in {**opening, **slip}}  # fmt: skip
+                yield opening if stuck else combined((ONE, opening), (-mu if t > 0 else mu, slip))
                 if stuck and _sticks(known):
                     yield slip
+
+
+def _value(terms: Terms, values: Sequence[Fraction]) -> Fraction:
+    """What terms add to."""
+    return sum((c * values[column] for column, c in terms.items()), ZERO)
 
 
 def _exactly(
     stated: Statement, space: Velocities, velocities: FloatArray, plates: Mapping[str, RigidMotion], strong: BoolArray,
     keeps: BoolArray,
 ) -> dict[str, Any]:  # fmt: skip
-    """Velocities by numbers at nodes, and motions of plates about their pivots, that keep exactly what is held.
+    """Ordinates of velocities, and motions of plates about their pivots, that keep exactly what is held.
 
-    Those of rigid parts, and of parts that keep their volume, follow from their motions and stream functions.
+    They are near those in floating point. Unknown are the motions (a − θ y, b + θ x) of rigid parts and plates, stream
+    functions of parts that keep their volume, and velocities at other nodes. Contacts of rigid parts that are at their
+    limit stay there exactly.
     """
-    if np.intersect1d(space.global_[strong], space.global_[keeps]).size:
-        raise SolveError("proof: no part of a body may keep its volume beside one that is rigid")
-    edges, held = _held(stated), dict[int, list[tuple[Vector, int]]]()
-    for cell, pair, directions, plate in edges:
-        opposite = int(np.flatnonzero(~np.isin(stated.mesh.cells[cell], pair))[0])
-        for n in space.global_[cell, space.nodes.of_sides[opposite]].tolist():
-            held.setdefault(n, []).extend((d, plate) for d in directions)
-    rounded = np.zeros((space.count, 2))
+    rounded, values, rows = np.zeros((space.count, 2)), list[Fraction](), list[Terms]()
     rounded[space.global_] = velocities
-    found, motions = _moved(stated, space, rounded, plates, strong, held)
-    if keeps.any():
-        found |= _streams(stated, space, velocities, keeps, edges, motions)
-    found = {n: (Fraction(x), Fraction(y)) for n, (x, y) in enumerate(rounded.tolist())} | found
-    parts, moved = space.nodes.of_parts.tolist(), {each.name: [ZERO] * 3 for each in stated.contacts}
-    for (name, known), motion in zip(stated.plates.items(), motions, strict=True):
-        moved[name] = [*_rigid(motion, known["pivot"]), motion[2]]
-    exact = [[[found[cell[n]] for n in part] for part in parts] for cell in space.global_.tolist()]
-    return {"velocities": exact, "plates": moved}
-
-
-def _moved(
-    stated: Statement, space: Velocities, rounded: FloatArray, plates: Mapping[str, RigidMotion], strong: BoolArray,
-    held: Mapping[int, list[tuple[Vector, int]]],
-) -> tuple[dict[int, Vector], list[list[Fraction]]]:  # fmt: skip
-    """The velocities of nodes that are held, or on rigid parts, and the motions (a − θ y, b + θ x) of plates.
-
-    They are near those in floating point, and keep what is held; contacts of rigid parts that are at their limit stay
-    there exactly.
-    """
-    places, keys = dict[int, Vector](), space.nodes.keys.tolist()
-    for cell, numbers in zip(stated.cells, space.global_.tolist(), strict=True):
-        for n, (*weights, centre) in zip(numbers, keys, strict=True):
-            if n not in places and (n in held or space.rigid[n] >= 0):
-                shares = [Fraction(3 * weight + centre, 3 * space.degree) for weight in weights]
-                places[n] = middle([stated.points[v] for v in cell], shares)
-    nodes, values, parts = np.array(list(places), dtype=np.int64), list[Fraction](), int(space.rigid.max()) + 1
+    places, rigid, parts = _places(stated, space), space.rigid.tolist(), int(space.rigid.max()) + 1
     for part in range(parts):
-        own = nodes[space.rigid[nodes] == part]
+        own = np.flatnonzero(space.rigid == part)
         x, y = np.array([places[n] for n in own.tolist()], dtype=float).T
         one, none = np.ones(len(own)), np.zeros(len(own))
         A = np.concatenate([np.column_stack([one, none, -y]), np.column_stack([none, one, x])])
         values += map(Fraction, np.linalg.lstsq(A, rounded[own].T.ravel(), rcond=None)[0].tolist())
-    rows = list[dict[int, Fraction]]()
     bodies = {name: parts + n for n, name in enumerate(stated.plates)}
     for name, known in stated.plates.items():
-        moved, body = plates[name], bodies[name]
-        values += [Fraction(x) for x in (*moved.at(np.zeros(2)).tolist(), moved.rotation)]
-        fixed = [*(_rigid_row(body, axis, known["pivot"]) for axis in _AXES), {3 * body + 2: ONE}]
-        rows += [row for row, force in zip(fixed, known["forces"], strict=True) if force is None]
-    first, columns = len(values), dict[int, int]()
-    for n, at in places.items():
-        part = int(space.rigid[n])
-        if part < 0:
-            columns[n] = len(values)
-            values += map(Fraction, rounded[n].tolist())
-        for d, plate in held.get(n, []):
-            own_row = _rigid_row(part, d, at) if part >= 0 else dict(enumerate(d, columns[n]))
-            rows.append({**own_row, **_rigid_row(parts + plate if plate >= 0 else -1, d, at, -1)})
+        values += [Fraction(x) for x in (*plates[name].at(np.zeros(2)).tolist(), plates[name].rotation)]
+        pivot = [*(_rigid_row(bodies[name], axis, known["pivot"]) for axis in _AXES), {3 * bodies[name] + 2: ONE}]
+        rows += [row for row, force in zip(pivot, known["forces"], strict=True) if force is None]
     blocks = np.where(strong, space.rigid[space.global_[:, 0]], -1)
     for contact, known in zip(stated.contacts, stated.about["contacts"], strict=True):
         rows += _at_limits(stated, contact, known, blocks, bodies.get(contact.name, -1), values)
-    values = solved([(row, ZERO) for row in rows], values)
-    found = {
-        n: (values[columns[n]], values[columns[n] + 1]) if n in columns
-        else _rigid(values[3 * int(space.rigid[n]) :], at)
-        for n, at in places.items()
-    }  # fmt: skip
-    return found, [values[at : at + 3] for at in range(3 * parts, first, 3)]
+
+    smooth, moving = None, {n: [_rigid_row(rigid[n], axis, places[n]) for axis in _AXES] for n in range(space.count)}
+    if keeps.any():
+        smooth, streams = _streams(stated, space, np.flatnonzero(keeps), len(values))
+        beside = [(streams[n][axis], moving[n][axis]) for n in streams if rigid[n] >= 0 for axis in (0, 1)]
+        rows += [combined((ONE, flow), (-ONE, own)) for flow, own in beside]
+        moving |= streams
+        values += smooth.rounded(smooth.integrated(velocities[keeps][:, space.nodes.of_parts]))
+    for n in (n for n, terms in moving.items() if not any(terms)):
+        moving[n] = [{len(values): ONE}, {len(values) + 1: ONE}]
+        values += map(Fraction, rounded[n].tolist())
+    for n, d, plate in _held(stated, space):
+        (x, y), body = moving[n], parts + plate if plate >= 0 else -1
+        rows.append(combined((d[0], x), (d[1], y), (-ONE, _rigid_row(body, d, places[n]))))
+    all_rows = [(row, ZERO) for row in rows]
+    values = solved([*smooth.at_vertices(), *all_rows, *smooth.conditions()] if smooth else all_rows, values)
+    found = [[_value(terms, values) for terms in moving[n]] for n in range(space.count)]
+    moved = {each.name: [ZERO] * 3 for each in stated.contacts}
+    for name, known in stated.plates.items():
+        motion = values[3 * bodies[name] :]
+        moved[name] = [*_rigid(motion, known["pivot"]), motion[2]]
+    exact = [[[found[cell[n]] for n in part] for part in space.nodes.of_parts.tolist()]
+             for cell in space.global_.tolist()]  # fmt: skip
+    return {"velocities": exact, "plates": moved}
+
+
+def _places(stated: Statement, space: Velocities) -> list[Vector]:
+    """Where the nodes of velocities are."""
+    found, keys = [(ZERO, ZERO)] * space.count, space.nodes.keys.tolist()
+    for cell, numbers in zip(stated.cells, space.global_.tolist(), strict=True):
+        for n, (*weights, centre) in zip(numbers, keys, strict=True):
+            shares = [Fraction(3 * weight + centre, 3 * space.degree) for weight in weights]
+            found[n] = middle([stated.points[v] for v in cell], shares)
+    return found
 
 
 def _streams(
-    stated: Statement, space: Velocities, velocities: FloatArray, keeps: BoolArray,
-    held: Sequence[_Held], plates: Sequence[Sequence[Fraction]],
-) -> Iterator[tuple[int, Vector]]:  # fmt: skip
-    """Nodes of parts that keep their volume with their velocities (ψ_y, −ψ_x), ψ being C1 on each part.
-
-    In floating point ψ is what p (c_(α + e_i) − c_(α + e_0)) = (x_i − x_0) × v_α says, zero at one node of each part.
-    """
-    p, cells = space.degree + 1, np.flatnonzero(keeps)
-    tips = space.global_[:, [space.nodes.of_sides[2, 0], space.nodes.of_sides[2, -1], space.nodes.of_sides[1, -1]]]
-    names, first = np.unique(tips[cells], return_index=True)  # of corners, which blocks do not share
-    ids = np.where(np.isin(tips, names), np.searchsorted(names, tips), -1)
-    points = [stated.points[n] for n in stated.mesh.cells[cells].ravel()[first].tolist()]
-    smooth = Smooth(points, ids[cells].tolist(), p)
-    rows = list[Row]()
-    for cell, pair, directions, plate in held:
-        motion, ends = plates[plate] if plate >= 0 else [ZERO] * 3, [stated.points[v] for v in pair]
-        i, j = (int(ids[cell, stated.cells[cell].index(n)]) for n in pair)
-        for d in directions:
-            rows += [(smooth.at_vertex(end, (ZERO, -d[1], d[0])), dot(d, _rigid(motion, at)))
-                     for end, at in zip((i, j), ends, strict=True) if end >= 0]  # fmt: skip
-            for n in range(p if keeps[cell] else 0):
-                share = Fraction(n, p - 1)
-                at = middle(ends, [1 - share, share])
-                rows.append((smooth.slope(smooth.sides[i, j][0], n, (-d[1], d[0])), dot(d, _rigid(motion, at))))
-
-    number = {tuple(alpha): n for n, alpha in enumerate(exponents(p).tolist())}
-    near = np.array([[number[tuple(alpha[m] + (m == i) for m in range(3))] for i in range(3)]
-                     for alpha in exponents(p - 1).tolist()])  # fmt: skip
-    known, ordinates = np.unique(smooth.columns[:, smooth.nodes.of_parts], return_inverse=True)
-    ordinates = ordinates.reshape(len(cells), 3, -1)
-    corners = part_corners(stated.mesh.corners[cells])
-    v = velocities[cells][:, space.nodes.of_parts]
-    arms = (corners[:, :, 1:] - corners[:, :, :1])[:, :, None]
-    right = v[..., None, 0] * arms[..., 1] - v[..., None, 1] * arms[..., 0]
-    start, end = np.broadcast_arrays(ordinates[..., near[:, :1]], ordinates[..., near[:, 1:]])
-    one = sparse.eye_array(len(known), format="csr")
-    A = p * (one[end.ravel()] - one[start.ravel()])
-    fixed = np.zeros(len(known))
-    fixed[np.unique(linked(start, end, len(known)), return_index=True)[1]] = 1.0
-    square = sparse.csc_array(A.T @ A + sparse.diags_array(fixed))
-    psi = linalg.splu(square).solve(np.asarray(A.T @ right.ravel()))
-
-    exact = smooth.solved(rows, psi[ordinates])
-    for cell, corner, parts in zip(cells.tolist(), ids[cells].tolist(), exact, strict=True):
-        ends = [points[i] for i in corner]
-        for c, (a, b), own in zip(parts, EDGES, space.nodes.of_parts, strict=True):
-            along, inwards = less(ends[b], ends[a]), less(middle(ends), ends[a])
-            for node, (c0, c1, c2) in zip(space.global_[cell, own].tolist(), near.tolist(), strict=True):
-                u, w = (p * (c[n] - c[c0]) / cross(along, inwards) for n in (c1, c2))  # ∇ψ along both, over the area
-                yield node, (w * along[0] - u * inwards[0], w * along[1] - u * inwards[1])
+    stated: Statement, space: Velocities, cells: IntArray, first: int
+) -> tuple[Smooth, dict[int, list[Terms]]]:
+    """Stream functions ψ, C1 on each part, and terms of them that are (ψ_y, −ψ_x) at nodes."""
+    first_side, middle_side = space.nodes.of_sides[2], space.nodes.of_sides[1]
+    tips = space.global_[cells][:, [*first_side[[0, -1]], middle_side[-1]]]
+    _, place, corners = np.unique(tips, return_index=True, return_inverse=True)  # blocks do not share them
+    points = [stated.points[n] for n in stated.mesh.cells[cells].ravel()[place].tolist()]
+    smooth, found = Smooth(points, corners.reshape(-1, 3).tolist(), space.degree + 1, first), dict[int, list[Terms]]()
+    for t, cell in enumerate(cells.tolist()):
+        for (a, b), own in zip(EDGES, space.nodes.of_parts, strict=True):
+            for node, (_, n, inner) in zip(space.global_[cell, own].tolist(), _exponents(space.degree), strict=True):
+                axes = (ZERO, ONE), (-ONE, ZERO)
+                found[node] = [smooth.slope((t, a, b), axis, n, inner) for axis in axes]
+    return smooth, found

@@ -14,11 +14,14 @@ from itertools import product
 from typing import TypeAlias
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse import linalg
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.element.triangle import EDGES
+from qvi_contact.element.triangle import EDGES, exponents
 from qvi_contact.limit.check_proof import cross, less
-from qvi_contact.limit.split import Nodes
+from qvi_contact.limit.split import Nodes, part_corners
+from qvi_contact.mesh.edges import linked
 
 Vector: TypeAlias = tuple[Fraction, Fraction]
 
@@ -44,6 +47,8 @@ class Smooth:
 
     Attributes
     ----------
+    first : int
+        The number of the first unknown.
     columns : (n, m) int array
         Numbers of the ordinates of each triangle, first those on edges, and those nearest to barycentres last.
     sides : dict
@@ -51,8 +56,8 @@ class Smooth:
 
     """
 
-    def __init__(self, points: Sequence[Vector], triangles: Sequence[Sequence[int]], p: int) -> None:
-        self.points, self.triangles, self.p, self.nodes = points, triangles, p, Nodes.of(p)
+    def __init__(self, points: Sequence[Vector], triangles: Sequence[Sequence[int]], p: int, first: int = 0) -> None:
+        self.points, self.triangles, self.p, self.nodes, self.first = points, triangles, p, Nodes.of(p), first
         keys = [tuple(key) for key in self.nodes.keys.tolist()]
         self._place = {key: n for n, key in enumerate(keys)}
         names = [
@@ -61,7 +66,7 @@ class Smooth:
             for t, corners in enumerate(triangles)
         ]  # fmt: skip
         unique = sorted({name: None for each in names for name in each}, key=lambda name: name[0])
-        number = {name: n for n, name in enumerate(unique, 3 * len(points))}
+        number = {name: n for n, name in enumerate(unique, first + 3 * len(points))}
         self.columns = np.array([[number[name] for name in each] for each in names])
         self.sides = dict[tuple[int, int], list[tuple[int, int, int]]]()
         for t, corners in enumerate(triangles):
@@ -73,20 +78,18 @@ class Smooth:
     def at_vertex(self, v: int, parts: Sequence[Fraction]) -> Terms:
         """A combination of Φ, Φ_x and Φ_y at a vertex."""
         value, *slopes = parts
-        found = {3 * v: value, **{3 * v + n: slope / self._unit for n, slope in enumerate(slopes, 1)}}
-        return {column: part for column, part in found.items() if part}
+        found = [value, *(slope / self._unit for slope in slopes)]
+        return {column: part for column, part in enumerate(found, self.first + 3 * v) if part}
 
-    def slope(self, side: tuple[int, int, int], n: int, d: Vector) -> Terms:
-        """The ordinate n = 0 … p − 1 of d·∇Φ along a side, from its first corner on."""
-        t, a, b = side
+    def slope(self, side: tuple[int, int, int], d: Vector, n: int, inner: int = 0) -> Terms:
+        """The ordinate n = 0 … p − 1 of d·∇Φ along a side, from its first corner on, or nearer to the barycentre."""
+        (t, a, b), k = side, self.p - 1 - n - inner
         start, end = (self.points[self.triangles[t][i]] for i in (a, b))
         along, inwards = less(end, start), less(middle([self.points[v] for v in self.triangles[t]]), start)
         area = cross(along, inwards)
         first, second = cross(d, inwards) / area, cross(along, d) / area
-        found = {self._column(t, (a, self.p - n), (b, n)): -self.p * (first + second),
-                 self._column(t, (a, self.p - 1 - n), (b, n + 1)): self.p * first,
-                 self._column(t, (a, self.p - 1 - n), (b, n), (3, 1)): self.p * second}  # fmt: skip
-        return {column: part for column, part in found.items() if part}
+        weights = {(k + 1, n, inner): -first - second, (k, n + 1, inner): first, (k, n, inner + 1): second}
+        return {self._column(t, (a, i), (b, j), (3, c)): self.p * part for (i, j, c), part in weights.items() if part}
 
     def _column(self, t: int, *weights: tuple[int, int]) -> int:
         """The ordinate of a triangle with weights of its corners, and of the barycentre, corner 3."""
@@ -100,11 +103,11 @@ class Smooth:
 
         The rows hold for it.
         """
-        values = solved([*self._at_vertices(), *rows, *self._conditions()], self._rounded(rough))
+        values = solved([*self.at_vertices(), *rows, *self.conditions()], self.rounded(rough))
         return [[[values[column] for column in part] for part in cell]
                 for cell in self.columns[:, self.nodes.of_parts].tolist()]  # fmt: skip
 
-    def _at_vertices(self) -> Iterator[Row]:
+    def at_vertices(self) -> Iterator[Row]:
         """Ordinates at vertices and beside them follow from Φ and ∇Φ there."""
         found = dict[int, Terms]()
         for t, corners in enumerate(self.triangles):
@@ -116,7 +119,7 @@ class Smooth:
                     found[column] = {column: ONE, **self.at_vertex(v, [-ONE, -e[0] / self.p, -e[1] / self.p])}
         yield from ((row, ZERO) for row in found.values())
 
-    def _conditions(self) -> Iterator[Row]:
+    def conditions(self) -> Iterator[Row]:
         """Φ is C1 across edges, and across the lines from corners to barycentres.
 
         There, ordinates of both parts add to three times the one on the line that is nearer to the barycentre, less the
@@ -127,7 +130,7 @@ class Smooth:
             if i < j and len(sides) == 2:
                 e = less(self.points[j], self.points[i])
                 for n in range(1, p - 1):
-                    first, second = (self.slope(side, n, (-e[1], e[0])) for side in sides)
+                    first, second = (self.slope(side, (-e[1], e[0]), n) for side in sides)
                     yield combined((ONE, first), (-ONE, second)), ZERO
         for t, v, inner in product(range(len(self.triangles)), range(3), range(1, p)):
             own = v, p - 1 - inner
@@ -135,20 +138,42 @@ class Smooth:
             nearer = self._column(t, own, (3, inner + 1))
             yield combined(*((ONE, {column: ONE}) for column in beside), (ONE, {nearer: Fraction(-3)})), ZERO
 
-    def _rounded(self, rough: FloatArray) -> list[Fraction]:
-        """Values of all unknowns near rough ordinates."""
-        found, p = np.zeros(int(self.columns.max()) + 1), self.p
-        found[self.columns[:, self.nodes.of_parts]] = rough
+    def rounded(self, rough: FloatArray) -> list[Fraction]:
+        """Values of all unknowns, from the first on, near rough ordinates (n, 3, count)."""
+        columns, p = self.columns - self.first, self.p
+        found = np.zeros(int(columns.max()) + 1)
+        found[columns[:, self.nodes.of_parts]] = rough
         corners = np.array(self.triangles)
         points = np.array(self.points, dtype=float)[corners]
         for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
             keys = (tuple((p - 1) * (n == a) + (n == each) for n in range(4)) for each in (a, b, c))
-            own, *beside = (found[self.columns[:, self._place[key]]] for key in keys)
+            own, *beside = (found[columns[:, self._place[key]]] for key in keys)
             arms = np.stack([points[:, b] - points[:, a], points[:, c] - points[:, a]], axis=1)
             rises = p * np.stack([each - own for each in beside], axis=1)
             slopes = np.linalg.solve(arms, rises[..., None])[..., 0] * float(self._unit)
             found[3 * corners[:, a, None] + np.arange(3)] = np.column_stack([own, slopes])
         return [Fraction(value) for value in found.tolist()]
+
+    def integrated(self, v: FloatArray) -> FloatArray:
+        """Rough ordinates (n, 3, count) of ψ with (ψ_y, −ψ_x) = v, from ordinates (n, 3, ·, 2) of v.
+
+        They are what p (c_(α + e_i) − c_(α + e_0)) = (x_i − x_0) × v_α says, zero at one node of each part.
+        """
+        number = {tuple(alpha): n for n, alpha in enumerate(exponents(self.p).tolist())}
+        near = np.array([[number[tuple(alpha[m] + (m == i) for m in range(3))] for i in range(3)]
+                         for alpha in exponents(self.p - 1).tolist()])  # fmt: skip
+        known, at = np.unique(self.columns[:, self.nodes.of_parts], return_inverse=True)
+        at = at.reshape(len(self.triangles), 3, -1)
+        corners = part_corners(np.array(self.points, dtype=float)[np.array(self.triangles)])
+        arms = (corners[:, :, 1:] - corners[:, :, :1])[:, :, None]
+        right = v[..., None, 0] * arms[..., 1] - v[..., None, 1] * arms[..., 0]
+        start, end = np.broadcast_arrays(at[..., near[:, :1]], at[..., near[:, 1:]])
+        one = sparse.eye_array(len(known), format="csr")
+        A = self.p * (one[end.ravel()] - one[start.ravel()])
+        fixed = np.zeros(len(known))
+        fixed[np.unique(linked(start, end, len(known)), return_index=True)[1]] = 1.0
+        square = sparse.csc_array(A.T @ A + sparse.diags_array(fixed))
+        return np.asarray(linalg.splu(square).solve(np.asarray(A.T @ right.ravel())))[at]
 
 
 def combined(*parts: tuple[Fraction, Terms]) -> Terms:
