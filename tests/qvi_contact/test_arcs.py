@@ -10,7 +10,7 @@ from comparisons.verification import stress_deviation
 from comparisons.verification.chapters.curves import lame, lame_energy
 from qvi_contact import Corner, Expression, InputError, TriangleMesh, solve, verify_result
 from qvi_contact.companion import solve_companion, solve_companions
-from qvi_contact.gallery import arc, fan
+from qvi_contact.gallery import arc, fan, rings
 from qvi_contact.mechanism import Rigid, find_mechanism
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from qvi_contact.refinement import places
@@ -426,3 +426,9 @@ def test_an_offset_along_tangents_that_turn_back_jumps():
     (reason,) = solve_companion(held_ring(Contact.tied("hole", offset=0.1))).reasons
     assert "0.2" in reason
     assert solve_companion(held_ring(Contact.tied("hole", gap=0.1))).reasons == ()
+
+
+@pytest.mark.parametrize(("given", "angle"), [({}, np.pi / 2.0), ({"whole": True}, 2.0 * np.pi)])
+def test_rings_of_the_gallery_are_a_quarter_unless_the_whole_is_asked_for(given, angle):
+    mesh = rings(4, **given).mesh
+    assert [mesh.edges(name).length.sum() for name in ("joint", "outer")] == pytest.approx([0.6 * angle, angle])
