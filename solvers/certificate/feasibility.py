@@ -18,13 +18,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array, diags_array, hstack, vstack
+from scipy.sparse import coo_array, csc_array, diags_array, hstack
 
 from solvers.basics.progress import deadline
-from solvers.basics.types import BoolVector, IntVector, Sparse, Vector, load
+from solvers.basics.types import BoolVector, IntVector, Sparse, Vector
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import by_columns
 from solvers.inner.linear_program import BackendFailure, attempt, real_vector, solved
+from solvers.inner.qp import clarabel_solver
 
 _REACH = 1e4
 """The proof must exclude every z up to this many times the size of the bonded solution (and of 1)."""
@@ -173,27 +174,11 @@ def _farkas(qvi: FrictionQVI, rows: AdmissibleRows, chosen: BoolVector) -> tuple
 
 def _nearest(qvi: FrictionQVI, rows: AdmissibleRows, chosen: BoolVector | slice = slice(None)) -> Feasibility:
     """The point of A z = b and the chosen rows that is nearest to the bonded state."""
-    clarabel = load("clarabel")
-    G, h = csc_array(rows.G[chosen]), rows.h[chosen]
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.presolve_enable = False
-    settings.tol_infeas_abs = settings.tol_infeas_rel = 1e-11
-    settings.time_limit = deadline.left
-    cones = ([clarabel.ZeroConeT(qvi.p)] if qvi.p else []) + [clarabel.NonnegativeConeT(h.size)]
-    stacked = csc_array(vstack([qvi.A, G])) if qvi.p else G
-    weights = qvi.stiffness.diagonal
-    program = (
-        csc_array(diags_array(weights)),
-        -weights * qvi.bonded,
-        stacked,
-        np.concatenate([qvi.b, h]),
-        cones,
-        settings,
-    )
+    weights, G, h = qvi.stiffness.diagonal, csc_array(rows.G[chosen]), rows.h[chosen]
+    options = {"tol_infeas_abs": 1e-11, "tol_infeas_rel": 1e-11, "time_limit": deadline.left}
 
     def ask() -> tuple[str, Vector, Vector]:
-        answer = clarabel.DefaultSolver(*program).solve()
+        answer = clarabel_solver(csc_array(diags_array(weights)), -weights * qvi.bonded, qvi, G, h, options).solve()
         return str(answer.status), real_vector("x", answer.x, qvi.n), real_vector("z", answer.z, qvi.p + h.size)
 
     found = attempt("feasibility check failed", ask)

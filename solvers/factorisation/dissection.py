@@ -58,9 +58,10 @@ def _eliminated(K: Sparse, order: IntVector, starts: IntVector, backend: str) ->
     by rows, the lower triangle is used: to LAPACK the upper one, by columns.
     """
     n, columns = len(order), K[:, order]
-    position = np.empty(n, dtype=np.int64)
-    position[order] = np.arange(n)
-    rows, column = position[columns.indices], np.repeat(np.arange(n), np.diff(columns.indptr))
+    numbers = np.arange(n, dtype=K.indices.dtype)
+    position = np.empty_like(numbers)
+    position[order] = numbers
+    rows, column = position[columns.indices], np.repeat(numbers, np.diff(columns.indptr))
     lower = rows >= column
     entries = np.concatenate([[0], np.cumsum(lower)])[columns.indptr].tolist()  # of K, before each column
     rows, column, data = rows[lower], column[lower], columns.data[lower]

@@ -17,7 +17,7 @@ from scipy.sparse import csc_array, csc_matrix, triu, vstack
 
 from solvers.basics.progress import deadline
 from solvers.basics.status import Status
-from solvers.basics.types import Vector, load
+from solvers.basics.types import Sparse, Vector, load
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.linear_program import within_time
 from solvers.inner.problem import Centre, InnerProblem, InnerSolution, no_result
@@ -299,28 +299,29 @@ BACKENDS: Mapping[str, QPBackend] = MappingProxyType(
 _FLOOR = 1e-12
 
 
+def clarabel_solver(P: Sparse, q: Vector, qvi: FrictionQVI, G: Sparse, h: Vector, options: Mapping[str, Any]) -> Any:
+    """Clarabel's solver of the least ½zᵀPz + qᵀz with A z = b and G z ≤ h, silent and without presolve."""
+    clarabel = load("clarabel")
+    settings = clarabel.DefaultSettings()
+    for name, value in {**options, "verbose": False, "presolve_enable": False}.items():
+        setattr(settings, name, value)
+    cones = [*([clarabel.ZeroConeT(qvi.p)] if qvi.p else []), clarabel.NonnegativeConeT(h.size)]
+    rows = csc_array(vstack([qvi.A, G])) if qvi.p else G
+    return clarabel.DefaultSolver(csc_array(triu(P)), q, rows, np.concatenate([qvi.b, h]), cones, settings)
+
+
 class DirectClarabel:
     """Clarabel on  A x + w = b (w = 0),  G x + w = h (w ≥ 0)."""
 
     packages: tuple[str, ...] = ("clarabel",)
 
     def __init__(self, qvi: FrictionQVI, tolerance: float, options: Mapping[str, Any] | None = None) -> None:
-        clarabel = load("clarabel")
-
         self._inner = InnerProblem(qvi)
-        cones = [clarabel.ZeroConeT(qvi.p)] if qvi.p else []
-        cones.append(clarabel.NonnegativeConeT(3 * qvi.m))
-        rows = csc_array(vstack([qvi.A, self._inner.G])) if qvi.p else self._inner.G
-        right = np.ones(qvi.p + 3 * qvi.m)  # of no meaning: every solve sets its own
-        upper = csc_array(triu(qvi.K))
-        settings = clarabel.DefaultSettings()
         if options is None:
             options = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), max(tolerance, _FLOOR))
-        for name, value in options.items():
-            setattr(settings, name, value)
-        settings.verbose = False
-        settings.presolve_enable = settings.chordal_decomposition_enable = settings.input_sparse_dropzeros = False
-        self._solver = clarabel.DefaultSolver(upper, np.zeros(qvi.n), rows, right, cones, settings)
+        options = {**options, "chordal_decomposition_enable": False, "input_sparse_dropzeros": False}
+        right = np.ones(3 * qvi.m)  # of no meaning: every solve sets its own
+        self._solver = clarabel_solver(qvi.K, -qvi.f, qvi, self._inner.G, right, options)
 
     def solve(
         self,

@@ -278,6 +278,9 @@ def test_echelon_finds_the_rank_and_a_basis(Y):
         left = unit - unit @ np.linalg.pinv(unit[found.rows]) @ unit[found.rows]
         assert np.abs(left).max(initial=0.0) < 1e-8
     assert list(found.rows) == sorted(set(found.rows.tolist()))
+    E, orthonormal = independent_rows(Y)
+    assert (orthonormal @ orthonormal.T).toarray() == pytest.approx(np.eye(rank), abs=1e-12)
+    assert E @ orthonormal / np.where(scale > 0.0, scale, 1.0)[:, None] == pytest.approx(unit, abs=1e-12)
 
 
 def test_echelon_takes_the_first_of_equal_rows_and_ignores_stored_zeros():
@@ -401,39 +404,3 @@ def test_rows_of_many_bodies_stay_sparse():
     z = np.random.default_rng(0).normal(size=qvi.n)
     y = coordinates.from_values(z[qvi.contact.touched])
     assert coordinates.interpolation @ y == pytest.approx(qvi.contact_rows @ z, abs=1e-11 * np.abs(y).max())
-
-
-SHAPES = {"tall": (20, 6, 4), "wide": (5, 30, 3), "full": (4, 4, 4), "nothing": (3, 5, 0)}
-
-
-def rows_of_rank(rank, count, columns, spread, seed=0):
-    """Random rows of lengths between 1/spread and spread, some columns untouched."""
-    random = np.random.default_rng(seed)
-    B = random.normal(size=(count, rank)) @ random.normal(size=(rank, columns))
-    if columns > rank + 2:
-        B[:, ::9] = 0.0
-    return csc_array(B * np.geomspace(1.0 / spread, spread, count)[:, None])
-
-
-def row_error(B, product):
-    lengths = np.linalg.norm(B.toarray(), axis=1)
-    return (np.linalg.norm(B.toarray() - product, axis=1) / np.where(lengths > 0.0, lengths, 1.0)).max()
-
-
-@pytest.mark.parametrize("spread", [1.0, 1e8])
-@pytest.mark.parametrize(("count", "columns", "rank"), SHAPES.values(), ids=SHAPES)
-class TestRank:
-    """Long and short rows alike: their lengths decide nothing."""
-
-    def test_orthonormal_rows_span_all(self, count, columns, rank, spread):
-        B = rows_of_rank(rank, count, columns, spread)
-        E, Y = independent_rows(B)
-        assert Y.shape == (rank, columns)
-        assert (Y @ Y.T).toarray() == pytest.approx(np.eye(rank), abs=1e-12)
-        assert row_error(B, E @ Y) < 1e-12
-
-
-@pytest.mark.parametrize("shape", [(0, 3), (2, 3)])
-def test_nothing_spans_nothing(shape):
-    E, _ = independent_rows(csc_array(shape))
-    assert E.shape == (shape[0], 0)

@@ -187,12 +187,9 @@ def test_outliers_do_not_count_nor_rounding(factor, contraction):
     assert contraction(history(late)) == pytest.approx(0.1)
 
 
-def test_too_few_are_none(contraction):
+def test_few_residuals_gaps_and_what_has_no_inner_problem_do_not_count(contraction):
     assert contraction(history([1.0, 0.1, 0.01])) is None
     assert contraction(history([np.inf, 1.0, 0.1, 0.01])) is None
-
-
-def test_gaps_do_not_count_nor_what_has_no_inner_problem(contraction):
     kept = [entry for entry in history(0.5 ** np.arange(14.0)) if entry.number % 3]
     assert contraction([*kept, Iteration(15, 1e-12, 0.0, 0.0, None, 5)]) == pytest.approx(0.5)
 

@@ -151,22 +151,16 @@ def test_options_of_other_methods_are_refused_and_names_listed():
     assert all(status.advice.endswith(".") for status in Status)
 
 
-@pytest.mark.parametrize("tolerance", [None, "1e-8", 1j, np.ones(2), 0.0, 1.0, np.nan])
-def test_tolerances_of_certificates(tolerance):
-    qvi = random_problem(0)
-    with pytest.raises(InputError) as caught:
-        certify(qvi, np.zeros(qvi.n), np.zeros(qvi.m), np.zeros(qvi.m), np.zeros(qvi.p), tolerance)
-    assert caught.value.field == "tolerance"
-
-
 @pytest.mark.parametrize(
-    ("name", "value"), [("normal_multiplier", np.zeros(9)), ("tangential_multiplier", 1j * np.ones(8))]
-)
-def test_multipliers_of_certificates(name, value):
+    ("name", "value"),
+    [*(("tolerance", wrong) for wrong in (None, "1e-8", 1j, np.ones(2), 0.0, 1.0, np.nan)),
+     ("normal_multiplier", np.zeros(9)), ("tangential_multiplier", 1j * np.ones(8))],
+)  # fmt: skip
+def test_certificates_take_numbers_of_their_shapes(name, value):
     qvi = random_problem(0)
-    given = {"normal_multiplier": np.zeros(8), "tangential_multiplier": np.zeros(8), name: value}
+    given = dict.fromkeys(("normal_multiplier", "tangential_multiplier"), np.zeros(8)) | {name: value}
     with pytest.raises(InputError) as caught:
-        certify(qvi, np.zeros(qvi.n), *given.values(), np.zeros(qvi.p))
+        certify(qvi, np.zeros(qvi.n), **given)
     assert caught.value.field == name
 
 
