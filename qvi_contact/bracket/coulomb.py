@@ -40,7 +40,6 @@ from qvi_contact.bracket.parts import (
     by_cell,
     edge_parts,
     strain_energy,
-    tractions_on,
 )
 from qvi_contact.bracket.share import LeastChange, Share, SharedStress
 from qvi_contact.companion import CompanionResult
@@ -180,7 +179,7 @@ def coulomb_bounds(
     """
     result, shares, known = stress.result, stress.shares, stress.result.discretization
     own, unit = EdgeTractions.of(known, result.dofs), known.scales.stress
-    excess, tension = left = own.violations(own.bound, known.qvi.bilateral)
+    excess, tension = own.violations(own.bound)
     for rows in known.contacts:
         if rows.law != "tied" and max(excess[rows.edges].max(), tension[rows.edges].max()) > LOOSEST * own.size:
             return f"The stress does not obey the law of contact {rows.name!r} on whole edges."
@@ -189,7 +188,7 @@ def coulomb_bounds(
         return companion.state.contradiction
     problem = known.problem
     fields, before = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
-    edges, slack, _ = edge_parts(fields, known, own, own.bound, left, companion)
+    edges, slack, _ = edge_parts(fields, known, own, own.bound, companion)
     inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
     inside += by_cell(problem, {name: part.springs for name, part in edges.items()})
     missed = {name: np.maximum(part.contact, 0.0) + np.maximum(part.friction, 0.0) for name, part in edges.items()}
@@ -512,7 +511,7 @@ def _lines(errors: CoulombBounds, cut: float) -> Iterator[_Line]:
     known = stress.discretization
     assert state is not None
     c, beyond = (each.reshape(2, -1) for each in (state.c, state.c - state.contacts.obstacle))
-    length = known.scales.displacement
+    length, unit, tractions = known.scales.displacement, known.scales.stress, EdgeTractions.of(known, stress.dofs)
     # where all of a contact is closed and sticks its displacements are the rounding of those of the body
     least = _MOVED * float(np.abs(state.v).max(initial=0.0))
 
@@ -526,13 +525,12 @@ def _lines(errors: CoulombBounds, cut: float) -> Iterator[_Line]:
             continue
         share, own = shares.get(contact.name), c[:, trace.here]
         slipping = np.zeros(trace.count) if share is None else trace.slipping_on(share.slipping)
-        normal, shear = (known.scales.stress * part for part in tractions_on(known, stress.dofs, rows))
-        room = np.zeros_like(shear)
-        if share is not None:
-            assert not callable(contact.cohesion)
-            room = share.room * (share.friction * np.maximum(-normal, 0.0) + contact.cohesion)
+        normal, bound = tractions.normal[rows.edges], tractions.bound[rows.edges]
+        room = 0.0 * bound if share is None else share.room * bound
         moved, pressed = max(float(np.abs(own).max(initial=0.0)), least), float(np.abs(normal).max(initial=0.0))
         opening, slip = (
             length * shown(part, moved) for part in (-beyond[0, trace.here], slipping * beyond[1, trace.here])
         )
-        yield _Line(trace, rows, share, slipping, opening, slip, shown(-normal, pressed), shown(room, pressed))
+        yield _Line(
+            trace, rows, share, slipping, opening, slip, unit * shown(-normal, pressed), unit * shown(room, pressed)
+        )
