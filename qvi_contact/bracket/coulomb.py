@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 from scipy import sparse
 
-from qvi_contact.basics.checks import BoolArray, FloatArray
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.bracket.norms import (
     LARGEST,
     UNHELD,
@@ -249,36 +249,18 @@ class _Line:
     slip: FloatArray  # (n,): of |v_T − w| ≥ 0 [length]
     pressure: FloatArray  # (e, q): of |τ_N| ≥ 0 [stress]
     room: FloatArray  # (e, q): of m (c + μ|τ_N|) ≥ 0, m of `Share.room` [stress]
+    # (n,): coefficients on edges of which some coefficient touches the obstacle; does not slip, without friction none
+    closed: BoolArray
+    stuck: BoolArray
+    # (e,): edges of which some coefficient bears no pressure, and reaches the friction bound, without friction all:
+    # ζ_N = 0, and ζ_T = 0 there
+    loose: BoolArray
+    sliding: BoolArray
 
     @property
     def friction(self) -> float:
         """Coulomb's coefficient μ."""
         return 0.0 if self.share is None else self.share.friction
-
-    @property
-    def closed(self) -> BoolArray:
-        """Coefficients (n,) on edges of which some coefficient touches the obstacle."""
-        return self._spread(self.opening == 0.0)
-
-    @property
-    def stuck(self) -> BoolArray:
-        """Coefficients (n,) on edges of which some coefficient does not slip; none without friction."""
-        return self._spread(self.slip == 0.0) & (self.share is not None)
-
-    @property
-    def loose(self) -> BoolArray:
-        """Edges (e,) of which some coefficient bears no pressure: ζ_N = 0 there."""
-        return np.asarray((self.pressure == 0.0).any(axis=1))
-
-    @property
-    def sliding(self) -> BoolArray:
-        """Edges (e,) of which some coefficient reaches the friction bound: ζ_T = 0 there; all without friction."""
-        return np.asarray((self.room == 0.0).any(axis=1)) | (self.share is None)
-
-    def _spread(self, chosen: BoolArray) -> BoolArray:
-        found = np.zeros_like(chosen)
-        found[self.trace.columns[chosen[self.trace.columns].any(axis=1)]] = True
-        return found
 
 
 def coulomb_force_bounds(errors: CoulombBounds, defect: float) -> dict[str, Bounds]:
@@ -510,7 +492,7 @@ def _lines(errors: CoulombBounds, cut: float) -> Iterator[_Line]:
     stress, shares, state = errors.stress, errors.shares, errors.displacement.state
     known = stress.discretization
     assert state is not None
-    c, beyond = (each.reshape(2, -1) for each in (state.c, state.c - state.contacts.obstacle))
+    beyond = (state.c - state.contacts.obstacle).reshape(2, -1)
     length, unit, tractions = known.scales.displacement, known.scales.stress, EdgeTractions.of(known, stress.dofs)
     # where all of a contact is closed and sticks its displacements are the rounding of those of the body
     least = _MOVED * float(np.abs(state.v).max(initial=0.0))
@@ -519,18 +501,26 @@ def _lines(errors: CoulombBounds, cut: float) -> Iterator[_Line]:
         """The values, 0 where they count as none beside the size of what they are part of."""
         return np.where(values > max(cut * float(values.max(initial=0.0)), _NOISE * size), values, 0.0)
 
+    def spread(chosen: BoolArray, columns: IntArray) -> BoolArray:
+        """All coefficients of edges of which some are chosen."""
+        found = np.zeros_like(chosen)
+        found[columns[chosen[columns].any(axis=1)]] = True
+        return found
+
     for trace, rows in zip(state.contacts.traces, known.contacts, strict=True):
-        contact = trace.contact
-        if contact.law == "tied":
+        if trace.contact.law == "tied":
             continue
-        share, own = shares.get(contact.name), c[:, trace.here]
+        share, own = shares.get(trace.name), beyond[:, trace.here]
         slipping = np.zeros(trace.count) if share is None else trace.slipping_on(share.slipping)
-        normal, bound = tractions.normal[rows.edges], tractions.bound[rows.edges]
-        room = 0.0 * bound if share is None else share.room * bound
-        moved, pressed = max(float(np.abs(own).max(initial=0.0)), least), float(np.abs(normal).max(initial=0.0))
-        opening, slip = (
-            length * shown(part, moved) for part in (-beyond[0, trace.here], slipping * beyond[1, trace.here])
-        )
+        normal, bound = unit * tractions.normal[rows.edges], unit * tractions.bound[rows.edges]
+        moved = max(float(np.abs(state.c.reshape(2, -1)[:, trace.here]).max(initial=0.0)), least)
+        pressed = float(np.abs(normal).max(initial=0.0))
+        opening, slip = (length * shown(part, moved) for part in (-own[0], slipping * own[1]))
+        pressure, room = shown(-normal, pressed), shown(0.0 * bound if share is None else share.room * bound, pressed)
         yield _Line(
-            trace, rows, share, slipping, opening, slip, unit * shown(-normal, pressed), unit * shown(room, pressed)
-        )
+            trace, rows, share, slipping, opening, slip, pressure, room,
+            closed=spread(opening == 0.0, trace.columns),
+            stuck=spread(slip == 0.0, trace.columns) & (share is not None),
+            loose=np.asarray((pressure == 0.0).any(axis=1)),
+            sliding=np.asarray((room == 0.0).any(axis=1)),
+        )  # fmt: skip

@@ -321,11 +321,8 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
     that is not enough pressure changes too, and the bound with it: the rows are (τ + η)_T = −s B(τ + η).
     """
     known, qvi = result.discretization, result.discretization.qvi
-    m, rough, own = (
-        qvi.m,
-        [rows for rows in known.contacts if rows.name in shares],
-        EdgeTractions.of(known, result.dofs),
-    )
+    m, rough = qvi.m, [rows for rows in known.contacts if rows.name in shares]
+    own = EdgeTractions.of(known, result.dofs)
     wanted, turned, free, bears = np.zeros(m), np.zeros(m), np.zeros(m, dtype=bool), np.zeros(m, dtype=bool)
     for rows in rough:
         share, at, bound, shear = shares[rows.name], rows.rows, own.bound[rows.edges], own.shear[rows.edges]
