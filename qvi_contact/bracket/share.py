@@ -445,46 +445,40 @@ def _vanishing(problem: ContactProblem, name: str) -> set[int]:
 
 
 def _unfit(body: Body, contact: Contact) -> list[list[float]]:
-    """Places of vertices of a contact where some edge of the body does not go on as it does."""
-    problem, mesh = body.problem, body.problem.mesh
-    boundary, held = mesh.boundary, held_directions(problem)
-    laws: dict[int, Contact] = {}
+    """Places of vertices of a contact where what edges there demand of v and w = R v leaves none but s = 0.
+
+    With rows C w = D v of laws, for s = 1, and h · v = h · w = 0 of what is held, there is a w for every such v where
+    the rank of all rows is that of those in w alone and of those in v alone.
+    """
+    problem, mesh, none = body.problem, body.problem.mesh, np.zeros(2)
+    own, laws = mesh.edges(contact.edges), dict[int, Contact]()
     for each in problem.contacts:
         if each not in problem.joints:
             laws |= dict.fromkeys(mesh.edge_set(each.edges).tolist(), each)
-    own = mesh.edges(contact.edges)
-    joints = [mesh.edges(each.edges) for each in problem.joints]
-    frames = {id(edges): frames_along(edges, np.array([0.0, 1.0])) for edges in (own, boundary, *joints)}
+    held = held_directions(problem)
+    lines = [(mesh.boundary, [(held[edge], laws.get(edge)) for edge in range(len(mesh.boundary))])]
+    for joint in problem.joints:
+        edges = mesh.edges(joint.edges)
+        lines.append((edges, [(np.empty((0, 2)), joint)] * len(edges)))
+    at_vertex = {vertex: ([none], [np.zeros(4)]) for vertex in np.concatenate([own.first, own.second]).tolist()}
+    for edges, demands in lines:
+        frames = frames_along(edges, np.array([0.0, 1.0]))
+        for end, vertices in enumerate((edges.first, edges.second)):
+            for edge in np.flatnonzero(np.isin(vertices, list(at_vertex))).tolist():
+                fixed, rows = at_vertex[int(vertices[edge])]
+                directions, law = demands[edge]
+                fixed += list(directions)
+                rows += [np.append(each, none) for each in directions]
+                if law is not None and law.law != "tied":
+                    normal, tangent = (part[edge, end] for part in frames)
+                    friction = law.friction if has_coulomb(law) else 0.0
+                    assert not callable(friction)
+                    sense = -friction if law.name in body.beyond else friction
+                    rows += [np.append(normal, -sense * tangent)] + [np.append(tangent, none)] * bears_shear(law)
     found = []
-    for edge in range(len(own)):
-        for end, vertex in enumerate((int(own.first[edge]), int(own.second[edge]))):
-            n, t = (part[edge, end] for part in frames[id(own)])
-            others = []
-            for lines, joint in ((boundary, None), *zip(joints, problem.joints, strict=True)):
-                for k in np.flatnonzero((lines.first == vertex) | (lines.second == vertex)).tolist():
-                    at = [part[k, int(lines.second[k] == vertex)] for part in frames[id(lines)]]
-                    beside = (held[k], laws.get(k)) if joint is None else (np.empty((0, 2)), joint)
-                    others.append((at[0], at[1], *beside))
-            turns = any(law not in (None, contact) and law.name in body.beyond for *_, law in others)
-            if turns or not all(_fits(contact, n, t, *other) for other in others):
-                found.append(mesh.vertices[vertex].tolist())
+    for vertex, (fixed, rows) in at_vertex.items():
+        both = [*rows, *(np.append(none, each) for each in fixed)]
+        ranks = (int(np.linalg.matrix_rank(part, PARALLEL)) for part in (both, np.array(rows)[:, :2], fixed))
+        if next(ranks) > sum(ranks):
+            found.append(mesh.vertices[vertex].tolist())
     return found
-
-
-def _fits(
-    contact: Contact, n: FloatArray, t: FloatArray, normal: FloatArray, tangent: FloatArray, held: FloatArray,
-    law: Contact | None,
-) -> bool:  # fmt: skip
-    """Whether (R v)_N = μ s v_T with one value of s is continuous with what the next edge demands."""
-    if spans(held, t):
-        return True
-    if (np.abs(held @ n) > PARALLEL).any():
-        return False
-    if law is None or law.law == "tied":
-        return True
-    other = law.friction if has_coulomb(law) else 0.0
-    assert not callable(other)
-    assert not callable(contact.friction)
-    across = contact.friction * float(normal @ n) * t - other * tangent
-    along = contact.friction * float(tangent @ n) if bears_shear(law) else 0.0
-    return bool(np.abs(across).max() <= PARALLEL and abs(along) <= PARALLEL)
