@@ -443,7 +443,7 @@ def _with_shares(result: ContactResult, tolerance: float, **options: Any) -> Sha
 
 
 def _assemble(given: FixedBoundProblem, stress: ContactResult, refused: str, companion: CompanionResult) -> Bracket:
-    """Energies, their parts by cell and contact, reasons."""
+    """Energies, their parts by cell and contact, and why the bounds are not guaranteed."""
     discretization, u = given.discretization, stress.dofs
     problem, mesh = discretization.problem, discretization.problem.mesh
     fields = CellFields.of(discretization, u, companion.degree)
@@ -462,10 +462,35 @@ def _assemble(given: FixedBoundProblem, stress: ContactResult, refused: str, com
     lower = -complementary - slack if not refused else -np.inf
     upper = companion.energy if moved else np.inf
     parts = inside + by_cell(problem, {name: each.total for name, each in contacts.items()})
+    data = data_reasons(discretization)
+    reasons = [*given.reasons, *data, *companion.reasons]
+    if given.lowered and not data:
+        reasons.append(
+            "A friction bound is not a polynomial of the stress's degree on every edge. A lower one is used there."
+        )
+    if refused:
+        reasons.append(refused)
+    if not moved:
+        reasons.append(f"No admissible displacement was found: {companion.message}")
     balance = abs(upper + complementary - float(parts.sum())) / size if moved else 0.0
+    misfit, curved = stress.traction_misfit, bool(mesh.sides.any())
+    if misfit > allowed_misfit(discretization.scales.stress, stress.stress_rounding):
+        reasons.append(f"Computed tractions differ from the prescribed ones by up to {misfit:.3g} [stress] at points.")
+    elif balance > _BALANCE and not curved:
+        reasons.append(f"The parts of the duality gap differ from the gap by {balance:.1e} of the energy.")
+    if curved:
+        rest = rest_on_arcs(discretization, u)
+        reasons.append(
+            f"On arcs stress and displacement meet their conditions in the mean; the stress misses its tractions by up "
+            f"to {rest:.2g} [stress] at points. The bounds hold up to the work of such differences, here {balance:.1e} "
+            "of the energy."
+        )
+    apart = (upper - lower) / max(strain, held, 1e-300)
+    if apart < -_CROSSED:
+        reasons.append(f"The bounds contradict each other by {-apart:.1e} of the strain energy.")
     return Bracket(
         kind=given.kind,
-        reasons=_reasons(given, stress, refused, companion, balance, (upper - lower) / max(strain, held, 1e-300)),
+        reasons=tuple(reasons),
         lower=lower,
         upper=upper,
         strain=strain,
@@ -478,40 +503,3 @@ def _assemble(given: FixedBoundProblem, stress: ContactResult, refused: str, com
         result=stress,
         companion=companion,
     )
-
-
-def _reasons(
-    given: FixedBoundProblem,
-    stress: ContactResult,
-    refused: str,
-    companion: CompanionResult,
-    balance: float,
-    apart: float,
-) -> tuple[str, ...]:
-    """Why the bounds are not guaranteed."""
-    data = data_reasons(given.discretization)
-    found = [*given.reasons, *data, *companion.reasons]
-    if given.lowered and not data:
-        found.append(
-            "A friction bound is not a polynomial of the stress's degree on every edge. A lower one is used there."
-        )
-    if refused:
-        found.append(refused)
-    if not companion.has_state:
-        found.append(f"No admissible displacement was found: {companion.message}")
-    misfit, unit = stress.traction_misfit, given.discretization.scales.stress
-    curved = bool(given.discretization.problem.mesh.sides.any())
-    if misfit > allowed_misfit(unit, stress.stress_rounding):
-        found.append(f"Computed tractions differ from the prescribed ones by up to {misfit:.3g} [stress] at points.")
-    elif balance > _BALANCE and not curved:
-        found.append(f"The parts of the duality gap differ from the gap by {balance:.1e} of the energy.")
-    if curved:
-        rest = rest_on_arcs(given.discretization, stress.dofs)
-        found.append(
-            f"On arcs stress and displacement meet their conditions in the mean; the stress misses its tractions by up "
-            f"to {rest:.2g} [stress] at points. The bounds hold up to the work of such differences, here {balance:.1e} "
-            "of the energy."
-        )
-    if apart < -_CROSSED:
-        found.append(f"The bounds contradict each other by {-apart:.1e} of the strain energy.")
-    return tuple(found)

@@ -412,7 +412,6 @@ class DualProblem:
     constant: FloatArray  # (2 n,): c_D, plates moved as given
     movable: BoolArray  # (2 n,): where c can change
     live: BoolArray  # (2 n,): where there is a force: c can change, and does not follow from others
-    limited: BoolArray  # (n,): coefficients that rows of the QVI belong to: those of contacts that are not tied
     equalities: IntArray  # which of the rigid motions, then plate motions, have a row of their own
     qvi: FrictionQVI
 
@@ -453,9 +452,8 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
     A = np.where(live, np.vstack([body.R.T @ B.T, contacts.motions.T]), 0.0) * W
     b = np.concatenate([-body.R.T @ body.r, contacts.resultants])
     kept = _independent(A, b, body.R.shape[1])
-    limited = ~contacts.tied
     friction, cohesion, cap = contacts.law
-    rows = np.flatnonzero(limited)
+    rows = np.flatnonzero(~contacts.tied)  # of the QVI
     cohesion = np.where(contacts.slipping == 0.0, _STICKS * max(1.0, float(cohesion.max(initial=0.0))), cohesion)
     every, none = sparse.eye_array(2 * contacts.count, format="csr"), np.zeros(len(rows))
     qvi = FrictionQVI.from_arrays(
@@ -473,7 +471,7 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
         A=sparse.csc_array(A[kept].reshape(len(kept), 2 * contacts.count)),
         b=b[kept],
     )
-    return DualProblem(contacts, body, B, constant, movable, live, limited, kept, qvi)
+    return DualProblem(contacts, body, B, constant, movable, live, kept, qvi)
 
 
 def _determined(B: FloatArray, contacts: Contacts) -> IntArray:
