@@ -15,7 +15,7 @@ In `docs/theory.md`: (D19), (D20), (D21).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -217,12 +217,26 @@ def data_reasons(discretization: Discretization) -> tuple[str, ...]:
     potential up to 5 on cells, and up to p − 2 along contacts. Springs have one stiffness on an edge. What of supports,
     gaps and offsets displacements do not hold says `CompanionResult.reasons`.
     """
-    problem, space = discretization.problem, discretization.space
-    found = [
-        f"{said} on {place!r} is not a polynomial of degree {most} on every edge."
-        for said, name, place, edges, field, most in _on_edges(discretization)
-        if callable(field) and not is_polynomial(problem, problem.mesh.edges(edges), name, field, most)
-    ]
+    problem, space, found = discretization.problem, discretization.space, list[str]()
+    most = space.traction_degree
+    for condition in problem.cartesian_conditions:
+        place, data = condition.edges, list[tuple[str, str, Field | None, int]]()  # spoken name, name, field, degree
+        if isinstance(condition, Traction):
+            data += [
+                (f"Traction.{key}", f"Traction.{key}", field, most) for key, field in components(condition).items()
+            ]
+        elif isinstance(condition, Contact):
+            place, degrees = condition.name, dict.fromkeys(SPRINGS, 0)
+            if condition.law != "tied":
+                degrees |= dict.fromkeys(("cohesion", "pore_pressure", "shear_limit"), most)
+                data.append(("The body potential", "ContactProblem.body_potential", problem.body_potential, most))
+            for name, degree in degrees.items():
+                data.append((f"The {name.replace('_', ' ')}", f"Contact.{name}", getattr(condition, name), degree))
+        found += [
+            f"{said} on {place!r} is not a polynomial of degree {degree} on every edge."
+            for said, name, field, degree in data
+            if callable(field) and not is_polynomial(problem, problem.mesh.edges(condition.edges), name, field, degree)
+        ]
     cells, (corners, parts) = np.arange(problem.mesh.cell_count), space.lattice(_DIVISIONS)
     t = corners[parts].mean(axis=1)
     points, inside = space.points(cells, t), dict[str, FloatArray]()
@@ -236,23 +250,6 @@ def data_reasons(discretization: Discretization) -> tuple[str, ...]:
         if not spanned(values, triangle(_CELL_DEGREE).values(t[:, -2:])):
             found.append(f"The {name} is not a polynomial of degree {_CELL_DEGREE} on every cell.")
     return tuple(dict.fromkeys(found))
-
-
-def _on_edges(discretization: Discretization) -> Iterator[tuple[str, str, str, str, Field | None, int]]:
-    """(spoken name, name, place, edge set, field, largest degree) of all data on edges."""
-    problem, most = discretization.problem, discretization.space.traction_degree
-    for condition in problem.cartesian_conditions:
-        if isinstance(condition, Traction):
-            for component, value in components(condition).items():
-                name = f"Traction.{component}"
-                yield name, name, condition.edges, condition.edges, value, most
-        elif isinstance(condition, Contact):
-            place, degrees = (condition.name, condition.edges), dict.fromkeys(SPRINGS, 0)
-            if condition.law != "tied":
-                degrees |= dict.fromkeys(("cohesion", "pore_pressure", "shear_limit"), most)
-                yield "The body potential", "ContactProblem.body_potential", *place, problem.body_potential, most
-            for name, own in degrees.items():
-                yield f"The {name.replace('_', ' ')}", f"Contact.{name}", *place, getattr(condition, name), own
 
 
 def force_bounds(discretization: Discretization, frictionless: bool, lower: float, upper: float) -> dict[str, Bounds]:
