@@ -15,7 +15,7 @@ In `docs/theory.md`: (D19), (D20), (D21).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -175,37 +175,24 @@ def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str,
     return ContactResult(step, result.solution), (reason,)
 
 
-@dataclass(frozen=True, eq=False)
-class AdmissibleStress:
-    """A stress of the given problem."""
-
-    # it carries the stress; solved for the given bound if that of the bracketed result violates the law somewhere
-    result: ContactResult
-    own: EdgeTractions  # its tractions
-    # (e,) each: what is left of violations on each contact edge, largest (|τ_T| − s)⁺ and (τ_N)⁺, dimensionless
-    left: tuple[FloatArray, FloatArray]
-    message: str = ""  # why there is no such stress; empty if there is
-
-
 def admissible_stress(
     given: FixedBoundProblem, result: ContactResult, tolerance: float, **options: Any
-) -> AdmissibleStress:
+) -> tuple[ContactResult, str]:
     """The stress of the result where it is admissible for the given problem up to the tolerance, else the best that is.
 
-    The tolerance is relative to the largest contact traction; options of the solve are those of `solve_qvi`.
+    The tolerance is relative to the largest contact traction; options of the solve are those of `solve_qvi`. The
+    message says why there is no such stress, and is empty if there is.
     """
     discretization = given.discretization
 
-    def violating(result: ContactResult) -> tuple[AdmissibleStress, float]:
-        """A stress, and its largest violation over the largest traction, where all is open the unit of stress."""
+    def violation(result: ContactResult) -> float:
+        """The largest one over the largest traction, where all is open the unit of stress."""
         own = EdgeTractions.of(discretization, result.dofs)
-        left = own.violations(given.threshold, discretization.qvi.bilateral)
         size = float(max(own.size, result.certificate.scales.get("stress", 0.0))) or 1.0
-        return AdmissibleStress(result, own, left), float(max(part.max(initial=0.0) for part in left)) / size
+        return float(max(part.max(initial=0.0) for part in own.violations(given.threshold))) / size
 
-    found, worst = violating(result)
-    if worst <= tolerance:
-        return found
+    if violation(result) <= tolerance:
+        return result, ""
     qvi = discretization.qvi  # with m > 0, as something is violated
     solution = solve_qvi(qvi.with_bound(np.maximum(given.threshold.ravel(), 0.0)), tolerance=tolerance, **options)
     strict = ContactResult(discretization, solution)
@@ -213,9 +200,8 @@ def admissible_stress(
     if solution.status in (Status.INFEASIBLE, Status.INNER_INFEASIBLE):
         message = "No stress on this mesh obeys the contact law on whole edges for that bound: refine the mesh."
     if not strict.has_state:
-        return replace(found, message=message)
-    found, worst = violating(strict)
-    return found if worst <= LOOSEST else replace(found, message=message)
+        return result, message
+    return strict, "" if violation(strict) <= LOOSEST else message
 
 
 _DIVISIONS = 13  # of each side of a cell; φ is looked at in the middle of the parts
@@ -232,12 +218,26 @@ def data_reasons(discretization: Discretization) -> tuple[str, ...]:
     potential up to 5 on cells, and up to p − 2 along contacts. Springs have one stiffness on an edge. What of supports,
     gaps and offsets displacements do not hold says `CompanionResult.reasons`.
     """
-    problem, space = discretization.problem, discretization.space
-    found = [
-        f"{said} on {place!r} is not a polynomial of degree {most} on every edge."
-        for said, name, place, edges, field, most in _on_edges(discretization)
-        if callable(field) and not is_polynomial(problem, problem.mesh.edges(edges), name, field, most)
-    ]
+    problem, space, found = discretization.problem, discretization.space, list[str]()
+    most = space.traction_degree
+    for condition in problem.cartesian_conditions:
+        place, data = condition.edges, list[tuple[str, str, Field | None, int]]()  # spoken name, name, field, degree
+        if isinstance(condition, Traction):
+            data += [
+                (f"Traction.{key}", f"Traction.{key}", field, most) for key, field in components(condition).items()
+            ]
+        elif isinstance(condition, Contact):
+            place, degrees = condition.name, dict.fromkeys(SPRINGS, 0)
+            if condition.law != "tied":
+                degrees |= {name: most for name, each in keys_of(Contact).items() if each.unit == "stress"}
+                data.append(("The body potential", "ContactProblem.body_potential", problem.body_potential, most))
+            for name, degree in degrees.items():
+                data.append((f"The {name.replace('_', ' ')}", f"Contact.{name}", getattr(condition, name), degree))
+        found += [
+            f"{said} on {place!r} is not a polynomial of degree {degree} on every edge."
+            for said, name, field, degree in data
+            if callable(field) and not is_polynomial(problem, problem.mesh.edges(condition.edges), name, field, degree)
+        ]
     cells, (corners, parts) = np.arange(problem.mesh.cell_count), space.lattice(_DIVISIONS)
     t = corners[parts].mean(axis=1)
     points, inside = space.points(cells, t), dict[str, FloatArray]()
@@ -251,23 +251,6 @@ def data_reasons(discretization: Discretization) -> tuple[str, ...]:
         if not spanned(values, triangle(_CELL_DEGREE).values(t[:, -2:])):
             found.append(f"The {name} is not a polynomial of degree {_CELL_DEGREE} on every cell.")
     return tuple(dict.fromkeys(found))
-
-
-def _on_edges(discretization: Discretization) -> Iterator[tuple[str, str, str, str, Field | None, int]]:
-    """(spoken name, name, place, edge set, field, largest degree) of all data on edges."""
-    problem, most = discretization.problem, discretization.space.traction_degree
-    for condition in problem.cartesian_conditions:
-        if isinstance(condition, Traction):
-            for component, value in components(condition).items():
-                name = f"Traction.{component}"
-                yield name, name, condition.edges, condition.edges, value, most
-        elif isinstance(condition, Contact):
-            place, degrees = (condition.name, condition.edges), dict.fromkeys(SPRINGS, 0)
-            if condition.law != "tied":
-                degrees |= {name: most for name, each in keys_of(Contact).items() if each.unit == "stress"}
-                yield "The body potential", "ContactProblem.body_potential", *place, problem.body_potential, most
-            for name, own in degrees.items():
-                yield f"The {name.replace('_', ' ')}", f"Contact.{name}", *place, getattr(condition, name), own
 
 
 def force_bounds(discretization: Discretization, frictionless: bool, lower: float, upper: float) -> dict[str, Bounds]:
@@ -388,7 +371,7 @@ def bracket(
     given = replace(given, reasons=(*earlier, *given.reasons))
     with deadline(time_limit), Log(f"qvi_contact {__version__}: bracket", verbose) as log:
         log.begin({"what": given.kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
-        stress = admissible_stress(given, result, tolerance, **options)
+        stress, refused = admissible_stress(given, result, tolerance, **options)
         shared: SharedStress | str = ""
         if given.kind is BracketKind.GIVEN_BOUND:
             shared = _with_shares(result, tolerance, **options)
@@ -399,7 +382,7 @@ def bracket(
         first, *more = solve_companions(
             problem, laws, degree=degree, tolerance=tolerance, slip_directions=slip, **options
         )
-        found = _assemble(given, stress, first)
+        found = _assemble(given, stress, refused, first)
         bounds: CoulombBounds | str = shared if isinstance(shared, str) else "No admissible displacement was found."
         if isinstance(shared, SharedStress) and more[0].has_state:
             reasons = dict.fromkeys((*earlier, *found.reasons[len(given.reasons) :], *more[0].reasons))
@@ -457,9 +440,9 @@ def _with_shares(result: ContactResult, tolerance: float, **options: Any) -> Sha
     return with_shares(result)
 
 
-def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: CompanionResult) -> Bracket:
-    """Energies, their parts by cell and contact, reasons."""
-    discretization, u = given.discretization, stress.result.dofs
+def _assemble(given: FixedBoundProblem, stress: ContactResult, refused: str, companion: CompanionResult) -> Bracket:
+    """Energies, their parts by cell and contact, and why the bounds are not guaranteed."""
+    discretization, u = given.discretization, stress.dofs
     problem, mesh = discretization.problem, discretization.problem.mesh
     fields = CellFields.of(discretization, u, companion.degree)
     strain = strain_energy(fields, problem.compliances)
@@ -471,14 +454,41 @@ def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: Com
     contacts, slack, outer = dict[str, EdgeParts](), 0.0, 0.0
     if moved:
         inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
-        contacts, slack, outer = edge_parts(fields, discretization, stress.own, given.threshold, stress.left, companion)
-    lower = -complementary - slack if not stress.message else -np.inf
+        contacts, slack, outer = edge_parts(
+            fields, discretization, EdgeTractions.of(discretization, u), given.threshold, companion
+        )
+    lower = -complementary - slack if not refused else -np.inf
     upper = companion.energy if moved else np.inf
     parts = inside + by_cell(problem, {name: each.total for name, each in contacts.items()})
+    data = data_reasons(discretization)
+    reasons = [*given.reasons, *data, *companion.reasons]
+    if given.lowered and not data:
+        reasons.append(
+            "A friction bound is not a polynomial of the stress's degree on every edge. A lower one is used there."
+        )
+    if refused:
+        reasons.append(refused)
+    if not moved:
+        reasons.append(f"No admissible displacement was found: {companion.message}")
     balance = abs(upper + complementary - float(parts.sum())) / size if moved else 0.0
+    misfit, curved = stress.traction_misfit, bool(mesh.sides.any())
+    if misfit > allowed_misfit(discretization.scales.stress, stress.stress_rounding):
+        reasons.append(f"Computed tractions differ from the prescribed ones by up to {misfit:.3g} [stress] at points.")
+    elif balance > _BALANCE and not curved:
+        reasons.append(f"The parts of the duality gap differ from the gap by {balance:.1e} of the energy.")
+    if curved:
+        rest = rest_on_arcs(discretization, u)
+        reasons.append(
+            f"On arcs stress and displacement meet their conditions in the mean; the stress misses its tractions by up "
+            f"to {rest:.2g} [stress] at points. The bounds hold up to the work of such differences, here {balance:.1e} "
+            "of the energy."
+        )
+    apart = (upper - lower) / max(strain, held, 1e-300)
+    if apart < -_CROSSED:
+        reasons.append(f"The bounds contradict each other by {-apart:.1e} of the strain energy.")
     return Bracket(
         kind=given.kind,
-        reasons=_reasons(given, stress, companion, balance, (upper - lower) / max(strain, held, 1e-300)),
+        reasons=tuple(reasons),
         lower=lower,
         upper=upper,
         strain=strain,
@@ -488,38 +498,6 @@ def _assemble(given: FixedBoundProblem, stress: AdmissibleStress, companion: Com
         outer=outer if given.kind is BracketKind.GIVEN_BOUND else 0.0,
         slack=slack,
         driven=force_bounds(discretization, not given.threshold.any(), lower, upper),
-        result=stress.result,
+        result=stress,
         companion=companion,
     )
-
-
-def _reasons(
-    given: FixedBoundProblem, stress: AdmissibleStress, companion: CompanionResult, balance: float, apart: float
-) -> tuple[str, ...]:
-    """Why the bounds are not guaranteed."""
-    data = data_reasons(given.discretization)
-    found = [*given.reasons, *data, *companion.reasons]
-    if given.lowered and not data:
-        found.append(
-            "A friction bound is not a polynomial of the stress's degree on every edge. A lower one is used there."
-        )
-    if stress.message:
-        found.append(stress.message)
-    if not companion.has_state:
-        found.append(f"No admissible displacement was found: {companion.message}")
-    misfit, unit = stress.result.traction_misfit, given.discretization.scales.stress
-    curved = bool(given.discretization.problem.mesh.sides.any())
-    if misfit > allowed_misfit(unit, stress.result.stress_rounding):
-        found.append(f"Computed tractions differ from the prescribed ones by up to {misfit:.3g} [stress] at points.")
-    elif balance > _BALANCE and not curved:
-        found.append(f"The parts of the duality gap differ from the gap by {balance:.1e} of the energy.")
-    if curved:
-        rest = rest_on_arcs(given.discretization, stress.result.dofs)
-        found.append(
-            f"On arcs stress and displacement meet their conditions in the mean; the stress misses its tractions by up "
-            f"to {rest:.2g} [stress] at points. The bounds hold up to the work of such differences, here {balance:.1e} "
-            "of the energy."
-        )
-    if apart < -_CROSSED:
-        found.append(f"The bounds contradict each other by {-apart:.1e} of the strain energy.")
-    return tuple(found)

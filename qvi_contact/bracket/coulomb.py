@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 from scipy import sparse
 
-from qvi_contact.basics.checks import BoolArray, FloatArray
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.bracket.norms import (
     LARGEST,
     UNHELD,
@@ -40,7 +40,6 @@ from qvi_contact.bracket.parts import (
     by_cell,
     edge_parts,
     strain_energy,
-    tractions_on,
 )
 from qvi_contact.bracket.share import LeastChange, Share, SharedStress
 from qvi_contact.companion import CompanionResult
@@ -180,7 +179,7 @@ def coulomb_bounds(
     """
     result, shares, known = stress.result, stress.shares, stress.result.discretization
     own, unit = EdgeTractions.of(known, result.dofs), known.scales.stress
-    excess, tension = left = own.violations(own.bound, known.qvi.bilateral)
+    excess, tension = own.violations(own.bound)
     for rows in known.contacts:
         if rows.law != "tied" and max(excess[rows.edges].max(), tension[rows.edges].max()) > LOOSEST * own.size:
             return f"The stress does not obey the law of contact {rows.name!r} on whole edges."
@@ -189,7 +188,7 @@ def coulomb_bounds(
         return companion.state.contradiction
     problem = known.problem
     fields, before = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
-    edges, slack, _ = edge_parts(fields, known, own, own.bound, left, companion)
+    edges, slack, _ = edge_parts(fields, known, own, own.bound, companion)
     inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
     inside += by_cell(problem, {name: part.springs for name, part in edges.items()})
     missed = {name: np.maximum(part.contact, 0.0) + np.maximum(part.friction, 0.0) for name, part in edges.items()}
@@ -250,36 +249,18 @@ class _Line:
     slip: FloatArray  # (n,): of |v_T − w| ≥ 0 [length]
     pressure: FloatArray  # (e, q): of |τ_N| ≥ 0 [stress]
     room: FloatArray  # (e, q): of m (c + μ|τ_N|) ≥ 0, m of `Share.room` [stress]
+    # (n,): coefficients on edges of which some coefficient touches the obstacle; does not slip, without friction none
+    closed: BoolArray
+    stuck: BoolArray
+    # (e,): edges of which some coefficient bears no pressure, and reaches the friction bound, without friction all:
+    # ζ_N = 0, and ζ_T = 0 there
+    loose: BoolArray
+    sliding: BoolArray
 
     @property
     def friction(self) -> float:
         """Coulomb's coefficient μ."""
         return 0.0 if self.share is None else self.share.friction
-
-    @property
-    def closed(self) -> BoolArray:
-        """Coefficients (n,) on edges of which some coefficient touches the obstacle."""
-        return self._spread(self.opening == 0.0)
-
-    @property
-    def stuck(self) -> BoolArray:
-        """Coefficients (n,) on edges of which some coefficient does not slip; none without friction."""
-        return self._spread(self.slip == 0.0) & (self.share is not None)
-
-    @property
-    def loose(self) -> BoolArray:
-        """Edges (e,) of which some coefficient bears no pressure: ζ_N = 0 there."""
-        return np.asarray((self.pressure == 0.0).any(axis=1))
-
-    @property
-    def sliding(self) -> BoolArray:
-        """Edges (e,) of which some coefficient reaches the friction bound: ζ_T = 0 there; all without friction."""
-        return np.asarray((self.room == 0.0).any(axis=1)) | (self.share is None)
-
-    def _spread(self, chosen: BoolArray) -> BoolArray:
-        found = np.zeros_like(chosen)
-        found[self.trace.columns[chosen[self.trace.columns].any(axis=1)]] = True
-        return found
 
 
 def coulomb_force_bounds(errors: CoulombBounds, defect: float) -> dict[str, Bounds]:
@@ -511,8 +492,8 @@ def _lines(errors: CoulombBounds, cut: float) -> Iterator[_Line]:
     stress, shares, state = errors.stress, errors.shares, errors.displacement.state
     known = stress.discretization
     assert state is not None
-    c, beyond = (each.reshape(2, -1) for each in (state.c, state.c - state.contacts.obstacle))
-    length = known.scales.displacement
+    beyond = (state.c - state.contacts.obstacle).reshape(2, -1)
+    length, unit, tractions = known.scales.displacement, known.scales.stress, EdgeTractions.of(known, stress.dofs)
     # where all of a contact is closed and sticks its displacements are the rounding of those of the body
     least = _MOVED * float(np.abs(state.v).max(initial=0.0))
 
@@ -520,19 +501,26 @@ def _lines(errors: CoulombBounds, cut: float) -> Iterator[_Line]:
         """The values, 0 where they count as none beside the size of what they are part of."""
         return np.where(values > max(cut * float(values.max(initial=0.0)), _NOISE * size), values, 0.0)
 
+    def spread(chosen: BoolArray, columns: IntArray) -> BoolArray:
+        """All coefficients of edges of which some are chosen."""
+        found = np.zeros_like(chosen)
+        found[columns[chosen[columns].any(axis=1)]] = True
+        return found
+
     for trace, rows in zip(state.contacts.traces, known.contacts, strict=True):
-        contact = trace.contact
-        if contact.law == "tied":
+        if trace.contact.law == "tied":
             continue
-        share, own = shares.get(contact.name), c[:, trace.here]
+        share, own = shares.get(trace.name), beyond[:, trace.here]
         slipping = np.zeros(trace.count) if share is None else trace.slipping_on(share.slipping)
-        normal, shear = (known.scales.stress * part for part in tractions_on(known, stress.dofs, rows))
-        room = np.zeros_like(shear)
-        if share is not None:
-            assert not callable(contact.cohesion)
-            room = share.room * (share.friction * np.maximum(-normal, 0.0) + contact.cohesion)
-        moved, pressed = max(float(np.abs(own).max(initial=0.0)), least), float(np.abs(normal).max(initial=0.0))
-        opening, slip = (
-            length * shown(part, moved) for part in (-beyond[0, trace.here], slipping * beyond[1, trace.here])
-        )
-        yield _Line(trace, rows, share, slipping, opening, slip, shown(-normal, pressed), shown(room, pressed))
+        normal, bound = unit * tractions.normal[rows.edges], unit * tractions.bound[rows.edges]
+        moved = max(float(np.abs(state.c.reshape(2, -1)[:, trace.here]).max(initial=0.0)), least)
+        pressed = float(np.abs(normal).max(initial=0.0))
+        opening, slip = (length * shown(part, moved) for part in (-own[0], slipping * own[1]))
+        pressure, room = shown(-normal, pressed), shown(0.0 * bound if share is None else share.room * bound, pressed)
+        yield _Line(
+            trace, rows, share, slipping, opening, slip, pressure, room,
+            closed=spread(opening == 0.0, trace.columns),
+            stuck=spread(slip == 0.0, trace.columns) & (share is not None),
+            loose=np.asarray((pressure == 0.0).any(axis=1)),
+            sliding=np.asarray((room == 0.0).any(axis=1)),
+        )  # fmt: skip

@@ -82,6 +82,7 @@ class EdgeTractions:
     # has coefficients ≥ 0 is replaced by its least value
     bound: FloatArray
     exact: BoolArray  # (e,): where it is the law's own
+    bilateral: BoolArray  # (e,): where contacts keep their distance, so that σ_N may have any sign
     size: float  # the largest traction at the contact points
 
     @classmethod
@@ -90,7 +91,7 @@ class EdgeTractions:
         qvi, rule = discretization.qvi, discretization.rule
         if not qvi.m:
             none = np.zeros((0, rule.count))
-            return cls(none, none, none, np.ones(0, dtype=bool), 0.0)
+            return cls(none, none, none, np.ones(0, dtype=bool), np.ones(0, dtype=bool), 0.0)
         limited = [rows for rows in discretization.contacts if rows.law != "tied"]
         pairs = [tractions_on(discretization, u, rows) for rows in limited]
         normal, shear = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
@@ -107,20 +108,18 @@ class EdgeTractions:
 
         size = float(max(np.abs(rule.at_points(part.ravel())).max() for part in (normal, shear)))
         exact = np.where(below(law, cap), exact, cap_exact & below(cap, law))
-        return cls(normal, shear, np.minimum(law, cap), exact, size)
+        bilateral = np.asarray(qvi.bilateral.reshape(len(law), -1).any(axis=1))
+        return cls(normal, shear, np.minimum(law, cap), exact, bilateral, size)
 
-    def violations(self, bound: FloatArray, bilateral: BoolArray) -> tuple[FloatArray, FloatArray]:
+    def violations(self, bound: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Largest (|σ_T| − s)⁺ and (σ_N)⁺ on each edge (e,) for a bound s (e, q): exact to degree 2, else no less."""
 
         def largest(part: FloatArray) -> FloatArray:
             found = bernstein.largest_quadratic(part) if part.shape[1] == 3 else part.max(axis=1)
             return np.maximum(found, 0.0)
 
-        if not len(self.shear):
-            return np.zeros(0), np.zeros(0)
-        keeps = bilateral.reshape(len(self.shear), -1).any(axis=1)
         excess = np.maximum(largest(self.shear - bound), largest(-self.shear - bound))
-        return excess, np.where(keeps, 0.0, largest(self.normal))
+        return excess, np.where(self.bilateral, 0.0, largest(self.normal))
 
 
 def tractions_on(discretization: Discretization, u: FloatArray, rows: ContactRows) -> tuple[FloatArray, FloatArray]:
@@ -166,10 +165,6 @@ class SpringField:
         """τ + k d for the stretches d across and along it [length]."""
         return np.asarray(self.traction + self.stiffness * stretches[self.half])
 
-    def less(self, other: "SpringField") -> "SpringField":
-        """The difference of the tractions."""
-        return replace(self, traction=self.traction - other.traction)
-
 
 def _springs(discretization: Discretization, u: FloatArray) -> Iterator[SpringField]:
     """All springs, under the tractions of degrees of freedom u of Φ."""
@@ -210,7 +205,8 @@ class CellFields:
 
     def less(self, other: "CellFields") -> "CellFields":
         """The difference of the stresses."""
-        springs = tuple(one.less(two) for one, two in zip(self.springs, other.springs, strict=True))
+        pairs = zip(self.springs, other.springs, strict=True)
+        springs = tuple(replace(one, traction=one.traction - two.traction) for one, two in pairs)
         return replace(self, stress=self.stress - other.stress, springs=springs)
 
 
@@ -238,17 +234,16 @@ def edge_parts(
     discretization: Discretization,
     own: EdgeTractions,
     bound: FloatArray,
-    left: tuple[FloatArray, FloatArray],
     companion: CompanionResult,
 ) -> tuple[dict[str, EdgeParts], float, float]:
     """Parts of the gap by contact that is not tied or has springs, for a friction bound s (e, q); and two works.
 
-    What violations cost that a solver left, the excess and tension of `EdgeTractions.violations`, is estimated by twice
-    their work with v in the place of u. The other is ∫ |s − s_τ||v_T − w| ds with the bound s_τ of the stress.
+    What violations cost that a solver left, see `EdgeTractions.violations`, is estimated by twice their work with v in
+    the place of u. The other is ∫ |s − s_τ||v_T − w| ds with the bound s_τ of the stress.
     """
     problem, unit, (t, weights) = discretization.problem, discretization.scales.stress, gauss_legendre(EDGE_POINTS)
     nodes, back = bernstein.nodes(companion.degree), bernstein.from_values(companion.degree)
-    found, slack, outer, (excess, tension) = dict[str, EdgeParts](), 0.0, 0.0, left
+    found, slack, outer, (excess, tension) = dict[str, EdgeParts](), 0.0, 0.0, own.violations(bound)
     for rows, contact in zip(discretization.contacts, problem.contacts, strict=True):
         e, edges = rows.edges, problem.mesh.edges(contact.edges)
         sprung = np.zeros(len(edges))

@@ -24,7 +24,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
-from qvi_contact.bracket.parts import tractions_on
+from qvi_contact.bracket.parts import EdgeTractions
 from qvi_contact.companion.body import PARALLEL
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
@@ -237,31 +237,24 @@ def with_shares(result: ContactResult) -> SharedStress | str:
     by the bounds; where no R of (D26) exists else, it is 0. Of each edge only the first and the last coefficient of the
     shear that counts are changed.
     """
-    known = result.discretization
-    found = {contact.name: _raw(result, contact) for contact in known.problem.contacts if has_coulomb(contact)}
+    known, found = result.discretization, dict[str, Share]()
+    own = EdgeTractions.of(known, result.dofs)
+    for rows, contact in zip(known.contacts, known.problem.contacts, strict=True):
+        if has_coulomb(contact):
+            slip = result.contacts[contact.name].slip
+            found[contact.name] = _raw(contact, own.bound[rows.edges], own.shear[rows.edges], slip)
     shares, places = _joined(known.problem, found)
     moved = _moved(result, shares)
     return moved if isinstance(moved, str) else SharedStress(*moved, places, result)
 
 
-def bound_and_shear(result: ContactResult, contact: Contact) -> tuple[FloatArray, FloatArray]:
-    """Coefficients (edges, q) of the bound c + μ|τ_N| and of τ_T, dimensionless."""
-    known = result.discretization
-    rows = next(each for each in known.contacts if each.name == contact.name)
-    normal, shear = tractions_on(known, result.dofs, rows)
-    assert not callable(contact.friction)
-    assert not callable(contact.cohesion)
-    return contact.cohesion / known.scales.stress + contact.friction * np.maximum(-normal, 0.0), shear
-
-
-def _raw(result: ContactResult, contact: Contact) -> Share:
+def _raw(contact: Contact, bound: FloatArray, shear: FloatArray, slip: FloatArray) -> Share:
     """What s is by the stress, edge by edge; on open edges ±1 as the body slips there."""
-    bound, shear = bound_and_shear(result, contact)
     most = bound.max(axis=1, keepdims=True)
     is_open = most[:, 0] <= _OPEN * max(float(most.max(initial=0.0)), 1e-300)
     values = np.clip(-shear / np.maximum(bound, 1e-300), -1.0, 1.0)
-    slip = result.contacts[contact.name].slip.reshape(len(bound), -1).sum(axis=1)
-    values[is_open] = np.where(slip < 0.0, -1.0, 1.0)[is_open, None]
+    backwards = slip.reshape(len(bound), -1).sum(axis=1) < 0.0
+    values[is_open] = np.where(backwards, -1.0, 1.0)[is_open, None]
     bears = bound > _BEARS * most
     for chosen in np.flatnonzero(~is_open & ~bears.all(axis=1)).tolist():  # what bears little is as what is next to it
         counts = np.flatnonzero(bears[chosen])
@@ -329,15 +322,15 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
     """
     known, qvi = result.discretization, result.discretization.qvi
     m, rough = qvi.m, [rows for rows in known.contacts if rows.name in shares]
+    own = EdgeTractions.of(known, result.dofs)
     wanted, turned, free, bears = np.zeros(m), np.zeros(m), np.zeros(m, dtype=bool), np.zeros(m, dtype=bool)
     for rows in rough:
-        share, at = shares[rows.name], rows.rows
-        bound, shear = bound_and_shear(result, share.contact)
-        own = share.weights > _BEARS * bound.max(axis=1, keepdims=True)
+        share, at, bound, shear = shares[rows.name], rows.rows, own.bound[rows.edges], own.shear[rows.edges]
+        counts = share.weights > _BEARS * bound.max(axis=1, keepdims=True)
         wanted[at], turned[at] = (-share.values * bound - shear).ravel(), share.friction * share.values.ravel()
-        before, after = (np.cumsum(own[:, ::way], axis=1)[:, ::way] for way in (1, -1))
-        free[at] = ((share.slipping == 0.0)[:, None] & own & (before > 1) & (after > 1)).ravel()  # the ends' are not
-        pressure = -tractions_on(known, result.dofs, rows)[0]
+        before, after = (np.cumsum(counts[:, ::way], axis=1)[:, ::way] for way in (1, -1))
+        free[at] = ((share.slipping == 0.0)[:, None] & counts & (before > 1) & (after > 1)).ravel()  # the ends' are not
+        pressure = -own.normal[rows.edges]
         bears[at] = (pressure > _BEARS * pressure.max(initial=0.0)).ravel()
     size = max(float(np.abs(wanted).max()), *(float(share.weights.max(initial=0.0)) for share in shares.values()))
     if not np.abs(wanted).max(initial=0.0) > 0.0:
@@ -353,13 +346,12 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
             right = np.concatenate([np.zeros(m), wanted, np.zeros(qvi.A.shape[0])])[kept]
             change = LeastChange.of(qvi, rows_kept).solved(right)
             moved = ContactResult(known, replace(result.solution, z=result.solution.z + change))
-            found, wrong = dict(shares), np.zeros((2, m), dtype=bool)
+            found, wrong, new = dict(shares), np.zeros((2, m), dtype=bool), EdgeTractions.of(known, moved.dofs)
             for rows in rough:
-                share, at = shares[rows.name], rows.rows
-                bound, shear = bound_and_shear(moved, share.contact)
+                share, at, bound, shear = shares[rows.name], rows.rows, new.bound[rows.edges], new.shear[rows.edges]
                 here = inside[at].reshape(bound.shape)
                 values = np.where(here, -shear / np.maximum(bound, 1e-300), share.values)
-                wrong[0, at] = pressed[at] & (tractions_on(known, moved.dofs, rows)[0] > 0.0).ravel()
+                wrong[0, at] = pressed[at] & (new.normal[rows.edges] > 0.0).ravel()
                 wrong[1, at] = (np.abs(values) > 1.0).ravel()
                 room = np.where(here & (share.room > 0.0), 1.0 - np.abs(values), share.room)
                 weights = np.where(share.weights > 0.0, bound, 0.0)
@@ -453,46 +445,40 @@ def _vanishing(problem: ContactProblem, name: str) -> set[int]:
 
 
 def _unfit(body: Body, contact: Contact) -> list[list[float]]:
-    """Places of vertices of a contact where some edge of the body does not go on as it does."""
-    problem, mesh = body.problem, body.problem.mesh
-    boundary, held = mesh.boundary, held_directions(problem)
-    laws: dict[int, Contact] = {}
+    """Places of vertices of a contact where what edges there demand of v and w = R v leaves none but s = 0.
+
+    With rows C w = D v of laws, for s = 1, and h · v = h · w = 0 of what is held, there is a w for every such v where
+    the rank of all rows is that of those in w alone and of those in v alone.
+    """
+    problem, mesh, none = body.problem, body.problem.mesh, np.zeros(2)
+    own, laws = mesh.edges(contact.edges), dict[int, Contact]()
     for each in problem.contacts:
         if each not in problem.joints:
             laws |= dict.fromkeys(mesh.edge_set(each.edges).tolist(), each)
-    own = mesh.edges(contact.edges)
-    joints = [mesh.edges(each.edges) for each in problem.joints]
-    frames = {id(edges): frames_along(edges, np.array([0.0, 1.0])) for edges in (own, boundary, *joints)}
+    held = held_directions(problem)
+    lines = [(mesh.boundary, [(held[edge], laws.get(edge)) for edge in range(len(mesh.boundary))])]
+    for joint in problem.joints:
+        edges = mesh.edges(joint.edges)
+        lines.append((edges, [(np.empty((0, 2)), joint)] * len(edges)))
+    at_vertex = {vertex: ([none], [np.zeros(4)]) for vertex in np.concatenate([own.first, own.second]).tolist()}
+    for edges, demands in lines:
+        frames = frames_along(edges, np.array([0.0, 1.0]))
+        for end, vertices in enumerate((edges.first, edges.second)):
+            for edge in np.flatnonzero(np.isin(vertices, list(at_vertex))).tolist():
+                fixed, rows = at_vertex[int(vertices[edge])]
+                directions, law = demands[edge]
+                fixed += list(directions)
+                rows += [np.append(each, none) for each in directions]
+                if law is not None and law.law != "tied":
+                    normal, tangent = (part[edge, end] for part in frames)
+                    friction = law.friction if has_coulomb(law) else 0.0
+                    assert not callable(friction)
+                    sense = -friction if law.name in body.beyond else friction
+                    rows += [np.append(normal, -sense * tangent)] + [np.append(tangent, none)] * bears_shear(law)
     found = []
-    for edge in range(len(own)):
-        for end, vertex in enumerate((int(own.first[edge]), int(own.second[edge]))):
-            n, t = (part[edge, end] for part in frames[id(own)])
-            others = []
-            for lines, joint in ((boundary, None), *zip(joints, problem.joints, strict=True)):
-                for k in np.flatnonzero((lines.first == vertex) | (lines.second == vertex)).tolist():
-                    at = [part[k, int(lines.second[k] == vertex)] for part in frames[id(lines)]]
-                    beside = (held[k], laws.get(k)) if joint is None else (np.empty((0, 2)), joint)
-                    others.append((at[0], at[1], *beside))
-            turns = any(law not in (None, contact) and law.name in body.beyond for *_, law in others)
-            if turns or not all(_fits(contact, n, t, *other) for other in others):
-                found.append(mesh.vertices[vertex].tolist())
+    for vertex, (fixed, rows) in at_vertex.items():
+        both = [*rows, *(np.append(none, each) for each in fixed)]
+        ranks = (int(np.linalg.matrix_rank(part, PARALLEL)) for part in (both, np.array(rows)[:, :2], fixed))
+        if next(ranks) > sum(ranks):
+            found.append(mesh.vertices[vertex].tolist())
     return found
-
-
-def _fits(
-    contact: Contact, n: FloatArray, t: FloatArray, normal: FloatArray, tangent: FloatArray, held: FloatArray,
-    law: Contact | None,
-) -> bool:  # fmt: skip
-    """Whether (R v)_N = μ s v_T with one value of s is continuous with what the next edge demands."""
-    if spans(held, t):
-        return True
-    if (np.abs(held @ n) > PARALLEL).any():
-        return False
-    if law is None or law.law == "tied":
-        return True
-    other = law.friction if has_coulomb(law) else 0.0
-    assert not callable(other)
-    assert not callable(contact.friction)
-    across = contact.friction * float(normal @ n) * t - other * tangent
-    along = contact.friction * float(tangent @ n) if bears_shear(law) else 0.0
-    return bool(np.abs(across).max() <= PARALLEL and abs(along) <= PARALLEL)

@@ -26,6 +26,6 @@ __getattr__ = front(
         "body": ("Elasticity",),
         "contact": ("DualProblem",),
         "solver": ("BodyAtRest", "moduli"),
-        "space": ("DisplacementSpace", "Triangle", "reference_matrices"),
+        "space": ("DisplacementSpace", "Triangle"),
     },
 )

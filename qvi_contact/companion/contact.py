@@ -399,7 +399,7 @@ class Contacts:
     def where(self, holds: Callable[[Contact], bool]) -> BoolArray:
         """What holds of contacts, at each of their coefficients (n,)."""
         every = np.array([holds(trace.contact) for trace in self.traces], dtype=bool)
-        return np.repeat(every, [trace.count for trace in self.traces])
+        return np.repeat(every, np.array([trace.count for trace in self.traces], dtype=np.int64))
 
 
 @dataclass(frozen=True, eq=False)
@@ -412,7 +412,6 @@ class DualProblem:
     constant: FloatArray  # (2 n,): c_D, plates moved as given
     movable: BoolArray  # (2 n,): where c can change
     live: BoolArray  # (2 n,): where there is a force: c can change, and does not follow from others
-    limited: BoolArray  # (n,): coefficients that rows of the QVI belong to: those of contacts that are not tied
     equalities: IntArray  # which of the rigid motions, then plate motions, have a row of their own
     qvi: FrictionQVI
 
@@ -453,9 +452,8 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
     A = np.where(live, np.vstack([body.R.T @ B.T, contacts.motions.T]), 0.0) * W
     b = np.concatenate([-body.R.T @ body.r, contacts.resultants])
     kept = _independent(A, b, body.R.shape[1])
-    limited = ~contacts.tied
     friction, cohesion, cap = contacts.law
-    rows = np.flatnonzero(limited)
+    rows = np.flatnonzero(~contacts.tied)  # of the QVI
     cohesion = np.where(contacts.slipping == 0.0, _STICKS * max(1.0, float(cohesion.max(initial=0.0))), cohesion)
     every, none = sparse.eye_array(2 * contacts.count, format="csr"), np.zeros(len(rows))
     qvi = FrictionQVI.from_arrays(
@@ -473,7 +471,7 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
         A=sparse.csc_array(A[kept].reshape(len(kept), 2 * contacts.count)),
         b=b[kept],
     )
-    return DualProblem(contacts, body, B, constant, movable, live, limited, kept, qvi)
+    return DualProblem(contacts, body, B, constant, movable, live, kept, qvi)
 
 
 def _determined(B: FloatArray, contacts: Contacts) -> IntArray:
@@ -527,20 +525,6 @@ def _independent(A: FloatArray, b: FloatArray, rigid: int) -> IntArray:
     return np.array(kept, dtype=np.int64)
 
 
-def _held(contacts: Contacts, c: FloatArray, tractions: FloatArray, bound: FloatArray, stress: float) -> BoolArray:
-    """Which displacements (2 n,) are to be moved to the obstacle's.
-
-    c are the displacements found, `tractions` τ, `bound` (n,) that of |τ_T|, and `stress` the unit of τ that a unit
-    displacement is compared with.
-    """
-    n, bilateral, slipping = contacts.count, contacts.bilateral, contacts.slipping
-    opening, slip = contacts.obstacle[:n] - c[:n], c[n:] - contacts.obstacle[n:]
-    held = (-tractions[:n] / stress > np.maximum(opening, 0.0)) | (opening < 0.0)
-    sticks = ((bound - np.abs(tractions[n:])) / stress > np.abs(slip)) & (np.abs(slip) < 1e-6)
-    sticks |= contacts.tied | (slipping == 0.0) | (slipping * slip < 0.0)
-    return np.concatenate([bilateral | (held & (np.abs(opening) < 1e-6)), sticks])
-
-
 def moved(rows: sparse.csr_array, values: FloatArray, change: FloatArray) -> FloatArray:
     """Values (k,) with rows · values changed by `change` (j,), by the least change of values where rows share some."""
     wanted = rows @ values + change
@@ -566,13 +550,19 @@ def admissible(
     """(v (size,), c (2 n,), why not) that meets the contact conditions to rounding, from w_Γ and motions of plates."""
     contacts, rows = problem.contacts, sparse.csr_array(problem.B)
     beyond = problem.constant + contacts.motions @ (-plates)
-    stress = max(1e-300, float(np.abs(tractions).max(initial=0.0)), 1.0)
-    held = _held(contacts, rows @ values + beyond, tractions, bound, stress) & problem.movable
-    held[contacts.count :] &= problem.live[contacts.count :] | contacts.tied
+    unit, n, slipping = max(1.0, float(np.abs(tractions).max(initial=0.0))), contacts.count, contacts.slipping
+    c = rows @ values + beyond
+    opening, slip = contacts.obstacle[:n] - c[:n], c[n:] - contacts.obstacle[n:]
+    closed = (-tractions[:n] / unit > np.maximum(opening, 0.0)) | (opening < 0.0)
+    sticks = ((bound - np.abs(tractions[n:])) / unit > np.abs(slip)) & (np.abs(slip) < 1e-6)
+    sticks |= (slipping == 0.0) | (slipping * slip < 0.0)
+    closed = contacts.bilateral | (closed & (np.abs(opening) < 1e-6))
+    held = np.concatenate([closed, (sticks & problem.live[n:]) | contacts.tied])  # what is moved to the obstacle
+    held &= problem.movable
     for _ in range(3):  # a correction in a corner may push another contact line over its gap
-        c = rows @ values + beyond
         values = moved(sparse.csr_array(rows[np.flatnonzero(held)]), values, (contacts.obstacle - c)[held])
-        over = np.flatnonzero(_excess(problem, rows @ values + beyond) > 0.0)
+        c = rows @ values + beyond
+        over = np.flatnonzero(_excess(problem, c) > 0.0)
         over = over[problem.movable[over] & ~held[over]]
         if not len(over):
             break

@@ -193,7 +193,7 @@ class _Model:
         reasons = self.held.reasons + self.remarks + contacts.reasons
         if solution.status is not Status.INFEASIBLE and np.isfinite(solution.z).all():
             bound = np.full(contacts.count, np.inf)
-            bound[dual.limited] = dual.qvi.threshold(np.abs(dual.qvi.normal(solution.z)))
+            bound[~contacts.tied] = dual.qvi.threshold(np.abs(dual.qvi.normal(solution.z)))
             values, plates = dual.displacements(solution)
             v, c, wrong = admissible(dual, values, plates, solution.z, bound)
             tractions, load = np.where(dual.live, solution.z, 0.0), dual.body.load - dual.body.body.initial_load

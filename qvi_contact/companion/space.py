@@ -21,7 +21,7 @@ agree on every side. q is a polynomial that differs from its definition by round
 
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
-from typing import ClassVar, Final
+from typing import Final
 
 import numpy as np
 from numpy.polynomial.legendre import legder, legvander
@@ -60,17 +60,10 @@ class Triangle:
 
     degree: int
 
-    area: ClassVar[float] = 0.5
-
     @cached_property
     def places(self) -> FloatArray:
         """The points α/p (n, 2) of the coefficients: those of a linear function are its values there."""
         return np.asarray(exponents(self.degree)[:, 1:] / self.degree)
-
-    @cached_property
-    def corners(self) -> IntArray:
-        """The coefficients of α = p e_k, in the order of the mesh's cells, shape (3,)."""
-        return np.asarray(np.argmax(exponents(self.degree), axis=0))
 
     @cached_property
     def sides(self) -> IntArray:
@@ -97,7 +90,7 @@ class Triangle:
         return bernstein(self.degree - 1, barycentric(t))
 
     def quadrature(self, count: int) -> tuple[FloatArray, FloatArray]:
-        """Gauss points (q, 2), `count` in each direction of the collapsed square, and weights (q,) of sum `area`."""
+        """Gauss points (q, 2), `count` in each direction of the collapsed square, and weights (q,) of sum ½."""
         points, weights = quadrature(2 * count - 1)
         return points[:, 1:], weights / 2.0
 

@@ -10,7 +10,7 @@ import pytest
 from qvi_contact import Corner, InputError, TriangleMesh, solve, solve_history
 from qvi_contact.bracket import BracketKind, EdgeParts, bracket, by_cell, computed_norm, fixed_bound_problem
 from qvi_contact.companion import solve_companion
-from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
+from qvi_contact.gallery import compressed_plate, sliding_block
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from tests.cases import thinned
 from tests.qvi_contact.test_triangles import STEEL, moved, squeezed, tilted, turned
@@ -137,23 +137,6 @@ def test_that_a_mesh_sticks_is_no_proof_that_the_contact_does():
     assert force.lower <= -settled <= force.upper
     assert force.upper - force.lower < 0.03 * force.upper
     assert not found.guaranteed
-
-
-class TestForces:
-    """Bounds of the force of one displacement."""
-
-    def test_frictionless_plate(self):
-        """Pushed by a plate, or by a support along y."""
-        plate = compressed_plate(0.0, (2, 3))
-        assert solve(plate).bracket.forces["plate.normal_force"] == pytest.approx((209.0, 209.0), rel=1e-9)
-        pushed = replace(plate, conditions=[*plate.conditions[:3], Displacement("top", y=-U), Traction("top", x=0.0)])
-        assert solve(pushed).bracket.forces["top.y"] == pytest.approx((-209.0, -209.0), rel=1e-9)
-
-    @pytest.mark.parametrize(
-        "problem", [with_contact(CONVEX["tresca"]), with_contact(CONVEX["frictionless, curved"]), ssnv128((3, 3), 0.0)]
-    )
-    def test_none_where_the_problem_is_not_homogeneous(self, problem):
-        assert solve(problem).bracket.forces == {}
 
 
 def test_under_coulomb_the_gap_closes_where_all_slips():

@@ -46,15 +46,10 @@ def test_several_solutions_are_certified_and_differ(several):
     assert max(forces) - min(forces) > 0.02 * abs(min(forces))
 
 
-def test_the_one_nearest_to_displacements_comes_first(several):
-    """By the energy of the difference."""
-    assert several.distances[0] > 0.0
-    assert all(one < other for one, other in pairwise(several.distances))
-
-
 def test_distances_are_those_of_strains(several):
-    """∫ (cσ − ε) : C : (cσ − ε) over ∫ ε : C : ε, by Gauss points of the stress in all cells."""
+    """∫ (cσ − ε) : C : (cσ − ε) over ∫ ε : C : ε, by Gauss points of all cells; the nearest comes first."""
     companion = several.companion
+    assert all(one < other for one, other in pairwise((0.0, *several.distances)))
     for result, distance in zip(several.results, several.distances, strict=True):
         fields = CellFields.of(result.discretization, result.dofs, companion.degree + 2)
         strain = companion.cell_strain(*fields.t[:, -2:].T)
