@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -65,6 +65,25 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
         x, y, turned, across, up, moment = map(shown, plate_numbers(result, name), least_shown(PLATE_COLUMNS, least))
         yield f"obstacle {name} moves by ({x}, {y}) {units.displacement}, turns by {turned} rad"
         yield f"obstacle {name} pushes with ({across}, {up}) {force}, moment {moment} {units.engineering_moment}"
+
+
+class Series(NamedTuple):
+    """Several results of one file: "t" or the parameter, and its values, also of results that are missing."""
+
+    results: History | Sweep
+    label: str
+    values: tuple[float, ...]
+
+    def document(self, summaries: Sequence[dict[str, Any]], units: Units) -> dict[str, Any]:
+        """What JSON holds of them beside the summaries of results; of a history also the energy lost in friction."""
+        if isinstance(self.results, Sweep):
+            return {self.label: list(self.values), "steps": list(summaries)}
+        lost = self.results.dissipated
+        dissipated = {
+            "total": {"value": float(lost.sum()), "unit": units.energy},
+            "steps": {"value": lost.tolist(), "unit": units.energy},
+        }
+        return {"times": list(self.values), "dissipated": dissipated, "steps": list(summaries)}
 
 
 def series_lines(results: History | Sweep, label: str, values: Sequence[float], units: Units) -> Iterator[str]:
