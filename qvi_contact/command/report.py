@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -14,10 +12,8 @@ import numpy as np
 from qvi_contact.basics.schema import Varying, keys_of
 from qvi_contact.basics.units import Certainty, Rounding, Units, shown
 from qvi_contact.discretization.discretization import discretize
-from qvi_contact.errors import InputError
 from qvi_contact.files.export import element_of, summary
 from qvi_contact.files.problem_file import ProblemFile
-from qvi_contact.limit.check_proof import check, sentences
 from qvi_contact.problem.conditions import DRIVES, Condition, Contact, Traction
 from qvi_contact.problem.fields import Expression, Polynomial
 from qvi_contact.problem.problem import ContactProblem
@@ -335,26 +331,6 @@ def _error(each: RefinementRound) -> tuple[str, str]:
     if not math.isfinite(each.estimate):
         return "-", ""
     return f"{each.estimate:.1e}", "estimate" if each.certainty is Certainty.ESTIMATE else "guaranteed"
-
-
-_REMEDY = "give a file written by qvi-contact limit --proof"
-
-
-def checked_proof(path: str) -> tuple[bool, str]:
-    """Whether a proof file holds, and what people read of it; `InputError` if it is none, or cannot be read."""
-    try:
-        proof = json.loads(Path(path).read_text(encoding="utf-8"))
-        *proved, counted = check(proof)
-    except OSError as error:
-        raise InputError("file", path, f"cannot be read ({error.strerror}): {_REMEDY}") from error
-    except (KeyError, TypeError, IndexError, AttributeError, ZeroDivisionError, UnicodeDecodeError) as error:
-        raise InputError("file", path, f"is no proof file: {_REMEDY}") from error
-    except json.JSONDecodeError as error:
-        raise InputError("file", path, f"is no JSON ({error}): {_REMEDY}") from error
-    except ValueError as error:
-        return False, f"not proved: {error}"
-    checked = ", ".join(f"{count} {name}" for name, count in counted.items())
-    return True, "\n".join([*sentences(*proved), f"checked: {checked}"])
 
 
 def limit_lines(loads: Sequence[str], limit: LimitLoad, refinement: LimitRefinement | None) -> list[str]:

@@ -3,10 +3,12 @@
 Rooms that only one of them needs are loaded in its function.
 """
 
+import json
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any, Final
 
 import click
@@ -279,9 +281,23 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
 
 def check_proof(file: str) -> int:
     """Check a proof file."""
-    holds, line = report.checked_proof(file)
-    click.echo(line)
-    return 0 if holds else 1
+    from qvi_contact.limit import check_proof as proofs
+
+    remedy = "give a file written by qvi-contact limit --proof"
+    try:
+        *proved, counted = proofs.check(json.loads(Path(file).read_text(encoding="utf-8")))
+    except OSError as error:
+        raise InputError("file", file, f"cannot be read ({error.strerror}): {remedy}") from error
+    except (KeyError, TypeError, IndexError, AttributeError, ZeroDivisionError, UnicodeDecodeError) as error:
+        raise InputError("file", file, f"is no proof file: {remedy}") from error
+    except json.JSONDecodeError as error:
+        raise InputError("file", file, f"is no JSON ({error}): {remedy}") from error
+    except ValueError as error:
+        click.echo(f"not proved: {error}")
+        return 1
+    checked = ", ".join(f"{count} {name}" for name, count in counted.items())
+    click.echo("\n".join([*proofs.sentences(*proved), f"checked: {checked}"]))
+    return 0
 
 
 def keys(name: str) -> None:
