@@ -65,8 +65,8 @@ nitpick_ignore_regex = [
     (r"py:class", r"qvi_contact\.companion\.((body|elasticity|space)\.\w+|result\.CompanionState)"),
     (
         r"py:class",
-        r"qvi_contact\.(basics\.kept\.Kept|bracket\.(friction_norm\.Stopped|share\.Body)|mesh\.(edges|topology)\.\w+)",
+        r"qvi_contact\.(basics\.kept\.Kept|bracket\.(norms\.Stopped|share\.Body)|mesh\.(edges|topology)\.\w+)",
     ),
     (r"py:class", r"solvers\.inequality\.(body|contact|problem)\.\w+"),
-    (r"py:class", r"solvers\.(factorisation\.(superlu|pardiso)\.RefactorisedBy\w+|solution\.Attempt)"),
+    (r"py:class", r"solvers\.(factorisation\.(dissection|pardiso)\.RefactorisedBy\w+|solution\.Attempt)"),
 ]

@@ -347,8 +347,8 @@ class _Loop:
     def _recover(self, result: InnerSolution) -> None:
         """Ask whether the load can be carried at all; if so restart, then return towards the last feasible s.
 
-        Starts are the pressure without friction, where that exists, then that of the least energy over the set of
-        `feasibility`.
+        Starts are the pressure without friction, where that exists, then that of an admissible traction, see
+        `check_feasibility`.
         """
         qvi, form = self.qvi, self.form
         self.recoveries += 1

@@ -279,8 +279,7 @@ OTHER = 1e-4
 def another_solution(qvi: FrictionQVI, solution: QVISolution, tolerance: float, *, doubted: bool = True) -> str:
     """A sentence if there is a certified solution with other tractions at the end of another way, else nothing."""
     largest = LARGEST_DOUBTED if doubted else LARGEST_PLAIN
-    moving = (qvi.mu > 0.0) & (qvi.cap > qvi.cohesion)
-    if not (moving.any() and qvi.m <= largest and affordable(qvi)):
+    if not (qvi.law.moving.any() and qvi.m <= largest and affordable(qvi)):
         return ""
     size = solution.certificate.scales["stress"]
     compliance = Compliance(qvi)

@@ -125,13 +125,13 @@ def _done(plan: Plan, out: Path, again: bool, store: Path, **limits: Any) -> int
 
     A folder that cannot be written, and a store that cannot be used, are found before anything is run.
     """
-    from comparisons.lab.studies import read_csv, read_rows, run_study, write_csv
+    from comparisons.lab.studies import read_rows, run_study, write_rows, written_rows
     from qvi_contact.basics.writing import writable_folder
 
     folder = writable_folder(out, "--out")
-    tables = {study: folder / f"{study.name}.csv.gz" for study in plan.studies}
+    tables = {study: folder / f"{study.name}.jsonl.gz" for study in plan.studies}
     if again:
-        kept = [read_csv(table) for table in tables.values()]
+        kept = [written_rows(table) for table in tables.values()]
     else:
         writable_folder(store.parent, "--store")
         for study in plan.studies:
@@ -145,7 +145,7 @@ def _done(plan: Plan, out: Path, again: bool, store: Path, **limits: Any) -> int
             click.echo(f"interrupted: {done}; the same command goes on from there", err=True)
             click.get_current_context().exit(130)
         for table, rows in zip(tables.values(), kept, strict=True):
-            write_csv(table, rows)
+            write_rows(table, rows)
     report = plan.report(*kept)
     report.show([*report.write(folder), *tables.values()])
     return int(report.failed)

@@ -11,10 +11,8 @@ and the case, so an interrupted study goes on where it stopped, and a larger one
 Whatever happens to a case is a row: its result, or why there is none.
 """
 
-import csv
 import gzip
 import hashlib
-import io
 import json
 import os
 import pickle
@@ -24,7 +22,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from functools import cache, partial
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -32,9 +30,8 @@ from typing import TYPE_CHECKING, Any, Final
 from qvi_contact.basics.terminal import Advance, error_console
 from qvi_contact.basics.writing import replacing
 from qvi_contact.errors import InputError
-from qvi_contact.runs.cluster import Workers
 from qvi_contact.runs.database import Database
-from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome
+from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome, Workers
 
 if TYPE_CHECKING:
     from pandas import DataFrame, Series
@@ -48,9 +45,6 @@ PACKAGES: Final = (
 
 DONE: Final = "done"
 """Status of a row with a result; all others are in `qvi_contact.runs.FAILURES`."""
-
-_ENVIRONMENT: Final = ("threads", "timeout_seconds", "memory_mib", "machine", "versions")
-_OWN: Final = ("status", "reason", "seconds", "finished", "load_average")
 
 
 # what is run
@@ -83,7 +77,7 @@ class Study:
             cases = [plain(dict(case), "case") for case in self.cases]
             keys = {self.key(case): case for case in cases}
             for name in {name for case in cases for name in case}:
-                if not name.isidentifier() or name in (*_OWN, *_ENVIRONMENT):
+                if not name.isidentifier() or name in ("status", "reason", "spent", "has"):
                     raise ValueError(f"{name!r} is no name of a factor")
         except (TypeError, ValueError) as error:
             raise InputError("Study.cases", self.name, f"give words, with plain and finite values ({error})") from error
@@ -196,15 +190,6 @@ class Row:
     load_average: float | None
     environment: Mapping[str, Any]
 
-    def flat(self) -> dict[str, Any]:
-        """Column → value; entries of result and certificate are "result.…" and "certificate.…"."""
-        parts = {"result": self.result, "certificate": self.certificate or {}}
-        return {
-            **self.case, **{name: getattr(self, name) for name in _OWN},
-            **{f"{part}.{name}": value for part, entries in parts.items() for name, value in entries.items()},
-            **{name: self.environment[name] for name in _ENVIRONMENT},
-        }  # fmt: skip
-
 
 def frame_of(rows: Sequence[Row], numbers: Sequence[str] = (), others: Sequence[str] = ()) -> "DataFrame":
     """One line a row: the factors of the case, and the entries of the result.
@@ -231,83 +216,30 @@ def largest_of(values: "Series", frame: "DataFrame") -> dict[Any, Any]:
     return dict.fromkeys(frame) if values.dropna().empty else frame.loc[values.idxmax()].to_dict()
 
 
-def write_csv(path: str | Path, rows: Sequence[Row]) -> None:
-    """One line for each row, compressed if the name ends in ".gz"; the same bytes for the same rows.
-
-    All but texts is JSON, and so are texts that could be taken for it; a row that has no such entry has nothing there.
-    """
-
-    def cell(value: Any) -> str:
-        if not isinstance(value, str) or not value or "\r" in value:  # a bare "\r" would end the line
-            return json.dumps(value, sort_keys=True)
-        return value if _value(value) is value else json.dumps(value)
-
-    flat = [row.flat() for row in rows]
-    names = list(dict.fromkeys(name for each in flat for name in each))
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows([cell(each[name]) if name in each else "" for name in names] for each in flat)
-    content = text.getvalue().encode()
+def write_rows(path: str | Path, rows: Sequence[Row]) -> None:
+    """One line of JSON a row, compressed; the same bytes for the same rows."""
+    content = "".join(f"{json.dumps(vars(row))}\n" for row in rows).encode()
     with replacing(Path(path)) as temporary:
-        temporary.write_bytes(gzip.compress(content, mtime=0) if Path(path).suffix == ".gz" else content)
+        temporary.write_bytes(gzip.compress(content, mtime=0))
 
 
-def read_csv(path: str | Path) -> tuple[Row, ...]:
-    """The rows that `write_csv` wrote; what stands in several of them is one object. `InputError` if they are none."""
+def written_rows(path: str | Path) -> tuple[Row, ...]:
+    """The rows that `write_rows` wrote. `InputError` if they are none."""
     try:
-        content = Path(path).read_bytes()
-        text = (gzip.decompress(content) if Path(path).suffix == ".gz" else content).decode()
-        value, lines = cache(_value), csv.DictReader(io.StringIO(text, newline=""))
-        return tuple(_unflat({name: value(cell) for name, cell in line.items() if cell}) for line in lines)
-    except (OSError, UnicodeDecodeError, TypeError) as error:
+        lines = gzip.decompress(Path(path).read_bytes()).decode().splitlines()
+        return tuple(Row(**json.loads(line)) for line in lines)
+    except (OSError, EOFError, ValueError, TypeError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError("rows", str(path), f"cannot be read ({reason}): give the folder of a report") from error
-
-
-def _value(cell: str) -> Any:
-    try:
-        return json.loads(cell)
-    except ValueError:
-        return cell
-
-
-def _unflat(flat: Mapping[str, Any]) -> Row:
-    """The row of which this is the `flat`."""
-    parts: dict[str, dict[str, Any]] = {"result": {}, "certificate": {}, "environment": {}, "case": {}}
-    own: dict[str, Any] = {"load_average": None}
-    for name, value in flat.items():
-        part, dot, entry = name.partition(".")
-        if dot:
-            parts[part][entry] = value
-        elif name in _OWN:
-            own[name] = value
-        else:
-            parts["environment" if name in _ENVIRONMENT else "case"][name] = value
-    return Row(**own | parts | {"certificate": parts["certificate"] or None})
 
 
 # the store: an SQLite file, one transaction for each row, see `runs.database`
 
 _STORE: Final = Database(
-    "the store of a study", 0x51564953, 2,  # "QVIS"
-    (
-        "CREATE TABLE environments (number INTEGER PRIMARY KEY, content TEXT NOT NULL UNIQUE)",
-        """CREATE TABLE "rows" (
-            key TEXT PRIMARY KEY, study TEXT NOT NULL, "case" TEXT NOT NULL, status TEXT NOT NULL,
-            reason TEXT NOT NULL, result TEXT NOT NULL, certificate TEXT NOT NULL, seconds REAL NOT NULL,
-            finished TEXT NOT NULL, load_average REAL, environment INTEGER NOT NULL REFERENCES environments
-        )""",
-    ),
+    "the store of a study", 0x51564953, 3,  # "QVIS"
+    ('CREATE TABLE "rows" (key TEXT PRIMARY KEY, study TEXT NOT NULL, "row" TEXT NOT NULL)',),
     '"rows"',
 )  # fmt: skip
-_WRITE: Final = """
-    INSERT INTO "rows" SELECT ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, number FROM environments WHERE content = ?
-"""
-_READ: Final = """
-    SELECT key, "case", status, reason, result, certificate, seconds, finished, load_average, content
-    FROM "rows" JOIN environments ON environment = number WHERE study = ?
-"""
 
 
 def read_rows(study: Study, store: str | Path) -> tuple[Row, ...]:
@@ -317,13 +249,9 @@ def read_rows(study: Study, store: str | Path) -> tuple[Row, ...]:
         return ()
     with _STORE.opened(path) as connection:
         try:
-            found = {
-                key: Row(json.loads(case), status, reason, json.loads(result), json.loads(certificate), seconds,
-                         finished, load, json.loads(environment))
-                for key, case, status, reason, result, certificate, seconds, finished, load, environment
-                in connection.execute(_READ, (study.name,))
-            }  # fmt: skip
-        except ValueError as error:
+            rows = connection.execute('SELECT key, "row" FROM "rows" WHERE study = ?', (study.name,))
+            found = {key: Row(**json.loads(text)) for key, text in rows}
+        except (ValueError, TypeError) as error:
             raise _STORE.damaged(path) from error
     return tuple(found[key] for key in study.keys if key in found)
 
@@ -338,16 +266,15 @@ def writing(path: Path, study: Study) -> Iterator[Callable[[Case, Outcome, Mappi
     with _STORE.writing(path, lambda _: None) as connection:
 
         def append(case: Case, outcome: Outcome, environment: Mapping[str, Any]) -> None:
-            surroundings, result = _json(environment), dict(outcome.value or {})
+            result = dict(outcome.value or {})
             certificate = result.pop("certificate", None)
             now = datetime.now(UTC).isoformat(timespec="seconds")
-            values = (
-                study.key(case), study.name, json.dumps(case), outcome.status, outcome.reason, json.dumps(result),
-                json.dumps(certificate), outcome.seconds, now, outcome.load_average, surroundings,
-            )  # fmt: skip
+            row = Row(case, outcome.status, outcome.reason, result, certificate, outcome.seconds, now,
+                      outcome.load_average, environment)  # fmt: skip
             with _STORE.explained(path), connection:
-                connection.execute("INSERT OR IGNORE INTO environments (content) VALUES (?)", (surroundings,))
-                connection.execute(_WRITE, values)
+                connection.execute(
+                    'INSERT INTO "rows" VALUES (?, ?, ?)', (study.key(case), study.name, json.dumps(vars(row)))
+                )
 
         yield append
 

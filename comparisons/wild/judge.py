@@ -31,10 +31,14 @@ from qvi_contact.basics.checks import Field, FloatArray, IntArray
 from qvi_contact.mesh.edges import Edges, cross, frames_along, vectors_along
 from qvi_contact.problem.problem import Prescribed
 from solvers import FrictionQVI
+from solvers.certificate.certificate import scales_at
 from solvers.inequality.problem import Compliance
 
 _DISTANCE: Final = 1e-3
 """Distance of two states in the energy norm, relative, that is none: errors of 1e-8 in energy allow 1e-4."""
+
+_BROKEN: Final = 1e-3
+"""Share of the largest traction of two states by which one may break the law and still be compared."""
 
 _TOLERANCE: Final = 1e-6
 """Errors relative to the largest stress of the body, or of the contact, that are no errors."""
@@ -329,7 +333,7 @@ class Comparison:
 
     With bounds held fixed there is one state of least complementary energy J, so the two agree or one of them is wrong.
     Over the strain energy of the larger one, distance² is ∫ c(σ − τ) : (σ − τ) dx, and gain J(σ) − J(τ): positive if it
-    is σ that is not the least.
+    is σ that is not the least, and minus infinity if τ breaks the law by more than `_BROKEN` of the largest traction.
     """
 
     distance: float
@@ -350,6 +354,11 @@ def compare(result: ContactResult, other: ContactResult) -> Comparison:
     nothing = floor(problem) ** 2 * area / max(each.young for each in problem.materials)
     size = max(result.energies.strain, other.energies.strain, nothing) / unit
     distance, gain = 0.5 * float(change @ (qvi.K @ change)), -float(qvi.gradient((one + two) / 2.0) @ change)
+    bound, normal, shear = qvi.threshold(qvi.pressure(one)), qvi.normal(two), qvi.tangential(two)
+    excess = np.maximum(np.where(qvi.bilateral, 0.0, normal), np.abs(shear) - bound)
+    largest = max(scales_at(qvi, one)["stress"], np.abs(normal).max(initial=0.0), np.abs(shear).max(initial=0.0))
+    if excess.max(initial=0.0) > _BROKEN * largest:
+        gain = -np.inf
     return Comparison(float(np.sqrt(max(distance, 0.0) / size)), gain / size)
 
 

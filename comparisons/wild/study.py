@@ -152,7 +152,7 @@ def values_of(problems: DataFrame) -> dict[str, Any]:
         "problems": len(problems), "families": present, "longest": LONGEST,
         "slow": int(problems.slow.sum()), "solvable": len(solvable), "admissible": len(admissible),
         "missed": int(unanswered.solvable.sum()), "stuck": int(unanswered.admissible.sum()),
-        "hopeless": int((unanswered.exists == NONE).sum()), "unknown": int((unanswered.exists == UNDECIDED).sum()),
+        "hopeless": int((unanswered.admissible & (unanswered.exists == NONE)).sum()),
     }  # fmt: skip
 
 

@@ -4,11 +4,8 @@ from qvi_contact.basics.units import Certainty
 from qvi_contact.bracket.bounds import bracket, displacement, uniqueness
 from qvi_contact.bracket.branches import Branches, other_solutions
 from qvi_contact.bracket.coulomb import CoulombBounds
-from qvi_contact.bracket.friction_norm import friction_norm as friction_norm
 from qvi_contact.bracket.outcome import Bracket, BracketKind, Uniqueness
-from qvi_contact.bracket.outcome import document as document
 from qvi_contact.bracket.parts import Bounds, EdgeParts
-from qvi_contact.bracket.proved_norms import star_norm as star_norm
 from solvers.basics.front import front
 
 __all__ = [
@@ -29,16 +26,19 @@ __all__ = [
 __getattr__ = front(
     __name__,
     {
-        "outcome": ("lines",),
-        "friction_norm": (
+        "outcome": ("document", "lines"),
+        "norms": (
             "amplification",
             "coercivity",
             "computed_norm",
             "defect_bound",
             "error_bound",
+            "friction_norm",
+            "rectangle_constant",
+            "rectangle_norm",
+            "star_norm",
         ),
-        "proved_norms": ("rectangle_constant", "rectangle_norm"),
-        "fixed_bound": ("fixed_bound_problem",),
+        "bounds": ("fixed_bound_problem",),
         "parts": ("CellFields", "bulk", "by_cell", "slip_work"),
         "coulomb": ("coulomb_bounds",),
         "share": ("Share", "bodies_of", "with_shares"),

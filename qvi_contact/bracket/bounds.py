@@ -1,7 +1,8 @@
 """Bounds of the energy of a contact problem, from its stress and a displacement computed beside it, and of forces.
 
-Bounds need data that are the same in both models. Functions are looked at in `bernstein.SAMPLES` of every edge and 169
-points of every cell; what happens between those nobody sees.
+What is bracketed is a convex problem, its friction bounds held fixed; its stress obeys the law on whole edges. Bounds
+need data that are the same in both models. Functions are looked at in `bernstein.SAMPLES` of every edge and 169 points
+of every cell; what happens between those nobody sees.
 
 If the only datum that is not zero is a displacement a of one support or obstacle, constant along it, and no energy is
 lost in friction, all equations and inequalities are homogeneous. Then ∫ σ : ε(u) dx = a R with R the resultant that
@@ -15,51 +16,207 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate, finite_number
+from qvi_contact.basics.schema import keys_of
 from qvi_contact.bracket.coulomb import CoulombBounds, coulomb_bounds
-from qvi_contact.bracket.fixed_bound import (
-    LOOSEST,
-    AdmissibleStress,
-    FixedBoundProblem,
-    admissible_stress,
-    after_earlier_slip,
-    fixed_bound_problem,
-    with_bernstein_rows,
-)
 from qvi_contact.bracket.outcome import Bracket, BracketKind, Uniqueness
 from qvi_contact.bracket.parts import (
+    LOOSEST,
     Bounds,
     CellFields,
     EdgeParts,
+    EdgeTractions,
     bulk,
     by_cell,
+    coefficients,
     edge_parts,
     initial_work,
     strain_energy,
 )
 from qvi_contact.bracket.share import SharedStress, outside_scope, with_numbers, with_shares
 from qvi_contact.companion import CompanionResult, solve_companions
+from qvi_contact.companion.body import PARALLEL
 from qvi_contact.companion.solver import check_scope
 from qvi_contact.companion.space import HIGHEST, triangle
-from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import is_polynomial, physical, scaled_stress_at_rest, spanned
+from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
-from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, Displacement, Traction, components
+from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, Displacement, Traction, components, has_coulomb
 from qvi_contact.problem.material import is_strained, varies
 from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import allowed_misfit, fluid_work, obstacle_work, rest_on_arcs, support_work
 from qvi_contact.version import __version__
-from solvers import Iteration, solve_qvi
+from solvers import Iteration, Status, solve_qvi
 from solvers.basics.progress import Log, deadline
 from solvers.factorisation import FactorisationError
 from solvers.settings import Settings
+
+_AT_ONCE: Final = 1000  # points that are looked for among edges
+
+
+@dataclass(frozen=True, eq=False)
+class FixedBoundProblem:
+    """A problem whose friction bound s is data."""
+
+    # of the problem, in the units of the result, with rows that hold the law on whole edges
+    discretization: Discretization
+    kind: BracketKind  # what it has to do with the problem stated
+    threshold: FloatArray  # (e, q): Bernstein coefficients of s on all contact edges that have rows, dimensionless
+    lowered: bool  # whether s is below a bound that is data, which is no polynomial of that degree on some edge
+    reasons: tuple[str, ...]  # why its solution is not that of the problem stated
+
+    @property
+    def bounds(self) -> Mapping[str, FloatArray]:
+        """The bound by contact, (edges, q) Bernstein coefficients [stress]; none for tied contacts."""
+        physical = self.threshold * self.discretization.scales.stress
+        return {rows.name: physical[rows.edges] for rows in self.discretization.contacts if rows.law != "tied"}
+
+
+def fixed_bound_problem(result: ContactResult) -> FixedBoundProblem:
+    """Hold the friction bound of a result fixed.
+
+    * Contacts without Coulomb friction keep their law: the bound s = min(c, t_max) is data already.
+    * With Coulomb friction s = min(c + μ p, t_max), p the pressure of the result.
+
+    Raises
+    ------
+    InputError
+        If the result has no stress state.
+
+    """
+    names = ", ".join(repr(contact.name) for contact in result.problem.contacts if has_coulomb(contact))
+    discretization = with_bernstein_rows(result.discretization)
+    own = EdgeTractions.of(discretization, result.dofs)
+    if names:
+        reason = f"The friction bound on {names} was taken from the computed pressure."
+        return FixedBoundProblem(discretization, BracketKind.GIVEN_BOUND, own.bound, False, (reason,))
+    return FixedBoundProblem(discretization, BracketKind.PROBLEM, own.bound, not own.exact.all(), ())
+
+
+def with_bernstein_rows(known: Discretization) -> Discretization:
+    """The same problem on the same elements and in the same units, with rows that hold the law on whole edges."""
+    if known.rule.law_on == "edges":
+        return known
+    return discretize(known.problem, degree=known.space.degree, law_on="edges", scales=known.scales)
+
+
+@dataclass(frozen=True, eq=False)
+class EarlierSlip:
+    """An offset of a contact and what the contact has slipped before, as a function of (x, y) [length]."""
+
+    offset: Field  # what the problem prescribes
+    first: FloatArray  # first, along, (e, 2) each: where edges begin, and the vectors to their ends
+    along: FloatArray
+    slip: FloatArray  # (e, q): Bernstein coefficients on each edge
+
+    def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """The sum at points of the edges."""
+        places, found = np.stack([np.ravel(x), np.ravel(y)], axis=1), list[FloatArray]()
+        for some in np.split(places, range(_AT_ONCE, len(places), _AT_ONCE)):
+            away = some[:, None] - self.first
+            t = np.clip((away * self.along).sum(axis=2) / (self.along**2).sum(axis=1), 0.0, 1.0)
+            edge = np.square(away - t[..., None] * self.along).sum(axis=2).argmin(axis=1)
+            shapes = bernstein.basis(self.slip.shape[1] - 1, t[np.arange(len(some)), edge])
+            found.append((shapes * self.slip[edge]).sum(axis=1))
+        slip = np.concatenate(found).reshape(np.shape(x))
+        return np.asarray(evaluate("Contact.offset", self.offset, x, y) + slip)
+
+
+def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str, ...]]:
+    """A step of a history as the result of one problem, with the slip computed before in its offsets, and a reason.
+
+    Where edges go on straight that slip is made continuous, as displacements are. Other results stay as they are,
+    without a reason.
+
+    Raises
+    ------
+    InputError
+        If a contact has slipped before along arcs.
+
+    """
+    known, changed, mesh = result.discretization, dict[str, Contact](), result.problem.mesh
+    for rows, contact in zip(known.contacts, result.problem.contacts, strict=True):
+        if not rows.slip.any():
+            continue
+        edges = mesh.edges(contact.edges)
+        if edges.curved:
+            remedy = "this step of a history has slipped before along arcs: bracket the result of one solve"
+            raise InputError("result", contact.name, remedy)
+        slip = coefficients(known, rows.slip * known.scales.displacement)
+        meeting: dict[int, list[tuple[int, int]]] = {}
+        for end, vertices in enumerate((edges.first, edges.second)):
+            for edge, vertex in enumerate(vertices.tolist()):
+                meeting.setdefault(vertex, []).append((edge, -end))
+        for ends in meeting.values():
+            at = tuple(np.array(ends).T)
+            sense = edges.tangent[at[0]] @ edges.tangent[at[0][0]]
+            if (np.abs(sense) > 1.0 - PARALLEL).all():
+                slip[at] = np.sign(sense) * np.mean(np.sign(sense) * slip[at])
+        first, second = mesh.vertices[edges.first], mesh.vertices[edges.second]
+        changed[contact.name] = replace(contact, offset=EarlierSlip(contact.offset, first, second - first, slip))
+    if not changed:
+        return result, ()
+    conditions = [
+        changed.get(each.name, each) if isinstance(each, Contact) else each for each in result.problem.conditions
+    ]
+    step = known.with_data(replace(result.problem, conditions=conditions), known.scales)
+    names = ", ".join(map(repr, changed))
+    reason = (
+        f"The slip of {names} in the steps before is taken as it was computed: bounds are those of this step alone."
+    )
+    return ContactResult(step, result.solution), (reason,)
+
+
+@dataclass(frozen=True, eq=False)
+class AdmissibleStress:
+    """A stress of the given problem."""
+
+    # it carries the stress; solved for the given bound if that of the bracketed result violates the law somewhere
+    result: ContactResult
+    own: EdgeTractions  # its tractions
+    # (e,) each: what is left of violations on each contact edge, largest (|τ_T| − s)⁺ and (τ_N)⁺, dimensionless
+    left: tuple[FloatArray, FloatArray]
+    message: str = ""  # why there is no such stress; empty if there is
+
+
+def admissible_stress(
+    given: FixedBoundProblem, result: ContactResult, tolerance: float, **options: Any
+) -> AdmissibleStress:
+    """The stress of the result where it is admissible for the given problem up to the tolerance, else the best that is.
+
+    The tolerance is relative to the largest contact traction; options of the solve are those of `solve_qvi`.
+    """
+    discretization = given.discretization
+
+    def violating(result: ContactResult) -> tuple[AdmissibleStress, float]:
+        """A stress, and its largest violation over the largest traction, where all is open the unit of stress."""
+        own = EdgeTractions.of(discretization, result.dofs)
+        left = own.violations(given.threshold, discretization.qvi.bilateral)
+        size = float(max(own.size, result.certificate.scales.get("stress", 0.0))) or 1.0
+        return AdmissibleStress(result, own, left), float(max(part.max(initial=0.0) for part in left)) / size
+
+    found, worst = violating(result)
+    if worst <= tolerance:
+        return found
+    qvi = discretization.qvi  # with m > 0, as something is violated
+    solution = solve_qvi(qvi.with_bound(np.maximum(given.threshold.ravel(), 0.0)), tolerance=tolerance, **options)
+    strict = ContactResult(discretization, solution)
+    message = f"No strictly admissible stress was found: {solution.message}"
+    if solution.status in (Status.INFEASIBLE, Status.INNER_INFEASIBLE):
+        message = "No stress on this mesh obeys the contact law on whole edges for that bound: refine the mesh."
+    if not strict.has_state:
+        return replace(found, message=message)
+    found, worst = violating(strict)
+    return found if worst <= LOOSEST else replace(found, message=message)
+
 
 _DIVISIONS = 13  # of each side of a cell; φ is looked at in the middle of the parts
 _CELL_DEGREE = 5  # of φ: the work of its stresses is then integrated exactly
@@ -107,7 +264,7 @@ def _on_edges(discretization: Discretization) -> Iterator[tuple[str, str, str, s
         elif isinstance(condition, Contact):
             place, degrees = (condition.name, condition.edges), dict.fromkeys(SPRINGS, 0)
             if condition.law != "tied":
-                degrees |= dict.fromkeys(("cohesion", "pore_pressure", "shear_limit"), most)
+                degrees |= {name: most for name, each in keys_of(Contact).items() if each.unit == "stress"}
                 yield "The body potential", "ContactProblem.body_potential", *place, problem.body_potential, most
             for name, own in degrees.items():
                 yield f"The {name.replace('_', ' ')}", f"Contact.{name}", *place, getattr(condition, name), own

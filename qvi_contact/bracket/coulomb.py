@@ -1,19 +1,26 @@
-"""Bounds of the errors of stress and displacement under Coulomb's law, whatever sticks, slips or opens.
+"""Bounds of errors and of contact forces under Coulomb's law, whatever sticks, slips or opens.
 
-In `docs/theory.md`: (D26), (D27), (D28).
+For any displacement z of W and any stress ζ without loads the resultant Q = ∫ a σ_N + b σ_T ds differs from a number
+that z, ζ, the stress τ and the data give by at most F |ε(z) − cζ| + m (δ + ρ²/(4α)) + r F². z solves the dual
+problem on the displacements of the companion, ζ is the stress nearest to it. Both are cut: z_T = b also beside what
+sticks, and ζ_T = 0 also beside what slips, so that m is not large. r is the norm of R with ζ_T/(c + μ|τ_N|), made
+continuous, in place of s.
+
+In `docs/theory.md`: (D26), (D27), (D28), (D31).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
+from scipy import sparse
 
-from qvi_contact.basics.checks import FloatArray
-from qvi_contact.bracket.coulomb_forces import coulomb_force_bounds
-from qvi_contact.bracket.friction_norm import (
+from qvi_contact.basics.checks import BoolArray, FloatArray
+from qvi_contact.bracket.norms import (
     LARGEST,
     UNHELD,
     FrictionNorm,
@@ -24,6 +31,8 @@ from qvi_contact.bracket.friction_norm import (
     friction_norm,
 )
 from qvi_contact.bracket.parts import (
+    EDGE_POINTS,
+    LOOSEST,
     Bounds,
     CellFields,
     EdgeTractions,
@@ -31,16 +40,20 @@ from qvi_contact.bracket.parts import (
     by_cell,
     edge_parts,
     strain_energy,
+    tractions_on,
 )
-from qvi_contact.bracket.share import Share, SharedStress
+from qvi_contact.bracket.share import LeastChange, Share, SharedStress
 from qvi_contact.companion import CompanionResult
+from qvi_contact.companion.contact import DisplacementContact
+from qvi_contact.companion.solver import MOST, BodyAtRest, solutions
+from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.discretization.loads import ContactRows
+from qvi_contact.element import bernstein
+from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.problem.conditions import bears_shear, has_coulomb
+from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.stress import rest_on_arcs
-
-ADMISSIBLE = 1e-6
-"""Largest violation of the contact law by a stress, relative to the largest contact traction."""
-
-_BACKWARDS = 1e-12  # of the displacements: what is no slip against the share
+from qvi_contact.solution.stress import obstacle_work, rest_on_arcs, support_work
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -169,11 +182,11 @@ def coulomb_bounds(
     own, unit = EdgeTractions.of(known, result.dofs), known.scales.stress
     excess, tension = left = own.violations(own.bound, known.qvi.bilateral)
     for rows in known.contacts:
-        if rows.law != "tied" and max(excess[rows.edges].max(), tension[rows.edges].max()) > ADMISSIBLE * own.size:
+        if rows.law != "tied" and max(excess[rows.edges].max(), tension[rows.edges].max()) > LOOSEST * own.size:
             return f"The stress does not obey the law of contact {rows.name!r} on whole edges."
-    refusal = _displacement_refused(companion, shares)
-    if refusal:
-        return refusal
+    assert companion.state is not None
+    if companion.state.contradiction:
+        return companion.state.contradiction
     problem = known.problem
     fields, before = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
     edges, slack, _ = edge_parts(fields, known, own, own.bound, left, companion)
@@ -212,21 +225,314 @@ def coulomb_bounds(
     )
 
 
-def _displacement_refused(companion: CompanionResult, shares: Mapping[str, Share]) -> str:
-    """Why a displacement is none of those that (D27) is for; empty if it is."""
+_CUTS: Final = (1e-6, 1e-1)
+"""Shares of the largest opening, slip, pressure or room below the bound of a contact that count as none.
+
+Any share gives bounds. A small one makes m large where edges at the end of stick are short: |ζ_T| grows there towards
+the end, as κ(τ) falls. A large one makes the dual pair poor. The bounds of both hold.
+"""
+
+_NOISE: Final = 1e-7  # of the largest displacement or traction: what solvers leave of zero
+_MOVED: Final = 1e-5  # of the largest displacement of the body: no less is the largest one on a contact
+_ROUNDED: Final = 1e-12  # of a force: rounding of its sums
+_ROUNDING: Final = 1e-9  # of the largest: what is left where the dual pair must vanish
+
+
+@dataclass(frozen=True, eq=False)
+class _Line:
+    """One contact that is not tied: what of it is open, slips and presses; 0 where that counts as none."""
+
+    trace: DisplacementContact
+    rows: ContactRows
+    share: Share | None  # s; None without Coulomb friction
+    slipping: FloatArray  # (n,): 1 or −1 where v may slip along the tangent or against it, else 0
+    opening: FloatArray  # (n,): coefficients of g − v_N ≥ 0 [length]
+    slip: FloatArray  # (n,): of |v_T − w| ≥ 0 [length]
+    pressure: FloatArray  # (e, q): of |τ_N| ≥ 0 [stress]
+    room: FloatArray  # (e, q): of m (c + μ|τ_N|) ≥ 0, m of `Share.room` [stress]
+
+    @property
+    def friction(self) -> float:
+        """Coulomb's coefficient μ."""
+        return 0.0 if self.share is None else self.share.friction
+
+    @property
+    def closed(self) -> BoolArray:
+        """Coefficients (n,) on edges of which some coefficient touches the obstacle."""
+        return self._spread(self.opening == 0.0)
+
+    @property
+    def stuck(self) -> BoolArray:
+        """Coefficients (n,) on edges of which some coefficient does not slip; none without friction."""
+        return self._spread(self.slip == 0.0) & (self.share is not None)
+
+    @property
+    def loose(self) -> BoolArray:
+        """Edges (e,) of which some coefficient bears no pressure: ζ_N = 0 there."""
+        return np.asarray((self.pressure == 0.0).any(axis=1))
+
+    @property
+    def sliding(self) -> BoolArray:
+        """Edges (e,) of which some coefficient reaches the friction bound: ζ_T = 0 there; all without friction."""
+        return np.asarray((self.room == 0.0).any(axis=1)) | (self.share is None)
+
+    def _spread(self, chosen: BoolArray) -> BoolArray:
+        found = np.zeros_like(chosen)
+        found[self.trace.columns[chosen[self.trace.columns].any(axis=1)]] = True
+        return found
+
+
+def coulomb_force_bounds(errors: CoulombBounds, defect: float) -> dict[str, Bounds]:
+    """T3: bounds of "NAME.normal_force" and "NAME.tangential_force" [stress × length] of contacts that are not tied.
+
+    Those are left out of which no dual pair is found: the resultant of friction on a contact that ends where a support
+    holds its tangential displacement, or whose tangents turn back, and all where a contact has Tresca's law. Σ is at
+    most `defect` [stress × length²]. Where the norm for s is proved, those of the dual problems must be, too.
+    """
+    stress, companion = errors.stress, errors.displacement
+    contacts = stress.problem.contacts
+    if not np.isfinite(errors.within) or any(bears_shear(each) and not has_coulomb(each) for each in contacts):
+        return {}
     assert companion.state is not None
-    contacts, c = companion.state.contacts, companion.state.c
-    n, size = contacts.count, max(1.0, float(np.abs(c).max(initial=0.0)))
-    for trace in contacts.traces:
-        over, slip = c[:n][trace.here] - trace.gap, c[n:][trace.here] - trace.offset
-        if (trace.law == "unilateral" or trace.name in shares) and over.max() > _BACKWARDS * size:
-            return f"The displacement passes the obstacle of contact {trace.name!r}."
-        if trace.name in shares:
-            wanted = trace.slipping_on(shares[trace.name].slipping)
-            wrong = np.where(wanted == 0.0, np.abs(slip), -wanted * slip) > _BACKWARDS * size
-            if wrong.any():
-                x, y = trace.places[int(wrong.argmax())] * companion.scales.length + companion.problem.mesh.origin
-                return (
-                    f"Supports make {trace.name!r} slip at ({x:.6g}, {y:.6g}), where friction does not reach its bound."
-                )
-    return ""
+    if 2 * companion.state.contacts.count > MOST:
+        return {}
+    qvi, mesh, found = stress.discretization.qvi, stress.problem.mesh, dict[str, Bounds]()
+    fields = CellFields.of(stress.discretization, stress.dofs, companion.degree)
+    body = BodyAtRest.of(stress.problem, companion.degree)
+    changes = LeastChange.of(qvi, sparse.csr_array(sparse.vstack([qvi.N, qvi.T, qvi.A])))
+    for cut in _CUTS:
+        pairs = _Pairs(errors, defect, body, fields, changes, list(_lines(errors, cut)))
+        for line in pairs.lines:
+            targets = {"normal_force": (-1.0, 0.0)}
+            if line.share and leads_one_way(mesh.vertices, mesh.edges(line.trace.contact.edges)):
+                targets["tangential_force"] = (0.0, 1.0)
+            for name, (a, b) in targets.items():
+                bounds = pairs.bounds(line, a, b)
+                if bounds is not None:
+                    key = f"{line.trace.name}.{name}"
+                    lower, upper = found.get(key, (-np.inf, np.inf))
+                    found[key] = Bounds(max(lower, bounds.lower), min(upper, bounds.upper))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """Dual pairs z, ζ on the mesh of a result: displacements at rest, τ, and changes of all its tractions."""
+
+    errors: CoulombBounds
+    defect: float
+    body: BodyAtRest
+    fields: CellFields
+    changes: LeastChange
+    lines: list[_Line]
+
+    @property
+    def known(self) -> Discretization:
+        """The discretisation of the stress."""
+        return self.errors.stress.discretization
+
+    @property
+    def unit(self) -> float:
+        """D: z is that large where its dimensionless coefficients are 1 [length]."""
+        return self.known.scales.displacement
+
+    def bounds(self, line: _Line, a: float, b: float) -> Bounds | None:
+        """Bounds of ∫ a σ_N + b σ_T ds on one contact; None if no z meets the conditions of (D31)."""
+        goals = {each.trace.name: (a, b) if each is line else (0.0, 0.0) for each in self.lines}
+        c, z, plates = self._displacement(goals)
+        change, parts = self._continuous(self._stress(c))
+        ratio = self._ratio(goals, c, change)
+        if ratio is None:
+            return None
+        error = self.errors.within
+        second = self.errors.norm.work(self.known.problem, parts, error, self.defect)
+        if not np.isfinite(second):
+            return None
+        middle, residual = self._value(goals, c, z, plates, change)
+        middle -= (
+            a
+            * float(self.body.contacts.fluid[line.trace.here].sum())
+            * self.known.scales.stress
+            * self.known.scales.length
+        )
+        rest = (error * residual + ratio * self.defect + second) / self.unit
+        rest += _ROUNDED * abs(middle)
+        return Bounds(float(middle - rest), float(middle + rest))
+
+    @cached_property
+    def _spaces(self) -> tuple[list[tuple[FloatArray, int]], FloatArray, FloatArray, FloatArray]:
+        """Where z and its tests may move, whatever a and b: held, P, Z, and the energies with the tests as rows.
+
+        By contact `held` has μ s where conditions hold z as it is closed, and how many hold it as it sticks. All w of
+        the interface that meet them with right-hand side d are P d + Z y.
+        """
+        body, n = self.body, self.body.contacts.count
+        tied = body.B[np.tile(body.contacts.tied, 2) & body.live]
+        held, trial, test = [], [tied], [tied]
+        for line in self.lines:
+            closed, stuck = (line.trace.start + np.flatnonzero(part) for part in (line.closed, line.stuck))
+            closed, stuck = closed[body.live[closed]], stuck[body.live[n + stuck]]
+            normal, shear = body.B[closed], body.B[n + stuck]
+            turned = line.friction * line.slipping[closed - line.trace.start]
+            trial += [normal + turned[:, None] * body.B[n + closed], shear]
+            test += [normal, shear]
+            held.append((turned, len(stuck)))
+        return held, *solutions(np.vstack(trial)), solutions(np.vstack(test))[1].T @ body.S
+
+    def _displacement(self, goals: Mapping[str, tuple[float, float]]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Coefficients c (2, n) of z on the contacts, z (size,) and its plates, dimensionless: a and b of length 1."""
+        body, (held, particular, free, energies) = self.body, self._spaces
+        wanted = [np.zeros(len(particular.T) - sum(len(closed) + stuck for closed, stuck in held))]  # of tied ones
+        for line, (closed, stuck) in zip(self.lines, held, strict=True):
+            a, b = goals[line.trace.name]
+            wanted += [a + closed * b, np.full(stuck, b)]
+        start = particular @ np.concatenate(wanted)
+        w = start - free @ np.linalg.lstsq(energies @ free, energies @ start, rcond=1e-13)[0]
+        z, plates = body.expand(w)
+        c = body.contacts.rows @ z - body.contacts.motions @ plates
+        return c.reshape(2, body.contacts.count), z, plates
+
+    def _stress(self, c: FloatArray) -> FloatArray:
+        """ζ, as a change of the unknowns of the stress: the nearest to Cε(z), with no traction where none may be."""
+        qvi, q = self.known.qvi, self.known.rule.count
+        work = np.zeros((2, qvi.m))
+        products = bernstein.product_integrals(q - 1, self.errors.displacement.degree)
+        for line in self.lines:
+            local = np.stack(line.trace.on_edges(*c[:, line.trace.here]))
+            work[:, line.rows.rows] = (line.trace.lengths[:, None] * (local @ products.T)).reshape(2, -1)
+        rows, changes = self._held
+        none = np.zeros(rows.shape[0])
+        x = changes.solved(none, qvi.N.T @ work[0] + qvi.T.T @ work[1])
+        for _ in range(2):  # what is left of the rows is rounding, which must not count
+            x = x - changes.solved(rows @ x)
+        return x
+
+    @cached_property
+    def _held(self) -> tuple[sparse.csr_array, LeastChange]:
+        """Rows of tractions that are to vanish, and changes that leave them as they are told."""
+        qvi, q = self.known.qvi, self.known.rule.count
+        held = np.zeros((2, qvi.m), dtype=bool)
+        for line in self.lines:
+            held[0, line.rows.rows] = np.repeat(line.loose, q)
+            held[1, line.rows.rows] = np.repeat(line.loose | line.sliding, q)
+        parts = [sparse.csr_array(part)[chosen] for part, chosen in zip((qvi.N, qvi.T), held, strict=True)]
+        rows = sparse.csr_array(sparse.vstack([*parts, qvi.A]))
+        return rows, LeastChange.of(qvi, rows)
+
+    def _continuous(self, change: FloatArray) -> tuple[FloatArray, dict[str, Share]]:
+        """ζ with a ζ_T whose share of the bound is continuous, by the least change, and these shares."""
+        qvi, q = self.known.qvi, self.known.rule.count
+        shear, wanted, parts = qvi.T @ change, np.zeros(qvi.m), dict[str, Share]()
+        rough = [line for line in self.lines if line.share is not None]
+        total, mass, still = np.zeros((3, len(self.known.problem.mesh.vertices)))
+        for line in rough:
+            assert line.share is not None
+            held, edges = line.sliding | line.loose, line.trace.edges
+            bound = np.where(held[:, None], 1.0, line.share.weights)
+            values = np.where(held[:, None], 0.0, shear[line.rows.rows].reshape(-1, q) / bound)
+            for end, vertices in enumerate((edges.first, edges.second)):
+                np.add.at(total, vertices, (values * bound)[:, -end])
+                np.add.at(mass, vertices, bound[:, -end])
+                np.add.at(still, vertices, held)
+            parts[line.trace.name] = replace(
+                line.share, values=values, weights=bound, slipping=np.zeros(len(edges.first))
+            )
+        common = np.where(still > 0.0, 0.0, total / np.maximum(mass, 1e-300))
+        for line in rough:
+            share, edges = parts[line.trace.name], line.trace.edges
+            own = share.values * share.weights
+            share.values[:, 0], share.values[:, -1] = common[edges.first], common[edges.second]
+            wanted[line.rows.rows] = (share.values * share.weights - own).ravel()
+        if wanted.any():
+            right = np.concatenate([np.zeros(qvi.m), wanted, np.zeros(qvi.A.shape[0])])
+            change = change + self.changes.solved(right)
+        return change, parts
+
+    def _ratio(self, goals: Mapping[str, tuple[float, float]], c: FloatArray, change: FloatArray) -> float | None:
+        """The largest of m₁ to m₄; None if there is none."""
+        stress, q, found = self.known.scales.stress, self.known.rule.count, 0.0
+        normal, shear = (stress * (rows @ change) for rows in (self.known.qvi.N, self.known.qvi.T))
+        size = float(np.abs(normal).max())
+        for line in self.lines:
+            (a, b), here = goals[line.trace.name], line.trace.here
+            slip = c[1, here] - b if line.share else 0.0 * c[1, here]
+            across = c[0, here] - a + line.friction * line.slipping * slip
+            pairs = [(self.unit * slip, line.slip, self.unit), (self.unit * across, line.opening, self.unit)]
+            pairs.append((normal[line.rows.rows].reshape(-1, q), line.pressure, size))
+            if line.share:
+                pairs.append((shear[line.rows.rows].reshape(-1, q), line.room, size))
+            for part, whole, unit in pairs:
+                none = whole == 0.0
+                if np.abs(part[none]).max(initial=0.0) > _ROUNDING * unit:
+                    return None
+                found = max(found, float((np.abs(part[~none]) / whole[~none]).max(initial=0.0)))
+        return found
+
+    def _value(
+        self,
+        goals: Mapping[str, tuple[float, float]],
+        c: FloatArray,
+        z: FloatArray,
+        plates: FloatArray,
+        change: FloatArray,
+    ) -> tuple[float, float]:
+        """The resultant as far as it is known [stress × length], and |ε(z) − cζ| of z with the unit of length D."""
+        known, scales, companion = self.known, self.known.scales, self.errors.displacement
+        assert companion.state is not None
+        u = self.errors.stress.dofs
+        other = u + known.basis @ change
+        fields = self.fields
+        dual = CellFields.of(known, other, companion.degree).less(fields)
+        strain = self.body.body.body.strain(z, slice(None), fields.t[:, -2:]) * (self.unit / scales.length)
+        compliance = known.problem.compliances
+        apart = strain - np.einsum("ckl,cgl->cgk", compliance, dual.stress)
+        size = float(np.einsum("cg,cgk,ckl,cgl->", fields.weights, apart, np.linalg.inv(compliance), apart))
+        inside = float(np.einsum("cg,cgk,cgk->", fields.weights, fields.stress, apart))
+        inside += float(np.einsum("cg,cgk,ckl,cgl->", fields.weights, dual.stress, compliance, fields.at_rest))  # ε⁰
+        stretched, t = self.body.contacts.stretched(z), gauss_legendre(EDGE_POINTS)[0]
+        for own, each in zip(fields.springs, dual.springs, strict=True):
+            missed = each.missed(companion.along(each.name, stretched, t))  # k (d + ζ/k): springs bear −τ and −ζ
+            size += float((each.weights * missed**2).sum())
+            inside -= float((each.weights * own.traction * missed).sum())
+        loads = float(companion.state.load @ z + self.body.contacts.resultants @ plates)
+        work = inside - loads * scales.energy
+        for along in (support_work, obstacle_work):
+            work += along(known, other) - along(known, u)
+        for line in self.lines:
+            if line.share:
+                b, here = goals[line.trace.name][1], line.trace.here
+                assert not callable(line.trace.contact.cohesion)
+                slipped = float(line.trace.weights @ (line.slipping * (c[1, here] - b))) * self.unit * scales.length
+                work += line.trace.contact.cohesion * slipped
+        return work / self.unit, float(np.sqrt(size))
+
+
+def _lines(errors: CoulombBounds, cut: float) -> Iterator[_Line]:
+    stress, shares, state = errors.stress, errors.shares, errors.displacement.state
+    known = stress.discretization
+    assert state is not None
+    c, beyond = (each.reshape(2, -1) for each in (state.c, state.c - state.contacts.obstacle))
+    length = known.scales.displacement
+    # where all of a contact is closed and sticks its displacements are the rounding of those of the body
+    least = _MOVED * float(np.abs(state.v).max(initial=0.0))
+
+    def shown(values: FloatArray, size: float) -> FloatArray:
+        """The values, 0 where they count as none beside the size of what they are part of."""
+        return np.where(values > max(cut * float(values.max(initial=0.0)), _NOISE * size), values, 0.0)
+
+    for trace, rows in zip(state.contacts.traces, known.contacts, strict=True):
+        contact = trace.contact
+        if contact.law == "tied":
+            continue
+        share, own = shares.get(contact.name), c[:, trace.here]
+        slipping = np.zeros(trace.count) if share is None else trace.slipping_on(share.slipping)
+        normal, shear = (known.scales.stress * part for part in tractions_on(known, stress.dofs, rows))
+        room = np.zeros_like(shear)
+        if share is not None:
+            assert not callable(contact.cohesion)
+            room = share.room * (share.friction * np.maximum(-normal, 0.0) + contact.cohesion)
+        moved, pressed = max(float(np.abs(own).max(initial=0.0)), least), float(np.abs(normal).max(initial=0.0))
+        opening, slip = (
+            length * shown(part, moved) for part in (-beyond[0, trace.here], slipping * beyond[1, trace.here])
+        )
+        yield _Line(trace, rows, share, slipping, opening, slip, shown(-normal, pressed), shown(room, pressed))

@@ -34,6 +34,8 @@ from qvi_contact.solution.stress import cell_stresses, normal_and_shear
 _OUTWARD = 2.0  # safety of the work of violations that are left
 _BELOW_ZERO = 1e-10  # of a field's values: a coefficient below zero that is none
 
+LOOSEST: Final = 1e-6
+"""Largest violation of the contact law, relative to the largest stress, that counts as admissible."""
 EDGE_POINTS: Final = 12
 """Gauss points of an edge for integrals of springs and gaps."""
 _POTENTIAL = 5  # degree of a body potential whose energy is integrated exactly

@@ -25,7 +25,7 @@ from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.bracket.parts import tractions_on
-from qvi_contact.companion.data import PARALLEL
+from qvi_contact.companion.body import PARALLEL
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.mechanism.bodies import blocks_of_cells

@@ -9,8 +9,7 @@ import click
 
 from qvi_contact.basics.schema import Choice, Number, Whole, defaults_of, described, keys_of
 from qvi_contact.basics.terminal import Group, run
-from qvi_contact.files.options import RefineOptions
-from qvi_contact.solution.settings import Settings
+from qvi_contact.solution.settings import RefineOptions, Settings
 from qvi_contact.version import __version__
 
 _Command = Callable[..., Any]

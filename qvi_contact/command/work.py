@@ -23,13 +23,12 @@ from qvi_contact.command.progress_line import solving
 from qvi_contact.errors import InputError
 from qvi_contact.files.export import summary, write_collapse_vtu
 from qvi_contact.files.keys import listed
-from qvi_contact.files.options import RefineOptions
 from qvi_contact.files.problem_file import ProblemFile, SweepPlan, load_problem
 from qvi_contact.files.stores import StoredSweep, read_sweep
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.history import solve_history
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.settings import Settings
+from qvi_contact.solution.settings import RefineOptions, Settings
 from qvi_contact.solution.solver import solve as solve_one
 from qvi_contact.solution.sweep import Sweep, solve_sweep
 from solvers import available
@@ -288,8 +287,8 @@ def check_proof(file: str) -> int:
         *proved, counted = proofs.check(json.loads(Path(file).read_text(encoding="utf-8")))
     except OSError as error:
         raise InputError("file", file, f"cannot be read ({error.strerror}): {remedy}") from error
-    except (KeyError, TypeError, IndexError, AttributeError, ZeroDivisionError, UnicodeDecodeError) as error:
-        raise InputError("file", file, f"is no proof file: {remedy}") from error
+    except (KeyError, TypeError, IndexError, AttributeError, ArithmeticError, UnicodeDecodeError) as error:
+        raise InputError("file", file, f"is no proof file of this version: {remedy}") from error
     except json.JSONDecodeError as error:
         raise InputError("file", file, f"is no JSON ({error}): {remedy}") from error
     except ValueError as error:

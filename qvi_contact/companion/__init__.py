@@ -24,7 +24,7 @@ __getattr__ = front(
     __name__,
     {
         "body": ("Elasticity",),
-        "dual": ("DualProblem",),
+        "contact": ("DualProblem",),
         "solver": ("BodyAtRest", "moduli"),
         "space": ("DisplacementSpace", "Triangle", "reference_matrices"),
     },

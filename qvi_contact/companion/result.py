@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, real_array
 from qvi_contact.companion.body import Elasticity
-from qvi_contact.companion.dual import Contacts
+from qvi_contact.companion.contact import Contacts, DisplacementContact
 from qvi_contact.companion.space import DisplacementSpace
-from qvi_contact.companion.traces import DisplacementContact
-from qvi_contact.discretization.plates import centre_of
+from qvi_contact.discretization.plates import COMPONENTS, centre_of
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
@@ -119,6 +118,7 @@ class CompanionState:
     live: BoolArray  # (2 n,): where there is a force, see `DualProblem`; elsewhere τ is zero
     bound: FloatArray  # (n,): bound of |τ_T|
     load: FloatArray  # (size,): load vector
+    contradiction: str  # why it does not meet them after all; empty if it does
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -256,8 +256,8 @@ class CompanionResult(PicklesFields):
         load = float(state.load @ state.v + state.contacts.resultants @ state.plates)
         friction = 0.0  # ∫ s |v_T − w| ds; under Coulomb's law the sum over coefficients that was minimised
         for trace in state.contacts.traces:
-            slip = state.c[state.contacts.count :][trace.here] - trace.offset
-            if trace.law == "tied":
+            slip = self._beyond[1, trace.here]
+            if trace.contact.law == "tied":
                 continue
             if trace.bound is None:
                 friction += float(np.sum(trace.weights * state.bound[trace.here] * np.abs(slip)))
@@ -280,17 +280,16 @@ class CompanionResult(PicklesFields):
     @cached_property
     def plates(self) -> Mapping[str, PlateMotion]:
         """How far each rigid plate has moved, by the name of its contact, and the forces that are given."""
-        scales, found, start = self.scales, {}, 0
-        for trace, contact in zip(self._state.contacts.traces, self.problem.contacts, strict=True):
-            plate = contact.plate
-            if plate is None:
-                continue
-            moved = {}
-            for component, *_ in trace.motions:
-                unit = scales.displacement / (scales.length if component == "moment" else 1.0)
-                moved[component] = float(self._state.plates[start]) * unit
-                start += 1
-            found[trace.name] = plate_motion(plate, centre_of(self.problem, trace.edges), moved)
+        scales, found, moved = self.scales, {}, iter(self._state.plates.tolist())
+        for trace in self._state.contacts.traces:
+            plate = trace.contact.plate
+            if plate is not None:
+                own = {
+                    part: next(moved) * scales.displacement / (scales.length if part == "moment" else 1.0)
+                    for part in COMPONENTS
+                    if getattr(plate, part) is not None
+                }
+                found[trace.name] = plate_motion(plate, centre_of(self.problem.mesh, trace.edges), own)
         return MappingProxyType(Named("plates", "contacts with a plate or pin", found))
 
     @property
@@ -300,6 +299,11 @@ class CompanionResult(PicklesFields):
         return self.state
 
     @property
+    def _beyond(self) -> FloatArray:
+        """C less g and w (2, n)."""
+        return (self._state.c - self._state.contacts.obstacle).reshape(2, -1)
+
+    @property
     def _v(self) -> FloatArray:
         return self._state.v[: self.space.size]
 
@@ -307,16 +311,16 @@ class CompanionResult(PicklesFields):
         state, scales, chosen = self._state, self.scales, trace.here
         n = state.contacts.count
         normal, tangential, bound = state.tractions[:n][chosen], state.tractions[n:][chosen], state.bound[chosen]
-        gap, slip = trace.gap - state.c[:n][chosen], state.c[n:][chosen] - trace.offset
+        gap, slip = -self._beyond[0, chosen], self._beyond[1, chosen]
         unit = max(self.certificate.scales.get("stress", 1.0), 1e-300)
-        may_open = trace.law == "unilateral"
-        frictionless = any(is_frictionless(each) for each in self.problem.contacts if each.name == trace.name)
+        may_open = trace.contact.law == "unilateral"
+        frictionless = is_frictionless(trace.contact)
         states = contact_states(
             normal, tangential, bound, gap, slip, unit, may_open=may_open, frictionless=frictionless
         )
         order = np.lexsort(np.round(trace.places, _DIGITS).T[::-1])
         x, y = (self.problem.mesh.origin + scales.length * trace.places).T
-        fluid = np.where(state.live[:n][chosen], trace.fluid / trace.weights, 0.0)
+        fluid = np.where(state.live[:n][chosen], state.contacts.fluid[:n][chosen] / trace.weights, 0.0)
         stresses = (scales.stress * part for part in (normal - fluid, tangential, bound))
         moved = (scales.displacement * part for part in (gap, slip))
         senses = trace.by_coefficient(turning_senses(self.problem.mesh.vertices, trace.edges))

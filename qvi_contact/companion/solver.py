@@ -11,16 +11,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
-from qvi_contact.companion.body import CondensedBody, Elasticity, load_vector
-from qvi_contact.companion.data import PARALLEL, Supports, supports
-from qvi_contact.companion.dual import Contacts, DualProblem, admissible, dual_problem
+from qvi_contact.basics.checks import BoolArray, FloatArray
+from qvi_contact.companion.body import PARALLEL, CondensedBody, Elasticity, Supports, load_vector, supports
+from qvi_contact.companion.contact import Contacts, DualProblem, admissible, dual_problem
 from qvi_contact.companion.result import CompanionResult, CompanionState
 from qvi_contact.companion.space import DisplacementSpace, Triangle, triangle
-from qvi_contact.companion.traces import DisplacementContact, traces
 from qvi_contact.discretization.loads import scaled_stress_at_rest
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
@@ -29,11 +26,9 @@ from solvers import Certificate, Iteration, QVISolution, Status, solve_qvi
 from solvers.basics.progress import Log
 from solvers.certificate.certificate import EXPONENTS
 from solvers.factorisation import FactorisationError
-from solvers.factorisation.pardiso import limited_blas
+from solvers.factorisation.base import limited_blas
 
 _FAILURES = {"singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY, "time": Status.TIME_LIMIT}
-
-_INDICATOR = "The friction bound was taken from the displacement model's own contact forces: its energy is no bound."
 
 MOST: Final = 4000
 """Contact coefficients, normal and tangential ones, for which dense matrices of them are made."""
@@ -130,10 +125,10 @@ def solve_companions(
     cell = _checked(problem, degree, tolerance)
     model = _Model.of(problem, cell)
     nothing = MappingProxyType[str, FloatArray]({})
-    lines = [model.traces(law, slipping) for law, slipping in zip_longest(laws, slip_directions, fillvalue=nothing)]
+    both = zip_longest(laws, slip_directions, fillvalue=nothing)
+    contacts = [Contacts.of(problem, model.body.space, model.scales, law, slips) for law, slips in both]
     with limited_blas(1):
         try:
-            contacts = [Contacts.of(found, model.body.space.size) for found, _ in lines]
             load, size = model.load + model.body.initial_load, model.body.space.size
             load[:size] -= contacts[0].rows[:, :size].T @ contacts[0].fluid  # on the body, not on its springs
             condensed = CondensedBody.of(model.body, load, model.held, contacts[0].rows)
@@ -141,10 +136,7 @@ def solve_companions(
         except (FactorisationError, MemoryError) as error:
             return tuple(model.failed(error, tolerance) for _ in laws)
         solutions = [solve_qvi(dual.qvi, tolerance=tolerance, **options) for dual in duals]
-        return tuple(
-            model.result(dual, solution, reasons)
-            for dual, solution, (_, reasons) in zip(duals, solutions, lines, strict=True)
-        )
+        return tuple(model.result(dual, solution) for dual, solution in zip(duals, solutions, strict=True))
 
 
 def _checked(problem: ContactProblem, degree: int | None, tolerance: float) -> Triangle:
@@ -191,43 +183,22 @@ class _Model:
         at_rest = partial(scaled_stress_at_rest, problem, scales) if is_strained(problem) else None
         body, held = Elasticity(space, moduli(problem, scales), at_rest), supports(problem, space, scales)
         if any(contact.has_springs for contact in problem.contacts):
-            springs = Contacts.of(traces(problem, space, scales, None)[0], space.size).springs
+            springs = Contacts.of(problem, space, scales).springs
             body, held = replace(body, springs=springs), held.with_springs(springs.shape[0])
         return cls(problem, scales, body, held, *load_vector(problem, body, scales))
 
-    def traces(
-        self, bounds: Mapping[str, FloatArray] | None, slip_direction: Mapping[str, FloatArray]
-    ) -> tuple[tuple[DisplacementContact, ...], tuple[str, ...]]:
-        """Contacts under a law, with the directions of their slip, and why the energy is not exact."""
-        problem = self.problem
-        lines, reasons = traces(problem, self.body.space, self.scales, bounds)
-        lines = tuple(
-            replace(trace, slipping=trace.slipping_on(slip_direction[trace.name]))
-            if trace.name in slip_direction
-            else trace
-            for trace in lines
-        )
-        reasons = self.held.reasons + self.remarks + reasons
-        for trace, contact in zip(lines, problem.contacts, strict=True):
-            rough = trace.friction
-            if bounds is None and callable(contact.friction):  # also between coefficients
-                places = problem.mesh.points_along(trace.edges, bernstein.SAMPLES)
-                rough = np.append(rough, evaluate("Contact.friction", contact.friction, *places, minimum=0.0))
-            if bounds is None and (rough > 0.0).any():
-                return lines, (*reasons, _INDICATOR)
-        return lines, reasons
-
-    def result(self, dual: DualProblem, solution: QVISolution, reasons: tuple[str, ...]) -> CompanionResult:
+    def result(self, dual: DualProblem, solution: QVISolution) -> CompanionResult:
         """What a solution of the contact problem says."""
         state, contacts = None, dual.contacts
+        reasons = self.held.reasons + self.remarks + contacts.reasons
         if solution.status is not Status.INFEASIBLE and np.isfinite(solution.z).all():
             bound = np.full(contacts.count, np.inf)
             bound[dual.limited] = dual.qvi.threshold(np.abs(dual.qvi.normal(solution.z)))
             values, plates = dual.displacements(solution)
-            v, c, more = admissible(dual, values, plates, solution.z, bound)
+            v, c, wrong = admissible(dual, values, plates, solution.z, bound)
             tractions, load = np.where(dual.live, solution.z, 0.0), dual.body.load - dual.body.body.initial_load
-            state = CompanionState(contacts, v, c, plates, tractions, dual.live, bound, load)
-            reasons += more
+            state = CompanionState(contacts, v, c, plates, tractions, dual.live, bound, load, wrong)
+            reasons += (wrong,) if wrong else ()
         known = solution.status, solution.certificate, solution.message
         return CompanionResult(self.problem, self.scales, self.body, *known, state, reasons, solution)
 
@@ -269,7 +240,7 @@ class BodyAtRest:
 
         """
         model = _Model.of(problem, triangle(degree))
-        contacts = Contacts.of(model.traces(None, {})[0], model.body.space.size)
+        contacts = Contacts.of(problem, model.body.space, model.scales)
         held = replace(model.held, values=np.zeros_like(model.held.values))
         with limited_blas(1):
             body = CondensedBody.of(model.body, np.zeros_like(model.load), held, contacts.rows)

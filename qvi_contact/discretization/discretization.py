@@ -78,8 +78,7 @@ class _Rows(NamedTuple):
             read_only(found.N, found.T, found.A, found.W)
             return cls(found, traces)
 
-        on = ((part.first.tobytes(), part.second.tobytes()) for part in edges)
-        return kept(cls, (supports, rule, plates.resultants, *on), made)
+        return kept(cls, (supports, rule, plates.resultants, *(part.number.tobytes() for part in edges)), made)
 
 
 @dataclass(frozen=True, eq=False)

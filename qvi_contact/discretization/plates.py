@@ -28,6 +28,7 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, cross, vectors_along
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import DRIVES
 from qvi_contact.problem.problem import ContactProblem
 
@@ -75,7 +76,7 @@ def plate_rows(
         components = [name for name in COMPONENTS if plate is not None and getattr(plate, name) is not None]
         if plate is None or not components:
             continue
-        centre, length = centre_of(problem, contact.points.edges), float(contact.points.weights.sum())
+        centre, length = centre_of(problem.mesh, contact.points.edges), float(contact.points.weights.sum())
         reference = plate.reference(*centre)
         arm = max(abs(at - place) for at, place in zip(centre, reference, strict=True)) / scales.length
         for name in components:
@@ -108,9 +109,9 @@ def plate_rows(
     return PlateRows(resultants, b[kept], tuple(rows[index] for index in kept), determined)
 
 
-def centre_of(problem: ContactProblem, edges: Edges) -> tuple[float, float]:
+def centre_of(mesh: TriangleMesh, edges: Edges) -> tuple[float, float]:
     """Centre of a contact's line, by the middles of its edges [length]."""
-    x, y = problem.mesh.points_along(edges, np.array([0.5]))
+    x, y = mesh.points_along(edges, np.array([0.5]))
     return float(np.average(x[:, 0], weights=edges.length)), float(np.average(y[:, 0], weights=edges.length))
 
 
@@ -150,11 +151,7 @@ class Resultants:
     @classmethod
     def on(cls, supports: Supports, problem: ContactProblem, scales: Scales, driven: Sequence[_Driven]) -> Resultants:
         """Those of supports, made once."""
-        edges = [each.points.edges for each in driven]
-        key = (
-            supports,
-            *((e.first.tobytes(), e.second.tobytes(), *each[1:]) for e, each in zip(edges, driven, strict=True)),
-        )
+        key = supports, *((each.points.edges.number.tobytes(), *each[1:]) for each in driven)
 
         def made() -> Resultants:
             full: FloatArray = np.zeros((len(driven), supports.space.size))

@@ -293,10 +293,6 @@ class StressSpace(PicklesFields):
         of_holes = np.column_stack([holes, np.ones((len(holes), 2))]).ravel()
         return np.concatenate([at_vertices, on_edges, of_holes])
 
-    def number(self, edges: Edges) -> IntArray:
-        """Edges (n,) as `mesh.topology` counts them."""
-        return self.mesh.topology.number(np.column_stack([edges.first, edges.second]))
-
     def lengths(self, edges: Edges) -> FloatArray:
         """Dimensionless lengths of edges (n,), of arcs those of their chords."""
         length = edges.length / edges.stretch if edges.curved else edges.length
@@ -359,7 +355,7 @@ class StressSpace(PicklesFields):
 
         Behind the six of its ends an edge has N_2 … N_(p−2), then Q_1 … Q_(p−2).
         """
-        own = 3 * len(self.vertices) + self.element.on_edge * self.number(edges)[:, None]
+        own = 3 * len(self.vertices) + self.element.on_edge * edges.number[:, None]
         ends = [3 * ends[:, None] + _THREE for ends in (edges.first, edges.second)]
         sign = np.where(edges.first < edges.second, 1.0, -1.0)
         return np.hstack([*ends, own + np.arange(self.element.on_edge)]), sign

@@ -91,7 +91,7 @@ class Supports(PicklesFields):
     def on(cls, space: StressSpace, given: Sequence[Prescribed], kept: Kept) -> Supports:
         """Those of a space for such components, made once."""
         parts = [(p.edges, p.direction, p.turns and p.edges.curved) for p in given]
-        key = (space, *((e.first.tobytes(), e.second.tobytes(), d.tobytes(), turns) for e, d, turns in parts))
+        key = (space, *((edges.number.tobytes(), d.tobytes(), turns) for edges, d, turns in parts))
         return kept(cls, key, lambda: cls(space, tuple(Component(p.edges, p.direction, p.turns) for p in given)))
 
     @property
@@ -125,7 +125,7 @@ class Supports(PicklesFields):
         d·σn = (d·n) σ_N + (d·t) σ_T is p − 1 rows, its coefficients in the mean square.
         """
         space, degree, components = self.space, self.space.degree - 2, self.components
-        number = np.concatenate([np.empty(0, np.int64), *(space.number(part.edges) for part in components)])
+        number = np.concatenate([np.empty(0, np.int64), *(part.edges.number for part in components)])
         direction = np.concatenate([np.empty((0, 2)), *(part.direction for part in components)])
         turns = np.concatenate([np.empty(0, bool), *(np.full(len(part.edges), part.turns) for part in components)])
         edges = _edges_of(space, number)  # as often as components are given there
@@ -141,11 +141,12 @@ class Supports(PicklesFields):
         values, project = legendre.basis(degree, t), legendre.from_values(degree, len(t))
         traces = space.traces(alone)
         combined: FloatArray = np.zeros((len(single), degree + 1, traces.columns.shape[1]))
-        for axis, found in zip(frames_along(alone, t), np.split(traces.values, 2, axis=1), strict=True):
+        halves = traces.values[:, : degree + 1], traces.values[:, degree + 1 :]
+        for axis, found in zip(frames_along(alone, t), halves, strict=True):
             share = (d * axis).sum(axis=-1)
             share = np.where(np.abs(share) <= _PARALLEL, 0.0, share)
-            matrices = project @ (share[:, :, None] * values)
-            matrices[~alone.bent] = share[~alone.bent, :1, None] * np.eye(degree + 1)  # zeros, not rounding
+            matrices = share[:, :1, None] * np.eye(degree + 1)  # of straight edges
+            matrices[alone.bent] = project @ (share[alone.bent][:, :, None] * values)
             combined += (matrices * scale[:, :, None]) @ found
         # what the other component has no part in: where there is none, the direction itself
         against, against_turns = np.column_stack([direction[:, 1], -direction[:, 0]]), turns.copy()
@@ -228,17 +229,19 @@ class Basis:
         is_kept = np.ones(size, dtype=bool)
         is_kept[list(solved)] = False
         kept, number = np.flatnonzero(is_kept), np.cumsum(is_kept) - 1
-        rows = np.array([pivot for pivot, terms in solved.items() for _ in terms], dtype=np.int64)
-        columns = np.array([column for terms in solved.values() for column in terms], dtype=np.int64)
-        factors = np.array([factor for terms in solved.values() for factor in terms.values()])
-        at = np.append(kept, rows), np.append(np.arange(len(kept)), number[columns])
-        matrix = sparse.csr_array((np.append(np.ones(len(kept)), factors), at), shape=(size, len(kept)))
+        entries = [(row, *term) for row, terms in solved.items() for term in terms.items()]
+        rows, columns, factors = np.array(entries).reshape(-1, 3).T
+        rows, columns = np.append(kept, rows).astype(np.int64), np.append(kept, columns).astype(np.int64)
+        order, starts = np.lexsort((columns, rows)), np.zeros(size + 1, dtype=np.int64)
+        np.cumsum(np.bincount(rows, minlength=size), out=starts[1:])
+        data = np.append(np.ones(len(kept)), factors)[order]
+        matrix = sparse.csr_array((data, number[columns[order]], starts), shape=(size, len(kept)))
         read_only(matrix)
         return cls(kept, matrix)
 
     @cached_property
-    def _transposed(self) -> sparse.csr_array:
-        return sparse.csr_array(self.matrix.T)
+    def _transposed(self) -> sparse.csc_array:
+        return self.matrix.T
 
     @cached_property
     def magnitudes(self) -> sparse.csr_array:
@@ -255,8 +258,9 @@ class Basis:
 
     def rows(self, given: Functionals) -> Any:
         """Functionals of u as rows on z (m, n), dense where they are few, else sparse."""
-        found = given.matrix() @ self.matrix
-        return found.toarray() if are_few(*found.shape) else found
+        matrix = given.matrix()
+        few = are_few(matrix.shape[0], len(self.kept))
+        return np.ascontiguousarray((self._transposed @ matrix.toarray().T).T) if few else matrix @ self.matrix
 
     def quadratic(self, blocks: FloatArray, dofs: IntArray) -> Any:
         """Σ Bᵀ K B (n, n) of matrices K (t, k, k) of the degrees of freedom (t, k), dense if few, else sparse."""
@@ -267,8 +271,8 @@ class Basis:
             return self._transposed @ (self._transposed @ whole).T
         at = dofs.astype(np.int32 if size <= np.iinfo(np.int32).max else np.int64)  # others SciPy copies
         pairs = np.repeat(at, at.shape[1], axis=1).ravel(), np.tile(at, at.shape[1]).ravel()
-        matrix = sparse.coo_array((blocks.ravel(), pairs), shape=(size, size)).tocsr()
-        return (self._transposed @ (matrix @ self.matrix)).T  # symmetric, and compressed by columns
+        matrix = sparse.coo_array((blocks.ravel(), pairs), shape=(size, size)).tocsc()
+        return self._transposed @ (matrix @ self.matrix)
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,11 +292,16 @@ class Elimination:
 
         Of the possible pivots of a row those of the largest age (N,) are preferred, of these the largest entry.
         """
-        solved, ages, taken = dict[int, dict[int, float]](), age.tolist(), list[int]()
-        largest = np.abs(C.values).max(axis=(1, 2), initial=0.0).tolist()
-        entries = zip(largest, C.columns.tolist(), C.values[:, 0].tolist(), strict=True)
-        for row, (most, columns, values) in enumerate(entries):
-            terms = _reduced([pair for pair in zip(columns, values, strict=True) if pair[1] != 0.0], solved)
+        values, ages = C.values[:, 0], age.tolist()
+        alone = np.flatnonzero((values != 0.0).sum(axis=1) == 1)  # rows that prescribe one degree of freedom itself
+        fixed, first = np.unique(C.columns[alone, np.abs(values[alone]).argmax(axis=1)], return_index=True)
+        taken: list[int] = alone[first].tolist()
+        solved: dict[int, dict[int, float]] = {pivot: {} for pivot in fixed.tolist()}
+        others = np.delete(np.arange(len(values)), taken)
+        largest = np.abs(values[others]).max(axis=1, initial=0.0).tolist()
+        parts = (part.tolist() for part in (others, C.columns[others], values[others]))
+        for most, row, columns, entries in zip(largest, *parts, strict=True):
+            terms = _reduced([pair for pair in zip(columns, entries, strict=True) if pair[1] != 0.0], solved)
             sizes = list(map(abs, terms.values()))
             left = max(sizes, default=0.0)
             if left <= _DEPENDENT * most:

@@ -8,7 +8,6 @@ __getattr__ = front(
         "archive": ("FORMAT_VERSION", "OWN", "Archive", "digest", "load_result", "write_archive"),
         "export": ("summary", "write_npz"),
         "keys": ("file_keys",),
-        "options": ("SolveOptions",),
         "problem_file": ("ELEMENT_OPTIONS", "FileReader", "problem_from_toml"),
         "problem_writer": ("problem_to_toml",),
     },

@@ -15,9 +15,10 @@ from typing import Any, Final, NamedTuple
 from qvi_contact.basics import schema
 from qvi_contact.basics.schema import file_keys
 from qvi_contact.basics.units import Units
-from qvi_contact.files import mesh_tables, options, problem_file
+from qvi_contact.files import mesh_tables, problem_file
 from qvi_contact.mesh.outline import Corner
 from qvi_contact.problem import conditions, material
+from qvi_contact.solution import settings
 from solvers.basics.names import closest
 from solvers.errors import UnknownNameError
 
@@ -47,8 +48,8 @@ TABLES: Final[dict[str, type]] = {
     "[[contacts]]": conditions.Contact,
     "plate of [[contacts]]": conditions.RigidPlate,
     "pin of [[contacts]]": conditions.Pin,
-    "[solve]": options.SolveOptions,
-    "[refine]": options.RefineOptions,
+    "[solve]": settings.SolveOptions,
+    "[refine]": settings.RefineOptions,
     "[history]": problem_file.HistoryTable,
     "[sweep]": problem_file.SweepPlan,
     "times of [history], values of [sweep], as a range": problem_file.TimeRange,

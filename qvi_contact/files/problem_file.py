@@ -25,7 +25,6 @@ from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
 from qvi_contact.files.mesh_tables import ArcTable, EdgesTable, JointTable, Lines, MeshTable, RegionTable
-from qvi_contact.files.options import RefineOptions, SolveOptions
 from qvi_contact.mesh import cutting
 from qvi_contact.mesh.files import read_mesh
 from qvi_contact.mesh.selection import new_name, triangles_in_box
@@ -34,6 +33,7 @@ from qvi_contact.problem.conditions import Condition, Contact, Displacement, Rig
 from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polynomial
 from qvi_contact.problem.material import Material, cell_materials
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.settings import RefineOptions, SolveOptions
 
 VERSION: Final = 1
 

@@ -22,7 +22,7 @@ from copy import copy
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeVar, get_args
+from typing import Any, Final, TypeVar, get_args
 
 import numpy as np
 
@@ -33,14 +33,9 @@ from qvi_contact.errors import InputError
 from qvi_contact.files.archive import STORE, Archive, answer_from_archive, solution_arrays, write_archive
 from qvi_contact.runs.database import Database
 from qvi_contact.solution.history import CONTINUES
-from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, overall_status
-from qvi_contact.solution.sweep import Parameter, SweepRow, outcome_of, table_of
+from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult
+from qvi_contact.solution.sweep import Parameter, SweepRow, SweepRows
 from solvers import Status
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
-
-    from qvi_contact.basics.units import Units
 
 # steps of a history
 
@@ -168,13 +163,10 @@ _DONE: Final = """
     FROM planned JOIN results USING (number) ORDER BY number
 """
 _CONTACTS: Final = f"SELECT contact, {_COLUMNS} FROM contacts WHERE number = ? ORDER BY rowid"
-_FAILED: Final = f"""
-    SELECT value, message FROM planned JOIN results USING (number) WHERE status <> '{Status.SOLVED}' ORDER BY number
-"""
 
 
 @dataclass(frozen=True)
-class StoredSweep:
+class StoredSweep(SweepRows):
     """A sweep whose rows are in a file, from which everything is read when it is asked for.
 
     `values` of the parameter are all that were asked for, done or not. `InputError` where the file is read, if it is
@@ -200,31 +192,9 @@ class StoredSweep:
     @property
     def statuses(self) -> tuple[Status, ...]:
         """The status of each value done, in the order of the values."""
-        found = self._read("SELECT status FROM results ORDER BY number")
-        with _sound(self.path):
+        with _DATABASE.opened(self.path) as connection, _sound(self.path):
+            found = connection.execute("SELECT status FROM results ORDER BY number")
             return tuple(Status(status) for (status,) in found)
-
-    @property
-    def status(self) -> Status:
-        """Solved if all values were; else the status of the first that was not, "time_limit" if some are missing."""
-        return overall_status(self.statuses, len(self.values))
-
-    @property
-    def message(self) -> str:
-        """One sentence about the outcome."""
-        ((done,),) = self._read("SELECT count(*) FROM results")
-        failed = self._read(_FAILED)
-        with _sound(self.path):
-            failed = [(_of(float, value), _of(str, message)) for value, message in failed]
-        return outcome_of(self.parameter, failed, done, len(self.values))
-
-    def to_frame(self, units: Units | None = None) -> DataFrame:
-        """One row for each value and contact as a pandas table, as by `Sweep.to_frame`."""
-        return table_of(self.parameter, self.rows(), units)
-
-    def _read(self, query: str) -> list[Any]:
-        with _DATABASE.opened(self.path) as connection:
-            return connection.execute(query).fetchall()
 
 
 def read_sweep(path: str | Path) -> StoredSweep:

@@ -13,9 +13,11 @@ share of a flow inside all limits.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from operator import add
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias
 
@@ -28,29 +30,28 @@ from qvi_contact.basics.writing import write_text
 from qvi_contact.element import legendre
 from qvi_contact.element.triangle import EDGES, exponents
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.limit.check_proof import check
+from qvi_contact.limit.check_proof import FORMAT, at_factor, check, cross, dissipated, dot, gradient, less, triangles
+from qvi_contact.limit.check_proof import exponents as _exponents
 from qvi_contact.limit.flow import FlowProgram, Velocities
 from qvi_contact.limit.rational import (
     ONE,
     ZERO,
-    Given,
     OutOfBalanceError,
     Row,
+    Smooth,
+    Terms,
     Vector,
-    cross,
-    dot,
-    less,
+    combined,
     middle,
-    smooth,
     solved,
 )
-from qvi_contact.limit.split import Nodes, lattice, numbered, part_corners
+from qvi_contact.limit.split import lattice, part_corners
 from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.mechanism import Mechanism, RigidMotion
 from qvi_contact.mesh.edges import Edges, linked
 from qvi_contact.problem.conditions import CARTESIAN, SHEAR_LAW, Contact, Symmetry, Traction, components
 from qvi_contact.problem.fields import along_edges
-from qvi_contact.problem.material import Mises, MohrCoulomb, Strength
+from qvi_contact.problem.material import MohrCoulomb, Strength
 from qvi_contact.problem.problem import ContactProblem
 
 Proof: TypeAlias = Callable[["Statement"], dict[str, Any]]
@@ -64,6 +65,7 @@ _AFFINE: Final = 1e-10  # misfit of an affine potential, and parts of it, relati
 _ACTIVE: Final = 1e-9  # speed of opening, over the largest one, within which a contact of rigid blocks is at its limit
 _AXES: Final[list[Vector]] = [(ONE, ZERO), (ZERO, ONE)]
 _Edge: TypeAlias = tuple[int, int]
+_Load: TypeAlias = tuple[Vector, list[list[Fraction]]]  # d, and ordinates of d·σn that stay and that are multiplied
 _Held: TypeAlias = tuple[int, _Edge, list[Vector], int]  # cell, ends, directions, number of the plate or −1
 
 
@@ -149,40 +151,48 @@ class Statement:
             raise InputError("proof", "arcs", _STRAIGHT)
         self.points: list[Vector] = [(Fraction(x), Fraction(y)) for x, y in self.mesh.vertices.tolist()]
         self.outward: dict[_Edge, int] = {}
-        dead, live = [ZERO] * 3, [ZERO] * 3
+        self.potentials = [[ZERO] * 3, [ZERO] * 3]
         for name, field in problem.body_forces.items():
-            into = live if name in names else dead
-            for i, value in enumerate(self._affine(field)):
-                into[i] += value
+            into = self.potentials[name in names]
+            into[:] = map(add, into, self._affine(field))
         laws, plane = [material.strength for material in problem.materials], problem.material.plane
         self.contacts = [contact for contact in problem.contacts if contact.law != "tied" or _is_driven(contact)]
+        self.loads = dict[_Edge, list[_Load]]()
+        for pair, load in self._loads(names):
+            self.loads.setdefault(pair, []).append(load)
+        self.cells: list[list[int]] = self.mesh.cells.tolist()
+        parts = [[cell[a], cell[b], len(self.points) + n] for n, cell in enumerate(self.cells) for a, b in EDGES]
+        centres = [middle([self.points[v] for v in cell]) for cell in self.cells]
+        # parts of triangles have their corners counterclockwise, if need be with the first two in the other order
+        self.turned = [cross(self.edge((i, j)), less(centres[n // 3], self.points[i])) < 0
+                       for n, (i, j, _) in enumerate(parts)]  # fmt: skip
         self.about: dict[str, Any] = {
+            "format": FORMAT,
             "about": "bounds of a limit load; check_proof.py says what this means, and checks it",
             "multiplied": list(names),
-            "vertices": self.points,
-            "triangles": self.mesh.cells.tolist(),
-            "potential": {"dead": dead, "live": live},
+            "vertices": self.points + centres,
+            "triangles": [[j, i, c] if turned else [i, j, c]
+                          for turned, (i, j, c) in zip(self.turned, parts, strict=True)],
+            "body_force": [[-c for c in potential[1:]] for potential in self.potentials],
             "strengths": [[] if law is None else list(self._cones(law, plane)) for law in laws],
-            "strength_of": [None if laws[n] is None else n for n in problem.cell_materials.tolist()],
-            "loads": list(self._loads(names)),
+            "strength_of": np.repeat(problem.cell_materials, 3).tolist(),
+            "loads": [{"edge": pair, "along": _along(loads)} for pair, loads in self.loads.items()],
             "contacts": [self._contact(contact, names) for contact in self.contacts],
-        }
-        self.loads: dict[_Edge, list[dict[str, Any]]] = {}
-        for load in self.about["loads"]:
-            self.loads.setdefault(load["edge"], []).append(load)
+        }  # fmt: skip
 
     @property
     def plates(self) -> dict[str, dict[str, Any]]:
-        """Plates that forces drive, by the names of their contacts."""
-        return {known["name"]: known["plate"] for known in self.about["contacts"] if "plate" in known}
+        """Contacts with plates that forces drive, by their names."""
+        return {known["name"]: known for known in self.about["contacts"] if any(known["forces"])}
 
     def potential(self, factor: Fraction) -> list[Fraction]:
         """c₀, c_x and c_y of φ at a factor."""
-        return [a + factor * b for a, b in zip(*self.about["potential"].values(), strict=True)]
+        return at_factor(self.potentials, factor)
 
     def edge(self, pair: Sequence[int]) -> Vector:
         """The edge from one vertex to another."""
-        return less(self.points[pair[1]], self.points[pair[0]])
+        found: Vector = less(self.points[pair[1]], self.points[pair[0]])
+        return found
 
     def _pairs(self, edges: Edges) -> list[_Edge]:
         """The ends of edges, whose normals are noted."""
@@ -216,7 +226,7 @@ class Statement:
             values = along_edges(self.mesh, edges, name, field).coefficients(self.k) @ legendre.to_bernstein(self.k).T
         return [[Fraction(value) for value in edge] for edge in values.tolist()]
 
-    def _loads(self, names: Sequence[str]) -> Iterator[dict[str, Any]]:
+    def _loads(self, names: Sequence[str]) -> Iterator[tuple[_Edge, _Load]]:
         """Ordinates of d·σn on edges, n outward and as long as the edge: prescribed tractions, and symmetry lines."""
         for condition in self.problem.conditions:
             if not isinstance(condition, (Traction, Symmetry)):
@@ -235,20 +245,16 @@ class Statement:
                         length = abs(e[0] + e[1]) if 0 in e else Fraction(float(edges.length[n]))
                     values, zeros = [length * each for each in ordinates], [ZERO] * len(ordinates)
                     live = isinstance(condition, Traction) and condition.name in names
-                    yield {"edge": pair, "direction": d, "dead": zeros if live else values,
-                           "live": values if live else zeros}  # fmt: skip
+                    yield pair, (d, [zeros, values] if live else [values, zeros])
 
-    def _cones(self, law: Strength, plane: Literal["stress", "strain"]) -> Iterator[dict[str, Any]]:
-        """The cones of a strength."""
+    def _cones(self, law: Strength, plane: Literal["stress", "strain"]) -> Iterator[list[Fraction]]:
+        """The cones a, β, γ² of a strength, first those that let the volume change."""
         if isinstance(law, MohrCoulomb) and callable(law.phi):
             law = replace(law, phi=float(_number("MohrCoulomb.phi", law.phi, *self.mesh.vertices.T)))
-        for cone in law.cones(plane):
-            found: dict[str, Any] = {"a": [_number(cone.name, cone.field, *self.mesh.vertices.T), ZERO, ZERO]}
-            if isinstance(law, Mises):
-                found |= {"f2": Fraction(4, 3), "gamma2": Fraction(1, 3) if cone.mean else ZERO}
-            else:
-                found |= {"f": Fraction(float(cone.factor)), "beta": Fraction(float(cone.pressure))}
-            yield found
+        for cone in sorted(law.cones(plane), key=lambda cone: cone.pressure == 0.0 == cone.mean):
+            strength = _number(cone.name, cone.field, *self.mesh.vertices.T)
+            factor, beta, gamma = (Fraction(float(each)) for each in (cone.factor, cone.pressure, cone.mean))
+            yield [factor * strength, beta, gamma**2]
 
     def _contact(self, contact: Contact, names: Sequence[str]) -> dict[str, Any]:
         """A contact with its plate if forces drive that; `InputError` if a part of its law varies."""
@@ -256,15 +262,22 @@ class Statement:
         for name in SHEAR_LAW:
             field, places = getattr(contact, name), self.mesh.points_along(edges, np.linspace(0.0, 1.0, 9))
             found[name] = None if field is None else _number(f"Contact.{name}", field, *places)
-        if contact.has_fluid:
-            found["pressures"] = self._ordinates(edges, "Contact.pore_pressure", contact.pore_pressure)
+        found |= {"name": contact.name, "law": contact.law, "edges": self._pairs(edges)}
+        found["pressures"] = self._ordinates(edges, "Contact.pore_pressure", contact.pore_pressure)
+        found |= {"pivot": [ZERO, ZERO], "forces": [None] * 3}
         plate = contact.plate
         if plate is not None and plate.driven:
-            forces = [None if each is None else Fraction(each) for each in (plate.force_x, plate.force_y, plate.moment)]
-            zeros, live = [None if each is None else ZERO for each in forces], contact.name in names
-            dead, multiplied = (zeros, forces) if live else (forces, zeros)
-            found["plate"] = {"pivot": [Fraction(x) for x in plate.pivot], "dead": dead, "live": multiplied}
-        return found | {"name": contact.name, "law": contact.law, "edges": self._pairs(edges)}
+            found["pivot"] = [Fraction(x) for x in plate.pivot]
+            parts, live = (plate.force_x, plate.force_y, plate.moment), contact.name in names
+            forces = [None if each is None else [Fraction(each)] for each in parts]
+            found["forces"] = [each and ([[ZERO], each] if live else [each, [ZERO]]) for each in forces]
+        return found
+
+
+def _along(loads: list[_Load]) -> list[Any]:
+    """Two directions with the loads along them, None where there is none."""
+    (x, y), _ = loads[0]
+    return [*loads, *([((-y, x), None)] if len(loads) == 1 else [])]
 
 
 def _is_driven(contact: Contact) -> bool:
@@ -278,14 +291,13 @@ def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
     if found.unknowns is None:
         raise SolveError("proof: this mesh carries no largest multiple of the loads: there is nothing to prove")
     p, factor = program.cones.degree + 2, Fraction(found.factor)
-    rough = _rounded_airy(program, found.unknowns)
+    rough, space = _rounded_airy(program, found.unknowns), Smooth(stated.points, stated.cells, p)
 
     amounts = list[Fraction]()
     while True:
-        given, plates = _second_derivatives(stated, p - 2, factor), list(_resultants(stated, factor))
         try:
-            airy = list(smooth(stated.points, stated.about["triangles"], p, given, plates, rough))
-            return {"factor": factor, "degree": p, "airy": airy}
+            airy = space.solved([*_tractions(stated, space, factor), *_resultants(stated, space, factor)], rough)
+            return {"stress": {"factor": factor, "degree": p - 2, "ordinates": _stresses(stated, p, factor, airy)}}
         except OutOfBalanceError as error:
             amounts.append(error.amount)
             if len(amounts) > 2 or (len(amounts) == 2 and amounts[0] == amounts[1]):
@@ -295,60 +307,65 @@ def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
             factor += amounts[1] / (amounts[0] - amounts[1]) if len(amounts) == 2 else ONE
 
 
-def _second_derivatives(stated: Statement, k: int, factor: Fraction) -> Given:
-    """What loads, and contacts without friction, say of edges: d·G' = d·σn less the part of φ."""
-    found: dict[_Edge, list[list[Fraction] | None]] = {}
-    potential = stated.potential(factor)
-    for pair, loads in stated.loads.items():
-        e, out = stated.edge(pair), stated.outward[pair]
-        normal, start = (e[1], -e[0]), stated.points[pair[0]]
-        phi = [potential[0] + dot(potential[1:], [x + Fraction(m, k) * d for x, d in zip(start, e, strict=True)])
-               for m in range(k + 1)]  # fmt: skip
-        right = []
-        for load in loads:
-            values = [out * (a + factor * b) for a, b in zip(load["dead"], load["live"], strict=True)]
-            right.append([a - b * dot(load["direction"], normal) for a, b in zip(values, phi, strict=True)])
-        directions = [load["direction"] for load in loads]
-        if len(loads) == 2:
-            det = cross(*directions)
-            turned = [[(u * directions[1][1 - i] - v * directions[0][1 - i]) / det * (1 - 2 * i) for i in (0, 1)]
-                      for u, v in zip(*right, strict=True)]  # fmt: skip
-            found[pair] = [[dot(axis, value) for value in turned] for axis in (normal, e)]
-            continue
-        parts = [dot(axis, directions[0]) for axis in (normal, e)]
-        if 0 not in parts:
-            remedy = "on slanted edges proof files hold x and y together, or normal and tangential ones"
-            raise InputError("Traction", stated.mesh.edge_names, remedy)
-        found[pair] = [None if part == 0 else [dot(e, e) / part * value for value in right[0]] for part in parts]
-    for contact in stated.about["contacts"]:
-        no_shear = contact["friction"] == contact["cohesion"] == 0 or contact["shear_limit"] == 0
-        if no_shear and contact["law"] != "tied":
-            found |= {pair: [None, [ZERO] * (k + 1)] for pair in contact["edges"]}
+def _in_file(stated: Statement, degree: int, cells: Iterable[Sequence[Any]]) -> list[list[Any]]:
+    """Ordinates (3, count) on the parts of cells in the order of the file."""
+    number = {alpha: n for n, alpha in enumerate(_exponents(degree))}
+    swapped = [number[j, i, k] for i, j, k in number]
+    return [[part[n] for n in swapped] if turned else list(part)
+            for turned, part in zip(stated.turned, (part for cell in cells for part in cell), strict=True)]  # fmt: skip
+
+
+def _stresses(stated: Statement, p: int, factor: Fraction, airy: Iterable[Sequence[Any]]) -> list[list[Any]]:
+    """σ = (Φ_yy + φ, Φ_xx + φ, −Φ_xy) of ordinates of Φ."""
+    found, c = [], stated.potential(factor)
+    ordinates = _in_file(stated, p, [[[(value,) for value in part] for part in cell] for cell in airy])
+    for t, _, _, slopes, values in triangles(stated.about, {"degree": p, "ordinates": ordinates}):
+        first = dict(zip(_exponents(p - 1), (slope for (slope,) in gradient(values, slopes)), strict=True))
+        corners, stress = [stated.about["vertices"][n] for n in stated.about["triangles"][t]], []
+        for alpha, ((xx, xy), (_, yy)) in zip(_exponents(p - 2), gradient(first, slopes), strict=True):
+            phi = c[0] + dot(c[1:], middle(corners, [Fraction(n, p - 2) for n in alpha]))
+            stress.append((yy + phi, xx + phi, -xy))
+        found.append(stress)
     return found
 
 
-def _resultants(stated: Statement, factor: Fraction) -> Iterator[Row]:
+def _tractions(stated: Statement, space: Smooth, factor: Fraction) -> Iterator[Row]:
+    """What loads, and contacts without friction, say of edges: d·G' = d·σn less the part of φ."""
+    k, potential, given = space.p - 2, stated.potential(factor), dict(stated.loads)
+    for known in stated.about["contacts"]:
+        no_shear = known["friction"] == known["cohesion"] == 0 or known["shear_limit"] == 0
+        if no_shear and known["law"] != "tied":
+            given |= {pair: [(stated.edge(pair), [[ZERO] * (k + 1)] * 2)] for pair in known["edges"]}
+    for pair, loads in given.items():
+        (x, y), out, start = stated.edge(pair), stated.outward[pair], stated.points[pair[0]]
+        for d, values in loads:
+            G = [space.slope(space.sides[pair][0], n, (-d[1], d[0])) for n in range(k + 2)]
+            for n, value in enumerate(at_factor(values, factor)):
+                share = Fraction(n, k)
+                phi = potential[0] + dot(potential[1:], (start[0] + share * x, start[1] + share * y))
+                yield combined((ONE * (k + 1), G[n + 1]), (-ONE * (k + 1), G[n])), out * value - phi * dot(d, (y, -x))
+
+
+def _resultants(stated: Statement, space: Smooth, factor: Fraction) -> Iterator[Row]:
     """What forces and moments of plates say of (Φ, Φ_x, Φ_y) at vertices.
 
     With r from the pivot, ∫ σn = [G] and ∫ r × σn = [Φ − r·∇Φ] between the ends of an edge, less the part of φ.
     """
     c = stated.potential(factor)
     for known in stated.about["contacts"]:
-        plate: dict[str, Any] = known.get("plate", {"dead": [], "live": []})
-        for i, (dead, live) in enumerate(zip(plate["dead"], plate["live"], strict=True)):
-            if dead is None:
+        for i, given in enumerate(known["forces"]):
+            if given is None:
                 continue
-            row, right = dict[int, Fraction](), dead + factor * live
+            row, (right,) = Terms(), at_factor(given, factor)
             for pair in known["edges"]:
                 e, out, ends = stated.edge(pair), stated.outward[pair], [stated.points[v] for v in pair]
-                arms, phi = [less(at, plate["pivot"]) for at in ends], [c[0] + dot(c[1:], at) for at in ends]
+                arms, phi = [less(at, known["pivot"]) for at in ends], [c[0] + dot(c[1:], at) for at in ends]
                 for v, r, sign in zip(pair, arms, (-out, out), strict=True):
                     parts = [(ZERO, ZERO, ONE), (ZERO, -ONE, ZERO), (ONE, -r[0], -r[1])][i]
-                    for n, part in enumerate(parts):
-                        row[3 * v + n] = row.get(3 * v + n, ZERO) + sign * part
+                    row = combined((ONE, row), (Fraction(sign), space.at_vertex(v, parts)))
                 first, second = (out * [e[1], -e[0], -dot(r, e)][i] for r in arms)  # n, and r × n
                 right -= (phi[0] * (2 * first + second) + phi[1] * (first + 2 * second)) / 6
-            yield {n: value for n, value in row.items() if value}, right
+            yield row, right
 
 
 def _rounded_airy(program: StressProgram, unknowns: FloatArray) -> FloatArray:
@@ -375,7 +392,7 @@ def exceeded_by_blocks(stated: Statement, mechanism: Mechanism | None) -> dict[s
     space = Velocities(stated.problem, 1, strong)
     places = zip(mechanism.blocks, space.nodes.places @ stated.mesh.corners, strict=True)
     rough = np.array([mechanism.motions[block].at(points) for block, points in places])
-    return {"flow": {"degree": 1, "shares": {}, **_exactly(stated, space, rough, mechanism.plates, strong, ~strong)}}
+    return _flow(stated, 1, _exactly(stated, space, rough, mechanism.plates, strong, ~strong), {})
 
 
 def exceeded(stated: Statement, program: FlowProgram) -> dict[str, Any]:
@@ -388,16 +405,62 @@ def exceeded(stated: Statement, program: FlowProgram) -> dict[str, Any]:
     keeps[cones.cell[changes]] = False
     motion = flow.motion
     velocities = _exactly(stated, program.space, motion.velocities, motion.plates, cones.strong, keeps)
-    # what each of several cones has of a strain rate, by its number; the first that may change volume has the rest
     assert flow.shares is not None
-    strain, shares = flow.shares / stated.mesh.length, dict[str, Any]()
-    small, order = _ACTIVE * float(np.abs(strain).max(initial=0.0)), np.argsort(cones.coefficient, kind="stable")
+    # what cones but the first have of (tr ε, ε_xx − ε_yy, 2 ε_xy), by the number of its coefficient
+    strain, shares = flow.shares / stated.mesh.length, dict[int, FloatArray]()
+    small, order = _ACTIVE * float(np.abs(strain).max(initial=0.0)), np.lexsort((~changes, cones.coefficient))
     for rows in np.split(order, np.flatnonzero(np.diff(cones.coefficient[order])) + 1):
         if len(rows) > 1 and np.abs(strain[rows]).max() > small:
-            numbers: list[Any] = [[Fraction(x) for x in strain[row].tolist()] for row in rows]
-            numbers[int(np.flatnonzero(changes[rows])[0])] = None
-            shares[str(int(cones.coefficient[rows[0]]))] = numbers
-    return {"flow": {"degree": cones.degree + 1, "shares": shares, **velocities}}
+            shares[int(cones.coefficient[rows[0]])] = strain[rows[1:]]
+    return _flow(stated, cones.degree + 1, velocities, shares)
+
+
+def _flow(stated: Statement, degree: int, moved: dict[str, Any], shares: Mapping[int, FloatArray]) -> dict[str, Any]:
+    """The part of a proof about velocities, with what all cones dissipate.
+
+    Strain rates without shares are those of the one cone in which they dissipate least.
+    """
+    field, rates = {"degree": degree, "ordinates": _in_file(stated, degree, moved["velocities"])}, []
+    exponents_, zero = _exponents(degree - 1), [ZERO] * 3
+    for t, laws, _, slopes, v in triangles(stated.about, field):
+        own = list[Any]()
+        for (i, j, k), ((u_x, u_y), (v_x, v_y)) in zip(exponents_, gradient(v, slopes), strict=True):
+            strain = [u_x + v_y, u_x - v_y, u_y + v_x]
+            number = t * len(exponents_) + exponents_.index((j, i, k) if stated.turned[t] else (i, j, k))
+            if number in shares:
+                others = [[Fraction(x) for x in share] for share in shares[number].tolist()]
+                choices = [_shared(laws, strain, others)]
+            else:
+                choices = [_shared(laws, strain, [strain if n == m else zero for n in range(1, len(laws))])
+                           for m in range(len(laws))]  # fmt: skip
+            costs = [_cost(laws, strain, choice) for choice in choices]
+            own.append(choices[int(np.argmin(costs))] if costs else [])
+        rates.append(own)
+    return {"flow": {**field, "rates": rates, "plates": moved["plates"]}}
+
+
+def _shared(laws: list[Any], strain: Sequence[Fraction], others: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
+    """S of every cone, with its share of a strain rate, but for the first, which has the rest."""
+    found = list[list[Fraction]]()
+    for (_, beta, gamma2), (trace, *d) in zip(laws[1:], others, strict=True):
+        s = trace / beta if beta else _root(dot(d, d) + (trace**2 / gamma2 if gamma2 else 0))
+        found.append([s, trace, *d])
+    trace, *d = (whole - sum(parts) for whole, *parts in zip(strain, *(share[1:] for share in found), strict=True))
+    _, beta, gamma2 = laws[0]
+    return [[trace / beta if beta else _root(dot(d, d) + (trace**2 / gamma2 if gamma2 else 0))], *found]
+
+
+def _cost(laws: list[Any], strain: Sequence[Fraction], shares: list[Any]) -> float:
+    """What it dissipates; infinity if it cannot flow like this."""
+    try:
+        return float(dissipated(0, list(strain), laws, shares))
+    except ValueError:
+        return np.inf
+
+
+def _root(x: Fraction) -> Fraction:
+    """A number not below √x."""
+    return Fraction(math.sqrt(x) * (1.0 + 1e-15))
 
 
 def _held(stated: Statement) -> list[_Held]:
@@ -406,14 +469,14 @@ def _held(stated: Statement) -> list[_Held]:
     plates, driven = dict[_Edge, int](), list(stated.plates)
     pairs: list[_Edge] = list(zip(boundary.first.tolist(), boundary.second.tolist(), strict=True))
     for i, j in pairs:
-        given = [load["direction"] for load in stated.loads.get((i, j), stated.loads.get((j, i), []))]
+        given = [d for d, _ in stated.loads.get((i, j), [])]
         found[i, j] = [_AXES, [(-d[1], d[0]) for d in given], []][len(given)]
     for contact, known in zip(stated.contacts, stated.about["contacts"], strict=True):
         if contact not in stated.problem.joints:
             for i, j in known["edges"]:
-                e, pair = stated.edge((i, j)), (i, j) if (i, j) in found else (j, i)
-                found[pair] = [] if contact.law == "unilateral" else [(e[1], -e[0]), *([e] if _sticks(known) else [])]
-                plates[pair] = driven.index(contact.name) if "plate" in known else -1
+                e = stated.edge((i, j))
+                found[i, j] = [] if contact.law == "unilateral" else [(e[1], -e[0]), *([e] if _sticks(known) else [])]
+                plates[i, j] = driven.index(contact.name) if contact.name in driven else -1
     return [(int(cell), pair, found[pair], plates.get(pair, -1))
             for cell, pair in zip(boundary.cells[:, 0], pairs, strict=True)]  # fmt: skip
 
@@ -484,14 +547,11 @@ def _exactly(
     if keeps.any():
         found |= _streams(stated, space, velocities, keeps, edges, motions)
     found = {n: (Fraction(x), Fraction(y)) for n, (x, y) in enumerate(rounded.tolist())} | found
-    nodes = space.nodes.of_parts.tolist()
-    return {
-        "velocities": [[[found[cell[n]] for n in part] for part in nodes] for cell in space.global_.tolist()],
-        "plates": {
-            name: [*_rigid(motion, plate["pivot"]), motion[2]]
-            for (name, plate), motion in zip(stated.plates.items(), motions, strict=True)
-        },
-    }
+    parts, moved = space.nodes.of_parts.tolist(), {each.name: [ZERO] * 3 for each in stated.contacts}
+    for (name, known), motion in zip(stated.plates.items(), motions, strict=True):
+        moved[name] = [*_rigid(motion, known["pivot"]), motion[2]]
+    exact = [[[found[cell[n]] for n in part] for part in parts] for cell in space.global_.tolist()]
+    return {"velocities": exact, "plates": moved}
 
 
 def _moved(
@@ -504,7 +564,7 @@ def _moved(
     there exactly.
     """
     places, keys = dict[int, Vector](), space.nodes.keys.tolist()
-    for cell, numbers in zip(stated.about["triangles"], space.global_.tolist(), strict=True):
+    for cell, numbers in zip(stated.cells, space.global_.tolist(), strict=True):
         for n, (*weights, centre) in zip(numbers, keys, strict=True):
             if n not in places and (n in held or space.rigid[n] >= 0):
                 shares = [Fraction(3 * weight + centre, 3 * space.degree) for weight in weights]
@@ -522,7 +582,7 @@ def _moved(
         moved, body = plates[name], bodies[name]
         values += [Fraction(x) for x in (*moved.at(np.zeros(2)).tolist(), moved.rotation)]
         fixed = [*(_rigid_row(body, axis, known["pivot"]) for axis in _AXES), {3 * body + 2: ONE}]
-        rows += [row for row, force in zip(fixed, known["dead"], strict=True) if force is None]
+        rows += [row for row, force in zip(fixed, known["forces"], strict=True) if force is None]
     first, columns = len(values), dict[int, int]()
     for n, at in places.items():
         part = int(space.rigid[n])
@@ -552,49 +612,45 @@ def _streams(
 
     In floating point ψ is what p (c_(α + e_i) − c_(α + e_0)) = (x_i − x_0) × v_α says, zero at one node of each part.
     """
-    p, cells, nodes = space.degree + 1, np.flatnonzero(keeps), Nodes.of(space.degree + 1)
-    everywhere = numbered(stated.problem, nodes)
-    known, at = np.unique(everywhere[cells], return_inverse=True)
-    at = at.reshape(len(cells), -1)[:, nodes.of_parts]  # (n, 3, count)
+    p, cells = space.degree + 1, np.flatnonzero(keeps)
+    tips = space.global_[:, [space.nodes.of_sides[2, 0], space.nodes.of_sides[2, -1], space.nodes.of_sides[1, -1]]]
+    names, first = np.unique(tips[cells], return_index=True)  # of corners, which blocks do not share
+    ids = np.where(np.isin(tips, names), np.searchsorted(names, tips), -1)
+    points = [stated.points[n] for n in stated.mesh.cells[cells].ravel()[first].tolist()]
+    smooth = Smooth(points, ids[cells].tolist(), p)
+    rows = list[Row]()
+    for cell, pair, directions, plate in held:
+        motion, ends = plates[plate] if plate >= 0 else [ZERO] * 3, [stated.points[v] for v in pair]
+        i, j = (int(ids[cell, stated.cells[cell].index(n)]) for n in pair)
+        for d in directions:
+            rows += [(smooth.at_vertex(end, (ZERO, -d[1], d[0])), dot(d, _rigid(motion, at)))
+                     for end, at in zip((i, j), ends, strict=True) if end >= 0]  # fmt: skip
+            for n in range(p if keeps[cell] else 0):
+                share = Fraction(n, p - 1)
+                at = middle(ends, [1 - share, share])
+                rows.append((smooth.slope(smooth.sides[i, j][0], n, (-d[1], d[0])), dot(d, _rigid(motion, at))))
+
     number = {tuple(alpha): n for n, alpha in enumerate(exponents(p).tolist())}
     near = np.array([[number[tuple(alpha[m] + (m == i) for m in range(3))] for i in range(3)]
                      for alpha in exponents(p - 1).tolist()])  # fmt: skip
+    known, ordinates = np.unique(smooth.columns[:, smooth.nodes.of_parts], return_inverse=True)
+    ordinates = ordinates.reshape(len(cells), 3, -1)
     corners = part_corners(stated.mesh.corners[cells])
     v = velocities[cells][:, space.nodes.of_parts]
     arms = (corners[:, :, 1:] - corners[:, :, :1])[:, :, None]
     right = v[..., None, 0] * arms[..., 1] - v[..., None, 1] * arms[..., 0]
-    start, end = np.broadcast_arrays(at[..., near[:, :1]], at[..., near[:, 1:]])
+    start, end = np.broadcast_arrays(ordinates[..., near[:, :1]], ordinates[..., near[:, 1:]])
     one = sparse.eye_array(len(known), format="csr")
     A = p * (one[end.ravel()] - one[start.ravel()])
     fixed = np.zeros(len(known))
     fixed[np.unique(linked(start, end, len(known)), return_index=True)[1]] = 1.0
     square = sparse.csc_array(A.T @ A + sparse.diags_array(fixed))
     psi = linalg.splu(square).solve(np.asarray(A.T @ right.ravel()))
-    # corners, which blocks do not share, by numbers of their own
-    tips = everywhere[:, [nodes.of_sides[2, 0], nodes.of_sides[2, -1], nodes.of_sides[1, -1]]]
-    names, first = np.unique(tips[cells], return_index=True)
-    ids = np.where(np.isin(tips, names), np.searchsorted(names, tips), -1)
-    points = [stated.points[n] for n in stated.mesh.cells[cells].ravel()[first].tolist()]
-    given, rows = dict[_Edge, list[list[Fraction] | None]](), list[Row]()
-    for cell, pair, directions, plate in held:
-        motion = plates[plate] if plate >= 0 else [ZERO] * 3
-        i, j = (int(ids[cell, stated.about["triangles"][cell].index(n)]) for n in pair)
-        if directions and keeps[cell]:
-            e = stated.edge(pair)
-            axes = [any(dot(d, axis) != 0 for d in directions) for axis in ((e[1], -e[0]), e)]
-            if sum(axes) != len(directions):
-                remedy = "on slanted edges proof files hold no x or y alone"
-                raise InputError("Traction", stated.mesh.edge_names, remedy)
-            turned = (-motion[2] * dot(e, e), ZERO)  # n·v' and e·v'
-            given[i, j] = [[value] * (p - 1) if each else None for value, each in zip(turned, axes, strict=True)]
-        rows += [({n: value for n, value in ((3 * end + 2, d[0]), (3 * end + 1, -d[1])) if value},
-                  dot(d, _rigid(motion, stated.points[at])))
-                 for d in directions for end, at in zip((i, j), pair, strict=True) if end >= 0]  # fmt: skip
-    triangles = ids[cells].tolist()
-    smoothed = smooth(points, triangles, p, given, rows, psi[at])
-    for cell, corner, ordinates in zip(cells.tolist(), triangles, smoothed, strict=True):
+
+    exact = smooth.solved(rows, psi[ordinates])
+    for cell, corner, parts in zip(cells.tolist(), ids[cells].tolist(), exact, strict=True):
         ends = [points[i] for i in corner]
-        for c, (a, b), own in zip(ordinates, EDGES, space.nodes.of_parts, strict=True):
+        for c, (a, b), own in zip(parts, EDGES, space.nodes.of_parts, strict=True):
             along, inwards = less(ends[b], ends[a]), less(middle(ends), ends[a])
             for node, (c0, c1, c2) in zip(space.global_[cell, own].tolist(), near.tolist(), strict=True):
                 u, w = (p * (c[n] - c[c0]) / cross(along, inwards) for n in (c1, c2))  # ∇ψ along both, over the area

@@ -1,31 +1,32 @@
 """C1 functions on split triangles in rational numbers, and linear equations in them.
 
-Rounding breaks smoothness by some 1e-16. So a function Φ is built again, exactly, from numbers that are free: Φ and ∇Φ
-at vertices, along each edge the ordinates of Φ and of its cross derivative that these leave open, and in each triangle
-what its C1 conditions leave open. What is prescribed of edges is a linear equation between values at their ends. With
-G = (Φ_y, −Φ_x) along an edge e from i to j, n·G and e·G are the derivatives of Φ along e and m = (−e_y, e_x) for the
-normal n = (e_y, −e_x). G' is σn for an Airy function, and G the velocity for a stream function.
+Rounding breaks smoothness by some 1e-16. So a function Φ is built again, exactly: it is C1 if linear equations between
+its ordinates hold, and so are tractions and velocities. No ordinate depends on others far away, since values and slopes
+at vertices are unknowns of their own. With G = (Φ_y, −Φ_x) along an edge e, d·G is the derivative of Φ along
+(−d_y, d_x), G' is σn for an Airy function with the normal n = (e_y, −e_x), and G the velocity for a stream function.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from itertools import product
 from typing import TypeAlias
 
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.element.triangle import EDGES, exponents
-from qvi_contact.limit.split import Nodes, part_corners
+from qvi_contact.element.triangle import EDGES
+from qvi_contact.limit.check_proof import cross, less
+from qvi_contact.limit.split import Nodes
 
 Vector: TypeAlias = tuple[Fraction, Fraction]
 
-Row: TypeAlias = tuple[dict[int, Fraction], Fraction]
-"""Coefficients of unknowns by their numbers, and the right-hand side."""
+Terms: TypeAlias = dict[int, Fraction]
+"""Coefficients of unknowns by their numbers."""
 
-Given: TypeAlias = Mapping[tuple[int, int], Sequence[list[Fraction] | None]]
-"""What is known of an edge: ordinates of n·G' and of e·G' from its first end on, or None."""
+Row: TypeAlias = tuple[Terms, Fraction]
+"""Terms, and the right-hand side."""
 
 ZERO, ONE = Fraction(0), Fraction(1)
 
@@ -38,120 +39,125 @@ class OutOfBalanceError(ArithmeticError):
         self.amount = amount
 
 
-def smooth(
-    points: Sequence[Vector], triangles: Sequence[Sequence[int]], p: int, given: Given, rows: Sequence[Row],
-    rough: FloatArray,
-) -> Iterator[list[list[Fraction]]]:  # fmt: skip
-    """Ordinates (3, count) on the parts of each triangle of the Φ of degree p that is near `rough` ordinates (n, ·, ·).
+class Smooth:
+    """C1 functions Φ of degree p on split triangles, by unknowns: (Φ, Φ_x, Φ_y) of all vertices, then ordinates.
 
-    What is given of edges holds, and further rows on (Φ, Φ_x, Φ_y) of all vertices. Across the line from corner v to
-    the barycentre of a triangle, ordinates of both parts add to three times the one on the line that is nearer to the
-    barycentre, less the one that is farther.
+    Attributes
+    ----------
+    columns : (n, m) int array
+        Numbers of the ordinates of each triangle, first those on edges, and those nearest to barycentres last.
+    sides : dict
+        For edges (i, j) the triangles that have them, with their corners i and j there.
+
     """
-    values = solved(
-        [*rows, *_of_edges(points, p, given)],
-        [Fraction(x) for x in _at_vertices(points, triangles, p, rough).ravel().tolist()],
-    )
-    nodes = Nodes.of(p)
-    keys = [[tuple(nodes.keys[n].tolist()) for n in part] for part in nodes.of_parts]
-    place = {key: (s, n) for s, part in enumerate(keys) for n, key in enumerate(part)}
-    opened = sorted((key for key in place if key[3] > 1), key=lambda key: (key[3], key))
-    column = {key: n for n, key in enumerate(opened)}
-    edges: dict[tuple[int, int], tuple[list[Fraction], list[Fraction]]] = {}
-    for t, corners in enumerate(triangles):
-        known: dict[tuple[int, ...], Fraction] = {}
-        centre = middle([points[v] for v in corners])
-        for s, (a, b) in enumerate(EDGES):
-            i, j = corners[a], corners[b]
-            e, inwards = less(points[j], points[i]), less(centre, points[i])
-            alpha, beta = dot(inwards, e) / dot(e, e), cross(e, inwards) / dot(e, e)
-            if (i, j) not in edges:
-                ends = [values[3 * v : 3 * v + 3] for v in (i, j)]
-                backwards = [None if part is None else part[::-1] for part in given.get((j, i), (None, None))]
-                edges[i, j] = _edge(e, p, given.get((i, j), backwards), ends, rough[t, s], float(alpha), float(beta))
-            q, slopes = edges[i, j]
-            for n in range(p + 1):
-                known[_key(a, p - n, b, n, 0)] = q[n]
-            for n in range(p):
-                known[_key(a, p - 1 - n, b, n, 1)] = q[n] + alpha * (q[n + 1] - q[n]) + beta * slopes[n] / p
-        inside = []
-        for v, inner in ((v, inner) for v in range(3) for inner in range(1, p)):
-            a, b = (i for i in range(3) if i != v)
-            i = p - 1 - inner
-            row = {_key(v, i, a, 1, inner): 1, _key(v, i, b, 1, inner): 1, _key(v, i + 1, a, 0, inner): 1,
-                   _key(v, i, a, 0, inner + 1): -3}  # fmt: skip
-            right = -sum((c * known[key] for key, c in row.items() if key in known), ZERO)
-            inside.append(({column[key]: Fraction(c) for key, c in row.items() if key in column}, right))
-        rest = solved(inside, [Fraction(rough[t][place[key]].item()) for key in opened])
-        known |= dict(zip(opened, rest, strict=True))
-        yield [[known[key] for key in part] for part in keys]
+
+    def __init__(self, points: Sequence[Vector], triangles: Sequence[Sequence[int]], p: int) -> None:
+        self.points, self.triangles, self.p, self.nodes = points, triangles, p, Nodes.of(p)
+        keys = [tuple(key) for key in self.nodes.keys.tolist()]
+        self._place = {key: n for n, key in enumerate(keys)}
+        names = [
+            [(key[3], t, key) if key[3] else (0, tuple(sorted((v, w) for v, w in zip(corners, key, strict=False) if w)))
+             for key in keys]
+            for t, corners in enumerate(triangles)
+        ]  # fmt: skip
+        unique = sorted({name: None for each in names for name in each}, key=lambda name: name[0])
+        number = {name: n for n, name in enumerate(unique, 3 * len(points))}
+        self.columns = np.array([[number[name] for name in each] for each in names])
+        self.sides = dict[tuple[int, int], list[tuple[int, int, int]]]()
+        for t, corners in enumerate(triangles):
+            for a, b in (*EDGES, *(edge[::-1] for edge in EDGES)):
+                self.sides.setdefault((corners[a], corners[b]), []).append((t, a, b))
+        size = float(np.ptp(np.array(points, dtype=float), axis=0).max())
+        self._unit = Fraction(size)  # slopes at vertices are times it, so that rows are not solved for them
+
+    def at_vertex(self, v: int, parts: Sequence[Fraction]) -> Terms:
+        """A combination of Φ, Φ_x and Φ_y at a vertex."""
+        value, *slopes = parts
+        found = {3 * v: value, **{3 * v + n: slope / self._unit for n, slope in enumerate(slopes, 1)}}
+        return {column: part for column, part in found.items() if part}
+
+    def slope(self, side: tuple[int, int, int], n: int, d: Vector) -> Terms:
+        """The ordinate n = 0 … p − 1 of d·∇Φ along a side, from its first corner on."""
+        t, a, b = side
+        start, end = (self.points[self.triangles[t][i]] for i in (a, b))
+        along, inwards = less(end, start), less(middle([self.points[v] for v in self.triangles[t]]), start)
+        area = cross(along, inwards)
+        first, second = cross(d, inwards) / area, cross(along, d) / area
+        found = {self._column(t, (a, self.p - n), (b, n)): -self.p * (first + second),
+                 self._column(t, (a, self.p - 1 - n), (b, n + 1)): self.p * first,
+                 self._column(t, (a, self.p - 1 - n), (b, n), (3, 1)): self.p * second}  # fmt: skip
+        return {column: part for column, part in found.items() if part}
+
+    def _column(self, t: int, *weights: tuple[int, int]) -> int:
+        """The ordinate of a triangle with weights of its corners, and of the barycentre, corner 3."""
+        key = [0, 0, 0, 0]
+        for corner, weight in weights:
+            key[corner] += weight
+        return int(self.columns[t, self._place[tuple(key)]])
+
+    def solved(self, rows: Sequence[Row], rough: FloatArray) -> list[list[list[Fraction]]]:
+        """Ordinates (3, count) on the parts of each triangle of the C1 function near `rough` ordinates (n, 3, count).
+
+        The rows hold for it.
+        """
+        values = solved([*self._at_vertices(), *rows, *self._conditions()], self._rounded(rough))
+        return [[[values[column] for column in part] for part in cell]
+                for cell in self.columns[:, self.nodes.of_parts].tolist()]  # fmt: skip
+
+    def _at_vertices(self) -> Iterator[Row]:
+        """Ordinates at vertices and beside them follow from Φ and ∇Φ there."""
+        found = dict[int, Terms]()
+        for t, corners in enumerate(self.triangles):
+            centre = middle([self.points[v] for v in corners])
+            for a, v in enumerate(corners):
+                for b, end in enumerate([*(self.points[w] for w in corners), centre]):
+                    e = less(end, self.points[v])
+                    column = self._column(t, (a, self.p - 1), (b, 1))
+                    found[column] = {column: ONE, **self.at_vertex(v, [-ONE, -e[0] / self.p, -e[1] / self.p])}
+        yield from ((row, ZERO) for row in found.values())
+
+    def _conditions(self) -> Iterator[Row]:
+        """Φ is C1 across edges, and across the lines from corners to barycentres.
+
+        There, ordinates of both parts add to three times the one on the line that is nearer to the barycentre, less the
+        one that is farther.
+        """
+        p = self.p
+        for (i, j), sides in self.sides.items():
+            if i < j and len(sides) == 2:
+                e = less(self.points[j], self.points[i])
+                for n in range(1, p - 1):
+                    first, second = (self.slope(side, n, (-e[1], e[0])) for side in sides)
+                    yield combined((ONE, first), (-ONE, second)), ZERO
+        for t, v, inner in product(range(len(self.triangles)), range(3), range(1, p)):
+            own = v, p - 1 - inner
+            beside = [self._column(t, own, (each, 1), (3, inner)) for each in range(3)]
+            nearer = self._column(t, own, (3, inner + 1))
+            yield combined(*((ONE, {column: ONE}) for column in beside), (ONE, {nearer: Fraction(-3)})), ZERO
+
+    def _rounded(self, rough: FloatArray) -> list[Fraction]:
+        """Values of all unknowns near rough ordinates."""
+        found, p = np.zeros(int(self.columns.max()) + 1), self.p
+        found[self.columns[:, self.nodes.of_parts]] = rough
+        corners = np.array(self.triangles)
+        points = np.array(self.points, dtype=float)[corners]
+        for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            keys = (tuple((p - 1) * (n == a) + (n == each) for n in range(4)) for each in (a, b, c))
+            own, *beside = (found[self.columns[:, self._place[key]]] for key in keys)
+            arms = np.stack([points[:, b] - points[:, a], points[:, c] - points[:, a]], axis=1)
+            rises = p * np.stack([each - own for each in beside], axis=1)
+            slopes = np.linalg.solve(arms, rises[..., None])[..., 0] * float(self._unit)
+            found[3 * corners[:, a, None] + np.arange(3)] = np.column_stack([own, slopes])
+        return [Fraction(value) for value in found.tolist()]
 
 
-def _of_edges(points: Sequence[Vector], p: int, given: Given) -> Iterator[Row]:
-    """What is given of edges, as rows on (Φ, Φ_x, Φ_y) of vertices."""
-    for (i, j), (along, across) in given.items():
-        e = less(points[j], points[i])
-        for d, values in ((e, along), ((-e[1], e[0]), across)):  # n·G = Φ_e and e·G = Φ_m
-            if values is not None:
-                slopes = {3 * j + 1: d[0], 3 * j + 2: d[1], 3 * i + 1: -d[0], 3 * i + 2: -d[1]}
-                yield ({n: value for n, value in slopes.items() if value}, sums(values, p - 1)[-1])
-        if along is not None:
-            own = {3 * j: ONE, 3 * i: -ONE, 3 * i + 1: -e[0], 3 * i + 2: -e[1]}
-            yield ({n: value for n, value in own.items() if value}, sum(sums(along, p - 1), ZERO) / p)
-
-
-def _at_vertices(points: Sequence[Vector], triangles: Sequence[Sequence[int]], p: int, rough: FloatArray) -> FloatArray:
-    """(Φ, Φ_x, Φ_y) of all vertices (v, 3) from the ordinates of one triangle each."""
-    corners = part_corners(np.array(points, dtype=float)[np.array(triangles)])
-    slopes = np.linalg.inv(np.concatenate([corners, np.ones((*corners.shape[:3], 1))], axis=-1))[..., :2, :]
-    number = {tuple(alpha): n for n, alpha in enumerate(exponents(p).tolist())}
-    found, units = np.zeros((len(points), 3)), np.eye(3, dtype=int)
-    for s, edge in enumerate(EDGES):
-        for own, end in enumerate(edge):
-            c = rough[:, s, [number[tuple(((p - 1) * units[own] + unit).tolist())] for unit in units]]
-            gradient = p * np.einsum("nxi,ni->nx", slopes[:, s], c)
-            found[np.array(triangles)[:, end]] = np.column_stack([c[:, own], gradient])
-    return found
-
-
-def _edge(
-    e: Vector, p: int, given: Sequence[list[Fraction] | None], ends: Sequence[Sequence[Fraction]], rough: FloatArray,
-    alpha: float, beta: float,
-) -> tuple[list[Fraction], list[Fraction]]:  # fmt: skip
-    """Ordinates of Φ (p + 1) and of Φ_m (p) along e, with Φ, Φ_x and Φ_y at its ends, near the ordinates of a part."""
-    number = {tuple(alpha): n for n, alpha in enumerate(exponents(p).tolist())}
-    own = rough[[number[p - n, n, 0] for n in range(p + 1)]]
-    inner = rough[[number[p - 1 - n, n, 1] for n in range(p)]]
-    m, (along, across) = (-e[1], e[0]), given
-    first, second = (dot(e, value[1:]) / p for value in ends)
-    q = [Fraction(value) for value in own.tolist()]
-    slopes = [Fraction(value) for value in (p * (inner - own[:-1] - alpha * np.diff(own)) / beta).tolist()]
-    q[0] = ends[0][0]
-    if along is None:
-        q[1], q[p - 1], q[p] = ends[0][0] + first, ends[1][0] - second, ends[1][0]
-    else:
-        for n, total in enumerate([ZERO, *sums(along, p - 1)]):
-            q[n + 1] = q[n] + first + total / p
-    slopes[0], slopes[-1] = (dot(m, value[1:]) for value in ends)
-    if across is not None:
-        slopes[1:] = [slopes[0] + value for value in sums(across, p - 1)]
-    return q, slopes
-
-
-def _key(a: int, i: int, b: int, j: int, inner: int) -> tuple[int, ...]:
-    """The ordinate with weights i of corner a, j of corner b, and of the barycentre."""
-    key = [0, 0, 0, inner]
-    key[a], key[b] = i, j
-    return tuple(key)
-
-
-def sums(values: Sequence[Fraction], count: int) -> list[Fraction]:
-    """Sums of the first 1, 2, … values over their count: ordinates of the integral."""
-    found, total = [], ZERO
-    for value in values:
-        total += value / count
-        found.append(total)
-    return found
+def combined(*parts: tuple[Fraction, Terms]) -> Terms:
+    """Sums of multiples of terms."""
+    found: Terms = {}
+    for factor, terms in parts:
+        for column, value in terms.items():
+            found[column] = found.get(column, ZERO) + factor * value
+    return {column: value for column, value in found.items() if value}
 
 
 def solved(rows: Sequence[Row], values: list[Fraction]) -> list[Fraction]:
@@ -177,21 +183,6 @@ def solved(rows: Sequence[Row], values: list[Fraction]) -> list[Fraction]:
     for pivot, (parts, constant) in reversed(pivots.items()):
         values[pivot] = constant + sum((c * values[column] for column, c in parts.items()), ZERO)
     return values
-
-
-def less(u: Sequence[Fraction], v: Sequence[Fraction]) -> Vector:
-    """U − v."""
-    return u[0] - v[0], u[1] - v[1]
-
-
-def dot(u: Sequence[Fraction], v: Sequence[Fraction]) -> Fraction:
-    """U·v."""
-    return u[0] * v[0] + u[1] * v[1]
-
-
-def cross(u: Sequence[Fraction], v: Sequence[Fraction]) -> Fraction:
-    """U × v."""
-    return u[0] * v[1] - u[1] * v[0]
 
 
 def middle(points: Sequence[Vector], weights: Sequence[Fraction] = (ONE / 3,) * 3) -> Vector:

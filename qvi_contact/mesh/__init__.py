@@ -11,9 +11,8 @@ __getattr__ = front(
     {
         "curves": ("Curve",),
         "edges": ("Topology", "arc_offsets", "cross", "frames_along", "outward_normals"),
-        "gmsh": ("divided_corners",),
         "grid": ("SIDES",),
-        "outline": ("polygons",),
+        "outline": ("divided_corners", "polygons"),
         "selection": ("edges_on_segment",),
     },
 )

@@ -322,6 +322,8 @@ class Edges:
     bend: FloatArray
     """Coefficients of Legendre of that angle, counterclockwise [rad]; 0 on straight edges. See `mesh.edges`. Shape (n,
     k)."""
+    number: IntArray
+    """Their numbers in the mesh's `topology`, shape (n,)."""
 
     def __len__(self) -> int:
         return len(self.first)
@@ -371,7 +373,8 @@ def edges_of(vertices: FloatArray, cells: IntArray, topology: Topology, bends: F
     beside = np.where(swapped[:, None], beside[:, ::-1], beside)
     bend = np.where(back[:, None], reversed_bends(bends[numbers]), bends[numbers])
     length = length * stretches(bend)
-    return Edges(np.where(back, second, first), np.where(back, first, second), beside, normal, tangent, length, bend)
+    ends = np.where(back, second, first), np.where(back, first, second)
+    return Edges(*ends, beside, normal, tangent, length, bend, numbers)
 
 
 def _points_back(vectors: FloatArray) -> BoolArray:
@@ -398,8 +401,7 @@ def vectors_along(edges: Edges, vectors: FloatArray, t: FloatArray, *, turns: bo
 
     Whether they do says one truth value, or one for each edge (n,).
     """
-    t = np.broadcast_to(t, (len(edges), np.shape(t)[-1]))
-    given = np.broadcast_to(vectors[:, None], (*t.shape, 2))
+    given = np.broadcast_to(vectors[:, None], (len(edges), np.shape(t)[-1], 2))
     if not edges.curved or not np.any(turns):
         return given
     return turned(given, np.reshape(turns, (-1, 1)) * angles(edges.bend, t))

@@ -20,9 +20,8 @@ from qvi_contact.mesh.cutting import bisected, divided_at_arcs, fanned, joined, 
 from qvi_contact.mesh.edges import Edges, Topology, barycentric_of, chains, edges_of, points_along, stretches
 from qvi_contact.mesh.files import read_mesh
 from qvi_contact.mesh.flaws import checked_cells, checked_vertices, refuse_flaws
-from qvi_contact.mesh.gmsh import meshed
 from qvi_contact.mesh.grid import grid_parts, rectangle_lines
-from qvi_contact.mesh.outline import Line, Point, polygons
+from qvi_contact.mesh.outline import Line, Point, meshed, polygons
 from qvi_contact.mesh.selection import (
     PointSearch,
     Range,

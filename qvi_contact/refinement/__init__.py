@@ -9,7 +9,7 @@ __all__ = ["LimitFactor", "LimitRefinement", "Refinement", "RefinementRound", "R
 __getattr__ = front(
     __name__,
     {
-        "triangles": ("energies_between", "places", "reference_problem"),
+        "bisection": ("energies_between", "places", "reference_problem"),
         "outcome": ("bulk",),
         "measure": ("unit_of",),
     },

@@ -9,11 +9,11 @@ from typing import Any, Final, TypeAlias, overload
 import numpy as np
 
 from qvi_contact.basics.checks import positive_number, whole_number
-from qvi_contact.errors import InputError, SolveError
+from qvi_contact.errors import InputError, QVIError, SolveError
 from qvi_contact.limit.load_factor import checked_loads
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.refinement.limits import LimitStrategy
+from qvi_contact.refinement.bisection import LimitStrategy, TriangleRefinement, steps_of
 from qvi_contact.refinement.measure import Measure, Quantity
 from qvi_contact.refinement.outcome import (
     LimitFactor,
@@ -21,10 +21,10 @@ from qvi_contact.refinement.outcome import (
     Refinement,
     RefinementRound,
     RefinementStatus,
+    Round,
     Settings,
-    in_rounds,
+    StopError,
 )
-from qvi_contact.refinement.triangles import TriangleRefinement, steps_of
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.settings import Settings as SolveSettings
@@ -101,7 +101,7 @@ def refine(
     Tresca's, or tied contacts) a displacement companion bounds the energy, and the force of one prescribed
     displacement: the error is guaranteed, see `Bracket.certainty`. Else the answer is compared with a reference
     solution: one degree more, on a mesh bisected where contact states change and at corners where stresses may be
-    singular (see `refinement.triangles`). Triangles that hold most of the difference are bisected.
+    singular (see `refinement.bisection`). Triangles that hold most of the difference are bisected.
 
     With a `LimitFactor` the limit load of `limit_load_factor` is refined instead, until upper − lower is within the
     target of upper. That is a guaranteed error of either side wherever the mesh can follow the tractions. Contact edges
@@ -225,7 +225,7 @@ def refine(
 def _refined(
     strategy: LimitStrategy | TriangleRefinement, mesh: TriangleMesh, callback: RoundCallback
 ) -> Refinement | LimitRefinement:
-    first, rounds, stop = in_rounds(strategy, mesh, callback)
+    first, rounds, stop = _in_rounds(strategy, mesh, callback)
     answer, last = (rounds[-1].answer, rounds[-1]) if rounds else (first, None)
     said: dict[str, Any] = {
         "status": stop.status, "target": strategy.settings.target, "reason": stop.reason,
@@ -239,3 +239,39 @@ def _refined(
         raise SolveError(f"limit load: {stop.reason}: use a coarser or less graded mesh")
     name = f"limit load factor of {', '.join(strategy.names)}"
     return LimitRefinement(quantity=name, limit=answer.limit, problem=answer.posed.problem, **said)
+
+
+def _in_rounds(
+    strategy: LimitStrategy | TriangleRefinement, mesh: TriangleMesh, callback: RoundCallback
+) -> tuple[Any, list[Round], StopError]:
+    """The first answer, all rounds that were assessed, and why they ended; what the first mesh raises is raised."""
+    settings, rounds = strategy.settings, list[Round]()
+    answer: Any
+    try:
+        first = answer = strategy.answer(mesh)
+    except StopError as stop:
+        remedy = f"{stop.reason}: allow more, or start coarser"
+        raise InputError("max_unknowns", settings.max_unknowns, remedy) from stop
+    try:
+        while True:
+            last = strategy.assessed(mesh, answer, rounds)
+            rounds.append(last)
+            callback(last.record)
+            if last.record.estimate <= settings.target:
+                enough = last.record.guaranteed or not settings.guaranteed
+                raise StopError(RefinementStatus.REACHED if enough else RefinementStatus.NO_GUARANTEE)
+            if deadline.over:
+                raise StopError(RefinementStatus.TIME_LIMIT)
+            if len(rounds) >= settings.max_rounds:
+                raise StopError(RefinementStatus.ROUNDS)
+            finer = last.finer()
+            if finer is None:
+                raise StopError(RefinementStatus.THIN_CELLS)
+            mesh = finer
+            try:
+                answer = strategy.answer(mesh)
+            except QVIError as error:  # the same data were taken on the mesh before
+                late = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.THIN_CELLS
+                raise StopError(late, str(error)) from error
+    except StopError as stop:
+        return first, rounds, stop

@@ -1,30 +1,28 @@
-"""The rounds of one refinement, whatever is refined, until the target or a limit is reached; and what it ends with."""
+"""What a refinement is asked for, what each of its rounds finds, and what it ends with."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.basics.units import Certainty
-from qvi_contact.errors import InputError, QVIError
 from qvi_contact.limit.load_factor import LimitLoad
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
-from solvers.basics.progress import deadline
 from solvers.basics.types import columns_of, frame, load
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
     from qvi_contact.discretization.space import LawOn
-    from qvi_contact.solution.derivatives import Side
+    from qvi_contact.refinement.measure import Side
 
 
 @dataclass(frozen=True)
@@ -60,7 +58,7 @@ class LimitFactor:
         problem : ContactProblem
             The problem.
         parameter : str
-            "NAME.friction", "NAME.cohesion" or "NAME.shear_limit" of a contact; "load.NAME", a factor of a load; of
+            "NAME.friction" and the like of a contact, what bounds its shear; "load.NAME", a factor of a load; of
             strengths "material.c" and the like, "NAME.phi" of a region. A function counts as larger by the same number
             everywhere.
         side : "above" or "below", optional
@@ -81,7 +79,7 @@ class LimitFactor:
             have friction.
 
         """
-        found = load("qvi_contact.solution.derivatives").limit_derivative
+        found = load("qvi_contact.refinement.measure").limit_derivative
         return float(found(problem, self.loads, parameter, side, degree=degree, law_on=law_on))
 
 
@@ -317,11 +315,8 @@ class Round:
     """An answer and how far it is off."""
 
     answer: Any  # a ContactResult, History or LimitAnalysis
-    unknowns: int  # its own
-    value: float  # the quantity, and what its error is relative to
-    unit: float
-    estimate: float  # relative error; infinity if there is none
-    certainty: Certainty  # whether the estimate is a bound
+    record: RefinementRound  # what is kept of the round
+    unit: float  # what the error of the quantity is relative to
     parts: FloatArray  # (cells,): in which proportion cells have a share in it
     finer: Callable[[], TriangleMesh | None]  # makes the mesh of the next round; None if there is none
     reference: float = np.nan  # the quantity of the reference solution; NaN where there was none
@@ -330,28 +325,9 @@ class Round:
     @property
     def indicator(self) -> FloatArray:
         """Contribution (cells,) of each cell to the estimate; zero where there is none."""
-        total = float(self.parts.sum())
-        known = total > 0.0 and np.isfinite(self.estimate)
-        return self.parts * (self.estimate / total) if known else np.zeros_like(self.parts)
-
-    @property
-    def record(self) -> RefinementRound:
-        """What is kept of the round."""
-        return RefinementRound(len(self.parts), self.unknowns, self.value, self.estimate, self.certainty)
-
-
-class Strategy(Protocol):
-    """How meshes are refined for one kind of answer."""
-
-    @property
-    def settings(self) -> Settings:
-        """What is asked for."""
-
-    def answer(self, mesh: TriangleMesh) -> Any:
-        """The answer on a mesh; `TooLargeError` if it would have more unknowns than allowed, else as `solve`."""
-
-    def assessed(self, mesh: TriangleMesh, answer: Any, earlier: Sequence[Round], /) -> Round:
-        """How far off an answer is; `StopError` if it was not solved, or the time is over before that is known."""
+        total, estimate = float(self.parts.sum()), self.record.estimate
+        known = total > 0.0 and np.isfinite(estimate)
+        return self.parts * (estimate / total) if known else np.zeros_like(self.parts)
 
 
 class StopError(Exception):
@@ -360,48 +336,3 @@ class StopError(Exception):
     def __init__(self, status: RefinementStatus, reason: str = "") -> None:
         super().__init__(reason)
         self.status, self.reason = status, reason
-
-
-class TooLargeError(Exception):
-    """An answer would have more unknowns than allowed."""
-
-    def __init__(self, unknowns: int) -> None:
-        super().__init__(unknowns)
-        self.unknowns = unknowns
-
-
-def in_rounds(
-    strategy: Strategy, mesh: TriangleMesh, callback: Callable[[RefinementRound], object]
-) -> tuple[Any, list[Round], StopError]:
-    """The first answer, all rounds that were assessed, and why they ended; what the first mesh raises is raised."""
-    settings, rounds = strategy.settings, list[Round]()
-    try:
-        first = answer = strategy.answer(mesh)
-    except TooLargeError as error:
-        remedy = f"the first mesh has {error.unknowns} unknowns: allow more, or start coarser"
-        raise InputError("max_unknowns", settings.max_unknowns, remedy) from error
-    try:
-        while True:
-            last = strategy.assessed(mesh, answer, rounds)
-            rounds.append(last)
-            callback(last.record)
-            if last.estimate <= settings.target:
-                enough = last.certainty is Certainty.GUARANTEED or not settings.guaranteed
-                raise StopError(RefinementStatus.REACHED if enough else RefinementStatus.NO_GUARANTEE)
-            if deadline.over:
-                raise StopError(RefinementStatus.TIME_LIMIT)
-            if len(rounds) >= settings.max_rounds:
-                raise StopError(RefinementStatus.ROUNDS)
-            finer = last.finer()
-            if finer is None:
-                raise StopError(RefinementStatus.THIN_CELLS)
-            mesh = finer
-            try:
-                answer = strategy.answer(mesh)
-            except TooLargeError as error:
-                raise StopError(RefinementStatus.UNKNOWNS) from error
-            except QVIError as error:  # the same data were taken on the mesh before
-                late = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.THIN_CELLS
-                raise StopError(late, str(error)) from error
-    except StopError as stop:
-        return first, rounds, stop

@@ -1,7 +1,7 @@
 """Long runs of sweeps and studies: work in processes with limits, on this machine or a cluster, and rows in files.
 
-`processes` does work in processes of this machine, `cluster` on those of a Dask cluster, `worker` is what such a
-process runs, and `database` keeps rows in SQLite files.
+`processes` does work in processes of this machine or of a Dask cluster, `worker` is what such a process runs, and
+`database` keeps rows in SQLite files.
 """
 
 from solvers.basics.front import front
@@ -9,7 +9,6 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "cluster": ("Workers",),
-        "processes": ("FAILURES", "THREADS", "Limits", "NotLoadedError", "Outcome"),
+        "processes": ("FAILURES", "THREADS", "Limits", "NotLoadedError", "Outcome", "Workers"),
     },
 )

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
     from qvi_contact.bracket import Bracket, Uniqueness
     from qvi_contact.mechanism import Mechanism
-    from qvi_contact.solution.derivatives import Side
+    from qvi_contact.refinement.measure import Side
     from qvi_contact.solution.remarks import UndeterminedMotion
 
 _LEAST_SHOWN: Final = 1e-6  # of the units of a result: what is larger is shown however bad the certificate is
@@ -333,7 +333,7 @@ class ContactResult(PicklesFields):
         moved = {}
         for contact, rows in zip(self.problem.contacts, self.discretization.contacts, strict=True):
             if contact.plate is not None:
-                centre = centre_of(self.problem, rows.points.edges)
+                centre = centre_of(self.problem.mesh, rows.points.edges)
                 moved[contact.name] = plate_motion(contact.plate, centre, motion.get(contact.name, {}))
         return MappingProxyType(Named("plates", _WITH_PLATE, moved))
 
@@ -402,10 +402,10 @@ class ContactResult(PicklesFields):
             "NAME.x", "NAME.y" or "NAME.rotation" of a plate; at a point "NAME.slip(x, y)" of a contact, and stresses
             "xx(x, y)", "yy(x, y)", "xy(x, y)".
         parameter : str
-            "NAME.friction", "NAME.cohesion", "NAME.shear_limit", "NAME.gap", "NAME.offset" or a stiffness of a contact,
-            and what is given of its plate; "EDGES.x" and the like of a prescribed displacement; "load.NAME", a factor
-            of a load as in `limit_load_factor`; "temperature", "material.young", or those of a region, "NAME.young". A
-            function counts as larger by the same number everywhere. Of a load step earlier slip is held as it is.
+            "NAME.friction" and the like of a contact, all data but a pore pressure, and what is given of its plate;
+            "EDGES.x" and the like of a prescribed displacement; "load.NAME", a factor of a load as in
+            `limit_load_factor`; "temperature", "material.young", or those of a region, "NAME.young". A function counts
+            as larger by the same number everywhere. Of a load step earlier slip is held as it is.
         side : "above" or "below", optional
             Needed where a point of a contact changes its state at this value of the parameter, so that the derivatives
             from both sides differ.
@@ -422,7 +422,7 @@ class ContactResult(PicklesFields):
             have more than 2000 points.
 
         """
-        return float(load("qvi_contact.solution.derivatives").derivative(self, quantity, parameter, side))
+        return float(load("qvi_contact.refinement.measure").derivative(self, quantity, parameter, side))
 
 
 def contact_numbers(result: ContactResult) -> dict[str, dict[str, float]]:

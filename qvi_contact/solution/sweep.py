@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import pickle
 import time
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
@@ -27,8 +28,7 @@ from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.load_factor import checked_loads, loads_of, multiplied
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem, run_digest
-from qvi_contact.runs.cluster import Workers
-from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome
+from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome, Workers
 from qvi_contact.solution.result import ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import Settings
 from qvi_contact.solution.solver import discretized, fitted, solved
@@ -97,8 +97,57 @@ class SweepRow:
         return cls(number, value, result.status, result.message, result.iterations, accuracy, seconds, contacts)
 
 
+class SweepRows(ABC):
+    """What sweeps tell of their values, whether results are kept or rows."""
+
+    parameter: Parameter
+    values: tuple[float, ...]
+
+    @abstractmethod
+    def rows(self) -> Iterator[SweepRow]:
+        """What is done, in the order of the values."""
+
+    @property
+    @abstractmethod
+    def statuses(self) -> tuple[Status, ...]:
+        """The status of each value done, in the order of the values."""
+
+    @property
+    def status(self) -> Status:
+        """Solved if all values were; else the status of the first that was not, "time_limit" if some are missing."""
+        return overall_status(self.statuses, len(self.values))
+
+    @property
+    def message(self) -> str:
+        """One sentence about the outcome."""
+        statuses, planned = self.statuses, len(self.values)
+        failed = sum(status is not Status.SOLVED for status in statuses)
+        if failed:
+            first = next(row for row in self.rows() if row.status is not Status.SOLVED)
+            others = f" ({failed - 1} more not solved)" if failed > 1 else ""
+            return f"{self.parameter} = {first.value:g}: {first.message}{others}"
+        if len(statuses) < planned:
+            return f"time limit after {len(statuses)} of {planned} values. {Status.TIME_LIMIT.advice}"
+        return f"all {planned} values solved" if planned > 1 else "the value is solved"
+
+    def to_frame(self, units: Units | None = None) -> DataFrame:
+        """One row for each value and contact as a pandas table, with units and errors as `ContactResult.to_frame`.
+
+        Columns are the parameter, "status", "iterations", "contact", and those of `ContactResult.forces_frame`. Values
+        without a state have no rows.
+        """
+        name = self.parameter
+        lines: list[dict[str, Any]] = [
+            {name: row.value, "status": str(row.status), "iterations": row.iterations, "contact": contact, **summary}
+            for row in self.rows()
+            for contact, summary in row.contacts.items()
+        ]
+        length = Units.labels(units, {name: "displacement"} if name in ("gap", "offset") else {})
+        return frame(pandas().DataFrame(lines), {**forces_units(units), **length})
+
+
 @dataclass(frozen=True, eq=False)
-class Sweep:
+class Sweep(SweepRows):
     """Results of a sweep, one for each value that was done.
 
     Attributes
@@ -116,32 +165,15 @@ class Sweep:
     values: tuple[float, ...]
     steps: tuple[ContactResult, ...]
 
+    def rows(self) -> Iterator[SweepRow]:
+        """What is done, in the order of the values; their seconds are 0."""
+        for number, (value, step) in enumerate(zip(self.values, self.steps, strict=False), 1):
+            yield SweepRow.of(number, value, step)
+
     @property
     def statuses(self) -> tuple[Status, ...]:
-        """The status of each value done."""
+        """The status of each value done, in the order of the values."""
         return tuple(step.status for step in self.steps)
-
-    @property
-    def status(self) -> Status:
-        """Solved if all values were; else the status of the first that was not, "time_limit" if some are missing."""
-        return overall_status(self.statuses, len(self.values))
-
-    @property
-    def message(self) -> str:
-        """One sentence about the outcome."""
-        done = list(zip(self.values, self.steps, strict=False))
-        failures = [(value, step.message) for value, step in done if step.status is not Status.SOLVED]
-        return outcome_of(self.parameter, failures, len(done), len(self.values))
-
-    def to_frame(self, units: Units | None = None) -> DataFrame:
-        """One row for each value and contact as a pandas table, with units and errors as `ContactResult.to_frame`.
-
-        Columns are the parameter, "status", "iterations", "contact", and those of `ContactResult.forces_frame`. Values
-        without a state have no rows.
-        """
-        done = enumerate(zip(self.values, self.steps, strict=False), 1)
-        rows = (SweepRow.of(number, value, step) for number, (value, step) in done)
-        return table_of(self.parameter, rows, units)
 
 
 @overload
@@ -451,25 +483,3 @@ def _rows_of(part: _Slice, outcome: Outcome) -> Sequence[SweepRow]:
     status = Status.OUT_OF_MEMORY if outcome.status == "memory" else Status.BACKEND_FAILED
     message = f"the process that solved it died twice ({outcome.reason})"
     return [SweepRow(number, value, status, message, 0, math.nan, outcome.seconds, {})]
-
-
-def table_of(parameter: Parameter, rows: Iterable[SweepRow], units: Units | None) -> DataFrame:
-    """One line for each value and contact, see `Sweep.to_frame`."""
-    lines: list[dict[str, Any]] = [
-        {parameter: row.value, "status": str(row.status), "iterations": row.iterations, "contact": name, **summary}
-        for row in rows
-        for name, summary in row.contacts.items()
-    ]
-    length = Units.labels(units, {parameter: "displacement"} if parameter in ("gap", "offset") else {})
-    return frame(pandas().DataFrame(lines), {**forces_units(units), **length})
-
-
-def outcome_of(parameter: Parameter, failures: Sequence[tuple[float, str]], done: int, planned: int) -> str:
-    """One sentence about so many values, of which those given with their messages are not solved."""
-    if failures:
-        value, message = failures[0]
-        others = f" ({len(failures) - 1} more not solved)" if len(failures) > 1 else ""
-        return f"{parameter} = {value:g}: {message}{others}"
-    if done < planned:
-        return f"time limit after {done} of {planned} values. {Status.TIME_LIMIT.advice}"
-    return f"all {planned} values solved" if planned > 1 else "the value is solved"

@@ -30,7 +30,8 @@ the measures are
 All scales are those of the state itself: a load or a gap elsewhere, however large, does not hide an error in the
 contact. Where the contact carries nothing, max |σ_N|, |σ_T| below 1e-7 of √(E_b k / Σ W), which stands for the stress
 in the body, that is S; where the body carries nothing either, it is the stress without the inequalities (`bonded`),
-and 1, the unit of the dimensionless problem, if that is zero or larger.
+and 1, the unit of the dimensionless problem, if that is larger, or zero but for rounding: √(2 E) of the bonded state
+below 1e-12 √(Σ f_i² / K_ii), where the equations A z = b cancel f: gaps that move a plate and do not deform the body.
 
 An obstacle farther away than 10 E / (S Σ W), which is 10 D or less, from the body may as well stand there: the solution
 is the same, and round-off in σ_N times a gap of any size is no error. Likewise a point that slides farther than that
@@ -246,6 +247,7 @@ _ROUNDING_FREE = 1e-9  # error of z above which one asks whether it is rounding
 _ROUNDING_LIMIT = 1e-6  # error of z that rounding may explain
 _LITTLE = 1e-7  # share of the stress in the body below which a contact carries nothing
 _NOTHING = 1e-6  # share of unit stress, or of the bonded state's, below which the whole body carries nothing
+_CANCELLED = 1e-12  # share of the loads' own energy norm below which that of the bonded state is rounding
 
 EXPONENTS: Mapping[str, float] = MappingProxyType({measure.name: measure.exponent for measure in MEASURES})
 """Measure → exponent e of its limit, a multiple of tolerance**e."""
@@ -436,7 +438,11 @@ def body_scales(qvi: FrictionQVI, body: float) -> tuple[float, float, float]:
     reference = length / stiffness  # energy of unit stress
     least = _LITTLE
     if body <= _NOTHING**2 * reference:  # next to nothing, unless the bonded state has no more
-        reference = min(reference, qvi.settled.strain_energy or reference)
+        bonded, diagonal = qvi.settled.strain_energy, qvi.stiffness.diagonal
+        # only equations can cancel loads: those on a plate that is free to move
+        loads = float(np.sum(qvi.f**2 / np.where(diagonal > 0.0, diagonal, 1.0))) if qvi.p else 0.0
+        if 2.0 * bonded > _CANCELLED**2 * loads:
+            reference = min(reference, bonded)
         if body <= _NOTHING**2 * reference:
             body, least = reference, _NOTHING
     stress = float(np.sqrt(body * stiffness / length))

@@ -104,8 +104,7 @@ class UniquenessBound:
 
 def uniqueness_bound(qvi: FrictionQVI) -> UniquenessBound:
     """The bounds κ^(−1/2) and 1/γ of a problem; dense algebra, for contacts of up to `LARGEST` rows 2m."""
-    moving = (qvi.mu > 0.0) & (qvi.cap > qvi.cohesion)
-    friction = float(qvi.mu[moving].max(initial=0.0))
+    friction = float(qvi.mu[qvi.law.moving].max(initial=0.0))
     if friction == 0.0 or not qvi.n:
         return UniquenessBound(friction, np.inf, np.inf)
     if 2 * qvi.m > LARGEST:

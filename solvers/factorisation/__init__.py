@@ -5,7 +5,8 @@
     reduced, state = factor.reduce(g)                # g_Γ − K_ΓI K_II⁻¹ g_I
     x = factor.expand(state, values)                 # x_Γ = values, x_I = K_II⁻¹ (g_I − K_IΓ values)
 
-Back ends: Intel MKL's PARDISO (package mkl, extra fast) and SuperLU (SciPy, always there), imported when first used.
+Back ends: Intel MKL's PARDISO (package mkl, extra fast), and "superlu" of SciPy, which is always there: LAPACK for K,
+SuperLU for unsymmetric matrices. Both are imported when first used.
 """
 
 from solvers.basics.front import front
@@ -25,9 +26,9 @@ __all__ = [
 __getattr__ = front(
     __name__,
     {
-        "superlu": ("interface_last", "nested_dissection"),
-        "pardiso": ("limited_blas", "thread_count"),
-        "base": ("DENSE",),
+        "dissection": ("interface_last", "nested_dissection"),
+        "pardiso": ("thread_count",),
+        "base": ("DENSE", "limited_blas"),
         "augmented": ("factorise_root",),
         "choice": ("VARIABLE", "condensing_pays", "refactorisation"),
     },

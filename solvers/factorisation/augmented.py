@@ -17,20 +17,18 @@ Sources: J. Liu, On general row merging schemes for sparse Givens transformation
 In `docs/theory.md`: (D9).
 """
 
-from dataclasses import dataclass
 from functools import cached_property
 from time import perf_counter
 from typing import Final
 
 import numpy as np
 from scipy import __version__ as scipy_version
-from scipy.linalg import blas, lapack
+from scipy.linalg import lapack
 from scipy.sparse import csr_array, diags_array
 
 from solvers.basics.types import BoolVector, IntVector, Matrix, SparseRows, Vector
 from solvers.errors import InputError
-from solvers.factorisation.base import Factorisation, FactorisationError, State
-from solvers.factorisation.pardiso import limited_blas
+from solvers.factorisation.base import FactorisationError, Front, Fronts, limited_blas
 
 ORTHOGONAL: Final = "qr"
 """Name of this back end."""
@@ -44,17 +42,7 @@ _POWER_STEPS: Final = 4
 _DEPENDENT: Final = 0.1  # `rounding` above which columns count as dependent: a copied column has 1 to 10
 
 
-@dataclass(frozen=True, eq=False)
-class _Front:
-    """One node of the tree: U₁₁ (e, e) and U₁₂ (e, s) for e eliminated unknowns and s that stay."""
-
-    eliminated: IntVector
-    staying: IntVector
-    head: Matrix
-    tail: Matrix
-
-
-class OrthogonalFactor(Factorisation):
+class OrthogonalFactor(Fronts):
     """RᵀR with its interior eliminated by QR of R.
 
     Attributes
@@ -81,9 +69,15 @@ class OrthogonalFactor(Factorisation):
         tree = _Tree(csr_array(R @ diags_array(1.0 / self._scale)), interface, places)
         analysed = perf_counter()
         with limited_blas(1):
-            self._fronts, columns, top = tree.eliminated()
+            fronts, columns, top = tree.eliminated()
             root = _triangle(top[:, np.argsort(columns)])
         _check(root, self.backend)
+        self._fronts = [
+            Front(
+                own, others, np.asfortranarray(head * self._scale[own]), np.asfortranarray(tail * self._scale[others])
+            )
+            for own, others, head, tail in fronts
+        ]
         self.schur_root = np.asarray(root * self._scale[interface])
         self.schur = np.asarray(self.schur_root.T @ self.schur_root)
         if not self.rounding <= _DEPENDENT:
@@ -101,25 +95,6 @@ class OrthogonalFactor(Factorisation):
             growth = float(np.linalg.norm(x))
             x = x / growth
         return 4.0 * _EPSILON * float(np.sqrt(growth))
-
-    def _forward(self, right: Matrix) -> State:
-        state: Matrix = np.asfortranarray(right / self._scale[:, None])
-        with limited_blas(1):
-            for front in self._fronts:
-                y = blas.dtrsm(1.0, front.head, state[front.eliminated], trans_a=1)
-                state[front.eliminated] = y
-                state[front.staying] -= front.tail.T @ y
-        state[self.interface] *= self._scale[self.interface, None]
-        return np.asarray(state)
-
-    def _backward(self, state: State, values: Matrix) -> Matrix:
-        state = self._with_values(state, values)
-        state[self.interface] *= self._scale[self.interface, None]
-        with limited_blas(1):
-            for front in reversed(self._fronts):
-                y = state[front.eliminated] - front.tail @ state[front.staying]
-                state[front.eliminated] = blas.dtrsm(1.0, front.head, y)
-        return np.asarray(state / self._scale[:, None])
 
     @cached_property
     def _schur_factor(self) -> tuple[Matrix, bool]:
@@ -174,9 +149,9 @@ class _Tree:
         self._entries = np.bincount(R.indices, minlength=R.shape[1])
         self._stays: BoolVector = np.zeros(R.shape[1], dtype=np.bool_)
         self._stays[interface] = True
-        self._fronts: list[_Front] = []
+        self._fronts: list[Front] = []
 
-    def eliminated(self) -> tuple[list[_Front], IntVector, Matrix]:
+    def eliminated(self) -> tuple[list[Front], IntVector, Matrix]:
         """Fronts, parts before wholes; the interface in the order of the columns of the factor left for it."""
         columns, _, factor = self._subtree(np.arange(self._R.shape[0]))
         return self._fronts, columns, factor
@@ -216,7 +191,7 @@ class _Tree:
         _check(head, OrthogonalFactor.backend)
         if count:
             tail = np.asfortranarray(upper[:count, count:])
-            self._fronts.append(_Front(columns[:count], columns[count:], head, tail))
+            self._fronts.append(Front(columns[:count], columns[count:], head, tail))
         return columns[count:], found[count:], upper[count:, count:]
 
     def _halves(self, rows: IntVector) -> tuple[IntVector, IntVector] | None:

@@ -3,17 +3,20 @@
 In `docs/theory.md`: (D3).
 """
 
+import sys
 from abc import ABC, abstractmethod
-from functools import cached_property
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import cached_property, lru_cache
 from time import perf_counter
-from typing import Any, ClassVar, Final, Literal, TypeAlias
+from typing import Any, ClassVar, Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy import __version__ as scipy_version
 from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf, dpotrs
 
-from solvers.basics.types import IntVector, Matrix, Vector
+from solvers.basics.types import IntVector, Matrix, Module, Vector, load
 from solvers.errors import InputError, QVIError
 
 State: TypeAlias = Matrix
@@ -173,58 +176,113 @@ class FactorisationError(QVIError):
         return type(self), (self.reason, self.backend, self._detail)
 
 
-# Dense Cholesky of the interior, for matrices so small that an ordering costs more than it saves.
-#
-#     K_II = L Lᵀ,    E = L⁻¹ K_IΓ,    S = K_ΓΓ − Eᵀ E
-#
-# in three calls of LAPACK and BLAS.
+# Fronts: dense blocks of unknowns that are eliminated at once.
+
+
+class Front(NamedTuple):
+    """Rows of K = UᵀU for e unknowns: U₁₁ (e, e), upper triangular, and U₁₂ (e, s) for s unknowns that stay."""
+
+    eliminated: IntVector
+    staying: IntVector
+    head: Matrix
+    tail: Matrix
+
+
+class Fronts(Factorisation):
+    """K_II = Uᵀ U by fronts, parts before what they are parts of."""
+
+    _fronts: list[Front]
+
+    def _forward(self, right: Matrix) -> State:
+        state = np.array(right, order="F")
+        with self._threads():
+            for eliminated, staying, head, tail in self._fronts if state.size else ():
+                y = dtrsm(1.0, head, state[eliminated], trans_a=1)
+                state[eliminated] = y
+                state[staying] -= tail.T @ y
+        return state
+
+    def _backward(self, state: State, values: Matrix) -> Matrix:
+        state = self._with_values(state, values)
+        with self._threads():
+            for eliminated, staying, head, tail in reversed(self._fronts) if state.size else ():
+                state[eliminated] = dtrsm(1.0, head, state[eliminated] - tail @ state[staying])
+        return state
+
+    def _threads(self) -> AbstractContextManager[None]:
+        """Many small fronts are slower on several threads, on a busy machine by orders of magnitude."""
+        return limited_blas(1) if len(self._fronts) > 1 else nullcontext()
+
+
+def eliminated(own: Matrix, coupling: Matrix, others: Matrix, backend: str) -> tuple[Matrix, Matrix, Matrix]:
+    """U₁₁ and U₁₂ of K₁₁ = own and K₁₂ = coupling, and others − U₁₂ᵀ U₁₂, of which the upper triangle counts.
+
+    All by columns and overwritten. `FactorisationError` where K₁₁ is not positive definite.
+    """
+    head, info = dpotrf(own, clean=0, overwrite_a=1)
+    if info > 0:
+        raise FactorisationError("singular", backend, "a pivot is not positive")
+    if coupling.size:
+        coupling = dtrsm(1.0, head, coupling, trans_a=1, overwrite_b=1)
+        others = dsyrk(-1.0, coupling, 1.0, others, trans=1, overwrite_c=1)
+    return head, coupling, others
+
+
+def symmetric(upper: Matrix) -> Matrix:
+    """The symmetric matrix whose upper triangle this is."""
+    return np.asarray(np.triu(upper) + np.triu(upper, 1).T)
+
+
+@contextmanager
+def limited_blas(count: int) -> Iterator[None]:
+    """Every BLAS loaded so far limited to `count` threads, as before on exit; left alone without threadpoolctl."""
+    libraries = blas_libraries(len(sys.modules))
+    before = [each.get_num_threads() for each in libraries]
+    changed = [(each, threads) for each, threads in zip(libraries, before, strict=True) if threads != count]
+    try:
+        for each, _ in changed:
+            each.set_num_threads(count)
+        yield
+    finally:
+        for each, threads in changed:
+            each.set_num_threads(threads)
+
+
+@lru_cache(maxsize=1)
+def blas_libraries(modules: int) -> list[Module]:  # noqa: ARG001  # it is the key
+    """Looked for anew only when something was imported (or MKL loaded: it clears this): that takes milliseconds."""
+    try:
+        found = load("threadpoolctl").ThreadpoolController().lib_controllers
+    except ImportError:
+        return []
+    return [each for each in found if each.user_api == "blas"]
 
 
 DENSE: Final = "dense"
-"""Name of this back end."""
+"""Name of the back end with one front, for matrices so small that an ordering costs more than it saves."""
 
 SMALL: Final = 500
 """Unknowns up to which no sparse back end is faster, its ordering included."""
 
 
-class DenseFactor(Factorisation):
-    """L and E of K (n, n)."""
+class DenseFactor(Fronts):
+    """The whole interior of K (n, n) as one front."""
 
     backend = DENSE
 
     def __init__(self, K: Matrix, interface: IntVector) -> None:
         start = perf_counter()
         self.version = f"scipy {scipy_version}"
-        self.interface, self.size = interface, K.shape[0]
+        self.interface, self.size, self._fronts = interface, K.shape[0], []
         inside = np.ones(self.size, dtype=np.bool_)
         inside[interface] = False
-        self._interior: IntVector = inside.nonzero()[0]
-        diagonal = K.diagonal()
-        rows = K[self._interior]
-        own, coupling = rows[:, self._interior], np.asfortranarray(rows[:, interface])
-        factor, info = dpotrf(own.T, lower=1, clean=0, overwrite_a=1) if own.size else (own, 0)  # K_II is symmetric
-        if info > 0:
-            raise FactorisationError("singular", self.backend, f"pivot {info} of the interior is not positive")
-        check_pivots(factor.diagonal() ** 2, diagonal[self._interior], self.backend, self.size)
-        S = symmetrised(K[interface][:, interface])
-        if coupling.size:
-            coupling = dtrsm(1.0, factor, coupling, lower=1, overwrite_b=1)
-            lower = dsyrk(-1.0, coupling, 1.0, S.T, trans=1, lower=1, overwrite_c=1)
-            S = np.tril(lower) + np.tril(lower, -1).T
-        self._factor, self._coupling, self.schur, self._diagonal = factor, coupling, S, diagonal[interface]
+        interior = inside.nonzero()[0]
+        diagonal, self.schur = K.diagonal(), symmetrised(K[interface][:, interface])
+        if interior.size:
+            rows = K[interior]
+            own, coupling = rows[:, interior].T, np.asfortranarray(rows[:, interface])  # K_II is symmetric
+            head, tail, left = eliminated(own, coupling, self.schur.T, self.backend)
+            check_pivots(head.diagonal() ** 2, diagonal[interior], self.backend, self.size)
+            self._fronts, self.schur = [Front(interior, interface, head, tail)], symmetric(left)
+        self._diagonal = diagonal[interface]
         self.seconds = {"analysis": 0.0, "numeric": perf_counter() - start}
-
-    def _forward(self, right: Matrix) -> State:
-        state = np.array(right, order="F")
-        if state.size and len(self._interior):
-            y = dtrsm(1.0, self._factor, state[self._interior], lower=1)
-            state[self._interior] = y
-            state[self.interface] -= self._coupling.T @ y
-        return state
-
-    def _backward(self, state: State, values: Matrix) -> Matrix:
-        state = self._with_values(state, values)
-        if state.size and len(self._interior):
-            y = state[self._interior] - self._coupling @ values
-            state[self._interior] = dtrsm(1.0, self._factor, y, lower=1, trans_a=1)
-        return state

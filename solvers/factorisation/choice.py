@@ -11,10 +11,10 @@ from solvers.basics.checks import whole_number
 from solvers.basics.progress import LOGGER, Progress, deadline, report
 from solvers.basics.types import IntVector, Matrix, Sparse
 from solvers.errors import SolverUnavailableError
-from solvers.factorisation import pardiso, superlu
+from solvers.factorisation import dissection, pardiso
 from solvers.factorisation.base import DENSE, SMALL, DenseFactor, Factorisation, FactorisationError
+from solvers.factorisation.dissection import Multifrontal, RefactorisedBySuperLU, nested_dissection
 from solvers.factorisation.pardiso import Pardiso, RefactorisedByPardiso, thread_count
-from solvers.factorisation.superlu import RefactorisedBySuperLU, SuperLU, nested_dissection
 
 BACKENDS: Final = ("pardiso", "superlu")
 """Names of the sparse back ends, the fastest first."""
@@ -22,9 +22,8 @@ BACKENDS: Final = ("pardiso", "superlu")
 VARIABLE: Final = "QVI_CONTACT_FACTORISATION"
 """Environment variable with the name of the default back end."""
 
-_VERSIONS: Final[Mapping[str, Callable[[], str | None]]] = {"pardiso": pardiso.version, "superlu": superlu.version}
+_VERSIONS: Final[Mapping[str, Callable[[], str | None]]] = {"pardiso": pardiso.version, "superlu": dissection.version}
 _INSTALL: Final = {"pardiso": "pip install mkl"}
-_WORTH_INSTALLING: Final = 20_000  # unknowns from which on PARDISO is at least twice as fast
 _WORTH_THREADS: Final = 50_000  # unknowns below which more threads cost more than they bring
 
 
@@ -50,7 +49,7 @@ def factorise(
         Threads to use; one below 50 000 unknowns if not given, and above what OMP_NUM_THREADS or MKL_NUM_THREADS say,
         or all cores this process may run on. "superlu" always has one.
     places : Matrix (n, 2), optional
-        Where the unknowns are, in any unit. SuperLU takes half the time with them: it eliminates by nested dissection.
+        Where the unknowns are, in any unit: "superlu" takes half the time with them.
 
     Raises
     ------
@@ -69,8 +68,6 @@ def factorise(
     if not np.all(diagonal > 0.0):
         row = int(np.argmin(diagonal > 0.0))
         raise FactorisationError("singular", name, f"diagonal entry {row} of K is {diagonal[row]:.3g}")
-    if name == BACKENDS[-1] and chosen() is None and n >= _WORTH_INSTALLING:
-        LOGGER.info("%d unknowns by SuperLU; PARDISO takes half the time or less: %s", n, _INSTALL["pardiso"])
     try:
         if name == DENSE:
             return DenseFactor(K if isinstance(K, np.ndarray) else K.toarray(), interface)
@@ -80,7 +77,7 @@ def factorise(
             K.sum_duplicates()
         _begin(K.shape[0], name)
         if name == BACKENDS[-1]:
-            return SuperLU(K, interface, places)
+            return Multifrontal(K, interface, places)
         return Pardiso(K, interface, threads)
     except MemoryError as error:
         raise FactorisationError("memory", name, "out of memory") from error
@@ -106,9 +103,8 @@ def refactorisation(
     _begin(len(starts) - 1, backend)
     if backend == "pardiso":
         return RefactorisedByPardiso(starts, columns, threads)
-    return RefactorisedBySuperLU(
-        starts, columns, None if places is None else nested_dissection(places, starts, columns)
-    )
+    order = None if places is None else nested_dissection(places, starts, columns)[0]
+    return RefactorisedBySuperLU(starts, columns, order)
 
 
 def _begin(unknowns: int, backend: str) -> None:

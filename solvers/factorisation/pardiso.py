@@ -10,7 +10,7 @@ import os
 import sys
 import weakref
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from enum import IntEnum
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, distribution
@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.basics.foreign import foreign_code
-from solvers.basics.types import IntVector, Matrix, Module, Sparse, Vector, load
-from solvers.factorisation.base import Factorisation, FactorisationError, Reason, State, symmetrised
+from solvers.basics.types import IntVector, Matrix, Sparse, Vector
+from solvers.factorisation.base import Factorisation, FactorisationError, Reason, State, blas_libraries, symmetrised
 
 _PATTERNS: Final = ("libmkl_rt.so*", "libmkl_rt*.dylib", "mkl_rt*.dll")
 _OPENMP: Final = ("libiomp5.so", "libiomp5.dylib", "libiomp5md.dll")
@@ -51,6 +51,7 @@ def library() -> ctypes.CDLL | None:
             mkl.MKL_Set_Interface_Layer(LP64)
             threaded = any(map(_loads, (place for name in _OPENMP for place in (str(path.parent / name), name))))
             mkl.MKL_Set_Threading_Layer(INTEL if threaded else SEQUENTIAL)
+            blas_libraries.cache_clear()
             return mkl
     return None
 
@@ -103,31 +104,6 @@ def thread_count(threads: int | None) -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-@contextmanager
-def limited_blas(count: int) -> Iterator[None]:
-    """Every BLAS loaded so far limited to `count` threads, as before on exit; left alone without threadpoolctl."""
-    libraries = _blas_libraries(len(sys.modules), library.cache_info().currsize)
-    before = [each.get_num_threads() for each in libraries]
-    changed = [(each, threads) for each, threads in zip(libraries, before, strict=True) if threads != count]
-    try:
-        for each, _ in changed:
-            each.set_num_threads(count)
-        yield
-    finally:
-        for each, threads in changed:
-            each.set_num_threads(threads)
-
-
-@lru_cache(maxsize=1)
-def _blas_libraries(modules: int, libraries: int) -> list[Module]:  # noqa: ARG001  # they are the key
-    """Looked for anew only when something was imported or MKL loaded: that takes milliseconds."""
-    try:
-        found = load("threadpoolctl").ThreadpoolController().lib_controllers
-    except ImportError:
-        return []
-    return [each for each in found if each.user_api == "blas"]
 
 
 # PARDISO.

@@ -17,9 +17,8 @@ from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, Spars
 from solvers.errors import InputError
 from solvers.factorisation import Factorisation, FactorisationError
 from solvers.factorisation.augmented import factorise_root
-from solvers.factorisation.base import State
+from solvers.factorisation.base import State, limited_blas
 from solvers.factorisation.choice import Refactorisation, Request, condensing_pays, factorise, refactorisation
-from solvers.factorisation.pardiso import limited_blas
 from solvers.inequality.contact import CondensedContact, ContactMatrices
 from solvers.inequality.rows import (
     Columns,

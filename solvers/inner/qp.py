@@ -28,7 +28,7 @@ class QPSolver:
 
     def __init__(self, qvi: FrictionQVI, name: str, tolerance: float, options: Mapping[str, Any] | None = None) -> None:
         self.name = name
-        self.backend = BACKENDS.get(name, QPBackend(name))
+        self.backend = BACKENDS[name]
         self.packages: tuple[str, ...] = ("qpsolvers", self.backend.package or self.backend.module)
         self._inner = InnerProblem(qvi)
         self._settings = self.backend.settings(tolerance) if options is None else dict(options)
@@ -62,8 +62,7 @@ class QPSolver:
 
 # Every `qpsolvers` back end in one table: where it lives, its settings for a tolerance, its status words.
 #
-# A row is all it takes to add a back end. Back ends of `qpsolvers` without a row here still work, with their
-# own default settings and the words "found" and "not found".
+# A row is all it takes to add a back end.
 
 
 _FOUND = MappingProxyType({"found": Status.SOLVED, "not found": Status.BACKEND_FAILED})

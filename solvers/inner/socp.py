@@ -7,7 +7,7 @@ point, the energy the square of a norm, ½|R x|² − fᵀx with RᵀR = K. Cite
 import time
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -19,39 +19,19 @@ from solvers.basics.status import Status
 from solvers.basics.types import Sparse, Vector, load
 from solvers.errors import InputError
 from solvers.inequality.problem import FrictionQVI
+from solvers.inner import qp
 from solvers.inner.linear_program import within_time
 from solvers.inner.problem import Centre, InnerSolution, no_result
+from solvers.inner.qp import QPBackend
 
+_AS_QP = ("clarabel", "copt", "ecos", "gurobi", "mosek", "scs")
+_ROBUST = {"max_iters": 200, "kktsolver": "robust"}
 
-@dataclass(frozen=True)
-class ConeBackend:
-    """Module, settings that take the tolerance, further settings, smallest tolerance, setting for a limit of time."""
-
-    module: str
-    tolerances: tuple[str, ...] = ()
-    options: Mapping[str, Any] = field(default_factory=dict)
-    floor: float = 1e-12
-    limit: str = ""
-
-    def settings(self, tolerance: float) -> dict[str, Any]:
-        """Keyword arguments for ``cvxpy.Problem.solve``."""
-        return {**dict.fromkeys(self.tolerances, max(tolerance, self.floor)), **self.options}
-
-
-BACKENDS: Mapping[str, ConeBackend] = MappingProxyType(
-    {
-        "clarabel": ConeBackend("clarabel", ("tol_gap_abs", "tol_gap_rel", "tol_feas"), limit="time_limit"),
-        "scs": ConeBackend("scs", ("eps_abs", "eps_rel"), {"max_iters": 100_000}, 1e-10, "time_limit_secs"),
-        "ecos": ConeBackend("ecos", ("abstol", "reltol", "feastol"), {"max_iters": 200}, 1e-11),
-        "cvxopt": ConeBackend(
-            "cvxopt", ("abstol", "reltol", "feastol"), {"max_iters": 200, "kktsolver": "robust"}, 1e-9
-        ),
-        "mosek": ConeBackend("mosek"),
-        "gurobi": ConeBackend("gurobipy"),
-        "copt": ConeBackend("coptpy"),
-    }
+BACKENDS: Mapping[str, QPBackend] = MappingProxyType(
+    {name: qp.BACKENDS[name] for name in _AS_QP}
+    | {"cvxopt": replace(qp.BACKENDS["cvxopt"], options=_ROBUST, floor=1e-9)}
 )
-"""Lower-case name in cvxpy → how it is used."""
+"""Lower-case name in cvxpy → how it is used: settings are called as in `qpsolvers`."""
 
 WORDS: Mapping[str, Status] = MappingProxyType(
     {

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from comparisons.cli import group
-from comparisons.lab.studies import Row, plain, read_csv
+from comparisons.lab.studies import Row, plain, written_rows
 from qvi_contact.basics import run
 
 _DECIMALS = 9  # rounding differs from call to call
@@ -89,4 +89,4 @@ def rows_of(study):
 
 def committed(name):
     """The committed rows of a study, by the name of its file; its folder is the first word of that."""
-    return read_csv(REPORTS / name.partition("-")[0] / f"{name}.csv.gz")
+    return written_rows(REPORTS / name.partition("-")[0] / f"{name}.jsonl.gz")

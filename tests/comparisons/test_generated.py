@@ -123,6 +123,10 @@ class TestJudge:
         assert judge.compare(forged(slipping, pressed(0.9)), solve(pressed(0.9))).differs
         assert not judge.compare(right, solve(right.discretization, method="fixed-point")).differs
 
+    def test_less_energy_by_breaking_the_law_is_not_less(self, right):
+        """The bonded state has the least energy of all, and more shear than friction carries."""
+        assert not judge.compare(right, forged(right, z=right.solution.problem.bonded)).differs
+
     @pytest.mark.parametrize("family", ["arcs", "bodies"])
     def test_answers_on_arcs_are_right(self, family):
         problem = made(family, range(4))[0]

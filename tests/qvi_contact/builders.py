@@ -217,3 +217,14 @@ def energy_apart(one, other):
     stress = stress_in_cells(known, known.coefficients(coarse.dofs), every, fields.t)[1] * known.scales.stress
     apart, c = fields.stress - stress, fine.problem.compliances
     return float(np.sqrt(np.einsum("cg,cgk,ckl,cgl->", fields.weights, apart, c, apart)))
+
+
+def same(first, second):
+    """Whether two problems are the same, conditions up to the order of their kinds."""
+    a, b = first.mesh, second.mesh
+    bodies = a.same_as(b) and list(a.edge_sets) == list(b.edge_sets) and list(a.regions) == list(b.regions)
+    sets = all(np.array_equal(a.edge_sets[name], b.edge_sets[name]) for name in a.edge_sets)
+    sets &= all(np.array_equal(a.regions[name], b.regions[name]) for name in a.regions)
+    ordered = [sorted(p.conditions, key=lambda each: type(each).__name__) for p in (first, second)]
+    rest = [(p.material, p.body_potential, p.temperature, p.regions) for p in (first, second)]
+    return bodies and sets and ordered[0] == ordered[1] and rest[0] == rest[1]

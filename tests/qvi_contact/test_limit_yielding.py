@@ -92,6 +92,23 @@ def test_strength_that_grows_with_height():
     assert limit.upper == pytest.approx(2.0, rel=1e-6)
 
 
+def test_a_column_under_its_own_weight():
+    """At its foot it carries 2c = γ h."""
+    free = [Traction(side, x=0, y=0) for side in ("top", "right")]
+    conditions = [*free, Symmetry("left"), Symmetry("bottom")]
+    column = ContactProblem(TriangleMesh.rectangle((1, 1)), Material(10.0, 0.3, "stress", Tresca(3.0)), conditions,
+                            body_potential=lambda _, y: 2.0 * y)  # fmt: skip
+    assert limit_load_factor(column, ["body"], degree=3).lower == pytest.approx(3.0, rel=1e-6)
+
+
+def test_an_angle_of_friction_that_falls_to_zero_is_refused():
+    """Between a part with friction and one without there is no bound of what flow dissipates."""
+    strength = MohrCoulomb(1.0, lambda x, _: np.maximum(x - 0.5, 0.0))
+    with pytest.raises(InputError) as caught:
+        limit_load_factor(stretched(strength), ["top"], degree=3)
+    assert (caught.value.field, caught.value.value) == ("MohrCoulomb.phi", 0.0)
+
+
 def test_friction_that_varies():
     """Pressed along y in proportion to 2c tan(45° + φ/2) = 2 (3 + x), every column yields at once."""
     gaps = []
@@ -292,6 +309,14 @@ def test_strength_may_be_divided_by_what_the_shear_leaves(mu, c, of, exact):
     found = strength_reduction_factor(block(Tresca(c), mu, 2.0, (2, 1)), of=of, accuracy=1e-2)
     assert found.lower <= exact * (1.0 + 1e-6) <= found.upper * (1.0 + 2e-6)
     assert found.upper - found.lower < 2e-2 * exact
+
+
+def test_strength_under_a_fluid_in_the_base():
+    """Of the pressure 2 the fluid carries 0.5: the base has 0.8 · 1.5 against the shear 1."""
+    rigid = block(None, 0.8, 2.0, (1, 1))
+    wet = replace(rigid, conditions=[Contact("bottom", 0.8, pore_pressure=0.5), *rigid.conditions[1:]])
+    found = strength_reduction_factor(wet, accuracy=0.1, degree=3)
+    assert found.lower <= 1.2 * (1.0 + 1e-6) <= found.upper * (1.0 + 2e-6) < 1.32
 
 
 def test_strength_that_is_not_enough_has_a_factor_below_one():

@@ -3,6 +3,7 @@
 import os
 import tracemalloc
 from pathlib import Path
+from struct import pack
 
 import numpy as np
 import pytest
@@ -162,6 +163,7 @@ class TestGmsh:
          (MSH_4, "0 2 2 0\n", f"{MUCH} 2 2 0\n"), (MSH_4, "0 1 1 0\n", f"0 {MUCH} 1 0\n"),
          (MSH_4, "0 1 1 0\n", f"0 1 1 {MUCH}\n"),
          (MSH_4, "$PhysicalNames\n4", f"$PhysicalNames\n{MUCH}"), (MSH_4, "\n5\n0 0 0\n", "\n4\n0 0 0\n"),
+         (MSH_4, "\n5\n0 0 0\n", f"\n{2**53}\n0 0 0\n"),
          (MSH_4, "\n5\n0 0 0\n", "\n0\n0 0 0\n"), (MSH_4, "$EndElements", ""), (MSH_4, "$PhysicalNames", "$Nodes"),
          (MSH_2, "$Nodes\n5", f"$Nodes\n{MUCH}"), (MSH_2, "$Nodes\n5", "$Nodes\n4"),
          (MSH_2, "$Nodes\n5", "$Nodes\n-1"), (MSH_2, "9 5 5 0", "9.5 5 5 0"), (MSH_2, "9 5 5 0", "nan 5 5 0"),
@@ -228,6 +230,17 @@ class TestGmsh:
             "one": [0, 1, 2],
             "two": [3, 4, 5, 6, 7],
         }
+
+    def test_elements_with_nothing_but_a_physical_number(self, tmp_path):
+        """In a binary file, where those of one kind may be one block."""
+        nodes = b"".join(pack("=i3d", n, x, y, 0.0) for n, (x, y) in enumerate(SQUARE, 1))
+        elements = pack("=3i", 2, 2, 1) + pack("=10i", 1, 7, 1, 2, 3, 2, 8, 1, 3, 4)
+        parts = [b"$MeshFormat\n2.2 1 8\n", pack("=i", 1), b"\n$EndMeshFormat\n$PhysicalNames\n2\n",
+                 b'2 7 "one"\n2 8 "other"\n$EndPhysicalNames\n$Nodes\n4\n', nodes,
+                 b"\n$EndNodes\n$Elements\n2\n", elements, b"\n$EndElements\n"]  # fmt: skip
+        (tmp_path / "a.msh").write_bytes(b"".join(parts))
+        regions = TriangleMesh.load(tmp_path / "a.msh").regions
+        assert {name: cells.tolist() for name, cells in regions.items()} == {"one": [0], "other": [1]}
 
     def test_partitions_are_read_over(self, tmp_path):
         """As more numbers of each element, of which the first is the physical one."""

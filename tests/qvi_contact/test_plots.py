@@ -8,7 +8,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgba
 from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
@@ -43,7 +43,7 @@ from qvi_contact.plots import (
     result_figure,
     save_figure,
 )
-from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Traction
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction, Tresca
 from qvi_contact.solution import ContactLine, cell_factors, sample_body, stress_component, von_mises
 from qvi_contact.units import Units
 from solvers import Status
@@ -348,6 +348,8 @@ class TestBody:
         assert heights[1] == pytest.approx(2.0 * heights[0], rel=0.1)
         assert ends[0] == pytest.approx(2.0 * ends[1], rel=0.3)  # bands of colour
         assert factors[1] > factors[0] == draw_body(new_axes(), strong).factor
+        assert both.stress is not None
+        assert Scales.of([weak]).stress is None  # alone it has bands of its own
 
     def test_bodies_are_not_drawn_inside_each_other(self):
         """Discs that touch in a point: exaggerated 5 times, as would be usual, their outlines would cross."""
@@ -499,6 +501,23 @@ class TestFigures:
         assert np.array(moved.get_segments()) == pytest.approx(block_outlines(problem.mesh, limit.mechanism)[1])
         with pytest.raises(InputError, match="no mechanism"):
             limit_figure(problem, LimitLoad(np.inf, np.inf, None, np.inf, 0.0))
+
+    def test_a_body_that_yields_is_the_deeper_orange_the_more_it_dissipates(self):
+        """Half of it is stronger than the other, which flows alone."""
+        mesh = TriangleMesh.rectangle((2, 4)).with_region("strong", lambda _, y: y < 0.5)
+        soft, strong = (Material(1e3, 0.3, "strain", Tresca(c)) for c in (1.0, 5.0))
+        sides = [Symmetry("bottom"), Symmetry("left"), Traction("top", x=0.0, y=1.0), Traction("right", 0.0, 0.0)]
+        problem = ContactProblem(mesh, soft, sides, regions=[Region(strong, name="strong")])
+        limit = limit_load_factor(problem, ["top"], degree=3)
+        figure = limit_figure(problem, limit)
+        filled = [found for found in figure.axes[0].collections if isinstance(found, PolyCollection)]
+        (cells,) = (found for found in filled if len(found.get_facecolor()) == mesh.cell_count)
+        red, green, blue, depth = cells.get_facecolor().T
+        assert ((red > green) & (green > blue)).all()
+        assert (blue < 0.2).all()
+        power = limit.collapse.motion.dissipation  # in triangles of equal size
+        least, most = np.argmin(power), np.argmax(power)
+        assert depth[least] < 0.1 < 0.5 < depth[most] == depth.max()
 
     def test_history_of_results(self):
         """Loops of what moves only; forces of every contact step by step."""

@@ -37,6 +37,16 @@ def test_bad_materials_are_refused(name, value):
     assert caught.value.field == f"Material.{name}"
 
 
+def test_what_is_not_stated_is_zero():
+    """Gaps, offsets, loads and temperature; the short forms are contacts with the same data."""
+    full = dict.fromkeys(("gap", "offset", "cohesion"), 0.0)
+    assert Contact.tresca("top", 2.0) == Contact("top", 0.0, **full | {"cohesion": 2.0})
+    assert Contact.frictionless("top") == Contact("top", 0.0, **full)
+    assert Contact.tied("top") == Contact("top", 0.0, law="tied", **full)
+    problem = ContactProblem(MESH, STEEL, [*FREE, Symmetry("left"), Symmetry("bottom")])
+    assert (problem.temperature, problem.body_potential, len(problem.regions)) == (0.0, 0.0, 0)
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize(
     ("kind", "name"),

@@ -129,10 +129,14 @@ class TestBounds:
 class TestReferenceSolution:
     """Where it is, and what it measures."""
 
+    @pytest.mark.parametrize("angle", [0.0, 0.5])
     @pytest.mark.parametrize("springs", [{}, {"normal_stiffness": 1e5, "tangential_stiffness": 4e4}])
-    def test_without_contact_law_the_differences_make_up_the_energy(self, springs):
+    def test_without_contact_law_the_differences_make_up_the_energy(self, springs, angle):
         """One degree more on the same triangles: spaces are nested, so energies are apart by the energy between."""
         problem = l_shape(replace(Contact.tied("bottom"), **springs))
+        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        mesh = TriangleMesh(problem.mesh.vertices @ turn, problem.mesh.cells, problem.mesh.edge_sets)
+        problem = replace(problem, mesh=mesh)
         coarse, fine = solve(problem, degree=4), solve(problem, degree=5)
         found = energies_between(coarse, fine)
         assert (found >= 0.0).all()
@@ -203,6 +207,13 @@ def test_an_exact_solution_is_recognised_at_once():
         assert outcome.status is RefinementStatus.REACHED
         assert len(outcome.rounds) == 1
         assert outcome.value == pytest.approx(value, rel=1e-9, abs=1e-9)
+
+
+def test_a_body_without_loads_is_known_at_once():
+    """Where every number is zero the error, which is zero, is no share of it."""
+    outcome = refine(compressed_plate(0.2, (1, 1), displacement=0.0), None, 1e-3, degree=3)
+    assert (outcome.status, len(outcome.rounds), outcome.value) == (RefinementStatus.REACHED, 1, 0.0)
+    assert outcome.estimate == 0.0
 
 
 def test_units_do_not_matter():

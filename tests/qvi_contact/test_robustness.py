@@ -15,7 +15,7 @@ from qvi_contact.discretization import REACH
 from qvi_contact.export import write_npz
 from qvi_contact.files import load_result
 from qvi_contact.gallery import ExactState, compressed_plate, problem_from_state, sliding_block
-from qvi_contact.problem import Contact, ContactProblem, Material, Symmetry, Traction
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from qvi_contact.refinement import refine
 from qvi_contact.solution import discretized
 from qvi_contact.verification import verify_result
@@ -98,6 +98,19 @@ def test_a_body_that_nothing_presses_has_no_stress(gap, friction, cohesion):
     result = solve(rectangle(Contact("bottom", friction, gap=gap, cohesion=cohesion)))
     assert result.status == "solved"
     assert np.abs(result.gauss_stress()[2]).max() <= 1e-12 * STEEL.young
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_gaps_that_only_move_plates_stress_nothing(friction):
+    """What they do to the body cancels but for rounding, which is no scale of a stress."""
+    plates = [
+        Contact("bottom", friction, gap=1e-3, plate=RigidPlate(force_y=0.0, moment=0.0, pivot=(2.4, 0.8))),
+        Contact("top", friction, gap=0.3, plate=RigidPlate(force_x=0.0, force_y=0.0, moment=0.0, pivot=(1.7, 0.9))),
+    ]
+    sides = [Displacement("left", x=0.0), Traction("left", y=0.0), Traction("right", 0.0, 0.0)]
+    result = solve(ContactProblem(TriangleMesh.rectangle((3, 3)), Material(1.0, 0.2, "stress"), [*sides, *plates]))
+    assert result.status is Status.SOLVED
+    assert np.abs(result.stress([0.3, 0.7], [0.2, 0.6])).max() < 1e-20
 
 
 def test_a_side_whose_resultant_is_zero_carries_nothing():

@@ -20,7 +20,7 @@ import pytest
 
 from qvi_contact import InputError
 from qvi_contact.runs import FAILURES, Limits, NotLoadedError, Workers
-from qvi_contact.runs import cluster as dask_cluster
+from qvi_contact.runs import processes as runs
 from tests.run_tasks import MARK, ROOT, eventually, marked, numbers, opened, started, unloadable, workers
 
 processes = pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="looks for processes in /proc")
@@ -262,8 +262,8 @@ class TestCluster:
 
     def test_a_lost_scheduler_is_one_line(self, monkeypatch):
         distributed = pytest.importorskip("distributed")
-        monkeypatch.setattr(dask_cluster, "PATIENCE", 2.0)
-        monkeypatch.setattr(dask_cluster, "uuid4", lambda: SimpleNamespace(hex="lost"))
+        monkeypatch.setattr(runs, "PATIENCE", 2.0)
+        monkeypatch.setattr(runs, "uuid4", lambda: SimpleNamespace(hex="lost"))
         quiet = {"threads_per_worker": 1, "processes": False, "dashboard_address": ":0", "silence_logs": 50}
         other = distributed.LocalCluster(1, **quiet)
         with running(numbers, [(0, 0.0), (1, 0.5), (2, 0.5)], dask=other.scheduler_address) as found:
@@ -272,12 +272,12 @@ class TestCluster:
             with pytest.raises(InputError, match="the scheduler was lost") as caught:
                 list(found)
         assert (caught.value.field, "\n" in str(caught.value)) == ("dask", False)
-        dask_cluster.forget("lost")  # which nobody could tell its worker, that is in this process
+        runs.forget("lost")  # which nobody could tell its worker, that is in this process
 
     def test_who_takes_the_call_and_says_nothing_is_not_waited_for(self, monkeypatch):
         """Another program's port, or a scheduler that hangs; Dask's client would wait for its first word for ever."""
         pytest.importorskip("distributed")
-        monkeypatch.setattr(dask_cluster, "PATIENCE", 0.5)
+        monkeypatch.setattr(runs, "PATIENCE", 0.5)
         hung_up = Event()
         with closing(socket.create_server(("127.0.0.1", 0))) as mute:
             patience = Timer(40.0, lambda: (hung_up.set(), mute.close()))

@@ -52,6 +52,30 @@ def test_springs_yield_before_they_slip():
         assert line.slip == pytest.approx(-max(offset - limit, 0.0), abs=1e-8)
 
 
+def test_a_block_sheared_between_two_beds():
+    """In series: h/G and 1/k_T of both beds, in stresses and displacements."""
+    below, above, offset = 60.0, 40.0, 0.1
+    sides = [each for name in ("left", "right") for each in (Displacement(name, y=0.0), Traction(name, x=0.0))]
+    beds = [Contact("bottom", 0.0, law="tied", tangential_stiffness=below),
+            Contact("top", 0.0, law="tied", tangential_stiffness=above, offset=offset)]  # fmt: skip
+    result = solve(ContactProblem(TriangleMesh.rectangle((1, 1)), Material(E, NU), [*sides, *beds]))
+    shear = offset / (2.0 / E + 1.0 / below + 1.0 / above)
+    assert result.contacts["top"].tangential_force == pytest.approx(shear, rel=1e-9)
+    bracket = result.bracket
+    assert (bracket.lower, bracket.upper) == pytest.approx((0.5 * shear * offset,) * 2, rel=1e-9)
+    for name, stiffness in (("bottom", below), ("top", above)):
+        assert np.abs(bracket.companion.stretch(name, [0.0, 1.0])[1]) == pytest.approx(shear / stiffness, rel=1e-9)
+
+
+def test_a_tied_bed_has_no_share_in_the_gap_but_that_of_its_springs():
+    bed = Contact("bottom", 0.0, law="tied", normal_stiffness=50.0)
+    sides = [*FREE, bed, Traction("top", 0.0, Expression("-x ** 2"))]
+    bracket = solve(ContactProblem(TriangleMesh.rectangle((1, 1)), Material(E, 0.3), sides)).bracket
+    assert bracket.parts["springs"] > 0.0 == bracket.parts["contact"] == bracket.parts["friction"]
+    for shares in (np.array(list(bracket.parts.values())), bracket.cell_gaps):
+        assert shares.sum() == pytest.approx(bracket.gap, rel=1e-6)
+
+
 def test_a_beam_on_an_elastic_bed():
     """Winkler: a long beam under a force P has the pressure P β/2 below it, β⁴ = k/(4 E I)."""
     length, k, force = 240.0, 1e-3, 1.0

@@ -1,33 +1,19 @@
 """Problem files on triangles: in the file, in a mesh file, with parts by name, by segment and by box."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from qvi_contact import InputError, TriangleMesh, load_problem, save_problem, solve
+from qvi_contact import InputError, TriangleMesh, load_problem, solve
 from qvi_contact.files import problem_from_toml, problem_to_toml
-from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Traction
 from tests.cases import examples
-from tests.qvi_contact.builders import PROBLEMS, RICH, TRIANGLES
+from tests.qvi_contact.builders import PROBLEMS, RICH, TRIANGLES, same
 from tests.qvi_contact.test_mesh_files import INP, MSH_2, MSH_4, med_file
 
 LARGEST = 200_000_000  # bytes of a mesh file
 WITH_FILE = (PROBLEMS / "part.toml").read_text(encoding="utf-8")
-
-
-def same(first, second):
-    """Whether two problems on triangles are the same, conditions up to the order of their kinds."""
-    a, b = first.mesh, second.mesh
-    bodies = a.same_as(b) and list(a.edge_sets) == list(b.edge_sets) and list(a.regions) == list(b.regions)
-    sets = all(np.array_equal(a.edge_sets[name], b.edge_sets[name]) for name in a.edge_sets)
-    sets &= all(np.array_equal(a.regions[name], b.regions[name]) for name in a.regions)
-    kinds = (Symmetry, Displacement, Traction, Contact)
-    ordered = [[[c for c in p.conditions if isinstance(c, kind)] for kind in kinds] for p in (first, second)]
-    rest = [(p.material, p.body_potential, p.regions) for p in (first, second)]
-    return bodies and sets and ordered[0] == ordered[1] and rest[0] == rest[1]
 
 
 @st.composite
@@ -59,14 +45,6 @@ def test_round_trip(problem):
     text = problem_to_toml(problem)
     assert same(problem_from_toml(text).problem, problem)
     assert max(map(len, text.splitlines())) <= 120
-
-
-def test_a_cut_problem_is_kept_and_solved_alike(tmp_path):
-    known = load_problem(Path(__file__).parents[2] / "examples" / "stacked_blocks.toml").problem
-    save_problem(tmp_path / "cut.toml", known, solve_options={"degree": 3})
-    read = load_problem(tmp_path / "cut.toml")
-    assert same(read.problem, known)
-    assert dict(read.solve_options) == {"degree": 3}
 
 
 class TestMeshFiles:

@@ -7,7 +7,18 @@ import sys
 
 import numpy as np
 import pytest
-from scipy.sparse import csc_array, csc_matrix, diags, eye_array, identity, kron, random_array, vstack
+from scipy.sparse import (
+    block_array,
+    block_diag,
+    csc_array,
+    csc_matrix,
+    diags,
+    eye_array,
+    identity,
+    kron,
+    random_array,
+    vstack,
+)
 
 from qvi_contact import discretize
 from qvi_contact.gallery import compressed_plate
@@ -255,11 +266,31 @@ def test_wrong_input():
 def test_order_puts_the_interface_last_and_groups_together():
     K = csc_matrix(kron(laplace(8, 1.0), np.ones((4, 4)) + np.eye(4)))
     interface = np.array([1, 5, 31])
-    order = interface_last(K, interface)
+    order, starts = interface_last(K, interface)
     np.testing.assert_array_equal(np.sort(order), np.arange(32))
     np.testing.assert_array_equal(order[-3:], interface)
     nodes = order[:-3] // 4
     assert np.count_nonzero(np.diff(nodes)) == 7
+    assert starts[-1] == 29
+    assert np.diff(starts).min() > 0
+
+
+@pytest.mark.parametrize("kind", ["unknown of all", "no links", "two parts"])
+def test_without_places_any_pattern_is_eliminated_in_parts(kind):
+    """No front has more than a few hundred unknowns."""
+    K = kron(laplace(40, 0.1), identity(50)) + kron(identity(40), laplace(50, 0.1))
+    if kind == "unknown of all":
+        known = np.full((2000, 1), 1e-3)
+        K = block_array([[K, known], [known.T, np.full((1, 1), 5.0)]])
+    elif kind == "no links":
+        K = diags(np.linspace(1.0, 2.0, 2000))
+    else:
+        K = block_diag([K, 2.0 * K])
+    shuffled = np.random.default_rng(0).permutation(K.shape[0])
+    K, interface = csc_array(csc_array(K)[shuffled][:, shuffled]), np.array([3, 70])
+    assert np.diff(interface_last(K, interface)[1]).max() < 150
+    factor, right = factorise(K, interface, "superlu"), np.sin(np.arange(K.shape[0]))
+    np.testing.assert_allclose(K @ factor.solve(right), right, atol=1e-12)
 
 
 @pytest.mark.parametrize("ordered", [False, True])
@@ -389,7 +420,7 @@ def test_a_singular_matrix_is_a_status(method, name):
     assert solution.certificate.accuracy == np.inf
 
 
-@pytest.mark.parametrize("place", ["solvers.factorisation.superlu.splu", "solvers.inequality.contact.dpotrf"])
+@pytest.mark.parametrize("place", ["solvers.factorisation.base.dtrsm", "solvers.inequality.contact.dpotrf"])
 def test_lack_of_memory_is_a_status(monkeypatch, place):
     """In SciPy's factorisation, or in dense algebra on the contact."""
 

@@ -110,6 +110,12 @@ def clamped_plate(friction):
     return replace(problem, conditions=free)
 
 
+def test_a_body_without_loads_has_no_error():
+    """Of a state that is zero, none is no share."""
+    found = solve(compressed_plate(0.2, (1, 1), displacement=0.0)).bracket.coulomb
+    assert (found.error, found.relative_error, found.apart) == (0.0, 0.0, 0.0)
+
+
 class TestNorms:
     """Proved norms of the friction operator, and those of finite elements."""
 

@@ -1,0 +1,601 @@
+"""Contacts in the displacement model: coefficients of v_N and v_T, the problem in their forces, and the way back.
+
+On an edge the relative displacement is Σ c_i B_i. Each c is a coefficient of the body, or the difference of two on
+a joint, along the edge's normal or tangent; in a corner of the line, between edges of two directions, one for each.
+Tangents point to the right: where an arc goes straight up, those of its two edges lead against each other. c_T is one
+number there, along one of them, and counts with the other sign on the other edge. On a joint normals and sides of the
+edges change there as well, and c_T does not.
+A plate driven by force adds its motion: then c is what the body moves beyond it. Forces z conjugate to c are
+
+    z_i = ∫ σ B_i ds = W_i τ_i,   W_i = ∫ B_i ds,
+
+mean tractions τ_i [stress] weighted by the positive B_i. The laws hold for them: c_N ≤ g, τ_N ≤ 0 and |τ_T| ≤ s_i with
+s_i = ∫ s B_i ds / W_i, under Coulomb's law min(cohesion + μ_i |τ_N|, cap), μ_i at the coefficient's own point.
+
+Springs along a contact stretch by a polynomial d = Σ d_i B_i of their own, with the energy ½ ∫ k d² ds: c is what they
+leave of the displacement, that of the body less d.
+
+With c = c_D + B w_Γ + B_q q the relative displacements (c_D from supports, q motions of plates), and all the maps of
+`CondensedBody`, in which springs are a part of the body, forces that are in equilibrium minimise
+
+    ½ τᵀ C τ − τᵀ W (g̃ − c_D − B G r),   C = W B G Bᵀ W,   g̃ = (g, w)
+
+over the mean tractions τ = z / W that the laws admit, a `FrictionQVI`, subject to
+
+    Rᵀ Bᵀ W τ = −Rᵀ r        equilibrium of what floats, with the rigid motions a as multiplier
+    Mᵀ W τ = F               resultants of plates, with −q as multiplier; M is what c of the plate itself does.
+
+The multipliers of its rows are W (g − c_N) ≥ 0 and −W (c_T − w): the conditions of (D2) are then those of the
+displacement model. Unknowns come as all normal tractions, then all tangential ones. Those whose c nothing can change
+(supports prescribe it, or the tip of a joint) get a compliance of their own and stay zero; so do those whose c follows
+from others: in a corner where two contact lines end, or where joints cross, several forces act on one displacement, and
+friction there is left to the other line.
+
+A solution meets the contact conditions to a tolerance. Where a coefficient presses or sticks beyond doubt its
+displacement is set to the obstacle's, an open one is kept at or below the gap, and one that must not slip, or slips
+against the sense it is given, is held. The body is solved once more for these contact displacements.
+
+In `docs/theory.md`: (D18), (D40).
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+from scipy import sparse
+
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
+from qvi_contact.companion.body import MISFIT, PARALLEL, CondensedBody, along_arcs, edge_data, load_points, moments
+from qvi_contact.companion.space import DisplacementSpace, spread
+from qvi_contact.discretization.plates import COMPONENTS, centre_of, independent_rows
+from qvi_contact.discretization.scaling import Scales
+from qvi_contact.element import bernstein
+from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.errors import InputError
+from qvi_contact.mesh.edges import Edges, frames_along, linked
+from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, RigidPlate
+from qvi_contact.problem.fields import along_edges
+from qvi_contact.problem.problem import ContactProblem
+from solvers import FrictionQVI, QVISolution
+
+_DEPENDENT = 1e-9  # length of an equality row, relative, left after those before it, that counts as nothing
+_BALANCED = 1e-9
+_STICKS = 1e3  # of the largest bound of friction: the bound of what must not slip
+
+_SHARED = 1e-9  # singular value of rows that share unknowns, relative, that counts as zero
+_VIOLATED = 1e-12
+
+_INDICATOR = "The friction bound was taken from the displacement model's own contact forces: its energy is no bound."
+
+
+@dataclass(frozen=True, eq=False)
+class DisplacementContact:
+    """One contact; dimensionless, arrays over its n coefficients unless said otherwise."""
+
+    contact: Contact
+    mesh: TriangleMesh
+    scales: Scales
+    edges: Edges  # in the mesh's order
+    start: int  # its first coefficient among those of all contacts
+    columns: IntArray  # (e, p + 1): coefficients on each edge, numbers below n
+    turned: FloatArray  # (e, p + 1): −1 where c_T of a coefficient counts against the edge's tangent, else 1
+    frames: tuple[FloatArray, FloatArray]  # (n, 2) each: normals and tangents
+    places: FloatArray  # (n, 2): where the coefficients sit
+    normal: sparse.csr_array  # normal, tangential, (n, size) each: c_N and c_T from the degrees of freedom of the body
+    tangential: sparse.csr_array
+    lengths: FloatArray  # (e,): of the edges
+    weights: FloatArray  # (n,): W = ∫ B_i ds
+    bound: FloatArray | None  # (e, q): Bernstein coefficients of the given bound s on each edge
+
+    @property
+    def name(self) -> str:
+        """Of the contact."""
+        return self.contact.name
+
+    @property
+    def count(self) -> int:
+        """Number of coefficients n."""
+        return len(self.places)
+
+    @property
+    def degree(self) -> int:
+        """Of displacements, p."""
+        return int(self.columns.shape[1]) - 1
+
+    @property
+    def here(self) -> slice:
+        """Its coefficients among those of all contacts."""
+        return slice(self.start, self.start + self.count)
+
+    def by_coefficient(self, values: FloatArray) -> FloatArray:
+        """Values (e,) of edges at the coefficients (n,): of the edge whose tangent a coefficient has."""
+        found = np.empty(self.count)
+        found[self.columns] = values[:, None]
+        return found
+
+    def on_edges(self, normal: FloatArray, tangential: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Coefficients (…, n) as those of each edge, (…, e, p + 1), tangential ones along the edge's own tangent."""
+        return normal[..., self.columns], self.turned * tangential[..., self.columns]
+
+    def summed(self, values: FloatArray) -> FloatArray:
+        """Sums (n,) at coefficients of values (e, p + 1) on edges."""
+        found = np.bincount(self.columns.ravel(), values.ravel(), minlength=self.count)
+        return np.asarray(found, dtype=np.float64)
+
+    def slipping_on(self, edges: FloatArray) -> FloatArray:
+        """`Contacts.slipping` (n,) from what each edge says (e,), along its own tangent; 0 where edges do not agree."""
+        here = self.turned * edges[:, None]
+        least, most = np.full(self.count, np.inf), np.full(self.count, -np.inf)
+        np.minimum.at(least, self.columns, here)
+        np.maximum.at(most, self.columns, here)
+        return np.where(least == most, least, 0.0)
+
+    def law(self, reasons: list[str]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """μ_i, c_i and the cap (n,); c_i is the whole bound, and μ_i zero, where the bound is given."""
+        friction, limit = np.zeros(self.count), np.full(self.count, np.inf)
+        # The minimum of the means of c and t_max is no less than the mean of their minimum: the energy is an upper
+        # bound if the means are exact. A given bound takes the place of both, and of friction.
+        if self.bound is not None:
+            products = bernstein.product_integrals(self.bound.shape[1] - 1, self.degree)
+            mean = self.summed(self.bound @ products * self.lengths[:, None]) / self.weights
+            return friction, np.maximum(mean, 0.0), limit
+        x, y = (self.mesh.origin + self.scales.length * self.places).T
+        friction = evaluate("Contact.friction", self.contact.friction, x, y, minimum=0.0)
+        cohesion = self.moments("cohesion", reasons) / self.weights
+        if self.contact.shear_limit is not None:
+            limit = self.moments("shear_limit", reasons) / self.weights
+        return friction, cohesion, limit
+
+    def moments(self, kind: str, reasons: list[str]) -> FloatArray:
+        """∫ f B_i ds (n,) of a datum over S; what is not exact joins the reasons."""
+        field, stress, points = getattr(self.contact, kind), self.scales.stress, load_points(self.degree)
+        given = along_edges(self.mesh, self.edges, f"Contact.{kind}", field, points, minimum=0.0)
+        if given.error > MISFIT * max(stress, float(np.abs(given.values).max(initial=0.0))):
+            reasons.append(
+                f"The {kind.replace('_', ' ')} of {self.name!r} jumps or grows steeply. Quadrature leaves an error of "
+                f"{given.error:.2g} [stress] times an edge's length."
+            )
+        return self.summed(self.lengths[:, None] / stress * moments(given, self.degree))
+
+    def obstacle(self, kind: str, signs: FloatArray, reasons: list[str]) -> FloatArray:
+        """Coefficients (n,) of the gap or offset, signs (e, p + 1) on edges; at a jump between them the smaller one."""
+        p, unit = self.degree, self.scales.displacement
+        data, misfit = edge_data(self.mesh, self.edges, f"Contact.{kind}", getattr(self.contact, kind), p, unit)
+        own, least = signs * data, np.full(self.count, np.inf)
+        np.minimum.at(least, self.columns, own)
+        if self.contact.law != "unilateral" or kind == "offset":
+            misfit = max(misfit, float(np.abs(least[self.columns] - own).max(initial=0.0)))
+        if misfit > MISFIT * max(1.0, float(np.abs(least).max(initial=0.0))):
+            reasons.append(
+                f"The {kind} of {self.name!r} is not a continuous polynomial of degree {p} on each edge. "
+                f"It is interpolated, with an error of up to {misfit * unit:.2g} [length]."
+            )
+        return least
+
+    def stiffness(self, kind: str, signs: FloatArray) -> FloatArray:
+        """∫ k B_i B_j ds of springs on each edge, (e, p + 1, p + 1), for the signs (e, p + 1) of coefficients."""
+        t, weights = gauss_legendre(load_points(self.degree))
+        places = self.mesh.points_along(self.edges, t)
+        k = evaluate(f"Contact.{kind}", getattr(self.contact, kind), *places, minimum=0.0)
+        k = k * (self.scales.compliance * self.edges.length[:, None] * weights)
+        shape = signs[:, None] * bernstein.basis(self.degree, t)
+        return np.asarray((k[..., None] * shape).swapaxes(1, 2) @ shape)
+
+    def moved(self, plate: RigidPlate) -> FloatArray:
+        """Coefficients (2, n) of the given motion of a plate along normals and tangents [length]."""
+        edges, field = self.edges, plate.displacement(*(self.mesh.origin + self.scales.length * self.places).T).T
+        found = np.stack([(vectors * field).sum(axis=1) for vectors in self.frames])
+        if edges.curved:
+            t, back = bernstein.nodes(self.degree), bernstein.from_values(self.degree)
+            on_arcs = np.moveaxis(plate.displacement(*self.mesh.points_along(edges, t)), 0, -1)
+            for values, vectors in zip(found, frames_along(edges, t), strict=True):
+                values[self.columns] = (vectors * on_arcs).sum(axis=-1) @ back.T
+        return found
+
+    def motions(self) -> Iterator[tuple[FloatArray, float]]:
+        """For each force or moment on a plate what c (2, n) of the plate is when it moves by 1, and that force.
+
+        Moments count from `RigidPlate.reference`.
+        """
+        plate, centre = self.contact.plate, centre_of(self.mesh, self.edges)
+        for component in COMPONENTS if plate is not None else ():
+            if plate is not None and getattr(plate, component) is not None:
+                moment = component == "moment"
+                given = plate.moment_about(*centre) if moment else float(getattr(plate, component))
+                motion = {DRIVES[component]: 1.0 / self.scales.length if moment else 1.0}
+                size = self.scales.stress * self.scales.length ** (2 if moment else 1)
+                yield self.moved(RigidPlate(pivot=plate.reference(*centre), **motion)), given / size
+
+
+def _trace(
+    problem: ContactProblem, space: DisplacementSpace, scales: Scales, contact: Contact, start: int,
+    bound: FloatArray | None,
+) -> DisplacementContact:  # fmt: skip
+    """One contact, from the edges and coefficients of the body."""
+    p, edges, joint = space.degree, problem.mesh.edges(contact.edges), contact in problem.joints
+    near = space.along(edges)
+    far = space.along(edges, other=True) if joint else near
+    sides = np.where(near > far, -1.0, 1.0)
+    frames = [sides[..., None] * vectors for vectors in frames_along(edges, np.linspace(0.0, 1.0, p + 1))]
+    # pairs (n, 3) of coefficients of the body, the smaller number first, with the number of a direction last: where the
+    # normals of a joint turn back the sides of its edges change, normals that lead from the first of a pair do not
+    facing = _directions(frames[0].reshape(-1, 2))
+    pairs = np.stack([np.minimum(near, far).ravel(), np.maximum(near, far).ravel(), facing], axis=1)
+    pairs, columns = np.unique(pairs, axis=0, return_inverse=True)
+    columns = columns.reshape(near.shape)
+    normals, tangents = np.zeros((2, len(pairs), 2))
+    normals[columns], tangents[columns] = frames
+    turned = np.where((frames[1] * tangents[columns]).sum(axis=2) < 0.0, -1.0, 1.0)
+    normal, tangential = (_rows(pairs, vectors, space.size, joint) for vectors in (normals, tangents))
+    if edges.curved:
+        normal, tangential = (
+            _bent_rows(edges, columns, sides, pairs, straight, chords, joint)
+            for straight, chords in ((normal, edges.normal), (tangential, edges.tangent))
+        )
+    lengths = edges.length / scales.length
+    weights = np.bincount(columns.ravel(), np.repeat(lengths / (p + 1), p + 1), minlength=len(pairs))
+    return DisplacementContact(
+        contact, problem.mesh, scales, edges, start, columns, turned, (normals, tangents), space.places[pairs[:, 0]],
+        normal, tangential, lengths, np.asarray(weights, dtype=np.float64), bound,
+    )  # fmt: skip
+
+
+def _directions(vectors: FloatArray) -> IntArray:
+    """Numbers of the different directions of unit vectors (e, 2); those `PARALLEL` to each other have the same."""
+    angle = np.arctan2(vectors[:, 1], vectors[:, 0])
+    order = np.argsort(angle, kind="stable")
+    steps = np.diff(angle[order], append=angle[order[:1]] + 2.0 * np.pi)
+    apart = np.roll(steps > PARALLEL, 1)  # from the one before, the last one before the first
+    number: IntArray = np.empty(len(angle), dtype=np.int64)
+    number[order] = (np.cumsum(apart) - apart[0]) % max(int(apart.sum()), 1)
+    return number
+
+
+def _rows(pairs: IntArray, vectors: FloatArray, size: int, joint: bool) -> sparse.csr_array:
+    """(n, size): the components along vectors (n, 2) of the first of each pair, on a joint less those of the second."""
+    number, found = np.repeat(np.arange(len(pairs)), 2), sparse.csr_array((len(pairs), size))
+    for side, sign in ((0, 1.0), (1, -1.0))[: 1 + joint]:
+        dofs = 2 * pairs[:, [side]] + np.arange(2)
+        found = found + sparse.csr_array((sign * vectors.ravel(), (number, dofs.ravel())), shape=found.shape)
+    found.eliminate_zeros()
+    return sparse.csr_array(found)
+
+
+def _bent_rows(
+    edges: Edges,
+    columns: IntArray,
+    sides: FloatArray,
+    pairs: IntArray,
+    straight: sparse.csr_array,
+    chords: FloatArray,
+    joint: bool,
+) -> sparse.csr_array:
+    """The rows with those inside arcs replaced by components along vectors (e, 2) of the chords, see `along_arcs`.
+
+    Sides (e, p + 1) are 1 where the body's side of the edge is the first of a pair, −1 where it is the second.
+    """
+    bent = np.flatnonzero(edges.bent)
+    factors = sides[bent, None, :, None] * along_arcs(edges.take(bent), chords[bent], columns.shape[1] - 1)
+    chosen = columns[bent]
+    row = np.broadcast_to(chosen[:, 1:-1, None, None], factors.shape)
+    whole = np.ones(straight.shape[0])
+    whole[chosen[:, 1:-1]] = 0.0
+    found = sparse.diags_array(whole) @ straight
+    for side, sign in ((0, 1.0), (1, -1.0))[: 1 + joint]:
+        dofs = 2 * pairs[chosen, side][:, None, :, None] + np.arange(2)
+        at = (row.ravel(), np.broadcast_to(dofs, factors.shape).ravel())
+        found = found + sign * sparse.csr_array((factors.ravel(), at), shape=straight.shape)
+    return sparse.csr_array(found)
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """All contacts together; arrays over the n coefficients of all traces, or over 2 n with the normal ones first."""
+
+    traces: tuple[DisplacementContact, ...]
+    # (2 n, size + k): c from the degrees of freedom of the body and the stretches d of its k springs, c = … − d
+    rows: sparse.csr_array
+    sprung: IntArray  # (k,): the coefficients that have springs
+    springs: sparse.csr_array  # (k, k): their stiffness
+    weights: FloatArray  # (2 n,): W
+    obstacle: FloatArray  # (2 n,): g̃ = (g, w)
+    law: FloatArray  # (3, n): μ_i, c_i and the cap; c_i is the whole bound, and μ_i zero, where the bound is given
+    # (n,): ±1 where displacements may slip in one sense only, slipping (c_T − w) ≥ 0; 0 where c_T = w; NaN where they
+    # are free
+    slipping: FloatArray
+    motions: FloatArray  # (2 n, q): what c of the plates themselves does under each motion that a force drives
+    moved: FloatArray  # (2 n,): what c of the plates themselves is under their given motions
+    resultants: FloatArray  # (q,): the force or moment that goes with it, beyond that of a fluid in the contact
+    # (2 n,): ∫ p_w B_i ds of fluids, 0 for tangential coefficients; their work is −Σ fluid c. Tractions and laws are
+    # effective ones, σ_N + p_w
+    fluid: FloatArray
+    reasons: tuple[str, ...]  # why the laws are not met exactly
+
+    @classmethod
+    def of(
+        cls,
+        problem: ContactProblem,
+        space: DisplacementSpace,
+        scales: Scales,
+        bounds: Mapping[str, FloatArray] | None = None,
+        slips: Mapping[str, FloatArray] = MappingProxyType({}),
+    ) -> "Contacts":
+        """In the order of the problem, with their own laws or given bounds [stress], and senses of slip by edge."""
+        traces, n, rubs = list[DisplacementContact](), 0, False
+        for contact in problem.contacts:
+            bound = None if bounds is None or contact.law == "tied" else bounds[contact.name] / scales.stress
+            traces.append(_trace(problem, space, scales, contact, n, bound))
+            n += traces[-1].count
+        springs, columns, resultants = sparse.csr_array((2 * n, 2 * n)), [np.zeros((2 * n, 0))], list[float]()
+        obstacle, moved, fluid, law, slipping = *np.zeros((3, 2, n)), np.zeros((3, n)), np.full(n, np.nan)
+        reasons = list[str]()
+        for trace in traces:
+            here, contact, signs = trace.here, trace.contact, (np.ones_like(trace.turned), trace.turned)
+            for half, kind in enumerate(("gap", "offset")):
+                obstacle[half, here] = trace.obstacle(kind, signs[half], reasons)
+            law[:, here] = trace.law(reasons)
+            fluid[0, here] = trace.moments("pore_pressure", reasons)
+            if contact.name in slips:
+                slipping[here] = trace.slipping_on(slips[contact.name])
+            if bounds is None:  # also between coefficients
+                places = problem.mesh.points_along(trace.edges, bernstein.SAMPLES)
+                between = evaluate("Contact.friction", contact.friction, *places, minimum=0.0)
+                rubs |= max(law[0, here].max(), between.max()) > 0.0
+            for half, kind in enumerate(SPRINGS):
+                if getattr(contact, kind) is not None:
+                    at = half * n + trace.start + trace.columns
+                    springs = springs + spread(at, at, trace.stiffness(kind, signs[half]), 2 * n)
+            if contact.plate is not None:
+                moved[:, here] = trace.moved(contact.plate) / scales.displacement
+            for motion, resultant in trace.motions():
+                column = np.zeros((2, n))
+                column[:, here] = motion
+                columns.append(column.reshape(-1, 1))
+                resultants.append(resultant)
+        every = [sparse.csr_array((0, space.size)), *(t.normal for t in traces), *(t.tangential for t in traces)]
+        motions, sprung = np.hstack(columns), np.flatnonzero(springs.diagonal())
+        return cls(
+            traces=tuple(traces),
+            rows=sparse.csr_array(
+                sparse.hstack([sparse.vstack(every), -sparse.eye_array(2 * n, format="csc")[:, sprung]])
+            ),
+            sprung=sprung,
+            springs=sparse.csr_array(springs[sprung][:, sprung]),
+            weights=np.tile(np.concatenate([np.empty(0), *(trace.weights for trace in traces)]), 2),
+            obstacle=obstacle.ravel(),
+            law=law,
+            slipping=slipping,
+            motions=motions,
+            moved=moved.ravel(),
+            resultants=np.array(resultants) + motions.T @ fluid.ravel(),
+            fluid=fluid.ravel(),
+            reasons=(*reasons, _INDICATOR) if rubs else tuple(reasons),
+        )
+
+    def stretched(self, v: FloatArray) -> FloatArray:
+        """Coefficients (2 n,) of the stretch of springs from v (size + k,); 0 where there are none."""
+        found = np.zeros(2 * self.count)
+        found[self.sprung] = v[len(v) - len(self.sprung) :]
+        return found
+
+    @property
+    def count(self) -> int:
+        """Number of coefficients n."""
+        return len(self.moved) // 2
+
+    @cached_property
+    def tied(self) -> BoolArray:
+        """Whether the contact is tied (n,)."""
+        return self.where(lambda contact: contact.law == "tied")
+
+    @cached_property
+    def bilateral(self) -> BoolArray:
+        """Whether the contact keeps its distance (n,)."""
+        return self.where(lambda contact: contact.law != "unilateral")
+
+    def where(self, holds: Callable[[Contact], bool]) -> BoolArray:
+        """What holds of contacts, at each of their coefficients (n,)."""
+        every = np.array([holds(trace.contact) for trace in self.traces], dtype=bool)
+        return np.repeat(every, [trace.count for trace in self.traces])
+
+
+@dataclass(frozen=True, eq=False)
+class DualProblem:
+    """The algebraic problem and the way back."""
+
+    contacts: Contacts
+    body: CondensedBody
+    B: FloatArray  # (2 n, k): c from w_Γ
+    constant: FloatArray  # (2 n,): c_D, plates moved as given
+    movable: BoolArray  # (2 n,): where c can change
+    live: BoolArray  # (2 n,): where there is a force: c can change, and does not follow from others
+    limited: BoolArray  # (n,): coefficients that rows of the QVI belong to: those of contacts that are not tied
+    equalities: IntArray  # which of the rigid motions, then plate motions, have a row of their own
+    qvi: FrictionQVI
+
+    def displacements(self, solution: QVISolution) -> tuple[FloatArray, FloatArray]:
+        """(w_Γ, motions q of the plates) of a solution."""
+        body, W = self.body, self.contacts.weights
+        motion = np.zeros(body.R.shape[1] + self.contacts.motions.shape[1])
+        motion[self.equalities] = solution.equality_multiplier
+        rigid, plates = np.split(motion, [body.R.shape[1]])
+        forces = self.B.T @ np.where(self.live, W * solution.z, 0.0) if len(W) else np.zeros(len(body.r))
+        return body.relieve(body.r + forces) + body.R @ rigid, -plates
+
+
+def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
+    """Pose the problem.
+
+    Raises
+    ------
+    InputError
+        If loads, or resultants of plates, contradict equilibrium.
+
+    """
+    W, touched = contacts.weights, contacts.rows @ body.supports.axes
+    constant = touched @ body.fixed - contacts.moved
+    B = touched[:, body.interface].toarray()
+    movable = np.abs(B).sum(axis=1) > PARALLEL
+    B[~movable] = 0.0
+    live = movable.copy()
+    live[_determined(B, contacts)] = False
+    compliance = B @ body.relieve(np.ascontiguousarray(B.T)) if len(B) else np.zeros((0, 0))
+    C = compliance * W * W[:, None]
+    C = (C + C.T) / 2.0
+    diagonal = np.diag(C).copy()
+    C[~live], C[:, ~live] = 0.0, 0.0
+    diagonal[~live] = np.median(diagonal[live]) if live.any() else 1.0
+    np.fill_diagonal(C, diagonal)
+    f = np.where(live, W * (contacts.obstacle - constant - B @ body.relieve(body.r)), 0.0)
+    A = np.where(live, np.vstack([body.R.T @ B.T, contacts.motions.T]), 0.0) * W
+    b = np.concatenate([-body.R.T @ body.r, contacts.resultants])
+    kept = _independent(A, b, body.R.shape[1])
+    limited = ~contacts.tied
+    friction, cohesion, cap = contacts.law
+    rows = np.flatnonzero(limited)
+    cohesion = np.where(contacts.slipping == 0.0, _STICKS * max(1.0, float(cohesion.max(initial=0.0))), cohesion)
+    every, none = sparse.eye_array(2 * contacts.count, format="csr"), np.zeros(len(rows))
+    qvi = FrictionQVI.from_arrays(
+        K=sparse.csc_array(C),
+        f=f,
+        N=sparse.csc_array(every[rows]),
+        n0=none,
+        T=sparse.csc_array(every[contacts.count + rows]),
+        t0=none,
+        mu=friction[rows],
+        W=W[rows],
+        cohesion=cohesion[rows],
+        cap=cap[rows],
+        bilateral=contacts.bilateral[rows],
+        A=sparse.csc_array(A[kept].reshape(len(kept), 2 * contacts.count)),
+        b=b[kept],
+    )
+    return DualProblem(contacts, body, B, constant, movable, live, limited, kept, qvi)
+
+
+def _determined(B: FloatArray, contacts: Contacts) -> IntArray:
+    """Rows that follow from others: what is tied comes first, then what must not pass an obstacle, then friction."""
+    n, found = contacts.count, list[int]()
+    tied = np.tile(contacts.tied, 2)
+    rank = np.where(tied, 0, np.where(np.arange(2 * n) < n, 1, 2))
+    for rows in groups(sparse.csr_array(B)):
+        columns = np.flatnonzero((B[rows] != 0.0).any(axis=0))
+        base = np.zeros((0, len(columns)))
+        for row in rows[np.argsort(rank[rows], kind="stable")].tolist():
+            rest = B[row, columns]
+            for _ in range(2):  # once more for orthogonality to rounding
+                rest = rest - (base @ rest) @ base
+            length = float(np.linalg.norm(rest))
+            if length > _DEPENDENT:
+                base = np.vstack([base, rest / length])
+            else:
+                found.append(row)
+    return np.array(found, dtype=np.int64)
+
+
+def groups(B: sparse.csr_array) -> list[IntArray]:
+    """Rows that hang together over columns, two or more of them, in ascending order."""
+    if not B.nnz:
+        return []
+    row, column = (np.asarray(part, dtype=np.int64) for part in B.nonzero())
+    group = linked(row, column + B.shape[0], sum(B.shape))[: B.shape[0]]  # columns come after the rows
+    order = np.argsort(group, kind="stable")
+    parts = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
+    return [part for part in parts if len(part) > 1]
+
+
+def _independent(A: FloatArray, b: FloatArray, rigid: int) -> IntArray:
+    """Equality rows that those before them do not determine; a contradiction raises."""
+    sizes = np.linalg.norm(A, axis=1)
+    kept, combinations = independent_rows(A, _DEPENDENT * np.maximum(sizes, _DEPENDENT * sizes.max(initial=0.0)))
+    for index, combination in combinations.items():
+        contradiction = float(b[index] - combination @ b[kept[: len(combination)]])
+        if abs(contradiction) > _BALANCED * max(1.0, float(np.abs(b).max())):
+            if index >= rigid:
+                remedy = (
+                    "contradicts equilibrium with the other loads by this, dimensionless: correct it, or leave it out"
+                )
+                raise InputError("RigidPlate", contradiction, remedy)
+            remedy = (
+                "the loads on a body that nothing holds are out of balance by this, dimensionless: correct them, or "
+                "support the body by a Displacement or Contact"
+            )
+            raise InputError("ContactProblem.conditions", contradiction, remedy)
+    return np.array(kept, dtype=np.int64)
+
+
+def _held(contacts: Contacts, c: FloatArray, tractions: FloatArray, bound: FloatArray, stress: float) -> BoolArray:
+    """Which displacements (2 n,) are to be moved to the obstacle's.
+
+    c are the displacements found, `tractions` τ, `bound` (n,) that of |τ_T|, and `stress` the unit of τ that a unit
+    displacement is compared with.
+    """
+    n, bilateral, slipping = contacts.count, contacts.bilateral, contacts.slipping
+    opening, slip = contacts.obstacle[:n] - c[:n], c[n:] - contacts.obstacle[n:]
+    held = (-tractions[:n] / stress > np.maximum(opening, 0.0)) | (opening < 0.0)
+    sticks = ((bound - np.abs(tractions[n:])) / stress > np.abs(slip)) & (np.abs(slip) < 1e-6)
+    sticks |= contacts.tied | (slipping == 0.0) | (slipping * slip < 0.0)
+    return np.concatenate([bilateral | (held & (np.abs(opening) < 1e-6)), sticks])
+
+
+def moved(rows: sparse.csr_array, values: FloatArray, change: FloatArray) -> FloatArray:
+    """Values (k,) with rows · values changed by `change` (j,), by the least change of values where rows share some."""
+    wanted = rows @ values + change
+    square = np.asarray(rows.multiply(rows).sum(axis=1)).ravel()
+    shared = groups(rows)
+    alone = square > 0.0
+    for group in shared:
+        alone[group] = False
+    result = values.copy()
+    for _ in range(2):  # once more for rounding
+        error = wanted - rows @ result
+        result += rows.T @ np.where(alone, error / np.where(alone, square, 1.0), 0.0)
+        for group in shared:
+            part = rows[group]
+            columns = np.unique(part.indices)
+            result[columns] += np.linalg.lstsq(part[:, columns].toarray(), error[group], _SHARED)[0]
+    return result
+
+
+def admissible(
+    problem: DualProblem, values: FloatArray, plates: FloatArray, tractions: FloatArray, bound: FloatArray
+) -> tuple[FloatArray, FloatArray, str]:
+    """(v (size,), c (2 n,), why not) that meets the contact conditions to rounding, from w_Γ and motions of plates."""
+    contacts, rows = problem.contacts, sparse.csr_array(problem.B)
+    beyond = problem.constant + contacts.motions @ (-plates)
+    stress = max(1e-300, float(np.abs(tractions).max(initial=0.0)), 1.0)
+    held = _held(contacts, rows @ values + beyond, tractions, bound, stress) & problem.movable
+    held[contacts.count :] &= problem.live[contacts.count :] | contacts.tied
+    for _ in range(3):  # a correction in a corner may push another contact line over its gap
+        c = rows @ values + beyond
+        values = moved(sparse.csr_array(rows[np.flatnonzero(held)]), values, (contacts.obstacle - c)[held])
+        over = np.flatnonzero(_excess(problem, rows @ values + beyond) > 0.0)
+        over = over[problem.movable[over] & ~held[over]]
+        if not len(over):
+            break
+        held[over] = True
+    v = problem.body.expand(values)
+    c = contacts.rows @ v - contacts.motions @ plates - contacts.moved
+    excess = _excess(problem, c)
+    worst = float(excess.max(initial=0.0)) / max(1.0, float(np.abs(c).max(initial=0.0)))
+    if worst <= _VIOLATED:
+        return v, c, ""
+    number = int(np.argmax(excess)) % contacts.count
+    trace = next(each for each in contacts.traces if number < each.here.stop)
+    x, y = trace.mesh.origin + trace.scales.length * trace.places[number - trace.start]
+    where = f"{trace.name!r}, or how it may slip, at ({x:.6g}, {y:.6g})"
+    return v, c, f"Prescribed displacements contradict the obstacle of {where}, by {worst:.1e} of their size."
+
+
+def _excess(problem: DualProblem, c: FloatArray) -> FloatArray:
+    """By how much c_N exceeds the gap (2 n,), or differs where the contact keeps its distance, and c_T its offset."""
+    contacts, n = problem.contacts, problem.contacts.count
+    difference = c - contacts.obstacle
+    bilateral, tied = contacts.bilateral, contacts.tied
+    normal = np.where(bilateral, np.abs(difference[:n]), np.maximum(difference[:n], 0.0))
+    slipping = contacts.slipping
+    backwards = np.where(np.isnan(slipping), 0.0, np.maximum(-slipping * difference[n:], 0.0))
+    return np.concatenate([normal, np.where(tied | (slipping == 0.0), np.abs(difference[n:]), backwards)])

@@ -1,0 +1,253 @@
+"""What needs nothing but SciPy: nested dissection, with dense fronts for K, with SuperLU for unsymmetric matrices.
+
+Parts of a body meet at separators, which are eliminated after them, and each is one dense front of unknowns: LAPACK
+does all but the additions. On one thread this is as fast as PARDISO.
+
+Source: J. Liu, The multifrontal method for sparse matrix solution: theory and practice, SIAM Rev. 34 (1992).
+"""
+
+from itertools import pairwise
+from time import perf_counter
+from typing import Any, Final, Literal
+
+import numpy as np
+import scipy
+from scipy.sparse import csc_array, csr_array
+from scipy.sparse.linalg import splu
+
+from solvers.basics.types import IntVector, Matrix, Module, Sparse, Vector
+from solvers.factorisation.base import (
+    FactorisationError,
+    Front,
+    Fronts,
+    check_pivots,
+    eliminated,
+    limited_blas,
+    symmetric,
+)
+
+
+def version() -> str | None:
+    """Library and version; it is always there."""
+    return f"scipy {scipy.__version__}"
+
+
+class Multifrontal(Fronts):
+    """K_II = Uᵀ U for K (n, n), n > k, in compressed columns, by `nested_dissection`."""
+
+    backend = "superlu"
+
+    def __init__(self, K: Sparse, interface: IntVector, places: Matrix | None = None) -> None:
+        self.version, self.interface, self.size = version() or "", interface, K.shape[0]
+        start, diagonal = perf_counter(), K.diagonal()
+        self._diagonal = diagonal[interface]
+        order, starts = interface_last(K, interface, places)
+        analysed = perf_counter()
+        with limited_blas(1):
+            self._fronts, self.schur = _eliminated(K, order, starts, self.backend)
+        pivots = np.concatenate([front.head.diagonal() for front in self._fronts]) ** 2
+        check_pivots(pivots, diagonal[order[: len(pivots)]], self.backend, self.size)
+        self.seconds = {"analysis": analysed - start, "numeric": perf_counter() - analysed}
+
+
+def _eliminated(K: Sparse, order: IntVector, starts: IntVector, backend: str) -> tuple[list[Front], Matrix]:
+    """Fronts of the unknowns order[starts[i] : starts[i + 1]], and S (k, k) of those from the last start on.
+
+    A front is the sum of its unknowns' entries in K and of what the fronts before it leave for them. The latter is on
+    unknowns of that front and of later ones, and waits at the first of them that comes. Of symmetric matrices, stored
+    by rows, the lower triangle is used: to LAPACK the upper one, by columns.
+    """
+    n, columns = len(order), K[:, order]
+    position = np.empty(n, dtype=np.int64)
+    position[order] = np.arange(n)
+    rows, column = position[columns.indices], np.repeat(np.arange(n), np.diff(columns.indptr))
+    lower = rows >= column
+    entries = np.concatenate([[0], np.cumsum(lower)])[columns.indptr].tolist()  # of K, before each column
+    rows, column, data = rows[lower], column[lower], columns.data[lower]
+    number = np.repeat(np.arange(len(starts)), np.diff(starts, append=n))
+    waiting: list[list[tuple[IntVector, Matrix]]] = [[] for _ in starts]
+    local, fronts = np.empty(n, dtype=np.int64), []
+    for i, (first, end) in enumerate(pairwise([*starts.tolist(), n])):
+        own, size = slice(entries[first], entries[end]), end - first
+        arrived, waiting[i] = waiting[i], []
+        later = np.concatenate([rows[own], *(places for places, _ in arrived)])
+        later = np.unique(later[later >= end])
+        local[first:end], local[later] = np.arange(size), np.arange(size, size + len(later))
+        panel, corner = np.zeros((size + len(later), size)), np.zeros((len(later), len(later)))
+        panel[local[rows[own]], column[own] - first] = data[own]
+        for places, left in arrived:
+            where, inside = local[places], int(np.searchsorted(places, end))
+            _add(panel, where, where[:inside], left)
+            _add(corner, where[inside:] - size, where[inside:] - size, left[inside:, inside:])
+        if i == len(starts) - 1:
+            break
+        head, tail, left = eliminated(panel[:size].T, panel[size:].T, corner.T, backend)
+        fronts.append(Front(order[first:end], order[later], head, tail))
+        if len(later):
+            waiting[number[later[0]]].append((later, left.T))
+    return fronts, symmetric(panel.T)
+
+
+def _add(matrix: Matrix, rows: IntVector, columns: IntVector, left: Matrix) -> None:
+    """Add the lower triangle of left (i, i) or its first columns to matrix[rows][:, columns], runs of columns at once.
+
+    Entries above the triangle are added in part, and mean nothing.
+    """
+    begins = np.flatnonzero(np.diff(columns, prepend=-2) != 1).tolist()
+    for first, end in pairwise([*begins, len(columns)]):
+        place = columns[first]
+        matrix[rows[first:], place : place + end - first] += left[first:, first:end]
+
+
+# Orders of elimination.
+
+
+_LEAF: Final = 50  # unknowns that are not parted any more; from 30 to 80 times hardly differ
+
+
+def interface_last(K: Sparse, interface: IntVector, places: Matrix | None = None) -> tuple[IntVector, IntVector]:
+    """A permutation of 0 … n − 1: the interior of K (n, n) by nested dissection of places (n, d), then Γ.
+
+    Also where in it the parts start that are eliminated at once, and last where Γ does.
+
+    Unknowns of a mesh node share their columns' pattern and are eliminated together in any good order, so the order is
+    sought for the graph of such groups, which has a fraction of the entries.
+    """
+    interior = np.setdiff1d(np.arange(K.shape[0]), interface)
+    pattern: Sparse = csc_array((np.ones(K.nnz, dtype=np.int8), K.indices, K.indptr), shape=K.shape)
+    pattern = pattern[interior][:, interior] if len(interface) else pattern
+    mark = np.random.default_rng(0).integers(1, 2**62, len(interior))  # equal sums: equal columns (modulo 2⁶⁴)
+    first, group = np.unique(pattern.T @ mark, return_index=True, return_inverse=True)[1:]
+    graph = pattern[first][:, first]
+    position = np.empty(graph.shape[0], dtype=np.int64)
+    of_groups = None
+    if places is not None:
+        of_groups = np.empty((graph.shape[0], places.shape[1]))
+        of_groups[group] = places[interior]  # of one of its unknowns, which are at one vertex or edge
+    order, parts = nested_dissection(of_groups, graph.indptr.astype(np.int64), graph.indices.astype(np.int64))
+    position[order] = np.arange(graph.shape[0])
+    before = np.concatenate([[0], np.cumsum(np.bincount(position[group], minlength=len(position)))])
+    return np.concatenate([interior[np.argsort(position[group], kind="stable")], interface]), before[parts]
+
+
+def nested_dissection(places: Matrix | None, starts: IntVector, columns: IntVector) -> tuple[IntVector, IntVector]:
+    """A permutation of 0 … n − 1 for a symmetric pattern in compressed rows whose unknowns are at places (n, d).
+
+    Also where in it the parts start that are not parted further or are between two others, and n. Without places
+    unknowns are where their distances from a few of them say, by links of the pattern.
+
+    Unknowns are halved across the longer side of where they are; those of one half that neighbour the other, the fewer
+    of the two, come last, and each half is halved again. On a grid what comes last is a line of it. All parts of one
+    size are halved at once.
+
+    Source: A. George, Nested dissection of a regular finite element mesh, SIAM J. Numer. Anal. 10 (1973).
+    """
+    n = len(starts) - 1
+    if places is None:
+        places = _distances(starts, columns) if n else np.empty((0, 1))
+    parts = [np.array([n])]
+    order, unknowns = np.empty(n, dtype=np.int64), np.arange(n)  # the latter part by part
+    counts, first = np.array([n]), np.zeros(1, dtype=np.int64)  # of the parts, and where they begin in the order
+    ends = np.repeat(unknowns, np.diff(starts)), np.asarray(columns)  # of all links inside parts
+    side = np.empty(n, dtype=np.int64)
+    while len(unknowns):
+        begins, number = np.cumsum(counts) - counts, np.repeat(np.arange(len(counts)), counts)
+        where = places[unknowns]
+        least, most = (bound.reduceat(where, begins) for bound in (np.minimum, np.maximum))
+        axis = np.argmax(most - least, axis=1)
+        least, most = (bound[np.arange(len(axis)), axis] for bound in (least, most))
+        along = where[np.arange(len(where)), axis[number]]
+        ranked = along[np.lexsort((along, number))]
+        middle = 0.5 * (ranked[begins + (counts - 1) // 2] + ranked[begins + counts // 2])
+        lower = np.where((middle < most)[number], along <= middle[number], along < most[number])
+        whole = (counts <= _LEAF) | (least == most)  # parted no more
+        side[unknowns] = np.where(whole[number], -1, 2 * number + ~lower)
+        rows, others = side[ends[0]], side[ends[1]]
+        across = (rows >= 0) & (rows % 2 == 0) & (others == rows + 1)
+        touching = np.zeros(n, dtype=np.bool_)
+        touching[ends[0][across]] = touching[ends[1][across]] = True
+        touching = touching[unknowns]
+        found = np.bincount(number[touching & lower], minlength=len(counts))
+        fewer = 2 * found <= np.bincount(number[touching], minlength=len(counts))
+        last = whole[number] | (touching & (lower == fewer[number]))
+        kind = 3 * number + np.where(last, 2, ~lower)  # lower, upper, what comes last
+        sizes = np.bincount(kind, minlength=3 * len(counts)).reshape(-1, 3)
+        firsts = (first[:, None] + np.cumsum(sizes, axis=1) - sizes).ravel()
+        grouped = np.argsort(kind, kind="stable")
+        rank = np.arange(len(kind)) - (np.cumsum(sizes) - sizes.ravel())[kind[grouped]]
+        done = last[grouped]
+        order[firsts[kind[grouped[done]]] + rank[done]] = unknowns[grouped[done]]
+        parts.append(firsts[2::3][sizes[:, 2] > 0])
+        side[unknowns] = np.where(last, -1, kind)
+        inside = (side[ends[0]] >= 0) & (side[ends[0]] == side[ends[1]])
+        ends = ends[0][inside], ends[1][inside]
+        unknowns = unknowns[grouped[~done]]
+        left = np.flatnonzero(sizes.ravel() * (np.arange(sizes.size) % 3 < 2))
+        counts, first = sizes.ravel()[left], firsts[left]
+    return order, np.sort(np.concatenate(parts))
+
+
+def _distances(starts: IntVector, columns: IntVector) -> Matrix:
+    """(n, 4) distances from three unknowns that are far from each other; where they are equal, numbers decide.
+
+    Unknowns that many others know do not count as links. Parts without a link are joined, one to the next.
+    """
+    from scipy.sparse.csgraph import connected_components, dijkstra  # what few solves need is not loaded at the start
+
+    n, counts = len(starts) - 1, np.diff(starts)
+    few = counts <= 16.0 + 10.0 * np.sqrt(n)
+    links = csr_array((np.repeat(few, counts) & few[columns], columns, starts), (n, n), copy=True)
+    links.eliminate_zeros()
+    part = connected_components(links, directed=False)[1]
+    ends = np.unique(part, return_index=True)[1]
+    links = links + csr_array((np.ones(len(ends) - 1), (ends[:-1], ends[1:])), (n, n))
+    found = np.empty((n, 0))
+    for _ in range(3):
+        farthest = int(np.argmax(found.min(axis=1, initial=n)))
+        away: Any = dijkstra(links, directed=False, indices=np.array(farthest), unweighted=True)
+        found = np.column_stack([found, away])
+    return np.column_stack([found, np.arange(n) / n])
+
+
+# H = L U of unsymmetric matrices that share one symmetric pattern, as Newton's method meets them.
+#
+# PARDISO orders and analyses once. Where MKL is not installed SuperLU does all of it every time, but for an order that
+# is given.
+
+
+_THRESHOLD = 1e-3  # a pivot on the diagonal may be so much smaller than the largest of its column
+
+
+class RefactorisedBySuperLU:
+    """One matrix after the other: pivots on the diagonal as long as they are large enough; one thread."""
+
+    backend = "superlu"
+
+    def __init__(self, starts: IntVector, columns: IntVector, order: IntVector | None) -> None:
+        self.version, size = f"scipy {scipy.__version__}", len(starts) - 1
+        self._own, self._order = order is None, np.arange(size) if order is None else order
+        entries = csr_array((np.arange(len(columns)), columns, starts), (size, size))
+        if order is not None:
+            entries = entries[order][:, order]
+            entries.sort_indices()
+        self._entries = entries  # of H, by their places in its rows, in the order of elimination
+        self._factor: Module = None
+
+    def factorise(self, values: Vector) -> None:
+        """Factorise H, its entries row by row; solves are by this matrix from now on.
+
+        Raises `FactorisationError` where H is singular. Rows of H are columns of its transpose.
+        """
+        places = self._entries
+        transposed = csc_array((values[places.data], places.indices, places.indptr), places.shape)
+        ordering: Literal["MMD_AT_PLUS_A", "NATURAL"] = "MMD_AT_PLUS_A" if self._own else "NATURAL"
+        try:
+            self._factor = splu(transposed, ordering, _THRESHOLD, options={"SymmetricMode": True})
+        except RuntimeError as error:
+            raise FactorisationError("singular", self.backend, str(error)) from error
+
+    def solve(self, right: Vector) -> Vector:
+        """H⁻¹ right (n,)."""
+        found = np.empty_like(right)
+        found[self._order] = self._factor.solve(right[self._order], "T")
+        return found
