@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
 from qvi_contact.basics.schema import Varying, keys_of
 from qvi_contact.basics.units import Certainty, Rounding, Units, shown
 from qvi_contact.discretization.discretization import discretize
-from qvi_contact.errors import InputError
 from qvi_contact.files.export import element_of, summary
 from qvi_contact.files.problem_file import ProblemFile
-from qvi_contact.limit.check_proof import check, sentences
 from qvi_contact.problem.conditions import DRIVES, Condition, Contact, Traction
 from qvi_contact.problem.fields import Expression, Polynomial
 from qvi_contact.problem.problem import ContactProblem
@@ -65,6 +61,25 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
         x, y, turned, across, up, moment = map(shown, plate_numbers(result, name), least_shown(PLATE_COLUMNS, least))
         yield f"obstacle {name} moves by ({x}, {y}) {units.displacement}, turns by {turned} rad"
         yield f"obstacle {name} pushes with ({across}, {up}) {force}, moment {moment} {units.engineering_moment}"
+
+
+class Series(NamedTuple):
+    """Several results of one file: "t" or the parameter, and its values, also of results that are missing."""
+
+    results: History | Sweep
+    label: str
+    values: tuple[float, ...]
+
+    def document(self, summaries: Sequence[dict[str, Any]], units: Units) -> dict[str, Any]:
+        """What JSON holds of them beside the summaries of results; of a history also the energy lost in friction."""
+        if isinstance(self.results, Sweep):
+            return {self.label: list(self.values), "steps": list(summaries)}
+        lost = self.results.dissipated
+        dissipated = {
+            "total": {"value": float(lost.sum()), "unit": units.energy},
+            "steps": {"value": lost.tolist(), "unit": units.energy},
+        }
+        return {"times": list(self.values), "dissipated": dissipated, "steps": list(summaries)}
 
 
 def series_lines(results: History | Sweep, label: str, values: Sequence[float], units: Units) -> Iterator[str]:
@@ -316,26 +331,6 @@ def _error(each: RefinementRound) -> tuple[str, str]:
     if not math.isfinite(each.estimate):
         return "-", ""
     return f"{each.estimate:.1e}", "estimate" if each.certainty is Certainty.ESTIMATE else "guaranteed"
-
-
-_REMEDY = "give a file written by qvi-contact limit --proof"
-
-
-def checked_proof(path: str) -> tuple[bool, str]:
-    """Whether a proof file holds, and what people read of it; `InputError` if it is none, or cannot be read."""
-    try:
-        proof = json.loads(Path(path).read_text(encoding="utf-8"))
-        *proved, counted = check(proof)
-    except OSError as error:
-        raise InputError("file", path, f"cannot be read ({error.strerror}): {_REMEDY}") from error
-    except (KeyError, TypeError, IndexError, AttributeError, ArithmeticError, UnicodeDecodeError) as error:
-        raise InputError("file", path, f"is no proof file of this version: {_REMEDY}") from error
-    except json.JSONDecodeError as error:
-        raise InputError("file", path, f"is no JSON ({error}): {_REMEDY}") from error
-    except ValueError as error:
-        return False, f"not proved: {error}"
-    checked = ", ".join(f"{count} {name}" for name, count in counted.items())
-    return True, "\n".join([*sentences(*proved), f"checked: {checked}"])
 
 
 def limit_lines(loads: Sequence[str], limit: LimitLoad, refinement: LimitRefinement | None) -> list[str]:

@@ -3,9 +3,12 @@
 Rooms that only one of them needs are loaded in its function.
 """
 
+import json
 import math
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any, Final
 
 import click
@@ -14,24 +17,31 @@ import numpy as np
 from qvi_contact.basics.schema import keys_of
 from qvi_contact.basics.writing import write_text
 from qvi_contact.command import report
-from qvi_contact.command import series as several
 from qvi_contact.command.cli import TARGETS
 from qvi_contact.command.outputs import SecondModel, asked_panels, checked_targets, json_text, page_of, write_all
 from qvi_contact.command.progress_line import solving
 from qvi_contact.errors import InputError
 from qvi_contact.files.export import summary, write_collapse_vtu
 from qvi_contact.files.keys import listed
-from qvi_contact.files.problem_file import ProblemFile, load_problem
+from qvi_contact.files.problem_file import ProblemFile, SweepPlan, load_problem
+from qvi_contact.files.stores import StoredSweep, read_sweep
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.history import solve_history
+from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.settings import RefineOptions, Settings
 from qvi_contact.solution.solver import solve as solve_one
+from qvi_contact.solution.sweep import Sweep, solve_sweep
 from solvers import available
+from solvers.basics.names import known_name
 from solvers.basics.progress import deadline
 from solvers.factorisation import available_backends, missing_backends
 from solvers.factorisation.base import DENSE
 from solvers.settings import METHODS
 
 _SPACE: Final = ("degree", "law_on")
+_MOST: Final = 1_000_000  # values that are asked for at once
+_PARAMETERS: Final = ("friction", "load", "gap", "offset")
+_OWN: Final = ("parameter", "values", "of")  # arguments of `solve_sweep`, and keys of [sweep]
 
 
 @contextmanager
@@ -78,19 +88,15 @@ def solve(
 ) -> int:
     """Solve a problem, its history, or a sweep."""
     with _opened(file, given) as (problem_file, targets, options):
-        problem_file, plan = several.asked(problem_file, swept)
+        problem_file, plan = _asked(problem_file, swept)
         units = problem_file.units
         charts = asked_panels(problem_file, panels)
-        several.check_asked(plan, store, given)
+        _check_asked(plan, store, given)
         if plan is not None and store is not None:
             shared = {name: given[name] for name in ("workers", "dask") if given[name] is not None}
-            sweep = several.swept(problem_file, plan, options, verbose, store=store, **shared)
-            document = several.stored_document(problem_file, sweep)
-            if "save_json" in targets:
-                write_text(targets["save_json"], json_text(document) + "\n")
-            _show(problem_file, document if as_json else several.stored_lines(sweep))
-            return 0 if sweep.status == "solved" else 1
-        series, steps = several.solved_series(problem_file, plan, options, verbose, store)
+            sweep = _swept(problem_file, plan, options, verbose, store=store, **shared)
+            return _told(problem_file, sweep, targets.get("save_json"), as_json)
+        series, steps = _solved_series(problem_file, plan, options, verbose, store)
         solved = (steps[0] if series is None else series.results).status == "solved"
         document = {"title": problem_file.title, "solved": solved}
         if as_json or "save_json" in targets:
@@ -274,9 +280,23 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
 
 def check_proof(file: str) -> int:
     """Check a proof file."""
-    holds, line = report.checked_proof(file)
-    click.echo(line)
-    return 0 if holds else 1
+    from qvi_contact.limit import check_proof as proofs
+
+    remedy = "give a file written by qvi-contact limit --proof"
+    try:
+        *proved, counted = proofs.check(json.loads(Path(file).read_text(encoding="utf-8")))
+    except OSError as error:
+        raise InputError("file", file, f"cannot be read ({error.strerror}): {remedy}") from error
+    except (KeyError, TypeError, IndexError, AttributeError, ArithmeticError, UnicodeDecodeError) as error:
+        raise InputError("file", file, f"is no proof file of this version: {remedy}") from error
+    except json.JSONDecodeError as error:
+        raise InputError("file", file, f"is no JSON ({error}): {remedy}") from error
+    except ValueError as error:
+        click.echo(f"not proved: {error}")
+        return 1
+    checked = ", ".join(f"{count} {name}" for name, count in counted.items())
+    click.echo("\n".join([*proofs.sentences(*proved), f"checked: {checked}"]))
+    return 0
 
 
 def keys(name: str) -> None:
@@ -295,3 +315,137 @@ def methods(as_json: bool) -> None:
     shown = tuple(f"{name}  ({what})" for name, what in (factorisations | missing).items())
     for title, names in {"methods": METHODS, "inner solvers": available(), "factorisations": shown}.items():
         click.echo("\n  ".join([title, *names]))
+
+
+# several results of one problem file: load steps of a history, or values of a sweep
+
+
+def _solved_series(
+    file: ProblemFile, plan: SweepPlan | None, options: dict[str, Any], verbose: bool, store: str | None = None
+) -> tuple[report.Series | None, Sequence[ContactResult]]:
+    """The results of a file: of its history, of a sweep if there is a plan, or one."""
+    if store is not None and not file.times:
+        remedy = "keeps steps of a history or rows of a sweep: give --set, or a file with a [history] or a [sweep]"
+        raise InputError("--store", store, remedy)
+    if plan is not None and plan.parameter in _PARAMETERS:
+        sweep = _swept(file, plan, options, verbose)
+        return report.Series(sweep, plan.parameter, plan.values), sweep.steps
+    values = file.times if plan is None else plan.values
+    title = file.title or ("sweep" if plan is not None else "history" if values else "solve")
+    with solving(title, max(len(values), 1), verbose=verbose) as advance:
+        if plan is not None:  # of a constant: each value is a problem of its own
+            limit = options.pop("time_limit", None)
+            steps: list[ContactResult] = []
+            with deadline(limit):
+                for value in values:
+                    if steps and deadline.over:
+                        break
+                    steps.append(
+                        solve_one(file.with_constants({plan.parameter: value}).problem, **options, verbose=verbose)
+                    )
+                    advance()
+            return report.Series(Sweep(plan.parameter, values, tuple(steps)), plan.parameter, values), steps
+        if not values:
+            return None, (solve_one(file.problem, **options, verbose=verbose),)
+        done = 0
+
+        def told(number: int, _result: ContactResult) -> None:
+            nonlocal done
+            while done < number:  # the first that is told need not be the first of all
+                advance()
+                done += 1
+
+        history = solve_history(file.problems, told, store=store, **options, verbose=verbose)
+        return report.Series(history, "t", values), history.steps
+
+
+def _swept(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool, **stored: Any) -> Any:
+    """The sweep of a file; `stored` are a store, where its rows are kept then, and those who share it."""
+    solved: Any = solve_sweep  # with a store or without
+    with solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance:
+        if stored:
+            with suppress(InputError):  # what is no store will be told
+                for _ in read_sweep(stored["store"]).statuses:
+                    advance()
+        asked = plan.parameter, plan.values, plan.of
+        try:
+            return solved(file.problem, *asked, lambda *_: advance(), **stored, **options, verbose=verbose)
+        except InputError as error:
+            if error.field not in _OWN:
+                raise
+            place = f"sweep.{error.field}" if plan is file.sweep else "--set"
+            raise type(error)(place, error.value, error.remedy) from error
+
+
+def _check_asked(plan: SweepPlan | None, store: str | None, asked: Mapping[str, Any]) -> None:
+    """Refuse options, by name, that have no sense without a sweep that goes to a file, or with one."""
+    streams = plan is not None and store is not None
+    if streams and plan is not None and plan.parameter not in _PARAMETERS:
+        raise InputError("--store", store, f"keeps rows of {', '.join(_PARAMETERS)}: sweep a constant without it")
+    for name in ("workers", "dask"):
+        if not streams and asked[name] is not None:
+            remedy = "is for values of a sweep: give --store FILE with --set, or with a [sweep] in the problem file"
+            raise InputError(f"--{name}", asked[name], remedy)
+    for name in ("plot", "vtk", "npz", "report"):
+        if streams and asked[name]:
+            remedy = "needs a result, and a sweep with --store keeps rows of numbers alone: leave one of them out"
+            raise InputError(f"--{name}", asked[name], remedy)
+
+
+def _told(file: ProblemFile, sweep: StoredSweep, kept: str | None, as_json: bool) -> int:
+    """Print what became of a sweep in a store, keep its document in a file if one is named; the exit status."""
+    statuses, solved = Counter(sweep.statuses), sweep.status == "solved"
+    document = {
+        "title": file.title, "solved": solved, "store": str(sweep.path), "parameter": sweep.parameter,
+        "values": len(sweep.values), "statuses": {str(each): count for each, count in statuses.items()},
+        "message": sweep.message,
+    }  # fmt: skip
+    if kept is not None:
+        write_text(kept, json_text(document) + "\n")
+    lines = [f"{sweep.parameter}: {len(sweep.values)} values from {min(sweep.values):g} to {max(sweep.values):g}"]
+    lines.append(", ".join(f"{count} {status.words}" for status, count in statuses.items()) or "none done")
+    lines += [*([] if solved else [sweep.message]), f"rows: {sweep.path}"]
+    _show(file, document if as_json else lines)
+    return 0 if solved else 1
+
+
+def _asked(file: ProblemFile, given: Sequence[str]) -> tuple[ProblemFile, SweepPlan | None]:
+    """The file with constants that options --set give one value, and the sweep that another one or the file asks for.
+
+    Each is `NAME=V1,V2,…`, or `NAME=START:STOP:COUNT`. The name is that of a constant of the file, of a parameter of
+    sweeps, or `CONTACT.PARAMETER`, `load.NAME` or `constants.NAME`.
+    """
+    plans, constants = list[SweepPlan](), dict[str, float]()
+    for text in given:
+        name, separator, listed = text.partition("=")
+        owner, _, parameter = name.strip().rpartition(".")
+        if owner == "load" and parameter not in _PARAMETERS:
+            owner, parameter = parameter, owner
+        values: tuple[float, ...] = ()
+        with suppress(ValueError, TypeError):
+            start, colon, rest = listed.partition(":")
+            stop, _, count = rest.partition(":")
+            if not colon:
+                values = tuple(float(part) for part in listed.split(","))
+            elif int(count) <= _MOST:
+                values = tuple(np.linspace(float(start), float(stop), int(count)).tolist())
+        if not (separator and parameter and values):
+            remedy = (
+                "write friction=0.1,0.2,0.3 (or load, gap, offset, a constant of the file), friction=0.1:0.3:21 for 21 "
+                "values, or with a name base.friction=0.1,0.2 or load.thrust=1.2"
+            )
+            raise InputError("--set", text, remedy)
+        known = {} if owner == "constants" else {"parameters": _PARAMETERS}
+        known_name("--set", parameter, {**known, "constants": () if owner not in ("", "constants") else file.constants})
+        if owner == "constants" or parameter not in _PARAMETERS:
+            if len(values) == 1:
+                constants[parameter] = values[0]
+                continue
+            owner = ""
+        plans.append(SweepPlan(parameter, values, (owner,) if owner else None))
+    if len(plans) > 1:
+        remedy = "one number can be swept at a time: give one value of constants, and one option for something else"
+        raise InputError("--set", " ".join(given), remedy)
+    if plans and file.times:
+        raise InputError("--set", given[0], "a file with a [history] cannot be swept: give one without")
+    return file.with_constants(constants) if constants else file, plans[0] if plans else file.sweep

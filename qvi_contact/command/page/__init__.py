@@ -24,7 +24,6 @@ from qvi_contact.basics.units import Units, shown
 from qvi_contact.basics.writing import page_template
 from qvi_contact.command import report
 from qvi_contact.command.outputs import SecondModel
-from qvi_contact.command.series import Series
 from qvi_contact.companion import CompanionResult
 from qvi_contact.discretization.space import FAMILY
 from qvi_contact.files.problem_file import ProblemFile
@@ -80,7 +79,7 @@ def result_page(
     steps: Sequence[ContactResult],
     second: SecondModel | None = None,
     refinement: Refinement | None = None,
-    series: Series | None = None,
+    series: report.Series | None = None,
     panels: Sequence[str] | None = None,
 ) -> str:
     """The page about the result of a solve, of a refinement, or of the last of several in a series.

@@ -1,5 +1,8 @@
 """The plate between two rough rigid plates of Więckowski (1992), section 5, as the algebraic problem (D2).
 
+To be read beside the paper. For bodies of your own take `qvi_contact.solve`, whose triangles are far closer for
+the same number of unknowns.
+
 The quarter [0, a] × [0, h] has symmetry on x = 0 and y = 0, a free side x = a, and contact on y = h with a rigid plate
 that is moved down by U. Stresses are those of an Airy function of Bogner-Fox-Schmit elements, (3.1) without volume
 forces:
@@ -37,6 +40,8 @@ from qvi_contact.problem.material import Material, Plane
 from qvi_contact.solution.stress import principal_stresses
 from solvers import FrictionQVI
 from solvers.inequality.traces import TractionFactor
+
+__all__ = ["QuarterPlate", "plate"]
 
 _COMPONENTS = ((0, 2, 1.0), (2, 0, 1.0), (1, 1, -1.0))
 """σ_xx, σ_yy, σ_xy as derivatives of Φ: order in x, order in y, factor."""
