@@ -371,7 +371,7 @@ class Key:
     tied : bool
         Whether a tied contact can have it.
     symbol, unit : str
-        What pictures call it, and the quantity whose unit it has: "stress", "length", or none.
+        What pictures call it, and the quantity whose unit it has: "stress", "length", "force", "moment"; "rad" or none.
 
     """
 

@@ -23,7 +23,7 @@ from qvi_contact.limit.conic import ConicProgram
 from qvi_contact.limit.linear import both_signs
 from qvi_contact.limit.load_factor import LimitProblem, checked_loads, loads_of, multiplied
 from qvi_contact.limit.stresses import StressProgram
-from qvi_contact.problem.conditions import SHEAR_LAW, SPRINGS, Contact, Displacement, components
+from qvi_contact.problem.conditions import DRIVES, SHEAR_LAW, SPRINGS, Contact, Displacement, RigidPlate, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from solvers import QVISolution
@@ -34,7 +34,6 @@ from solvers.derivative import Change, change
 Side: TypeAlias = Literal["above", "below"]
 """From where a parameter comes to its value."""
 
-_OF_PLATES: Final = ("x", "y", "rotation", "force_x", "force_y", "moment")
 _AGREE: Final = 1e-6  # relative difference of two one-sided derivatives that is none
 
 _NEXT: Final = 1e-7  # of a datum: step between two programs whose rows are compared
@@ -100,7 +99,8 @@ def _paths(problem: ContactProblem) -> Iterator[tuple[str, _Path]]:
             names = [name for name in SPRINGS if not callable(getattr(condition, name))]
             names += ["gap", "offset", *(() if condition.law == "tied" else SHEAR_LAW)]
             known: list[_Path] = [(name,) for name in names if getattr(condition, name) is not None]
-            known += [("plate", name) for name in _OF_PLATES if getattr(condition.plate, name, None) is not None]
+            drives = [*DRIVES.values(), *DRIVES]
+            known += [("plate", name) for name in drives if getattr(condition.plate, name, None) is not None]
             yield from ((f"{condition.name}.{path[-1]}", (*at, *path)) for path in known)
         elif isinstance(condition, Displacement):
             yield from ((f"{condition.edges}.{name}", (*at, name)) for name in components(condition))
@@ -174,13 +174,17 @@ def _datum(
     if name == "young" or name in SPRINGS:
         return _Datum(lambda step: _with(problem, path, value / (1.0 + step)), -value, least=False)
     force = scales.stress * scales.length
-    units = {"phi": 1.0, "force_x": force, "force_y": force, "moment": force * scales.length}
-    units["rotation"] = scales.displacement / scales.length
-    if isinstance(_at(problem, path[:-1]), Contact):
-        units[name] = {"stress": scales.stress, "length": scales.displacement}.get(keys_of(Contact)[name].unit, 1.0)
-    if name == "temperature":
-        units[name] = scales.stress * scales.compliance / max(abs(each.expansion) for each in problem.materials)
-    unit = units.get(name, scales.stress if "strength" in path else scales.displacement)
+    units = {"": 1.0, "stress": scales.stress, "length": scales.displacement, "force": force}
+    units |= {"moment": force * scales.length, "rad": scales.displacement / scales.length}
+    part = _at(problem, path[:-1])
+    if isinstance(part, Contact | RigidPlate):
+        unit = units[keys_of(type(part))[name].unit]
+    elif name == "temperature":
+        unit = scales.stress * scales.compliance / max(abs(each.expansion) for each in problem.materials)
+    elif name == "phi":
+        unit = 1.0
+    else:
+        unit = scales.stress if "strength" in path else scales.displacement
     if relative and not callable(value):
         unit = abs(value) or unit
     return _Datum(
