@@ -371,7 +371,7 @@ class Key:
     tied : bool
         Whether a tied contact can have it.
     symbol, unit : str
-        What pictures call it, and the quantity whose unit it has: "stress", "length", or none.
+        What pictures call it, and the quantity whose unit it has: "stress", "length", "force", "moment"; "rad" or none.
 
     """
 
@@ -577,7 +577,9 @@ def _further(path: str, error: InputError) -> InputError:
 
 def _instead(name: str, known: Iterable[str], reader: Reader) -> str:
     """What to write in place of an unknown key: one of those known, or where in the file a key like it belongs."""
-    places = places_of(reader.whole)
+    places = dict.fromkeys(file_keys(reader.whole), "the top of the file, before the first [table]")
+    for table, headings in tables_of(reader.whole).items():
+        places = dict.fromkeys(file_keys(table), headings[0]) | places
     near, listed = closest(name, {**dict.fromkeys(known), **places}), f"the keys here are {', '.join(known)}"
     if near is None:
         return f"there is no such key; {listed}"
@@ -588,16 +590,17 @@ def _instead(name: str, known: Iterable[str], reader: Reader) -> str:
 
 
 @_cached
-def places_of(whole: type) -> dict[str, str]:
-    """Every key of a file, and the first table that has it."""
-    found = dict.fromkeys(file_keys(whole), "the top of the file, before the first [table]")
+def tables_of(whole: type) -> dict[type, list[str]]:
+    """The classes that state the tables of a file, and the headings of each."""
+    found: dict[type, list[str]] = {}
 
     def walk(kind: type, path: str) -> None:
         for name, each in file_keys(kind).items():
-            if isinstance(each.kind, Table | Tables):
+            classes = (each.kind.of,) if hasattr(each.kind, "of") else getattr(each.kind, "classes", ())
+            for table in classes:
                 heading = f"[[{path}{name}]]" if isinstance(each.kind, Tables) else f"[{path}{name}]"
-                found.update({key: heading for key in file_keys(each.kind.of) if key not in found})
-                walk(each.kind.of, f"{path}{name}.")
+                found.setdefault(table, []).append(heading)
+                walk(table, f"{path}{name}.")
 
     walk(whole, "")
     return found

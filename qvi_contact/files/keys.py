@@ -15,46 +15,19 @@ from typing import Any, Final, NamedTuple
 from qvi_contact.basics import schema
 from qvi_contact.basics.schema import file_keys
 from qvi_contact.basics.units import Units
-from qvi_contact.files import mesh_tables, problem_file
-from qvi_contact.mesh.outline import Corner
-from qvi_contact.problem import conditions, material
-from qvi_contact.solution import settings
+from qvi_contact.files.mesh_tables import Axis
+from qvi_contact.files.problem_file import Document, PointDataTable, PolynomialTable, Values
 from solvers.basics.names import closest
 from solvers.errors import UnknownNameError
 
 TABLES: Final[dict[str, type]] = {
-    "top of the file": problem_file.Document,
-    "[units]": Units,
-    "[mesh]": mesh_tables.MeshTable,
-    "x, y of [mesh], as a piece or a list of pieces": mesh_tables.Segment,
-    "remove of [mesh], box of [[edges]]": mesh_tables.Rectangle,
-    "[mesh.refine]": mesh_tables.RefineTable,
-    "[[mesh.arcs]]": mesh_tables.ArcTable,
-    "[mesh.outline]": mesh_tables.OutlineTable,
-    "[[mesh.outline.corners]], and corners of holes, joints and regions": Corner,
-    "[[mesh.outline.holes]], [[mesh.outline.joints]], [[mesh.outline.regions]]": mesh_tables.LineTable,
-    "[[mesh.outline.sizes]]": mesh_tables.SizeTable,
-    "[[edges]]": mesh_tables.EdgesTable,
-    "[[joints]]": mesh_tables.JointTable,
-    "[material]": material.Material,
-    "[[regions]]": mesh_tables.RegionTable,
+    "top of the file": Document,
     **{
-        f'strength of [material] and [[regions]], law = "{getattr(each, "kind", "")}"': each
-        for each in material.STRENGTHS
+        ", ".join(headings) + (f', law = "{kind}"' if (kind := getattr(table, "kind", "")) else ""): table
+        for table, headings in schema.tables_of(Document).items()
     },
-    "[[symmetry]]": conditions.Symmetry,
-    "[[displacements]]": conditions.Displacement,
-    "[[tractions]]": conditions.Traction,
-    "[[contacts]]": conditions.Contact,
-    "plate of [[contacts]]": conditions.RigidPlate,
-    "pin of [[contacts]]": conditions.Pin,
-    "[solve]": settings.SolveOptions,
-    "[refine]": settings.RefineOptions,
-    "[history]": problem_file.HistoryTable,
-    "[sweep]": problem_file.SweepPlan,
-    "times of [history], values of [sweep], as a range": problem_file.TimeRange,
-    "a field, as a polynomial": problem_file.PolynomialTable,
-    "a field, by values at points": problem_file.PointDataTable,
+    "a field, as a polynomial": PolynomialTable,
+    "a field, by values at points": PointDataTable,
 }
 """Heading → class that states the table."""
 
@@ -68,8 +41,8 @@ _WORDS: Final[tuple[tuple[type[schema.Kind], str], ...]] = (
     (schema.Tables, "tables"),
     (schema.Tagged, "table with a law"),
     (schema.Table, "table"),
-    (mesh_tables.Axis, "list of numbers, piece or list of pieces"),
-    (problem_file.Values, "list of numbers, or range"),
+    (Axis, "list of numbers, piece or list of pieces"),
+    (Values, "list of numbers, or range"),
 )
 
 

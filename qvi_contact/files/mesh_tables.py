@@ -66,6 +66,8 @@ class Segment:
 class Axis(schema.Kind):
     """Grid lines: a list of them, a piece, or a list of pieces."""
 
+    of = Segment
+
     def read(self, value: Any, reader: schema.Reader) -> FloatArray:
         """All lines, those that are given as they are."""
         piece = isinstance(value, dict)

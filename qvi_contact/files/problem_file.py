@@ -81,6 +81,7 @@ class Values(schema.Kind):
     """Numbers, at least one, as a list or a range."""
 
     what: str
+    of = TimeRange
 
     def read(self, value: Any, reader: schema.Reader) -> tuple[float, ...]:
         """All of them."""

@@ -16,6 +16,7 @@ from qvi_contact.problem.conditions import (
     Condition,
     Contact,
     Displacement,
+    RigidPlate,
     Symmetry,
     Traction,
     components,
@@ -397,18 +398,12 @@ class _Sketch:
                 if values.any() or (value is not None and defaults_of(Contact).get(name) is None):
                     yield symbols.value_range(each.symbol, values, getattr(self.units, each.unit, ""))
         plate = contact.plate
-        if plate is not None:
-            for name, value, unit in (
-                ("F_x", plate.force_x, self.units.engineering_force),
-                ("F_y", plate.force_y, self.units.engineering_force),
-                ("M", plate.moment, self.units.engineering_moment),
-                ("u_x", plate.x, self.units.displacement),
-                ("u_y", plate.y, self.units.displacement),
-                ("θ", plate.rotation, "rad"),
-            ):
-                if value is not None:
-                    about = " about\xa0({:.4g}, {:.4g})".format(*plate.pivot) if name == "M" else ""
-                    yield symbols.value_range(name, np.array([value]), unit) + about
+        for name, each in keys_of(RigidPlate).items() if plate is not None else ():
+            value = getattr(plate, name)
+            if each.symbol and value is not None:
+                about = " about\xa0({:.4g}, {:.4g})".format(*plate.pivot) if plate and name == "moment" else ""
+                unit = getattr(self.units, f"engineering_{each.unit}", getattr(self.units, each.unit, each.unit))
+                yield symbols.value_range(each.symbol, np.array([value]), unit) + about
 
 
 def _directions(component: str, places: symbols.Places) -> FloatArray:

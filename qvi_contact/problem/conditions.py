@@ -174,13 +174,13 @@ class RigidPlate:
 
     """
 
-    force_x: Driven | None = None
-    force_y: Driven | None = None
-    moment: Driven | None = None
+    force_x: Driven | None = field(default=None, metadata=key(symbol="F_x", unit="force"))
+    force_y: Driven | None = field(default=None, metadata=key(symbol="F_y", unit="force"))
+    moment: Driven | None = field(default=None, metadata=key(symbol="M", unit="moment"))
     pivot: tuple[float, float] = (0.0, 0.0)
-    x: Driven | None = field(default=None, kw_only=True)
-    y: Driven | None = field(default=None, kw_only=True)
-    rotation: Driven | None = field(default=None, kw_only=True)
+    x: Driven | None = field(default=None, kw_only=True, metadata=key(symbol="u_x", unit="length"))
+    y: Driven | None = field(default=None, kw_only=True, metadata=key(symbol="u_y", unit="length"))
+    rotation: Driven | None = field(default=None, kw_only=True, metadata=key(symbol="θ", unit="rad"))
 
     def __post_init__(self) -> None:
         names = [name for pair in DRIVES.items() for name in pair if getattr(self, name) is not None]

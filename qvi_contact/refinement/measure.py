@@ -30,7 +30,7 @@ from qvi_contact.limit.load_factor import LimitProblem, checked_loads, loads_of,
 from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.mesh.edges import Edges, frames_along, points_along
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.problem.conditions import SHEAR_LAW, SPRINGS, Contact, Displacement, components
+from qvi_contact.problem.conditions import SHEAR_LAW, SPRINGS, Contact, Displacement, RigidPlate, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import COMPONENTS, cell_factors, held_along_z, stress_component, stress_in_cells
@@ -369,13 +369,17 @@ def _datum(
     if name == "young" or name in SPRINGS:
         return _Datum(lambda step: _with(problem, path, value / (1.0 + step)), -value, least=False)
     force = scales.stress * scales.length
-    units = {"phi": 1.0, "force_x": force, "force_y": force, "moment": force * scales.length}
-    units["rotation"] = scales.displacement / scales.length
-    if isinstance(_at(problem, path[:-1]), Contact):
-        units[name] = {"stress": scales.stress, "length": scales.displacement}.get(keys_of(Contact)[name].unit, 1.0)
-    if name == "temperature":
-        units[name] = scales.stress * scales.compliance / max(abs(each.expansion) for each in problem.materials)
-    unit = units.get(name, scales.stress if "strength" in path else scales.displacement)
+    units = {"": 1.0, "stress": scales.stress, "length": scales.displacement, "force": force}
+    units |= {"moment": force * scales.length, "rad": scales.displacement / scales.length}
+    part = _at(problem, path[:-1])
+    if isinstance(part, Contact | RigidPlate):
+        unit = units[keys_of(type(part))[name].unit]
+    elif name == "temperature":
+        unit = scales.stress * scales.compliance / max(abs(each.expansion) for each in problem.materials)
+    elif name == "phi":
+        unit = 1.0
+    else:
+        unit = scales.stress if "strength" in path else scales.displacement
     if relative and not callable(value):
         unit = abs(value) or unit
     return _Datum(
