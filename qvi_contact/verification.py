@@ -74,12 +74,7 @@ class Recomputed:
 def rediscretized(result: ContactResult) -> Discretization:
     """The problem of a result discretised anew, in its units and after the slip before it."""
     known = result.discretization
-    fresh = discretize(
-        known.problem,
-        degree=known.space.degree,
-        law_on=known.rule.law_on,
-        scales=known.scales,
-    )
+    fresh = discretize(known.problem, degree=known.space.degree, law_on=known.rule.law_on, scales=known.scales)
     slip = [rows.slip for rows in known.contacts]
     return fresh.slipped(slip) if any(part.any() for part in slip) else fresh
 
@@ -194,13 +189,8 @@ def bound_difference(result: ContactResult, found: Recomputed) -> float:
     return _largest([np.abs(claimed - computed) / unit])
 
 
-def unexpected(claims: Mapping[str, Any], found: Recomputed) -> list[str]:
-    """Names of fields that should not be there, or are missing."""
-    return sorted(claims.keys() ^ found.fields.keys())
-
-
 def compared(claims: Mapping[str, Any], found: Recomputed) -> Iterator[tuple[str, float]]:
-    """`difference` of each field that is both claimed and computed, by name; `unexpected` has the others."""
+    """`difference` of each field that is both claimed and computed, by name."""
     for name in [name for name in found.fields if name in claims]:
         claimed, wanted = np.asarray(claims[name]), np.asarray(found.fields[name])
         unit, rounding = _unit_of(name, found)
@@ -493,7 +483,7 @@ def _limited(name: str, value: float, limit: float, meaning: str) -> Check:
 
 
 def _entries(claims: Mapping[str, Any], found: Recomputed) -> Check:
-    names = unexpected(claims, found)
+    names = sorted(claims.keys() ^ found.fields.keys())
     shown = ", ".join(names[:_SHOWN]) + (", …" if len(names) > _SHOWN else "")
     return Check(
         "entries", float(len(names)), 0.0, not names,

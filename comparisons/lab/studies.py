@@ -325,9 +325,8 @@ def run_study(
                     append(case, outcome, {**about, **terms})
                     advance()
     except NotLoadedError as error:
-        if error.cramped:
-            raise InputError("memory", memory, f"is too little (MiB) to load {study.task}: give more") from error
-        raise InputError("Study.task", study.task, f"cannot be loaded: {error.reason}") from error
+        within = "" if memory is None else f" within memory = {memory} MiB"  # of which libraries seldom speak
+        raise InputError("Study.task", study.task, f"cannot be loaded{within}: {error.reason}") from error
     return read_rows(study, path)
 
 

@@ -52,7 +52,7 @@ from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, Displacemen
 from qvi_contact.problem.material import is_strained, varies
 from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.stress import allowed_misfit, fluid_work, obstacle_work, rest_on_arcs, support_work
+from qvi_contact.solution.stress import allowed_misfit, obstacle_work, rest_on_arcs, support_work
 from qvi_contact.version import __version__
 from solvers import Iteration, Status, solve_qvi
 from solvers.basics.progress import Log, deadline
@@ -448,7 +448,7 @@ def _assemble(given: FixedBoundProblem, stress: ContactResult, refused: str, com
     strain = strain_energy(fields, problem.compliances)
     complementary = strain - support_work(discretization, u) - obstacle_work(discretization, u)
     work, held = initial_work(fields, problem.compliances).tolist()
-    complementary += work - fluid_work(discretization)
+    complementary += work
     size = max(strain, abs(complementary), held, 1e-300)
     inside, moved = np.zeros(mesh.cell_count), companion.has_state
     contacts, slack, outer = dict[str, EdgeParts](), 0.0, 0.0

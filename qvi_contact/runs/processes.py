@@ -89,11 +89,11 @@ class Outcome:
 
 
 class NotLoadedError(QVIError):
-    """A job cannot be loaded in a process: why, in one line, and whether it could without the limit of memory."""
+    """A job cannot be loaded in a process: why, in one line."""
 
-    def __init__(self, reason: str, cramped: bool) -> None:
-        super().__init__(reason, cramped)
-        self.reason, self.cramped = reason, cramped
+    def __init__(self, reason: str) -> None:
+        super().__init__(reason)
+        self.reason = reason
 
     def __str__(self) -> str:
         return f"the work cannot be loaded in another process: {self.reason}"
@@ -121,7 +121,7 @@ class Process:
         if time.monotonic() - self._used > IDLE / 2.0:  # it ends by itself, perhaps just when the order comes
             self.end()
         if self._process is None:
-            self._start(self._limits.memory)
+            self._start()
         self._complaints.seek(0)
         self._complaints.truncate()
         self._began = time.perf_counter()
@@ -156,7 +156,7 @@ class Process:
             status, reason = answer if len(answer) == 2 else self._last_words(code)
             killed_first, self._killed = code < 0 and answer[0] == "ended" and not self._killed, True
             if not self._proven and not killed_first:
-                raise NotLoadedError(reason, self._limits.memory is not None and self._loads_with_more())
+                raise NotLoadedError(reason)
             return Outcome("crashed" if status == "refused" else status, None, reason, seconds, about=self._about)
         self._used = time.monotonic()
         status, seconds, load, found, *errors = answer
@@ -187,7 +187,7 @@ class Process:
         self.end()
         self._complaints.close()
 
-    def _start(self, memory: int | None) -> None:
+    def _start(self) -> None:
         self.link, theirs = multiprocessing.Pipe()
         inherited, lifeline = [theirs.fileno()], None
         if os.name == "posix":
@@ -207,14 +207,14 @@ class Process:
                 env={**os.environ, **dict.fromkeys(THREADS, str(self._limits.threads))},
             )  # fmt: skip
         except OSError as error:
-            raise NotLoadedError(f"no process can be started ({error.strerror})", False) from error
+            raise NotLoadedError(f"no process can be started ({error.strerror})") from error
         finally:
             theirs.close()
             if lifeline is not None:
                 os.close(lifeline)
         self._used = time.monotonic()
         with suppress(OSError):
-            self.link.send((memory,))
+            self.link.send((self._limits.memory,))
             self.link.send_bytes(self._job)
 
     def _last_words(self, code: int) -> tuple[str, str]:
@@ -224,16 +224,6 @@ class Process:
         words = one_line(lines[-1][-_LAST_WORDS:]) if lines else ""
         ending = f"signal {-code} ({signal.strsignal(-code)})" if code < 0 else f"exit status {code}"
         return ("memory" if names_shortage(words) else "crashed"), f"{ending}: {words or 'no message'}"
-
-    def _loads_with_more(self) -> bool:
-        """Whether the job can be loaded without the limit of memory, of which libraries seldom speak."""
-        self._start(None)
-        try:
-            return bool(wait([self.link], _LOADING)) and self.link.recv()[0] == "loaded"
-        except (EOFError, OSError):
-            return False
-        finally:
-            self.end()
 
 
 def done_here(

@@ -243,18 +243,15 @@ def undetermined_motions(result: ContactResult) -> tuple[UndeterminedMotion, ...
         return ()
     rigid = Rigid(result.problem)
     problem, bodies, motions = result.problem, rigid.bodies, _free_motions(result, rigid)
-    moving = {}
-    for body in range(len(bodies) if motions.shape[1] else 0):
-        x, y, turn = motions[3 * body : 3 * body + _ALL]  # as that of the first body's centre, rotation over one length
-        arm, turn = bodies.centre[0] - bodies.centre[body], turn / bodies.size[body]
-        moved = np.stack([x - turn * arm[1], y + turn * arm[0], turn * bodies.size[0]])
-        if np.abs(moved).max() > _MOVES:
-            moving[body] = moved
+    at = bodies.centre[0] + bodies.size[0] * np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]])
+    along = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
+    moved = [bodies.rows(np.full(_ALL, body), at, along) @ motions for body in range(len(bodies))]
+    moving = [body for body, each in enumerate(moved) if np.abs(each).max(initial=0.0) > _MOVES]
     found = []
     while moving:  # those with the same motion together
-        first, moved = next(iter(moving.items()))
-        alike = [body for body, other in moving.items() if np.abs(other - moved).max() <= _MOVES * np.abs(moved).max()]
-        moving = {body: other for body, other in moving.items() if body not in alike}
+        first, least = moving[0], _MOVES * np.abs(moved[moving[0]]).max()
+        alike = [body for body in moving if np.abs(moved[body] - moved[first]).max() <= least]
+        moving = [body for body in moving if body not in alike]
         own = motions[3 * first : 3 * first + _ALL]
         names, count = tuple(_name(problem, bodies, b) for b in alike), int(np.linalg.matrix_rank(own, tol=_MOVES))
         words = motions_in_words(own, bodies, first)

@@ -225,34 +225,24 @@ def support_work(discretization: Discretization, u: FloatArray) -> float:
 
 
 def obstacle_work(discretization: Discretization, u: FloatArray) -> float:
-    """∫_{Γ_μ} (g τ_N + w τ_T) ds [stress × length²] of u, g and w as the problem prescribes them, plates moved."""
+    """∫_{Γ_μ} (g τ_N' + w τ_T) ds [stress × length²] of u, with τ_N' = τ_N + p_w where a fluid presses.
+
+    g and w are those that the problem prescribes, with the given motions of plates.
+    """
     problem, scales, total = discretization.problem, discretization.scales, 0.0
     for contact in problem.contacts:
         points = EdgePoints(discretization.space, problem.mesh.edges(contact.edges), LOAD_POINTS)
         x, y = physical(problem, scales, points.coordinates)
         normal, shear = normal_and_shear(discretization, u, points)
-        gap, offset = evaluate("Contact.gap", contact.gap, x, y), evaluate("Contact.offset", contact.offset, x, y)
-        work = scales.stress * (gap * normal + offset * shear)
-        if contact.plate is not None:
-            work += (contact.plate.displacement(x, y) * traction(discretization, u, points)).sum(axis=0)
-        total += scales.length * float(points.weights @ work)
-    return total
-
-
-def fluid_work(discretization: Discretization) -> float:
-    """∫ g p_w ds [stress × length²] of fluids in contacts: τ_N + p_w is the traction that contacts feel."""
-    problem, scales = discretization.problem, discretization.scales
-    work = 0.0
-    for contact in problem.contacts:
         if contact.has_fluid:
-            points = EdgePoints(discretization.space, problem.mesh.edges(contact.edges), LOAD_POINTS)
-            x, y = physical(problem, scales, points.coordinates)
             pressure = evaluate("Contact.pore_pressure", contact.pore_pressure, x, y, minimum=0.0)
-            gap = evaluate("Contact.gap", contact.gap, x, y)
-            if contact.plate is not None:
-                gap = gap + component(contact.plate.displacement(x, y), points.normals)
-            work += scales.length * float(points.weights @ (pressure * gap))
-    return work
+            normal = normal + pressure / scales.stress
+        gap, offset = evaluate("Contact.gap", contact.gap, x, y), evaluate("Contact.offset", contact.offset, x, y)
+        if contact.plate is not None:
+            moved = contact.plate.displacement(x, y)
+            gap, offset = gap + component(moved, points.normals), offset + component(moved, points.tangents)
+        total += scales.length * scales.stress * float(points.weights @ (gap * normal + offset * shear))
+    return total
 
 
 def normal_and_shear(

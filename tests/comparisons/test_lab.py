@@ -290,7 +290,7 @@ class TestRuns:
             run_study(SMALL, tmp_path / "a")
 
     def test_a_task_that_cannot_be_loaded_ends_the_study(self, tmp_path):
-        with pytest.raises(InputError, match=r"cannot be loaded: .*AttributeError") as caught:
+        with pytest.raises(InputError, match=r"cannot be loaded within memory = 4000 MiB: .*AttributeError") as caught:
             run_study(replace(SMALL, task="tests.run_tasks:nothing"), tmp_path / "a", memory=4000)
         assert caught.value.field == "Study.task"
 

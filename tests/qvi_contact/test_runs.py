@@ -174,16 +174,14 @@ def test_however_a_run_ends_no_process_is_left():
 
 
 def test_a_job_that_cannot_be_loaded_ends_the_run():
-    with pytest.raises(NotLoadedError, match="ValueError: no such thing") as caught:
+    with pytest.raises(NotLoadedError, match="ValueError: no such thing"):
         done(unloadable, ["plain"], 2, Limits(memory=8000))
-    assert not caught.value.cramped
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs limits of memory")
-def test_too_little_memory_for_the_job_is_told_apart():
-    with pytest.raises(NotLoadedError) as caught:
+def test_so_does_one_that_needs_more_memory():
+    with pytest.raises(NotLoadedError):
         done(opened, ["plain"], 1, Limits(memory=10))
-    assert caught.value.cramped
 
 
 def test_a_process_does_many_orders_or_one():
