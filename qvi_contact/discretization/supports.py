@@ -292,16 +292,16 @@ class Elimination:
 
         Of the possible pivots of a row those of the largest age (N,) are preferred, of these the largest entry.
         """
-        values, ages = C.values[:, 0], age.tolist()
-        alone = np.flatnonzero((values != 0.0).sum(axis=1) == 1)  # rows that prescribe one degree of freedom itself
-        fixed, first = np.unique(C.columns[alone, np.abs(values[alone]).argmax(axis=1)], return_index=True)
+        all_values, ages = C.values[:, 0], age.tolist()
+        alone = np.flatnonzero((all_values != 0.0).sum(axis=1) == 1)  # rows that prescribe one degree of freedom itself
+        fixed, first = np.unique(C.columns[alone, np.abs(all_values[alone]).argmax(axis=1)], return_index=True)
         taken: list[int] = alone[first].tolist()
         solved: dict[int, dict[int, float]] = {pivot: {} for pivot in fixed.tolist()}
-        others = np.delete(np.arange(len(values)), taken)
-        largest = np.abs(values[others]).max(axis=1, initial=0.0).tolist()
-        parts = (part.tolist() for part in (others, C.columns[others], values[others]))
-        for most, row, columns, entries in zip(largest, *parts, strict=True):
-            terms = _reduced([pair for pair in zip(columns, entries, strict=True) if pair[1] != 0.0], solved)
+        others = np.delete(np.arange(len(all_values)), taken)
+        largest = np.abs(all_values[others]).max(axis=1, initial=0.0).tolist()
+        parts = (part.tolist() for part in (others, C.columns[others], all_values[others]))
+        for most, row, columns, values in zip(largest, *parts, strict=True):
+            terms = _reduced([pair for pair in zip(columns, values, strict=True) if pair[1] != 0.0], solved)
             sizes = list(map(abs, terms.values()))
             left = max(sizes, default=0.0)
             if left <= _DEPENDENT * most:

@@ -25,7 +25,6 @@ from qvi_contact.basics.checks import one_of, real_array, true_or_false
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.limit.load_factor import checked_loads, loads_of, multiplied
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem, run_digest
 from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome, Workers
@@ -343,7 +342,8 @@ class SweepTask:
         one_of("parameter", parameter, get_args(Parameter), f"give one of {', '.join(get_args(Parameter))}")
         known = [contact.name for contact in problem.contacts if contact.law != "tied"]
         if parameter == "load":
-            chosen = tuple(loads_of(problem)) if names is None else checked_loads(problem, names, "of")
+            limit = load("qvi_contact.limit.load_factor")  # which commands that solve once need not load
+            chosen = tuple(limit.loads_of(problem)) if names is None else limit.checked_loads(problem, names, "of")
         elif not known:
             remedy = "the problem has no contact that could open or slip"
             raise InputError("parameter", "friction, gap or offset", remedy)
@@ -358,7 +358,8 @@ class SweepTask:
     def changed(self, value: float) -> ContactProblem:
         """The problem with this value."""
         if self.parameter == "load":
-            return multiplied(self.problem, self.names, value)
+            posed: ContactProblem = load("qvi_contact.limit.load_factor").multiplied(self.problem, self.names, value)
+            return posed
 
         def changed(condition: Contact) -> Contact:
             given: Any = 0.0 if self.parameter == "friction" else getattr(condition, self.parameter)

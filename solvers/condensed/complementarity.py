@@ -23,7 +23,6 @@ In `docs/theory.md`: (D5), (D6).
 """
 
 from functools import cached_property
-from itertools import accumulate, pairwise
 from typing import Any
 
 import numpy as np
@@ -88,19 +87,16 @@ class Complementarity:
         qvi = self._qvi
         normal, friction = np.flatnonzero(~qvi.bilateral), np.flatnonzero(~qvi.frictionless)
         capped = friction[np.isfinite(qvi.cap[friction]) & (qvi.mu[friction] > 0.0)]
-        parts = (normal, friction, friction, capped, capped)
-        lengths = [len(part) for part in parts]
-        ends = pairwise((0, *accumulate(lengths)))
-        of_normal, of_friction, below, cap, below_cap = (np.arange(first, last) for first, last in ends)
+        parts = (normal, friction, capped, friction, capped)
+        kind = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
         self._points: IntVector = np.concatenate(parts)
-        self._above, self._below = np.concatenate([of_friction, cap]), np.concatenate([below, below_cap])
-        self._sign: Vector = np.repeat([0.0, 1.0, -1.0, 1.0, -1.0], lengths)
-        is_cap = np.repeat([False, False, False, True, True], lengths)
+        self._sign: Vector = np.array([0.0, 1.0, 1.0, -1.0, -1.0])[kind]
+        is_cap = np.array([False, False, True, False, True])[kind]
         places = np.full((2, qvi.m), -1)
-        places[0, normal], places[1, friction] = of_normal, of_friction
+        places[0, normal], places[1, friction] = np.split(np.arange(len(normal) + len(friction)), [len(normal)])
         self.traction: IntVector = places[np.where(self._sign == 0.0, 0, 1), self._points]
         self.bounds: IntVector = np.full((len(normal) + len(friction), len(SLOTS)), -1)
-        self.bounds[self.traction, np.repeat([0, 0, 1, 2, 3], lengths)] = np.arange(len(self._points))
+        self.bounds[self.traction, np.array([0, 0, 2, 1, 3])[kind]] = np.arange(len(self._points))
         mu, cohesion, limit = qvi.mu[self._points], qvi.cohesion[self._points], qvi.cap[self._points]
         rubs = (self._sign != 0.0) & ~is_cap & (mu > 0.0)
         self.pressed: IntVector = np.where(rubs, places[0, self._points], -1)
@@ -113,10 +109,10 @@ class Complementarity:
         self._signed, self._summed, self._rubbing = (self._summing(each) for each in entries)
         fixed = np.where(is_cap, limit, np.where(mu > 0.0, cohesion, np.minimum(cohesion, limit)))
         self._fixed: Vector = np.where(self._sign == 0.0, 0.0, fixed)
-        self._sheared: IntVector = qvi.m + self._points[self._above]
-        pressed = self.pressed[self._above]  # the normal bound, if any, on which each upper one depends, and μ of it
-        self._pressed_above = (pressed, np.where(pressed >= 0, self.friction[self._above], 0.0))
-        self.count = len(normal)
+        self.count = count = len(normal)
+        self._above = slice(count, (count + len(kind)) // 2)  # upper bounds; lower ones follow
+        self._pressing: Vector = np.where(self.pressed >= 0, self.friction, 0.0)[self._above]  # μ of a normal bound
+        self._limited: IntVector = self._points[: self._above.stop] + qvi.m * (kind > 0)[: self._above.stop]
         self.weights: Vector = qvi.W[self._points]
         self.W: Vector = self.weights[: len(self.bounds)]
         self.total_weight = float(self.weights.sum())
@@ -213,24 +209,18 @@ class Complementarity:
         Two bounds on either side of a traction have a sum in which the tractions cancel. It is taken from the slacks
         themselves, so that it keeps its digits where a point opens and all its slacks are tiny.
         """
-        tractions, rounding = self._tractions(y), self._rounding(y)
-        count, points, pairs = self.count, self._points[: self.count], self._sheared
-        above, below = s[self._above], s[self._below]
-        pressed, friction = self._pressed_above
-        bound = self._fixed[self._above] + friction * s[pressed]
+        count, pressed = self.count, self.pressed[self._above]
+        above, below = s[self._above], s[self._above.stop :]
+        bound = self._fixed[self._above] + self._pressing * s[pressed]
         if self.split.size:
             bound += self.friction_of(size)[self._above]
         sum_ = above + below
         both = 4.0 * _EPSILON * (sum_ + 2.0 * bound)
-        values = [s[:count] + tractions[points], sum_ - 2.0 * bound, 0.5 * (above - below) + tractions[pairs]]
-        found = _beyond(np.concatenate(values), np.concatenate([rounding[points], both, both + rounding[pairs]]))
-        total, half = found[count : count + above.size], found[count + above.size :]
-        residual = np.zeros_like(s)
-        residual[:count] = found[:count]
-        missed = friction * residual[pressed]
-        residual[self._above] = 0.5 * total + half + missed
-        residual[self._below] = 0.5 * total - half + missed
-        return residual
+        limit = self._rounding(y)[self._limited]
+        limit[count:] += both
+        found = _beyond(np.concatenate([s[:count], 0.5 * (above - below)]) + self._tractions(y)[self._limited], limit)
+        mean = 0.5 * _beyond(sum_ - 2.0 * bound, both) + self._pressing * found[pressed]
+        return np.concatenate([found[:count], mean + found[count:], mean - found[count:]])
 
     def split_residual(self, y: Vector, difference: Vector) -> Vector:
         """σ_N (b,) at the points `split` less the difference of pull and push, with zeros where it is rounding."""

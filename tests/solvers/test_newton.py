@@ -95,8 +95,8 @@ def test_slacks_are_the_law_at_the_moved_point(name):
     pressure = np.where(qvi.bilateral, np.abs(normal), -normal)
     bound = np.where(qvi.mu > 0.0, qvi.cohesion + qvi.mu * pressure, np.minimum(qvi.cohesion, qvi.cap))
     capped = rubs & np.isfinite(qvi.cap) & (qvi.mu > 0.0)
-    expected = [-normal[unilateral], (bound - shear)[rubs], (bound + shear)[rubs]]
-    expected += [(qvi.cap - shear)[capped], (qvi.cap + shear)[capped]]
+    expected = [-normal[unilateral], (bound - shear)[rubs], (qvi.cap - shear)[capped]]
+    expected += [(bound + shear)[rubs], (qvi.cap + shear)[capped]]
     found = problem.slack(u, np.abs(problem.split_normal(u)))
     assert found == pytest.approx(np.concatenate(expected), abs=1e-11)
     away = np.random.default_rng(2).normal(size=len(found))
