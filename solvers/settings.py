@@ -199,7 +199,7 @@ class Settings:
     tolerance : float
         Accuracy that the certificate must confirm, dimensionless: `tolerance = 1e-9`.
     factorisation : str
-        Factorisation, see `qvi-contact methods`: `factorisation = "superlu"`.
+        Factorisation, see `qvi-contact methods`: `factorisation = "multifrontal"`.
     threads : int, optional
         Threads of factorisations and dense linear algebra; one for small problems by default, else all cores: `threads
         = 2`.
@@ -236,8 +236,8 @@ class Settings:
     seconds if that is more. Another one is taken if an inner solver or options are given that only that one takes.
 
     Inner solvers are "qp:" and a name of qpsolvers, "direct:clarabel", or "socp:" and a name of cvxpy;
-    `solvers.available()` lists what is installed. Factorisations are "pardiso", "superlu" and "dense"; "auto" takes
-    "dense" for up to 500 unknowns, else the first of the others that is installed.
+    `solvers.available()` lists what is installed. Factorisations are "pardiso", "multifrontal" and "dense"; "auto"
+    takes "dense" for up to 500 unknowns, else the first of the others that is installed.
 
     When the time is over the best state so far is returned, with the status "time_limit" unless its certificate passes.
     It is looked at in every iteration, and handed on to inner solvers that take a limit; a factorisation under way, and

@@ -1,4 +1,4 @@
-"""The whole suite on one factorisation back end, ``pytest --factorisation superlu``; what many tests share."""
+"""The whole suite on one factorisation back end, ``pytest --factorisation multifrontal``; what many tests share."""
 
 import gc
 import os

@@ -98,10 +98,10 @@ def test_what_is_left_out_is_not_required():
     assert not {name.lower() for name in _closure(map(Requirement, PROJECT["dependencies"]))} & ONLY_IN_EXTRAS
 
 
-def test_everything_is_solved_by_superlu(base):
-    assert base["backends"] == ["superlu"]
+def test_everything_is_solved_by_the_fronts(base):
+    assert base["backends"] == ["multifrontal"]
     assert set(base["solves"]) == {"solved"}
-    assert base["large"] == ["solved", "superlu"]
+    assert base["large"] == ["solved", "multifrontal"]
     assert 0.0 < base["bracket"] < 0.2
     assert base["limit"] == pytest.approx([1.0 / 0.99, 1.0 / 0.99], rel=1e-6)
     assert not [name for name in base["inner"] if "cvxopt" in name]

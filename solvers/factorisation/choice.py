@@ -16,13 +16,16 @@ from solvers.factorisation.base import DENSE, SMALL, DenseFactor, Factorisation,
 from solvers.factorisation.dissection import Multifrontal, RefactorisedBySuperLU, nested_dissection
 from solvers.factorisation.pardiso import Pardiso, RefactorisedByPardiso, thread_count
 
-BACKENDS: Final = ("pardiso", "superlu")
+BACKENDS: Final = ("pardiso", "multifrontal")
 """Names of the sparse back ends, the fastest first."""
 
 VARIABLE: Final = "QVI_CONTACT_FACTORISATION"
 """Environment variable with the name of the default back end."""
 
-_VERSIONS: Final[Mapping[str, Callable[[], str | None]]] = {"pardiso": pardiso.version, "superlu": dissection.version}
+_VERSIONS: Final[Mapping[str, Callable[[], str | None]]] = {
+    "pardiso": pardiso.version,
+    "multifrontal": dissection.version,
+}
 _INSTALL: Final = {"pardiso": "pip install mkl"}
 _WORTH_THREADS: Final = 50_000  # unknowns below which more threads cost more than they bring
 
@@ -47,9 +50,9 @@ def factorise(
         "dense" for up to 500 unknowns, else the first that is installed.
     threads : int, optional
         Threads to use; one below 50 000 unknowns if not given, and above what OMP_NUM_THREADS or MKL_NUM_THREADS say,
-        or all cores this process may run on. "superlu" always has one.
+        or all cores this process may run on. "multifrontal" always has one.
     places : Matrix (n, 2), optional
-        Where the unknowns are, in any unit: "superlu" takes half the time with them.
+        Where the unknowns are, in any unit: "multifrontal" takes half the time with them.
 
     Raises
     ------

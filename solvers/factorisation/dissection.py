@@ -35,7 +35,7 @@ def version() -> str | None:
 class Multifrontal(Fronts):
     """K_II = Uᵀ U for K (n, n), n > k, in compressed columns, by `nested_dissection`."""
 
-    backend = "superlu"
+    backend = "multifrontal"
 
     def __init__(self, K: Sparse, interface: IntVector, places: Matrix | None = None) -> None:
         self.version, self.interface, self.size = version() or "", interface, K.shape[0]

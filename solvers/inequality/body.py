@@ -75,8 +75,7 @@ class Stiffness(PicklesFields):
     root : `EnergyRoot`, optional
         Its R is factorised where K is not positive definite to working precision, or when `use_root` says so.
     places : (n, 2), optional
-        Where the unknowns are, in any unit: SuperLU then eliminates by nested dissection of these places instead of in
-        an order that it finds.
+        Where the unknowns are, in any unit: without MKL unknowns are eliminated by nested dissection of these places.
 
     Raises `InputError` for a K that is not symmetric, or has a negative diagonal.
 

@@ -276,7 +276,7 @@ def test_options_override_the_file(shell, plate):
     ("command", "option", "begun", "expected"),
     [
         ("solve", "--method", "", {"condensed", "fixed-point", "pivoting", "uzawa"}),
-        ("solve", "--factorisation", "s", {"superlu"}),
+        ("solve", "--factorisation", "m", {"multifrontal"}),
         ("refine", "--inner", "direct:cl", {"direct:clarabel"}),
     ],
 )

@@ -164,7 +164,7 @@ def test_energies_of_the_history_are_those_of_the_problem():
     assert energies[near] == pytest.approx(energies[-1], rel=1e-2)
 
 
-UNSYMMETRIC = [name for name in ("pardiso", "superlu") if name in available_backends()]
+UNSYMMETRIC = [name for name in ("pardiso", "multifrontal") if name in available_backends()]
 
 
 def solved(qvi, system, **options):

@@ -113,11 +113,11 @@ def test_dense_algebra_is_taken_by_itself_where_it_is_cheap():
 
 
 @pytest.mark.parametrize("interface", [[], [3], list(range(40))], ids=len)
-def test_superlu_takes_places_for_its_order_alone(interface):
+def test_the_fronts_take_places_for_its_order_alone(interface):
     K = csc_matrix(kron(laplace(40, 0.1), identity(40)) + kron(identity(40), laplace(40, 0.1)))
     interface = np.array(interface, dtype=int)
     places = np.indices((40, 40)).reshape(2, -1).T.astype(float)
-    plain, placed = (factorise(K, interface, "superlu", places=given) for given in (None, places))
+    plain, placed = (factorise(K, interface, "multifrontal", places=given) for given in (None, places))
     right = np.random.default_rng(0).normal(size=K.shape[0])
     np.testing.assert_allclose(placed.schur, plain.schur, atol=1e-12)
     np.testing.assert_allclose(placed.solve(right), plain.solve(right), atol=1e-12)
@@ -211,13 +211,13 @@ def resident():
 def test_order_of_preference_and_default(environ):
     assert resolve() == BACKENDS_HERE[0]
     assert [name for name in BACKENDS if name in BACKENDS_HERE] == BACKENDS_HERE
-    environ(**{VARIABLE: "SuperLU"})
-    assert factorise(grid(), np.arange(2)).backend == "superlu"
+    environ(**{VARIABLE: "Multifrontal"})
+    assert factorise(grid(), np.arange(2)).backend == "multifrontal"
     assert factorise(grid(), np.arange(60)).backend == DENSE
     for name in BACKENDS_HERE:
         environ(**{VARIABLE: name})
         assert solve_qvi(gallery_plate()).factorisation.startswith(name)
-        assert solve_qvi(gallery_plate(), factorisation="superlu").factorisation.startswith("superlu")
+        assert solve_qvi(gallery_plate(), factorisation="multifrontal").factorisation.startswith("multifrontal")
     environ(**{VARIABLE: "umfpack"})
     with pytest.raises(InputError) as caught:
         factorise(grid(), np.arange(2))
@@ -247,7 +247,7 @@ except InputError as error:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="folders in use are not deleted")
 def test_back_ends_that_are_missing(tmp_path):
-    assert printed(MISSING, str(tmp_path)) == "superlu pardiso superlu backend True"
+    assert printed(MISSING, str(tmp_path)) == "multifrontal pardiso multifrontal backend True"
 
 
 def test_wrong_input():
@@ -289,7 +289,7 @@ def test_without_places_any_pattern_is_eliminated_in_parts(kind):
     shuffled = np.random.default_rng(0).permutation(K.shape[0])
     K, interface = csc_array(csc_array(K)[shuffled][:, shuffled]), np.array([3, 70])
     assert np.diff(interface_last(K, interface)[1]).max() < 150
-    factor, right = factorise(K, interface, "superlu"), np.sin(np.arange(K.shape[0]))
+    factor, right = factorise(K, interface, "multifrontal"), np.sin(np.arange(K.shape[0]))
     np.testing.assert_allclose(K @ factor.solve(right), right, atol=1e-12)
 
 
@@ -393,12 +393,12 @@ def test_importing_loads_no_back_end():
 def test_a_context_ends():
     """Whatever happens inside; what was made in it stays, as "auto" is content with it."""
     plain, other = gallery_plate(), gallery_plate()
-    with pytest.raises(ZeroDivisionError), plain.stiffness.using("superlu", 1):
+    with pytest.raises(ZeroDivisionError), plain.stiffness.using("multifrontal", 1):
         _ = 1 / 0
     assert plain.condensed_contact.system.factor.backend == DENSE
-    with other.stiffness.using("superlu", 1):
+    with other.stiffness.using("multifrontal", 1):
         factor = other.condensed_contact.system.factor
-    assert factor.backend == "superlu"
+    assert factor.backend == "multifrontal"
     assert other.condensed_contact.system.factor is factor
 
 
@@ -429,7 +429,7 @@ def test_lack_of_memory_is_a_status(monkeypatch, place):
 
     monkeypatch.setattr(place, full)
     for method in METHODS:
-        solution = solve_qvi(gallery_plate(), method=method, factorisation="superlu")
+        solution = solve_qvi(gallery_plate(), method=method, factorisation="multifrontal")
         assert solution.status is Status.OUT_OF_MEMORY
         assert np.isnan(solution.z).all()
 

@@ -288,7 +288,7 @@ def test_each_contact_is_a_whole_of_its_own():
 def test_large_problems_start_near_the_bonded_solution():
     """Multipliers are a fiftieth; the other start comes next."""
     many = row_of_points(12_001)
-    with many.stiffness.using("superlu", 1):
+    with many.stiffness.using("multifrontal", 1):
         large, small = SparseCoordinates(many).shares, SparseCoordinates(chain(0)).shares
     assert (large[0], large[1:]) == (small[-1], small[:-1])
     near, usual = (InteriorPoint(posed_whole(chain(0), shares)[1], 1.0).point.lam for shares in large[:2])
@@ -298,7 +298,7 @@ def test_large_problems_start_near_the_bonded_solution():
 @pytest.mark.parametrize("qvi", [chain(2), row_of_points(300)], ids=["body", "contact"])
 def test_norms_and_stiffness_are_those_of_dense_algebra(qvi):
     """Also where the contact is so large a share of a body that its unknowns are eliminated like all others."""
-    with qvi.stiffness.using("superlu", 1):
+    with qvi.stiffness.using("multifrontal", 1):
         whole, problem = posed_whole(qvi)
     random = np.random.default_rng(0)
     force = problem.force(random.normal(size=len(problem.weights)))

@@ -144,7 +144,7 @@ def test_options_of_other_methods_are_refused_and_names_listed():
         assert caught.value.field == field
     for options, listed in (
         ({"inner": "qp:abacus"}, "qp:clarabel"), ({"inner": "qp:qpswift"}, "qpSWIFT"),
-        ({"method": "newton"}, "uzawa"), ({"factorisation": "mumps"}, "superlu"),
+        ({"method": "newton"}, "uzawa"), ({"factorisation": "mumps"}, "multifrontal"),
     ):  # fmt: skip
         with pytest.raises(SolverUnavailableError, match=listed):
             solve_qvi(random_problem(0), **options)

@@ -85,7 +85,7 @@ def test_tip_of_a_cantilever_with_cells_down_to_a_millionth() -> None:
 
     assert error(factor.schur) < 10.0 * factor.rounding < 1e-2
     try:
-        left_in_K = error(factorise(R.T @ R, tip, "superlu").schur)
+        left_in_K = error(factorise(R.T @ R, tip, "multifrontal").schur)
     except FactorisationError:
         left_in_K = np.inf
     assert left_in_K > 0.3
