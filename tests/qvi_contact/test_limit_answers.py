@@ -107,6 +107,15 @@ def test_known_limit_loads(name):
     assert low <= found.upper <= high * (1 + accuracy)
 
 
+def test_fans_at_the_tip_of_a_cut_become_half_as_wide():
+    """In one round, where that has most of the gap: from two right angles to at most 45°, and to no less than half."""
+    mesh, tip = refine(notched(), quantity=LimitFactor(["top"]), max_rounds=2, degree=3).problem.mesh, (0.5, 0.0)
+    own = mesh.corners[((mesh.corners == tip).all(axis=2)).any(axis=1)]
+    arms = own[(own != tip).any(axis=2)].reshape(-1, 2, 2) - tip
+    one, other = (arms[:, k, 0] + 1j * arms[:, k, 1] for k in (0, 1))
+    assert math.pi / 8.0 < np.abs(np.angle(other / one)).max() <= math.pi / 4.0 * (1.0 + 1e-9)
+
+
 def test_the_last_mesh_is_no_finer_than_the_target_needs():
     near, far = (
         refine(notched(), target=target, quantity=LimitFactor(["top"]), max_rounds=2, degree=4)
