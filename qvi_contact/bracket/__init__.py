@@ -40,7 +40,6 @@ __getattr__ = front(
         ),
         "bounds": ("fixed_bound_problem",),
         "parts": ("CellFields", "bulk", "by_cell", "slip_work"),
-        "coulomb": ("coulomb_bounds",),
-        "share": ("Share", "bodies_of", "with_shares"),
+        "share": ("Share", "bodies_of"),
     },
 )

@@ -39,12 +39,12 @@ from qvi_contact.bracket.parts import (
     initial_work,
     strain_energy,
 )
-from qvi_contact.bracket.share import SharedStress, outside_scope, with_numbers, with_shares
+from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_shares
 from qvi_contact.companion import CompanionResult, solve_companions
 from qvi_contact.companion.body import PARALLEL
 from qvi_contact.companion.solver import check_scope
 from qvi_contact.companion.space import HIGHEST, triangle
-from qvi_contact.discretization.discretization import Discretization, discretize
+from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import is_polynomial, physical, scaled_stress_at_rest, spanned
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
@@ -99,13 +99,6 @@ def fixed_bound_problem(result: ContactResult) -> FixedBoundProblem:
         reason = f"The friction bound on {names} was taken from the computed pressure."
         return FixedBoundProblem(discretization, BracketKind.GIVEN_BOUND, own.bound, False, (reason,))
     return FixedBoundProblem(discretization, BracketKind.PROBLEM, own.bound, not own.exact.all(), ())
-
-
-def with_bernstein_rows(known: Discretization) -> Discretization:
-    """The same problem on the same elements and in the same units, with rows that hold the law on whole edges."""
-    if known.rule.law_on == "edges":
-        return known
-    return discretize(known.problem, degree=known.space.degree, law_on="edges", scales=known.scales)
 
 
 @dataclass(frozen=True, eq=False)
@@ -374,7 +367,7 @@ def bracket(
         stress, refused = admissible_stress(given, result, tolerance, **options)
         shared: SharedStress | str = ""
         if given.kind is BracketKind.GIVEN_BOUND:
-            shared = _with_shares(result, tolerance, **options)
+            shared = with_shares(result, tolerance, **options)
         slip: list[Mapping[str, FloatArray]] = [{}]
         if isinstance(shared, SharedStress):  # a displacement for Coulomb's law, too
             slip.append({name: share.slipping for name, share in shared.shares.items()})
@@ -420,24 +413,6 @@ def displacement(result: ContactResult) -> Callable[[ArrayLike, ArrayLike], Floa
 
     """
     return result.bracket.companion.displacement
-
-
-def _with_shares(result: ContactResult, tolerance: float, **options: Any) -> SharedStress | str:
-    """A stress that obeys Coulomb's law on whole edges, or why nothing is known of its errors."""
-    problem, known = with_numbers(result.problem), result.discretization
-    reason = outside_scope(problem)
-    if reason:
-        return reason
-    if problem is not result.problem:
-        known = replace(known, problem=problem)
-        result = ContactResult(known, result.solution)
-    strict = with_bernstein_rows(known)
-    if strict is not known:
-        solution = solve_qvi(strict.qvi, tolerance=tolerance, **options)
-        result = ContactResult(strict, solution)
-        if not result.has_state:
-            return f"No stress that obeys the contact law on whole edges was found: {solution.message}"
-    return with_shares(result)
 
 
 def _assemble(given: FixedBoundProblem, stress: ContactResult, refused: str, companion: CompanionResult) -> Bracket:

@@ -26,6 +26,7 @@ from scipy.sparse.linalg import splu
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.bracket.parts import EdgeTractions
 from qvi_contact.companion.body import PARALLEL
+from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.mechanism.bodies import blocks_of_cells
@@ -34,7 +35,7 @@ from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
-from solvers import FrictionQVI
+from solvers import FrictionQVI, solve_qvi
 
 _OPEN = 1e-6  # of the largest bound on a contact: an edge where it is nowhere above that bears nothing
 _BEARS = 0.02  # of the largest bound on an edge: coefficients below that do not count for the value of s at an end
@@ -230,14 +231,34 @@ def outside_scope(problem: ContactProblem) -> str:
     return ""
 
 
-def with_shares(result: ContactResult) -> SharedStress | str:
-    """(H4): a stress with continuous shares near that of a result with Bernstein rows, or why there is none.
+def with_bernstein_rows(known: Discretization) -> Discretization:
+    """The same problem on the same elements and in the same units, with rows that hold the law on whole edges."""
+    if known.rule.law_on == "edges":
+        return known
+    return discretize(known.problem, degree=known.space.degree, law_on="edges", scales=known.scales)
+
+
+def with_shares(result: ContactResult, tolerance: float, **options: Any) -> SharedStress | str:
+    """(H4): a stress with continuous shares near that of a result, or why nothing is known of its errors.
+
+    It obeys Coulomb's law on whole edges: a result with other rows is solved anew, with options of `solve_qvi`.
 
     At a vertex between edges of which one slips, s is 1 or −1 as there; where nothing slips it is the mean, weighted
     by the bounds; where no R of (D26) exists else, it is 0. Of each edge only the first and the last coefficient of the
     shear that counts are changed.
     """
-    known, found = result.discretization, dict[str, Share]()
+    problem, found = with_numbers(result.problem), dict[str, Share]()
+    reason = outside_scope(problem)
+    if reason:
+        return reason
+    given = result.discretization if problem is result.problem else replace(result.discretization, problem=problem)
+    known, solution = with_bernstein_rows(given), result.solution
+    if known is not given:
+        solution = solve_qvi(known.qvi, tolerance=tolerance, **options)
+    if known is not result.discretization:
+        result = ContactResult(known, solution)
+    if not result.has_state:
+        return f"No stress that obeys the contact law on whole edges was found: {solution.message}"
     own = EdgeTractions.of(known, result.dofs)
     for rows, contact in zip(known.contacts, known.problem.contacts, strict=True):
         if has_coulomb(contact):

@@ -573,11 +573,12 @@ def admissible(
     worst = float(excess.max(initial=0.0)) / max(1.0, float(np.abs(c).max(initial=0.0)))
     if worst <= _VIOLATED:
         return v, c, ""
-    number = int(np.argmax(excess)) % contacts.count
+    half, number = divmod(int(np.argmax(excess)), contacts.count)
     trace = next(each for each in contacts.traces if number < each.here.stop)
     x, y = trace.mesh.origin + trace.scales.length * trace.places[number - trace.start]
-    where = f"{trace.name!r}, or how it may slip, at ({x:.6g}, {y:.6g})"
-    return v, c, f"Prescribed displacements contradict the obstacle of {where}, by {worst:.1e} of their size."
+    what = "what holds the slip" if half else "the obstacle"
+    where = f"{what} of {trace.name!r} at ({x:.6g}, {y:.6g})"
+    return v, c, f"Prescribed displacements contradict {where}, by {worst:.1e} of their size."
 
 
 def _excess(problem: DualProblem, c: FloatArray) -> FloatArray:
