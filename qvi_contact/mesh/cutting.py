@@ -94,7 +94,7 @@ def _bisected(mesh: MeshParts, marked: IntArray | None) -> MeshParts:
 def _halved(mesh: MeshParts, edges: IntArray) -> MeshParts:
     """The mesh with these edges (k, 2), by their vertices, halved, and the triangles beside them divided; no others.
 
-    A triangle with one such edge is cut in two, with two in three and with three in four.
+    A triangle with one such edge is cut in two, with two in three; none has three.
     """
     cells, old = np.sort(mesh.cells, axis=1), len(mesh.vertices)
     topology = Topology.of(cells, old)
@@ -117,9 +117,6 @@ def _pieces(corners: list[int], sides: list[int], vertices: FloatArray) -> list[
     cut = [s for s in range(3) if sides[s] >= 0]
     if not cut:
         return [corners]
-    if len(cut) == 3:
-        a, b, c = sides
-        return [[corners[0], b, c], [a, corners[1], c], [a, b, corners[2]], [a, b, c]]
     if len(cut) == 1:
         s = cut[0]
         return [[corners[s], corners[end], sides[s]] for end in range(3) if end != s]

@@ -224,10 +224,7 @@ class _GmshFile:
         if not len(order):
             raise ValueError("it holds no nodes")
         at = order[np.minimum(np.searchsorted(self._tags[order], wanted), len(order) - 1)]
-        if (self._tags[at] != wanted).any():
-            remedy = f"joins nodes that it does not hold (it has {len(self._tags)}): write the mesh again"
-            raise InputError("mesh", "", remedy)
-        return at, named
+        return np.where(self._tags[at] == wanted, at, -1), named  # nodes that it does not hold are refused later
 
     def _next_line(self) -> bytes:
         """The next line that is not blank, without blanks around it; empty at the end of the file."""

@@ -301,8 +301,6 @@ class TriangleMesh(PicklesFields):
     def hole_edges(self) -> BoolArray:
         """Which edges of `boundary` bound a hole rather than the outside, shape (edges,): all but the largest line."""
         holes = np.ones(len(self.boundary), dtype=bool)
-        if len(self.outlines) == 1:
-            return ~holes
         places = [np.searchsorted(self.topology.outer, line) for line in self.outlines]
         middle = points_along(self.vertices, self.boundary, np.array([0.5]))[:, 0] - self.origin
         areas = (middle * self.boundary.normal).sum(axis=1) * self.boundary.length  # of lines twice what they enclose
