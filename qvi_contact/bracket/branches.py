@@ -60,7 +60,9 @@ def other_solutions(result: ContactResult, *, time_limit: float | None = None) -
     long as ten to thirty solves, and up to a hundred where the steps do not start near each other. Only certified
     states count. If there are several, the displacement model is solved on the same mesh, and the results are sorted by
 
-        d² = ∫ (cσ − ε(v)) : C : (cσ − ε(v)) dx / ∫ ε(v) : C : ε(v) dx.
+        d² = ½ ∫ (cσ − ε(v)) : C : (cσ − ε(v)) dx / U,
+
+    U the largest strain energy of the solutions. A v that is a rigid motion confirms one without stress.
 
     That no other solution was found does not prove that there is none.
 
@@ -99,21 +101,20 @@ def other_solutions(result: ContactResult, *, time_limit: float | None = None) -
         unknown = f"{unknown}: {model.message}"
     except InputError as error:
         unknown = f"{unknown}: {error}."
-    distances = np.full(len(results), np.nan)
+    distances, largest = np.full(len(results), np.nan), max(each.energies.strain for each in results)
     for i, each in enumerate(results if companion is not None else ()):
         assert companion is not None
         fields = CellFields.of(each.discretization, each.dofs, companion.degree)
         strain: FloatArray = companion.cell_strain(*fields.t[:, -2:].T)
-        apart, own = bulk(fields, each.problem.compliances, strain).sum(), companion.parts.strain
-        distances[i] = np.sqrt(apart / own) if own > 0.0 else np.inf
+        distances[i] = np.sqrt(bulk(fields, each.problem.compliances, strain).sum() / largest)
     order = np.argsort(distances, kind="stable")  # as they are, without a companion
     results, distances = [results[i] for i in order], distances[order]
     message = f"{_several(results)} {unknown}"
     if companion is not None:
-        shares = ", ".join(f"{100.0 * distance:.2g} %" for distance in distances)
+        shares = ", ".join(f"{100.0 * distance:.3g} %" for distance in distances)
         message = (
             f"{_several(results)} Their strains differ from those of the displacement model on the same mesh by "
-            f"{shares}, in the energy norm."
+            f"{shares} of the largest, in the energy norm."
         )
     told = []
     for i, each in enumerate(results):  # in place of what its own solve had suspected
