@@ -8,7 +8,7 @@ A mutation changes an operator, comparison, number or truth value (operators of 
 that pass its line, the quickest first, up to `SECONDS` of tests. A test that fails or does not end
 notices it, so the share that is noticed is a lower bound for the whole suite.
 
-``python -m tests.mutations renew`` follows the code: lines that moved to another file of their folder keep their
+``python -m tests.mutations renew`` follows the code: lines that moved to another file keep their
 answers, and for each line that is gone another mutation is drawn near it, which has none until it is run.
 
 The column `noticed` was measured at commit 9d2efbf3, and at b11cea1b again where tests had been added: 237 of 320 are

@@ -83,7 +83,8 @@ def with_its_line(mutation: Mutation) -> Mutation:
 def renewed() -> list[Mutation]:
     """The sample on the code as it is: a line that moved keeps its answers, for one that is gone another is drawn.
 
-    It is drawn from the same file, or from the same folder if the file is gone, and has no answers yet.
+    It is drawn from the same file, from the same folder if the file is gone, or else from the package, and has no
+    answers yet.
     """
     with SAMPLE.open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
@@ -95,8 +96,10 @@ def renewed() -> list[Mutation]:
     for number, row in enumerate(rows):
         if tuple(row[name] for name in names) in everything:
             continue
-        near = [place for place in left if Path(place[0]).parent == Path(row["file"]).parent]
-        same = [place for place in near if place[1:] == tuple(row[name] for name in names[1:])]
+        package = [place for place in left if place[0].split("/")[0] == row["file"].split("/")[0]]
+        near = [place for place in package if Path(place[0]).parent == Path(row["file"]).parent] or package
+        same = [place for place in package if place[1:] == tuple(row[name] for name in names[1:])]
+        same = [place for place in same if place in near] or same
         if len(same) == 1:
             place = same[0]
             rows[number] = row | everything[place]
