@@ -1,4 +1,4 @@
-"""What is installed: licences, version, names that clash."""
+"""What is installed: packages, version, names that clash."""
 
 import ast
 import re
@@ -8,7 +8,6 @@ import sysconfig
 import tomllib
 from functools import cache
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 import pytest
@@ -22,23 +21,6 @@ DECLARED = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PROJECT = DECLARED["project"]
 FOR_DEVELOPERS = {"browser", "dev", "docs", "peers", "test"}
 
-# licence as docs/licences.md has it → what the metadata of such a package say
-FAMILIES = {
-    "Apache": r"Apache",
-    "BSD": r"BSD|Redistribution and use in source and binary forms",
-    "GPL": r"(?<!L)GPL|(?<!Lesser )General Public License",
-    "Intel": r"Intel",
-    "LGPL": r"LGPL|Lesser General Public License",
-    "MIT": r"MIT|Permission is hereby granted, free of charge",
-    "PSF": r"Python Software Foundation|PSF",
-}
-
-
-def claimed():
-    """Package → licence, from the tables of the page."""
-    text = (ROOT / "docs" / "licences.md").read_text(encoding="utf-8")
-    return dict(re.findall(r"^\| `([\w-]+)` \| (\w+) \|", text, re.M))
-
 
 def required():
     """Names of the packages that users install."""
@@ -47,28 +29,9 @@ def required():
     return {Requirement(line).name for line in lines} - {PROJECT["name"]}  # extras of extras
 
 
-def stated(name):
-    """What a package's metadata say of its licence: of a whole text the beginning, since parts have others."""
-    metadata = distribution(name).metadata
-    classifiers = [line for line in metadata.get_all("Classifier") or () if line.startswith("License")]
-    return " ".join([metadata.get("License-Expression") or "", (metadata.get("License") or "")[:400], *classifiers])
-
-
 def test_every_package_is_on_the_page():
-    assert claimed().keys() == required()
-
-
-@pytest.mark.parametrize("name", sorted(claimed()))
-def test_licences_are_those_of_the_metadata(name):
-    try:
-        said = stated(name)
-    except PackageNotFoundError:
-        pytest.skip(f"{name} is not installed")
-    if not said.strip():
-        pytest.skip(f"this version of {name} says nothing")
-    assert re.search(FAMILIES[claimed()[name]], said), said
-    if "GPL" not in claimed()[name]:
-        assert not re.search(FAMILIES["GPL"], said), said
+    text = (ROOT / "docs" / "licences.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"^\| `([\w-]+)` \| \w+ \|", text, re.M)) == required()
 
 
 def test_a_file_of_the_user_that_has_taken_the_name_of_a_package_is_named(tmp_path):
