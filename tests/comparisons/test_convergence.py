@@ -9,7 +9,6 @@ from comparisons.convergence import outer as loops
 from comparisons.convergence import uzawa as steps
 from solvers import solve_qvi
 from solvers.certificate import uniqueness_bound
-from tests.comparisons.conftest import committed
 
 
 class TestContraction:
@@ -146,13 +145,3 @@ def test_costs_are_those_of_lasting_errors():
     assert cost([1e-3, 1e-6, 1e-4, 1e-5], 2e-5) == 4096  # what is small by chance does not count
     assert cost(found, 1e-5) == np.inf
     assert np.isnan(cost([], 1.0))
-
-
-def test_findings_of_the_committed_rows():
-    """What a user would act on."""
-    rows = committed("convergence-mesh")
-    values = mesh.values_of(mesh.meshes_of(rows))
-    assert values["paper_missed"] == 3
-    assert values["graded_missed"] == 0
-    assert values["adaptive_missed"] == 0
-    assert values["reached"]["degree 3"] < values["reached"]["degree 4"] < values["reached"]["degree 6"]

@@ -47,21 +47,16 @@ def paper(run):
     return run[0]
 
 
-def altered(solution, factor=1.0, **changes):
-    """A solution whose stress is multiplied, or that has other attributes."""
-    return replace(solution, **{"z": factor * solution.z, **changes})
+def altered(solution, factor):
+    """A solution whose stress is multiplied."""
+    return replace(solution, z=factor * solution.z)
 
 
-def doctored(paper, friction, **changes):
-    """The study with other results in one row."""
-    rows = [replace(row, **changes) if row.friction == friction else row for row in paper.rows]
-    return replace(paper, rows=tuple(rows))
-
-
-def with_back_end(paper, name, friction, factor, **changes):
+def with_back_end(paper, name, friction, factor):
     """The study with one run of one back end altered."""
-    row = paper.row(friction)
-    return doctored(paper, friction, back_ends={**row.back_ends, name: altered(row.back_ends[name], factor, **changes)})
+    other = paper.row(friction)
+    back_ends = {**other.back_ends, name: altered(other.back_ends[name], factor)}
+    return replace(paper, rows=tuple(replace(row, back_ends=back_ends) if row is other else row for row in paper.rows))
 
 
 def ends(paper):
@@ -71,14 +66,6 @@ def ends(paper):
 
 class TestNumbers:
     """Printed digits and agreement."""
-
-    def test_data_are_those_of_the_paper(self):
-        reference = room.load()
-        assert {mu: f"{value:.2f}" for mu, value in reference.table.items()} == TABLE_1
-        assert {n: (mu, f"{value:.2f}") for mu, (n, value) in reference.figures.items()} == FIGURES
-        assert (reference.young, reference.poisson, reference.cells) == (2.09e5, 0.3, 2)
-        assert (reference.displacement, reference.iterations, reference.omega_T) == (1e-3, 30, 1e-5)
-        assert reference.exact_without_friction == pytest.approx(reference.young * reference.displacement)
 
     def test_rules_give_every_digit_of_table_1(self, paper):
         rows = room.table_rows(paper)
@@ -102,9 +89,6 @@ class TestNumbers:
         without_friction = room.table_rows(paper)[0]
         for name in ("uzawa_converged", "fixed_point_qp", "fixed_point_socp", "condensed"):
             assert f"{without_friction[name]:.6f}" == "209.000000"
-
-    def test_constant_step_without_friction_cycles(self, paper):
-        assert sorted(f"{force:.3f}" for force in paper.cycle) == ["208.981", "209.152"]
 
     def test_every_back_end_on_every_problem(self, paper):
         assert [row.friction for row in paper.rows] == list(TABLE_1)
@@ -177,17 +161,12 @@ class TestFindings:
         assert (values["excess_at"], f"{values['excess']:.4f}") == (0.1, "0.0120")
 
 
-@pytest.fixture
-def known(monkeypatch, paper):
-    """The command with the computation replaced by its result."""
-    monkeypatch.setattr("comparisons.paper.study.run", lambda _: paper)
-
-
 class TestFiles:
     """The report's files, and its tables in the terminal."""
 
-    @pytest.mark.usefixtures("in_tmp_path", "known", "outlined")
-    def test_terminal_and_the_default_folder_whose_tables_hold_the_data(self, paper, tmp_path):
+    @pytest.mark.usefixtures("in_tmp_path", "outlined")
+    def test_terminal_and_the_default_folder_whose_tables_hold_the_data(self, paper, tmp_path, monkeypatch):
+        monkeypatch.setattr("comparisons.paper.study.run", lambda _: paper)
         ended = command("paper")
         assert (ended.status, ended.err) == (0, "")
         written = {path.name: path for path in (tmp_path / "results" / "paper").iterdir()}
