@@ -50,11 +50,6 @@ def plain(qvi):
     return solve_qvi(qvi, **loops.LOOPS["plain"].options())
 
 
-def exact_contraction(friction, damping):
-    """That of the loop damped by θ on the contacts without a mesh."""
-    return np.abs(1.0 - damping - damping * friction * bodies.COUPLINGS).max()
-
-
 class TestProblems:
     """What is said of the problems without a mesh is so."""
 
@@ -68,7 +63,8 @@ class TestProblems:
     @pytest.mark.parametrize("friction", [0.5, 1.1])
     def test_observed_contraction_is_the_exact_one(self, loop, friction):
         found = solve_qvi(bodies.contacts(friction), **loops.LOOPS[loop].options())
-        exact = exact_contraction(friction, loops.LOOPS[loop].damping)
+        damping = loops.LOOPS[loop].damping
+        exact = np.abs(1.0 - damping - damping * friction * bodies.COUPLINGS).max()
         assert found.solved
         # the other modes have not died out where they are almost as slow, and then make the loop look faster
         rate = loops.contraction([entry.residual for entry in found.history], 1e-8)

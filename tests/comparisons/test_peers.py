@@ -134,14 +134,6 @@ def test_rows_are_certified_solves_with_times_a_memory_and_an_error_of_their_own
     assert runs.before.nunique() == len(runs)
 
 
-def other_python(folder, does):
-    """A program that says it has any module, and then does this instead of the work."""
-    path = folder / "python-with-getfem"
-    path.write_text(f'#!/bin/sh\n[ "$1" = -c ] && exit 0\n{does}\n', encoding="utf-8")
-    path.chmod(0o755)
-    return str(path)
-
-
 class TestFailures:
     """Codes that crash, hang, or talk nonsense are rows with the reason."""
 
@@ -156,7 +148,10 @@ class TestFailures:
          ('[ -n "$PYTHONPATH" ] && echo "finds this project" >&2; exit 1', "status 1: no message")],
     )  # fmt: skip
     def test_the_reason_is_told(self, tmp_path, environ, does, reason):
-        environ(**{room.GETFEM: other_python(tmp_path, does), "PYTHONPATH": tmp_path})
+        path = tmp_path / "python-with-getfem"  # says it has any module, and then does this instead of the work
+        path.write_text(f'#!/bin/sh\n[ "$1" = -c ] && exit 0\n{does}\n', encoding="utf-8")
+        path.chmod(0o755)
+        environ(**{room.GETFEM: path, "PYTHONPATH": tmp_path})
         with pytest.raises((room.ProcessError, ValueError), match=reason) as caught:
             room.run(self.CASE)
         assert str(tmp_path) not in str(caught.value)

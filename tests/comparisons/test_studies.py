@@ -176,15 +176,12 @@ class TestRun:
         assert not (chains.force > 1e-8).any()
 
 
-class TestNumbers:
-    """Medians, ratios, exponents."""
-
-    def test_growth_is_the_exponent(self):
-        lines = [{"load": 1, "cells": n, "size": 100 * 4**n, "time": 3.0 * (100 * 4**n) ** 1.25, "status": status}
-                 for n, status in ((1, "solved"), (2, "solved"), (3, "stalled"), (4, "solved"))]  # fmt: skip
-        found = room.growth_of(DataFrame(lines), "load", "cells", "size", ["time"])
-        assert found[["from", "to"]].to_numpy().tolist() == [[1, 2], [2, 3], [3, 4], [1, 4]]
-        assert found.time.fillna(-1.0).tolist() == pytest.approx([1.25, -1.0, -1.0, 1.25])
+def test_growth_is_the_exponent():
+    lines = [{"load": 1, "cells": n, "size": 100 * 4**n, "time": 3.0 * (100 * 4**n) ** 1.25, "status": status}
+             for n, status in ((1, "solved"), (2, "solved"), (3, "stalled"), (4, "solved"))]  # fmt: skip
+    found = room.growth_of(DataFrame(lines), "load", "cells", "size", ["time"])
+    assert found[["from", "to"]].to_numpy().tolist() == [[1, 2], [2, 3], [3, 4], [1, 4]]
+    assert found.time.fillna(-1.0).tolist() == pytest.approx([1.25, -1.0, -1.0, 1.25])
 
 
 @pytest.fixture(scope="module")
