@@ -127,20 +127,12 @@ def check_console(block):
                 assert not shown or agree(printed, shown), "\n".join(printed)
 
 
-@pytest.fixture
-def _log_as_before():
-    """Leave the package's log as it was; the page on errors makes it talk."""
-    logger = logging.getLogger("qvi_contact")
-    level = logger.level
-    yield
-    logger.setLevel(level)
-
-
-@pytest.mark.usefixtures("in_tmp_path", "outlined", "_log_as_before")
+@pytest.mark.usefixtures("in_tmp_path", "outlined")
 @pytest.mark.parametrize(
     "page", [page for page in PAGES if blocks(page) and page.stem != "gallery"], ids=lambda page: page.stem
 )
-def test_code_runs_and_prints_what_is_shown(page, tmp_path, monkeypatch, environ):
+def test_code_runs_and_prints_what_is_shown(page, tmp_path, monkeypatch, environ, caplog):
+    caplog.set_level(logging.NOTSET, "qvi_contact")  # as it is again afterwards: the page on errors makes it talk
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     monkeypatch.syspath_prepend(tmp_path)
     environ(PYTHONPATH=tmp_path)
