@@ -1,4 +1,4 @@
-"""What is installed: licences, version, names that clash."""
+"""What is installed: packages, version, names that clash."""
 
 import ast
 import re
@@ -8,7 +8,6 @@ import sysconfig
 import tomllib
 from functools import cache
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 import pytest
@@ -22,53 +21,14 @@ DECLARED = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PROJECT = DECLARED["project"]
 FOR_DEVELOPERS = {"browser", "dev", "docs", "peers", "test"}
 
-# licence as docs/licences.md has it → what the metadata of such a package say
-FAMILIES = {
-    "Apache": r"Apache",
-    "BSD": r"BSD|Redistribution and use in source and binary forms",
-    "GPL": r"(?<!L)GPL|(?<!Lesser )General Public License",
-    "Intel": r"Intel",
-    "LGPL": r"LGPL|Lesser General Public License",
-    "MIT": r"MIT|Permission is hereby granted, free of charge",
-    "PSF": r"Python Software Foundation|PSF",
-}
-
-
-def claimed():
-    """Package → licence, from the tables of the page."""
-    text = (ROOT / "docs" / "licences.md").read_text(encoding="utf-8")
-    return dict(re.findall(r"^\| `([\w-]+)` \| (\w+) \|", text, re.M))
-
-
-def required():
-    """Names of the packages that users install."""
-    extras = PROJECT["optional-dependencies"]
-    lines = PROJECT["dependencies"] + [line for name in extras.keys() - FOR_DEVELOPERS for line in extras[name]]
-    return {Requirement(line).name for line in lines} - {PROJECT["name"]}  # extras of extras
-
-
-def stated(name):
-    """What a package's metadata say of its licence: of a whole text the beginning, since parts have others."""
-    metadata = distribution(name).metadata
-    classifiers = [line for line in metadata.get_all("Classifier") or () if line.startswith("License")]
-    return " ".join([metadata.get("License-Expression") or "", (metadata.get("License") or "")[:400], *classifiers])
-
 
 def test_every_package_is_on_the_page():
-    assert claimed().keys() == required()
-
-
-@pytest.mark.parametrize("name", sorted(claimed()))
-def test_licences_are_those_of_the_metadata(name):
-    try:
-        said = stated(name)
-    except PackageNotFoundError:
-        pytest.skip(f"{name} is not installed")
-    if not said.strip():
-        pytest.skip(f"this version of {name} says nothing")
-    assert re.search(FAMILIES[claimed()[name]], said), said
-    if "GPL" not in claimed()[name]:
-        assert not re.search(FAMILIES["GPL"], said), said
+    """Of those that users install."""
+    extras = PROJECT["optional-dependencies"]
+    lines = PROJECT["dependencies"] + [line for name in extras.keys() - FOR_DEVELOPERS for line in extras[name]]
+    required = {Requirement(line).name for line in lines} - {PROJECT["name"]}  # extras of extras
+    text = (ROOT / "docs" / "licences.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"^\| `([\w-]+)` \| \w+ \|", text, re.M)) == required
 
 
 def test_a_file_of_the_user_that_has_taken_the_name_of_a_package_is_named(tmp_path):
@@ -89,14 +49,11 @@ def test_all_files_of_a_package_are_installed(package, patterns):
     assert [path for path in files if path not in installed and folder / "reports" not in path.parents] == []
 
 
-def test_the_citation_has_the_version_and_what_its_format_asks_for():
+def test_the_citation_has_the_version_and_the_licence():
     found = pytest.importorskip("yaml").safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert PROJECT["dynamic"] == ["version"]
     assert str(found["version"]) == qvi_contact.__version__
-    assert found["cff-version"] == "1.2.0"
-    assert {"message", "title", "authors", "references"} <= found.keys()
     assert found["license"] == PROJECT["license"]
-    assert all({"type", "title", "authors"} <= reference.keys() for reference in found["references"])
 
 
 def test_names_of_types_are_on_the_page():
@@ -140,15 +97,6 @@ def room(module):
     return ".".join(module.split(".")[:2])
 
 
-def arrows(package):
-    """Rooms that each room of a package imports from."""
-    found = {}
-    for name, targets in modules(package):
-        others = {room(target) for target in targets if target.startswith(package + ".")}
-        found.setdefault(room(name), set()).update(others - {room(name)})
-    return found
-
-
 def reached(start, graph):
     seen, waiting = set(), [start]
     while waiting:
@@ -161,7 +109,10 @@ def reached(start, graph):
 
 @pytest.mark.parametrize("package", ["solvers", "qvi_contact"])
 def test_no_room_leads_back_to_itself(package):
-    graph = arrows(package)
+    graph = {}  # the rooms that each room imports from
+    for name, targets in modules(package):
+        others = {room(target) for target in targets if target.startswith(package + ".")}
+        graph.setdefault(room(name), set()).update(others - {room(name)})
     assert len(graph) > 10
     assert [name for name in graph if name in reached(name, graph)] == []
     graph = {"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}

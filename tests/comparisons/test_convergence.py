@@ -9,7 +9,6 @@ from comparisons.convergence import outer as loops
 from comparisons.convergence import uzawa as steps
 from solvers import solve_qvi
 from solvers.certificate import uniqueness_bound
-from tests.comparisons.conftest import committed
 
 
 class TestContraction:
@@ -51,11 +50,6 @@ def plain(qvi):
     return solve_qvi(qvi, **loops.LOOPS["plain"].options())
 
 
-def exact_contraction(friction, damping):
-    """That of the loop damped by θ on the contacts without a mesh."""
-    return np.abs(1.0 - damping - damping * friction * bodies.COUPLINGS).max()
-
-
 class TestProblems:
     """What is said of the problems without a mesh is so."""
 
@@ -69,7 +63,8 @@ class TestProblems:
     @pytest.mark.parametrize("friction", [0.5, 1.1])
     def test_observed_contraction_is_the_exact_one(self, loop, friction):
         found = solve_qvi(bodies.contacts(friction), **loops.LOOPS[loop].options())
-        exact = exact_contraction(friction, loops.LOOPS[loop].damping)
+        damping = loops.LOOPS[loop].damping
+        exact = np.abs(1.0 - damping - damping * friction * bodies.COUPLINGS).max()
         assert found.solved
         # the other modes have not died out where they are almost as slow, and then make the loop look faster
         rate = loops.contraction([entry.residual for entry in found.history], 1e-8)
@@ -146,13 +141,3 @@ def test_costs_are_those_of_lasting_errors():
     assert cost([1e-3, 1e-6, 1e-4, 1e-5], 2e-5) == 4096  # what is small by chance does not count
     assert cost(found, 1e-5) == np.inf
     assert np.isnan(cost([], 1.0))
-
-
-def test_findings_of_the_committed_rows():
-    """What a user would act on."""
-    rows = committed("convergence-mesh")
-    values = mesh.values_of(mesh.meshes_of(rows))
-    assert values["paper_missed"] == 3
-    assert values["graded_missed"] == 0
-    assert values["adaptive_missed"] == 0
-    assert values["reached"]["degree 3"] < values["reached"]["degree 4"] < values["reached"]["degree 6"]

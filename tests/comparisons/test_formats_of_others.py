@@ -24,12 +24,12 @@ from comparisons.exchange import (
     state_of,
     write_fclib,
 )
-from qvi_contact import load_problem, solve
+from qvi_contact import load_problem, save_problem, solve
 from qvi_contact.gallery import compressed_plate
 from solvers import FrictionQVI, InputError, Status, TractionFactor, certify, solve_qvi
 from solvers.inequality import Compliance
 from tests.comparisons.conftest import command, refused_command
-from tests.solvers.conftest import dragged_block, two_contacts
+from tests.solvers.conftest import dragged_block, one_contact, two_contacts
 
 h5py = pytest.importorskip("h5py", reason="FCLIB files need the extra 'exchange'")
 
@@ -86,13 +86,6 @@ def with_every_law(seed: int) -> FrictionQVI:
     )  # fmt: skip
 
 
-def lifted(qvi: FrictionQVI, state: ContactState) -> float:
-    """Accuracy, by the certificate of the original problem, of displacements found for the condensed one."""
-    m_N, m_T = qvi.W * state.u[0::2], -qvi.W * state.u[1::2]
-    z, nu = Compliance(qvi).unknowns(np.concatenate([m_N, m_T]))
-    return certify(qvi, z, m_N, m_T, nu).accuracy
-
-
 def refused(call) -> str:
     """The error's field, and behind it one clear line."""
     with pytest.raises(InputError) as caught:
@@ -142,11 +135,7 @@ def test_three_solutions():
         assert np.allclose(THREE.displacements(np.array(r), NOTHING), u, rtol=0, atol=1e-15)
         assert siconos_error(THREE, np.array(r)) < 1e-15
         assert siconos_error(THREE, r * np.array([1.0, -1.0]) + [0.1, 0.0]) > 1e-2
-    K, f = THREE.W, -THREE.q
-    qvi = FrictionQVI.from_arrays(
-        K=K, f=f, N=[[-1.0, 0.0]], n0=[0.0], T=[[0.0, 1.0]], t0=[0.0], mu=[2.0], W=[1.0]
-    )  # fmt: skip
-    again = local_problem(qvi)
+    again = local_problem(one_contact())
     assert np.allclose(again.W, THREE.W, rtol=0, atol=1e-14)
     assert np.allclose(again.q, THREE.q, rtol=0, atol=1e-14)
 
@@ -164,7 +153,10 @@ def test_condensed_and_original_have_the_same_solutions(seed, n, equalities):
     state = state_of(problem, solution)
     assert np.allclose(problem.displacements(state.r, state.lam), state.u, rtol=0, atol=1e-8 * np.abs(state.u).max())
     assert siconos_error(problem, state.r, state.lam) < 1e-6
-    assert lifted(qvi, solved(problem)) < 1e-7
+    u = solved(problem).u
+    m_N, m_T = qvi.W * u[0::2], -qvi.W * u[1::2]
+    z, nu = Compliance(qvi).unknowns(np.concatenate([m_N, m_T]))
+    assert certify(qvi, z, m_N, m_T, nu).accuracy < 1e-7
     above = qvi.energy(solution.z) - qvi.energy(qvi.bonded)
     energy = 0.5 * state.r @ problem.W @ state.r + problem.q @ state.r
     rest = 0.5 * problem.q @ np.linalg.lstsq(problem.W, problem.q, rcond=1e-10)[0]
@@ -289,53 +281,19 @@ def test_broken_archives(tmp_path, changes, word):
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
-TINY = """
-version = 1
-title = "Tiny plate"
-description = "Two by two cells, squeezed."
-
-[mesh]
-x = { start = 0.0, stop = 2.0, cells = 2 }
-y = { start = 0.0, stop = 1.0, cells = 2 }
-
-[material]
-young = 1000.0
-poisson = 0.3
-
-[[tractions]]
-edges = "right"
-x = 0.0
-y = 0.0
-
-[[symmetry]]
-edges = "left"
-
-[[symmetry]]
-edges = "bottom"
-
-[[contacts]]
-name = "plate"
-edges = "top"
-friction = 0.2
-gap = -0.001
-"""
-
-
-def plate(cells: int = 8, friction: float = 0.2, grading: float = 1.0):
-    return compressed_plate(friction, cells=(cells, cells), grading=grading)
-
 
 @pytest.fixture
 def tiny(tmp_path):
     path = tmp_path / "tiny.toml"
-    path.write_text(TINY, encoding="utf-8")
+    plate = compressed_plate(0.2, (2, 2))
+    save_problem(path, plate, title="Tiny plate", description="Two by two cells, squeezed.")
     return path
 
 
 @pytest.mark.parametrize("form", ["full", "condensed"])
 def test_a_converged_quadratic_program_has_the_solution_of_the_contact_problem(form):
     """The minimiser for the friction bound of the solution is the solution; for the cold bound it is not."""
-    result = solve(plate(8, friction=0.1))
+    result = solve(compressed_plate(0.1, (8, 8)))
     qvi, z = result.solution.problem, result.solution.z
     found = {p.name: p for p in programs_of("p", qvi, qvi.pressure(z))}
     assert set(found) == {f"p_{f}_{b}" for f in ("full", "condensed") for b in ("converged", "cold")}
@@ -397,7 +355,8 @@ def test_what_cannot_be_carried_is_written(tmp_path):
 
 def test_laws_without_a_place_in_fclib(tmp_path, tiny):
     """Cohesion: no FCLIB file, an archive yes."""
-    tiny.write_text(TINY + "cohesion = 0.1\n", encoding="utf-8")
+    text = tiny.read_text(encoding="utf-8")
+    tiny.write_text(text.replace("friction = 0.2", "friction = 0.2\ncohesion = 0.1"), encoding="utf-8")
     assert "cohesion" in refused_command("export", "fclib", tiny, tmp_path / "a.hdf5")
     assert not (tmp_path / "a.hdf5").exists()
     assert command("export", "npz", tiny, tmp_path / "a.npz")[0] == 0

@@ -298,12 +298,9 @@ class TestTables:
             assert text in one
 
 
-class TestNumbers:
-    """Formats."""
-
-    @settings(max_examples=50)
-    @given(st.floats(0.0, 1.0), st.integers(0, 4))
-    def test_only_all_is_all_and_only_nothing_is_nothing(self, share, digits):
-        text = numbers.percent(share, digits)
-        assert (text in ("100 %", f"100.{digits * '0'} %")) == (share == 1.0)
-        assert (text in ("0 %", f"0.{digits * '0'} %")) == (share == 0.0)
+@settings(max_examples=50)
+@given(st.floats(0.0, 1.0), st.integers(0, 4))
+def test_only_all_is_all_and_only_nothing_is_nothing(share, digits):
+    text = numbers.percent(share, digits)
+    assert (text in ("100 %", f"100.{digits * '0'} %")) == (share == 1.0)
+    assert (text in ("0 %", f"0.{digits * '0'} %")) == (share == 0.0)

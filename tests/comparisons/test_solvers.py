@@ -223,14 +223,11 @@ class TestTasks:
         assert found["certificate"]["tolerance"] == 1e-6
 
 
-class TestStudy:
-    """Which cases there are."""
-
-    def test_the_quick_study_has_all_tasks_and_a_dozen_solvers(self):
-        quick = study.declared(accuracies.installed(), quick=True).cases
-        assert len(quick) < len(study.declared(accuracies.installed()).cases) / 2
-        assert {case["problem"] for case in quick} == set(study.QUICK)
-        assert {case["task"] for case in quick} == {"inner", "cold", "outer"}
-        solvers = {case["solver"] for case in quick}
-        assert len(solvers - set(accuracies.METHODS)) >= 12
-        assert set(accuracies.METHODS) <= solvers
+def test_the_quick_study_has_all_tasks_and_a_dozen_solvers():
+    quick = study.declared(accuracies.installed(), quick=True).cases
+    assert len(quick) < len(study.declared(accuracies.installed()).cases) / 2
+    assert {case["problem"] for case in quick} == set(study.QUICK)
+    assert {case["task"] for case in quick} == {"inner", "cold", "outer"}
+    solvers = {case["solver"] for case in quick}
+    assert len(solvers - set(accuracies.METHODS)) >= 12
+    assert set(accuracies.METHODS) <= solvers

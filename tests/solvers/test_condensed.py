@@ -1,6 +1,5 @@
 """The condensed method on algebraic problems, on the contact and in all unknowns: what it solves, how accurately."""
 
-import copy
 import pickle
 from dataclasses import replace
 from itertools import product
@@ -16,7 +15,7 @@ from qvi_contact import discretize
 from qvi_contact.gallery import compressed_plate, masonry_wall
 from solvers import FrictionQVI, InputError, Status, Stiffness, solve_qvi
 from solvers.condensed import FRICTION_SHARES
-from solvers.factorisation import VARIABLE, available_backends, factorise, factorise_root
+from solvers.factorisation import factorise, factorise_root
 from solvers.inequality import TractionFactor, echelon, independent_rows, interface_of, trace_coordinates
 from tests.cases import every_pair, examples, thinned
 from tests.solvers.conftest import LAWS, Root, chain, mixed_problem, one_contact, random_problem
@@ -164,9 +163,6 @@ def test_energies_of_the_history_are_those_of_the_problem():
     assert energies[near] == pytest.approx(energies[-1], rel=1e-2)
 
 
-UNSYMMETRIC = [name for name in ("pardiso", "multifrontal") if name in available_backends()]
-
-
 def solved(qvi, system, **options):
     solution = solve_qvi(qvi, method="condensed", system=system, **options)
     assert solution.solved, solution.message
@@ -201,16 +197,6 @@ def test_points_may_link_unknowns_that_k_does_not():
         mu=np.full(m, 0.4), W=np.full(m, 0.2),
     )  # fmt: skip
     assert difference(qvi, solved(qvi, "sparse"), solved(qvi, "dense")) < 1e-9
-
-
-@pytest.mark.parametrize("backend", UNSYMMETRIC)
-def test_either_library_serves(backend, environ):
-    qvi = chain(0)
-    reference = solved(qvi, "dense")
-    environ(**{VARIABLE: backend})
-    found = solved(copy.deepcopy(qvi), "sparse")
-    assert found.factorisation.startswith(backend)
-    assert difference(qvi, found, reference) < 1e-10
 
 
 def test_places_change_the_order_only():

@@ -165,11 +165,6 @@ def gallery_plate(cells=(4, 4)):
     return discretize(compressed_plate(0.2, cells)).qvi
 
 
-def plate():
-    qvi = gallery_plate((10, 10))
-    return qvi.K, np.unique(vstack([qvi.N, qvi.T]).tocoo().col)
-
-
 @BACKEND
 def test_badly_scaled_is_not_singular(backend):
     scale = diags(10.0 ** np.linspace(-7, 7, 20))
@@ -187,7 +182,8 @@ def test_matrix_without_unknowns(backend):
 
 @BACKEND
 def test_many_factorisations_leave_no_memory_behind(backend):
-    K, interface = plate()
+    qvi = gallery_plate((10, 10))
+    K, interface = qvi.K, np.unique(vstack([qvi.N, qvi.T]).tocoo().col)
 
     def grow(count):
         before = resident()
