@@ -183,22 +183,6 @@ def test_full_slip_in_a_uniform_state(law, side, plane):
     assert result.energies.dissipation == pytest.approx(work, rel=1e-6)
 
 
-def test_unilateral_contact_opens_where_bilateral_contact_pulls():
-    """Uniform tension: the one carries it, the other reports that the load pulls the body off."""
-    mesh, material = TriangleMesh.rectangle((3, 2)), Material(1000.0, 0.0)
-
-    def problem(law):
-        loads = [Traction("top", 0.0, 5.0), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
-        return ContactProblem(mesh, material, [Contact("bottom", 0.3, law=law, name="floor"), *loads])
-
-    held = solved(problem("bilateral")).contacts["floor"]
-    assert held.normal_stress == pytest.approx(5.0, rel=1e-9)
-    assert held.tangential_stress == pytest.approx(0.0, abs=1e-8)
-    failed = solve(problem("unilateral"))
-    assert failed.status is Status.INFEASIBLE
-    assert failed.mechanism.contacts["floor"].opens
-
-
 def test_uzawa_finds_the_same_state():
     conditions = [
         Symmetry("left"),
