@@ -213,13 +213,15 @@ def test_prestress_of_a_strip_between_walls_is_its_stress():
 FILE = """
 version = 1
 temperature = "dT * x * t"
-
-[constants]
-dT = 10.0
-
-[mesh]
-x = { start = 0.0, stop = 2.0, cells = 2 }
-y = { start = 0.0, stop = 1.0, cells = 2 }
+constants = { dT = 10.0 }
+mesh = { x = [0, 1, 2], y = [0, 0.5, 1] }
+displacements = [{ edges = "left", x = 0, y = 0 }]
+tractions = [
+    { edges = "top", x = 0, y = 0 },
+    { edges = "bottom", x = 0, y = 0 },
+    { edges = "right", x = 0, y = 0 },
+]
+history = { times = [0.0, 1.0] }
 
 [material]
 young = 1000.0
@@ -233,29 +235,6 @@ young = 1000.0
 poisson = 0.3
 prestress = [-1.0, "2 * x", 0.0]
 temperature = 5.0
-
-[[displacements]]
-edges = "left"
-x = 0.0
-y = 0.0
-
-[[tractions]]
-edges = "top"
-x = 0.0
-y = 0.0
-
-[[tractions]]
-edges = "bottom"
-x = 0.0
-y = 0.0
-
-[[tractions]]
-edges = "right"
-x = 0.0
-y = 0.0
-
-[history]
-times = [0.0, 1.0]
 """
 
 
