@@ -109,19 +109,6 @@ def test_energy_lost_tends_to_the_area_with_smaller_steps():
     assert 0.6 * gaps[0] > gaps[1] > 0.0
 
 
-def test_plate_driven_by_force_reports_its_own_motion():
-    def problem(force):
-        base = pressed_block(0.0)
-        plate = Contact("top", FRICTION, gap=-0.01, name="plate", plate=RigidPlate(force_x=force))
-        return replace(base, conditions=[plate, *base.conditions[1:]])
-
-    by_force = solve_history([problem(force) for force in (0.5, 1.5, 0.2)])
-    displacement, force = by_force.loop("plate")
-    assert force == pytest.approx([0.5, 1.5, 0.2])
-    by_displacement = solve_history([pressed_block(w) for w in displacement])
-    assert by_displacement.loop("plate")[1] == pytest.approx(force, rel=1e-6)
-
-
 def test_stops_at_the_first_step_without_an_answer():
     def dragged(shear):
         mesh = TriangleMesh.rectangle((3, 2), WIDTH, HEIGHT)
