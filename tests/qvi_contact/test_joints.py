@@ -207,14 +207,8 @@ class TestTransformed:
     @staticmethod
     def wall(linear, along, rows):
         """Pressed by the roof, which also moves by 2e-3 along what was x; `along` is its sign on the tangent."""
-        grid = (
-            TriangleMesh.grid(X, Y)
-            .with_joint("bed", lambda _, y: np.isclose(y, 0.4))
-            .with_joint("head", lambda x, y: np.isclose(x, 0.8) & (y > 0.4) & (y < 1.0))
-        )
-        mesh = grid
-        middle = mesh.vertices[mesh.cells].mean(axis=1)
-        mesh = mesh.with_region("soft", np.flatnonzero((middle[:, 0] > 0.8) & (middle[:, 1] > 0.4)))
+        joints = {"bed": ((0.0, 0.4), (2.0, 0.4)), "head": ((0.8, 0.4), (0.8, 1.0))}
+        mesh = TriangleMesh.grid(X, Y, joints=joints, regions={"soft": ((0.8, 2.0), (0.4, 1.0))})
         conditions = [
             Contact.tied("bottom", name="base"),
             Contact.tied("top", -4e-3, along * 2e-3, name="roof"),
