@@ -7,10 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from qvi_contact import BodyForces, InputError, TriangleMesh, limit_load_factor, solve, solve_history, solve_sweep
-from qvi_contact.command import group
 from qvi_contact.companion import solve_companion
 from qvi_contact.element import adapted, constant
 from qvi_contact.export import summary, write_npz
@@ -170,7 +168,7 @@ class TestUplift:
         assert "'base'" in remark
 
 
-def test_what_check_tells(tmp_path):
+def test_what_check_tells(shell, tmp_path):
     (tmp_path / "strip.toml").write_text(f"""
         version = 1
         mesh = {{ x = [0, 0.5, 1], y = [0, 1] }}
@@ -182,8 +180,7 @@ def test_what_check_tells(tmp_path):
             {{ edges = "right", x = 0, y = 0 }},
         ]
     """)
-    told = CliRunner().invoke(group, ["check", str(tmp_path / "strip.toml"), "--json"], standalone_mode=False).stdout
-    (load,) = json.loads(told)["loads"]
+    (load,) = json.loads(shell("check", tmp_path / "strip.toml", "--json")[1])["loads"]
     force = 8.0 * (LAST - FIRST)
     assert (load["name"], load["x"]) == ("strip", 0.0)
     assert load["y"] == pytest.approx(-force, rel=1e-12)
