@@ -109,21 +109,6 @@ def test_energy_lost_tends_to_the_area_with_smaller_steps():
     assert 0.6 * gaps[0] > gaps[1] > 0.0
 
 
-def test_stops_at_the_first_step_without_an_answer():
-    def dragged(shear):
-        mesh = TriangleMesh.rectangle((3, 2), WIDTH, HEIGHT)
-        sides = [Traction("left", x=0.0, y=-shear), Traction("right", x=0.0, y=shear)]
-        load = Traction("top", x=shear, y=-PRESSURE)
-        return ContactProblem(mesh, Material(YOUNG, 0.3), [Contact("bottom", FRICTION, name="base"), load, *sides])
-
-    history = solve_history([dragged(share * FRICTION * PRESSURE) for share in (0.5, 1.1, 0.5)])
-    assert len(history.steps) == 2
-    assert history.planned == 3
-    assert history.status is Status.INFEASIBLE
-    assert "step 2 of 3" in history.message
-    assert len(history.dissipated) == 1
-
-
 def test_bad_steps_are_refused():
     with pytest.raises(InputError, match="at least one"):
         solve_history([])

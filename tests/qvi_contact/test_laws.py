@@ -87,13 +87,6 @@ class TestSameInOtherWords:
         assert (line.state == 1).all()
         assert result.energies.load == pytest.approx(expected.energies.load, rel=1e-8, abs=0.0)
 
-    def test_much_cohesion_ties(self, mesh, material):
-        tied = solved(punched(mesh, material, Contact.tied("bottom", 1e-4, 2e-4)))
-        glued = Contact("bottom", 0.0, 1e-4, 2e-4, cohesion=1e3 * material.young, law="bilateral", name="b")
-        result = solved(punched(mesh, material, glued), tolerance=1e-8)
-        assert difference(tied, result) < 1e-7
-        assert result.contacts["b"].slip == pytest.approx(0.0, abs=1e-10)
-
     def test_bound_is_kept_and_reached_where_it_slips(self, mesh, material):
         stress = 1e-3 * material.young
         cap, cohesion = 0.12 * stress, 0.02 * stress

@@ -268,10 +268,12 @@ def test_forces_of_plates_are_those_of_the_total_stress():
 
 def test_a_rising_fluid_by_steps():
     """It holds until the uplift has taken so much that friction no longer carries the push; lighter, it floats."""
-    uplifts = [0.0, 2.0, 6.0, 6.9, 7.005]
+    uplifts = [0.0, 2.0, 6.0, 6.9, 7.005, 0.0]
     steps = [dam(falling(uplift), friction=0.3) for uplift in uplifts]
     history = solve_history(steps, degree=4)
     assert [str(step.status) for step in history.steps] == ["solved"] * 4 + ["infeasible"]
+    assert (history.planned, history.status, len(history.dissipated)) == (6, Status.INFEASIBLE, 4)
+    assert "step 5 of 6" in history.message
     forces = [step.contacts["base"].effective_normal_force for step in history.steps[:4]]
     assert forces == pytest.approx([WEIGHT - uplift for uplift in uplifts[:4]], rel=1e-9)
     assert solve(dam(1.001 * WEIGHT / WIDTH, push=0.0)).status is Status.INFEASIBLE
