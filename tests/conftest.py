@@ -161,6 +161,15 @@ def shell(capfd, monkeypatch):
     return call
 
 
+@pytest.fixture
+def sliding(tmp_path, pytestconfig):
+    """The file of a block with 1 % more shear than friction can carry, on a coarser mesh than in the examples."""
+    text = (pytestconfig.rootpath / "examples" / "dragged_block_slides.toml").read_text(encoding="utf-8")
+    path = tmp_path / "sliding.toml"
+    path.write_text(text.replace("cells = 8", "cells = 2").replace("cells = 4", "cells = 2"), encoding="utf-8")
+    return path
+
+
 @pytest.fixture(scope="module")
 def browser():
     """A Chromium without a window. Tests that miss it are skipped; where CI is set, they fail."""

@@ -102,6 +102,14 @@ def difference(one, other):
     return np.abs(first - second).max() / np.abs(first).max()
 
 
+def refused(ending, *words):
+    """That a command ended with nothing but one line of complaint, which has these words."""
+    status, out, err = ending
+    assert (status, out, len(err.splitlines())) == (2, "", 1)
+    assert err.startswith("qvi-contact: ")
+    assert [word for word in words if word not in err] == []
+
+
 PROBLEMS = Path(__file__).parent / "problems"
 RICH = (PROBLEMS / "rich.toml").read_text(encoding="utf-8")
 TRIANGLES = (PROBLEMS / "triangles.toml").read_text(encoding="utf-8")

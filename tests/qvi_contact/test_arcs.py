@@ -274,43 +274,9 @@ def test_plate_on_an_arc():
     assert result.bracket.companion.plates["outer"].y == pytest.approx(result.plates["outer"].y, rel=2e-3)
 
 
-def disc():
-    """A quarter of a disc of radius 1 whose lowest point is the origin."""
-    angle = np.linspace(0.0, np.pi / 2.0, 4)
-    rim, half = (r * np.column_stack([np.sin(angle), -np.cos(angle)]) for r in (1.0, 0.5))
-    rim[0, 0], rim[-1, 1], half[-1, 1] = 0.0, 0.0, 0.0
-    vertices = np.concatenate([np.zeros((1, 2)), rim, half]) + np.array([0.0, 1.0])
-    cells = [three for k in (1, 2, 3) for three in ((k, k + 1, k + 4), (k + 1, k + 5, k + 4), (k + 4, k + 5, 0))]
-    sets = {"rim": [(1, 2), (2, 3), (3, 4)], "left": [(1, 5), (5, 0)], "top": [(0, 8), (8, 4)]}
-    return TriangleMesh(vertices, cells, sets).with_arc("rim", (0.0, 1.0), 1.0)
-
-
-def hertz(width, edge, **settings):
-    """The quarter on a rigid plane, pressed so that contact is so wide; edges so long where it is."""
-    mesh = disc()
-    while True:
-        edges = mesh.edges("rim")
-        nearest = np.minimum(mesh.vertices[edges.first, 0], mesh.vertices[edges.second, 0])
-        large = edges.length > np.maximum(edge, 0.6 * (nearest - 1.2 * width))
-        if not large.any():
-            break
-        mesh = mesh.refined(edges.cells[large, 0])
-    pairs = mesh.edge_sets["rim"]
-    low = mesh.vertices[pairs, 1].mean(axis=1) < 0.3
-    mesh = mesh.with_edges("low", pairs[low]).with_edges("free", pairs[~low])
-    force = np.pi / 4.0 * width**2 / (1.0 - NU**2)
-    conditions = [
-        Contact("low", 0.0, gap=lambda _, y: y / (1.0 - y)),  # along the normal of the circle
-        Traction("free", normal=0.0, tangential=0.0),
-        Traction("top", x=0.0, y=-force / 2.0),
-        Symmetry("left"),
-    ]
-    problem = ContactProblem(mesh, Material(1.0, NU, plane="strain"), conditions)
-    return solve(problem, **settings), 2.0 * force / (np.pi * width)
-
-
 def test_arcs_too_coarse_for_their_contact():
-    result, _ = hertz(0.02, 0.05, degree=4)
+    """A plane touches the ring on one edge, and on the mirror image of that."""
+    result = ring(Contact("outer", 0.0, gap=lambda x, _: 1.9 - x), "inner", degree=4)
     assert result.status.value == "solved"
     (remark,) = result.remarks
     assert "(2)" in remark
@@ -355,10 +321,7 @@ def test_displacements_along_normals_of_arcs(components, degree):
 
 def test_smooth_arcs_have_no_corners():
     """A closer look refines where the boundary turns inwards, which an arc of long edges does nowhere inside."""
-    mesh = quarter(1, 2)
-    conditions = [Traction(name, normal=0.0, tangential=0.0) for name in ("inner", "outer")]
-    problem = ContactProblem(mesh, Material(1.0, NU), [*conditions, Symmetry("bottom"), Symmetry("left")])
-    assert len(places(solve(problem, degree=3)).corners) == 4
+    assert len(places(solve(under_pressure(quarter(1, 2)), degree=3)).corners) == 4
 
 
 def test_high_degrees_where_much_is_open():

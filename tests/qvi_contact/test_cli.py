@@ -18,10 +18,9 @@ from solvers import available
 from solvers.factorisation import DENSE, available_backends
 from solvers.settings import METHODS
 from tests.cases import examples
-from tests.qvi_contact.builders import TRIANGLES, mutated
+from tests.qvi_contact.builders import TRIANGLES, mutated, refused
 
 ROOT = Path(__file__).parents[2]
-EXAMPLES = ROOT / "examples"
 OWN = {"comparisons", "qvi_contact", "solvers"}
 
 
@@ -31,28 +30,11 @@ def ran(*words, **options):
     return subprocess.run(line, capture_output=True, text=True, timeout=60, check=False, **options)
 
 
-def refused(ending, *words):
-    """Nothing but one line of complaint, which has these words."""
-    status, out, err = ending
-    assert (status, out, len(err.splitlines())) == (2, "", 1)
-    assert err.startswith("qvi-contact: ")
-    assert [word for word in words if word not in err] == []
-
-
 @pytest.fixture
 def plate(tmp_path):
     path = tmp_path / "plate.toml"
     problem = compressed_plate(0.2, cells=(3, 3))
     save_problem(path, problem, title="The plate", units=Units("mm", "MPa"), solve_options={"damping": 0.6})
-    return path
-
-
-@pytest.fixture
-def sliding(tmp_path):
-    """A block with more shear than friction can carry."""
-    path = tmp_path / "sliding.toml"
-    text = (EXAMPLES / "dragged_block_slides.toml").read_text(encoding="utf-8")
-    path.write_text(text.replace("cells = 8", "cells = 2").replace("cells = 4", "cells = 2"), encoding="utf-8")
     return path
 
 

@@ -7,7 +7,7 @@ import meshio
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, TriangleMesh, limit_load_factor, load_problem, solve, solve_history
+from qvi_contact import InputError, TriangleMesh, limit_load_factor, solve, solve_history
 from qvi_contact.export import field_arrays, summary, write_contacts_vtu, write_json, write_npz, write_vtu
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
@@ -23,6 +23,7 @@ from qvi_contact.verification import (
 )
 from solvers import Certificate, Status
 from solvers.certificate import EXPONENTS
+from tests.test_examples import example
 
 UNITS = Units("mm", "MPa")
 STATES = ["open", "stick", "slip"]
@@ -209,31 +210,18 @@ def test_files_hold_a_result(notched, tmp_path):
     assert misses.max() < 0.2 * np.ptp(stress[:, 1])
 
 
-PLATE = compressed_plate(0.3, (2, 2))
-
-
-@pytest.fixture(scope="module")
-def plate_result():
-    return solve(PLATE)
-
-
-@pytest.fixture(scope="module")
-def dragged(pytestconfig):
-    return load_problem(pytestconfig.rootpath / "examples" / "dragged_block_holds.toml").problem
-
-
-def test_a_result_has_the_points_of_its_contacts_and_a_row_for_each(plate_result):
-    points, forces = plate_result.to_frame(), plate_result.forces_frame()
-    line = plate_result.contacts["plate"]
+def test_a_result_has_the_points_of_its_contacts_and_a_row_for_each(plate):
+    points, forces = plate.to_frame(), plate.forces_frame()
+    line = plate.contacts["plate"]
     assert list(points["contact"].unique()) == list(forces["contact"]) == ["plate"]
     assert len(points) == len(line.x)
     assert points["weight"] @ points["normal_stress"] == pytest.approx(-forces["normal_force"][0])
     assert forces["largest_pressure"][0] == -points["normal_stress"].min()
     assert forces[["share_open", "share_stick", "share_slip"]].sum(axis=1)[0] == pytest.approx(1.0)
-    assert {"normal_force [N/mm]", "largest_slip [mm]", "share_slip"} <= set(plate_result.forces_frame(UNITS).columns)
-    assert "slip [mm]" in plate_result.to_frame(UNITS).columns
-    numbers = [entry.number for entry in plate_result.solution.history]
-    assert numbers == list(range(1, plate_result.solution.iterations + 1))
+    assert {"normal_force [N/mm]", "largest_slip [mm]", "share_slip"} <= set(plate.forces_frame(UNITS).columns)
+    assert "slip [mm]" in plate.to_frame(UNITS).columns
+    numbers = [entry.number for entry in plate.solution.history]
+    assert numbers == list(range(1, plate.solution.iterations + 1))
 
 
 def test_a_history_has_a_row_for_each_step_and_contact():
@@ -247,15 +235,15 @@ def test_a_history_has_a_row_for_each_step_and_contact():
 
 
 def test_a_refinement_has_a_row_a_round():
-    found = refine(PLATE, target=3e-4)
+    found = refine(compressed_plate(0.3, (2, 2)), target=3e-4)
     table = found.to_frame()
     assert list(table["unknowns"]) == [each.unknowns for each in found.rounds]
     assert list(table["cells"]) == [each.cells for each in found.rounds]
     assert table["estimate"].iloc[-1] == found.estimate
 
 
-def test_a_limit_load_is_a_row(dragged):
-    loads = ["drag"]
+def test_a_limit_load_is_a_row():
+    dragged, loads = example("dragged_block_holds").problem, ["drag"]
     limit = limit_load_factor(dragged, loads)
     row = limit.to_frame().loc[0]
     assert (row["lower"], row["upper"], row["slides"]) == (limit.lower, limit.upper, "base")

@@ -109,34 +109,6 @@ def test_energy_lost_tends_to_the_area_with_smaller_steps():
     assert 0.6 * gaps[0] > gaps[1] > 0.0
 
 
-def test_plate_driven_by_force_reports_its_own_motion():
-    def problem(force):
-        base = pressed_block(0.0)
-        plate = Contact("top", FRICTION, gap=-0.01, name="plate", plate=RigidPlate(force_x=force))
-        return replace(base, conditions=[plate, *base.conditions[1:]])
-
-    by_force = solve_history([problem(force) for force in (0.5, 1.5, 0.2)])
-    displacement, force = by_force.loop("plate")
-    assert force == pytest.approx([0.5, 1.5, 0.2])
-    by_displacement = solve_history([pressed_block(w) for w in displacement])
-    assert by_displacement.loop("plate")[1] == pytest.approx(force, rel=1e-6)
-
-
-def test_stops_at_the_first_step_without_an_answer():
-    def dragged(shear):
-        mesh = TriangleMesh.rectangle((3, 2), WIDTH, HEIGHT)
-        sides = [Traction("left", x=0.0, y=-shear), Traction("right", x=0.0, y=shear)]
-        load = Traction("top", x=shear, y=-PRESSURE)
-        return ContactProblem(mesh, Material(YOUNG, 0.3), [Contact("bottom", FRICTION, name="base"), load, *sides])
-
-    history = solve_history([dragged(share * FRICTION * PRESSURE) for share in (0.5, 1.1, 0.5)])
-    assert len(history.steps) == 2
-    assert history.planned == 3
-    assert history.status is Status.INFEASIBLE
-    assert "step 2 of 3" in history.message
-    assert len(history.dissipated) == 1
-
-
 def test_bad_steps_are_refused():
     with pytest.raises(InputError, match="at least one"):
         solve_history([])

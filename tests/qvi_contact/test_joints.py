@@ -207,14 +207,8 @@ class TestTransformed:
     @staticmethod
     def wall(linear, along, rows):
         """Pressed by the roof, which also moves by 2e-3 along what was x; `along` is its sign on the tangent."""
-        grid = (
-            TriangleMesh.grid(X, Y)
-            .with_joint("bed", lambda _, y: np.isclose(y, 0.4))
-            .with_joint("head", lambda x, y: np.isclose(x, 0.8) & (y > 0.4) & (y < 1.0))
-        )
-        mesh = grid
-        middle = mesh.vertices[mesh.cells].mean(axis=1)
-        mesh = mesh.with_region("soft", np.flatnonzero((middle[:, 0] > 0.8) & (middle[:, 1] > 0.4)))
+        joints = {"bed": ((0.0, 0.4), (2.0, 0.4)), "head": ((0.8, 0.4), (0.8, 1.0))}
+        mesh = TriangleMesh.grid(X, Y, joints=joints, regions={"soft": ((0.8, 2.0), (0.4, 1.0))})
         conditions = [
             Contact.tied("bottom", name="base"),
             Contact.tied("top", -4e-3, along * 2e-3, name="roof"),
@@ -265,19 +259,13 @@ class TestTransformed:
 @ROWS
 def test_joint_that_ends_at_contacts(rows):
     """Between two rough plates, symmetric about the joint: no shear on it, and the half body's solution."""
-    half = TriangleMesh.grid([0.0, 0.3, 0.7, 1.0], [0.0, 0.5, 1.0])
-    count = len(half.vertices)
-    axis = half.vertices[:, 0] == 0.0
-    twin = np.where(axis, np.arange(count), count + np.cumsum(~axis) - 1)
-    vertices = np.vstack([half.vertices, half.vertices[~axis] * [-1.0, 1.0]])
-    cells = np.vstack([half.cells, twin[half.cells][:, ::-1]])
-    pairs = {name: np.column_stack([half.edges(name).first, half.edges(name).second]) for name in half.edge_names}
-    edges = {name: np.vstack([pairs[name], twin[pairs[name]]]) for name in ("bottom", "top")}
-    edges |= {"right": pairs["right"], "left": twin[pairs["right"]], "joint": pairs["left"]}
-    whole = TriangleMesh(vertices, cells, edges)
+    whole = TriangleMesh.grid(
+        [-1.0, -0.7, -0.3, 0.0, 0.3, 0.7, 1.0], [0.0, 0.5, 1.0], joints={"joint": ((0.0, 0.0), (0.0, 1.0))}
+    )
+    half = whole.part(np.flatnonzero(whole.corners[..., 0].min(axis=1) >= 0.0))
     plates = [Contact("bottom", 0.2, name="floor"), Contact("top", 0.2, gap=-2e-3, name="roof")]
     free, options = Traction("right", 0.0, 0.0), {"degree": DEGREE, "law_on": rows, "tolerance": 1e-8}
-    expected = solved(ContactProblem(half, STEEL, [Symmetry("left"), free, *plates]), **options)
+    expected = solved(ContactProblem(half, STEEL, [Symmetry("joint"), free, *plates]), **options)
     conditions = [Traction("left", 0.0, 0.0), free, *plates, Contact("joint", 0.4, law="bilateral")]
     result = solved(ContactProblem(whole, STEEL, conditions), **options)
     x, y = np.random.default_rng(2).uniform(0.01, 0.99, (2, 40))

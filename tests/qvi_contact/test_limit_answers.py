@@ -25,7 +25,6 @@ from qvi_contact.problem import (
     Tresca,
 )
 from tests.cases import EFFORT
-from tests.test_examples import example
 
 FULL = EFFORT >= 10.0
 NEAR = 1e-9
@@ -208,39 +207,14 @@ def triangles():
     return wall(TriangleMesh.rectangle((2, 4), 1.0, 4.0))
 
 
-def dry_stone_wall(friction):
-    """Three courses of two blocks, 30 on the top, weight 24, the top course pushed from the left."""
-    problem = example("dry_stone_wall").problem
-    joints = {
-        "lower bed": ((0.0, 1.0), (3.0, 1.0)), "upper bed": ((0.0, 2.0), (3.0, 2.0)),
-        "head 1": ((1.5, 0.0), (1.5, 1.0)), "head 2": ((1.0, 1.0), (1.0, 2.0)), "head 3": ((1.5, 2.0), (1.5, 3.0)),
-    }  # fmt: skip
-    mesh = TriangleMesh.grid([0.0, 1.0, 1.5, 3.0], [0.0, 1.0, 2.0, 3.0], joints=joints)
-    mesh = mesh.with_edges("pushed", lambda x, y: (x == 0.0) & (y > 2.0))
-    mesh = mesh.with_edges("below", lambda x, y: (x == 0.0) & (y < 2.0))
-    others = [replace(each, friction=friction) if isinstance(each, Contact) else each for each in problem.conditions]
-    loads = [Traction("pushed", 1.0, 0.0, name="push"), Traction("below", 0.0, 0.0)]
-    return replace(problem, mesh=mesh, conditions=[*loads, *(each for each in others if each.edges != "left")])
-
-
-def test_both_sides_agree():
-    exact = 0.6 * 162.0
-    found = refined(dry_stone_wall(0.6), "push")
-    assert found.status is RefinementStatus.REACHED, found.message
-    assert found.limit.upper == pytest.approx(exact, rel=1e-9)
-    assert (1.0 - TARGET) * exact <= found.limit.lower <= exact * (1.0 + 1e-9)
-    assert (found.value, found.unit) == (found.limit.lower, found.limit.upper)
-    assert found.estimate == pytest.approx(max(1.0 - found.limit.lower / found.limit.upper, 0.0), abs=1e-12)
-    assert found.indicator.sum() == pytest.approx(found.estimate)
-    assert found.rounds[-1].unknowns <= 1500
-    assert found.guaranteed
-
-
 def test_only_at_the_toe():
     """Every round quarters the distance, with cells beside the toe only."""
     found = refined(triangles(), "wind")
     assert found.status is RefinementStatus.REACHED
     assert (1.0 - TARGET) * 6.25 <= found.limit.lower <= found.limit.upper == pytest.approx(6.25, rel=1e-9)
+    assert (found.value, found.unit) == (found.limit.lower, found.limit.upper)
+    assert found.estimate == pytest.approx(max(1.0 - found.limit.lower / found.limit.upper, 0.0), abs=1e-12)
+    assert found.indicator.sum() == pytest.approx(found.estimate)
     assert found.rounds[-1].unknowns <= 1500
     assert found.guaranteed
     estimates = [each.estimate for each in found.rounds]
