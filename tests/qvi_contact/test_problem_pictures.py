@@ -14,18 +14,7 @@ from qvi_contact.gallery import sliding_block
 from qvi_contact.plots import draw_problem, problem_figure, runs, value_range
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
 from qvi_contact.units import Units
-
-
-def ring(chords=24, layers=2):
-    """A ring of radii 1 and 2 whose circles are made of chords."""
-    angles = 2.0 * np.pi * np.arange(chords) / chords
-    radii = 1.0 + np.arange(layers + 1) / layers
-    vertices = (radii[:, None, None] * np.column_stack([np.cos(angles), np.sin(angles)])).reshape(-1, 2)
-    here = np.arange(chords)
-    there = (here + 1) % chords
-    layer = [np.stack([[here, there, here + chords], [there, there + chords, here + chords]])]
-    cells = np.concatenate([layer[0] + chords * k for k in range(layers)])
-    return TriangleMesh(vertices, cells.transpose(0, 2, 1).reshape(-1, 3))
+from tests.qvi_contact.builders import polygon
 
 
 def turned(mesh, angle):
@@ -56,10 +45,9 @@ class TestRuns:
         assert sum(run.length for run in found) == pytest.approx(4.0)
 
     def test_a_circle_is_cut_where_the_tangent_changes_its_sense_only(self):
-        mesh = ring()
-        for radius in (1.0, 2.0):
-            mesh = mesh.with_edges(f"{radius}", lambda x, y, r=radius: np.abs(np.hypot(x, y) - r) < 0.1)
-            found = runs(mesh, mesh.edges(f"{radius}"))
+        mesh = polygon(24, 2)
+        for name, radius in (("hole", 1.0), ("outside", 2.0)):
+            found = runs(mesh, mesh.edges(name))
             assert len(found) == 2
             for run in found:
                 places = run.ends_and_points(0.01)
@@ -73,8 +61,8 @@ class TestRuns:
 
     def test_places_on_an_arc_lie_on_the_circle(self):
         """Between the chords that are drawn too: a gap of a rounded pin is that of the arc."""
-        mesh = ring().with_edges("bore", lambda x, y: np.hypot(x, y) < 1.1).with_arc("bore", (0.0, 0.0), 1.0)
-        for run in runs(mesh, mesh.edges("bore")):
+        mesh = polygon(24, 2).with_arc("hole", (0.0, 0.0), 1.0)
+        for run in runs(mesh, mesh.edges("hole")):
             assert np.hypot(*run.ends_and_points(0.01).points.T) == pytest.approx(1.0, abs=1e-13)
 
 

@@ -1,43 +1,24 @@
 """What the elements must be: unisolvent, C1, complete to their degree, energy and derivatives right."""
 
 from dataclasses import dataclass
-from functools import cache, cached_property, reduce
-from math import factorial, prod
+from functools import cache, cached_property
+from math import factorial
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.polynomial.polynomial import polyder, polyval2d
 
 from qvi_contact import InputError
 from qvi_contact.element import (
     EDGES,
     AffineTriangles,
     absolute_integrals,
-    exponents,
     gauss_interpolation,
     hsieh_clough_tocher,
     product_integrals,
 )
 from tests.qvi_contact.builders import bernstein
-
-DERIVATIVES = ([(0, 0)], [(1, 0), (0, 1)], [(2, 0), (0, 2), (1, 1)])
-"""Values, gradient and Hessian as an element tabulates them, by order: how often along x and y."""
-
-
-def tabulated(phi, points, order):
-    """Derivatives of the polynomial Σ phi_ij x^i y^j at points (n, 2), shape (n, components)."""
-    parts = (polyder(polyder(phi, i, axis=0), j, axis=1) for i, j in DERIVATIVES[order])
-    return np.column_stack([polyval2d(*points.T, part) for part in parts])
-
-
-def product(one, other):
-    """Coefficients of the product of two polynomials in x and y."""
-    found = np.zeros(np.add(one.shape, other.shape) - 1)
-    for (i, j), value in np.ndenumerate(one):
-        found[i : i + len(other), j : j + other.shape[1]] += value * other
-    return found
 
 
 @dataclass(frozen=True)
@@ -199,27 +180,6 @@ def test_energy_is_that_of_quadrature(cell):
     found = cell.energy(COMPLIANCE)
     size = np.sqrt(np.outer(np.diag(found), np.diag(found)))
     assert (np.abs(found - by_points) < 1e-8 * size).all()
-
-
-@pytest.mark.parametrize("degree", [3, 6])
-def test_derivatives_of_every_function_beside_powers_of_x_and_y(degree):
-    cell = triangle(degree)
-    element, rng = cell.element, np.random.default_rng(degree)
-    dofs = rng.normal(size=cell.dimension)
-    reference = dofs.copy()
-    reference[: cell.shared] = element.transformations(AffineTriangles(cell.corners[None]))[0] @ dofs[: cell.shared]
-    for s, edge in enumerate(EDGES):  # on each part of the split a polynomial in x and y, by its Bernstein coefficients
-        part = np.vstack([np.eye(3)[list(edge)], np.full(3, 1.0 / 3.0)])
-        linear = np.linalg.inv(np.column_stack([part @ cell.corners, np.ones(3)])).T
-        barycentric = [np.array([[c, b], [a, 0.0]]) for a, b, c in linear]
-        phi = np.zeros((degree + 1, degree + 1))
-        for coefficient, alpha in zip(element.coefficients[s] @ reference, exponents(degree).tolist(), strict=True):
-            factors = [each for each, k in zip(barycentric, alpha, strict=True) for _ in range(k)]
-            phi += coefficient * factorial(degree) / prod(map(factorial, alpha)) * reduce(product, factors)
-        local = rng.dirichlet(np.ones(3), 5) @ part
-        for order in range(3):
-            found, exact = cell.functions(local, order) @ dofs, tabulated(phi, cell.points(local), order)
-            assert found == pytest.approx(exact, abs=1e-9 * np.abs(exact).max())
 
 
 @every_degree
