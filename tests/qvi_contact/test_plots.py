@@ -144,17 +144,12 @@ class TestTractions:
         assert axes.get_ylim()[0] == 0.0
 
 
-class TestOtherContacts:
-    """Bounds that are not Coulomb's, lines above each other."""
-
-    EDGES, STATES = ((0.0, 1.0),), ([STICK] * 4,)
-
-    def test_a_tied_contact_has_no_bound_to_draw(self):
-        line = contact(self.EDGES, self.STATES, bound=np.inf)
-        axes = new_axes()
-        contact_tractions(axes, line)
-        assert [drawn.get_label()[:8] for drawn in axes.lines] == ["pressure", "friction"]
-        assert np.isfinite(axes.get_ylim()).all()
+def test_a_tied_contact_has_no_bound_to_draw():
+    line = contact([(0.0, 1.0)], [[STICK] * 4], bound=np.inf)
+    axes = new_axes()
+    contact_tractions(axes, line)
+    assert [drawn.get_label()[:8] for drawn in axes.lines] == ["pressure", "friction"]
+    assert np.isfinite(axes.get_ylim()).all()
 
 
 @cache

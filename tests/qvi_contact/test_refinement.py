@@ -225,15 +225,12 @@ def test_units_do_not_matter():
     assert other.value == pytest.approx(1e12 * one.value, rel=1e-7)
 
 
-class TestStart:
-    """Where a refinement starts, and with which degree."""
-
-    def test_it_goes_on_from_an_earlier_result(self):
-        first = refine(plate(0.2), None, 1e-3, FORCE, degree=3)
-        again = refine(plate(0.2), first.result, 1e-3, FORCE, degree=3)
-        assert len(again.rounds) == 1
-        assert again.rounds[0].unknowns == first.rounds[-1].unknowns
-        assert again.value == pytest.approx(first.value, rel=1e-9)
+def test_a_refinement_goes_on_from_an_earlier_result():
+    first = refine(plate(0.2), None, 1e-3, FORCE, degree=3)
+    again = refine(plate(0.2), first.result, 1e-3, FORCE, degree=3)
+    assert len(again.rounds) == 1
+    assert again.rounds[0].unknowns == first.rounds[-1].unknowns
+    assert again.value == pytest.approx(first.value, rel=1e-9)
 
 
 class TestEnds:
@@ -445,13 +442,10 @@ def test_no_time_for_the_first_round():
     assert outcome.estimate == np.inf
 
 
-class TestProgress:
-    """Off a terminal: plain lines, once work is large or long."""
-
-    def test_long_work_has_a_line_now_and_then(self, capfd):
-        with progress_line.solving("plate", silence=0.01):
-            report(Progress("condensed"))
-            err = ""
-            while err.count("\n") < 2:
-                err += capfd.readouterr().err
-        assert all(line.startswith("plate: ") for line in err.splitlines())
+def test_long_work_has_a_line_now_and_then(capfd):
+    with progress_line.solving("plate", silence=0.01):
+        report(Progress("condensed"))
+        err = ""
+        while err.count("\n") < 2:
+            err += capfd.readouterr().err
+    assert all(line.startswith("plate: ") for line in err.splitlines())

@@ -77,18 +77,15 @@ def total(result):
     return np.sum([(r.x, r.y, r.moment) for r in map(result.resultant, SIDES)], axis=0)
 
 
-class TestResultant:
-    """Forces and moments of sides balance."""
-
-    def test_plate(self, plate):
-        line = plate.contacts["plate"]
-        top = plate.resultant("top")
-        assert total(plate) == pytest.approx(np.zeros(3), abs=1e-9 * FORCE)
-        assert top.x == pytest.approx(line.tangential_force, rel=1e-10)
-        assert top.y == pytest.approx(-line.normal_force, rel=1e-10)
-        moment = line.weights @ (line.x * line.normal_stress - line.y * line.tangential_stress)
-        assert top.moment == pytest.approx(moment, rel=1e-10)
-        assert top.x < -1.0  # friction does hold the plate together
+def test_forces_and_moments_of_sides_balance(plate):
+    line = plate.contacts["plate"]
+    top = plate.resultant("top")
+    assert total(plate) == pytest.approx(np.zeros(3), abs=1e-9 * FORCE)
+    assert top.x == pytest.approx(line.tangential_force, rel=1e-10)
+    assert top.y == pytest.approx(-line.normal_force, rel=1e-10)
+    moment = line.weights @ (line.x * line.normal_stress - line.y * line.tangential_stress)
+    assert top.moment == pytest.approx(moment, rel=1e-10)
+    assert top.x < -1.0  # friction does hold the plate together
 
 
 class TestEnergies:
@@ -125,6 +122,7 @@ def test_loads_that_no_traction_carries(sides, inner):
     for attempt in (
         lambda: result.contacts,
         lambda: result.energies,
+        lambda: result.plates,
         lambda: result.stress(0.5, 0.5),
         lambda: result.gauss_stress(),
         lambda: result.resultant("top"),
@@ -296,7 +294,7 @@ def test_limit_loads_displacements_and_bounds(pytestconfig):
     force = companion.contacts["plate"].normal_force  # remembered
     for copied in COPIES:
         again = copied(limit)
-        assert (again.lower, again.upper, again.bound) == (limit.lower, limit.upper, limit.bound)
+        assert (again, again.lower, again.upper, again.bound) == (limit, limit.lower, limit.upper, limit.bound)
         assert again.mechanism.works == limit.mechanism.works
         assert again.mechanism.contacts["base"] == limit.mechanism.contacts["base"]
         with pytest.raises(TypeError):

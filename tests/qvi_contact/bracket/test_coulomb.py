@@ -262,17 +262,14 @@ class TestScope:
         assert found.error > energy_apart(carrying(result, more.solution.z), fine)
 
 
-class TestForces:
-    """Two-sided bounds of contact forces under friction."""
-
-    @pytest.mark.parametrize(("friction", "limit"), [(0.1, 212.242424), (0.2, 214.23323205)])
-    def test_the_plate_on_every_mesh(self, friction, limit):
-        widths = []
-        for result in chain(friction):
-            force = result.bracket.coulomb.forces["plate.normal_force"]
-            assert force.lower < limit < force.upper
-            widths.append(force.upper - force.lower)
-        assert widths[-1] < 0.25 * widths[0]
+@pytest.mark.parametrize(("friction", "limit"), [(0.1, 212.242424), (0.2, 214.23323205)])
+def test_forces_of_the_plate_on_every_mesh(friction, limit):
+    widths = []
+    for result in chain(friction):
+        force = result.bracket.coulomb.forces["plate.normal_force"]
+        assert force.lower < limit < force.upper
+        widths.append(force.upper - force.lower)
+    assert widths[-1] < 0.25 * widths[0]
 
 
 class TestOtherBodies:

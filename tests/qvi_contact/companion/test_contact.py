@@ -12,6 +12,7 @@ from qvi_contact.problem import Contact, ContactProblem, Displacement, Material,
 from solvers import Status
 from tests.cases import every_pair
 from tests.qvi_contact.builders import bernstein, companion_of
+from tests.qvi_contact.test_plates import moved
 
 OPEN, STICK, SLIP, _CLOSED = ContactState
 STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)
@@ -23,10 +24,6 @@ def plate(contact, cells=(4, 4), **options):
     """The compressed plate with another contact on its top."""
     problem = compressed_plate(0.0, cells, **options)
     return replace(problem, conditions=[*problem.conditions[:3], contact])
-
-
-def edge_values(problem, contact, field):
-    return field(*problem.mesh.points_along(problem.mesh.edges(contact.edges), INSIDE))
 
 
 @pytest.mark.parametrize("law", ["unilateral", "bilateral", "tied"])
@@ -65,7 +62,7 @@ def test_no_penetration_between_nodes(degree):
     )  # fmt: skip
     companion = companion_of(problem, degree=degree)
     normal, _ = companion.trace("top", INSIDE)
-    opening = edge_values(problem, problem.contacts[0], gap) - normal
+    opening = gap(*problem.mesh.points_along(problem.mesh.edges("top"), INSIDE)) - normal
     assert opening.min() > -1e-15
     assert opening.max() > 1e-4
     assert {OPEN, STICK} <= set(companion.contacts["top"].state)
@@ -121,22 +118,19 @@ def test_contacts_are_in_order_along_the_line(side, degree):
     assert line.gap == pytest.approx(1.0 + line.x + 2.0 * line.y, rel=1e-9)
 
 
-class TestSsnv128:
+def test_ssnv128():
     """Code_Aster's plate on a rigid plane, against published and settled values."""
-
-    X = np.array([0.0, 1.25e-3, 5e-3, 7.5e-3, 11.25e-3])
-
-    def test_it(self):
-        companion = companion_of(ssnv128((24, 24)), degree=3)
-        line = companion.contacts["base"]
-        assert line.normal_force == pytest.approx(2e6, rel=1e-10)
-        assert line.tangential_force == pytest.approx(-1.40535e6, rel=5e-4)
-        settled = np.array([2.8603e-5, 2.7226e-5, 2.2868e-5, 1.9808e-5, 1.5414e-5])
-        assert companion.displacement(self.X, 0 * self.X)[:, 0] == pytest.approx(settled, abs=3e-9)
-        assert line.x[line.state == OPEN].max() < 3.3e-3
-        assert line.x[line.state == SLIP].min() < 4.2e-3
-        assert line.x[line.state == STICK].min() == pytest.approx(29.8e-3, abs=1e-3)
-        assert -line.normal_stress[-1] == pytest.approx(8.388e7, rel=2e-3)
+    companion = companion_of(ssnv128((24, 24)), degree=3)
+    line = companion.contacts["base"]
+    assert line.normal_force == pytest.approx(2e6, rel=1e-10)
+    assert line.tangential_force == pytest.approx(-1.40535e6, rel=5e-4)
+    x = np.array([0.0, 1.25e-3, 5e-3, 7.5e-3, 11.25e-3])
+    settled = np.array([2.8603e-5, 2.7226e-5, 2.2868e-5, 1.9808e-5, 1.5414e-5])
+    assert companion.displacement(x, 0 * x)[:, 0] == pytest.approx(settled, abs=3e-9)
+    assert line.x[line.state == OPEN].max() < 3.3e-3
+    assert line.x[line.state == SLIP].min() < 4.2e-3
+    assert line.x[line.state == STICK].min() == pytest.approx(29.8e-3, abs=1e-3)
+    assert -line.normal_stress[-1] == pytest.approx(8.388e7, rel=2e-3)
 
 
 def block(shear, friction=0.3):
@@ -192,13 +186,7 @@ class TestPlates:
         assert force_y.sum() == pytest.approx(-8.0, rel=1e-9)
         moment = (line.x - 0.7) @ force_y - (line.y + 0.3) @ force_x
         assert moment == pytest.approx(-5.0, rel=1e-9)
-        imposed = Contact(
-            "top",
-            gap=lambda x, y: motion.y + motion.rotation * (x - 0.7) + 0 * y,
-            offset=lambda x, y: motion.x - motion.rotation * (y + 0.3) + 0 * x,
-            name="plate",
-            **law,
-        )
+        imposed = moved(Contact("top", name="plate", **law), motion.x, motion.y, motion.rotation, (0.7, -0.3))
         held = companion_of(self.problem(imposed))
         x, y = np.random.default_rng(3).uniform(size=(2, 50)) * [[2.0], [1.0]]
         assert held.stress(x, y) == pytest.approx(driven.stress(x, y), abs=1e-7 * 8)
