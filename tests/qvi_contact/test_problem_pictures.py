@@ -100,11 +100,6 @@ def drawn(problem):
     return axes, found, np.concatenate([np.empty((0, 2)), *symbols])
 
 
-def legend_of(axes):
-    """All its words in one line."""
-    return " ".join(" ".join(text.get_text() for text in axes.get_legend().get_texts()).split())
-
-
 class TestTriangles:
     """The sketch of a problem on triangles."""
 
@@ -136,10 +131,6 @@ class TestTriangles:
         assert {"o", "d"} <= markers
 
 
-def _bowl(x, y):
-    return 0.01 * x**2 + 0 * y
-
-
 def laden():
     """A block with everything a problem may have."""
     mesh = TriangleMesh.rectangle((4, 4), 2.0, 2.0).with_joint("bed", lambda _, y: np.isclose(y, 1.0))
@@ -150,7 +141,7 @@ def laden():
         Traction("right", x=2.0),
         Displacement("right", y=0.0),
         Traction("lid", x=0.0, y=0.0),
-        Contact("bottom", friction=lambda x, y: 0.2 + 0.1 * x + 0 * y, gap=_bowl, name="ground"),
+        Contact("bottom", friction=lambda x, y: 0.2 + 0.1 * x + 0 * y, gap=lambda x, _: 0.01 * x**2, name="ground"),
         Contact("press", friction=0.1, plate=RigidPlate(force_y=-3.0, moment=0.5)),
         Contact("bed", friction=0.4, cohesion=1.5),
     ]
@@ -167,7 +158,7 @@ def test_components_given_apart_make_one_arrow():
 def test_the_legend_names_everything():
     axes = Figure().subplots()
     draw_problem(axes, laden(), Units("mm", "MPa"))
-    legend = legend_of(axes)
+    legend = " ".join(" ".join(text.get_text() for text in axes.get_legend().get_texts()).split())
     for words in (
         "1: E = 1000 MPa", "2: E = 500 MPa", "t_x = 0 … 10 MPa", "u_y = 0 mm", "free: lid",
         "contact ground: μ = 0.2 … 0.4, gap = 0 … 0.04 mm", "F_y = −3 N/mm", "M = 0.5 N mm/mm",

@@ -366,24 +366,24 @@ class TestStressesAndSlip:
         assert [each.value for each in outcomes.values()] == pytest.approx([0.036, 0.09, 3.0, 3.0])
         assert all(each.status is RefinementStatus.REACHED for each in outcomes.values())
 
+    PRESSED = (
+        Traction("left", 0.0, 0.0),
+        Traction("right", 0.0, 0.0),
+        Contact("top", 0.0, law="tied", plate=RigidPlate(force_y=-6.0, x=0.0, rotation=0.0)),
+    )
+
     def test_what_friction_loses(self):
         """A block that slides by 0.5 under the force 2 p loses μ 2 p · 0.5, less what its shear takes up."""
-        sides = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
-        top = Contact("top", 0.0, law="tied", plate=RigidPlate(force_y=-6.0, x=0.0, rotation=0.0))
         wall = Contact("bottom", 0.2, name="wall", offset=-0.5)
-        rigid = Material(1e6, 0.3)
-        outcome = refine(
-            ContactProblem(TriangleMesh.rectangle((2, 1), 2.0), rigid, [*sides, wall, top]), None, 1e-5, "dissipation"
-        )
+        block = ContactProblem(TriangleMesh.rectangle((2, 1), 2.0), Material(1e6, 0.3), [*self.PRESSED, wall])
+        outcome = refine(block, None, 1e-5, "dissipation")
         assert outcome.value == pytest.approx(0.2 * 6.0 * 0.5, rel=1e-4)
 
     def test_what_friction_loses_in_a_cycle(self):
         """A block rubbed to and fro on the ground under 6: μ N times its way, 1.5 in all."""
-        sides = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
-        top = Contact("top", 0.0, law="tied", plate=RigidPlate(force_y=-6.0, x=0.0, rotation=0.0))
         wall, ways = Contact("bottom", 0.2, name="wall"), (0.0, 0.5, 0.0, -0.5)
         mesh, stiff = TriangleMesh.rectangle((2, 1), 2.0), Material(1e4, 0.3)
-        steps = [ContactProblem(mesh, stiff, [*sides, replace(wall, offset=way), top]) for way in ways]
+        steps = [ContactProblem(mesh, stiff, [*self.PRESSED, replace(wall, offset=way)]) for way in ways]
         outcome = refine(steps, None, 1e-3, "dissipation", degree=3)
         assert outcome.status is RefinementStatus.REACHED
         assert outcome.value == pytest.approx(0.2 * 6.0 * 1.5, rel=2e-3)

@@ -205,24 +205,13 @@ def test_two_contacts_in_a_corner_and_a_joint(degree, law):
 STICK, SLIP = 1, 2
 
 
-def states(line):
-    """Coordinates along a horizontal contact and the states there, from left to right."""
-    order = np.argsort(line.x)
-    return line.x[order], line.state[order]
-
-
-def zones(line):
-    """The sequence of states without repetition, such as [2, 1, 2]."""
-    state = states(line)[1]
-    return state[np.flatnonzero(np.diff(state, prepend=-1))].tolist()
-
-
 @pytest.mark.parametrize(("cells", "rows"), [(5, "points"), (13, "edges")])
 def test_the_end_of_the_stick_zone_lies_inside_an_edge(cells, rows):
     """At x = 0.749 on the paper's plate with μ = 0.2; not at an end of the edge it lies in, a cell's half away."""
     problem = compressed_plate(0.2, (cells, cells))
     plate = solved(problem, degree=5, law_on=rows).contacts["plate"]
-    assert zones(plate) == [STICK, SLIP]
+    state = plate.state[np.argsort(plate.x)]
+    assert state[np.flatnonzero(np.diff(state, prepend=-1))].tolist() == [STICK, SLIP]
     assert plate.weights[plate.state == STICK].sum() == pytest.approx(0.749, abs=0.1 / cells)
 
 

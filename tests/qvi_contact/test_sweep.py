@@ -150,16 +150,6 @@ VALUES = (0.1, 0.2, 0.3, 0.4)
 ROOT = Path(__file__).parents[2]
 
 
-def stopped(number):
-    """A callback that stops at a value."""
-
-    def callback(here, _row):
-        if here == number:
-            raise KeyboardInterrupt
-
-    return callback
-
-
 def test_rows_are_those_of_the_results(tmp_path):
     stored = solve_sweep(PLATE, "friction", VALUES, store=tmp_path / "a.sqlite")
     results = solve_sweep(PLATE, "friction", VALUES)
@@ -184,8 +174,13 @@ def test_the_file_alone_tells_everything(tmp_path):
 
 def test_a_sweep_that_was_stopped_goes_on(tmp_path):
     path, told = tmp_path / "a.sqlite", []
+
+    def interrupted(number, _):
+        if number == 2:
+            raise KeyboardInterrupt
+
     with pytest.raises(KeyboardInterrupt):
-        solve_sweep(PLATE, "friction", VALUES, store=path, callback=stopped(2))
+        solve_sweep(PLATE, "friction", VALUES, store=path, callback=interrupted)
     assert [row.number for row in read_sweep(path).rows()] == [1, 2]
     assert read_sweep(path).status is Status.TIME_LIMIT
     stored = solve_sweep(
