@@ -84,8 +84,11 @@ def test_motion_of_a_plate_is_a_gap_and_an_offset(side, law):
     result = solved(ContactProblem(mesh, steel, [plate, *others]))
     assert difference(expected, result) < 1e-9
     assert vars(result.plates["plate"]) == motion
+    for name, value in vars(expected.energies).items():
+        assert getattr(result.energies, name) == pytest.approx(value, rel=1e-8), name
     ours, theirs = bracket(expected), bracket(result)
     assert (theirs.lower, theirs.upper) == pytest.approx((ours.lower, ours.upper), rel=1e-7)
+    assert -theirs.lower == pytest.approx(result.energies.complementary, rel=1e-8)
     assert theirs.guaranteed == ours.guaranteed
 
 

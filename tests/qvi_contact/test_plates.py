@@ -96,15 +96,6 @@ def test_force_and_displacement_give_one_state(law, side, driven):
     assert theirs.slip == pytest.approx(ours.slip, abs=1e-6)
 
 
-def test_a_given_motion_does_the_work_of_the_obstacle_that_it_is():
-    base, motion = Contact("top", 0.4, gap=2e-3), {"x": 1e-3, "y": -8e-3, "rotation": 1e-3}
-    posed = (replace(base, plate=RigidPlate(**motion)), moved(base, **motion))
-    result, expected = (solved(pushed("top", each)) for each in posed)
-    for name, value in vars(expected.energies).items():
-        assert getattr(result.energies, name) == pytest.approx(value, rel=1e-8), name
-    assert -result.bracket.lower == pytest.approx(result.energies.complementary, rel=1e-8)
-
-
 def test_two_plates_and_their_balance():
     """A press: the lower plate fixed, plates on the right and on top driven; resultants are those prescribed."""
     conditions = [

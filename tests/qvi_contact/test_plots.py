@@ -255,11 +255,11 @@ TANGENT, NORMAL = np.array([np.sqrt(0.75), 0.5]), np.array([-0.5, np.sqrt(0.75)]
 
 
 @cache
-def slanted_result():
+def slanted_result(name="plane"):
     """A block of triangles on a plane that rises by 30 degrees, pushed along it."""
     mesh = TriangleMesh.rectangle((2, 2), 2.0, 1.0)
     mesh = TriangleMesh(mesh.vertices @ np.array([TANGENT, NORMAL]), mesh.cells, mesh.edge_sets)
-    conditions = [Contact("bottom", friction=0.2, name="plane"), Traction("left", normal=0.0, tangential=0.0)]
+    conditions = [Contact("bottom", friction=0.2, name=name), Traction("left", normal=0.0, tangential=0.0)]
     conditions += [Traction("right", normal=0.0, tangential=0.0), Displacement("top", normal=-0.01, tangential=0.05)]
     return solve(ContactProblem(mesh, Material(1000.0, 0.3), conditions))
 

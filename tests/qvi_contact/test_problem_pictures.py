@@ -15,12 +15,7 @@ from qvi_contact.plots import draw_problem, problem_figure, runs, value_range
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
 from qvi_contact.units import Units
 from tests.qvi_contact.builders import polygon
-
-
-def turned(mesh, angle):
-    """The same mesh turned about the origin."""
-    c, s = np.cos(angle), np.sin(angle)
-    return TriangleMesh(mesh.vertices @ np.array([[c, s], [-s, c]]), mesh.cells, mesh.edge_sets, mesh.regions)
+from tests.qvi_contact.test_triangles import oblique
 
 
 class TestRuns:
@@ -28,7 +23,7 @@ class TestRuns:
 
     @pytest.mark.parametrize("angle", [0.4, 2.0, 3.5])
     def test_a_side_is_one_run_whatever_way_it_faces(self, angle):
-        mesh = turned(TriangleMesh.rectangle((5, 3), 2.0, 1.0), angle)
+        mesh = oblique(TriangleMesh.rectangle((5, 3), 2.0, 1.0), np.degrees(angle))
         (run,) = runs(mesh, mesh.edges("bottom"))
         assert run.length == pytest.approx(2.0)
         assert run.at(0.5).normals[0] == pytest.approx([np.sin(angle), -np.cos(angle)])
@@ -81,7 +76,7 @@ def loaded(angle):
         Contact("bed", friction=0.4),
     ]
     regions = [Region(Material(500.0, 0.2), name="lower")]
-    return ContactProblem(turned(mesh, angle), Material(1000.0, 0.3), conditions, regions=regions)
+    return ContactProblem(oblique(mesh, np.degrees(angle)), Material(1000.0, 0.3), conditions, regions=regions)
 
 
 def drawn(problem):
@@ -121,7 +116,7 @@ class TestTriangles:
         assert ((beside[:, 0] > 2.0) & (beside[:, 0] < 2.2)).all()
 
     def test_symmetry_and_supports_stand_beside_slanted_sides(self):
-        mesh = turned(TriangleMesh.rectangle((2, 2)), 0.6)
+        mesh = oblique(TriangleMesh.rectangle((2, 2)), 35.0)
         conditions = [Symmetry("bottom"), Displacement("left", x=0.0, y=0.0), Traction("top", x=0.0, y=0.0)]
         conditions += [Displacement("right", tangential=0.0), Traction("right", normal=0.0)]
         axes, _, symbols = drawn(ContactProblem(mesh, Material(1.0, 0.3), conditions))

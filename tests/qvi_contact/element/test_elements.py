@@ -25,7 +25,7 @@ from tests.qvi_contact.builders import bernstein
 class Triangle:
     """One triangle with the Hsieh-Clough-Tocher element of a degree; points in barycentric coordinates (n, 3).
 
-    The first `shared` of its `dimension` functions belong to degrees of freedom that it shares with others.
+    The first `shared` of the element's `dimension` functions belong to degrees of freedom that it shares with others.
     """
 
     degree: int
@@ -39,14 +39,6 @@ class Triangle:
     def maps(self):
         return AffineTriangles(self.corners[None])
 
-    @property
-    def shared(self):
-        return self.element.shared
-
-    @property
-    def dimension(self):
-        return self.element.dimension
-
     def points(self, local):
         return self.maps.points(local)[0]
 
@@ -57,8 +49,8 @@ class Triangle:
             reference = (np.linalg.inv(self.maps.jacobians).swapaxes(1, 2) if order == 1 else self.maps.hessian_maps)[
                 0
             ] @ reference
-        own = reference[..., : self.shared] @ self.element.transformations(self.maps)[0]
-        return np.concatenate([own, reference[..., self.shared :]], axis=-1)
+        own = reference[..., : self.element.shared] @ self.element.transformations(self.maps)[0]
+        return np.concatenate([own, reference[..., self.element.shared :]], axis=-1)
 
     def quadrature(self):
         """Points (g, 3) and weights (g,) in the plane, exact for the energy."""
@@ -72,18 +64,18 @@ class Triangle:
 
     def energy(self, compliance):
         """∫ cσ:τ of all functions (dimension, dimension), as the element gives it."""
-        B = np.eye(self.dimension)
-        B[: self.shared, : self.shared] = self.element.transformations(self.maps)[0]
+        B = np.eye(self.element.dimension)
+        B[: self.element.shared, : self.element.shared] = self.element.transformations(self.maps)[0]
         return B.T @ self.element.energies(self.maps, compliance)[0] @ B
 
     def neighbours(self, t):
-        """A cell beyond each edge: (points at t here, that cell, points there, common functions here, and there)."""
+        """A cell beyond each edge: points at t, that cell, functions that both have; numbers are those of both."""
         for s, ((a, b), local) in enumerate(self.on_edges(t)):
             corners = self.corners.copy()
             corners[s] = self.corners[[a, b]].sum(axis=0) - self.corners[s] + 0.1
             own = 9 + s * self.element.on_edge
             common = np.r_[3 * a : 3 * a + 3, 3 * b : 3 * b + 3, own : own + self.element.on_edge]
-            yield local, Triangle(self.degree, corners), local, common, common
+            yield local, Triangle(self.degree, corners), common
 
     def on_edges(self, t):
         """Barycentric coordinates (n, 3) at t (n,) along each edge, with the numbers of its corners."""
@@ -132,15 +124,15 @@ every_degree = pytest.mark.parametrize("cell", [triangle(degree) for degree in D
 def test_degrees_of_freedom_are_dual_to_the_functions(cell):
     found = cell.degrees_of_freedom(cell.functions)
     scale = np.abs(found).max()
-    assert np.abs(found - np.eye(cell.shared, cell.dimension)).max() < 1e-10 * scale
-    points = np.random.default_rng(1).dirichlet(np.ones(3), cell.dimension + 30)
-    assert np.linalg.matrix_rank(cell.functions(points, 0)[:, 0]) == cell.dimension
+    assert np.abs(found - np.eye(cell.element.shared, cell.element.dimension)).max() < 1e-10 * scale
+    points = np.random.default_rng(1).dirichlet(np.ones(3), cell.element.dimension + 30)
+    assert np.linalg.matrix_rank(cell.functions(points, 0)[:, 0]) == cell.element.dimension
 
 
 @every_degree
 def test_polynomials_of_the_degree_are_reproduced_with_all_derivatives(cell):
     degree, rng = cell.degree, np.random.default_rng(cell.degree)
-    points, (a, b, c) = rng.dirichlet(np.ones(3), 2 * cell.dimension), rng.normal(size=(3, degree + 1))
+    points, (a, b, c) = rng.dirichlet(np.ones(3), 2 * cell.element.dimension), rng.normal(size=(3, degree + 1))
 
     def powers(local, order):
         """Σ (a x + b y + c)^p, its gradient or its Hessian."""
@@ -152,8 +144,8 @@ def test_polynomials_of_the_degree_are_reproduced_with_all_derivatives(cell):
     shared = cell.degrees_of_freedom(powers)
     exact = [powers(points, order) for order in range(3)]
     tables = [cell.functions(points, order) for order in range(3)]
-    rest = exact[0] - tables[0][..., : cell.shared] @ shared
-    inner = np.linalg.lstsq(tables[0][:, 0, cell.shared :], rest[:, 0], rcond=None)[0]
+    rest = exact[0] - tables[0][..., : cell.element.shared] @ shared
+    inner = np.linalg.lstsq(tables[0][:, 0, cell.element.shared :], rest[:, 0], rcond=None)[0]
     dofs = np.concatenate([shared, inner])
     for order in range(3):
         assert tables[order] @ dofs == pytest.approx(exact[order], abs=1e-9 * np.abs(exact[2]).max())
@@ -162,14 +154,14 @@ def test_polynomials_of_the_degree_are_reproduced_with_all_derivatives(cell):
 @every_degree
 def test_functions_are_c1_across_edges_whatever_lies_beyond(cell):
     t, rng = np.linspace(0.0, 1.0, 7), np.random.default_rng(0)
-    for here, other, there, own, its in cell.neighbours(t):
-        u, v = rng.normal(size=(2, cell.dimension))
-        v[its] = u[own]
+    for at, other, common in cell.neighbours(t):
+        u, v = rng.normal(size=(2, cell.element.dimension))
+        v[common] = u[common]
         for order in (0, 1):
-            values = cell.functions(here, order) @ u
-            assert other.functions(there, order) @ v == pytest.approx(values, abs=1e-11 * np.abs(values).max())
-        v[its[0]] += 1.0
-        assert np.abs(cell.functions(here, 0) @ u - other.functions(there, 0) @ v).max() > 0.1
+            values = cell.functions(at, order) @ u
+            assert other.functions(at, order) @ v == pytest.approx(values, abs=1e-11 * np.abs(values).max())
+        v[common[0]] += 1.0
+        assert np.abs(cell.functions(at, 0) @ u - other.functions(at, 0) @ v).max() > 0.1
 
 
 @every_degree
@@ -185,7 +177,7 @@ def test_energy_is_that_of_quadrature(cell):
 @every_degree
 def test_functions_are_c1_inside_a_triangle(cell):
     rng = np.random.default_rng(cell.degree)
-    dofs, step = rng.normal(size=cell.dimension), 1e-13
+    dofs, step = rng.normal(size=cell.element.dimension), 1e-13
     for corner in np.eye(3):  # the line from a corner to the barycentre, a hair to its left and right
         t = rng.random(4)[:, None]
         across = step * (np.roll(corner, 1) - np.roll(corner, 2))
