@@ -14,6 +14,8 @@ from tests.qvi_contact.builders import difference, solved
 STEEL = Material(1000.0, 0.3)
 X, Y = np.array([0.0, 0.3, 0.8, 1.5, 2.0]), np.array([0.0, 0.4, 0.7, 1.0])
 MESH = TriangleMesh.grid(X, Y)
+FREE = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+HELD = [Displacement("bottom", x=0.0, y=0.0), *FREE]
 
 
 def moved(contact, x=0.0, y=0.0, rotation=0.0, pivot=(0.0, 0.0), sign=1.0, normal="y"):
@@ -140,9 +142,9 @@ class TestColumn:
     def test_rotation_under_an_eccentric_force(self):
         """On a bilateral plate: bending by M about the middle, slope 12 M h/(E w³) of the straight column."""
         mesh = TriangleMesh.grid(X - 1.0, Y)
-        moment, free = 3.0, [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+        moment = 3.0
         plate = Contact("top", 0.0, law="bilateral", plate=RigidPlate(force_y=-30.0, moment=moment), name="plate")
-        result = solved(ContactProblem(mesh, STEEL, [Symmetry("bottom"), *free, plate]))
+        result = solved(ContactProblem(mesh, STEEL, [Symmetry("bottom"), *FREE, plate]))
         motion = result.plates["plate"]
         assert motion.y == pytest.approx(-0.015, rel=1e-8)
         assert motion.rotation == pytest.approx(12.0 * moment / (1000.0 * 2.0**3), rel=1e-8)
@@ -170,13 +172,8 @@ class TestRedundantResultants:
 
     @staticmethod
     def between(plate, load=-5.0):
-        conditions = [
-            Contact("bottom", 0.3, plate=plate, name="plate"),
-            Traction("top", 0.0, load),
-            Traction("left", 0.0, 0.0),
-            Traction("right", 0.0, 0.0),
-        ]
-        return ContactProblem(MESH, STEEL, conditions)
+        base = Contact("bottom", 0.3, plate=plate, name="plate")
+        return ContactProblem(MESH, STEEL, [base, Traction("top", 0.0, load), *FREE])
 
     def test_they_are_dropped_with_a_remark(self):
         free = solved(self.between(None))
@@ -261,12 +258,11 @@ def test_small_displacements_under_a_driven_plate_are_as_exact_as_large_ones(pla
 )
 def test_a_far_pivot_is_as_good_as_a_near_one(pivot, shift, tolerance):
     mesh = TriangleMesh.rectangle((4, 4), origin=(shift, shift))
-    held = [Displacement("bottom", x=0.0, y=0.0), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
     tilted = Contact("top", 0.3, gap=lambda x, y: -1e-3 - 2e-4 * (x - shift - 0.5) + 0 * y, offset=3e-4, name="plate")
-    line = solved(ContactProblem(mesh, STEEL, [*held, tilted])).contacts["plate"]
+    line = solved(ContactProblem(mesh, STEEL, [*HELD, tilted])).contacts["plate"]
     moments = (line.x - pivot[0]) * line.normal_stress - (line.y - pivot[1]) * line.tangential_stress
     driven = RigidPlate(line.tangential_force, -line.normal_force, float(line.weights @ moments), pivot)
-    result = solved(ContactProblem(mesh, STEEL, [*held, Contact("top", 0.3, name="plate", plate=driven)]))
+    result = solved(ContactProblem(mesh, STEEL, [*HELD, Contact("top", 0.3, name="plate", plate=driven)]))
     size = np.abs(line.normal_stress).max()
     assert np.abs(result.contacts["plate"].normal_stress - line.normal_stress).max() < tolerance * size
     motion = result.plates["plate"]
@@ -282,10 +278,9 @@ def test_a_small_force_counts_beside_a_large_one_and_so_does_a_wrong_motion():
         .with_edges("one", lambda x, y: (x < 0.5) & (y == 1.0))
         .with_edges("other", lambda x, y: (x > 0.5) & (y == 1.0))
     )
-    held = [Displacement("bottom", x=0.0, y=0.0), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
     forces = {"one": -100.0, "other": -1e-4}
     plates = [Contact(name, 0.3, plate=RigidPlate(force_y=force)) for name, force in forces.items()]
-    result = solved(ContactProblem(mesh, STEEL, [*held, *plates]))
+    result = solved(ContactProblem(mesh, STEEL, [*HELD, *plates]))
     assert result.contacts["other"].normal_force == pytest.approx(1e-4, rel=1e-4)
     qvi, solution = result.solution.problem, result.solution
     changed = qvi.with_loads(b=qvi.b * np.array([1.0, 1.01]))

@@ -268,11 +268,9 @@ def slanted_result(name="plane"):
 def leaning():
     """Two blocks of width 1 under a load that grows from 0.5 to 1.5 along them: uniform along y, e = 1/12."""
     mesh = TriangleMesh.rectangle((2, 4), 1.0, 2.0).with_joint("bed", lambda _, y: np.isclose(y, 1.0))
-    free = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
     load = Traction("top", x=0.0, y=lambda x, _: -0.5 - x)
-    return solve(
-        ContactProblem(mesh, Material(1000.0, 0.0), [*free, load, Contact("bed", 0.3), Contact("bottom", 0.3)])
-    )
+    conditions = [*FREE, load, Contact("bed", 0.3), Contact("bottom", 0.3)]
+    return solve(ContactProblem(mesh, Material(1000.0, 0.0), conditions))
 
 
 def arrows_of(axes):

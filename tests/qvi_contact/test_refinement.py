@@ -15,6 +15,7 @@ from solvers.basics import Progress, report
 
 FORCE = "plate.normal_force"
 FACTOR = 3.0
+FREE = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
 
 
 # Of the L below: bicubic stress functions on grids of 120 000 unknowns end at -0.04937023 and 85.56207. Graded grids,
@@ -174,9 +175,8 @@ class TestReferenceSolution:
     def test_slip_either_way_is_a_change(self):
         """A block pressed on smooth ground spreads to both sides."""
         mesh = TriangleMesh.rectangle((4, 1), 4.0, 1.0, origin=(-2.0, 0.0))
-        free = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
         load = Traction("top", x=0.0, y=-10.0)
-        problem = ContactProblem(mesh, Material(1e3, 0.3), [Contact("bottom", friction=1e-4), *free, load])
+        problem = ContactProblem(mesh, Material(1e3, 0.3), [Contact("bottom", friction=1e-4), *FREE, load])
         result = solve(problem, degree=4)
         assert (result.contacts["bottom"].state == 2).mean() > 0.9
         middle = problem.mesh.corners[places(result).cells].mean(axis=1)
@@ -185,8 +185,7 @@ class TestReferenceSolution:
 
     def test_joints_end_in_corners(self):
         mesh = TriangleMesh.rectangle((2, 2), 2.0, 2.0).with_joint("joint", lambda x, y: (y == 1.0) & (x < 1.0))
-        sides = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
-        conditions = [Contact.tied("bottom"), Contact("joint", 0.4), *sides, Displacement("top", x=0.0, y=-1e-3)]
+        conditions = [Contact.tied("bottom"), Contact("joint", 0.4), *FREE, Displacement("top", x=0.0, y=-1e-3)]
         problem = ContactProblem(mesh, Material(1e4, 0.2), conditions)
         found = mesh.vertices[places(solve(problem, degree=3)).corners]
         assert {(1.0, 1.0), (0.0, 1.0)} <= set(map(tuple, found.tolist()))
@@ -314,8 +313,7 @@ class TestGuaranteedUnderFriction:
         conditions = [
             Contact("top", 0.05, gap=-1e-3, name="plate"),
             Displacement("bottom", x=0.0, y=0.0),
-            Traction("left", 0.0, 0.0),
-            Traction("right", 0.0, 0.0),
+            *FREE,
         ]
         outcome = refine(ContactProblem(block, Material(1e4, 0.2), conditions), None, 1e-2, FORCE, guaranteed=True)
         assert outcome.status is RefinementStatus.NO_GUARANTEE
@@ -366,11 +364,7 @@ class TestStressesAndSlip:
         assert [each.value for each in outcomes.values()] == pytest.approx([0.036, 0.09, 3.0, 3.0])
         assert all(each.status is RefinementStatus.REACHED for each in outcomes.values())
 
-    PRESSED = (
-        Traction("left", 0.0, 0.0),
-        Traction("right", 0.0, 0.0),
-        Contact("top", 0.0, law="tied", plate=RigidPlate(force_y=-6.0, x=0.0, rotation=0.0)),
-    )
+    PRESSED = (*FREE, Contact("top", 0.0, law="tied", plate=RigidPlate(force_y=-6.0, x=0.0, rotation=0.0)))
 
     def test_what_friction_loses(self):
         """A block that slides by 0.5 under the force 2 p loses μ 2 p · 0.5, less what its shear takes up."""
