@@ -116,9 +116,9 @@ def test_two_plates_and_their_balance():
         assert sum(getattr(force, component) for force in total) == pytest.approx(0.0, abs=1e-8)
 
 
-def column(plate, friction=0.0, material=STEEL, scale=1.0, shift=(0.0, 0.0)):
+def column(plate, friction=0.0, material=STEEL, scale=1.0):
     """A plate on a column that stands on a smooth ground; closed form: p = F/w, motion = F h/(E w)."""
-    mesh = TriangleMesh.grid(shift[0] + scale * X, shift[1] + scale * Y)
+    mesh = TriangleMesh.grid(scale * X, scale * Y)
     conditions = [
         Symmetry("left"),
         Symmetry("bottom"),

@@ -81,15 +81,11 @@ def slipping(problem):
     return {contact.name: Share(contact, values, values, values[:, 0], 0.0 * values)}
 
 
-def finer(problem):
-    """Every triangle bisected."""
-    return replace(problem, mesh=problem.mesh.refined(np.ones(problem.mesh.cell_count, dtype=bool)))
-
-
 @pytest.mark.parametrize(("friction", "kind"), [(0.1, "guaranteed"), (0.3, "estimated")])
 def test_true_errors_and_forces(friction, kind):
     """Of degree 3 beside degree 5 on the same mesh: the force of the finer one is inside its own bounds too."""
-    problem = finer(half_discs(friction, below=500.0))
+    problem = half_discs(friction, below=500.0)
+    problem = replace(problem, mesh=problem.mesh.refined(np.ones(problem.mesh.cell_count, dtype=bool)))
     result, fine = (solve(problem, degree=degree) for degree in (3, 5))
     found = result.bracket.coulomb
     assert found.kind == kind

@@ -34,12 +34,6 @@ def notched():
     return ContactProblem(mesh, Material(100.0, 0.2), [*conditions, Contact("cut", 0.3)], regions=regions)
 
 
-def body_of(problem, degree):
-    scales = Scales.of(problem)
-    space = DisplacementSpace.of(problem, Triangle(degree), scales.length)
-    return Elasticity(space, moduli(problem, scales))
-
-
 @pytest.mark.parametrize("cell", CELLS, ids=lambda cell: str(cell.degree))
 class TestCells:
     """Shape functions of the reference cells."""
@@ -68,7 +62,9 @@ class TestStiffness:
     """K of a body with joint, notch and two materials."""
 
     def body(self, cell):
-        return body_of(notched(), cell.degree)
+        problem = notched()
+        scales = Scales.of(problem)
+        return Elasticity(DisplacementSpace.of(problem, cell, scales.length), moduli(problem, scales))
 
     def test_it_is_the_energy(self, cell):
         body = self.body(cell)
