@@ -273,12 +273,6 @@ def leaning():
     return solve(ContactProblem(mesh, Material(1000.0, 0.0), conditions))
 
 
-def arrows_of(axes):
-    """Tails (n, 2) and vectors (n, 2) of all resultants, which are the widest arrows."""
-    found = [drawn for drawn in axes.collections if isinstance(drawn, Quiver) and drawn.width == 0.025]
-    return np.concatenate([drawn.get_offsets() for drawn in found]), np.array([(d.U[0], d.V[0]) for d in found])
-
-
 class TestBody:
     """The deformed body with what its contacts carry."""
 
@@ -362,7 +356,8 @@ class TestBody:
         result, axes = slanted_result(), new_axes()
         draw_body(axes, result, units=Units("mm", "MPa"))
         line, force = result.contacts["plane"], result.resultant("bottom")
-        (tail,), (arrow,) = arrows_of(axes)
+        (drawn,) = (each for each in axes.collections if isinstance(each, Quiver) and each.width == 0.025)  # the widest
+        (tail,), arrow = drawn.get_offsets(), np.array([drawn.U[0], drawn.V[0]])
         push = np.array([force.x, force.y])
         assert arrow / np.hypot(*arrow) == pytest.approx(push / np.hypot(*push), abs=1e-9)
         pressed = line.weights * -line.normal_stress

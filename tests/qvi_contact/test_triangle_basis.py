@@ -257,27 +257,22 @@ class TestCentres:
         assert 0 < len(found.cells_across) < 0.2 * len(space.mesh.cells)
 
 
-def dofs_of_quadratic(space, values, slopes):
-    """Degrees of freedom of a quadratic Φ, of which Legendre coefficients above the lowest are zero."""
-    counting, vertices = space.frames, space.vertices
-    absolute = np.column_stack([values(*vertices.T), *slopes(*vertices.T)])
-    moved = absolute[counting.owner]
-    moved[:, 0] += ((vertices - vertices[counting.owner]) * moved[:, 1:]).sum(axis=1)
-    counted = absolute - moved * (~counting.is_centre * len(counting.centres) > 0)[:, None]
-    u = np.zeros(space.size)
-    u[: counted.size] = counted.ravel()
-    return u / space.units
+def quadratic(x, y):
+    """Φ and its slopes."""
+    return 3 * x**2 - 4 * x * y + y**2 + 5 + 7 * x - 9 * y, 6 * x - 4 * y + 7, 2 * y - 4 * x - 9
 
 
 def of_a_quadratic(mesh):
-    """A basis, its energy with c = 1, and the degrees of freedom of Φ = 3x² − 4xy + y² + 5 + 7x − 9y."""
+    """A basis, its energy with c = 1, and the quadratic, of which Legendre coefficients above the lowest are zero."""
     basis = StressSpace(mesh, 4)
-    u = dofs_of_quadratic(
-        basis,
-        lambda x, y: 3 * x**2 - 4 * x * y + y**2 + 5 + 7 * x - 9 * y,
-        lambda x, y: (6 * x - 4 * y + 7, 2 * y - 4 * x - 9),
-    )
-    return basis, stiffness(basis, np.eye(3)), u
+    counting, vertices = basis.frames, basis.vertices
+    absolute = np.column_stack(quadratic(*vertices.T))
+    moved = absolute[counting.owner]
+    moved[:, 0] += ((vertices - vertices[counting.owner]) * moved[:, 1:]).sum(axis=1)
+    counted = absolute - moved * (~counting.is_centre * len(counting.centres) > 0)[:, None]
+    u = np.zeros(basis.size)
+    u[: counted.size] = counted.ravel()
+    return basis, stiffness(basis, np.eye(3)), u / basis.units
 
 
 def test_a_quadratic_has_its_stress_and_its_energy():
@@ -294,8 +289,7 @@ def test_a_quadratic_has_its_stress_and_its_energy():
     w = (body.energy.roots @ basis.differences.apply(u)[1][:, :, None]).ravel()
     assert w @ w == pytest.approx(4.0 + 36.0 + 16.0, rel=1e-9)
     corner = np.eye(3)[1:2]
-    x, y = mesh.corners[:, 1].T
-    airy = 3 * x**2 - 4 * x * y + y**2 + 5 + 7 * x - 9 * y
+    airy, *_ = quadratic(*mesh.corners[:, 1].T)
     assert basis.airy(body.energy.coefficients(u, None), every, corner)[:, 0] == pytest.approx(airy, abs=1e-12)
 
 
