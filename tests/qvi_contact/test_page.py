@@ -37,8 +37,7 @@ TEXT = (PROBLEMS / "pressed.toml").read_text(encoding="utf-8")
 
 @cache
 def answer():
-    file = problem_from_toml(TEXT)
-    return solve(file.problem)
+    return solve(problem_from_toml(TEXT).problem)
 
 
 @cache
