@@ -134,21 +134,6 @@ def written(path, text, *changes):
     return path
 
 
-def square(**more):
-    """Two triangles and two lines, each named but the last, for meshio to write."""
-    blocks = [("line", [[0, 1]]), ("line", [[0, 2]]), ("triangle", HALVES[:1]), ("triangle", HALVES[1:])]
-    data = {"gmsh:physical": [[1], [2], [3], [4]], "gmsh:geometrical": [[1], [2], [1], [2]]}
-    names = {"floor": np.array([1, 1]), "seam": np.array([2, 1]), "steel": np.array([3, 2])}
-    given = {"gmsh:dim_tags": np.array([[1, 1], [1, 2], [2, 1], [2, 2]]), **more}
-    return meshio.Mesh(
-        np.c_[np.array(SQUARE), np.zeros(4)],
-        [(kind, np.array(cells)) for kind, cells in blocks],
-        given,
-        {name: [np.array(values) for values in each] for name, each in data.items()},
-        names,
-    )
-
-
 class TestGmsh:
     """Counts, tags and sections."""
 
@@ -208,28 +193,26 @@ class TestGmsh:
     @pytest.mark.parametrize("kind", ["gmsh", "gmsh22"])
     @pytest.mark.parametrize("binary", [False, True])
     def test_what_meshio_writes_is_read(self, tmp_path, kind, binary):
-        meshio.write(tmp_path / "a.msh", square(heat=np.arange(4.0)), file_format=kind, binary=binary)
-        mesh = TriangleMesh.load(tmp_path / "a.msh")
-        assert mesh.cells.tolist() == [[0, 1, 2], [0, 2, 3]]
-        assert (mesh.edge_names, mesh.joint_names, mesh.region_names) == (("floor",), ("seam",), ("steel",))
-
-    @pytest.mark.parametrize("kind", ["gmsh", "gmsh22"])
-    @pytest.mark.parametrize("binary", [False, True])
-    def test_regions_of_several_triangles(self, tmp_path, kind, binary):
-        mesh, tags = TriangleMesh.rectangle((2, 2)), [np.full(3, 7), np.full(5, 4)]
-        given = {"gmsh:physical": tags, "gmsh:geometrical": [np.full(3, 1), np.full(5, 2)]}
-        points = np.c_[mesh.vertices, np.zeros(9)]
-        blocks = [("triangle", mesh.cells[:3]), ("triangle", mesh.cells[3:])]
-        dimensions = {"gmsh:dim_tags": np.array([[2, 1]] * 8 + [[2, 2]])}
-        names = {"one": np.array([7, 2]), "two": np.array([4, 2])}
-        written = meshio.Mesh(points, blocks, dimensions, given, names)
+        """Blocks of one element and of several, each named but the last; fields are read over."""
+        mesh, parts = TriangleMesh.rectangle((2, 2)), np.repeat([1, 2, 3], [3, 4, 1])
+        lines = {"floor": mesh.pairs("bottom"), "seam": np.array([[1, 4]])}
+        blocks = [("line", pairs) for pairs in lines.values()]
+        blocks += [("triangle", mesh.cells[parts == part]) for part in (1, 2, 3)]
+        given = {
+            name: [np.full(len(cells), tag) for tag, (_, cells) in zip(tags, blocks, strict=True)]
+            for name, tags in (("gmsh:physical", (1, 2, 7, 4, 5)), ("gmsh:geometrical", (1, 2, 1, 2, 3)))
+        }
+        nodes = {"gmsh:dim_tags": np.array([[1, 1], [1, 2], [2, 1], [2, 2], *[[2, 3]] * 5]), "heat": np.arange(9.0)}
+        names = {"floor": (1, 1), "seam": (2, 1), "one": (7, 2), "two": (4, 2)}
+        names = {name: np.array(tags) for name, tags in names.items()}
+        written = meshio.Mesh(np.c_[mesh.vertices, np.zeros(9)], blocks, nodes, given, names)
         meshio.write(tmp_path / "a.msh", written, file_format=kind, binary=binary)
         found = TriangleMesh.load(tmp_path / "a.msh")
         assert found.same_as(mesh)
-        assert {name: cells.tolist() for name, cells in found.regions.items()} == {
-            "one": [0, 1, 2],
-            "two": [3, 4, 5, 6, 7],
-        }
+        assert (found.edge_names, found.joint_names) == (("floor",), ("seam",))
+        assert all((found.pairs(name) == pairs).all() for name, pairs in lines.items())
+        regions = {name: cells.tolist() for name, cells in found.regions.items()}
+        assert regions == {"one": [0, 1, 2], "two": [3, 4, 5, 6]}
 
     def test_elements_with_nothing_but_a_physical_number(self, tmp_path):
         """In a binary file, where those of one kind may be one block."""

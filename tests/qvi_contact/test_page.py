@@ -30,14 +30,14 @@ from qvi_contact.problem import Contact, ContactProblem, Displacement, Material,
 from qvi_contact.solution import ContactPath
 from qvi_contact.units import Units
 from tests.qvi_contact.builders import PROBLEMS
+from tests.qvi_contact.test_plots import slanted_result
 
 TEXT = (PROBLEMS / "pressed.toml").read_text(encoding="utf-8")
 
 
 @cache
 def answer():
-    file = problem_from_toml(TEXT)
-    return solve(file.problem)
+    return solve(problem_from_toml(TEXT).problem)
 
 
 @cache
@@ -245,53 +245,37 @@ def test_units_that_engineers_use(stress, length, force, moment):
             assert caught.value.field == f"Units.{field}"
 
 
-@pytest.fixture(scope="module")
-def slanted():
-    """A block on triangles that slides down a plane turned by 30°."""
-    mesh = TriangleMesh.rectangle((3, 2), 3.0, 2.0)
-    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
-    turned = TriangleMesh(mesh.vertices @ np.array([[c, s], [-s, c]]), mesh.cells, mesh.edge_sets)
-    conditions = [Contact("bottom", friction=0.3, name="plane <a>"), Displacement("top", x=0.05, y=-0.02)]
-    conditions += [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
-    return solve(ContactProblem(turned, Material(1000.0, 0.3), conditions))
-
-
 html = methodcaller("_repr_html_")  # the name under which notebooks ask for it
 
 
-class TestPath:
-    """Edges in order."""
-
-    def test_around_a_ring_in_any_order(self):
-        angle = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False) + 0.1
-        ring = np.column_stack([np.cos(angle), np.sin(angle)])
-        ends = np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
-        rightward = (ends[:, 1, 0] > ends[:, 0, 0])[:, None, None]
-        ends = np.where(rightward, ends, ends[:, ::-1])[np.random.default_rng(3).permutation(12)]
-        path = ContactPath.of(ends)
-        walked = np.where(path.forward[:, None, None], ends[path.edges], ends[path.edges, ::-1])
-        assert np.array_equal(walked[1:, 0], walked[:-1, 1])
-        assert np.array_equal(walked[-1, 1], walked[0, 0])
-        assert walked[0, 0] == pytest.approx(ring[np.argmin(ring[:, 0])])
-        assert 0 < path.forward.sum() < 12
-        assert path.starts[-1] + path.lengths[-1] == pytest.approx(24.0 * np.sin(np.pi / 12))
+def test_edges_around_a_ring_in_any_order():
+    angle = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False) + 0.1
+    ring = np.column_stack([np.cos(angle), np.sin(angle)])
+    ends = np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
+    rightward = (ends[:, 1, 0] > ends[:, 0, 0])[:, None, None]
+    ends = np.where(rightward, ends, ends[:, ::-1])[np.random.default_rng(3).permutation(12)]
+    path = ContactPath.of(ends)
+    walked = np.where(path.forward[:, None, None], ends[path.edges], ends[path.edges, ::-1])
+    assert np.array_equal(walked[1:, 0], walked[:-1, 1])
+    assert np.array_equal(walked[-1, 1], walked[0, 0])
+    assert walked[0, 0] == pytest.approx(ring[np.argmin(ring[:, 0])])
+    assert 0 < path.forward.sum() < 12
+    assert path.starts[-1] + path.lengths[-1] == pytest.approx(24.0 * np.sin(np.pi / 12))
 
 
-class TestFrame:
-    """Contacts as tables."""
-
-    def test_rows_follow_the_contact(self, slanted):
-        line = slanted.contacts["plane <a>"]
-        assert {"s [mm]", "slip [mm]", "friction", "state"} < set(line.to_frame(Units("mm", "MPa")).columns)
-        frame = line.to_frame()
-        assert frame["s"].to_numpy() == pytest.approx(np.hypot(frame["x"], frame["y"]))  # from the corner at the origin
-        assert (np.diff(frame["s"]) > 0).all()
-        assert frame["weight"] @ frame["normal_stress"] == pytest.approx(-line.normal_force)
-        assert (frame["state"] == "slip").sum() == (line.state == 2).sum() > 0
+def test_rows_of_a_table_follow_the_contact():
+    line = slanted_result("plane <a>").contacts["plane <a>"]
+    assert {"s [mm]", "slip [mm]", "friction", "state"} < set(line.to_frame(Units("mm", "MPa")).columns)
+    frame = line.to_frame()
+    assert frame["s"].to_numpy() == pytest.approx(np.hypot(frame["x"], frame["y"]))  # from the corner at the origin
+    assert (np.diff(frame["s"]) > 0).all()
+    assert frame["weight"] @ frame["normal_stress"] == pytest.approx(-line.normal_force)
+    assert (frame["state"] == "slip").sum() == (line.state == 2).sum() > 0
 
 
-def test_what_notebooks_show(slanted):
+def test_what_notebooks_show():
     """Tables of results and contacts, pictures of problems and meshes."""
+    slanted = slanted_result("plane <a>")
     line = slanted.contacts["plane <a>"]
     for found in (slanted, line):
         tree = ElementTree.fromstring(html(found))

@@ -14,6 +14,8 @@ from tests.qvi_contact.builders import difference, solved
 STEEL = Material(1000.0, 0.3)
 X, Y = np.array([0.0, 0.3, 0.8, 1.5, 2.0]), np.array([0.0, 0.4, 0.7, 1.0])
 MESH = TriangleMesh.grid(X, Y)
+FREE = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+HELD = [Displacement("bottom", x=0.0, y=0.0), *FREE]
 
 
 def moved(contact, x=0.0, y=0.0, rotation=0.0, pivot=(0.0, 0.0), sign=1.0, normal="y"):
@@ -96,15 +98,6 @@ def test_force_and_displacement_give_one_state(law, side, driven):
     assert theirs.slip == pytest.approx(ours.slip, abs=1e-6)
 
 
-def test_a_given_motion_does_the_work_of_the_obstacle_that_it_is():
-    base, motion = Contact("top", 0.4, gap=2e-3), {"x": 1e-3, "y": -8e-3, "rotation": 1e-3}
-    posed = (replace(base, plate=RigidPlate(**motion)), moved(base, **motion))
-    result, expected = (solved(pushed("top", each)) for each in posed)
-    for name, value in vars(expected.energies).items():
-        assert getattr(result.energies, name) == pytest.approx(value, rel=1e-8), name
-    assert -result.bracket.lower == pytest.approx(result.energies.complementary, rel=1e-8)
-
-
 def test_two_plates_and_their_balance():
     """A press: the lower plate fixed, plates on the right and on top driven; resultants are those prescribed."""
     conditions = [
@@ -123,9 +116,9 @@ def test_two_plates_and_their_balance():
         assert sum(getattr(force, component) for force in total) == pytest.approx(0.0, abs=1e-8)
 
 
-def column(plate, friction=0.0, material=STEEL, scale=1.0, shift=(0.0, 0.0)):
+def column(plate, friction=0.0, material=STEEL, scale=1.0):
     """A plate on a column that stands on a smooth ground; closed form: p = F/w, motion = F h/(E w)."""
-    mesh = TriangleMesh.grid(shift[0] + scale * X, shift[1] + scale * Y)
+    mesh = TriangleMesh.grid(scale * X, scale * Y)
     conditions = [
         Symmetry("left"),
         Symmetry("bottom"),
@@ -149,9 +142,9 @@ class TestColumn:
     def test_rotation_under_an_eccentric_force(self):
         """On a bilateral plate: bending by M about the middle, slope 12 M h/(E w³) of the straight column."""
         mesh = TriangleMesh.grid(X - 1.0, Y)
-        moment, free = 3.0, [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+        moment = 3.0
         plate = Contact("top", 0.0, law="bilateral", plate=RigidPlate(force_y=-30.0, moment=moment), name="plate")
-        result = solved(ContactProblem(mesh, STEEL, [Symmetry("bottom"), *free, plate]))
+        result = solved(ContactProblem(mesh, STEEL, [Symmetry("bottom"), *FREE, plate]))
         motion = result.plates["plate"]
         assert motion.y == pytest.approx(-0.015, rel=1e-8)
         assert motion.rotation == pytest.approx(12.0 * moment / (1000.0 * 2.0**3), rel=1e-8)
@@ -179,13 +172,8 @@ class TestRedundantResultants:
 
     @staticmethod
     def between(plate, load=-5.0):
-        conditions = [
-            Contact("bottom", 0.3, plate=plate, name="plate"),
-            Traction("top", 0.0, load),
-            Traction("left", 0.0, 0.0),
-            Traction("right", 0.0, 0.0),
-        ]
-        return ContactProblem(MESH, STEEL, conditions)
+        base = Contact("bottom", 0.3, plate=plate, name="plate")
+        return ContactProblem(MESH, STEEL, [base, Traction("top", 0.0, load), *FREE])
 
     def test_they_are_dropped_with_a_remark(self):
         free = solved(self.between(None))
@@ -235,10 +223,6 @@ class TestImpossible:
         assert result.status is Status.INFEASIBLE
         assert "off 'plate'" in result.message
 
-    def test_motion_of_a_failed_problem_is_refused_with_the_reason(self):
-        with pytest.raises(InputError, match="no stress state"):
-            _ = solve(column(RigidPlate(force_y=1.0))).plates
-
     @pytest.mark.parametrize(
         ("given", "field"),
         [({}, "RigidPlate"), ({"force_x": float("nan")}, "RigidPlate.force_x"),
@@ -274,12 +258,11 @@ def test_small_displacements_under_a_driven_plate_are_as_exact_as_large_ones(pla
 )
 def test_a_far_pivot_is_as_good_as_a_near_one(pivot, shift, tolerance):
     mesh = TriangleMesh.rectangle((4, 4), origin=(shift, shift))
-    held = [Displacement("bottom", x=0.0, y=0.0), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
     tilted = Contact("top", 0.3, gap=lambda x, y: -1e-3 - 2e-4 * (x - shift - 0.5) + 0 * y, offset=3e-4, name="plate")
-    line = solved(ContactProblem(mesh, STEEL, [*held, tilted])).contacts["plate"]
+    line = solved(ContactProblem(mesh, STEEL, [*HELD, tilted])).contacts["plate"]
     moments = (line.x - pivot[0]) * line.normal_stress - (line.y - pivot[1]) * line.tangential_stress
     driven = RigidPlate(line.tangential_force, -line.normal_force, float(line.weights @ moments), pivot)
-    result = solved(ContactProblem(mesh, STEEL, [*held, Contact("top", 0.3, name="plate", plate=driven)]))
+    result = solved(ContactProblem(mesh, STEEL, [*HELD, Contact("top", 0.3, name="plate", plate=driven)]))
     size = np.abs(line.normal_stress).max()
     assert np.abs(result.contacts["plate"].normal_stress - line.normal_stress).max() < tolerance * size
     motion = result.plates["plate"]
@@ -289,28 +272,18 @@ def test_a_far_pivot_is_as_good_as_a_near_one(pivot, shift, tolerance):
     assert motion.y + motion.rotation * arm_x == pytest.approx(-1e-3, abs=2e-7 + 1e-15 * abs(arm_x))
 
 
-def test_a_wrong_motion_of_a_plate_is_no_solution():
-    mesh = TriangleMesh.rectangle((3, 3))
-    held = [Displacement("bottom", x=0.0, y=0.0), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
-    plate = RigidPlate(force_y=-10.0)
-    solution = solved(ContactProblem(mesh, STEEL, [*held, Contact("top", 0.3, plate=plate)])).solution
-    state = solution.problem, solution.z, solution.normal_multiplier, solution.tangential_multiplier
-    assert certify(*state, solution.equality_multiplier).passed
-    assert not certify(*state, solution.equality_multiplier * (1.0 + 1e-4)).passed
-
-
-def test_a_small_force_counts_beside_a_large_one():
+def test_a_small_force_counts_beside_a_large_one_and_so_does_a_wrong_motion():
     mesh = (
         TriangleMesh.rectangle((4, 3))
         .with_edges("one", lambda x, y: (x < 0.5) & (y == 1.0))
         .with_edges("other", lambda x, y: (x > 0.5) & (y == 1.0))
     )
-    held = [Displacement("bottom", x=0.0, y=0.0), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
     forces = {"one": -100.0, "other": -1e-4}
     plates = [Contact(name, 0.3, plate=RigidPlate(force_y=force)) for name, force in forces.items()]
-    result = solved(ContactProblem(mesh, STEEL, [*held, *plates]))
+    result = solved(ContactProblem(mesh, STEEL, [*HELD, *plates]))
     assert result.contacts["other"].normal_force == pytest.approx(1e-4, rel=1e-4)
     qvi, solution = result.solution.problem, result.solution
     changed = qvi.with_loads(b=qvi.b * np.array([1.0, 1.01]))
     state = solution.z, solution.normal_multiplier, solution.tangential_multiplier, solution.equality_multiplier
     assert not certify(changed, *state).passed
+    assert not certify(qvi, *state[:3], state[3] * (1.0 + 1e-7)).passed  # a wrong motion

@@ -144,17 +144,12 @@ class TestTractions:
         assert axes.get_ylim()[0] == 0.0
 
 
-class TestOtherContacts:
-    """Bounds that are not Coulomb's, lines above each other."""
-
-    EDGES, STATES = ((0.0, 1.0),), ([STICK] * 4,)
-
-    def test_a_tied_contact_has_no_bound_to_draw(self):
-        line = contact(self.EDGES, self.STATES, bound=np.inf)
-        axes = new_axes()
-        contact_tractions(axes, line)
-        assert [drawn.get_label()[:8] for drawn in axes.lines] == ["pressure", "friction"]
-        assert np.isfinite(axes.get_ylim()).all()
+def test_a_tied_contact_has_no_bound_to_draw():
+    line = contact([(0.0, 1.0)], [[STICK] * 4], bound=np.inf)
+    axes = new_axes()
+    contact_tractions(axes, line)
+    assert [drawn.get_label()[:8] for drawn in axes.lines] == ["pressure", "friction"]
+    assert np.isfinite(axes.get_ylim()).all()
 
 
 @cache
@@ -260,11 +255,11 @@ TANGENT, NORMAL = np.array([np.sqrt(0.75), 0.5]), np.array([-0.5, np.sqrt(0.75)]
 
 
 @cache
-def slanted_result():
+def slanted_result(name="plane"):
     """A block of triangles on a plane that rises by 30 degrees, pushed along it."""
     mesh = TriangleMesh.rectangle((2, 2), 2.0, 1.0)
     mesh = TriangleMesh(mesh.vertices @ np.array([TANGENT, NORMAL]), mesh.cells, mesh.edge_sets)
-    conditions = [Contact("bottom", friction=0.2, name="plane"), Traction("left", normal=0.0, tangential=0.0)]
+    conditions = [Contact("bottom", friction=0.2, name=name), Traction("left", normal=0.0, tangential=0.0)]
     conditions += [Traction("right", normal=0.0, tangential=0.0), Displacement("top", normal=-0.01, tangential=0.05)]
     return solve(ContactProblem(mesh, Material(1000.0, 0.3), conditions))
 
@@ -273,17 +268,9 @@ def slanted_result():
 def leaning():
     """Two blocks of width 1 under a load that grows from 0.5 to 1.5 along them: uniform along y, e = 1/12."""
     mesh = TriangleMesh.rectangle((2, 4), 1.0, 2.0).with_joint("bed", lambda _, y: np.isclose(y, 1.0))
-    free = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
     load = Traction("top", x=0.0, y=lambda x, _: -0.5 - x)
-    return solve(
-        ContactProblem(mesh, Material(1000.0, 0.0), [*free, load, Contact("bed", 0.3), Contact("bottom", 0.3)])
-    )
-
-
-def arrows_of(axes):
-    """Tails (n, 2) and vectors (n, 2) of all resultants, which are the widest arrows."""
-    found = [drawn for drawn in axes.collections if isinstance(drawn, Quiver) and drawn.width == 0.025]
-    return np.concatenate([drawn.get_offsets() for drawn in found]), np.array([(d.U[0], d.V[0]) for d in found])
+    conditions = [*FREE, load, Contact("bed", 0.3), Contact("bottom", 0.3)]
+    return solve(ContactProblem(mesh, Material(1000.0, 0.0), conditions))
 
 
 class TestBody:
@@ -369,7 +356,8 @@ class TestBody:
         result, axes = slanted_result(), new_axes()
         draw_body(axes, result, units=Units("mm", "MPa"))
         line, force = result.contacts["plane"], result.resultant("bottom")
-        (tail,), (arrow,) = arrows_of(axes)
+        (drawn,) = (each for each in axes.collections if isinstance(each, Quiver) and each.width == 0.025)  # the widest
+        (tail,), arrow = drawn.get_offsets(), np.array([drawn.U[0], drawn.V[0]])
         push = np.array([force.x, force.y])
         assert arrow / np.hypot(*arrow) == pytest.approx(push / np.hypot(*push), abs=1e-9)
         pressed = line.weights * -line.normal_stress

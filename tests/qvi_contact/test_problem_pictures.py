@@ -14,24 +14,8 @@ from qvi_contact.gallery import sliding_block
 from qvi_contact.plots import draw_problem, problem_figure, runs, value_range
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
 from qvi_contact.units import Units
-
-
-def ring(chords=24, layers=2):
-    """A ring of radii 1 and 2 whose circles are made of chords."""
-    angles = 2.0 * np.pi * np.arange(chords) / chords
-    radii = 1.0 + np.arange(layers + 1) / layers
-    vertices = (radii[:, None, None] * np.column_stack([np.cos(angles), np.sin(angles)])).reshape(-1, 2)
-    here = np.arange(chords)
-    there = (here + 1) % chords
-    layer = [np.stack([[here, there, here + chords], [there, there + chords, here + chords]])]
-    cells = np.concatenate([layer[0] + chords * k for k in range(layers)])
-    return TriangleMesh(vertices, cells.transpose(0, 2, 1).reshape(-1, 3))
-
-
-def turned(mesh, angle):
-    """The same mesh turned about the origin."""
-    c, s = np.cos(angle), np.sin(angle)
-    return TriangleMesh(mesh.vertices @ np.array([[c, s], [-s, c]]), mesh.cells, mesh.edge_sets, mesh.regions)
+from tests.qvi_contact.builders import polygon
+from tests.qvi_contact.test_triangles import oblique
 
 
 class TestRuns:
@@ -39,7 +23,7 @@ class TestRuns:
 
     @pytest.mark.parametrize("angle", [0.4, 2.0, 3.5])
     def test_a_side_is_one_run_whatever_way_it_faces(self, angle):
-        mesh = turned(TriangleMesh.rectangle((5, 3), 2.0, 1.0), angle)
+        mesh = oblique(TriangleMesh.rectangle((5, 3), 2.0, 1.0), np.degrees(angle))
         (run,) = runs(mesh, mesh.edges("bottom"))
         assert run.length == pytest.approx(2.0)
         assert run.at(0.5).normals[0] == pytest.approx([np.sin(angle), -np.cos(angle)])
@@ -56,10 +40,9 @@ class TestRuns:
         assert sum(run.length for run in found) == pytest.approx(4.0)
 
     def test_a_circle_is_cut_where_the_tangent_changes_its_sense_only(self):
-        mesh = ring()
-        for radius in (1.0, 2.0):
-            mesh = mesh.with_edges(f"{radius}", lambda x, y, r=radius: np.abs(np.hypot(x, y) - r) < 0.1)
-            found = runs(mesh, mesh.edges(f"{radius}"))
+        mesh = polygon(24, 2)
+        for name, radius in (("hole", 1.0), ("outside", 2.0)):
+            found = runs(mesh, mesh.edges(name))
             assert len(found) == 2
             for run in found:
                 places = run.ends_and_points(0.01)
@@ -73,8 +56,8 @@ class TestRuns:
 
     def test_places_on_an_arc_lie_on_the_circle(self):
         """Between the chords that are drawn too: a gap of a rounded pin is that of the arc."""
-        mesh = ring().with_edges("bore", lambda x, y: np.hypot(x, y) < 1.1).with_arc("bore", (0.0, 0.0), 1.0)
-        for run in runs(mesh, mesh.edges("bore")):
+        mesh = polygon(24, 2).with_arc("hole", (0.0, 0.0), 1.0)
+        for run in runs(mesh, mesh.edges("hole")):
             assert np.hypot(*run.ends_and_points(0.01).points.T) == pytest.approx(1.0, abs=1e-13)
 
 
@@ -93,7 +76,7 @@ def loaded(angle):
         Contact("bed", friction=0.4),
     ]
     regions = [Region(Material(500.0, 0.2), name="lower")]
-    return ContactProblem(turned(mesh, angle), Material(1000.0, 0.3), conditions, regions=regions)
+    return ContactProblem(oblique(mesh, np.degrees(angle)), Material(1000.0, 0.3), conditions, regions=regions)
 
 
 def drawn(problem):
@@ -110,11 +93,6 @@ def drawn(problem):
     }
     symbols = [line.get_xydata() for line in axes.lines if line.get_marker() not in ("None", None, "")]
     return axes, found, np.concatenate([np.empty((0, 2)), *symbols])
-
-
-def legend_of(axes):
-    """All its words in one line."""
-    return " ".join(" ".join(text.get_text() for text in axes.get_legend().get_texts()).split())
 
 
 class TestTriangles:
@@ -138,7 +116,7 @@ class TestTriangles:
         assert ((beside[:, 0] > 2.0) & (beside[:, 0] < 2.2)).all()
 
     def test_symmetry_and_supports_stand_beside_slanted_sides(self):
-        mesh = turned(TriangleMesh.rectangle((2, 2)), 0.6)
+        mesh = oblique(TriangleMesh.rectangle((2, 2)), 35.0)
         conditions = [Symmetry("bottom"), Displacement("left", x=0.0, y=0.0), Traction("top", x=0.0, y=0.0)]
         conditions += [Displacement("right", tangential=0.0), Traction("right", normal=0.0)]
         axes, _, symbols = drawn(ContactProblem(mesh, Material(1.0, 0.3), conditions))
@@ -146,10 +124,6 @@ class TestTriangles:
         assert (np.hypot(*(symbols - mesh.vertices.mean(axis=0)).T) < mesh.length).all()
         markers = {str(line.get_marker()) for line in axes.lines if line.get_marker() not in ("None", None, "")}
         assert {"o", "d"} <= markers
-
-
-def _bowl(x, y):
-    return 0.01 * x**2 + 0 * y
 
 
 def laden():
@@ -162,7 +136,7 @@ def laden():
         Traction("right", x=2.0),
         Displacement("right", y=0.0),
         Traction("lid", x=0.0, y=0.0),
-        Contact("bottom", friction=lambda x, y: 0.2 + 0.1 * x + 0 * y, gap=_bowl, name="ground"),
+        Contact("bottom", friction=lambda x, y: 0.2 + 0.1 * x + 0 * y, gap=lambda x, _: 0.01 * x**2, name="ground"),
         Contact("press", friction=0.1, plate=RigidPlate(force_y=-3.0, moment=0.5)),
         Contact("bed", friction=0.4, cohesion=1.5),
     ]
@@ -179,7 +153,7 @@ def test_components_given_apart_make_one_arrow():
 def test_the_legend_names_everything():
     axes = Figure().subplots()
     draw_problem(axes, laden(), Units("mm", "MPa"))
-    legend = legend_of(axes)
+    legend = " ".join(" ".join(text.get_text() for text in axes.get_legend().get_texts()).split())
     for words in (
         "1: E = 1000 MPa", "2: E = 500 MPa", "t_x = 0 … 10 MPa", "u_y = 0 mm", "free: lid",
         "contact ground: μ = 0.2 … 0.4, gap = 0 … 0.04 mm", "F_y = −3 N/mm", "M = 0.5 N mm/mm",

@@ -15,6 +15,7 @@ from solvers.basics import Progress, report
 
 FORCE = "plate.normal_force"
 FACTOR = 3.0
+FREE = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
 
 
 # Of the L below: bicubic stress functions on grids of 120 000 unknowns end at -0.04937023 and 85.56207. Graded grids,
@@ -174,9 +175,8 @@ class TestReferenceSolution:
     def test_slip_either_way_is_a_change(self):
         """A block pressed on smooth ground spreads to both sides."""
         mesh = TriangleMesh.rectangle((4, 1), 4.0, 1.0, origin=(-2.0, 0.0))
-        free = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
         load = Traction("top", x=0.0, y=-10.0)
-        problem = ContactProblem(mesh, Material(1e3, 0.3), [Contact("bottom", friction=1e-4), *free, load])
+        problem = ContactProblem(mesh, Material(1e3, 0.3), [Contact("bottom", friction=1e-4), *FREE, load])
         result = solve(problem, degree=4)
         assert (result.contacts["bottom"].state == 2).mean() > 0.9
         middle = problem.mesh.corners[places(result).cells].mean(axis=1)
@@ -185,8 +185,7 @@ class TestReferenceSolution:
 
     def test_joints_end_in_corners(self):
         mesh = TriangleMesh.rectangle((2, 2), 2.0, 2.0).with_joint("joint", lambda x, y: (y == 1.0) & (x < 1.0))
-        sides = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
-        conditions = [Contact.tied("bottom"), Contact("joint", 0.4), *sides, Displacement("top", x=0.0, y=-1e-3)]
+        conditions = [Contact.tied("bottom"), Contact("joint", 0.4), *FREE, Displacement("top", x=0.0, y=-1e-3)]
         problem = ContactProblem(mesh, Material(1e4, 0.2), conditions)
         found = mesh.vertices[places(solve(problem, degree=3)).corners]
         assert {(1.0, 1.0), (0.0, 1.0)} <= set(map(tuple, found.tolist()))
@@ -225,15 +224,12 @@ def test_units_do_not_matter():
     assert other.value == pytest.approx(1e12 * one.value, rel=1e-7)
 
 
-class TestStart:
-    """Where a refinement starts, and with which degree."""
-
-    def test_it_goes_on_from_an_earlier_result(self):
-        first = refine(plate(0.2), None, 1e-3, FORCE, degree=3)
-        again = refine(plate(0.2), first.result, 1e-3, FORCE, degree=3)
-        assert len(again.rounds) == 1
-        assert again.rounds[0].unknowns == first.rounds[-1].unknowns
-        assert again.value == pytest.approx(first.value, rel=1e-9)
+def test_a_refinement_goes_on_from_an_earlier_result():
+    first = refine(plate(0.2), None, 1e-3, FORCE, degree=3)
+    again = refine(plate(0.2), first.result, 1e-3, FORCE, degree=3)
+    assert len(again.rounds) == 1
+    assert again.rounds[0].unknowns == first.rounds[-1].unknowns
+    assert again.value == pytest.approx(first.value, rel=1e-9)
 
 
 class TestEnds:
@@ -317,8 +313,7 @@ class TestGuaranteedUnderFriction:
         conditions = [
             Contact("top", 0.05, gap=-1e-3, name="plate"),
             Displacement("bottom", x=0.0, y=0.0),
-            Traction("left", 0.0, 0.0),
-            Traction("right", 0.0, 0.0),
+            *FREE,
         ]
         outcome = refine(ContactProblem(block, Material(1e4, 0.2), conditions), None, 1e-2, FORCE, guaranteed=True)
         assert outcome.status is RefinementStatus.NO_GUARANTEE
@@ -369,24 +364,20 @@ class TestStressesAndSlip:
         assert [each.value for each in outcomes.values()] == pytest.approx([0.036, 0.09, 3.0, 3.0])
         assert all(each.status is RefinementStatus.REACHED for each in outcomes.values())
 
+    PRESSED = (*FREE, Contact("top", 0.0, law="tied", plate=RigidPlate(force_y=-6.0, x=0.0, rotation=0.0)))
+
     def test_what_friction_loses(self):
         """A block that slides by 0.5 under the force 2 p loses μ 2 p · 0.5, less what its shear takes up."""
-        sides = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
-        top = Contact("top", 0.0, law="tied", plate=RigidPlate(force_y=-6.0, x=0.0, rotation=0.0))
         wall = Contact("bottom", 0.2, name="wall", offset=-0.5)
-        rigid = Material(1e6, 0.3)
-        outcome = refine(
-            ContactProblem(TriangleMesh.rectangle((2, 1), 2.0), rigid, [*sides, wall, top]), None, 1e-5, "dissipation"
-        )
+        block = ContactProblem(TriangleMesh.rectangle((2, 1), 2.0), Material(1e6, 0.3), [*self.PRESSED, wall])
+        outcome = refine(block, None, 1e-5, "dissipation")
         assert outcome.value == pytest.approx(0.2 * 6.0 * 0.5, rel=1e-4)
 
     def test_what_friction_loses_in_a_cycle(self):
         """A block rubbed to and fro on the ground under 6: μ N times its way, 1.5 in all."""
-        sides = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
-        top = Contact("top", 0.0, law="tied", plate=RigidPlate(force_y=-6.0, x=0.0, rotation=0.0))
         wall, ways = Contact("bottom", 0.2, name="wall"), (0.0, 0.5, 0.0, -0.5)
         mesh, stiff = TriangleMesh.rectangle((2, 1), 2.0), Material(1e4, 0.3)
-        steps = [ContactProblem(mesh, stiff, [*sides, replace(wall, offset=way), top]) for way in ways]
+        steps = [ContactProblem(mesh, stiff, [*self.PRESSED, replace(wall, offset=way)]) for way in ways]
         outcome = refine(steps, None, 1e-3, "dissipation", degree=3)
         assert outcome.status is RefinementStatus.REACHED
         assert outcome.value == pytest.approx(0.2 * 6.0 * 1.5, rel=2e-3)
@@ -445,13 +436,10 @@ def test_no_time_for_the_first_round():
     assert outcome.estimate == np.inf
 
 
-class TestProgress:
-    """Off a terminal: plain lines, once work is large or long."""
-
-    def test_long_work_has_a_line_now_and_then(self, capfd):
-        with progress_line.solving("plate", silence=0.01):
-            report(Progress("condensed"))
-            err = ""
-            while err.count("\n") < 2:
-                err += capfd.readouterr().err
-        assert all(line.startswith("plate: ") for line in err.splitlines())
+def test_long_work_has_a_line_now_and_then(capfd):
+    with progress_line.solving("plate", silence=0.01):
+        report(Progress("condensed"))
+        err = ""
+        while err.count("\n") < 2:
+            err += capfd.readouterr().err
+    assert all(line.startswith("plate: ") for line in err.splitlines())

@@ -77,18 +77,15 @@ def total(result):
     return np.sum([(r.x, r.y, r.moment) for r in map(result.resultant, SIDES)], axis=0)
 
 
-class TestResultant:
-    """Forces and moments of sides balance."""
-
-    def test_plate(self, plate):
-        line = plate.contacts["plate"]
-        top = plate.resultant("top")
-        assert total(plate) == pytest.approx(np.zeros(3), abs=1e-9 * FORCE)
-        assert top.x == pytest.approx(line.tangential_force, rel=1e-10)
-        assert top.y == pytest.approx(-line.normal_force, rel=1e-10)
-        moment = line.weights @ (line.x * line.normal_stress - line.y * line.tangential_stress)
-        assert top.moment == pytest.approx(moment, rel=1e-10)
-        assert top.x < -1.0  # friction does hold the plate together
+def test_forces_and_moments_of_sides_balance(plate):
+    line = plate.contacts["plate"]
+    top = plate.resultant("top")
+    assert total(plate) == pytest.approx(np.zeros(3), abs=1e-9 * FORCE)
+    assert top.x == pytest.approx(line.tangential_force, rel=1e-10)
+    assert top.y == pytest.approx(-line.normal_force, rel=1e-10)
+    moment = line.weights @ (line.x * line.normal_stress - line.y * line.tangential_stress)
+    assert top.moment == pytest.approx(moment, rel=1e-10)
+    assert top.x < -1.0  # friction does hold the plate together
 
 
 class TestEnergies:
@@ -125,6 +122,7 @@ def test_loads_that_no_traction_carries(sides, inner):
     for attempt in (
         lambda: result.contacts,
         lambda: result.energies,
+        lambda: result.plates,
         lambda: result.stress(0.5, 0.5),
         lambda: result.gauss_stress(),
         lambda: result.resultant("top"),
@@ -207,24 +205,13 @@ def test_two_contacts_in_a_corner_and_a_joint(degree, law):
 STICK, SLIP = 1, 2
 
 
-def states(line):
-    """Coordinates along a horizontal contact and the states there, from left to right."""
-    order = np.argsort(line.x)
-    return line.x[order], line.state[order]
-
-
-def zones(line):
-    """The sequence of states without repetition, such as [2, 1, 2]."""
-    state = states(line)[1]
-    return state[np.flatnonzero(np.diff(state, prepend=-1))].tolist()
-
-
 @pytest.mark.parametrize(("cells", "rows"), [(5, "points"), (13, "edges")])
 def test_the_end_of_the_stick_zone_lies_inside_an_edge(cells, rows):
     """At x = 0.749 on the paper's plate with μ = 0.2; not at an end of the edge it lies in, a cell's half away."""
     problem = compressed_plate(0.2, (cells, cells))
     plate = solved(problem, degree=5, law_on=rows).contacts["plate"]
-    assert zones(plate) == [STICK, SLIP]
+    state = plate.state[np.argsort(plate.x)]
+    assert state[np.flatnonzero(np.diff(state, prepend=-1))].tolist() == [STICK, SLIP]
     assert plate.weights[plate.state == STICK].sum() == pytest.approx(0.749, abs=0.1 / cells)
 
 
@@ -296,7 +283,7 @@ def test_limit_loads_displacements_and_bounds(pytestconfig):
     force = companion.contacts["plate"].normal_force  # remembered
     for copied in COPIES:
         again = copied(limit)
-        assert (again.lower, again.upper, again.bound) == (limit.lower, limit.upper, limit.bound)
+        assert (again, again.lower, again.upper, again.bound) == (limit, limit.lower, limit.upper, limit.bound)
         assert again.mechanism.works == limit.mechanism.works
         assert again.mechanism.contacts["base"] == limit.mechanism.contacts["base"]
         with pytest.raises(TypeError):

@@ -309,13 +309,6 @@ def test_options_of_all_methods_keep_the_default():
     assert len(seen) == again.iterations < first.iterations
 
 
-def block(drag):
-    """A block on a contact that cannot open, and whose friction carries 0.3, dragged."""
-    loads = [Traction("top", x=drag, y=-1.0), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
-    ground = Contact("bottom", 0.3, law="bilateral", name="ground")
-    return ContactProblem(TriangleMesh.rectangle((4, 2), 2.0, 1.0), Material(1e3, 0.2), [ground, *loads])
-
-
 @pytest.mark.parametrize(
     ("drag", "options", "status"),
     [
@@ -325,7 +318,11 @@ def block(drag):
     ],
 )
 def test_the_message_beyond_what_friction_carries_names_the_limit_analysis(drag, options, status):
-    result = solve(block(drag), **options)
+    """Of a block on a contact that cannot open, and whose friction carries 0.3, dragged."""
+    loads = [Traction("top", x=drag, y=-1.0), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
+    ground = Contact("bottom", 0.3, law="bilateral", name="ground")
+    mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0)
+    result = solve(ContactProblem(mesh, Material(1e3, 0.2), [ground, *loads]), **options)
     assert result.status is status
     for word in ("beyond", "limit_load_factor", "qvi-contact limit"):
         assert word in result.message

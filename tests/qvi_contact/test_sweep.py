@@ -11,11 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from qvi_contact import InputError, TriangleMesh, read_sweep, solve, solve_sweep
 from qvi_contact.basics import Units
-from qvi_contact.command import group
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Traction
 from solvers import Status
@@ -137,27 +135,8 @@ def test_values_by_way_of_a_history_are_other_problems():
     assert all(abs(one - other) > 1e-3 * abs(one) for one, other in pairwise(forces))
 
 
-def command(*arguments):
-    """Exit status and output of qvi-contact."""
-    outcome = CliRunner().invoke(group, [str(word) for word in arguments], standalone_mode=False)
-    if isinstance(outcome.exception, InputError):
-        return 2, str(outcome.exception)
-    assert outcome.exception is None, outcome.output
-    return outcome.return_value, outcome.output
-
-
 VALUES = (0.1, 0.2, 0.3, 0.4)
 ROOT = Path(__file__).parents[2]
-
-
-def stopped(number):
-    """A callback that stops at a value."""
-
-    def callback(here, _row):
-        if here == number:
-            raise KeyboardInterrupt
-
-    return callback
 
 
 def test_rows_are_those_of_the_results(tmp_path):
@@ -184,8 +163,13 @@ def test_the_file_alone_tells_everything(tmp_path):
 
 def test_a_sweep_that_was_stopped_goes_on(tmp_path):
     path, told = tmp_path / "a.sqlite", []
+
+    def interrupted(number, _):
+        if number == 2:
+            raise KeyboardInterrupt
+
     with pytest.raises(KeyboardInterrupt):
-        solve_sweep(PLATE, "friction", VALUES, store=path, callback=stopped(2))
+        solve_sweep(PLATE, "friction", VALUES, store=path, callback=interrupted)
     assert [row.number for row in read_sweep(path).rows()] == [1, 2]
     assert read_sweep(path).status is Status.TIME_LIMIT
     stored = solve_sweep(
@@ -281,14 +265,14 @@ FILE = ROOT / "examples" / "compressed_plate.toml"
 SWEPT = ("solve", FILE, "--set", "friction=0.1:0.3:3")
 
 
-def test_on_the_command_line(tmp_path):
+def test_on_the_command_line(tmp_path, shell):
     path, told = tmp_path / "a.sqlite", tmp_path / "told.json"
-    status, out = command(*SWEPT, "--store", path)
+    status, out, _ = shell(*SWEPT, "--store", path)
     assert status == 0
     assert "friction: 3 values from 0.1 to 0.3\n3 solved\n" in out
     assert read_sweep(path).values == pytest.approx((0.1, 0.2, 0.3))
     before = path.read_bytes()
-    assert command(*SWEPT, "--store", path, "--save-json", told, "--json")[0] == 0
+    assert shell(*SWEPT, "--store", path, "--save-json", told, "--json")[0] == 0
     assert path.read_bytes() == before
     document = json.loads(told.read_text(encoding="utf-8"))
     assert (document["solved"], document["values"], document["statuses"]) == (True, 3, {"solved": 3})
@@ -300,16 +284,16 @@ def test_on_the_command_line(tmp_path):
      (["--dask", "nowhere"], "--dask"), (["--set", "friction=0:1:0"], "--set"),
      (["--set", "friction=0:1:9999999"], "--set"), (["--set", "nobody.gap=0:1:3"], "--set")],
 )  # fmt: skip
-def test_what_the_command_line_refuses(tmp_path, words, option):
-    status, message = command(*SWEPT, "--store", tmp_path / "a", *words)
+def test_what_the_command_line_refuses(tmp_path, shell, words, option):
+    status, _, message = shell(*SWEPT, "--store", tmp_path / "a", *words)
     assert status == 2
-    assert message.startswith(option)
+    assert message.startswith(f"qvi-contact: {option}")
     assert not (tmp_path / "a").exists() or not read_sweep(tmp_path / "a").statuses
 
 
-def test_workers_are_for_stored_sweeps():
-    assert command(*SWEPT, "--workers", "2")[1].startswith("--workers")
-    assert command("solve", FILE, "--store", "a")[1].startswith("--store")
+def test_workers_are_for_stored_sweeps(shell):
+    assert shell(*SWEPT, "--workers", "2")[2].startswith("qvi-contact: --workers")
+    assert shell("solve", FILE, "--store", "a")[2].startswith("qvi-contact: --store")
 
 
 @pytest.fixture(scope="module")

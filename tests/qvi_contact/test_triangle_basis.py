@@ -14,23 +14,16 @@ from qvi_contact.element import from_values, gauss_legendre
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Prescribed, along_edges
 from solvers import Status
+from tests.qvi_contact.test_triangles import moved
 
 COMPLIANCE = np.array([[1.0, -0.3, 0.1], [-0.3, 1.2, -0.2], [0.1, -0.2, 2.6]])  # every coupling present
 ISOTROPIC = Material(1.0, 0.3).compliance
 T = np.linspace(0.0, 1.0, 5)
 
 
-def unstructured(cells=3, seed=0):
+def unstructured(cells=3):
     """The unit square with inner vertices out of place and vertices numbered at random."""
-    rng = np.random.default_rng(seed)
-    mesh = TriangleMesh.rectangle((cells, cells))
-    vertices = mesh.vertices.copy()
-    inner = (vertices.min(axis=1) > 0.0) & (vertices.max(axis=1) < 1.0)
-    vertices[inner] += rng.uniform(-0.25, 0.25, (inner.sum(), 2)) / cells
-    order = rng.permutation(len(vertices))
-    placed = np.empty_like(vertices)
-    placed[order] = vertices
-    return TriangleMesh(placed, order[mesh.cells], {name: order[pairs] for name, pairs in mesh.edge_sets.items()})
+    return moved(TriangleMesh.rectangle((cells, cells)), amount=0.25)
 
 
 def derivatives(phi):
@@ -264,32 +257,22 @@ class TestCentres:
         assert 0 < len(found.cells_across) < 0.2 * len(space.mesh.cells)
 
 
-def dofs_of_quadratic(space, values, slopes):
-    """Degrees of freedom of a quadratic Φ, of which Legendre coefficients above the lowest are zero."""
-    counting, vertices = space.frames, space.vertices
-    absolute = np.column_stack([values(*vertices.T), *slopes(*vertices.T)])
-    moved = absolute[counting.owner]
-    moved[:, 0] += ((vertices - vertices[counting.owner]) * moved[:, 1:]).sum(axis=1)
-    counted = absolute - moved * (~counting.is_centre * len(counting.centres) > 0)[:, None]
-    u = np.zeros(space.size)
-    u[: counted.size] = counted.ravel()
-    return u / space.units
+def quadratic(x, y):
+    """Φ and its slopes."""
+    return 3 * x**2 - 4 * x * y + y**2 + 5 + 7 * x - 9 * y, 6 * x - 4 * y + 7, 2 * y - 4 * x - 9
 
 
 def of_a_quadratic(mesh):
-    """A basis, its energy with c = 1, and the degrees of freedom of Φ = 3x² − 4xy + y² + 5 + 7x − 9y."""
+    """A basis, its energy with c = 1, and the quadratic, of which Legendre coefficients above the lowest are zero."""
     basis = StressSpace(mesh, 4)
-    u = dofs_of_quadratic(
-        basis,
-        lambda x, y: 3 * x**2 - 4 * x * y + y**2 + 5 + 7 * x - 9 * y,
-        lambda x, y: (6 * x - 4 * y + 7, 2 * y - 4 * x - 9),
-    )
-    return basis, stiffness(basis, np.eye(3)), u
-
-
-def stress_of(basis, body, u):
-    every, middle = np.arange(len(basis.mesh.cells)), np.full((1, 3), 1.0 / 3.0)
-    return basis.stress(body.energy.coefficients(u, None), every, middle)[:, 0]
+    counting, vertices = basis.frames, basis.vertices
+    absolute = np.column_stack(quadratic(*vertices.T))
+    moved = absolute[counting.owner]
+    moved[:, 0] += ((vertices - vertices[counting.owner]) * moved[:, 1:]).sum(axis=1)
+    counted = absolute - moved * (~counting.is_centre * len(counting.centres) > 0)[:, None]
+    u = np.zeros(basis.size)
+    u[: counted.size] = counted.ravel()
+    return basis, stiffness(basis, np.eye(3)), u / basis.units
 
 
 def test_a_quadratic_has_its_stress_and_its_energy():
@@ -298,14 +281,15 @@ def test_a_quadratic_has_its_stress_and_its_energy():
     basis, body, u = of_a_quadratic(mesh)
     normal, shear = basis.tractions(u, mesh.edges("left"), np.array([0.2, 0.7]))
     assert len(basis.frames.centres) == 2
-    assert stress_of(basis, body, u) == pytest.approx(np.tile([2.0, 6.0, 4.0], (len(mesh.cells), 1)), abs=1e-9)
+    every, middle = np.arange(len(mesh.cells)), np.full((1, 3), 1.0 / 3.0)
+    stress = basis.stress(body.energy.coefficients(u, None), every, middle)[:, 0]
+    assert stress == pytest.approx(np.tile([2.0, 6.0, 4.0], (len(mesh.cells), 1)), abs=1e-9)
     assert normal == pytest.approx(2.0, abs=1e-9)
     assert np.abs(shear) == pytest.approx(4.0, abs=1e-9)
     w = (body.energy.roots @ basis.differences.apply(u)[1][:, :, None]).ravel()
     assert w @ w == pytest.approx(4.0 + 36.0 + 16.0, rel=1e-9)
-    every, corner = np.arange(len(mesh.cells)), np.eye(3)[1:2]
-    x, y = mesh.corners[:, 1].T
-    airy = 3 * x**2 - 4 * x * y + y**2 + 5 + 7 * x - 9 * y
+    corner = np.eye(3)[1:2]
+    airy, *_ = quadratic(*mesh.corners[:, 1].T)
     assert basis.airy(body.energy.coefficients(u, None), every, corner)[:, 0] == pytest.approx(airy, abs=1e-12)
 
 

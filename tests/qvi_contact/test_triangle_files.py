@@ -10,7 +10,7 @@ from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Traction
 from tests.cases import examples
 from tests.qvi_contact.builders import PROBLEMS, RICH, TRIANGLES, same
-from tests.qvi_contact.test_mesh_files import INP, MSH_2, MSH_4, med_file
+from tests.qvi_contact.test_mesh_files import INP, MSH_2, MSH_4
 
 LARGEST = 200_000_000  # bytes of a mesh file
 WITH_FILE = (PROBLEMS / "part.toml").read_text(encoding="utf-8")
@@ -50,15 +50,11 @@ def test_round_trip(problem):
 class TestMeshFiles:
     """[mesh] file."""
 
-    @pytest.mark.parametrize("kind", ["a.msh", "sub/b.msh", "c.inp", "d.med"])
-    def test_names_of_the_file_are_edges_joints_and_regions(self, tmp_path, kind):
+    @pytest.mark.parametrize(("kind", "text"), [("a.msh", MSH_2), ("sub/b.msh", MSH_4), ("c.inp", INP)])
+    def test_names_of_the_file_are_edges_joints_and_regions(self, tmp_path, kind, text):
         pytest.importorskip("meshio")
-        path = tmp_path / kind
-        path.parent.mkdir(exist_ok=True)
-        if kind == "d.med":
-            med_file(path)
-        else:
-            path.write_text({"a.msh": MSH_2, "c.inp": INP}.get(kind, MSH_4))
+        (tmp_path / "sub").mkdir()
+        (tmp_path / kind).write_text(text)
         (tmp_path / "part.toml").write_text(WITH_FILE.replace("part.msh", kind))
         problem = load_problem(tmp_path / "part.toml").problem
         assert problem.mesh.edge_names == ("floor", "roof", "sides", "wall")

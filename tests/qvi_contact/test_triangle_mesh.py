@@ -9,6 +9,7 @@ from qvi_contact import Contact, ContactProblem, InputError, Material, Region, S
 from qvi_contact.gallery import fan
 from qvi_contact.mesh import TriangleMesh, edges_on_segment, outward_normals
 from tests.qvi_contact.builders import area
+from tests.qvi_contact.test_triangles import turned
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 HALVES = [(0, 1, 2), (0, 2, 3)]
@@ -262,7 +263,7 @@ class TestEdges:
         assert (edges.cells[:, 1] == -1).all()
 
     def test_tangents_point_to_the_right_or_upward(self):
-        mesh = TriangleMesh(turned(l_shape().vertices, 0.3), l_shape().cells)
+        mesh = TriangleMesh(turned(l_shape().vertices, 20.0), l_shape().cells)
         for edges in (mesh.boundary, mesh.interior, l_shape().boundary, l_shape().interior):
             assert ((edges.tangent[:, 0] > 1e-12) | (edges.tangent[:, 1] == 1.0)).all()
         along = mesh.vertices[mesh.boundary.second] - mesh.vertices[mesh.boundary.first]
@@ -300,11 +301,6 @@ class TestEdges:
         assert np.bincount(point, minlength=5).tolist() == [8, 1, 2, 0, 2]
         assert (mesh.reference(cell, points[point]) > -1e-12).all()
         assert mesh.reference(cell, points[point]) @ np.ones(3) == pytest.approx(1.0)
-
-
-def turned(points, angle):
-    c, s = np.cos(angle), np.sin(angle)
-    return points @ np.array([[c, s], [-s, c]])
 
 
 def test_regions_and_segments_are_told_apart_in_the_smallest_triangles():

@@ -13,7 +13,7 @@ from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate, sliding_block
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from tests.cases import thinned
-from tests.qvi_contact.test_triangles import STEEL, moved, squeezed, tilted, turned
+from tests.qvi_contact.test_triangles import STEEL, moved, oblique, squeezed, tilted
 
 U = 1e-3
 
@@ -85,8 +85,7 @@ def test_a_bound_between_two_laws_is_lowered():
 
 def test_turned_as_a_whole():
     problem = compressed_plate(0.2, (3, 3))
-    mesh = problem.mesh
-    slanted = replace(problem, mesh=TriangleMesh(turned(mesh.vertices, 30.0), mesh.cells, mesh.edge_sets))
+    slanted = replace(problem, mesh=oblique(problem.mesh, 30.0))
     straight, found = (bracket(solve(each, degree=4, tolerance=1e-10)) for each in (problem, slanted))
     assert found.kind is straight.kind
     assert found.reasons == straight.reasons

@@ -33,6 +33,8 @@ from qvi_contact.solution import ContactResult
 from tests.cases import examples
 from tests.qvi_contact.builders import bernstein, energy_apart, half_disc, sheared_layer
 
+FREE = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
+
 
 def shared(problem, s):
     """The share s(t) on all edges of the contacts, or the same number everywhere."""
@@ -239,7 +241,7 @@ class TestScope:
         """On the last edge that touches pressure falls to nothing: what bears nothing there must not carry a jump."""
         mesh = TriangleMesh.rectangle((12, 4), 2.0, 1.0)
         contact = Contact("bottom", 0.8, gap=Polynomial([[0.0275], [0.0185]]))
-        loads = [Displacement("top", -0.0185, -0.08), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+        loads = [Displacement("top", -0.0185, -0.08), *FREE]
         result = solve(ContactProblem(mesh, Material(1.0, 0.3, "stress"), [contact, *loads]), degree=6)
         values = result.bracket.coulomb.shares["bottom"].at(np.array([0.0, 1e-4, 1.0 - 1e-4, 1.0]))
         assert max(np.abs(values[:, 1] - values[:, 0]).max(), np.abs(values[:, 3] - values[:, 2]).max()) < 1e-3
@@ -262,17 +264,14 @@ class TestScope:
         assert found.error > energy_apart(carrying(result, more.solution.z), fine)
 
 
-class TestForces:
-    """Two-sided bounds of contact forces under friction."""
-
-    @pytest.mark.parametrize(("friction", "limit"), [(0.1, 212.242424), (0.2, 214.23323205)])
-    def test_the_plate_on_every_mesh(self, friction, limit):
-        widths = []
-        for result in chain(friction):
-            force = result.bracket.coulomb.forces["plate.normal_force"]
-            assert force.lower < limit < force.upper
-            widths.append(force.upper - force.lower)
-        assert widths[-1] < 0.25 * widths[0]
+@pytest.mark.parametrize(("friction", "limit"), [(0.1, 212.242424), (0.2, 214.23323205)])
+def test_forces_of_the_plate_on_every_mesh(friction, limit):
+    widths = []
+    for result in chain(friction):
+        force = result.bracket.coulomb.forces["plate.normal_force"]
+        assert force.lower < limit < force.upper
+        widths.append(force.upper - force.lower)
+    assert widths[-1] < 0.25 * widths[0]
 
 
 class TestOtherBodies:
@@ -359,8 +358,7 @@ class TestOtherBodies:
 
 def pressed_block(friction, cells=(8, 4), **law):
     """A block whose top is held and pressed down: its base slips outwards at both ends, or sticks."""
-    conditions = [Contact("bottom", friction, **law), Displacement("top", x=0.0, y=-0.1)]
-    conditions += [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
+    conditions = [Contact("bottom", friction, **law), Displacement("top", x=0.0, y=-0.1), *FREE]
     return ContactProblem(TriangleMesh.rectangle(cells, 2.0, 1.0), Material(1.0, 0.3), conditions)
 
 
@@ -371,8 +369,7 @@ def pressed_block(friction, cells=(8, 4), **law):
 )  # fmt: skip
 def test_a_block_under_a_plate_that_forces_drive(friction, plate, degree):
     """It moves down and turns, or friction alone holds it; balance gives forces, a finer mesh errors of the stress."""
-    conditions = [Contact("top", friction, name="plate", plate=plate), Displacement("bottom", x=0.0, y=0.0)]
-    conditions += [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
+    conditions = [Contact("top", friction, name="plate", plate=plate), Displacement("bottom", x=0.0, y=0.0), *FREE]
     problem = ContactProblem(TriangleMesh.rectangle((4, 2), 2.0, 1.0), Material(1.0, 0.3), conditions)
     result = solve(problem, degree=4)
     fine = solve(replace(problem, mesh=problem.mesh.graded([(0.0, 1.0), (2.0, 1.0)], 6)), degree=degree)
@@ -392,17 +389,16 @@ class TestFrictionAlone:
     @staticmethod
     def block(friction, push, cells=(4, 2)):
         """A block on the ground, pressed down and pushed along it."""
-        loads = [Traction("top", x=push, y=-1.0), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]
+        loads = [Traction("top", x=push, y=-1.0), *FREE]
         mesh = TriangleMesh.rectangle(cells, 2.0, 1.0)
         return ContactProblem(mesh, Material(1.0, 0.3, "stress"), [Contact("bottom", friction), *loads])
 
     @staticmethod
     def plate(friction):
         """A whole plate between two platens."""
-        sides = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
         contacts = [Contact("bottom", friction), Contact("top", friction, gap=-0.1)]
         mesh = TriangleMesh.rectangle((4, 4), 2.0, 2.0)
-        return ContactProblem(mesh, Material(1.0, 0.3, "stress"), [*contacts, *sides])
+        return ContactProblem(mesh, Material(1.0, 0.3, "stress"), [*contacts, *FREE])
 
     @pytest.mark.parametrize(("problem", "reach"), [(block(0.5, 0.1), 0.8), (block(0.3, 0.2), 0.2), (plate(0.4), 0.4)])
     def test_errors_and_forces_of_a_higher_degree_are_within(self, problem, reach):
@@ -433,7 +429,7 @@ class TestFrictionAlone:
     def test_a_fluid_and_friction_given_as_a_function(self):
         """Effective stresses: the force of the fluid is part of the bounds; a function with one value is a number."""
         contact = Contact("bottom", Polynomial([[0.3]]), pore_pressure=Polynomial([[3.0], [-1.0]]))
-        loads = [Displacement("top", 2e-3, -1e-2), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+        loads = [Displacement("top", 2e-3, -1e-2), *FREE]
         problem = ContactProblem(TriangleMesh.rectangle((4, 3), 2.0, 1.0), Material(1e3, 0.3), [contact, *loads])
         fine = solve(problem, degree=6)
         result = solve(problem, degree=4)

@@ -18,7 +18,7 @@ from qvi_contact.gallery import compressed_plate, sliding_block
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
 from tests.cases import every_pair
 from tests.qvi_contact.builders import bernstein, companion_of
-from tests.qvi_contact.test_triangles import FOAM, SIDES, STATES, STEEL, inside, moved, squeezed, tilted, turned
+from tests.qvi_contact.test_triangles import FOAM, SIDES, STATES, STEEL, inside, moved, oblique, squeezed, tilted
 
 CELLS = [Triangle(degree) for degree in (1, 2, 3, 4, 5)]
 L_SHAPE = np.array([[1, 1, 1], [1, 1, 0], [1, 1, 0]], dtype=bool)
@@ -32,12 +32,6 @@ def notched():
     conditions = [Symmetry("bottom"), Symmetry("left"), Traction("right", 1.0, 0.0), Traction("top", 0.0, -1.0)]
     regions = [Region(Material(50.0, 0.45), x=(0.5, 1.1))]
     return ContactProblem(mesh, Material(100.0, 0.2), [*conditions, Contact("cut", 0.3)], regions=regions)
-
-
-def body_of(problem, degree):
-    scales = Scales.of(problem)
-    space = DisplacementSpace.of(problem, Triangle(degree), scales.length)
-    return Elasticity(space, moduli(problem, scales))
 
 
 @pytest.mark.parametrize("cell", CELLS, ids=lambda cell: str(cell.degree))
@@ -68,7 +62,9 @@ class TestStiffness:
     """K of a body with joint, notch and two materials."""
 
     def body(self, cell):
-        return body_of(notched(), cell.degree)
+        problem = notched()
+        scales = Scales.of(problem)
+        return Elasticity(DisplacementSpace.of(problem, cell, scales.length), moduli(problem, scales))
 
     def test_it_is_the_energy(self, cell):
         body = self.body(cell)
@@ -182,10 +178,6 @@ LEAST = {"compression": 1, "shear": 1, "bending": 2, "cantilever": 3, "column": 
 ANGLE = 30.0
 
 
-def oblique(mesh, angle=ANGLE):
-    return TriangleMesh(turned(mesh.vertices, angle), mesh.cells, mesh.edge_sets, mesh.regions)
-
-
 def assert_is(companion, state):
     """Stress and displacement of the state at points of the body."""
     x, y = inside(companion.problem.mesh)
@@ -248,7 +240,7 @@ def test_a_tied_slanted_joint_between_two_materials_is_not_there():
 
 def test_a_support_across_a_slanted_edge():
     """Uniform stress along the side that slides on it."""
-    mesh = oblique(TriangleMesh.rectangle((2, 2)))
+    mesh = oblique(TriangleMesh.rectangle((2, 2)), ANGLE)
     conditions = [
         Symmetry("bottom"),
         Traction("top", normal=0.0, tangential=0.0),
@@ -260,7 +252,7 @@ def test_a_support_across_a_slanted_edge():
     x, y = inside(mesh)
     expected = np.tile(3.0 * np.array([c * c, s * s, s * c]), (len(x), 1))
     assert companion.stress(x, y) == pytest.approx(expected, abs=1e-10)
-    along = turned(np.column_stack([np.linspace(0.0, 1.0, 5), np.zeros(5)]), ANGLE)
+    along = np.linspace(0.0, 1.0, 5)[:, None] * [c, s]
     assert companion.displacement(*along.T) @ [-s, c] == pytest.approx(0.0, abs=1e-17)
 
 
@@ -304,12 +296,12 @@ def test_supports_in_three_directions_at_one_corner():
 def test_a_plate_driven_by_force_on_a_slanted_side():
     """It moves as far as it must be pushed for that force."""
     problem = compressed_plate(0.4, (2, 2))
-    tilted_plate = replace(problem, mesh=oblique(problem.mesh))
+    tilted_plate = replace(problem, mesh=oblique(problem.mesh, ANGLE))
     pushed = companion_of(tilted_plate, degree=3)
     line = pushed.contacts["plate"]
-    inward = turned([[0.0, -1.0]], ANGLE)[0]
-    shear = turned([[1.0, 0.0]], ANGLE)[0]
-    force = line.normal_force * inward + line.tangential_force * shear
+    c, s = np.cos(np.radians(ANGLE)), np.sin(np.radians(ANGLE))
+    inward = np.array([s, -c])
+    force = line.normal_force * inward + line.tangential_force * np.array([c, s])
     contacts = {
         c: replace(c, gap=0.0, plate=RigidPlate(force_x=float(force[0]), force_y=float(force[1])))
         for c in tilted_plate.contacts

@@ -12,21 +12,19 @@ from qvi_contact.problem import Contact, ContactProblem, Displacement, Material,
 from solvers import Status
 from tests.cases import every_pair
 from tests.qvi_contact.builders import bernstein, companion_of
+from tests.qvi_contact.test_plates import moved
 
 OPEN, STICK, SLIP, _CLOSED = ContactState
 STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)
 MESH = TriangleMesh.grid([0.0, 0.3, 0.8, 1.5, 2.0], [0.0, 0.4, 0.7, 1.0])
 INSIDE = np.linspace(0.0, 1.0, 101)
+FREE = [Traction(side, 0.0, 0.0) for side in ("left", "right")]
 
 
 def plate(contact, cells=(4, 4), **options):
     """The compressed plate with another contact on its top."""
     problem = compressed_plate(0.0, cells, **options)
     return replace(problem, conditions=[*problem.conditions[:3], contact])
-
-
-def edge_values(problem, contact, field):
-    return field(*problem.mesh.points_along(problem.mesh.edges(contact.edges), INSIDE))
 
 
 @pytest.mark.parametrize("law", ["unilateral", "bilateral", "tied"])
@@ -57,15 +55,10 @@ def test_no_penetration_between_nodes(degree):
     def gap(x, _):
         return -2e-3 + 6e-3 * (x - 0.9) ** 2
 
-    problem = ContactProblem(
-        MESH,
-        STEEL,
-        [Contact("top", 0.3, gap), Displacement("bottom", 0.0, 0.0), Traction("left", 0.0, 0.0),
-         Traction("right", 0.0, 0.0)],
-    )  # fmt: skip
+    problem = ContactProblem(MESH, STEEL, [Contact("top", 0.3, gap), Displacement("bottom", 0.0, 0.0), *FREE])
     companion = companion_of(problem, degree=degree)
     normal, _ = companion.trace("top", INSIDE)
-    opening = edge_values(problem, problem.contacts[0], gap) - normal
+    opening = gap(*problem.mesh.points_along(problem.mesh.edges("top"), INSIDE)) - normal
     assert opening.min() > -1e-15
     assert opening.max() > 1e-4
     assert {OPEN, STICK} <= set(companion.contacts["top"].state)
@@ -89,7 +82,7 @@ def test_friction_where_slip_changes_sign():
     """The integral itself is in the energy, not the sum over coefficients that bounds it from above."""
     mesh = TriangleMesh.rectangle((3, 2), 2.0, 1.0)
     ground = Contact.tresca("bottom", 0.1, offset=lambda x, _: 1e-2 * (x - 0.9), name="ground")
-    conditions = [ground, Displacement("top", 0.0, -1e-3), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+    conditions = [ground, Displacement("top", 0.0, -1e-3), *FREE]
     s = np.tile([0.05, 0.1, 0.2], (3, 1))
     companion = companion_of(ContactProblem(mesh, STEEL, conditions), bounds={"ground": s})
     t = (np.arange(20000) + 0.5) / 20000
@@ -121,22 +114,19 @@ def test_contacts_are_in_order_along_the_line(side, degree):
     assert line.gap == pytest.approx(1.0 + line.x + 2.0 * line.y, rel=1e-9)
 
 
-class TestSsnv128:
+def test_ssnv128():
     """Code_Aster's plate on a rigid plane, against published and settled values."""
-
-    X = np.array([0.0, 1.25e-3, 5e-3, 7.5e-3, 11.25e-3])
-
-    def test_it(self):
-        companion = companion_of(ssnv128((24, 24)), degree=3)
-        line = companion.contacts["base"]
-        assert line.normal_force == pytest.approx(2e6, rel=1e-10)
-        assert line.tangential_force == pytest.approx(-1.40535e6, rel=5e-4)
-        settled = np.array([2.8603e-5, 2.7226e-5, 2.2868e-5, 1.9808e-5, 1.5414e-5])
-        assert companion.displacement(self.X, 0 * self.X)[:, 0] == pytest.approx(settled, abs=3e-9)
-        assert line.x[line.state == OPEN].max() < 3.3e-3
-        assert line.x[line.state == SLIP].min() < 4.2e-3
-        assert line.x[line.state == STICK].min() == pytest.approx(29.8e-3, abs=1e-3)
-        assert -line.normal_stress[-1] == pytest.approx(8.388e7, rel=2e-3)
+    companion = companion_of(ssnv128((24, 24)), degree=3)
+    line = companion.contacts["base"]
+    assert line.normal_force == pytest.approx(2e6, rel=1e-10)
+    assert line.tangential_force == pytest.approx(-1.40535e6, rel=5e-4)
+    x = np.array([0.0, 1.25e-3, 5e-3, 7.5e-3, 11.25e-3])
+    settled = np.array([2.8603e-5, 2.7226e-5, 2.2868e-5, 1.9808e-5, 1.5414e-5])
+    assert companion.displacement(x, 0 * x)[:, 0] == pytest.approx(settled, abs=3e-9)
+    assert line.x[line.state == OPEN].max() < 3.3e-3
+    assert line.x[line.state == SLIP].min() < 4.2e-3
+    assert line.x[line.state == STICK].min() == pytest.approx(29.8e-3, abs=1e-3)
+    assert -line.normal_stress[-1] == pytest.approx(8.388e7, rel=2e-3)
 
 
 def block(shear, friction=0.3):
@@ -171,40 +161,29 @@ class TestDraggedBlock:
                 use()
 
 
-class TestPlates:
-    """Plates driven by force are the same as displacements they cause."""
+DRIVEN = RigidPlate(force_x=0.5, force_y=-8.0, moment=-5.0, pivot=(0.7, -0.3))
+GUIDED = RigidPlate(force_y=-8.0, moment=-5.0, pivot=(0.7, -0.3))  # turns about its pivot, far below the contact
 
-    PLATE = RigidPlate(force_x=0.5, force_y=-8.0, moment=-5.0, pivot=(0.7, -0.3))
-    GUIDED = RigidPlate(force_y=-8.0, moment=-5.0, pivot=(0.7, -0.3))  # turns about its pivot, far below the contact
 
-    def problem(self, contact):
-        conditions = [Contact.tied("bottom", name="ground"), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
-        return ContactProblem(MESH, STEEL, [*conditions, contact])
-
-    @pytest.mark.parametrize("plate", [PLATE, GUIDED], ids=["free", "guided"])
-    @pytest.mark.parametrize("law", [{"friction": 0.4}, {"friction": 0.0, "law": "tied"}])
-    def test_motion_imposed_instead(self, law, plate):
-        driven = companion_of(self.problem(Contact("top", name="plate", plate=plate, **law)))
-        line, motion = driven.contacts["plate"], driven.plates["plate"]
-        force_x, force_y = line.weights * line.tangential_stress, line.weights * line.normal_stress
-        assert plate.force_x is None or force_x.sum() == pytest.approx(0.5, rel=1e-9)
-        assert plate.force_x is not None or motion.x == 0.0
-        assert force_y.sum() == pytest.approx(-8.0, rel=1e-9)
-        moment = (line.x - 0.7) @ force_y - (line.y + 0.3) @ force_x
-        assert moment == pytest.approx(-5.0, rel=1e-9)
-        imposed = Contact(
-            "top",
-            gap=lambda x, y: motion.y + motion.rotation * (x - 0.7) + 0 * y,
-            offset=lambda x, y: motion.x - motion.rotation * (y + 0.3) + 0 * x,
-            name="plate",
-            **law,
-        )
-        held = companion_of(self.problem(imposed))
-        x, y = np.random.default_rng(3).uniform(size=(2, 50)) * [[2.0], [1.0]]
-        assert held.stress(x, y) == pytest.approx(driven.stress(x, y), abs=1e-7 * 8)
-        work = (plate.force_x or 0.0) * motion.x - 8.0 * motion.y - 5.0 * motion.rotation
-        assert driven.energy == pytest.approx(held.energy - work, rel=1e-8)
-        assert driven.parts.load == pytest.approx(work, rel=1e-12)
+@pytest.mark.parametrize("plate", [DRIVEN, GUIDED], ids=["free", "guided"])
+@pytest.mark.parametrize("law", [{"friction": 0.4}, {"friction": 0.0, "law": "tied"}])
+def test_a_plate_that_forces_drive_is_the_motion_imposed_instead(law, plate):
+    ground, contact = [Contact.tied("bottom", name="ground"), *FREE], Contact("top", name="plate", **law)
+    driven = companion_of(ContactProblem(MESH, STEEL, [*ground, replace(contact, plate=plate)]))
+    line, motion = driven.contacts["plate"], driven.plates["plate"]
+    force_x, force_y = line.weights * line.tangential_stress, line.weights * line.normal_stress
+    assert plate.force_x is None or force_x.sum() == pytest.approx(0.5, rel=1e-9)
+    assert plate.force_x is not None or motion.x == 0.0
+    assert force_y.sum() == pytest.approx(-8.0, rel=1e-9)
+    moment = (line.x - 0.7) @ force_y - (line.y + 0.3) @ force_x
+    assert moment == pytest.approx(-5.0, rel=1e-9)
+    imposed = moved(contact, motion.x, motion.y, motion.rotation, (0.7, -0.3))
+    held = companion_of(ContactProblem(MESH, STEEL, [*ground, imposed]))
+    x, y = np.random.default_rng(3).uniform(size=(2, 50)) * [[2.0], [1.0]]
+    assert held.stress(x, y) == pytest.approx(driven.stress(x, y), abs=1e-7 * 8)
+    work = (plate.force_x or 0.0) * motion.x - 8.0 * motion.y - 5.0 * motion.rotation
+    assert driven.energy == pytest.approx(held.energy - work, rel=1e-8)
+    assert driven.parts.load == pytest.approx(work, rel=1e-12)
 
 
 def box(gap, law="unilateral"):
@@ -240,15 +219,13 @@ def test_weight_on_both_sides_of_a_joint():
 
 def test_loads_alone():
     """A body that nothing holds, in balance: stresses are there, and some displacement."""
-    conditions = [Traction("top", 0.0, -5.0), Traction("bottom", 0.0, 5.0)]
-    conditions += [Traction(side, 0.0, 0.0) for side in ("left", "right")]
+    conditions = [Traction("top", 0.0, -5.0), Traction("bottom", 0.0, 5.0), *FREE]
     companion = companion_of(ContactProblem(MESH, STEEL, conditions))
     assert companion.stress(0.7, 0.5) == pytest.approx([0.0, -5.0, 0.0], abs=1e-12)
     assert companion.energy == pytest.approx(-0.5 * 25.0 / 1000.0 * 2.0, rel=1e-12)
 
 
 PLATE = compressed_plate(0.1, (3, 2))
-FREE = [Traction(side, 0.0, 0.0) for side in ("left", "right")]
 
 
 def joined(contact, top=None):
