@@ -270,6 +270,18 @@ def test_a_block_lifts_off_the_ground_but_does_not_sink_into_it(cohesion):
         check(block_on_the_ground(-1, [0, "-1/1000"], cohesion))
 
 
+def test_a_strain_rate_must_lie_in_its_cone():
+    """Stretched upwards by 1/1000, a block must give way in volume, too: with γ = 1 it may, with γ = 0 it cannot."""
+    proof = block_on_the_ground(1, [0, 0])
+    up = [[0, "1/1000"], [0, 0]]
+    ordinates = [[up[1], up[1], up[0]], [up[1], up[0], up[0]]]
+    proof["flow"] |= {"ordinates": ordinates, "rates": [[[["1/500", 0, 0, 0]]]] * 2}
+    assert check(proof | {"strengths": [[[1, 0, 1]]]})[1] == 2
+    for wrong in ([1, 0, 0], [1, 0, "1/4"]):
+        with pytest.raises(ValueError, match="triangle 0"):
+            check(proof | {"strengths": [[wrong]]})
+
+
 def test_a_block_that_slides_on_one_at_rest():
     """The limit itself, which the motion of the upper block alone proves."""
     wall = heavy_wall()
