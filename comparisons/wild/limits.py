@@ -2,7 +2,7 @@
 
 A number makes a body of one or two parts, which yield by one criterion or another or not at all, with a contact below
 it, a joint in it or none, weight and tractions. Both sides of its limit load must be in order. Proof files of both are
-written and checked in exact arithmetic: what they prove is no more than `lower`, and no less than `upper`.
+written and checked in exact arithmetic: neither what they prove from below nor from above may pass `lower`.
 """
 
 import json
@@ -141,15 +141,15 @@ def _why_nothing(problem: ContactProblem, load: str, degree: int, upper: float) 
 def runs_of(rows: Sequence[Row]) -> DataFrame:
     """One line a run: what `solve_case` says, and what follows.
 
-    "held", whether the sides are in order, "proofs", whether what is proved is on the right side of each, "finite" and
-    "bounded", whether the lower and the upper side are numbers.
+    "held", whether the sides are in order, "proofs", whether what is proved is on the right side of the lower one, the
+    most that the mesh carries, "finite" and "bounded", whether the lower and the upper side are numbers.
     """
     runs = frame_of(rows, _NUMBERS, ("message", "strengths", "missing_lower", "missing_upper", "nothing"))
     finite, bounded = np.isfinite(runs.lower), np.isfinite(runs.upper)
     room = ROUNDING * (1.0 + runs.upper.abs().where(bounded, 0.0))
     held = (runs.status == "solved") & (runs.lower <= runs.upper + room)
     low = runs.proved_lower.isna() | (runs.proved_lower <= runs.lower + room)
-    high = runs.proved_upper.isna() | (runs.proved_upper >= runs.upper - room)
+    high = runs.proved_upper.isna() | (runs.proved_upper >= runs.lower - room)
     return runs.assign(held=held, proofs=low & high, finite=finite, bounded=bounded)
 
 
