@@ -409,8 +409,7 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
         energy = max(energy - scales["rounding"], 0.0)
     tractions = max(largest(N @ error), largest(T @ error)) / S
     # What the linear solve has left, in a lower bound of its energy norm up to √(entries of a row).
-    left, diagonal = residual - K @ error - A.T @ outside, qvi.stiffness.diagonal
-    unsolved = float(np.sqrt(np.sum(left**2 / np.where(diagonal > 0.0, diagonal, 1.0)))) / size
+    unsolved = _diagonal_norm(qvi, residual - K @ error - A.T @ outside) / size
     # |ρ|² once m_N is made admissible: the residual changes by Nᵀ(max(m_N, 0) − m_N).
     change = np.maximum(m_N, 0.0) - m_N
     if change.any():
@@ -438,10 +437,10 @@ def body_scales(qvi: FrictionQVI, body: float) -> tuple[float, float, float]:
     reference = length / stiffness  # energy of unit stress
     least = _LITTLE
     if body <= _NOTHING**2 * reference:  # next to nothing, unless the bonded state has no more
-        bonded, diagonal = qvi.settled.strain_energy, qvi.stiffness.diagonal
+        bonded = qvi.settled.strain_energy
         # only equations can cancel loads: those on a plate that is free to move
-        loads = float(np.sum(qvi.f**2 / np.where(diagonal > 0.0, diagonal, 1.0))) if qvi.p else 0.0
-        if 2.0 * bonded > _CANCELLED**2 * loads:
+        loads = _diagonal_norm(qvi, qvi.f) if qvi.p else 0.0
+        if 2.0 * bonded > (_CANCELLED * loads) ** 2:
             reference = min(reference, bonded)
         if body <= _NOTHING**2 * reference:
             body, least = reference, _NOTHING
@@ -462,6 +461,12 @@ def scales_at(qvi: FrictionQVI, z: Vector, body: float | None = None) -> dict[st
     body = _nonzero(body)
     energy = min(stress * displacement * length, body)
     return {"stress": stress, "displacement": displacement, "energy": energy, "body_energy": body}
+
+
+def _diagonal_norm(qvi: FrictionQVI, residual: Vector) -> float:
+    """√(Σ r_i² / K_ii) of a residual or load (n,)."""
+    diagonal = qvi.stiffness.diagonal
+    return float(np.sqrt(np.sum(residual**2 / np.where(diagonal > 0.0, diagonal, 1.0))))
 
 
 def _nonzero(scale: float) -> float:
