@@ -91,7 +91,8 @@ class Study:
 
         1, 1.0 and True are different values.
         """
-        text = _json({"study": self.name, "version": self.version, "case": case}, allow_nan=False)
+        named = {"study": self.name, "version": self.version, "case": case}
+        text = json.dumps(named, sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
@@ -120,11 +121,6 @@ def plain(value: Any, name: str) -> Any:
     if type(item) is type(value):
         raise TypeError(f"{name} is of type {type(value).__name__}, not a plain value")
     return plain(item, name)
-
-
-def _json(value: Any, allow_nan: bool = True) -> str:
-    """JSON that is the same for every order of the entries of mappings."""
-    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=allow_nan)
 
 
 # where it is run
