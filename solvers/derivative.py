@@ -151,7 +151,7 @@ def _relieved(M: Matrix, q: Vector, strong: BoolVector) -> Vector:
         across = M[np.ix_(weak, strong)]
         reduced, rest = M[np.ix_(weak, weak)] - across @ solved[:, 1:], q[weak] - across @ solved[:, 0]
         vertex = solve_lcp(reduced, rest / (np.abs(rest).max() or 1.0), np.ones(len(rest)))
-        if vertex is None:
+        if not vertex.solved:
             raise InputError(
                 "derivative", "none found", "a point changes its state: take a slightly different parameter"
             )

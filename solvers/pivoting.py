@@ -11,14 +11,16 @@ so that w = q + M x with q = limit − H σ_bonded, M = H C F: no outer iteratio
 bilateral points with friction the sign of σ_N is guessed, and guessed again from the solution until it stays.
 
 A vertex is exact where an interior point method has no interior to go through: where contact touches without load,
-where equilibrium alone says that a contact carries nothing, where only one traction is admissible. It takes pivots of
-dense tables, some for every point, and is meant for small contacts (`LARGEST`). With much friction the path may end in
-a ray though there is a solution; then other directions d are tried.
+where equilibrium alone says that a contact carries nothing, where only one traction is admissible. It takes about as
+many pivots of a dense table as there are points that slip or open. So it is the first thing that is tried on small
+contacts (`LARGEST`), from the state that is given if there is one. With much friction the path may end in a ray though
+there is a solution; after the condensed method other directions d are tried.
 
 | stops when                                          | status before the certificate |
 |-----------------------------------------------------|-------------------------------|
 | the certificate passes                              | solved                        |
 | all directions end in rays, or in what it refuses   | stalled                       |
+| `max_iterations` vertices are found along one       | max_iterations                |
 | the time is over                                    | time_limit                    |
 """
 
@@ -27,166 +29,181 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from scipy.linalg import lstsq
+from scipy.linalg.blas import dger
 
 from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.basics.types import BoolVector, IntVector, Matrix, Vector
 from solvers.certificate.certificate import certify
-from solvers.inequality.problem import Compliance, FrictionQVI, Law
+from solvers.inequality.problem import Compliance, FrictionQVI
 from solvers.settings import PivotingOptions
-from solvers.solution import WHAT_TO_DO, Iteration, Outcome, QVISolution
+from solvers.solution import WHAT_TO_DO, Iteration, Outcome, QVISolution, Start
 
-LARGEST = 200
-"""Contact points up to which it is worth trying: a table of 600 rows."""
+LARGEST: Final = 200
+"""Contact points up to which it is tried, and comes first: a table of 600 rows."""
 
-_DIRECTIONS = 4
+DIRECTIONS: Final = 4
+"""How many paths there are to try."""
+
 _SIGNS = 6  # guesses of the signs of bilateral points
 _POLISHING = 4  # corrections of a vertex
-_STEPS = 3  # of the bound, from no friction on
-_SETTLED = 1e-11  # change of the bound, over the bonded tractions, that is none
+_EXACT = 1e-13  # error of active bounds, over the largest bonded traction, that is not worth a correction
+_SETTLED = 1e-11  # bound over the bonded tractions that is none
+_BOTH_ZERO = 1e-9  # of the units of tractions and displacements
+_SOUND = 1e-8  # the same, above which the path from a state is not taken
 _RANK = 1e-11  # singular values of active rows below this share of the largest are none
 
 
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """Bounds of one problem for given signs of σ_N, in units of the tractions and of the multipliers they relieve."""
+class ContactBounds:
+    """The linear complementarity problem of a QVI for given signs of σ_N, in units of the bonded tractions.
 
-    H: Matrix  # (r, 2m); limit : (r,)
-    limit: Vector
-    F: Matrix  # (2m, r), m of unit x
+    Attributes
+    ----------
+    M, q : (r, r), (r,) of w = q + M x
+    stress : the largest bonded traction, with w = (limit − H σ) / stress
 
-    @classmethod
-    def of(cls, qvi: FrictionQVI, law: Law, signs: Vector, unit: float) -> _Rows:
-        """The rows; `unit`: multiplier over weight of x = 1."""
-        m, normal, capped = qvi.m, np.flatnonzero(~qvi.bilateral), np.flatnonzero(np.isfinite(law.cap))
-        pull = np.eye(m, 2 * m)
-        rubbed = (law.mu * signs)[:, None] * pull
-        blocks, limits, forces = [pull[normal]], [np.zeros(len(normal))], [pull[normal]]
-        for side in (1.0, -1.0):
-            shear = side * np.eye(m, 2 * m, m)
-            blocks += [shear - rubbed, shear[capped]]
-            limits += [law.cohesion, law.cap[capped]]
-            forces += [shear, shear[capped]]
-        weights = np.concatenate([qvi.W, qvi.W])
-        sizes = 1.0 / np.concatenate([np.ones(len(normal)), *(2 * [1.0 + law.mu, np.ones(len(capped))])])
-        F = unit * weights[:, None] * np.concatenate(forces).T
-        return cls(sizes[:, None] * np.concatenate(blocks), sizes * np.concatenate(limits), F.reshape(2 * m, -1))
+    """
+
+    def __init__(
+        self, qvi: FrictionQVI, compliance: Compliance, signs: Vector | None = None, *, frictionless: bool = False
+    ) -> None:
+        """For signs (m,) of σ_N, −1 by default; `frictionless`: with mu and cohesion 0."""
+        m, law, every = qvi.m, qvi.law, np.arange(qvi.m)
+        normal, capped = np.flatnonzero(~qvi.bilateral), np.flatnonzero(np.isfinite(law.cap))
+        mu, cohesion = (np.zeros(m), np.zeros(m)) if frictionless else (law.mu, law.cohesion)
+        unpressed, none = np.zeros(len(normal)), np.zeros(len(capped))
+        rubbed = mu if signs is None else -mu * signs
+        # a row of H has `side` at the traction `place`, and `by_normal` at σ_N of its point
+        point = np.concatenate([normal, every, capped, every, capped])
+        sides = np.ones(len(normal)), np.ones(m + len(capped)), -np.ones(m + len(capped))
+        self._side, self._by_normal = np.concatenate(sides), np.concatenate([unpressed, rubbed, none, rubbed, none])
+        self._point, self._place = point, np.concatenate([normal, m + point[len(normal) :]])
+        self._size = 1.0 / (1.0 + np.concatenate([unpressed, mu, none, mu, none]))
+        self._limit = np.concatenate([unpressed, cohesion, law.cap[capped], cohesion, law.cap[capped]])
+        self.stress = float(np.maximum.reduce(np.abs(compliance.bonded), initial=0.0)) or 1.0
+        unit = self.stress / (qvi.contact_stiffness or 1.0)
+        self._relief, self._rows = unit * self._side * qvi.W[point], 2 * m  # F has one entry in a column
+        relieved = compliance.dense[:, self._place] * self._relief
+        self.M = self._bounded(relieved.T).T / self.stress
+        self.q = self.slack(compliance.bonded)
+
+    def _bounded(self, tractions: Matrix) -> Matrix:
+        """H σ (r,) of tractions (2m,), or of many, one a row."""
+        places = self._side * tractions[..., self._place] + self._by_normal * tractions[..., self._point]
+        return np.asarray(self._size * places)
+
+    def slack(self, tractions: Vector) -> Vector:
+        """The slack w (r,) at tractions (2m,)."""
+        return np.asarray((self._size * self._limit - self._bounded(tractions)) / self.stress)
+
+    def multipliers(self, x: Vector) -> Vector:
+        """Row multipliers m = F x (2m,)."""
+        return np.bincount(self._place, self._relief * x, self._rows).astype(np.float64, copy=False)
+
+    def active(self, tractions: Vector, m: Vector) -> BoolVector:
+        """Rows (r,) whose multiplier is larger than their slack at a state; not those where both are rounding.
+
+        Of the two that share a multiplier, friction and cap, that with the smaller slack.
+        """
+        slack, least = self.slack(tractions), np.full(2 * self._rows, np.inf)
+        shared = np.where(self._side > 0.0, self._place, self._place + self._rows)
+        np.minimum.at(least, shared, slack)
+        return np.asarray((m[self._place] / self._relief > slack + _BOTH_ZERO) & (slack <= least[shared]))
+
+    def sheared(self, tractions: Vector) -> BoolVector:
+        """Rows (r,) of friction in the direction of the shear."""
+        return np.asarray((self._place != self._point) & (self._side * tractions[self._place] > 0.0))
+
+    def vertex(self, direction: int, active: BoolVector | None = None) -> Vertex:
+        """The end of the path along one of the directions d, all alike first, then others without any pattern.
+
+        It begins where the rows `active` miss nothing, if they are given, else without multipliers.
+        """
+        n = len(self.q)
+        d = np.ones(n) if direction == 0 else 0.2 + np.random.default_rng(direction).random(n)
+        return solve_lcp(self.M, self.q, d, active)
+
+    def corrected(self, compliance: Compliance, vertex: Vertex) -> tuple[tuple[Vector, Vector, Vector, Vector], float]:
+        """(z, m_N, m_T, ν) of a vertex, corrected by what active bounds miss as accurate stresses say; what they miss.
+
+        What they miss is over the largest bonded traction.
+        """
+        x, active = vertex.x, vertex.basic
+        found = state = compliance.state(self.multipliers(x))
+        least = np.inf
+        for left in reversed(range(_POLISHING + 1)):
+            missed = self.slack(compliance.tractions(state[0]))
+            error = max(float(np.abs(missed[active]).max(initial=0.0)), -float(missed.min(initial=0.0)))
+            before = least
+            if error < least:
+                found, least = state, error
+            if not left or not _EXACT < error < 0.5 * before:
+                break
+            x = x.copy()
+            own = self.M[np.ix_(active, active)]
+            x[active] -= lstsq(own, missed[active], cond=_RANK, lapack_driver="gelsy")[0]
+            x = np.maximum(x, 0.0)
+            state = compliance.state(self.multipliers(x))
+        return found, least
 
 
-def affordable(qvi: FrictionQVI) -> bool:
-    """Whether the contact is small enough, and the law one of points."""
-    return 0 < qvi.m <= LARGEST and qvi.n > 0
+def affordable(qvi: FrictionQVI, largest: int = LARGEST) -> bool:
+    """Whether the contact is small enough."""
+    return 0 < qvi.m <= largest and qvi.n > 0
 
 
-def solve_pivoting(qvi: FrictionQVI, tolerance: float, options: PivotingOptions) -> Outcome:
-    """Solve the QVI by the method of this module."""
-    began, compliance, accuracy = time.perf_counter(), Compliance(qvi), np.inf
-    best = Outcome.nothing(qvi, Status.STALLED, "the path of pivots ends in a ray")
-    for m, pivots in _vertices(qvi, compliance, best):
-        state = compliance.state(m)
-        z, certificate = state[0], certify(qvi, *state, tolerance)
+def solve_pivoting(
+    qvi: FrictionQVI, options: PivotingOptions, direction: int = 0, start: Start | None = None
+) -> Outcome:
+    """The vertex at the end of one path, from a state that fits or from no multipliers at all.
+
+    Where the path from a state ends in a ray the other one is taken. An iteration is a vertex for guessed signs of
+    bilateral points, its inner ones are pivots.
+    """
+    began = time.perf_counter()
+    compliance = Compliance(qvi)
+    best = Outcome.nothing(qvi, Status.STALLED, _ENDS[Status.STALLED])
+    best.near, best.form, best.setup = (None if start is None else False), "condensed", time.perf_counter() - began
+    guessed = qvi.bilateral & (qvi.mu > 0.0)
+    normal = compliance.bonded[: qvi.m] if start is None else qvi.normal(start.z)
+    for _ in range(_SIGNS):
+        signs = np.where(guessed & (normal > 0.0), 1.0, -1.0)
+        bounds = ContactBounds(qvi, compliance, signs)
+        starts = [] if start is None else [bounds.active(compliance.tractions(start.z), start.multipliers)]
+        for active in (*starts, None):
+            vertex = bounds.vertex(direction, active)
+            state, missed = bounds.corrected(compliance, vertex) if vertex.solved else (None, np.inf)
+            if missed <= _SOUND:
+                best.near = None if start is None else active is not None
+                break
+        best.reason, best.message = vertex.reason, _ENDS.get(vertex.reason, "")
+        if state is None:
+            break
+        best.z, best.m_N, best.m_T, best.nu = state
+        best.iterations += 1
         entry = Iteration(
-            len(best.history) + 1, certificate.accuracy, qvi.energy(z), qvi.resultant(z), None, pivots,
+            best.iterations, missed, qvi.energy(best.z), qvi.resultant(best.z), None, vertex.pivots,
             time.perf_counter() - began,
         )  # fmt: skip
         best.history.append(entry)
         report(Progress("pivoting", entry))
-        if certificate.accuracy < accuracy:
-            accuracy = certificate.accuracy
-            best.z, best.m_N, best.m_T, best.nu = state
-        if certificate.passed:
-            best.reason = Status.SOLVED
+        normal = qvi.normal(best.z)
+        if best.iterations >= options.max_iterations:
+            best.reason = Status.MAX_ITERATIONS
             break
-        if len(best.history) >= options.max_iterations:
-            best.reason, best.message = Status.MAX_ITERATIONS, ""
+        if (signs[guessed] == np.where(normal[guessed] > 0.0, 1.0, -1.0)).all():
             break
-    if best.reason is not Status.SOLVED and deadline.over:
-        best.reason, best.message = Status.TIME_LIMIT, "the time limit was reached on the path of pivots"
-    best.iterations = len(best.history)
     return best
 
 
-def _vertices(qvi: FrictionQVI, compliance: Compliance, best: Outcome) -> Iterator[tuple[Vector, int]]:
-    """Multipliers (2m,) of vertices and corrections of them, with the pivots to each, until the time is over.
-
-    Along each direction d, with guessed signs of bilateral points, guessed again from the best state. A vertex is
-    corrected by what its active bounds miss, as accurate stresses say.
-    """
-    stress, unit = _scales(qvi, compliance)
-    guessed = qvi.bilateral & (qvi.mu > 0.0)
-    for number in range(_DIRECTIONS):
-        signs = np.where(guessed & (compliance.bonded[: qvi.m] > 0.0), 1.0, -1.0)
-        for _ in range(_SIGNS):
-            rows, M, q = _posed(qvi, compliance, qvi.law, signs, stress, unit)
-            vertex = solve_lcp(M, q, _direction(len(q), number))
-            if vertex is None:
-                break
-            x, active = vertex.x, vertex.basic
-            for left in reversed(range(_POLISHING + 1)):
-                yield rows.F @ x, vertex.pivots
-                if not left or not active.any():
-                    break
-                z, _ = compliance.unknowns(rows.F @ x)
-                missed = (rows.limit - rows.H @ compliance.tractions(z)) / stress
-                if not np.isfinite(missed).all():
-                    break
-                x = x.copy()
-                x[active] -= lstsq(M[np.ix_(active, active)], missed[active], cond=_RANK)[0]
-                x = np.maximum(x, 0.0)
-            before = signs
-            signs = np.where(guessed & (qvi.normal(best.z) > 0.0), 1.0, -1.0)
-            if (signs == before).all():
-                break
-
-
-def other_ends(qvi: FrictionQVI, compliance: Compliance, *, both: bool) -> Iterator[Vector]:
-    """Multipliers m (2m,) at the ends of ways of another kind than a path through the interior.
-
-    The first is that of this module, along the first direction. The second, for `both`, starts without friction and
-    takes the bound from the pressure found, as the fixed point does, a few times. Ways that end in a ray, or have signs
-    to guess, are left out; nothing is certified.
-    """
-    if (qvi.bilateral & (qvi.mu > 0.0)).any():
-        return
-    stress, unit = _scales(qvi, compliance)
-    rows, M, q = _posed(qvi, compliance, qvi.law, -np.ones(qvi.m), stress, unit)
-    vertex = solve_lcp(M, q, _direction(len(q), 0))
-    if vertex is not None:
-        yield rows.F @ vertex.x
-    bound = np.zeros(qvi.m)
-    for _ in range(_STEPS if both else 0):
-        rows, M, q = _posed(qvi, compliance, Law(np.zeros(qvi.m), bound), -np.ones(qvi.m), stress, unit)
-        vertex = solve_lcp(M, q, _direction(len(q), 0))
-        if vertex is None:
-            return
-        m = rows.F @ vertex.x
-        last, bound = bound, qvi.threshold(qvi.law.pressed((compliance.bonded - compliance.relief(m))[: qvi.m]))
-        if np.abs(bound - last).max() <= _SETTLED * stress:
-            yield m
-            return
-
-
-def _scales(qvi: FrictionQVI, compliance: Compliance) -> tuple[float, float]:
-    """The largest bonded traction, and the displacement it stands for."""
-    stress = float(np.abs(compliance.bonded).max(initial=0.0)) or 1.0
-    return stress, stress / (qvi.contact_stiffness or 1.0)
-
-
-def _posed(
-    qvi: FrictionQVI, compliance: Compliance, law: Law, signs: Vector, stress: float, unit: float
-) -> tuple[_Rows, Matrix, Vector]:
-    """Rows, M and q of the linear complementarity problem of a law for given signs of σ_N."""
-    rows = _Rows.of(qvi, law, signs, unit)
-    M = rows.H @ (compliance.dense @ rows.F) / stress
-    return rows, M, (rows.limit - rows.H @ compliance.bonded) / stress
-
-
-def _direction(size: int, number: int) -> Vector:
-    """All alike first, then others without any pattern that rows could share."""
-    return np.ones(size) if number == 0 else 0.2 + np.random.default_rng(number).random(size)
+_ENDS = {
+    Status.STALLED: "the path of pivots ends in a ray",
+    Status.TIME_LIMIT: "the time limit was reached on the path of pivots",
+}
 
 
 # Linear complementarity by pivoting: x ≥ 0, w = q + M x ≥ 0, xᵀw = 0.
@@ -199,6 +216,7 @@ def _direction(size: int, number: int) -> Vector:
 
 _PIVOT = 1e-9  # share of its column's largest entry below which an entry is rounding
 _TIE = 1e-10  # relative difference of steps that count as equal
+_ROUNDED = 1e-13  # share of the largest q, or of 1, below which one that is missed is none
 _PIVOTS = 20  # pivots at most, times the number of unknowns
 
 
@@ -206,51 +224,90 @@ _PIVOTS = 20  # pivots at most, times the number of unknowns
 class Vertex:
     """Where the path has ended."""
 
-    x: Vector  # (n,) ≥ 0
+    x: Vector  # (n,) ≥ 0; of no use unless it is solved
     basic: BoolVector  # (n,) bool, where x may be positive, w zero
     pivots: int  # how many it took
+    reason: Status = Status.SOLVED  # or stalled in a ray, or what was over
+
+    @property
+    def solved(self) -> bool:
+        """Whether it is a solution."""
+        return self.reason is Status.SOLVED
 
 
-def solve_lcp(M: Matrix, q: Vector, d: Vector) -> Vertex | None:
-    """A solution of the problem of this module, (n, n), (n,) and (n,) > 0; nothing if the path ends in a ray.
+def solve_lcp(M: Matrix, q: Vector, d: Vector, active: BoolVector | None = None) -> Vertex:
+    """A solution of the problem of this module, (n, n), (n,) and (n,) > 0, if the path has one.
 
-    Nor is there one if the time is over before the path ends, see `deadline`.
+    With `active` (n,) bool the path begins where w = 0 there and x = 0 elsewhere: it is that of the problem with x and
+    w exchanged there (section 2.3 there).
     """
     n = len(q)
+    if active is not None and active.any():
+        return _from_active(M, q, d, active)
     x, basic = np.zeros(n), np.zeros(n, dtype=bool)
-    if q.min(initial=0.0) >= 0.0:
+    if q.min(initial=0.0) >= -_ROUNDED * max(1.0, float(np.maximum.reduce(np.abs(q), initial=0.0))):
         return Vertex(x, basic, 0)
-    table = np.concatenate([np.eye(n), -M, -d[:, None], q[:, None]], axis=1)  # w − M x − d θ = q
-    basis = np.arange(n)
+    # basic + table @ non-basic = values; w are the variables 0 to n − 1, x those up to 2n − 1, θ is 2n
+    table: Matrix = np.empty((n, n + 2), order="F")
+    np.negative(M, out=table[:, :n])
+    table[:, n], table[:, -1] = -d, q
+    basis, column = np.arange(n), np.arange(-n, n + 1)  # of rows; where a variable that is not basic stands
     row, entering = int(np.argmin(q / d)), 2 * n
     for pivots in range(1, _PIVOTS * n):
+        if deadline.over:
+            return Vertex(x, basic, pivots, Status.TIME_LIMIT)
         # The row is solved for the entering variable, which is eliminated from all others.
-        table[row] /= table[row, entering]
-        factors = table[:, entering].copy()
+        place = column[entering]
+        factors, pivot = table[:, place].copy(), table[row, place]
+        table[:, place] = 0.0
+        solved = table[row] / pivot
+        solved[place] = 1.0 / pivot
         factors[row] = 0.0
-        table -= factors[:, None] * table[row]
-        table[:, entering] = 0.0
-        table[row, entering] = 1.0
+        table = dger(-1.0, factors, solved, a=table, overwrite_a=1)
+        table[row] = solved
         leaving, basis[row] = int(basis[row]), entering
+        column[leaving] = place
         if leaving == 2 * n:
-            rows = np.flatnonzero(basis >= n)
+            rows = (basis >= n).nonzero()[0]
             x[basis[rows] - n] = np.maximum(table[rows, -1], 0.0)
             basic[basis[rows] - n] = True
             return Vertex(x, basic, pivots)
         entering = leaving + n if leaving < n else leaving - n
-        found = _leaving_row(table, basis, entering)
-        if found is None or deadline.over:
-            return None
+        found = _leaving_row(table[:, column[entering]], table[:, -1], basis)
+        if found is None:
+            break
         row = found
-    return None
+    return Vertex(x, basic, pivots, Status.STALLED)
 
 
-def _leaving_row(table: Matrix, basis: IntVector, entering: int) -> int | None:
+def _from_active(M: Matrix, q: Vector, d: Vector, active: BoolVector) -> Vertex:
+    """The path of the problem with x and w exchanged where `active`."""
+    order = np.concatenate([np.flatnonzero(active), np.flatnonzero(~active)])
+    exchanged, values = M[order][:, order], q[order]
+    own, rest = slice(np.count_nonzero(active)), slice(np.count_nonzero(active), None)
+    try:
+        inverse = np.linalg.inv(exchanged[own, own])
+    except np.linalg.LinAlgError:
+        return Vertex(np.zeros(len(q)), active, 0, Status.STALLED)
+    values[own] = -inverse @ values[own]
+    values[rest] += exchanged[rest, own] @ values[own]
+    across = -inverse @ exchanged[own, rest]
+    exchanged[rest, rest] += exchanged[rest, own] @ across
+    exchanged[rest, own] = exchanged[rest, own] @ inverse
+    exchanged[own, own], exchanged[own, rest] = inverse, across
+    found = solve_lcp(exchanged, values, d)
+    x, basic = np.empty(len(q)), np.empty(len(q), dtype=bool)
+    x[order[own]] = np.maximum(values[own] + exchanged[own] @ found.x, 0.0)
+    x[order[rest]] = found.x[rest]
+    basic[order] = found.basic
+    return Vertex(x, basic ^ active, found.pivots, found.reason)
+
+
+def _leaving_row(column: Vector, values: Vector, basis: IntVector) -> int | None:
     """The basic variable that reaches zero first, θ before others and large pivots before small; none: a ray."""
-    column = table[:, entering]
     falls = column > _PIVOT * max(1.0, float(np.maximum.reduce(np.abs(column))))
     steps = np.full(len(column), np.inf)
-    np.divide(np.maximum(table[:, -1], 0.0), column, out=steps, where=falls)
+    np.divide(np.maximum(values, 0.0), column, out=steps, where=falls)
     least = float(np.minimum.reduce(steps))
     if least == np.inf:
         return None
@@ -263,28 +320,30 @@ def _leaving_row(table: Matrix, basis: IntVector, entering: int) -> int | None:
 
 # A second opinion on a solution: whether there is another one.
 #
-# With friction the solution of (D2) need not be unique, and each method ends at the one its own way leads to. Pivoting
-# comes from elsewhere than an interior point method. Where it ends at other tractions, and the certificate passes there
-# too, there are at least two solutions: a fact. Where it ends at the same ones nothing follows.
+# With friction the solution of (D2) need not be unique, and each method ends at the one its own way leads to. Where
+# another way ends at other tractions, and the certificate passes there too, there are at least two solutions: a fact.
+# Where it ends at the same ones nothing follows.
 
 
-LARGEST_DOUBTED, LARGEST_PLAIN = 48, 16
-"""Contact points up to which a second opinion is asked for, where the way to a solution had to turn or the first method
-failed, and two ways are gone, and where nothing was the matter, and one way is: a few per cent of the solve."""
+DOUBTED: Final = 48
+"""Contact points up to which a second opinion is asked for: a few per cent of the solve."""
 
 OTHER = 1e-4
 """Difference of tractions, over the largest one, that is not the certificates' error."""
 
 
 def another_solution(qvi: FrictionQVI, solution: QVISolution, tolerance: float, *, doubted: bool = True) -> str:
-    """A sentence if there is a certified solution with other tractions at the end of another way, else nothing."""
-    largest = LARGEST_DOUBTED if doubted else LARGEST_PLAIN
-    if not (qvi.law.moving.any() and qvi.m <= largest and affordable(qvi)):
+    """A sentence if there is a certified solution with other tractions at the end of another way, else nothing.
+
+    One way is gone, two where the way to the solution had to turn or the first attempt failed. Ways that end in a ray,
+    or have signs to guess, are left out.
+    """
+    if not (qvi.law.moving.any() and affordable(qvi, DOUBTED)) or (qvi.bilateral & (qvi.mu > 0.0)).any():
         return ""
     size = solution.certificate.scales["stress"]
     compliance = Compliance(qvi)
     own = compliance.tractions(solution.z)
-    for m in other_ends(qvi, compliance, both=doubted):
+    for m in _other_ends(qvi, compliance, both=doubted):
         difference = float(np.abs(compliance.bonded - compliance.relief(m) - own).max()) / size
         if difference > OTHER and certify(qvi, *compliance.state(m), tolerance).passed:
             return (
@@ -292,3 +351,26 @@ def another_solution(qvi: FrictionQVI, solution: QVISolution, tolerance: float, 
                 f"tractions differ by up to {100.0 * difference:.2g} % of the largest. {WHAT_TO_DO}"
             )
     return ""
+
+
+def _other_ends(qvi: FrictionQVI, compliance: Compliance, *, both: bool) -> Iterator[Vector]:
+    """Multipliers m (2m,) at the ends of other ways, not certified.
+
+    The first starts without friction: an answer where nothing presses then, else where pivoting goes on from. The
+    second, for `both`, is pivoting along another direction.
+    """
+    bounds = ContactBounds(qvi, compliance, frictionless=True)
+    vertex = bounds.vertex(0, bounds.sheared(compliance.bonded))
+    starts: list[tuple[int, BoolVector | None]] = [(1, None)] if both else []
+    if vertex.solved:
+        m = bounds.multipliers(vertex.x)
+        bound = qvi.threshold(qvi.law.pressed((compliance.bonded - compliance.relief(m))[: qvi.m]))
+        if bound.max() > _SETTLED * bounds.stress:
+            starts.insert(0, (0, vertex.basic))
+        else:
+            yield m
+    for direction, active in starts:
+        bounds = ContactBounds(qvi, compliance)
+        vertex = bounds.vertex(direction, active)
+        if vertex.solved:
+            yield bounds.multipliers(vertex.x)

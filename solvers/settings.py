@@ -168,9 +168,9 @@ class UzawaOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class PivotingOptions:
-    """Options of pivoting: at most 1000 vertices, and corrections of one."""
+    """Options of pivoting: at most 1000 vertices along a direction, for as many guesses of signs."""
 
-    max_iterations: int = 1000  # more than there are: a few directions, guesses of signs, and corrections
+    max_iterations: int = 1000
 
     def __post_init__(self) -> None:
         from solvers.basics.checks import whole_number
@@ -192,7 +192,8 @@ class Settings:
     Parameters
     ----------
     method : str, optional
-        condensed (by default), fixed-point, pivoting or uzawa: `method = "fixed-point"`.
+        condensed, fixed-point, pivoting or uzawa; by default pivoting on small contacts, else condensed: `method =
+        "fixed-point"`.
     inner : str, optional
         Inner solver of the fixed point, see `qvi-contact methods`; qp:clarabel by default: `inner =
         "direct:clarabel"`.
@@ -213,9 +214,9 @@ class Settings:
     callback : callable, optional
         Called with every `solvers.Iteration` of any method. Histories, sweeps and refinement have another one.
     initial : optional
-        Where the condensed method and the fixed point begin; it chooses no method. For `solve_qvi` the `QVISolution` of
-        a problem with the same unknowns and rows, or a pressure (m,) for the fixed point. Two iterations of the
-        condensed method tell whether such a state is near; if it is not, the usual start is taken.
+        Where pivoting, the condensed method and the fixed point begin; it chooses no method. For `solve_qvi` the `QVISolution` of
+        a problem with the same unknowns and rows, or a pressure (m,) for the fixed point. Pivoting goes on from such a
+        state. Two iterations of the condensed method tell whether it is near; if it is not, the usual start is taken.
     options : mapping
         Options of the method, by name: fields of `CondensedOptions`, `FixedPointOptions`, `PivotingOptions` or
         `UzawaOptions`. By default `max_iterations` counts the iterations of the condensed method and the fixed point.
@@ -231,9 +232,10 @@ class Settings:
     -----
     "condensed" solves the inequality directly on what the contact feels, by an interior point method; "fixed-point"
     iterates on the friction bound, with convex inner problems; "pivoting" goes from vertex to vertex, for small
-    contacts; "uzawa" is the paper's iteration (4.1)-(4.4). By default "condensed"; where that fails "pivoting" and
-    "fixed-point", as far as the contact is small enough for them, for as long again as the first took at most, or 15
-    seconds if that is more. Another one is taken if an inner solver or options are given that only that one takes.
+    contacts; "uzawa" is the paper's iteration (4.1)-(4.4). By default "pivoting" on contacts of up to 200 points, else,
+    and where that finds nothing, "condensed"; where that fails too "pivoting" along other paths and "fixed-point", as
+    far as the contact is small enough for them, for as long again as the condensed method took at most, or 15 seconds
+    if that is more. Another one is taken if an inner solver or options are given that only that one takes.
 
     Inner solvers are "qp:" and a name of qpsolvers, "direct:clarabel", or "socp:" and a name of cvxpy;
     `solvers.available()` lists what is installed. Factorisations are "pardiso", "multifrontal" and "dense"; "auto"

@@ -176,6 +176,11 @@ class Start:
             displacement * solution.tangential_multiplier,
         )
 
+    @property
+    def multipliers(self) -> Vector:
+        """Of all rows (2m,)."""
+        return np.concatenate([self.normal_multiplier, self.tangential_multiplier])
+
     def fits(self, qvi: FrictionQVI) -> bool:
         """Whether it may be a state of that problem."""
         return self.z.shape == (qvi.n,) and self.normal_multiplier.shape == (qvi.m,)

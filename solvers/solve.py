@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
 from itertools import chain
 from typing import Any, Final, NamedTuple, TypeAlias
@@ -24,7 +24,7 @@ from solvers.fixed_point import CONDENSED_LIMIT, initial_pressure, solve_fixed_p
 from solvers.inequality.body import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.registry import check_name, versions
-from solvers.pivoting import OTHER, affordable, another_solution, solve_pivoting
+from solvers.pivoting import DIRECTIONS, OTHER, affordable, another_solution, solve_pivoting
 from solvers.settings import (
     DEFAULT_INNER,
     STARTED,
@@ -99,6 +99,8 @@ LEAST_SECONDS = 15.0
 _HOPELESS = 1e-4
 """Relative error of the solution without inequalities, in the energy norm, above which nothing is attempted."""
 
+_OF_ALL: Final = {"max_iterations"}  # the options that choose no method
+
 _ASKED, _AT_LEAST = 0.2, 0.5  # of the time so far, and seconds, for a proof that the load cannot be carried
 
 _FAILURES = {
@@ -170,10 +172,19 @@ def other_shares(search: Search) -> Tries:
             return
 
 
-def pivoting(search: Search) -> Tries:
-    """From vertex to vertex, for small contacts."""
-    found = solve_pivoting(search.qvi, search.settings.tolerance, search.options(PivotingOptions))
+def vertex(search: Search) -> Tries:
+    """From vertex to vertex, for small contacts; from a state that is given, if it fits."""
+    start = search.start if search.start is not None and search.start.fits(search.qvi) else None
+    found = solve_pivoting(search.qvi, search.options(PivotingOptions), start=start)
     yield Attempt("pivoting", "", found.reason, found.iterations), found
+
+
+def other_vertices(search: Search) -> Tries:
+    """The same along each direction that was not tried."""
+    tried = any(attempt.name == "pivoting" for attempt in search.attempts)
+    for direction in range(1 if tried else 0, DIRECTIONS):
+        found = solve_pivoting(search.qvi, search.options(PivotingOptions), direction)
+        yield Attempt(f"pivoting, direction {direction + 1}", "", found.reason, found.iterations), found
 
 
 def fixed_point(search: Search) -> Tries:
@@ -211,22 +222,21 @@ class Way(NamedTuple):
     """One entry of `ATTEMPTS`."""
 
     method: str  # to which it belongs; one that is asked for has its own entries alone
-    # what it tries, one by one as they are asked for; nothing where the ways before leave nothing to do
-    tries: Callable[[Search], Tries]
+    # what it tries, one by one as they are asked for; nothing where those before leave nothing to do
+    tries: tuple[Callable[[Search], Tries], ...]
     subject: str = ""  # of a sentence that says what the method found
     # for which problems it is tried where no method is asked for
     serves: Callable[[FrictionQVI], bool] = lambda _: True
 
 
 ATTEMPTS: Final = (
-    Way("condensed", usual_start),
-    Way("condensed", energy_root),
-    Way("condensed", other_shares),
-    Way("pivoting", pivoting, "Pivoting", affordable),
-    Way("fixed-point", fixed_point, "The fixed point", lambda qvi: 2 * qvi.m <= CONDENSED_LIMIT),
-    Way("uzawa", uzawa, serves=lambda _: False),
+    Way("pivoting", (vertex,), serves=affordable),
+    Way("condensed", (usual_start, energy_root, other_shares)),
+    Way("pivoting", (other_vertices,), "Pivoting", affordable),
+    Way("fixed-point", (fixed_point,), "The fixed point", lambda qvi: 2 * qvi.m <= CONDENSED_LIMIT),
+    Way("uzawa", (uzawa,), serves=lambda _: False),
 )
-"""Tried in this order until a certificate passes."""
+"""Tried in this order until a certificate passes; the first leaves nothing behind where it fails."""
 
 
 class Search:
@@ -240,14 +250,15 @@ class Search:
         self.run: CondensedRun | None = None  # last start of the condensed method
         self._began = time.perf_counter()
         self._given = dict(settings.options)
+        self.start: Start | None = None  # a state that is given, and its pressure
         self._pressure: Vector | None = None
         if initial is not None and settings.takes_state:
             start = Start.of(initial) if isinstance(initial, QVISolution) else initial
-            state = start if isinstance(start, Start) else None
-            self._pressure = initial_pressure(qvi, start if state is None else state.pressure)
+            self.start = start if isinstance(start, Start) else None
+            self._pressure = initial_pressure(qvi, start if self.start is None else self.start.pressure)
             if settings.chosen == "fixed-point":
                 self._given["initial"] = self._pressure
-            elif state is not None or not settings.by_default:  # a pressure is for what may follow
+            elif self.start is not None or not settings.by_default:  # a pressure is for what may follow
                 self._given["initial"] = start
 
     @property
@@ -259,14 +270,33 @@ class Search:
         """Those of the method under way."""
         return kind(**self._given)
 
-    def by(self, method: str, why: str = "") -> QVISolution:
-        """The best that a method finds, certified; a factorisation that fails ends in a status."""
-        qvi, tolerance = self.qvi, self.settings.tolerance
+    def first(self) -> QVISolution | None:
+        """What the first of `ATTEMPTS` finds; None where it does not serve, or is not certified."""
+        way, given = ATTEMPTS[0], self._given
+        if not way.serves(self.qvi):
+            return None
+        self._given = {name: value for name, value in given.items() if name in _OF_ALL}
+        certificate, timings = self._best_of(way)
+        self._given = given
+        return self._finished(way, certificate, timings) if certificate.passed else None
+
+    def by(self, *ways: Way, why: str = "") -> QVISolution:
+        """The best that ways of one method find, certified; a factorisation that fails ends in a status."""
+        return self._finished(ways[0], *self._best_of(*ways, why=why))
+
+    def _finished(self, way: Way, certificate: Certificate, timings: Mapping[str, float]) -> QVISolution:
+        assert self.best is not None
+        inner = self.inner if way.method == "fixed-point" else ""
+        return finish(self.qvi, self.best, certificate, way.method, inner, self.attempts, timings)
+
+    def _best_of(self, *ways: Way, why: str = "") -> tuple[Certificate, dict[str, float]]:
+        """The certificate of the best outcome, which is kept, and seconds by name."""
+        qvi, tolerance, method = self.qvi, self.settings.tolerance, ways[0].method
         report(Progress(method))
         began, certifying = time.perf_counter(), 0.0
         self.best, certificate = None, None
         if qvi.m and qvi.n:
-            tries = chain.from_iterable(way.tries(self) for way in ATTEMPTS if way.method == method)
+            tries = chain.from_iterable(tried(self) for way in ways for tried in way.tries)
         else:
             tries = chain(_linear(qvi, method))
         try:
@@ -291,9 +321,7 @@ class Search:
         certificate = certificate or best.certified(qvi, tolerance)
         certifying += time.perf_counter() - before
         seconds = time.perf_counter() - began - best.setup - certifying
-        timings = {"setup": best.setup, "solve": seconds, "certificate": certifying}
-        inner = self.inner if method == "fixed-point" else ""
-        return finish(qvi, best, certificate, method, inner, self.attempts, timings)
+        return certificate, {"setup": best.setup, "solve": seconds, "certificate": certifying}
 
     def _keep(self, outcome: Outcome, found: Certificate | None, certificate: Certificate | None) -> Certificate | None:
         """The better of the best so far and a new outcome; its certificate. What has no certificate is replaced."""
@@ -324,7 +352,7 @@ class Search:
                 self._given["max_iterations"] = limit - first.iterations
             report(Progress(way.method, remark=tried))
             with deadline(seconds):
-                last, subject = self.by(way.method, tried), way.subject
+                last, subject = self.by(way, why=tried), way.subject
             if last.solved:
                 break
         better = last.certificate.accuracy < first.certificate.accuracy
@@ -351,13 +379,15 @@ def solved(qvi: FrictionQVI, settings: Settings, initial: object = None) -> QVIS
 
     with qvi.stiffness.using(settings.factorisation, settings.threads), listening(hear) if callback else nullcontext():
         search = Search(qvi, settings, initial)
-        solution = search.by(settings.chosen)
-        if settings.by_default:
-            solution = search.fallen_back(solution)
-            if solution.solved and not solution.near and not deadline.over:  # one that was followed is the one wanted
-                doubted = solution.method != settings.chosen or bool(solution.remarks)
-                remark = another_solution(qvi, solution, settings.tolerance, doubted=doubted)
-                solution = dataclasses.replace(solution, remarks=(remark,)) if remark else solution
+        chosen = [way for way in ATTEMPTS if way.method == settings.chosen]
+        if not settings.by_default:
+            return search.by(*chosen)
+        solution = None if settings.options.keys() - _OF_ALL else search.first()
+        solution = solution or search.fallen_back(search.by(*chosen))
+        if solution.solved and not solution.near and not deadline.over:  # one that was followed is the one wanted
+            doubted = len(solution.attempts) > 1 or bool(solution.remarks)
+            remark = another_solution(qvi, solution, settings.tolerance, doubted=doubted)
+            solution = dataclasses.replace(solution, remarks=(remark,)) if remark else solution
         return solution
 
 

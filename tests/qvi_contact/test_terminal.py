@@ -175,7 +175,7 @@ def test_a_solve_under_way_is_shown_on_a_terminal(environ):
     found = shown(environ, "[plate]", 3)
     assert "[plate]" in found
     assert "1/3" in found
-    assert re.search(r"216 unknowns; condensed: iteration \d+, residual \d\.\de-", found)
+    assert re.search(r"216 unknowns; pivoting: iteration \d+, residual \d\.\de-", found)
     assert "the condensed method ended stalled; next method: fixed-point\n" in found
 
 
