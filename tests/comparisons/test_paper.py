@@ -128,20 +128,6 @@ class TestVerdict:
         assert room.verdict(np.nan, 1e-9) == "falls short"
 
 
-def test_principal_stresses_are_drawn_across_each_other(paper):
-    """Both lines of a cross, pressed or pulled, where both stresses are large enough to be seen."""
-    pytest.importorskip("matplotlib")
-    found = {}
-    for number, axes in enumerate(room.principal_stresses(paper).axes):
-        for ends in (
-            ends for lines in axes.collections if hasattr(lines, "get_segments") for ends in lines.get_segments()
-        ):
-            found.setdefault((number, *ends.mean(axis=0).round(9)), []).append(ends[1] - ends[0])
-    crosses = [np.array(lines) for lines in found.values() if len(lines) == 2]
-    assert len(crosses) > 100
-    assert max(abs(one @ other) / np.hypot(*one) / np.hypot(*other) for one, other in crosses) < 1e-9
-
-
 def test_what_the_paper_shows(paper):
     values = room.values_of(paper)
     assert (values["digits"], values["printed"], values["iterations"]) == (7, 7, 30)
@@ -174,28 +160,3 @@ def test_terminal_and_the_default_folder_whose_tables_hold_the_data(paper, tmp_p
     for row in room.back_end_rows(paper):
         assert re.search(rf"{row['solver']} +{row['certified']}/7 .*{row['verdict']}", ended.out)
     assert "…" not in ended.out  # nothing is cut off
-
-
-class TestPictures:
-    """What the pictures show is computed."""
-
-    def test_tractions_stay_below_the_bound(self, paper):
-        axes = room.contact_tractions(paper).axes
-        for upper, lower in zip(axes[:4], axes[4:], strict=True):
-            pressure, bound, tangential = (line.get_ydata() for line in upper.lines)
-            (used,) = (line.get_ydata() for line in lower.lines if len(line.get_ydata()) == 8)
-            assert np.nanmax(tangential - bound) <= 0.0121 * 212.0  # between the points
-            assert used.max() <= 1 + 1e-6
-            assert upper.get_ylim()[0] == 0.0
-            assert np.nanmax(pressure) < upper.get_ylim()[1]  # nothing is cut off
-
-    def test_errors_fall_to_the_tolerance(self, paper):
-        uzawa, fixed_point = room.convergence(paper).axes
-        for panel, most in ((uzawa, 3000), (fixed_point, 60)):
-            curves = [line for line in panel.lines if str(line.get_label()).startswith("μ")]
-            assert len(curves) == 3
-            for curve in curves:
-                number, error = curve.get_data()
-                assert number[0] == 1
-                assert number[-1] < most
-                assert error[-1] < 1e-7 < 1e-5 < error[0]

@@ -4,7 +4,6 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
@@ -30,14 +29,6 @@ class TestRuns:
         places = run.ends_and_points(10.0)
         assert len(places.points) == 2  # nothing but its ends
         assert places.tangents[0] == pytest.approx((places.points[1] - places.points[0]) / 2.0)
-
-    def test_a_boundary_is_cut_in_its_corners(self):
-        mesh = TriangleMesh.rectangle((3, 3))
-        found = runs(mesh, mesh.boundary)
-        assert sorted(tuple(run.at(0.5).normals[0].round(12) + 0.0) for run in found) == [
-            (-1.0, 0.0), (0.0, -1.0), (0.0, 1.0), (1.0, 0.0),
-        ]  # fmt: skip
-        assert sum(run.length for run in found) == pytest.approx(4.0)
 
     def test_a_circle_is_cut_where_the_tangent_changes_its_sense_only(self):
         mesh = polygon(24, 2)
@@ -167,18 +158,6 @@ def test_the_legend_names_everything():
     assert places["1"][1] < 1.0 < places["2"][1]  # numbers of materials stand in them
 
 
-def test_lines_between_triangles_are_thinner_the_smaller_these_are():
-    """In proportion to the triangles' sides on the page, unless that would be nothing to be seen."""
-    widths = []
-    for cells in (3, 6, 15):
-        mesh, axes = TriangleMesh.rectangle((cells, cells)), Figure(figsize=(0.3, 0.3)).subplots()
-        draw_problem(axes, ContactProblem(mesh, Material(1e3, 0.3), [Traction(n, 0, 0) for n in mesh.edge_names]))
-        lines = [found for found in axes.collections if isinstance(found, LineCollection)]
-        (grid,) = (found for found in lines if len(found.get_segments()) == len(mesh.interior))
-        widths.append(grid.get_linewidth()[0])
-    assert widths[0] > widths[1] > widths[2] >= 0.1
-
-
 def test_the_obstacle_follows_the_gap():
     axes = Figure().subplots()
     draw_problem(axes, laden())
@@ -213,12 +192,3 @@ def test_names_do_not_cover_each_other():
     figure.draw_without_rendering()
     assert len(figure.axes[0].texts) == 4
     assert not covered(figure.axes[0])
-
-
-def test_names_are_placed_where_the_layout_puts_their_panel():
-    """Beside another panel, and with a legend that leaves the body little room."""
-    figure = Figure(figsize=(9.0, 5.0), layout="constrained")
-    _, axes = (part.subplots() for part in figure.subfigures(1, 2))
-    draw_problem(axes, sliding_block()[0])
-    figure.draw_without_rendering()
-    assert not covered(axes)
