@@ -5,13 +5,14 @@ from importlib.util import find_spec
 
 import pytest
 
+from comparisons.bounds import problems
 from comparisons.bounds import report as bounds_report
 from comparisons.bounds import study as bounds
 from comparisons.wild import bodies, generator, judge, limits
 from comparisons.wild import study as wild
 from qvi_contact import ContactResult, InputError, TriangleMesh, discretize, solve
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.problem import Contact, ContactProblem, Material, Symmetry, Traction
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 from tests.cases import EFFORT, examples
 from tests.comparisons.conftest import committed, rows_of
 
@@ -53,6 +54,29 @@ class TestGenerator:
     def test_dice_do_not_depend_on_versions(self):
         dice = bodies.Dice("thin", 3)
         assert [dice.whole(0, 999) for _ in range(4)] == [74, 198, 372, 275]
+
+
+class TestBoundsProblems:
+    """Polygons whose errors bounds are compared with."""
+
+    @staticmethod
+    def stated():
+        return [problems.stated("polygons", number)[0] for number in range(40)]
+
+    def test_sides_that_move_press_on_the_obstacle(self):
+        for problem in self.stated():
+            normal = problem.mesh.edges("side 0").normal[0]
+            moves = [each for each in problem.conditions if isinstance(each, Displacement)]
+            assert all(move.x * normal[0] + move.y * normal[1] > 0.0 for move in moves)
+
+    def test_bent_gaps_are_parabolas_along_the_side(self):
+        """Multiples of (a x + b y + c)²."""
+        gaps = [each.gap for problem in self.stated() for each in problem.contacts]
+        bent = [gap for gap in gaps if callable(gap) and len(gap.coefficients) == 3]
+        assert len(bent) > 3
+        for gap in bent:
+            (c, y, yy), (x, xy), (xx,) = gap.coefficients
+            assert [x * x, y * y, xy * xy] == pytest.approx([4.0 * xx * c, 4.0 * yy * c, 4.0 * xx * yy], rel=1e-9)
 
 
 @pytest.mark.parametrize(("family", "number"), SAMPLE)

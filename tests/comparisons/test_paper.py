@@ -128,6 +128,20 @@ class TestVerdict:
         assert room.verdict(np.nan, 1e-9) == "falls short"
 
 
+def test_principal_stresses_are_drawn_across_each_other(paper):
+    """Both lines of a cross, pressed or pulled, where both stresses are large enough to be seen."""
+    pytest.importorskip("matplotlib")
+    found = {}
+    for number, axes in enumerate(room.principal_stresses(paper).axes):
+        for ends in (
+            ends for lines in axes.collections if hasattr(lines, "get_segments") for ends in lines.get_segments()
+        ):
+            found.setdefault((number, *ends.mean(axis=0).round(9)), []).append(ends[1] - ends[0])
+    crosses = [np.array(lines) for lines in found.values() if len(lines) == 2]
+    assert len(crosses) > 100
+    assert max(abs(one @ other) / np.hypot(*one) / np.hypot(*other) for one, other in crosses) < 1e-9
+
+
 def test_what_the_paper_shows(paper):
     values = room.values_of(paper)
     assert (values["digits"], values["printed"], values["iterations"]) == (7, 7, 30)

@@ -293,6 +293,22 @@ class TestBody:
         assert (diagram.get_xy() @ NORMAL).max() == pytest.approx(0.0, abs=1e-2)  # below the body, on the plane
         assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [mm]", "y [mm]")
 
+    def test_results_beside_each_other_have_one_scale(self):
+        """The pressure of the second is half as long in the scale of both as in its own; so are displacements."""
+        strong, weak = solve(compressed_plate(0.2, (2, 2))), solve(compressed_plate(0.2, (2, 2), displacement=5e-4))
+        both, heights, factors, ends = Scales.of([strong, weak]), [], [], []
+        for scales in (both, None):
+            axes = new_axes()
+            factors.append(draw_body(axes, weak, scales=scales).factor)
+            (diagram,) = (patch for patch in axes.patches if isinstance(patch, Polygon))
+            heights.append(np.ptp(diagram.get_xy()[:, 1]))
+            ends.append(axes.collections[0].levels[-1])
+        assert heights[1] == pytest.approx(2.0 * heights[0], rel=0.1)
+        assert ends[0] == pytest.approx(2.0 * ends[1], rel=0.3)  # bands of colour
+        assert factors[1] > factors[0] == draw_body(new_axes(), strong).factor
+        assert both.stress is not None
+        assert Scales.of([weak]).stress is None  # alone it has bands of its own
+
     def test_bodies_are_not_drawn_inside_each_other(self):
         """Discs that touch in a point: exaggerated 5 times, as would be usual, their outlines would cross."""
         assert Scales.of([solve(half_discs(1.0, 1, 0))]).factor == 1.0

@@ -354,6 +354,12 @@ class TestForged:
         path = self.forged(tmp_path, entries, certificate=json.dumps(groups))
         assert row in fails(path) <= {row, "status"}
 
+    def test_what_a_certificate_measures_is_not_below_zero(self, entries, tmp_path):
+        groups = json.loads(str(entries["certificate"]))
+        groups["measures"]["normal"] = -0.5
+        with pytest.raises(InputError):
+            load_result(self.forged(tmp_path, entries, certificate=json.dumps(groups)))
+
     @pytest.mark.parametrize("name", ["wall.normal_force", "ground.motion", "nonsense"])
     def test_fields_that_this_problem_does_not_have(self, name, entries, tmp_path):
         found = verify_file(self.forged(tmp_path, entries, **{name: np.zeros(3)}))

@@ -15,6 +15,7 @@ from qvi_contact.gallery import compressed_plate
 from solvers import Status
 from tests.qvi_contact.test_triangles import moved
 
+COMPLIANCE = np.array([[1.0, -0.3, 0.1], [-0.3, 1.2, -0.2], [0.1, -0.2, 2.6]])  # every coupling present
 ISOTROPIC = Material(1.0, 0.3).compliance
 T = np.linspace(0.0, 1.0, 5)
 
@@ -145,6 +146,26 @@ def test_stresses_and_airy_function_at_points(degree):
         exact = np.stack([yy(x, y), xx(x, y), -xy(x, y)], axis=-1)
         assert basis.stress(coefficients, cells, t) == pytest.approx(exact, abs=1e-10 * np.abs(exact).max())
         assert basis.airy(coefficients, cells, t) == pytest.approx(value(x, y), abs=1e-11 * np.abs(value(x, y)).max())
+
+
+@pytest.mark.parametrize("degree", [3, 4, 5])
+def test_body_force_enters_load_and_root(degree):
+    mesh = unstructured(2)
+    basis = StressSpace(mesh, degree)
+    cells = np.arange(mesh.cell_count)
+    points = basis.points(cells, basis.cell_points)
+    potential = 1.0 + points[..., 0] - 2.0 * points[..., 1]
+    body = stiffness(basis, COMPLIANCE)
+    root = Root(body, np.zeros(basis.size), body.energy.loaded(potential[..., None] * np.array([1.0, 1.0, 0.0])))
+    z = np.random.default_rng(0).normal(size=body.K.shape[0])
+    coefficients = body.energy.coefficients(body.supports.basis.expanded(z), root.body)
+    stress = basis.stress(coefficients, cells, basis.cell_points) + potential[..., None] * np.array([1, 1, 0])
+    weights = np.multiply.outer(basis.triangles.areas, basis.cell_weights)
+    by_points = 0.5 * np.einsum("cg,cgi,ij,cgj->", weights, stress, COMPLIANCE, stress)
+    r = root.apply(z)
+    assert 0.5 * r @ r == pytest.approx(by_points, rel=1e-10)
+    gradient = body.K @ z + root.adjoint(root.apply(np.zeros(len(z))))
+    assert root.adjoint(r) == pytest.approx(gradient, abs=1e-9 * np.abs(gradient).max())
 
 
 @pytest.mark.parametrize("divisions", [1, 2, 4])
