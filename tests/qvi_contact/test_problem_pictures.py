@@ -205,12 +205,3 @@ def test_names_do_not_cover_each_other():
     figure.draw_without_rendering()
     assert len(figure.axes[0].texts) == 4
     assert not covered(figure.axes[0])
-
-
-def test_names_are_placed_where_the_layout_puts_their_panel():
-    """Beside another panel, and with a legend that leaves the body little room."""
-    figure = Figure(figsize=(9.0, 5.0), layout="constrained")
-    _, axes = (part.subplots() for part in figure.subfigures(1, 2))
-    draw_problem(axes, sliding_block()[0])
-    figure.draw_without_rendering()
-    assert not covered(axes)

@@ -14,7 +14,7 @@ from tests.cases import every_pair
 from tests.qvi_contact.builders import bernstein, companion_of
 from tests.qvi_contact.test_plates import moved
 
-OPEN, STICK, _SLIP, _CLOSED = ContactState
+OPEN, STICK, *_ = ContactState
 STEEL = Material(1000.0, 0.3)
 MESH = TriangleMesh.grid([0.0, 0.3, 0.8, 1.5, 2.0], [0.0, 0.4, 0.7, 1.0])
 INSIDE = np.linspace(0.0, 1.0, 101)
