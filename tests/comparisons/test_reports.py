@@ -280,23 +280,6 @@ class TestTables:
         assert text.splitlines() == [r"| \|σ\| | time [s] |", "| --- | ---: |", "| a | 0.50 |", "| none | none |"]
         assert markdown_table(frame[:0]) == "No rows.\n"
 
-    def test_several_machines_and_versions_are_said(self):
-        mixed = {"machine": MACHINE | {"processor": "P2"}, "versions": {"numpy": "2.1.0", "osqp": None}}
-        known = {"machine": MACHINE, "versions": {"numpy": "2.0.0"}}
-        rows = [row({}, {}, **known), row({}, {}, **known), row({}, {}, **mixed, memory_mib=512),
-                row({}, {}, "crashed", load=None)]  # fmt: skip
-        one, other = (
-            render("", "t", {}, {}, {}, each, template="{{ settings }}\n").text for each in (rows, rows[::-1])
-        )
-        assert one == other
-        for text in (
-            "| status | crashed (1), done (3) |", "| memory limit of a run | 512 MiB (1), none (3) |", "**Machines**",
-            "| load average before a run | 0.5 (unknown for 1 row) |", "| numpy | 2.0.0 | 2 |", "| numpy | 2.1.0 | 1 |",
-            "| P1 | 4 | 16 GiB | Linux, x86_64 | CPython 3.12.1 | 2 |", "| numpy | unknown | 1 |",
-            "| osqp | not installed | 1 |", "with different versions of numpy.",
-        ):  # fmt: skip
-            assert text in one
-
 
 @settings(max_examples=50)
 @given(st.floats(0.0, 1.0), st.integers(0, 4))

@@ -65,21 +65,6 @@ class TestAccuracies:
         assert set(available()) <= set(accuracies.TABLE)
         assert all(set(each.levels) == set(accuracies.LEVELS) for each in accuracies.TABLE.values())
 
-    @pytest.mark.parametrize("solver", accuracies.TABLE)
-    def test_tolerances_are_a_hundredth_of_the_level_unless_the_solver_takes_none_so_small(self, solver):
-        types = []
-        for level, tolerance in accuracies.LEVELS.items():
-            given = accuracies.options(solver, level)
-            types.append({name: type(value) for name, value in given.items()})
-            values = {
-                value for name, value in given.items()
-                if name != "omega_T" and isinstance(value, float) and 0.0 < value < 0.1 and "regular" not in name
-            }  # fmt: skip
-            least = 1e-10 if solver == "qp:highs" else 0.0
-            expected = {max(1e-2 * tolerance, least)} if solver not in ("qp:quadprog", "uzawa") else set()
-            assert {float(f"{value:.6e}") for value in values} == {float(f"{value:.6e}") for value in expected}
-        assert all(each == types[0] for each in types)  # every level sets the same options
-
     @pytest.mark.parametrize("solver", INNER_SOLVERS)
     def test_solvers_take_their_options(self, solver):
         found = asked_of(solver, 0.5, accuracies.options(solver, "low"))

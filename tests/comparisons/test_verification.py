@@ -255,23 +255,6 @@ class TestRows:
         resolution = tolerance * abs(value) / 100.0
         assert float(room.number(value, resolution)) == pytest.approx(value, abs=resolution, rel=1e-9)
 
-    @pytest.mark.parametrize(
-        ("row", "shown"),
-        [
-            *((CHECK.absolute("q", ours, 0.0, tolerance=1e-9), {5: "0", 6: "< 1e-10 (absolute)"})
-              for ours in (3.1e-15, -2.2e-14)),
-            (CHECK.relative("q", 1.01, 1.0, tolerance=1e-3),
-             {6: "1.0e-02 (relative)", 7: "1e-03", 8: "by hand", 9: "FAILED"}),
-            (CHECK.absolute("q", 1.0, 1.0, tolerance=1e-3), {6: "0 (absolute)", 9: "passed"}),
-            (CHECK.at_most("q", 1.0, 2.0), {2: "≤ 2"}),
-            (CHECK.at_least("q", 1.0, 2.0), {2: "≥ 2"}),
-            (CHECK.word("q", "a", "b"), {6: "not equal", 7: "-"}),
-        ],
-    )  # fmt: skip
-    def test_texts(self, row, shown):
-        cells = room.cells(row)
-        assert {place: cells[place] for place in shown} == shown
-
 
 class TestProofs:
     """What certifies a result is looked at, not its numbers nor its status alone."""

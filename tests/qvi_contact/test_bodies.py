@@ -9,9 +9,7 @@ from qvi_contact import TriangleMesh
 from qvi_contact.gallery import (
     arc,
     fan,
-    persson_pressure,
     press_fit,
-    press_fit_torque,
     rings,
 )
 from qvi_contact.mechanism import Bodies
@@ -119,24 +117,3 @@ class TestLoose:
         bodies = Bodies.of(ContactProblem(mesh, STEEL, sides))
         scaled = np.array(motions, dtype=float).T * [[1.0], [1.0], [bodies.size[0]]]
         assert motions_in_words(np.linalg.qr(scaled)[0], bodies, 0) == words
-
-
-def test_persson():
-    """Printed values at five angles, and the force that the pressure has."""
-    printed = [22.415, 21.577, 18.949, 13.954, 10.794]
-    assert persson_pressure(np.deg2rad([0.0, 15.0, 30.0, 45.0, 51.0])) == pytest.approx(printed, abs=6e-4)
-    angles, step = np.linspace(-1.0, 1.0, 20001, retstep=True)
-    angles *= np.deg2rad(59.298)
-    force = 60.0 * (persson_pressure(angles) * np.cos(angles)).sum() * step * np.deg2rad(59.298)
-    assert force == pytest.approx(1875.0, rel=1e-5)
-
-
-def test_the_torque_of_a_press_fit():
-    """2π μ p R²: all but all of it is carried; turned further the shaft slips, and carries no more."""
-    limit = 2.0 * np.pi * 0.2 * 59.927273 * 25.0**2
-    below = solved(press_fit_torque(0.2, 0.999 * limit)).contacts["shaft"]
-    sliding = solved(press_fit_torque(0.2, turn=0.01)).contacts["shaft"]
-    for line, torque in ((below, 0.999 * limit), (sliding, limit)):
-        assert abs(line.weights @ line.tangential_stress) * 25.0 == pytest.approx(torque, rel=1e-4)
-    assert sliding.shares["slip"] == 1.0
-    assert below.shares["stick"] > 0.0

@@ -366,8 +366,3 @@ class TestDocument:
         assert told["forces"]["plate.normal_force"] == {"lower": force.lower, "upper": force.upper, "unit": "MPa mm"}
         assert sum(part["value"] for part in told["gap"].values()) == pytest.approx(found.gap, rel=1e-6)
         assert any("plate.normal_force between" in line for line in lines(found))
-
-    def test_exact_states_are_told_in_one_line(self):
-        found = solve(compressed_plate(0.0, (2, 2))).bracket
-        assert "\n" not in repr(found)
-        assert len(repr(found)) < 400

@@ -13,8 +13,6 @@ from qvi_contact.problem import Contact, ContactProblem, Displacement, Material,
 from qvi_contact.solution import discretized
 from solvers import Status
 from solvers.condensed import CentralPath, Complementarity, DenseCoordinates, InteriorPoint, PathWeights
-from solvers.inequality import dense as dense_rows
-from solvers.inequality import interface_of, trace_coordinates
 from tests.cases import thinned
 from tests.qvi_contact.builders import with_friction, with_line
 
@@ -125,49 +123,6 @@ def test_same_tractions_as_the_fixed_point(name, inner):
         assert found.tangential_stress == pytest.approx(line.tangential_stress, abs=1e-7 * scale)
         slip = np.abs(line.slip).max()
         assert found.slip == pytest.approx(line.slip, abs=1e-6 * max(slip, 1e-4))
-
-
-SIDES = {
-    "one side": [Contact("bottom", 0.3), *free("left", "right"), Displacement("top", 0.0, -1e-3)],
-    "opposite sides": [Contact("bottom", 0.3), Contact("top", 0.2, gap=-1e-3), *free("left", "right")],
-    "around a corner": [
-        Contact("bottom", 0.3), Contact("left", 0.2), Traction("right", -1.0, 0.0), Traction("top", 0.0, -1.0),
-    ],
-    "all sides": [Contact(side, 0.3, gap=-1e-3) for side in ("bottom", "left", "right", "top")],
-    "shear beside": [
-        Contact("bottom", 0.3), Traction("left", 0.0, lambda _, y: 0.2 * (1.0 - y)), Traction("right", 0.0, 0.0),
-        Displacement("top", 0.0, -1e-2),
-    ],
-    "driven": [
-        Contact("bottom", 0.3), *free("left", "right"),
-        Contact("top", 0.3, plate=RigidPlate(force_y=-8.0, moment=-5.0)),
-    ],
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("sides", "joints"),
-    thinned(product(SIDES, ([], [("a", "horizontal", 0.3)], [("a", "horizontal", 0.3), ("b", "vertical", 0.8)])), 5),
-)
-def test_traces_reproduce_the_tractions(sides, joints):
-    """Whatever depends on what: prescribed shear beside, balance of the whole body, corners, joints that cross."""
-    problem = on_lines(*SIDES[sides], *(Contact(name, 0.2) for name, *_ in joints), joints=joints)
-    qvi = discretize(problem).qvi
-    interface = interface_of(qvi.contact_rows, qvi.A)
-    coordinates = trace_coordinates(qvi.traces, interface)
-    dense = trace_coordinates(qvi.with_contact(traces=None).contact.factor, interface)
-    x = np.random.default_rng(0).normal(size=len(interface)) * np.sqrt(1.0 / qvi.K.diagonal()[interface])
-    expected = qvi.contact_rows[:, interface] @ x
-    size = np.abs(expected).max()
-    for found in (coordinates, dense):
-        assert found.interpolation @ found.from_values(x) == pytest.approx(expected, abs=1e-10 * size)
-        assert np.linalg.norm(found.to_unknowns(found.from_values(x)) - x) < 1e-8 * np.linalg.norm(x)
-    rows = qvi.contact_rows.toarray()
-    rank = np.linalg.matrix_rank(rows / np.abs(rows).max(axis=1, keepdims=True), tol=1e-9)
-    assert np.count_nonzero(dense_rows(coordinates.interpolation).any(axis=0)) == rank
-    assert np.linalg.cond(DenseCoordinates(qvi).stiffness) < 1e5
-    result = solve(problem)
-    assert result.status is Status.SOLVED, result.message
 
 
 @pytest.mark.parametrize("iterations", [3, 4])

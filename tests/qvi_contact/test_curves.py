@@ -16,7 +16,7 @@ from qvi_contact.gallery import fan
 from qvi_contact.mechanism import Rigid
 from qvi_contact.mesh import Curve, arc_offsets, curves, frames_along
 from qvi_contact.plots import cell_outlines, edge_lines, runs
-from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from qvi_contact.verification import verify_file
 from tests.qvi_contact.builders import INNER, difference, holed, quarter, solved
 
@@ -209,19 +209,7 @@ def test_what_an_elliptic_bed_holds():
     assert Rigid(held).free.shape == (3, 0)
 
 
-def test_contact_on_an_ellipse():
-    """A smooth plug too large for the hole by a constant distance along normals: pressures do the work of its gap."""
-    mesh = sheet(2, 6)
-    free = [Traction("outer", normal=0.0, tangential=0.0), *stretched(mesh).conditions[2:]]
-    problem = ContactProblem(mesh, Material(1.0, NU), [Contact("inner", 0.0, gap=-0.1), *free])
-    result = solve(problem, degree=6)
-    assert result.status.value == "solved"
-    line = result.contacts["inner"]
-    assert result.energies.strain == pytest.approx(0.1 * line.normal_force / 2.0, rel=1e-9)
-    np.testing.assert_allclose(np.abs(zeta_of(line.x, line.y)), 1.0, atol=1e-11)
-
-
-STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)
+STEEL = Material(1000.0, 0.3)
 SIDES = ("bottom", "right", "top", "left")
 PLACES = ((0.0, 0.0), (2.0, 0.0), (1.0, 2.0))
 EYE, THREE = (PLACES[:1], (-1.5, -1.5), (1.5, 1.5)), (PLACES, (-1.5, -1.5), (3.5, 3.5))
@@ -349,18 +337,6 @@ def test_a_free_hole_in_a_heavy_body():
     assert found.gap < 5e-2 * found.strain
 
 
-@pytest.mark.parametrize("rim", ["loaded", "tied"])
-def test_bounds_enclose_the_energy(rim):
-    """Guaranteed, as equilibrium holds exactly, and the displacement model comes to the same."""
-    gaps = []
-    for divisions in (2, 4):
-        found = bracket(solved(lug(*RIMS[rim], mesh=eye(divisions)), degree=4))
-        assert found.guaranteed, found.reasons
-        assert found.lower <= found.upper
-        gaps.append(found.gap / found.strain)
-    assert gaps[1] < 0.55 * gaps[0] < 0.05
-
-
 def test_files(tmp_path):
     """What is stored comes back; the Airy function, which has several values, is left out of pictures' data."""
     meshio = pytest.importorskip("meshio")
@@ -382,17 +358,6 @@ def test_cuts_go_round_joints_where_they_can():
     assert not np.isin(shortest_cuts(line)[0], first).any()
     closed = mesh.with_joint("closed", lambda x, y: np.abs(np.maximum(np.abs(x), np.abs(y)) - 1.0) < 1e-9)
     assert len(shortest_cuts(closed)[0]) == len(first)
-
-
-def test_a_bushing_in_an_eye():
-    """A closed joint that does not slip, with another material inside: the same as without the joint."""
-    mesh = eye(2).with_region("bushing", lambda x, y: np.maximum(np.abs(x), np.abs(y)) < 1.0)
-    whole = lug(*RIMS["loaded"], mesh=mesh, regions=[Region(FOAM, name="bushing")])
-    expected = solved(whole, degree=4)
-    split = mesh.with_joint("joint", lambda x, y: np.abs(np.maximum(np.abs(x), np.abs(y)) - 1.0) < 1e-9)
-    joint = Contact("joint", 0.0, cohesion=50.0, law="bilateral")
-    result = solved(lug(*RIMS["loaded"], joint, mesh=split, regions=[Region(FOAM, name="bushing")]), degree=4)
-    assert difference(expected, result) < 1e-7
 
 
 def test_loads_out_of_balance_as_a_whole():

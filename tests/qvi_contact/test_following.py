@@ -10,7 +10,6 @@ import pytest
 from qvi_contact import InputError, Polynomial, TriangleMesh, discretize, solve
 from qvi_contact.basics import Kept
 from qvi_contact.discretization import Elimination, Functionals, walk
-from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Traction
 from qvi_contact.solution import discretized
 
@@ -71,17 +70,6 @@ def test_closed_lines_are_walked_around():
     assert sorted(place.tolist()) == [0, 1, 2, 3]
     assert place[3] == 3
     assert age.tolist() == [1, 2, 3, 4, 0, 0, 0, 0]
-
-
-@pytest.mark.parametrize("grading", [1.0, 0.5])
-def test_root_is_a_square_root_of_the_energy(grading):
-    qvi = discretize(compressed_plate(0.2, (4, 3), grading=grading)).qvi
-    random = np.random.default_rng(2)
-    z, r = random.normal(size=qvi.n), random.normal(size=qvi.root.apply(np.zeros(qvi.n)).shape)
-    linear = qvi.root.apply(z) - qvi.root.apply(np.zeros(qvi.n))
-    assert linear @ r == pytest.approx(z @ qvi.root.adjoint(r), rel=1e-12)
-    assert qvi.root.adjoint(linear) == pytest.approx(qvi.K @ z, abs=1e-12 * np.abs(qvi.K).max() * np.abs(z).max())
-    assert qvi.gradient(z) == pytest.approx(qvi.K @ z - qvi.f, abs=1e-11 * np.abs(qvi.K).max() * np.abs(z).max())
 
 
 def test_both_ways_to_the_load_vector_agree():

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from numpy.polynomial.polynomial import polyder
 
-from qvi_contact import InputError, TriangleMesh, exact, load_problem, solve, solve_companion
+from qvi_contact import InputError, TriangleMesh, load_problem, solve, solve_companion
 from qvi_contact.element import compliance_roots
 from qvi_contact.files import problem_from_toml, problem_to_toml
-from qvi_contact.gallery import cantilever, compressed_plate, problem_from_state
+from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import (
     Contact,
     ContactProblem,
@@ -70,32 +70,6 @@ def test_a_held_block(plane, factor):
     assert bounds.companion.stress(*place) == pytest.approx(stress, rel=1e-9)
     assert result.energies.strain == pytest.approx(energy, rel=1e-9)
     assert result.energies.complementary == pytest.approx(-energy, rel=1e-9)
-
-
-def test_a_bimetal_bends():
-    """Timoshenko: layers of equal height and modulus bend by κ = 3 Δα ΔT/(2 h), h the height of both."""
-    length, h = 40.0, 1.0
-    mesh = TriangleMesh.rectangle((40, 4), length, h)
-    upper = Region(Material(E, NU, expansion=2.0 * ALPHA), y=(0.5, 1.0))
-    problem = ContactProblem(mesh, steel(), FREE, regions=[upper], temperature=10.0)
-    y = np.array([0.0, 1.0])
-    moved = solve(problem).bracket.companion.displacement(np.array([[12.0], [28.0]]), y)
-    strains = (moved[1, :, 0] - moved[0, :, 0]) / 16.0
-    assert np.diff(strains) == pytest.approx([1.5 * ALPHA * 10.0], rel=1e-4)
-
-
-def test_a_shrink_fit():
-    """A ring around a warmer one, contact on arcs: p = (E α ΔT/2)(1 − R²/b²)(1 − a²/R²)/(1 − a²/b²)."""
-    a, R, b = 1.0, 1.5, 2.0
-    mesh = quarter(4, 6).with_joint("fit", lambda x, y: np.abs(np.hypot(x, y) - R) < 0.03).with_arc("fit", (0, 0), R)
-    mesh = mesh.with_region("warm", np.flatnonzero(np.hypot(*mesh.vertices[mesh.cells].mean(axis=1).T) < R))
-    sides = [Symmetry("bottom"), Symmetry("left"), Traction("inner", 0.0, 0.0), Traction("outer", 0.0, 0.0)]
-    warm = [Region(steel(), name="warm", temperature=10.0)]
-    result = solve(ContactProblem(mesh, steel(), [*sides, Contact("fit", 0.3)], regions=warm), degree=5)
-    expected = E * ALPHA * 5.0 * (1.0 - R**2 / b**2) * (1.0 - a**2 / R**2) / (1.0 - a**2 / b**2)
-    line = result.contacts["fit"]
-    assert line.normal_stress == pytest.approx(-expected, rel=2e-3)
-    assert line.normal_force == pytest.approx(expected * R * np.pi / 2.0, rel=1e-4)
 
 
 def manufactured(mesh, materials, held):
@@ -188,27 +162,6 @@ def test_bounds_hold_the_truth_of_contacts(seed):
     assert seed % 2 or bounds.forces
 
 
-def test_a_heated_block_on_a_plate_that_bears_a_force():
-    """The force is what it was, and the plate moves by what the block grows: (1 + ν) α ΔT h in plane strain."""
-    moved = []
-    for temperature in (0.0, 10.0):
-        sides = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0), Symmetry("bottom")]
-        plate = Contact("top", 0.0, plate=RigidPlate(force_y=-5.0, x=0.0, rotation=0.0))
-        mesh = TriangleMesh.rectangle((2, 2), 1.0, 2.0)
-        result = solve(ContactProblem(mesh, steel("strain"), [*sides, plate], temperature=temperature))
-        assert result.contacts["top"].normal_force == pytest.approx(5.0, rel=1e-9)
-        moved.append(result.plates["top"].y)
-    assert np.diff(moved) == pytest.approx([(1.0 + NU) * ALPHA * 10.0 * 2.0], rel=1e-7)
-
-
-def test_prestress_of_a_strip_between_walls_is_its_stress():
-    sides = [Displacement("left", x=0.0), Displacement("right", x=0.0), *FREE[2:]]
-    sides += [Traction("left", y=0.0), Traction("right", y=0.0)]
-    strip = Material(E, NU, prestress=(-2.0, 0.0, 0.0), shrinkage=1e-3)
-    result = solve(ContactProblem(TriangleMesh.rectangle((2, 1), 2.0, 1.0), strip, sides))
-    assert result.stress(0.7, 0.4) == pytest.approx([-2.0 + E * 1e-3, 0.0, 0.0], abs=1e-9)
-
-
 FILE = """
 version = 1
 temperature = "dT * x * t"
@@ -290,20 +243,6 @@ def test_a_temperature_by_values_at_points(tmp_path):
 SOFT = Material(100.0, 0.0)
 
 
-def test_one_material_in_pieces_is_one_material():
-    material = Material(1000.0, 0.3)
-    mesh = TriangleMesh.rectangle((4, 3), 2.0, 1.0, origin=(0.0, -0.5), grading=0.8)
-    middle = np.unique(mesh.vertices[:, 0])[2]
-    state = exact.gravity_column(material, 5.0, 0.5)
-    problem = exact.problem_from_state(state, mesh, material, dict.fromkeys(("bottom", "right", "top", "left"), "uu"))
-    pieces = ContactProblem(
-        mesh, Material(1.0, 0.0), problem.conditions, problem.body_potential,
-        [Region(SOFT), Region(material, x=(0.0, middle)), Region(material, x=(middle, 2.0))],
-    )  # fmt: skip
-    x, y, stress = solved(pieces).gauss_stress()
-    assert stress == pytest.approx(np.moveaxis(state.stress(x, y), 0, -1), abs=1e-10)
-
-
 @pytest.mark.parametrize(
     ("regions", "field"),
     [([Region(SOFT, x=(0.0, 0.3))], "region"), ([Region(SOFT, y=(1.0, 0.0))], "range"),
@@ -332,13 +271,6 @@ class TestIncompressible:
         modulus = c[0, 0] / (c[0, 0] ** 2 - c[0, 1] ** 2)  # no strain along y
         result = solved(ContactProblem(mesh, RUBBER, sides, regions=[soft]), degree=4)
         assert result.resultant("right").x == pytest.approx(-1e-3 * modulus, rel=1e-9)
-
-    def test_bending_is_exact(self):
-        mesh = TriangleMesh.rectangle((3, 2), 2.0, 1.0, origin=(0.0, -0.5))
-        state = cantilever(RUBBER, 3.0, -0.375)
-        kinds = dict(zip(("bottom", "right", "top", "left"), ("tt", "uu", "tt", "uu"), strict=True))
-        x, y, stress = solved(problem_from_state(state, mesh, RUBBER, kinds), degree=4).gauss_stress()
-        assert stress == pytest.approx(np.moveaxis(state.stress(x, y), 0, -1), abs=1e-9)
 
 
 class TestRefusals:

@@ -14,7 +14,7 @@ from qvi_contact.element import adapted, constant
 from qvi_contact.export import summary, write_npz
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.mechanism import upper_bound
-from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, RigidPlate, Traction
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, Traction
 from qvi_contact.verification import missed_tractions, verify_file
 from solvers import Status
 from tests.qvi_contact.builders import solved
@@ -237,33 +237,6 @@ def test_constant_pressure_is_another_problem_without_it():
     assert found.gap == pytest.approx(other.gap, abs=1e-9)
     assert found.state.tolist() == other.state.tolist()
     assert found.excess_between_points == pytest.approx(other.excess_between_points, abs=1e-6 * size)
-
-
-def test_the_fluid_alone_presses_on_an_open_contact():
-    """It reaches in where nothing touches: σ_N = −p, σ_T = 0, on a joint as well."""
-    mesh = TriangleMesh.rectangle((3, 4), WIDTH, HEIGHT).with_joint("crack", lambda _, y: np.isclose(y, 0.5))
-    conditions = [
-        Displacement("bottom", x=0.0, y=0.0),
-        Displacement("top", x=0.0, y=0.0),
-        Traction("left", 0.0, 0.0),
-        Traction("right", 0.0, 0.0),
-        Contact("crack", 0.5, pore_pressure=2.0),
-    ]
-    crack = solved(ContactProblem(mesh, STEEL, conditions)).contacts["crack"]
-    assert crack.normal_stress == pytest.approx(-2.0, abs=1e-8)
-    assert crack.tangential_stress == pytest.approx(0.0, abs=1e-8)
-    assert (crack.state == 0).all()
-    assert (crack.gap > 0.0).all()
-
-
-def test_forces_of_plates_are_those_of_the_total_stress():
-    mesh = TriangleMesh.rectangle((4, 2), WIDTH, HEIGHT)
-    plate = Contact("top", 0.0, plate=RigidPlate(force_y=-WEIGHT, moment=0.0, pivot=(1.5, 1.0)), pore_pressure=1.0)
-    sides = [Traction(side, 0.0, 0.0) for side in ("left", "right")]
-    result = solved(ContactProblem(mesh, STEEL, [plate, *sides, Displacement("bottom", x=0.0, y=0.0)]))
-    top = result.contacts["top"]
-    assert result.resultant("top").y == pytest.approx(-WEIGHT, rel=1e-9)
-    assert top.effective_normal_force == pytest.approx(WEIGHT - WIDTH, rel=1e-9)
 
 
 def test_a_rising_fluid_by_steps():

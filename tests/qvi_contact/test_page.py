@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from qvi_contact import ContactState, InputError, TriangleMesh, solve, solve_history
+from qvi_contact import ContactState, InputError, TriangleMesh, solve
 from qvi_contact.basics import Rounding
 from qvi_contact.command import (
     Request,
@@ -21,8 +21,6 @@ from qvi_contact.command import (
     result_lines,
     result_page,
     result_tables,
-    series_lines,
-    series_tables,
 )
 from qvi_contact.files import problem_from_toml
 from qvi_contact.plots import mesh_figure
@@ -113,16 +111,6 @@ class TestText:
 
 class TestBrowser:
     """The page in Chromium."""
-
-    def test_it_fits_the_window_and_its_settings_a_phone(self, opened):
-        """Digests of mesh files have no place to break of their own; the names before them are not broken."""
-        assert opened.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
-        opened.set_viewport_size({"width": 390, "height": 900})
-        table = opened.locator("section[aria-labelledby='repeat'] table")
-        box, name = table.bounding_box(), table.get_by_text("factorisation").bounding_box()
-        assert box["x"] + box["width"] <= 390.0
-        assert name["height"] < table.get_by_text("meshes/").bounding_box()["height"]
-        opened.set_viewport_size({"width": 1000, "height": 900})
 
     def test_values_under_the_pointer_are_those_of_the_result(self, opened):
         opened.select_option("#quantity", "σ_yy")
@@ -335,15 +323,6 @@ def test_tables_of_a_result(squeezed):
     (ground,) = (row for row in tables[0][2] if row[0] == "ground")
     assert ground[2] == "0"
     assert float(ground[1]) == pytest.approx(squeezed.contacts["ground"].normal_force, rel=1e-4)
-
-
-def test_tables_of_load_steps(squeezed):
-    history = solve_history([squeezed.problem, squeezed.problem])
-    lines = "\n".join(series_lines(history, "t", (0.0, 1.0), UNITS))
-    assert not tiny(lines)
-    assert "energy lost in friction: 0 N mm/mm" in lines
-    _, _, rows = next(series_tables(history.steps, "t", (0.0, 1.0), UNITS))
-    assert [row[4] for row in rows] == ["0", "0"]
 
 
 def test_sentences_carry_the_unit():

@@ -92,26 +92,6 @@ def test_motion_of_a_plate_is_a_gap_and_an_offset(side, law):
     assert theirs.guaranteed == ours.guaranteed
 
 
-def test_two_pins_at_once():
-    """One moved, one driven: equilibrium, and the second moved as it was gives the first state again."""
-    mesh = TWO_HOLES.with_edges("hole 1", lambda x, y: np.maximum(np.abs(x - 2.0), np.abs(y)) < 0.6)
-    mesh = mesh.with_edges("rest", lambda x, y: np.maximum(np.abs(x - 1.0) - 1.0, np.abs(y)) > 1.4)
-
-    def eye(*contacts):
-        return ContactProblem(mesh, UNIT, [*contacts, Traction("rest", x=0.0, y=0.0)])
-
-    first = replace(Contact.tied("hole"), plate=RigidPlate(x=0.0, y=0.0, rotation=0.0))
-    driven = Contact.pin("hole 1", 0.4, (2.0, 0.0), 0.49, force_x=0.1, force_y=0.03, rotation=0.0)
-    result = solved(eye(first, driven))
-    ours, theirs = result.resultant("hole"), result.resultant("hole 1")
-    assert (theirs.x, theirs.y) == pytest.approx((0.1, 0.03), rel=1e-10)
-    total = [ours.x + theirs.x, ours.y + theirs.y, ours.moment + theirs.moment]
-    assert total == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
-    motion = result.plates["hole 1"]
-    again = solved(eye(first, Contact.pin("hole 1", 0.4, (2.0, 0.0), 0.49, x=motion.x, y=motion.y, rotation=0.0)))
-    assert difference(result, again) < 1e-6
-
-
 class TestShearAroundABore:
     """The tangential force counts counterclockwise, so that on a circle it has the moment of the pin."""
 
@@ -125,15 +105,6 @@ class TestShearAroundABore:
         assert np.sign(moment) == turn
         theirs = result.bracket.companion.contacts["hole"].tangential_force
         assert theirs == pytest.approx(moment, abs=2e-3)
-
-    def test_on_the_outside(self):
-        """Radius 2."""
-        clamp = Contact("outside", 0.5, gap=-0.01, plate=RigidPlate(rotation=0.5))
-        problem = ContactProblem(ROUND, UNIT, [clamp, Displacement("hole", x=0.0, y=0.0)])
-        result = solved(problem, degree=3)
-        assert 2.0 * result.contacts["outside"].tangential_force == pytest.approx(
-            result.plate_force("outside").moment, rel=1e-9
-        )
 
     def test_on_half_a_bore(self):
         """Its right half, where tangents turn back; in its lower half they lead around it anyway."""
@@ -247,14 +218,6 @@ class TestWhatIsNotDetermined:
         pin = Contact.pin("hole", 0.0, (0.0, 0.0), 0.99, force_x=0.3, force_y=0.0, moment=0.0)
         (loose,) = solved(pinned(pin, mesh=ROUND)).undetermined_motions
         assert (loose.motions, loose.way) == (1, "turn about (0, 0)")
-
-    def test_a_stamp_that_slides_without_friction(self):
-        mesh = TriangleMesh.rectangle((2, 2))
-        sides = [Displacement("bottom", x=0.0, y=0.0), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
-        for friction, free in ((0.0, True), (0.4, False)):
-            stamp = Contact("top", friction, plate=RigidPlate(force_x=0.0, force_y=-1e-3))
-            result = solved(ContactProblem(mesh, UNIT, [*sides, stamp]))
-            assert [loose.way for loose in result.undetermined_motions] == ["move along (1, 0)"] * free
 
     def test_equilibrium_that_gives_the_force(self):
         """Nothing but the pin holds the sheet: its force is that of the loads, or contradicts them."""

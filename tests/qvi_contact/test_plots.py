@@ -10,7 +10,6 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgba
-from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.quiver import Quiver
@@ -203,19 +202,6 @@ class TestField:
         middles = corners.mean(axis=1)
         assert not ((middles[:, 0] > 0.5) & (middles[:, 1] > 1.2)).any()
 
-    def test_jumps_between_cells_are_kept(self):
-        """On both sides of the line x = 0.5, across which σ_yy jumps and σ_xx does not."""
-        result = notched()
-        samples = sample_body(result, 40)
-        on_line = np.flatnonzero(np.isclose(samples.points[:, 0], 0.5) & (np.abs(samples.points[:, 1] - 0.8) < 0.15))
-        left = result.problem.mesh.corners[samples.cells[on_line]].mean(axis=1)[:, 0] < 0.5
-        heights = samples.points[on_line, 1]
-        beside = [result.stress(np.full_like(heights, 0.5 + side), heights) for side in (-1e-7, 1e-7)]
-        assert {True, False} == set(left.tolist())
-        assert samples.stress[on_line] == pytest.approx(np.where(left[:, None], *beside), abs=1e-4)
-        assert np.abs(beside[1] - beside[0]).max(axis=0)[1] > 1e-2
-        assert beside[1][:, [0, 2]] == pytest.approx(beside[0][:, [0, 2]], abs=1e-4)
-
     def test_plane_strain_counts_the_stress_out_of_the_plane(self):
         """σ_zz = ν (σ_xx + σ_yy) with the ν of each cell's own material; by tensors, and by hand."""
         result = notched("strain")
@@ -242,13 +228,6 @@ class TestField:
         low, high = bands.levels[[0, -1]]
         assert (low, high) == pytest.approx(ends, rel=0.35)
         assert low <= min(values) <= max(values) <= high
-
-    def test_coinciding_points_of_one_part_have_their_mean(self):
-        points = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]] * 2)
-        values, triangles = np.array([0.0, 1.0, 2.0, 4.0, 5.0, 6.0]), np.array([[0, 1, 2], [3, 4, 5]])
-        for part, highest in ((np.zeros(6, dtype=int), 4.0), (np.array([0, 0, 0, 1, 1, 1]), 6.0)):
-            bands = draw_contours(new_axes(), points, points, triangles, values, part)
-            assert bands.zmax == highest
 
 
 TANGENT, NORMAL = np.array([np.sqrt(0.75), 0.5]), np.array([-0.5, np.sqrt(0.75)])
@@ -286,14 +265,6 @@ class TestBody:
         middle = moved[..., 0] - 0.016 * x, moved[..., 1] + 0.023 * y
         assert np.ptp(middle[0]) == pytest.approx(0.0, abs=1e-7)
         assert np.ptp(middle[1]) == pytest.approx(0.0, abs=1e-7)
-
-    def test_displacements_are_near_those_of_displacement_elements(self):
-        result = slanted_result()
-        companion, shape = result.bracket.companion, Shape.of(result)
-        cells = np.repeat(np.arange(result.problem.mesh.cell_count), 3)
-        corners = np.tile([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], (result.problem.mesh.cell_count, 1))
-        expected = companion.cell_displacement([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]).reshape(-1, 2)
-        assert shape.at(cells, corners) == pytest.approx(expected, abs=0.03 * np.abs(expected).max())
 
     @pytest.mark.parametrize("law", ["tied", "unilateral"])
     def test_springs_give_way(self, law):
@@ -377,17 +348,6 @@ class TestBody:
         assert [start[0], end[0]] == pytest.approx([7 / 12] * 2, abs=0.05)
         assert abs(end[1] - start[1]) == pytest.approx(1.0, rel=0.1)
 
-    def test_fields_have_contour_lines_at_the_ends_of_their_bands(self):
-        result, axes = leaning(), new_axes()
-        draw_body(axes, result, "yy")
-        bands, curves = (found for found in axes.collections if isinstance(found, ContourSet))
-        assert bands.filled
-        assert not curves.filled
-        assert bands.levels == pytest.approx(curves.levels)
-        assert bands.levels[0] <= -1.4 <= -0.6 <= bands.levels[-1]
-        with pytest.raises(InputError, match="von_mises"):
-            draw_body(new_axes(), result, "zz")
-
     def test_noise_beside_a_number_is_zero(self):
         assert beside([4812.15, -0.00609]) == ["4812", "0"]
         assert beside([10.861, -0.0272]) == ["10.86", "−0.03"]
@@ -437,34 +397,6 @@ class TestFigures:
         along, pressure = tractions.lines[0].get_data()
         assert (along[0], along[-1]) == pytest.approx((0.0, 2.0))
         assert trapezoid(pressure, along) == pytest.approx(result.contacts["plane"].normal_force, rel=1e-2)
-
-    @pytest.mark.usefixtures("outlined")
-    def test_charts_are_those_asked_for_one_a_line(self):
-        mesh = TriangleMesh.rectangle((6, 1), 3.0, 1.0)
-        for k in range(6):
-            mesh = mesh.with_edges(f"foot {k}", lambda x, y, k=k: (y == 0.0) & (x > 0.5 * k) & (x < 0.5 * (k + 1)))
-        conditions = [Displacement("top", x=0.0, y=-1e-3), *FREE, *(Contact(f"foot {k}", 0.3) for k in range(6))]
-        result = solve(ContactProblem(mesh, Material(1e4, 0.3), conditions))
-        for panels, expected in ((None, ["foot 0", "foot 1"]), (["foot 5"], ["foot 5"]), ((), [])):
-            figure = result_figure(result, panels=panels)
-            assert [axes.get_title(loc="left") for axes in figure.axes[1:]] == expected
-        with pytest.raises(InputError, match="foot 5"):
-            result_figure(result, panels=["foot 6"])
-
-    @pytest.mark.usefixtures("outlined")
-    def test_under_loads_alone_there_are_forces_over_the_time_and_no_loop(self):
-        step, times = solve(compressed_plate(0.2, (2, 2))), [0.5, 1.0, 0.25]
-        history = History((step,) * 3, 3)
-        body, forces = history_figure(history, times=times, step=2).axes
-        assert body.get_title() == f"t = 1; displacements × {draw_body(new_axes(), step).factor:g}"
-        curves = {line.get_label(): line for line in forces.lines}
-        assert curves["N"].get_xdata().tolist() == times
-        assert curves["T"].get_ydata() == pytest.approx([step.contacts["plate"].tangential_force] * 3)
-        assert forces.get_xlabel() == "t"
-        with pytest.raises(InputError, match="times"):
-            history_figure(history, times=[0.0, 1.0])
-        with pytest.raises(InputError, match="step"):
-            history_figure(history, step=4)
 
     def test_an_infeasible_problem_is_drawn_with_the_reason(self):
         result = solve(lifted())

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from qvi_contact import InputError, TriangleMesh, discretize, limit_load_factor, load_problem, load_result, solve
+from qvi_contact import InputError, TriangleMesh, discretize, load_problem, load_result, solve
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 
@@ -35,16 +35,6 @@ def test_bad_materials_are_refused(name, value):
     with pytest.raises(InputError) as caught:
         Material(**{"young": 1.0, "poisson": 0.3, name: value})
     assert caught.value.field == f"Material.{name}"
-
-
-def test_what_is_not_stated_is_zero():
-    """Gaps, offsets, loads and temperature; the short forms are contacts with the same data."""
-    full = dict.fromkeys(("gap", "offset", "cohesion"), 0.0)
-    assert Contact.tresca("top", 2.0) == Contact("top", 0.0, **full | {"cohesion": 2.0})
-    assert Contact.frictionless("top") == Contact("top", 0.0, **full)
-    assert Contact.tied("top") == Contact("top", 0.0, law="tied", **full)
-    problem = ContactProblem(MESH, STEEL, [*FREE, Symmetry("left"), Symmetry("bottom")])
-    assert (problem.temperature, problem.body_potential, len(problem.regions)) == (0.0, 0.0, 0)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
@@ -146,19 +136,6 @@ def test_the_two_kinds_of_components_do_not_mix_in_one_condition(kind):
         kind("top", x=0.0, tangential=1.0)
     with pytest.raises(InputError, match="give at least one"):
         kind("top")
-
-
-def test_a_limit_load_multiplies_them():
-    pulled = [
-        problem(Contact("bottom", 0.3), Traction("left", 0.0, 0.0), Traction("top", 0.0, -10.0), load)
-        for load in (
-            Traction("right", x=1.0, y=0.0, name="pull"),
-            Traction("right", normal=1.0, tangential=0.0, name="pull"),
-        )
-    ]
-    factors = [limit_load_factor(stated, ["pull"]) for stated in pulled]
-    assert factors[0] == pytest.approx(6.0, rel=1e-9)  # μ × 10 × 2 over 1 × 1
-    assert factors[1] == pytest.approx(factors[0], rel=1e-9)
 
 
 OLD = Path(__file__).parent / "old"

@@ -31,14 +31,6 @@ class TestRuns:
         assert len(places.points) == 2  # nothing but its ends
         assert places.tangents[0] == pytest.approx((places.points[1] - places.points[0]) / 2.0)
 
-    def test_a_boundary_is_cut_in_its_corners(self):
-        mesh = TriangleMesh.rectangle((3, 3))
-        found = runs(mesh, mesh.boundary)
-        assert sorted(tuple(run.at(0.5).normals[0].round(12) + 0.0) for run in found) == [
-            (-1.0, 0.0), (0.0, -1.0), (0.0, 1.0), (1.0, 0.0),
-        ]  # fmt: skip
-        assert sum(run.length for run in found) == pytest.approx(4.0)
-
     def test_a_circle_is_cut_where_the_tangent_changes_its_sense_only(self):
         mesh = polygon(24, 2)
         for name, radius in (("hole", 1.0), ("outside", 2.0)):
@@ -213,12 +205,3 @@ def test_names_do_not_cover_each_other():
     figure.draw_without_rendering()
     assert len(figure.axes[0].texts) == 4
     assert not covered(figure.axes[0])
-
-
-def test_names_are_placed_where_the_layout_puts_their_panel():
-    """Beside another panel, and with a legend that leaves the body little room."""
-    figure = Figure(figsize=(9.0, 5.0), layout="constrained")
-    _, axes = (part.subplots() for part in figure.subfigures(1, 2))
-    draw_problem(axes, sliding_block()[0])
-    figure.draw_without_rendering()
-    assert not covered(axes)

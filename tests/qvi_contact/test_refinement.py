@@ -7,7 +7,7 @@ import pytest
 
 from qvi_contact import InputError, RefinementStatus, RigidPlate, TriangleMesh, refine, solve
 from qvi_contact.command import progress_line
-from qvi_contact.gallery import compressed_plate, ssnv128
+from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 from qvi_contact.refinement import energies_between, places, reference_problem
 from solvers import Status
@@ -18,9 +18,8 @@ FACTOR = 3.0
 FREE = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
 
 
-# Of the L below: bicubic stress functions on grids of 120 000 unknowns end at -0.04937023 and 85.56207. Graded grids,
-# bisected three times, extrapolate to the same values. Good to 5e-6.
-L_ENERGY, L_FORCE = -0.0493704, 85.5622
+# Of the L below: bicubic stress functions on grids of 120 000 unknowns end at -0.04937023. Good to 5e-6.
+L_ENERGY = -0.0493704
 
 
 # Force of the paper's plate by friction coefficient, settled by codes of other elements and by degrees up to 9.
@@ -75,29 +74,6 @@ class TestSettledForces:
         if friction > 0.1:  # above 4 for degree 5, as if stresses were smooth: over all rounds of a singular corner
             order = np.log(errors[-3] / errors[-1]) / np.log(unknowns[-1] / unknowns[-3])
             assert order > 3.0 + friction
-
-
-@pytest.mark.parametrize(
-    ("problem", "quantity", "settled", "target"),
-    [
-        # Biquadratic displacement elements and uniform meshes of this package; good to 3e-5.
-        (lambda: ssnv128((4, 4)), "base.tangential_force", -1.40535e6, 1.5e-3),
-        (lambda: l_shape(Contact.tied("bottom")), "bottom.normal_force", L_FORCE, 2e-3),
-    ],
-)
-def test_settled_values_are_reached(problem, quantity, settled, target):
-    seen = []
-    outcome = refine(problem(), None, target, quantity, callback=seen.append)
-    assert outcome.status is RefinementStatus.REACHED
-    assert outcome.estimate <= target
-    assert abs(outcome.value / settled - 1.0) <= FACTOR * target
-    last, mesh = outcome.rounds[-1], outcome.problem.mesh
-    assert tuple(seen) == outcome.rounds
-    assert (last.cells,) == (mesh.cell_count,) == outcome.indicator.shape
-    assert last.unknowns == outcome.result.discretization.qvi.n
-    assert outcome.result.discretization.space.degree == 5
-    assert (outcome.indicator >= 0.0).all()
-    assert outcome.indicator.sum() == pytest.approx(outcome.estimate)
 
 
 class TestBounds:
@@ -299,17 +275,6 @@ class TestEnds:
 class TestGuaranteedUnderFriction:
     """The force can be refined until its guaranteed bounds are within the target."""
 
-    def test_the_bounds_hold_in_every_round(self):
-        friction = 0.2
-        outcome = refine(plate(friction, (1, 1)), None, 3e-3, FORCE, guaranteed=True)
-        assert outcome.status is RefinementStatus.REACHED
-        assert outcome.guaranteed
-        errors = [abs(each.value / FORCES[friction] - 1.0) for each in outcome.rounds if each.guaranteed]
-        assert all(error <= each.estimate for error, each in zip(errors, outcome.rounds[-len(errors) :], strict=True))
-        assert outcome.result.discretization.qvi.n <= 900
-        force = outcome.result.bracket.forces[FORCE]
-        assert force.lower < FORCES[friction] < force.upper
-
     def test_what_is_not_proved_is_estimated(self):
         """A block that slips outwards at both ends of its top."""
         block = TriangleMesh.rectangle((2, 1), 2.0, 1.0)
@@ -368,13 +333,6 @@ class TestStressesAndSlip:
         assert all(each.status is RefinementStatus.REACHED for each in outcomes.values())
 
     PRESSED = (*FREE, Contact("top", 0.0, law="tied", plate=RigidPlate(force_y=-6.0, x=0.0, rotation=0.0)))
-
-    def test_what_friction_loses(self):
-        """A block that slides by 0.5 under the force 2 p loses μ 2 p · 0.5, less what its shear takes up."""
-        wall = Contact("bottom", 0.2, name="wall", offset=-0.5)
-        block = ContactProblem(TriangleMesh.rectangle((2, 1), 2.0), Material(1e6, 0.3), [*self.PRESSED, wall])
-        outcome = refine(block, None, 1e-5, "dissipation")
-        assert outcome.value == pytest.approx(0.2 * 6.0 * 0.5, rel=1e-4)
 
     def test_what_friction_loses_in_a_cycle(self):
         """A block rubbed to and fro on the ground under 6: μ N times its way, 1.5 in all."""

@@ -26,7 +26,6 @@ from qvi_contact.problem import (
 from qvi_contact.solution import stress_at
 from qvi_contact.verification import verify_result
 from solvers import Status
-from tests.qvi_contact.builders import solved
 
 FORCE = 209.0
 """Size of the plate's contact force."""
@@ -98,12 +97,6 @@ class TestEnergies:
         minimised = plate.discretization.scales.energy * plate.history[-1].energy
         assert energies.complementary == pytest.approx(minimised, rel=1e-6)
 
-    def test_without_friction_nothing_is_lost(self):
-        energies = solve(compressed_plate(0.0, (3, 2))).energies
-        assert energies.strain == pytest.approx(FORCE * 1e-3 / 2, rel=1e-8)
-        assert energies.load == pytest.approx(FORCE * 1e-3, rel=1e-8)
-        assert energies.dissipation == pytest.approx(0.0, abs=1e-12)
-
 
 LIFTED = (Symmetry("left"), Traction("right", x=0.0, y=0.0), Traction("top", x=0.0, y=5.0))
 DRAGGED = (*(Traction(side, x=0.0, y=0.0) for side in ("left", "right")), Traction("top", x=4.0, y=-10.0))
@@ -167,52 +160,6 @@ def test_the_stress_at_a_contact_is_that_of_the_contact(shift):
         component = {"bottom": 1, "step": 1}.get(name, 0)
         stress = result.stress(line.x, line.y)
         assert stress[:, component] == pytest.approx(line.normal_stress, abs=1e-9)
-
-
-def corner(law):
-    """A block in a corner of ground and wall, with a joint that ends at the wall; the wall slips all along."""
-    mesh = TriangleMesh.grid([0, 0.3, 0.8, 1.4, 2.0], [0, 0.4, 0.7, 1.0])
-    mesh = mesh.with_joint("joint", lambda _, y: np.isclose(y, 0.4))
-    conditions = [
-        Contact("bottom", friction=0.0, cohesion=4.0, gap=3e-5, name="ground"),
-        Contact("left", friction=0.0, cohesion=7.0, name="wall"),
-        Contact("joint", friction=0.0, cohesion=2.0, law=law),
-        Traction("right", x=-8.0, y=0.0),
-        Traction("top", x=0.0, y=-30.0),
-    ]
-    return ContactProblem(mesh, Material(2e4, 0.3, "strain"), conditions)
-
-
-@pytest.mark.parametrize("degree", [2, 4])
-@pytest.mark.parametrize("law", ["unilateral", "bilateral"])
-def test_two_contacts_in_a_corner_and_a_joint(degree, law):
-    """Forces balance in both models, the wall slips all along, and displacements have the larger energy."""
-    result = solve(corner(law))
-    companion = solve_companion(result.problem, degree=degree)
-    assert result.status is companion.status is Status.SOLVED
-    assert companion.reasons == ()
-    assert -result.energies.complementary <= companion.energy + 1e-10 * result.energies.strain
-    for found in (result.contacts, companion.contacts):
-        ground, wall = found["ground"], found["wall"]
-        assert wall.normal_force + ground.tangential_force == pytest.approx(8.0, rel=1e-6)
-        assert ground.normal_force + wall.tangential_force == pytest.approx(60.0, rel=1e-6)
-    joint = result.contacts["joint"].normal_force
-    forces = [result.contacts["wall"].tangential_force, result.contacts["ground"].normal_force, joint]
-    assert forces == pytest.approx([7.0, 53.0, 55.8], rel=1e-6)
-    assert (companion.contacts["wall"].slip < 0.0).all()
-
-
-STICK, SLIP = 1, 2
-
-
-@pytest.mark.parametrize(("cells", "rows"), [(5, "points"), (13, "edges")])
-def test_the_end_of_the_stick_zone_lies_inside_an_edge(cells, rows):
-    """At x = 0.749 on the paper's plate with μ = 0.2; not at an end of the edge it lies in, a cell's half away."""
-    problem = compressed_plate(0.2, (cells, cells))
-    plate = solved(problem, degree=5, law_on=rows).contacts["plate"]
-    state = plate.state[np.argsort(plate.x)]
-    assert state[np.flatnonzero(np.diff(state, prepend=-1))].tolist() == [STICK, SLIP]
-    assert plate.weights[plate.state == STICK].sum() == pytest.approx(0.749, abs=0.1 / cells)
 
 
 def half(x, y):

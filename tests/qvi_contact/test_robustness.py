@@ -240,26 +240,6 @@ def test_pairs_are_pairs(arguments, field):
     assert caught.value.field == field
 
 
-def test_no_warning_escapes_from_a_diverging_outer_iteration():
-    """An L-bracket at 97 % of what friction holds back: solved or not, quietly."""
-    lines = np.linspace(0.0, 3.0, 10)
-    active = np.ones((9, 9), dtype=bool)
-    active[3:, 3:] = False
-    mesh = (
-        TriangleMesh.grid(lines, lines, active)
-        .with_edges("roof", lambda _, y: np.isclose(y, 3.0))
-        .with_edges("step", lambda _, y: np.isclose(y, 1.0))
-    )
-    conditions = [
-        Contact("bottom", friction=0.3), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0),
-        Traction("step", x=0.0, y=0.0), Traction("roof", x=14.5, y=-50.0),
-    ]  # fmt: skip
-    result = solve(ContactProblem(mesh, Material(2.1e5, 0.3, "strain"), conditions))
-    assert result.status is not Status.INFEASIBLE
-    if result.status is Status.SOLVED:
-        assert result.contacts["bottom"].tangential_force == pytest.approx(-14.5, rel=1e-8)
-
-
 def test_claims_of_infeasibility_are_checked(monkeypatch):
     """A back end that says infeasible of a problem with a solution has failed, not proved anything."""
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from qvi_contact import Expression, InputError, TriangleMesh, refine, solve
+from qvi_contact import Expression, InputError, TriangleMesh, solve
 from qvi_contact.bracket import computed_norm
-from qvi_contact.companion import solve_companion
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 
@@ -53,19 +52,6 @@ def test_springs_yield_before_they_slip():
         assert line.slip == pytest.approx(-max(offset - limit, 0.0), abs=1e-8)
 
 
-def test_a_block_sheared_between_two_beds():
-    """In series: h/G and 1/k_T of both beds."""
-    below, above, offset = 60.0, 40.0, 0.1
-    sides = [each for name in ("left", "right") for each in (Displacement(name, y=0.0), Traction(name, x=0.0))]
-    beds = [Contact("bottom", 0.0, law="tied", tangential_stiffness=below),
-            Contact("top", 0.0, law="tied", tangential_stiffness=above, offset=offset)]  # fmt: skip
-    problem = ContactProblem(TriangleMesh.rectangle((1, 1)), Material(E, NU), [*sides, *beds])
-    shear, companion = offset / (2.0 / E + 1.0 / below + 1.0 / above), solve_companion(problem, degree=1)
-    assert companion.energy == pytest.approx(0.5 * shear * offset, rel=1e-9)
-    for name, stiffness in (("bottom", below), ("top", above)):
-        assert np.abs(companion.stretch(name, [0.0, 1.0])[1]) == pytest.approx(shear / stiffness, rel=1e-9)
-
-
 def test_a_tied_bed_has_no_share_in_the_gap_but_that_of_its_springs():
     bed = Contact("bottom", 0.0, law="tied", normal_stiffness=50.0)
     sides = [*FREE, bed, Traction("top", 0.0, Expression("-x ** 2"))]
@@ -73,36 +59,6 @@ def test_a_tied_bed_has_no_share_in_the_gap_but_that_of_its_springs():
     assert bracket.parts["springs"] > 0.0 == bracket.parts["contact"] == bracket.parts["friction"]
     for shares in (np.array(list(bracket.parts.values())), bracket.cell_gaps):
         assert shares.sum() == pytest.approx(bracket.gap, rel=1e-6)
-
-
-def test_a_beam_on_an_elastic_bed():
-    """Winkler: a long beam under a force P has the pressure P β/2 below it, β⁴ = k/(4 E I)."""
-    length, k, force = 240.0, 1e-3, 1.0
-    x = np.unique(np.concatenate([np.linspace(-length / 2.0, length / 2.0, 61), [-0.5, 0.5]]))
-    mesh = TriangleMesh.grid(x, [0.0, 1.0])
-    sides = [*FREE, Traction("top", 0.0, Expression("-where(abs(x) < 0.5, 1, 0)"))]
-    bed = Contact("bottom", 0.0, law="bilateral", normal_stiffness=k)
-    result = solve(ContactProblem(mesh, Material(E, NU), [*sides, bed]), degree=5)
-    line, beta = result.contacts["bottom"], (k / (4.0 * E / 12.0)) ** 0.25
-    middle = np.argmin(np.abs(line.x))
-    assert -line.normal_stress[middle] == pytest.approx(force * beta / 2.0, rel=5e-3)
-    assert -line.normal_stress.min() == pytest.approx(force * beta / 2.0, rel=5e-3)
-
-
-@pytest.mark.parametrize("plate", [None, RigidPlate(force_y=0.0, x=0.0, rotation=0.0)])
-def test_a_bolt_between_two_spots(plate):
-    """Two parts pressed together, then pulled apart by P: n c_b/(c_b + c_m) of it goes into the bolt, n = 1/2."""
-    mesh = STACK.with_edges("spots", lambda _, y: np.abs(y - 1.0) > 0.99)
-    bolt, part, preload, load = 100.0, E / 2.0, 5.0, 4.0
-    gap = -preload * (1.0 / bolt + 1.0 / part) / 2.0  # at either end
-    spots = Contact("spots", 0.0, name="bolt", law="bilateral", normal_stiffness=2.0 * bolt, gap=gap, plate=plate)
-    pull = Expression("-4 * abs(y - 1)")  # a force of 4 on either part
-    problem = ContactProblem(mesh, Material(E, NU), [*FREE, spots, Contact("joint", 0.3)], pull)
-    result = solve(problem)
-    force = preload + 0.5 * bolt / (bolt + part) * load
-    assert result.contacts["bolt"].normal_force == pytest.approx(2.0 * force, rel=1e-9)
-    assert result.contacts["joint"].normal_force == pytest.approx(force - load, rel=1e-9)
-    assert result.bracket.coulomb.forces["joint.normal_force"] == pytest.approx((force - load,) * 2, abs=1e-6)
 
 
 def test_a_block_that_only_a_bed_holds_leans():
@@ -181,13 +137,6 @@ def test_springs_make_the_norm_of_friction_less():
     assert soft == sorted(soft, reverse=True)
     assert rigid >= soft[0] > 0.99 * rigid
     assert soft[-1] < 0.5 * rigid
-
-
-def test_refined_on_springs():
-    answer = refine(pressed(2, 0.2, {"normal_stiffness": 800.0}), quantity="bottom.normal_force", target=2e-4)
-    fine = solve(pressed(8, 0.2, {"normal_stiffness": 800.0}), degree=5).contacts["bottom"].normal_force
-    assert str(answer.status) == "reached"
-    assert answer.result.contacts["bottom"].normal_force == pytest.approx(fine, rel=2e-4)
 
 
 def test_friction_on_springs_along_a_contact_only_is_not_bounded():

@@ -1,4 +1,4 @@
-"""The space of Airy functions on triangles: tractions, conditions, energy and its root, orders, where Φ counts from."""
+"""The space of Airy functions on triangles: tractions, energy and its root, stresses at points, where Φ counts from."""
 
 from dataclasses import replace
 
@@ -12,7 +12,6 @@ from qvi_contact.basics import Kept
 from qvi_contact.discretization import BodyStiffness, Root, StressSpace, Supports, edge_rule
 from qvi_contact.element import from_values, gauss_legendre
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.problem import Prescribed, along_edges
 from solvers import Status
 from tests.qvi_contact.test_triangles import moved
 
@@ -67,15 +66,10 @@ def biharmonic(degree):
     return phi
 
 
-def supports_on(space, given):
-    """The degrees of freedom that meet these tractions."""
-    return Supports.on(space, given, Kept())
-
-
-def stiffness(space, compliance=COMPLIANCE, given=()):
-    """The body of one material with these tractions prescribed."""
+def stiffness(space, compliance):
+    """A body of one material, of which nothing is prescribed."""
     materials = np.zeros(space.mesh.cell_count, dtype=int)
-    return BodyStiffness.on(supports_on(space, given), materials, compliance[None], None, Kept())
+    return BodyStiffness.on(Supports.on(space, (), Kept()), materials, compliance[None], None, Kept())
 
 
 @pytest.mark.parametrize("degree", [3, 6])
@@ -154,49 +148,6 @@ def test_stresses_and_airy_function_at_points(degree):
         assert basis.airy(coefficients, cells, t) == pytest.approx(value(x, y), abs=1e-11 * np.abs(value(x, y)).max())
 
 
-def prescribed(mesh, stress, names, turn=None):
-    """Tractions of a stress field (xx, yy, xy)(x, y) on edge sets, Cartesian or by normal and tangent."""
-    found = []
-    for name in names:
-        edges = mesh.edges(name)
-        axes = [np.broadcast_to(axis, (len(edges), 2)) for axis in np.eye(2)]
-        for direction in [edges.normal, edges.tangent] if turn else axes:
-
-            def value(x, y, edges=edges, direction=direction):
-                sx, sy, sxy = stress(x, y)
-                n, d = edges.normal[:, :, None], direction[:, :, None]
-                return d[:, 0] * (sx * n[:, 0] + sxy * n[:, 1]) + d[:, 1] * (sxy * n[:, 0] + sy * n[:, 1])
-
-            direction = np.asarray(direction, dtype=float)
-            found.append(Prescribed("Traction", mesh.edge_set(name), edges, direction, bool(turn), value))
-    return found
-
-
-@pytest.mark.parametrize(("degree", "turn"), [(3, True), (4, False), (6, True)])
-def test_prescribed_tractions_are_met_exactly(degree, turn):
-    mesh = unstructured()
-    basis, phi = StressSpace(mesh, degree), polynomial(degree)
-    _, _, _, xx, yy, xy = derivatives(phi)
-
-    def stress(x, y):
-        return yy(x, y), xx(x, y), -xy(x, y)
-
-    given = prescribed(mesh, stress, ["right", "bottom"], turn) + prescribed(mesh, stress, ["left"], turn)[:1]
-    supports = supports_on(basis, given)
-    data = [along_edges(mesh, part.edges, part.name, part.value, supports.points) for part in given]
-    found, (particular, imbalance) = supports.elimination, supports.particular(data)
-    u = supports.basis.expanded(np.random.default_rng(0).normal(size=len(found.basis.kept))) + particular
-    assert imbalance == 0.0
-    for part in given:
-        x, y = mesh.points_along(part.edges, T)
-        normal, shear = (values.reshape(-1, len(T)) for values in basis.tractions(u, part.edges, T))
-        n, t = ((part.direction * axis).sum(axis=1)[:, None] for axis in (part.edges.normal, part.edges.tangent))
-        assert n * normal + t * shear == pytest.approx(part.value(x, y), abs=1e-10 * np.abs(u).max())
-    # what is known: both components on six edges, one on three, and the gauge
-    assert len(found.pivots) == 6 * (2 * degree - 2) + 3 * (degree - 1) + 3
-    assert found.basis.matrix.nnz - len(found.basis.kept) < 12 * len(found.pivots)
-
-
 @pytest.mark.parametrize("degree", [3, 4, 5])
 def test_body_force_enters_load_and_root(degree):
     mesh = unstructured(2)
@@ -204,7 +155,7 @@ def test_body_force_enters_load_and_root(degree):
     cells = np.arange(mesh.cell_count)
     points = basis.points(cells, basis.cell_points)
     potential = 1.0 + points[..., 0] - 2.0 * points[..., 1]
-    body = stiffness(basis)
+    body = stiffness(basis, COMPLIANCE)
     root = Root(body, np.zeros(basis.size), body.energy.loaded(potential[..., None] * np.array([1.0, 1.0, 0.0])))
     z = np.random.default_rng(0).normal(size=body.K.shape[0])
     coefficients = body.energy.coefficients(body.supports.basis.expanded(z), root.body)

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from qvi_contact import Contact, ContactProblem, InputError, Material, Region, Symmetry, Traction, load_problem, solve
+from qvi_contact import Contact, ContactProblem, InputError, Material, Region, Symmetry, Traction, solve
 from qvi_contact.gallery import fan
 from qvi_contact.mesh import TriangleMesh, edges_on_segment, outward_normals
 from tests.qvi_contact.builders import area
@@ -110,22 +110,6 @@ class TestRefusals:
             TriangleMesh(*self.two(right.vertices, right.cells, moved))
         for words in told:
             assert re.search(words, str(caught.value)), str(caught.value)
-
-    def test_two_discs_that_do_not_match(self):
-        """Arcs of other chords meet at their ends only."""
-
-        def half(count):
-            angle = np.linspace(-np.pi / 2.0, np.pi / 2.0, count + 1)
-            return np.column_stack([np.cos(angle), np.sin(angle)])
-
-        inner, arc = half(8), half(5)
-        fan = [(0, k, k + 1) for k in range(1, len(inner) - 1)]
-        outer = np.concatenate([arc, 2.0 * arc])
-        count = len(arc)
-        ring = [t for k in range(count - 1) for t in ((k, k + 1, count + k), (k + 1, count + k, count + k + 1))]
-        vertices = np.concatenate([inner, outer])
-        with pytest.raises(InputError, match="do not match"):
-            TriangleMesh(vertices, [*fan, *(np.array(ring) + len(inner)).tolist()])
 
     def test_the_distance_is_that_of_edges(self):
         """The vertices of one lie over the middles of long edges of the other."""
@@ -410,14 +394,6 @@ class TestJoinedAlongArcs:
         assert line.normal_stress == pytest.approx(-3.0, rel=1e-5)
         assert stress.reshape(-1, 3) == pytest.approx(np.tile([-3.0, -3.0, 0.0], (stress.size // 3, 1)), abs=3e-5)
 
-    def test_pressure_of_a_tied_ring_by_lame(self):
-        mesh = TriangleMesh.joined("fit", self.rings())
-        loads = [Traction("bore", normal=-1.0, tangential=0.0), Traction("rim", normal=0.0, tangential=0.0)]
-        conditions = [Symmetry("start"), Symmetry("end"), *loads, Contact.tied("fit")]
-        result = solve(ContactProblem(mesh, Material(100.0, 0.3), conditions), degree=7)
-        pressure = (9.0 / 4.0 - 1.0) / (9.0 - 1.0)  # (b²/r² − 1)/(b²/a² − 1) with a, r, b = 1, 2, 3
-        assert result.contacts["fit"].normal_force == pytest.approx(pressure * np.pi, rel=1e-6)
-
     def test_nodes_of_few_digits(self):
         """They are off their circle by a share of its radius, which is a larger one of a short edge."""
         angles = np.linspace(0.0, np.pi / 2.0, 24), np.linspace(0.0, np.pi / 2.0, 8)
@@ -429,36 +405,3 @@ class TestJoinedAlongArcs:
         inner, outer = (TriangleMesh(mesh.vertices, mesh.cells, mesh.edge_sets) for mesh in self.rings())
         with pytest.raises(InputError, match="join"):
             TriangleMesh.joined("fit", [inner, outer])
-
-    def test_in_a_problem_file(self, tmp_path):
-        meshio = pytest.importorskip("meshio")
-        inner, outer = self.rings()
-        points = np.concatenate([inner.vertices, outer.vertices])
-        names, lines, first = [], [], 0
-        for mesh in (inner, outer):
-            for name, pairs in mesh.edge_sets.items():
-                names.append(name if name not in names else f"{name} of the hub")
-                lines.append(pairs + first)
-            first += len(mesh.vertices)
-        cells = np.concatenate([inner.cells, outer.cells + len(inner.vertices)])
-        tags = [np.full(len(pairs), tag) for tag, pairs in enumerate([*lines, cells], start=1)]
-        blocks = [*(("line", pairs) for pairs in lines), ("triangle", cells)]
-        named = {name: np.array([tag, 1]) for tag, name in enumerate(names, start=1)}
-        data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
-        written = meshio.Mesh(np.c_[points, np.zeros(len(points))], blocks, cell_data=data, field_data=named)
-        meshio.write(tmp_path / "rings.msh", written, file_format="gmsh22", binary=False)
-        arcs = ", ".join(
-            f'{{ name = "{name}", centre = [0.0, 0.0], radius = {radius} }}'
-            for name, radius in (("bore", 1.0), ("shaft", 2.0), ("hub", 2.0), ("rim", 3.0))
-        )
-        conditions = "".join(f'[[symmetry]]\nedges = "{name}"\n' for name in names if "start" in name or "end" in name)
-        conditions += "".join(
-            f'[[tractions]]\nedges = "{name}"\nnormal = -3.0\ntangential = 0.0\n' for name in ("bore", "rim")
-        )
-        (tmp_path / "rings.toml").write_text(
-            f'version = 1\n[mesh]\nfile = "rings.msh"\njoin = "fit"\narcs = [{arcs}]\n'
-            f'[material]\nyoung = 100.0\npoisson = 0.3\n{conditions}[[contacts]]\nedges = "fit"\nfriction = 0.4\n'
-        )
-        line = solve(load_problem(tmp_path / "rings.toml").problem).contacts["fit"]
-        assert line.normal_stress == pytest.approx(-3.0, rel=1e-3)
-        assert line.weights.sum() == pytest.approx(np.pi, rel=1e-11)

@@ -15,7 +15,6 @@ from qvi_contact import discretize
 from qvi_contact.gallery import compressed_plate, masonry_wall
 from solvers import FrictionQVI, InputError, Status, Stiffness, solve_qvi
 from solvers.condensed import FRICTION_SHARES
-from solvers.factorisation import factorise, factorise_root
 from solvers.inequality import TractionFactor, echelon, independent_rows, interface_of, trace_coordinates
 from tests.cases import every_pair, examples, thinned
 from tests.solvers.conftest import LAWS, Root, chain, mixed_problem, one_contact, random_problem
@@ -150,17 +149,6 @@ def test_bilateral_points_at_the_kink(normal, shear, mu):
     expected = [2.0, min(3.0, 2.0 * mu), normal, min(shear, mu * abs(normal))]
     assert found.z == pytest.approx(expected, abs=3e-9)
     assert found.iterations < 60
-
-
-def test_energies_of_the_history_are_those_of_the_problem():
-    """From the first iteration on: S y + c = 0 has its minimum where the energy has it."""
-    qvi = chain(3)
-    solution = condensed(qvi)
-    energies = np.array([entry.energy for entry in solution.history])
-    assert energies[-1] == pytest.approx(qvi.energy(solution.z), rel=1e-8)
-    near = int(np.argmax([entry.residual < 1e-4 for entry in solution.history]))
-    assert near < len(energies) - 3
-    assert energies[near] == pytest.approx(energies[-1], rel=1e-2)
 
 
 def solved(qvi, system, **options):
@@ -332,23 +320,6 @@ def test_coordinates_reproduce_the_tractions(seed, dependent, zero, given):
     assert coordinates.from_unknowns(g) @ y == pytest.approx(g @ x, rel=1e-9)  # gradients are dual to values
     both = coordinates.from_unknowns(np.asfortranarray(np.column_stack([g, 2.0 * g])))
     assert both[:, 1] == pytest.approx(2.0 * coordinates.from_unknowns(g), abs=1e-10)
-
-
-def test_energy_in_trace_coordinates_by_both_factorisations():
-    """P⁻ᵀ S P⁻¹ by S and by its root, and xᵀ S x = yᵀ (P⁻ᵀ S P⁻¹) y."""
-    traces, rows = random_traces(4, dependent=1)
-    random = np.random.default_rng(5)
-    R = random.normal(size=(45, 30))
-    interface = interface_of(rows, csc_array((0, 30)))
-    coordinates = trace_coordinates(traces, interface)
-    plain = factorise(csc_array(R.T @ R), interface)
-    rooted = factorise_root(csc_array(R), interface, np.zeros((45, 1)))
-    found = coordinates.quadratic(plain)
-    assert np.array_equal(found, found.T)
-    assert coordinates.quadratic(rooted) == pytest.approx(found, abs=1e-9 * np.abs(found).max())
-    x = random.normal(size=len(interface))
-    y = coordinates.from_values(x)
-    assert y @ (found @ y) == pytest.approx(x @ (plain.schur @ x), rel=1e-10)
 
 
 def test_nothing_touches_the_contact():

@@ -19,8 +19,6 @@ from solvers.condensed import (
 )
 from tests.solvers.conftest import LAWS, chain, mixed_problem, random_problem, two_contacts
 
-SPARSE = [law for law in LAWS if law not in ("frictionless", "equations")]
-
 
 class NoBounds:
     """A problem that adds nothing to the matrix."""
@@ -82,31 +80,6 @@ def test_the_change_of_slacks_is_minus_their_derivative(name):
 
 
 @POSED
-def test_slacks_are_the_law_at_the_moved_point(name):
-    """Written out again from z: pressures, bounds and caps at the points."""
-    qvi = PROBLEMS[name]()
-    reduction = DenseCoordinates(qvi)
-    base = reduction.base(0.1 * np.random.default_rng(0).normal(size=qvi.n))
-    problem = Complementarity(qvi, reduction, base, 1.0)
-    u = 0.3 * np.random.default_rng(1).normal(size=problem.S.shape[0])
-    z = reduction.move(base, problem.full(u))
-    normal, shear = qvi.normal(z), qvi.tangential(z)
-    unilateral, rubs = ~qvi.bilateral, ~qvi.frictionless
-    pressure = np.where(qvi.bilateral, np.abs(normal), -normal)
-    bound = np.where(qvi.mu > 0.0, qvi.cohesion + qvi.mu * pressure, np.minimum(qvi.cohesion, qvi.cap))
-    capped = rubs & np.isfinite(qvi.cap) & (qvi.mu > 0.0)
-    expected = [-normal[unilateral], (bound - shear)[rubs], (qvi.cap - shear)[capped]]
-    expected += [(bound + shear)[rubs], (qvi.cap + shear)[capped]]
-    found = problem.slack(u, np.abs(problem.split_normal(u)))
-    assert found == pytest.approx(np.concatenate(expected), abs=1e-11)
-    away = np.random.default_rng(2).normal(size=len(found))
-    missed = problem.slack_residual(u, found + away, np.abs(problem.split_normal(u)))
-    assert missed == pytest.approx(away, abs=1e-11)
-    assert qvi.A @ z == pytest.approx(qvi.b, abs=1e-10)
-    assert shear[qvi.frictionless] == pytest.approx(0.0, abs=1e-10)
-
-
-@POSED
 @pytest.mark.parametrize("accurate", [False, True])
 def test_newton_directions_satisfy_the_linearised_equations(name, accurate):
     problem, method = posed(PROBLEMS[name]())
@@ -156,51 +129,9 @@ def test_newton_steps_are_refined_where_their_solution_is_inaccurate(error, solv
     assert np.abs(left).max() < 1e-8 * np.abs(problem.force(step.lam)).max()
 
 
-@POSED
-def test_energy_and_multipliers_are_those_of_the_full_problem(name):
-    """S y + c is the gradient of the energy, and a residual of y alone is one of the contact's unknowns alone."""
-    qvi = PROBLEMS[name]()
-    reduction = DenseCoordinates(qvi)
-    base = reduction.base(0.1 * np.random.default_rng(0).normal(size=qvi.n))
-    base = reduction.base(reduction.move(base, np.zeros(reduction.size)))
-    problem = Complementarity(qvi, reduction, base, 1.0)
-    random = np.random.default_rng(1)
-    u, lam = random.normal(size=problem.S.shape[0]), random.uniform(size=len(problem.weights))
-    z = reduction.move(base, problem.full(u))
-    assert problem.energy(u) == pytest.approx(qvi.energy(z), rel=1e-10)
-    m_N, m_T, nu = problem.multipliers(u, lam)
-    residual = qvi.gradient(z) + qvi.N.T @ m_N + qvi.T.T @ m_T + qvi.A.T @ nu
-    size = np.abs(qvi.K @ z).max()
-    interior = np.setdiff1d(np.arange(qvi.n), qvi.condensed_contact.system.interface)
-    assert residual[interior] == pytest.approx(0.0, abs=1e-11 * size)
-    force = problem.S @ u + problem.c + problem.force(lam)
-    moved = reduction.move(base, problem.full(u + 1e-3 * force)) - z  # in the directions that equations leave free
-    assert moved @ residual == pytest.approx(1e-3 * force @ force, rel=1e-8)
-
-
 def posed_whole(qvi, *shares):
     whole = SparseCoordinates(qvi)
     return whole, Complementarity(qvi, whole, whole.base(np.zeros(qvi.n)), 1.0, *shares)
-
-
-@pytest.mark.parametrize("law", SPARSE)
-def test_newton_matrices_are_those_of_the_bounds(law):
-    """H x for a force on x by itself, and the traces of the solution beside it."""
-    qvi = chain(1, **LAWS[law])
-    _, problem = posed_whole(qvi)
-    random = np.random.default_rng(2)
-    ratio = 10.0 ** random.uniform(-3.0, 3.0, len(problem.weights))
-    slope = random.uniform(-1.0, 1.0, len(problem.split))
-    n, unit = qvi.n, 1.0 / np.sqrt(qvi.K.diagonal())
-    Y = qvi.contact_rows.toarray() * unit
-    whole = np.concatenate([np.eye(n), Y])  # unknowns with their traces
-    C = np.array([problem.change(column, slope) for column in whole.T]).T
-    B = problem.signs[:, None] * (problem.T.toarray() @ whole)[problem.traction]
-    H = qvi.K.toarray() * unit * unit[:, None] + B.T @ ((problem.weights * ratio)[:, None] * C)
-    force = np.concatenate([random.normal(size=n), np.zeros(2 * qvi.m)])
-    found = problem.system.factorised(problem, ratio, slope)(force)
-    assert H @ found[:n] == pytest.approx(force[:n], abs=1e-9 * np.abs(H).max())
-    assert found[n:] == pytest.approx(Y @ found[:n], abs=1e-12 * np.abs(found).max())
 
 
 @pytest.mark.parametrize(("share", "length", "kept"), [(0.05, 0.99, 0.3), (0.0, 0.0495, 1.0 - 20.0 * 0.0495)])

@@ -7,7 +7,6 @@ import pytest
 
 from qvi_contact import Contact, ContactProblem, Displacement, Material, Traction, solve
 from qvi_contact.bracket import Share, bodies_of, friction_norm
-from qvi_contact.companion import BodyAtRest
 from qvi_contact.mesh import TriangleMesh
 from tests.qvi_contact.builders import area, energy_apart, half_disc, half_discs
 
@@ -35,19 +34,6 @@ class TestBodies:
         assert (other.lower, other.upper) == pytest.approx((one.lower, one.upper), rel=1e-6)
         assert other.coulomb.error == pytest.approx(one.coulomb.error, rel=1e-4)
 
-    def test_what_a_tied_joint_bonds_is_one_body_beside_another_joint(self):
-        mesh = TriangleMesh.rectangle((2, 3), 2.0, 3.0).with_joint("bond", lambda x, y: (y == 2.0) & (x > -1.0))
-        mesh = mesh.with_joint("bed", lambda x, y: (y == 1.0) & (x > -1.0))
-        conditions = [
-            Contact("bond", law="tied", friction=0.0),
-            Contact("bed", 0.1),
-            Displacement("bottom", x=0.0, y=0.0),
-            Displacement("top", x=1e-3, y=-1e-3),
-            *(Traction(side, x=0.0, y=0.0) for side in ("left", "right")),
-        ]
-        found = bodies_of(ContactProblem(mesh, Material(1.0, 0.2), conditions))
-        assert sorted(area(body.problem.mesh) for body in found) == pytest.approx([2.0, 4.0])
-
 
 class TestNorm:
     """The norm of the friction operator on a joint is no larger than the largest of those of the bodies."""
@@ -57,21 +43,6 @@ class TestNorm:
         found, alone = (friction_norm(each, slipping(each)) for each in (half_discs(0.1, below=300.0), half_disc(0.1)))
         assert found.proved
         assert found.value == pytest.approx(alone.value, rel=1e-6)
-
-    def test_an_operator_of_each_body_is_one_of_the_whole(self):
-        """Sv = η v_x e_y on both: the jump along n is η times that along t, and its energy obeys the proved norm."""
-        problem = half_discs(0.1, below=300.0)
-        known = BodyAtRest.of(problem, 3)
-        n, v = known.contacts.count, np.random.default_rng(0).standard_normal((known.body.body.space.size, 40))
-        v[~np.isin(np.arange(len(v)), known.body.free)] = 0.0
-        image = np.zeros_like(v)
-        image[1::2] = 0.1 * v[::2]
-        jumps, moved = known.contacts.rows @ v, known.contacts.rows @ image
-        assert moved[:n] == pytest.approx(0.1 * jumps[n:], abs=1e-12)
-        assert np.abs(moved[n:]).max() < 1e-12
-        K = known.body.body.stiffness()
-        energies = [np.einsum("ij,ij->j", part, K @ part) for part in (image, v)]
-        assert np.sqrt(energies[0] / energies[1]).max() < friction_norm(problem, slipping(problem)).value
 
 
 def slipping(problem):

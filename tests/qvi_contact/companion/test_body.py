@@ -14,8 +14,7 @@ from qvi_contact.companion import (
     solve_companion,
 )
 from qvi_contact.discretization import Scales
-from qvi_contact.gallery import compressed_plate, sliding_block
-from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
 from tests.cases import every_pair
 from tests.qvi_contact.builders import bernstein, companion_of
 from tests.qvi_contact.test_triangles import FOAM, SIDES, STATES, STEEL, inside, moved, oblique, squeezed, tilted
@@ -291,31 +290,3 @@ def test_supports_in_three_directions_at_one_corner():
     wrong = replace(problem, conditions=[*conditions[:2], replace(conditions[2], normal=5e-3)])
     (reason,) = companion_of(wrong, degree=3).reasons
     assert "disagree" in reason
-
-
-def test_a_plate_driven_by_force_on_a_slanted_side():
-    """It moves as far as it must be pushed for that force."""
-    problem = compressed_plate(0.4, (2, 2))
-    tilted_plate = replace(problem, mesh=oblique(problem.mesh, ANGLE))
-    pushed = companion_of(tilted_plate, degree=3)
-    line = pushed.contacts["plate"]
-    c, s = np.cos(np.radians(ANGLE)), np.sin(np.radians(ANGLE))
-    inward = np.array([s, -c])
-    force = line.normal_force * inward + line.tangential_force * np.array([c, s])
-    contacts = {
-        c: replace(c, gap=0.0, plate=RigidPlate(force_x=float(force[0]), force_y=float(force[1])))
-        for c in tilted_plate.contacts
-    }
-    driven = replace(tilted_plate, conditions=[contacts.get(c, c) for c in tilted_plate.conditions])
-    companion = companion_of(driven, degree=3)
-    motion = companion.plates["plate"]
-    assert (motion.x, motion.y) == pytest.approx(tuple(1e-3 * inward), abs=1e-9)
-    assert companion.contacts["plate"].normal_force == pytest.approx(line.normal_force, rel=1e-8)
-
-
-def test_full_slip_with_a_given_bound():
-    problem, state = sliding_block((3, 2))
-    for columns in (1, 5):  # a constant, as a polynomial of any degree
-        companion = companion_of(problem, bounds={"base": np.full((3, columns), 30.0)}, degree=2)
-        assert companion.reasons == ()
-        assert_is(companion, state)
