@@ -17,7 +17,7 @@ from comparisons.peers import LEVELS
 from qvi_contact.basics.terminal import Command
 from qvi_contact.errors import InputError
 
-_NEEDED: Final = {"markdown-it-py": "markdown_it", "pandas": "pandas"}
+_NEEDED: Final = {"markdown-it-py": "markdown_it", "matplotlib": "matplotlib", "pandas": "pandas"}
 """Distributions that every report needs → their modules."""
 
 

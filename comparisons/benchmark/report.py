@@ -5,9 +5,11 @@ import statistics
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 from pandas import DataFrame
 
 from comparisons.benchmark.study import CHAINS, EVERY, FRICTION, PARTS, TOLERANCE, WAYS
@@ -18,9 +20,6 @@ from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import DONE, Row
 from comparisons.settled import LIMITS
 from qvi_contact.plots.style import new_figure
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 MEANINGLESS: Final = 1e-9
 """Relative errors below this say nothing: so uncertain are the values of `LIMITS`."""
@@ -209,10 +208,8 @@ def wall_report(rows: Rows) -> Report:
                   forms=forms, template="wall.md")  # fmt: skip
 
 
-def _picture(solves: DataFrame, friction: float | None) -> "Figure | None":
+def _picture(solves: DataFrame, friction: float | None) -> Figure | None:
     """Seconds against unknowns at one friction."""
-    from matplotlib.ticker import NullFormatter
-
     if friction is None:
         return None
     solved, figure = solves[(solves.friction == friction) & (solves.status == "solved")], new_figure(6.0, 4.4)

@@ -7,9 +7,10 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from matplotlib.figure import Figure
 from pandas import DataFrame, to_numeric
 
 from comparisons.lab.drawing import LOOKS, drawn, grid, legend_below, panelled
@@ -35,9 +36,6 @@ from qvi_contact.plots.style import GREY
 from qvi_contact.problem.conditions import Condition
 from qvi_contact.refinement import RefinementRound
 from solvers import Status, solve_qvi
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _PUSH: Final = 1e-3  # of the punch [mm]
 _RADIUS: Final = 800.0  # of the punch [mm]
@@ -386,7 +384,7 @@ _LINES: Final[Sequence[tuple[str, Callable[[DataFrame], DataFrame]]]] = (
 """Curves of the figure."""
 
 
-def _picture(meshes: DataFrame) -> "Figure":
+def _picture(meshes: DataFrame) -> Figure:
     """Errors of the force against unknowns, a panel for each problem."""
     shown = meshes[meshes.solved & (meshes.error > 0.0)]
     groups = list(shown.groupby("problem", sort=False))

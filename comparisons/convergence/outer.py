@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure as Canvas
 from pandas import DataFrame, Series
 
 from comparisons.convergence.bodies import PLACE, ending, in_words, timed
@@ -15,9 +16,6 @@ from comparisons.lab.studies import Row, Study, frame_of, largest_of
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
 from qvi_contact.plots.style import PURPLE
 from solvers.certificate.uniqueness import uniqueness_bound
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Canvas
 
 INNER: Final = "direct:clarabel"
 """Inner solver of all loops."""
@@ -232,7 +230,7 @@ _RATES: Final = (1e-2, 10.0, 60.0)
 """Lowest rate drawn, beginning of the band of what fails, top."""
 
 
-def _picture(runs: DataFrame) -> "Canvas":
+def _picture(runs: DataFrame) -> Canvas:
     """A panel for the main mesh of each problem, and one legend for all; crosses for runs that fail."""
     names = main_bodies(runs)
     canvas, panels = panelled(len(names), 8.0, 2.6, 0.9)

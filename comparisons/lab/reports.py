@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 
 Form = Callable[[Any], str]
 
-NO_PICTURES: Final = "Not drawn: pictures need matplotlib, `python -m pip install matplotlib`."
 NO_ROWS: Final = "No rows."
 
 _FILTERS: Final = ("listing", "memory", "percent", "scientific", "seconds", "significant")
@@ -158,7 +157,7 @@ def render(
 
     def figure(which: str, title: str) -> str:
         shown[which] += 1
-        told = f"![{title}]({name}-{which}.svg)" if figures[which] else f"{title}. {NO_PICTURES}"
+        told = f"![{title}]({name}-{which}.svg)" if figures[which] else f"{title}. {NO_ROWS}"
         return f'<a id="{which}"></a>\n\n{told}\n'
 
     environment = Environment(
@@ -229,21 +228,6 @@ def markdown_table(
     return "\n".join([head, f"| {marks} |", *body, ""])
 
 
-def crossed(
-    frame: "DataFrame", row: str, column: str, cell: "Callable[[DataFrame], str]", columns: Sequence[str] = ()
-) -> "DataFrame":
-    """A line for each value of the column `row`, under each value of `column` what `cell` says of the lines with both.
-
-    They stand in the order in which they are met, or in that of `columns`; where there is no line it is `NOTHING`.
-    """
-    from pandas import DataFrame
-
-    texts = {key: cell(found) for key, found in frame.groupby([row, column], sort=False)}
-    names = columns or tuple(frame[column].unique())
-    lines = [[each, *(texts.get((each, name), NOTHING) for name in names)] for each in frame[row].unique()]
-    return DataFrame(lines, columns=[row, *names])
-
-
 def _environment(rows: Sequence[Row]) -> str:
     """The runs, their machines, the versions of what they used, in Markdown.
 
@@ -252,16 +236,9 @@ def _environment(rows: Sequence[Row]) -> str:
     from pandas import DataFrame
 
     def counts(values: Iterable[Any]) -> list[tuple[Any, int]]:
-        """Values with their numbers: numbers by size, then the others by their text, at last what is not known."""
+        """Values with their numbers, in the order of their texts as JSON."""
         texts = Counter(json.dumps(value, sort_keys=True) for value in values)
-
-        def order(text: str) -> tuple[int, float, str]:
-            value = json.loads(text)
-            if value in (None, "unknown"):
-                return 2, 0.0, text
-            return (0, float(value), text) if isinstance(value, int | float) else (1, 0.0, text)
-
-        return [(json.loads(text), texts[text]) for text in sorted(texts, key=order)]
+        return [(json.loads(text), texts[text]) for text in sorted(texts)]
 
     def shares(values: Iterable[Any], form: Form) -> str:
         found = counts(values)
@@ -280,13 +257,14 @@ def _environment(rows: Sequence[Row]) -> str:
                                         lambda value: NOTHING if value is None else f"{value} MiB"),
         "load average before a run": span(loads) + unknown if loads else "unknown",
     }  # fmt: skip
+    kinds = [(found or {}, number) for found, number in counts(each.get("machine") for each in given)]
     machines = [
         {"processor": found.get("processor") or "unknown", "cores": found.get("cores") or "unknown",
          "memory": memory(found["memory_bytes"]) if found.get("memory_bytes") else "unknown",
          "system": found.get("system") or "unknown", "Python": found.get("python") or "unknown", "rows": number}
-        for found, number in ((each or {}, number) for each, number in counts(each.get("machine") for each in given))
+        for found, number in kinds
     ]  # fmt: skip
-    several = sum(each is not None for each, _ in counts(each.get("machine") for each in given)) > 1
+    several = sum(bool(found) for found, _ in kinds) > 1
     used = [each.get("versions") or {} for each in given]
     packages = sorted({name for each in used for name in each}, key=str.casefold)
     found = {name: counts(each.get(name, "unknown") for each in used) for name in packages}

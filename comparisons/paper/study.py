@@ -6,9 +6,12 @@ from functools import partial
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import EllipseCollection
+from matplotlib.figure import Figure
 from pandas import DataFrame
 
 from comparisons.lab.drawing import drawn, grid, legend_below
@@ -23,10 +26,6 @@ from qvi_contact.paper import QuarterPlate
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
 from qvi_contact.plots.style import lines, new_figure
 from solvers import QVISolution, Status, available, solve_qvi
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 SHRINKING: Final = 100.0
 """Iterations after which the shrinking step of the frictionless Uzawa run has halved."""
@@ -209,7 +208,7 @@ def values_of(study: PaperStudy) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def principal_stresses(study: PaperStudy) -> "Figure":
+def principal_stresses(study: PaperStudy) -> Figure:
     """Figures 2-5 (upper row, after the paper's iterations) and the converged states (lower row)."""
     figure = new_figure(13.0, 7.9)
     axes = figure.subplots(2, 4, sharex=True, sharey=True)
@@ -229,7 +228,7 @@ def principal_stresses(study: PaperStudy) -> "Figure":
     return figure
 
 
-def _map(axes: "Axes", row: Row, solution: QVISolution, largest: float) -> float:
+def _map(axes: Axes, row: Row, solution: QVISolution, largest: float) -> float:
     """Grid lines and crosses, or a word where there is no stress state."""
     if not np.isfinite(solution.z).all():
         axes.text(0.5, 0.5, f"no stress state: {solution.status}", ha="center", transform=axes.transAxes)
@@ -244,13 +243,11 @@ def _map(axes: "Axes", row: Row, solution: QVISolution, largest: float) -> float
     return row.largest_principal_stress(solution)
 
 
-def _crosses(axes: "Axes", points: FloatArray, stress: FloatArray, spacing: FloatArray, full: float) -> None:
+def _crosses(axes: Axes, points: FloatArray, stress: FloatArray, spacing: FloatArray, full: float) -> None:
     """Principal stresses (..., 3) as crosses at points (..., 2): compression solid, tension dotted with round ends.
 
     A stress of the size `full` is drawn as long as the distance (...) of neighbouring points.
     """
-    from matplotlib.collections import EllipseCollection
-
     first, second, angle = principal(stress)
     least = 1e-3 * float(max(np.abs(first).max(), np.abs(second).max()))
     for values, turn in ((first, 0.0), (second, np.pi / 2)):
@@ -266,7 +263,7 @@ def _crosses(axes: "Axes", points: FloatArray, stress: FloatArray, spacing: Floa
         axes.add_collection(EllipseCollection(size, size, np.zeros_like(size), **look, **dots))
 
 
-def contact_tractions(study: PaperStudy) -> "Figure":
+def contact_tractions(study: PaperStudy) -> Figure:
     """Converged pressure, friction bound and tangential traction on the contact, and the share of the bound used."""
     chosen = [row for row in study.rows if row.friction in (0.05, 0.1, 0.2, 0.3)]
     figure = new_figure(13.0, 6.0)
@@ -296,7 +293,7 @@ def _apart(values: FloatArray) -> FloatArray:
     return np.pad(values, ((0, 0), (0, 1)), constant_values=np.nan).ravel()
 
 
-def convergence(study: PaperStudy) -> "Figure":
+def convergence(study: PaperStudy) -> Figure:
     """Error of P/2 against the number of iterations, Uzawa and fixed point."""
     figure = new_figure(9.0, 4.4)
     left, right = figure.subplots(1, 2, sharey=True)
@@ -330,7 +327,7 @@ def _errors(result: QVISolution, solution: float) -> tuple[FloatArray, FloatArra
     return number, np.maximum(np.abs(force / solution - 1.0), 1e-16)
 
 
-def table_1(study: PaperStudy) -> "Figure":
+def table_1(study: PaperStudy) -> Figure:
     """Table 1 as a picture: printed forces, Uzawa after the same iterations, the solution."""
     figure = new_figure(6.4, 4.4)
     axes = figure.subplots()
@@ -352,7 +349,7 @@ def table_1(study: PaperStudy) -> "Figure":
 TABLES: Final = {"table_1.csv": table_rows, "figures_2_to_5.csv": figure_rows, "back_ends.csv": back_end_rows}
 """Name of a file → its rows."""
 
-PICTURES: "Final[Mapping[str, Callable[[PaperStudy], Figure]]]" = {
+PICTURES: Final[Mapping[str, Callable[[PaperStudy], Figure]]] = {
     "table-1": table_1,
     "figures-2-to-5": principal_stresses,
     "contact-tractions": contact_tractions,

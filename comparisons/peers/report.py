@@ -3,8 +3,9 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+from matplotlib.figure import Figure
 from pandas import DataFrame, concat, factorize, to_numeric
 
 from comparisons.lab.drawing import drawn, grid, legend_below, panelled, plain_ticks
@@ -27,9 +28,6 @@ from comparisons.peers.meshes import FAMILIES, ratio
 from comparisons.peers.study import BRACKET, CODES, MODELS, TRIANGLES
 from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE, UNCERTAINTY
 from qvi_contact.plots import BLUE, GREEN, GREY, VERMILLION
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 INVERTED: Final = "inverted"
 """Status of a bracket whose lower end is above its upper one by more than twice `RESOLUTION`: it proves nothing."""
@@ -287,7 +285,7 @@ def report(rows: Sequence[Row]) -> Report:
 _COLOURS: Final = {TRIANGLES: BLUE, BRACKET: GREY, "ngsolve": VERMILLION, "getfem": GREEN}
 
 
-def _fronts(runs: DataFrame) -> "Figure":
+def _fronts(runs: DataFrame) -> Figure:
     """A panel for each μ: the best error that each code has over all its models and meshes, against time."""
     groups = list(runs[runs.error.notna()].groupby("friction", sort=False))
     figure, panels = panelled(len(groups), 8.0, 2.9, 0.6)

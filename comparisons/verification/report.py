@@ -5,7 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from itertools import chain
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
+
+from matplotlib.figure import Figure
+from pandas import DataFrame
 
 from comparisons.lab.drawing import drawn, grid
 from comparisons.lab.numbers import NOTHING
@@ -21,9 +24,6 @@ from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, problem_fig
 from qvi_contact.plots.style import new_figure
 from qvi_contact.units import Units
 from solvers.basics.names import known_name
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _MODULES: Final = {
     "paper": "chapters.plate", "exact": "chapters.exact", "friction": "chapters.exact",
@@ -119,7 +119,7 @@ _LEAST, _MOST = 1e-4, 1e2  # error over tolerance: what lies beyond is drawn on 
 
 
 def drawings(names: Sequence[str]) -> dict[str, str]:
-    """Names of figures → pictures, as SVG, of the bodies of these problems; empty without matplotlib."""
+    """Names of figures → pictures, as SVG, of the bodies of these problems."""
     chosen = {name: posed for name, posed in POSED.items() if name in names}
     return {
         f"problem-{name}": drawn(f"verification-{name}", partial(problem_figure, posed(), units))
@@ -127,10 +127,8 @@ def drawings(names: Sequence[str]) -> dict[str, str]:
     }
 
 
-def overview(problems: Sequence[Told]) -> "Figure":
+def overview(problems: Sequence[Told]) -> Figure:
     """One line for each problem, one mark for each row; left of 1 is within the tolerance."""
-    from pandas import DataFrame
-
     rows = DataFrame(
         [(line, row.ratio, row.kind or _BROKEN, row.passed) for line, each in enumerate(problems) for row in each.rows],
         columns=["line", "ratio", "kind", "passed"],
@@ -158,8 +156,6 @@ def report(
     done: Mapping[str, Sequence[Told]], drawn_before: Mapping[str, str], quick: bool = False, only: Sequence[str] = ()
 ) -> Report:
     """The manual, with `drawings`; the same rows and pictures give the same one. `only` are the names asked for."""
-    from pandas import DataFrame
-
     problems = list(chain(*done.values()))
     tables = {each.table: DataFrame([cells(row) for row in each.rows], columns=HEADINGS) for each in problems}
     failed = [

@@ -93,7 +93,6 @@ def quick():
 @pytest.fixture(scope="module")
 def manual(quick):
     """The report of the quick run; what its pictures show is seen in outlines."""
-    pytest.importorskip("matplotlib")
     with outlines():
         return manuals.report(quick, room.drawings(list(SHOWN)))
 
@@ -168,12 +167,8 @@ class TestManual:
                 room.choose(["descriptions", name])
             assert caught.value.field == "--only"
 
-    def test_without_matplotlib_there_is_no_picture_and_equal_data_make_equal_files(self, without, tmp_path):
-        without("matplotlib")
-        written = manuals.report(DOCUMENT, {}).write(tmp_path)
-        assert [path.name for path in written] == ["verification.html", "verification.md"]
-        assert sorted(path.name for path in tmp_path.iterdir()) == ["verification.html", "verification.md"]
-        assert "<figure" not in written[0].read_text(encoding="utf-8")
+    @pytest.mark.usefixtures("outlined")
+    def test_equal_data_make_equal_reports(self):
         row = replace(DOCUMENT["paper"][0].rows[0], ours=1.25)
         changed = {"paper": [DOCUMENT["paper"][0]._replace(rows=[row])]}
         texts = [manuals.report(each, {}).text for each in (DOCUMENT, DOCUMENT, changed)]
