@@ -7,8 +7,8 @@ __getattr__ = front(
     {
         "reference": ("load",),
         "study": (
-            "PICTURES", "TABLES", "back_end_rows", "contact_tractions", "convergence", "figure_rows",
-            "principal_stresses", "run", "step_count", "table_1", "table_rows", "values_of", "verdict", "write",
+            "PICTURES", "TABLES", "back_end_rows", "contact_tractions", "figure_rows", "principal_stresses",
+            "run", "step_count", "table_1", "table_rows", "values_of", "verdict", "write",
         ),
     },
 )  # fmt: skip

@@ -23,7 +23,7 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.terminal import Advance
 from qvi_contact.basics.writing import write_text
 from qvi_contact.paper import QuarterPlate
-from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
+from qvi_contact.plots import BLUE, GREY, VERMILLION
 from qvi_contact.plots.style import lines, new_figure
 from solvers import QVISolution, Status, available, solve_qvi
 
@@ -41,7 +41,7 @@ class Row:
 
     "uzawa" and "uzawa_printed_rule" are the paper's number of iterations, with the accumulating rule and with that as
     printed, "uzawa_converged" is the former to the tolerance, at μ = 0 with a shrinking step; "back_ends" are fixed
-    points by inner solver, "plain" one without acceleration, "condensed" solves the inequality directly.
+    points by inner solver, "condensed" solves the inequality directly.
     """
 
     friction: float
@@ -51,7 +51,6 @@ class Row:
     uzawa_printed_rule: QVISolution
     uzawa_converged: QVISolution
     back_ends: dict[str, QVISolution]
-    plain: QVISolution
     condensed: QVISolution
 
     @property
@@ -104,16 +103,13 @@ def run(advance: Advance) -> PaperStudy:
         )
         decay = SHRINKING if friction == 0.0 else None
         converged = reference.uzawa(plate.qvi, tolerance=TOLERANCE, step_decay=decay)
-        plain = solve_qvi(plate.qvi, inner="direct:clarabel", tolerance=TOLERANCE, variant="plain")
         condensed = solve_qvi(plate.qvi, method="condensed", tolerance=TOLERANCE)
         advance(f"μ = {friction:.2f}")
         back_ends = {}
         for inner in available():
             back_ends[inner] = solve_qvi(plate.qvi, inner=inner, tolerance=TOLERANCE, patience=PATIENCE)
             advance(f"μ = {friction:.2f}, {inner}")
-        rows.append(
-            Row(friction, printed, plate, accumulating, as_printed, converged, back_ends, plain, condensed)
-        )  # fmt: skip
+        rows.append(Row(friction, printed, plate, accumulating, as_printed, converged, back_ends, condensed))
     # values of P/2 in the last iterations of the frictionless run with a constant step, each once
     smooth = rows[0].plate
     history = reference.uzawa(smooth.qvi).history[-8:]
@@ -293,40 +289,6 @@ def _apart(values: FloatArray) -> FloatArray:
     return np.pad(values, ((0, 0), (0, 1)), constant_values=np.nan).ravel()
 
 
-def convergence(study: PaperStudy) -> Figure:
-    """Error of P/2 against the number of iterations, Uzawa and fixed point."""
-    figure = new_figure(9.0, 4.4)
-    left, right = figure.subplots(1, 2, sharey=True)
-    chosen = [row for row in study.rows if row.friction in (0.05, 0.1, 0.2)]
-    styles = [(BLUE, "-", "o"), (ORANGE, "--", "s"), (GREEN, ":", "^")]
-    for row, (colour, line, marker) in zip(chosen, styles, strict=True):
-        label = f"μ = {row.friction:g}"
-        solution = -row.reference.history[-1].normal_resultant
-        left.semilogy(*_errors(row.uzawa_converged, solution), color=colour, linestyle=line, label=label)
-        right.semilogy(*_errors(row.plain, solution), color=colour, linestyle=line, marker=marker, label=label)
-    left.axvline(study.reference.iterations, color=GREY, linewidth=0.8)
-    stopped = study.reference.iterations
-    left.annotate(
-        f"the paper stopped here ({stopped})", (stopped, 0.97), xycoords=("data", "axes fraction"), xytext=(5, 0),
-        textcoords="offset points", va="top", color=GREY,
-    )  # fmt: skip
-    left.set_title("Uzawa, accumulating rule")
-    right.set_title("fixed point (plain), one convex QP each")
-    for panel in (left, right):
-        panel.set_xlabel("iterations")
-        grid(panel)
-        panel.legend()
-    right.xaxis.get_major_locator().set_params(integer=True)
-    left.set(ylabel="relative error of P/2", ylim=(1e-13, None))
-    return figure
-
-
-def _errors(result: QVISolution, solution: float) -> tuple[FloatArray, FloatArray]:
-    number = np.array([float(record.number) for record in result.history])
-    force = -np.array([record.normal_resultant for record in result.history])
-    return number, np.maximum(np.abs(force / solution - 1.0), 1e-16)
-
-
 def table_1(study: PaperStudy) -> Figure:
     """Table 1 as a picture: printed forces, Uzawa after the same iterations, the solution."""
     figure = new_figure(6.4, 4.4)
@@ -353,7 +315,6 @@ PICTURES: Final[Mapping[str, Callable[[PaperStudy], Figure]]] = {
     "table-1": table_1,
     "figures-2-to-5": principal_stresses,
     "contact-tractions": contact_tractions,
-    "convergence": convergence,
 }
 
 _FORMS: Final[dict[str, Form]] = {

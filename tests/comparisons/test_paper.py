@@ -175,26 +175,12 @@ def test_terminal_and_the_default_folder_whose_tables_hold_the_data(paper, tmp_p
     assert "…" not in ended.out  # nothing is cut off
 
 
-class TestPictures:
-    """What the pictures show is computed."""
-
-    def test_tractions_stay_below_the_bound(self, paper):
-        axes = room.contact_tractions(paper).axes
-        for upper, lower in zip(axes[:4], axes[4:], strict=True):
-            pressure, bound, tangential = (line.get_ydata() for line in upper.lines)
-            (used,) = (line.get_ydata() for line in lower.lines if len(line.get_ydata()) == 8)
-            assert np.nanmax(tangential - bound) <= 0.0121 * 212.0  # between the points
-            assert used.max() <= 1 + 1e-6
-            assert upper.get_ylim()[0] == 0.0
-            assert np.nanmax(pressure) < upper.get_ylim()[1]  # nothing is cut off
-
-    def test_errors_fall_to_the_tolerance(self, paper):
-        uzawa, fixed_point = room.convergence(paper).axes
-        for panel, most in ((uzawa, 3000), (fixed_point, 60)):
-            curves = [line for line in panel.lines if str(line.get_label()).startswith("μ")]
-            assert len(curves) == 3
-            for curve in curves:
-                number, error = curve.get_data()
-                assert number[0] == 1
-                assert number[-1] < most
-                assert error[-1] < 1e-7 < 1e-5 < error[0]
+def test_drawn_tractions_stay_below_the_bound(paper):
+    axes = room.contact_tractions(paper).axes
+    for upper, lower in zip(axes[:4], axes[4:], strict=True):
+        pressure, bound, tangential = (line.get_ydata() for line in upper.lines)
+        (used,) = (line.get_ydata() for line in lower.lines if len(line.get_ydata()) == 8)
+        assert np.nanmax(tangential - bound) <= 0.0121 * 212.0  # between the points
+        assert used.max() <= 1 + 1e-6
+        assert upper.get_ylim()[0] == 0.0
+        assert np.nanmax(pressure) < upper.get_ylim()[1]  # nothing is cut off
