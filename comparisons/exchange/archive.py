@@ -87,7 +87,7 @@ def load_qvi(path: str | Path) -> tuple[FrictionQVI, QVISolution | None]:
     """
     try:
         with open_regular(path) as stream:
-            arrays = read_arrays("file", str(path), stream)
+            arrays: Arrays = read_arrays("file", str(path), stream)
         found, version = str(arrays.get("format", "no format")), arrays.get("version", np.array(0)).item()
         if found != FORMAT:
             raise InputError("file", f"{found} in {Path(path).name}", f"give {_KIND}")

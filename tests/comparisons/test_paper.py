@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from comparisons import paper as room
+from comparisons.paper import study as room
 from solvers import available
 from tests.comparisons.conftest import command
 

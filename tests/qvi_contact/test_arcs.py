@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from comparisons.verification import stress_deviation
 from comparisons.verification.chapters.curves import lame, lame_energy
+from comparisons.verification.measures import stress_deviation
 from qvi_contact import Corner, Expression, InputError, TriangleMesh, solve, verify_result
 from qvi_contact.companion import solve_companion, solve_companions
 from qvi_contact.gallery import arc, fan, rings
