@@ -17,7 +17,7 @@ from comparisons.lab.drawing import LOOKS, drawn, grid
 from comparisons.lab.numbers import NOTHING, fixed, memory, percent, scientific, seconds, significant, span
 from comparisons.lab.numbers import spread as spread_of
 from comparisons.lab.reports import Form, Report, render
-from comparisons.lab.studies import DONE, Row
+from comparisons.lab.studies import DONE, Row, frame_of
 from comparisons.settled import LIMITS
 from qvi_contact.plots.style import new_figure
 
@@ -30,11 +30,6 @@ Rows = Sequence[Row]
 def _frame(lines: Sequence[Mapping[str, Any]], numbers: Sequence[str], others: Sequence[str] = ()) -> DataFrame:
     """These columns of the lines; what is no number is NaN where there should be one."""
     return DataFrame(lines, columns=[*numbers, *others]).astype(dict.fromkeys(numbers, float))
-
-
-def _answer(row: Row) -> dict[str, Any]:
-    """The result; of a case that was not finished, why."""
-    return dict(row.result) if row.status == DONE else {"status": row.status, "message": row.reason}
 
 
 def _median(values: Sequence[float] | None) -> float | None:
@@ -56,7 +51,7 @@ def solves_of(rows: Rows) -> DataFrame:
     for row in rows:
         plain = {each["backend"]: _median(each["seconds"]["plain"]) for each in row.result.get("plain", ())}
         fastest = min(plain, key=lambda backend: plain[backend] or math.inf, default="")
-        lost = [{"friction": mu, **_answer(row)} for mu in row.case["friction"]]
+        lost = [{"friction": mu, "status": row.status, "message": row.reason} for mu in row.case["friction"]]
         for found in row.result.get("solves", lost):
             times = found.get("seconds", {})
             lines.append({
@@ -188,7 +183,7 @@ def walls_of(rows: Rows) -> DataFrame:
     """One line for each wall: CPU seconds, and the solve over one factorisation of K."""
     numbers = ("blocks", "load", "unknowns", "contact_points", "iterations", "accuracy", "assembly", "factorisation",
                "solve", "peak")  # fmt: skip
-    walls = _frame([{**row.case, **_answer(row)} for row in rows], numbers, ("status", "message", "form"))
+    walls = frame_of(rows, numbers, ("form",))
     ratio = (walls.solve / walls.factorisation).where(walls.status == "solved")
     return walls.assign(ratio=ratio, size=walls.blocks**2).sort_values(["blocks", "load"])
 

@@ -11,12 +11,12 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
-from pandas import DataFrame, to_numeric
+from pandas import DataFrame
 
 from comparisons.lab.drawing import LOOKS, drawn, grid, legend_below, panelled
 from comparisons.lab.numbers import fixed, scientific, seconds, significant, span
 from comparisons.lab.reports import Form, Report, render
-from comparisons.lab.studies import DONE, Row, Study
+from comparisons.lab.studies import Row, Study, frame_of
 from comparisons.settled import LIMITS, LIMITS_SOURCE, TRANSITIONS
 from qvi_contact import (
     Contact,
@@ -253,23 +253,16 @@ TARGET: Final = 1e-5
 
 _USUAL: Final = 4  # the degree that `solve` takes
 _NUMBERS: Final = ("force", "unknowns", "cells", "seconds")
-_CASE: Final = ("problem", "sequence", "degree", "size")
 _REFERENCE_DEGREE: Final = 8
 
 
 def meshes_of(rows: Sequence[Row]) -> DataFrame:
     """One line a mesh, in the order of the rows.
 
-    The columns are those of the case and of the record, see `run`, and solved, error (relative, of the force),
-    least (what the reference's uncertainty and the solves leave).
+    The columns are those of `frame_of` and of the records, see `run`, and solved, error (relative, of the force), least
+    (what the reference's uncertainty and the solves leave).
     """
-    lines = [
-        {**{name: row.case[name] for name in _CASE}, **record}
-        for row in rows
-        for record in (row.result["meshes"] if row.status == DONE else [{"status": row.status, "message": row.reason}])
-    ]
-    meshes = DataFrame(lines, columns=[*_CASE, "status", "message", *_NUMBERS])
-    meshes[list(_NUMBERS)] = meshes[list(_NUMBERS)].apply(to_numeric)
+    meshes = frame_of(rows, _NUMBERS, parts="meshes")
     meshes["solved"] = meshes.status == "solved"
     known = references_of(meshes).set_index("problem")
     value, uncertainty = meshes.problem.map(known.value), meshes.problem.map(known.uncertainty)

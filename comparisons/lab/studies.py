@@ -170,21 +170,25 @@ class Row:
     environment: Mapping[str, Any]
 
 
-def frame_of(rows: Sequence[Row], numbers: Sequence[str] = (), others: Sequence[str] = ()) -> "DataFrame":
+def frame_of(
+    rows: Sequence[Row], numbers: Sequence[str] = (), others: Sequence[str] = (), parts: str = ""
+) -> "DataFrame":
     """One line a row: the factors of the case, and the entries of the result.
 
-    Besides "status", that which the task tells or else the row's, "reason", "spent", its seconds, "has", whether there
-    is a result, and "accuracy", which the certificate confirms. The columns `numbers` and `others` are there in any
-    case, those as numbers, NaN where a row has none.
+    Besides "status" and "message", those which the task tells or else status and reason of the row, "reason", "spent",
+    its seconds, "has", whether there is a result, and "accuracy", which the certificate confirms. The columns `numbers`
+    and `others` are there in any case, those as numbers, NaN where a row has none. `parts` is an entry that lists
+    several results: there is a line for each of them.
     """
     from pandas import DataFrame, to_numeric
 
     lines = DataFrame([
-        {**row.case, "status": row.status, **row.result, "reason": row.reason, "spent": row.seconds,
-         "has": row.status == DONE, "accuracy": (row.certificate or {}).get("accuracy")}
-        for row in rows
+        {**row.case, "status": row.status, "message": row.reason, **found, "reason": row.reason, "spent": row.seconds,
+         "has": row.status == DONE, "accuracy": (row.certificate or found).get("accuracy")}
+        for row in rows for found in (row.result.get(parts, [{}]) if parts else [row.result])
     ])  # fmt: skip
-    found = lines.reindex(columns=[*dict.fromkeys((*lines, "status", "has", "accuracy", *numbers, *others))])
+    columns = (*lines, "status", "message", "has", "accuracy", *numbers, *others)
+    found = lines.reindex(columns=[*dict.fromkeys(columns)])
     for name in ("accuracy", *numbers):
         found[name] = to_numeric(found[name])
     return found

@@ -126,9 +126,9 @@ def test_rows_are_certified_solves_with_times_a_memory_and_an_error_of_their_own
     assert own.unknowns == expected.solution.problem.n
     assert own.residual < 1e-8
     for run in runs.itertuples():
-        whole = [sum(pair) for pair in zip(run.setup, run.solve, strict=True)]
-        assert (len(whole), run.seconds) == (2, min(whole))
-        assert min(run.setup + run.solve) > 0.0
+        assert len(run.solve) == 2
+        assert run.setup > 0.0
+        assert run.seconds > min(run.solve) > 0.0
         assert 2**24 < run.before <= run.peak < 2**30
         assert run.error == pytest.approx(abs(run.half_force / LIMIT[1.0] - 1.0))
         assert run.error > 1e-6
