@@ -131,14 +131,7 @@ TOLERANCE: Final = 1e-8
 """That every certificate confirms."""
 
 EQUAL, GRADED, ADAPTIVE, PAPER = "equal", "graded", "adaptive", "paper"
-
-SEQUENCES: Final = {
-    EQUAL: "equal cells, each cut into two triangles",
-    GRADED: "twice the coarsest mesh, triangles halved at places known beforehand: corners, ends of zones",
-    ADAPTIVE: "made by `refine` for the force, from the coarsest mesh",
-    PAPER: "the paper's element (Bogner, Fox, Schmit) on n × n equal cells, the law at four points an edge",
-}
-"""Sequence of meshes → what it is."""
+"""Sequences of meshes, see `mesh.md`; "paper" are equal cells of the paper's element."""
 
 DEGREES: Final = (3, 4, 5, 6, 8)
 REFINED_DEGREE: Final = 5
@@ -342,7 +335,7 @@ def values_of(meshes: DataFrame) -> dict[str, Any]:
         "graded": span(chosen[GRADED]), "graded_missed": int((chosen[GRADED] == np.inf).sum()),
         "adaptive": span(chosen[ADAPTIVE]), "adaptive_missed": int((chosen[ADAPTIVE] == np.inf).sum()),
         "usual": _USUAL, "reached": reached, "solves": len(meshes), "certified": int(meshes.solved.sum()),
-        "sequences": SEQUENCES, "tolerance": TOLERANCE,
+        "tolerance": TOLERANCE,
     }  # fmt: skip
 
 
