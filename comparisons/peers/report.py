@@ -24,7 +24,7 @@ from comparisons.lab.numbers import (
 )  # fmt: skip
 from comparisons.lab.reports import Report, render
 from comparisons.lab.studies import Row, frame_of
-from comparisons.peers.meshes import FAMILIES, ratio
+from comparisons.peers.meshes import FAMILIES
 from comparisons.peers.study import BRACKET, CODES, MODELS, TRIANGLES
 from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE, UNCERTAINTY
 from qvi_contact.plots import BLUE, GREEN, GREY, VERMILLION
@@ -221,7 +221,7 @@ def tables_of(runs: DataFrame, costs: DataFrame) -> dict[str, DataFrame]:
 
 
 def _settings(runs: DataFrame) -> dict[str, DataFrame]:
-    """Values that errors are relative to, models with the memory of their processes before a case, and meshes."""
+    """Values that errors are relative to, and models with the memory of their processes before a case."""
     known = {mu: found for mu in runs.friction.unique() if (found := reference(float(mu)))}
     references = [{"μ": f"{mu:g}", "P/2 [N/mm]": _force(value), "±": scientific(uncertainty), "from": source}
                   for mu, (value, uncertainty, source) in known.items()]  # fmt: skip
@@ -233,15 +233,8 @@ def _settings(runs: DataFrame) -> dict[str, DataFrame]:
             "model": name, "code": _code(model.code), "version, as it says": ", ".join(said) or NOTHING,
             "options": options or NOTHING, "memory with its libraries": memory(found.before.dropna().median()),
         })  # fmt: skip
-    meshes = []
-    for name, family in FAMILIES.items():
-        numbers = sorted(set(runs[runs.mesh == name].number))
-        told = [f"{each} (each cell {ratio(each):g} of the one before it)" if name == "graded" else str(each)
-                for each in numbers]  # fmt: skip
-        if numbers:
-            meshes.append({"family": name, "what it is": family.reading, "cells a side, or levels": listing(told)})
-    frames = map(DataFrame, (references, models, meshes))
-    return dict(zip(("Values that errors are relative to", "Models", "Meshes"), frames, strict=True))
+    frames = map(DataFrame, (references, models))
+    return dict(zip(("Values that errors are relative to", "Models"), frames, strict=True))
 
 
 def report(rows: Sequence[Row]) -> Report:
