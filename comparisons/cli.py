@@ -11,7 +11,7 @@ from typing import Final
 
 import click
 
-from comparisons.exchange.commands import export
+from comparisons.export import export
 from comparisons.lab.commands import COUNT, Experiment, FiniteRange, ListCommand, Plan, experiment, folder_option
 from comparisons.peers import LEVELS
 from qvi_contact.basics.terminal import Command

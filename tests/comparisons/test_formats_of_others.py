@@ -17,13 +17,13 @@ from comparisons.exchange import (
     LocalProblem,
     load_qvi,
     local_problem,
-    programs_of,
-    project,
     save_qvi,
     siconos_error,
     state_of,
     write_fclib,
 )
+from comparisons.exchange.local import project
+from comparisons.exchange.quadratic_programs import programs_of
 from qvi_contact import load_problem, save_problem, solve
 from qvi_contact.gallery import compressed_plate
 from solvers import FrictionQVI, InputError, Status, TractionFactor, certify, solve_qvi
