@@ -22,12 +22,13 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from comparisons.lab import numbers
-from comparisons.lab.numbers import NOTHING, listing, memory, seconds, span
+from comparisons.lab.numbers import NOTHING, memory, seconds, span
 from comparisons.lab.studies import Row
 from qvi_contact.basics.writing import page_template, writable_folder, write_text
 from qvi_contact.errors import InputError
@@ -46,6 +47,10 @@ _LINK: Final = re.compile(r"\]\(#([^)]*)\)")
 _PICTURE: Final = re.compile(r"!\[[^\]]*\]\(([^)]*)\)")
 _FINDINGS: Final = re.compile(r"^## Findings\n(.*?)(?=^#|\Z)", re.M | re.S)
 _WIDTH: Final = 120
+_MACHINE: Final = ("processor", "cores", "memory_bytes", "system", "python", "rows")
+_OF_MACHINES: Final[Mapping[str, Form]] = dict.fromkeys(
+    _MACHINE, lambda value: "unknown" if value is None or value != value else str(value)
+) | {"memory_bytes": lambda value: "unknown" if value is None or value != value else memory(value)}
 
 
 @dataclass(frozen=True)
@@ -166,8 +171,8 @@ def render(
     )  # fmt: skip
     environment.filters |= {each: getattr(numbers, each) for each in _FILTERS}
     source = template if "\n" in template else files(package).joinpath(template).read_text(encoding="utf-8")
-    more = [f"**{title}**\n\n{markdown_table(frame)}" for title, frame in (settings or {}).items()]
-    told = "\n".join([*more, *([_environment(rows)] if rows else [])])
+    known = {"frames": settings or {}, "table": partial(markdown_table, forms=_OF_MACHINES), **_environment(rows)}
+    told = environment.from_string(files(__package__).joinpath("settings.md").read_text(encoding="utf-8")).render(known)
     text = environment.from_string(source).render(**values, table=table, figure=figure, settings=told)
     problems = [f"{each!r} is shown {shown[each]} times" for each in (*tables, *figures) if shown[each] != 1]
     problems += [f"no table or figure is named {each!r}" for each in _LINK.findall(text) if not shown[each]]
@@ -228,8 +233,8 @@ def markdown_table(
     return "\n".join([head, f"| {marks} |", *body, ""])
 
 
-def _environment(rows: Sequence[Row]) -> str:
-    """The runs, their machines, the versions of what they used, in Markdown.
+def _environment(rows: Sequence[Row]) -> dict[str, Any]:
+    """What `settings.md` says of runs, their machines, and the versions of what they used.
 
     Where rows differ each value stands with the number of its rows. The same rows in another order give the same.
     """
@@ -240,44 +245,25 @@ def _environment(rows: Sequence[Row]) -> str:
         texts = Counter(json.dumps(value, sort_keys=True) for value in values)
         return [(json.loads(text), texts[text]) for text in sorted(texts)]
 
-    def shares(values: Iterable[Any], form: Form) -> str:
+    def shares(values: Iterable[Any], form: Form = str) -> str:
         found = counts(values)
         return form(found[0][0]) if len(found) == 1 else ", ".join(f"{form(value)} ({n})" for value, n in found)
 
     given = [row.environment for row in rows]
     loads = [row.load_average for row in rows if row.load_average is not None]
-    missing = len(rows) - len(loads)
-    unknown = f" (unknown for {missing} row{'s' if missing > 1 else ''})" if missing else ""
-    runs = {
-        "rows": str(len(rows)),
-        "status": shares((row.status for row in rows), str),
-        "threads of a run": shares((each.get("threads") for each in given), str),
-        "time limit of a run": shares((each.get("timeout_seconds") for each in given), seconds),
-        "memory limit of a run": shares((each.get("memory_mib") for each in given),
-                                        lambda value: NOTHING if value is None else f"{value} MiB"),
-        "load average before a run": span(loads) + unknown if loads else "unknown",
-    }  # fmt: skip
-    kinds = [(found or {}, number) for found, number in counts(each.get("machine") for each in given)]
-    machines = [
-        {"processor": found.get("processor") or "unknown", "cores": found.get("cores") or "unknown",
-         "memory": memory(found["memory_bytes"]) if found.get("memory_bytes") else "unknown",
-         "system": found.get("system") or "unknown", "Python": found.get("python") or "unknown", "rows": number}
-        for found, number in kinds
-    ]  # fmt: skip
-    several = sum(bool(found) for found, _ in kinds) > 1
+    machines = [{**(found or {}), "rows": number} for found, number in counts(each.get("machine") for each in given)]
     used = [each.get("versions") or {} for each in given]
     packages = sorted({name for each in used for name in each}, key=str.casefold)
     found = {name: counts(each.get(name, "unknown") for each in used) for name in packages}
     versions = [{"package": name, "version": "not installed" if version is None else version, "rows": number}
                 for name, each in found.items() for version, number in each]  # fmt: skip
-    mixed = [name for name, each in found.items() if sum(version != "unknown" for version, _ in each) > 1]
-    parts = [
-        ("Runs", DataFrame({"setting": [*runs], "value": [*runs.values()]}),
-         "Where rows differ, the number of rows with a value stands behind it in brackets."),
-        ("Machines" if several else "Machine", DataFrame(machines),
-         "The rows come from several kinds of machine or system: times can be compared only between rows of the same."
-         if several else ""),
-        ("Versions", DataFrame(versions),
-         f"The rows were computed with different versions of {listing(mixed)}." if mixed else ""),
-    ]  # fmt: skip
-    return "\n".join(f"**{title}**\n\n{markdown_table(frame)}\n{note}\n" for title, frame, note in parts)
+    return {
+        "rows": len(rows), "status": shares(row.status for row in rows),
+        "threads": shares(each.get("threads") for each in given),
+        "limit": shares((each.get("timeout_seconds") for each in given), seconds),
+        "most": shares((each.get("memory_mib") for each in given),
+                       lambda value: NOTHING if value is None else f"{value} MiB"),
+        "loads": span(loads) if loads else "unknown", "unknown": len(rows) - len(loads),
+        "machines": DataFrame(machines, columns=_MACHINE, dtype=object), "versions": DataFrame(versions),
+        "mixed": [name for name, each in found.items() if sum(version != "unknown" for version, _ in each) > 1],
+    }  # fmt: skip
