@@ -22,7 +22,6 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -47,10 +46,10 @@ _LINK: Final = re.compile(r"\]\(#([^)]*)\)")
 _PICTURE: Final = re.compile(r"!\[[^\]]*\]\(([^)]*)\)")
 _FINDINGS: Final = re.compile(r"^## Findings\n(.*?)(?=^#|\Z)", re.M | re.S)
 _WIDTH: Final = 120
-_MACHINE: Final = ("processor", "cores", "memory_bytes", "system", "python", "rows")
-_OF_MACHINES: Final[Mapping[str, Form]] = dict.fromkeys(
-    _MACHINE, lambda value: "unknown" if value is None or value != value else str(value)
-) | {"memory_bytes": lambda value: "unknown" if value is None or value != value else memory(value)}
+_MACHINE: Final = {
+    "processor": "processor", "cores": "cores", "memory_bytes": "memory", "system": "system", "python": "Python",
+    "rows": "rows",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -136,7 +135,6 @@ def render(
     tables: "Mapping[str, DataFrame]",
     figures: Mapping[str, str],
     rows: Sequence[Row] = (),
-    settings: "Mapping[str, DataFrame] | None" = None,
     *,
     forms: Mapping[str, Form] | None = None,
     template: str = "report.md",
@@ -146,7 +144,7 @@ def render(
 
     A template of several lines is the template itself. In it Jinja finds `values` by their names, ``table(name,
     columns)`` with the columns of a frame and their headings (all if none are named), ``figure(name, title)`` of
-    `figures`, see `drawing.drawn`, and ``settings``: the frames of that name, and the environment of the rows. None is
+    `figures`, see `drawing.drawn`, and ``settings``: the environment of the rows. None is
     printed as "none", numbers by the filters of `numbers`, columns of frames by `forms`. `name` is the stem of the
     report's files. `ValueError` if a table or figure is shown twice or not at all, a link within the report leads
     nowhere, or a name is none: a mistake of the program, not of its user.
@@ -171,8 +169,8 @@ def render(
     )  # fmt: skip
     environment.filters |= {each: getattr(numbers, each) for each in _FILTERS}
     source = template if "\n" in template else files(package).joinpath(template).read_text(encoding="utf-8")
-    known = {"frames": settings or {}, "table": partial(markdown_table, forms=_OF_MACHINES), **_environment(rows)}
-    told = environment.from_string(files(__package__).joinpath("settings.md").read_text(encoding="utf-8")).render(known)
+    frame = files(__package__).joinpath("settings.md").read_text(encoding="utf-8")
+    told = environment.from_string(frame).render(_environment(rows)) if rows else ""
     text = environment.from_string(source).render(**values, table=table, figure=figure, settings=told)
     problems = [f"{each!r} is shown {shown[each]} times" for each in (*tables, *figures) if shown[each] != 1]
     problems += [f"no table or figure is named {each!r}" for each in _LINK.findall(text) if not shown[each]]
@@ -252,6 +250,9 @@ def _environment(rows: Sequence[Row]) -> dict[str, Any]:
     given = [row.environment for row in rows]
     loads = [row.load_average for row in rows if row.load_average is not None]
     machines = [{**(found or {}), "rows": number} for found, number in counts(each.get("machine") for each in given)]
+    told = DataFrame(machines, columns=[*_MACHINE], dtype=object)
+    told = told.where(told.notna(), "unknown")
+    told["memory_bytes"] = [each if each == "unknown" else memory(each) for each in told.memory_bytes]
     used = [each.get("versions") or {} for each in given]
     packages = sorted({name for each in used for name in each}, key=str.casefold)
     found = {name: counts(each.get(name, "unknown") for each in used) for name in packages}
@@ -264,6 +265,7 @@ def _environment(rows: Sequence[Row]) -> dict[str, Any]:
         "most": shares((each.get("memory_mib") for each in given),
                        lambda value: NOTHING if value is None else f"{value} MiB"),
         "loads": span(loads) if loads else "unknown", "unknown": len(rows) - len(loads),
-        "machines": DataFrame(machines, columns=_MACHINE, dtype=object), "versions": DataFrame(versions),
+        "machines": markdown_table(told, _MACHINE), "count": len(machines),
+        "versions": markdown_table(DataFrame(versions)),
         "mixed": [name for name, each in found.items() if sum(version != "unknown" for version, _ in each) > 1],
     }  # fmt: skip

@@ -329,14 +329,12 @@ def write(study: PaperStudy, folder: Path) -> tuple[Report, list[Path]]:
     """Write the report, which is the same for the same study, and its tables as CSV; each file whole or not at all."""
     pictures = {name: drawn(f"paper-{name}", partial(draw, study)) for name, draw in PICTURES.items()}
     packages = ("numpy", "scipy", "cvxpy", "clarabel", "osqp", "qpsolvers")
-    settings = {"Versions": DataFrame({"package": packages, "version": [version(name) for name in packages]})}
+    versions = DataFrame({"package": packages, "version": [version(name) for name in packages]})
     frames = {name: DataFrame(rows(study)) for name, rows in TABLES.items()}
     forces, stresses, ends = frames.values()
     ends = ends.assign(share=ends.certified.astype(str) + "/" + ends.problems.astype(str))
-    tables = {"forces": forces, "stresses": stresses, "solvers": ends}
-    made = render(
-        "comparisons.paper", "paper", values_of(study), tables, pictures, settings=settings, forms=_FORMS
-    )  # fmt: skip
+    tables = {"forces": forces, "stresses": stresses, "solvers": ends, "versions": versions}
+    made = render("comparisons.paper", "paper", values_of(study), tables, pictures, forms=_FORMS)
     for name, frame in frames.items():
         write_text(folder / name, frame.to_csv(index=False, lineterminator="\n"))
     return made, [*made.write(folder), *(folder / name for name in frames)]

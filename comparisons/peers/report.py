@@ -195,7 +195,8 @@ FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
     "friction": "{:g}".format, "target": _first, "code": _code, "seconds_own": seconds, "seconds": seconds,
     "setup": seconds, "time_ratio": _factor, "unknowns_own": count,
     "unknowns": count, "half_force": _force, "spread": percent,
-    "peak": memory, "residual": _first, "low": _force, "high": _force, "lower": _force, "upper": _force,
+    "peak": memory, "before": memory, "residual": _first, "value": _force, "uncertainty": scientific,
+    "low": _force, "high": _force, "lower": _force, "upper": _force,
     "half": scientific, "width": scientific, "strain_error": scientific, "error": scientific,
     "sure": lambda sure: "yes" if sure else "no",
     "message": lambda text: text or NOTHING,
@@ -213,28 +214,20 @@ def tables_of(runs: DataFrame, costs: DataFrame) -> dict[str, DataFrame]:
     absent = [key for key in CODES if key not in set(runs.code)]
     remedies = DataFrame([(key, CODES[key].remedy) for key in absent], columns=["code", "how to get it"])
     bracket = shown.code == BRACKET
+    known = [(mu, *found) for mu in runs.friction.unique() if (found := reference(float(mu)))]
+    models = runs.sort_values("order", kind="stable").groupby("model", sort=False).agg(
+        code=("code", "first"), before=("before", "median"),
+        version=("version", lambda said: ", ".join(sorted({*said.dropna()} - {""}))),
+    ).reset_index()  # fmt: skip
+    options = [MODELS[name].options.items() for name in models.model]
+    models["options"] = [", ".join(f"{option} = {value}" for option, value in each) for each in options]
     return {
+        "references": DataFrame(known, columns=["friction", "value", "uncertainty", "source"]),
+        "models": models.replace("", None),
         "compared": compared_of(costs), "intervals": intervals_of(shown), "failures": shown[~shown.solved],
         "missing": remedies, "costs": costs,
         "brackets": shown[bracket], "rows": shown[~bracket],
     }  # fmt: skip
-
-
-def _settings(runs: DataFrame) -> dict[str, DataFrame]:
-    """Values that errors are relative to, and models with the memory of their processes before a case."""
-    known = {mu: found for mu in runs.friction.unique() if (found := reference(float(mu)))}
-    references = [{"μ": f"{mu:g}", "P/2 [N/mm]": _force(value), "±": scientific(uncertainty), "from": source}
-                  for mu, (value, uncertainty, source) in known.items()]  # fmt: skip
-    models = []
-    for name, found in runs.sort_values("order", kind="stable").groupby("model", sort=False):
-        model, said = MODELS[str(name)], sorted(set(found.version.dropna()) - {""})
-        options = ", ".join(f"{option} = {value}" for option, value in model.options.items())
-        models.append({
-            "model": name, "code": _code(model.code), "version, as it says": ", ".join(said) or NOTHING,
-            "options": options or NOTHING, "memory with its libraries": memory(found.before.dropna().median()),
-        })  # fmt: skip
-    frames = map(DataFrame, (references, models))
-    return dict(zip(("Values that errors are relative to", "Models"), frames, strict=True))
 
 
 def report(rows: Sequence[Row]) -> Report:
@@ -252,7 +245,7 @@ def report(rows: Sequence[Row]) -> Report:
         "floor": runs.floor.max(),
     }  # fmt: skip
     figures = {"best": drawn("best", partial(_fronts, runs)) if runs.error.notna().any() else ""}
-    return render("comparisons.peers", "peers", values, tables_of(runs, costs), figures, rows, _settings(runs),
+    return render("comparisons.peers", "peers", values, tables_of(runs, costs), figures, rows,
                   forms=FORMS, failed=contradictory(runs))  # fmt: skip
 
 

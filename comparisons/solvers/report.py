@@ -290,10 +290,6 @@ def report(rows: Sequence[Row]) -> Report:
     )  # fmt: skip
     given.insert(1, "what it is", [TABLE[solver].remark for solver in given.solver])
     lacking = [(name, f"python -m {how_to_install(name)}") for name in TABLE if name not in {*runs.solver, *METHODS}]
-    settings = {
-        "What every solver was asked for": given,
-        "Not compared": DataFrame(lacking, columns=["solver", "how to get it"]),
-    }
+    tables = {**tables_of(runs), "asked": given, "lacking": DataFrame(lacking, columns=["solver", "how to get it"])}
     drawings = {"profiles-inner": drawn("profiles-inner", partial(profiles, of_kind(runs, INNER)))}
-    return render("comparisons.solvers", "solvers", values_of(runs), tables_of(runs), drawings, rows, settings,
-                  forms=_FORMS)  # fmt: skip
+    return render("comparisons.solvers", "solvers", values_of(runs), tables, drawings, rows, forms=_FORMS)
