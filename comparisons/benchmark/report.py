@@ -150,8 +150,7 @@ def _shown_error(value: float | None) -> str:
 _FORMS: Final[dict[str, Form]] = {
     **dict.fromkeys((*PARTS, "numeric", "plain", "factorised"), seconds),
     **dict.fromkeys(("friction", "load"), fixed("g")), "peak": memory, "accuracy": scientific, "spread": percent,
-    **dict.fromkeys(("unknowns", "iterations", "runs", "contact_points", "blocks", "depth", "degree"),
-                    fixed(".0f")),
+    **dict.fromkeys(("unknowns", "iterations", "contact_points", "blocks"), fixed(".0f")),
     **dict.fromkeys((*_POWERS.values(), "ratio"), _HUNDREDTHS), "half_force": fixed(".8f"),
     **dict.fromkeys(("cells", "from", "to"), lambda value: NOTHING if value != value else f"{value:.0f}²"),
     **dict.fromkeys(("later", "together"), partial(significant, digits=2)),
