@@ -1,7 +1,7 @@
 """Pictures of reports, and what many of them have in common."""
 
 from collections.abc import Callable
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -47,10 +47,9 @@ def legend_below(figure: Figure, columns: int = 4, size: float = 8) -> None:
         figure.legend(list(handles.values()), list(handles), loc="outside lower center", **texts)
 
 
-def grid(*panels: Axes, along: Literal["both", "x", "y"] = "both") -> None:
+def grid(axes: Axes) -> None:
     """Thin lines at the labelled values."""
-    for axes in panels:
-        axes.grid(visible=True, which="major", axis=along, color="#dddddd", linewidth=0.5)
+    axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.5)
 
 
 def plain_ticks(*axes: Any) -> None:
@@ -58,10 +57,3 @@ def plain_ticks(*axes: Any) -> None:
     for axis in axes:
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())
-
-
-def failing_band(axes: Axes, low: float, high: float) -> None:
-    """The shaded band in which the marks of what fails stand, and a grid."""
-    axes.axhspan(low, high, color=GREY, alpha=0.18, linewidth=0)
-    axes.text(0.01, 0.985, "fails", transform=axes.transAxes, fontsize=7, va="top", color=GREY)
-    grid(axes)
