@@ -27,11 +27,6 @@ MEANINGLESS: Final = 1e-9
 Rows = Sequence[Row]
 
 
-def _frame(lines: Sequence[Mapping[str, Any]], numbers: Sequence[str], others: Sequence[str] = ()) -> DataFrame:
-    """These columns of the lines; what is no number is NaN where there should be one."""
-    return DataFrame(lines, columns=[*numbers, *others]).astype(dict.fromkeys(numbers, float))
-
-
 def _median(values: Sequence[float] | None) -> float | None:
     return statistics.median(values) if values else None
 
@@ -62,7 +57,8 @@ def solves_of(rows: Rows) -> DataFrame:
             })  # fmt: skip
     numbers = ("cells", "friction", "unknowns", "iterations", "accuracy", "half_force", "half_force_error", *PARTS,
                "spread", "factorised", "peak")  # fmt: skip
-    solves = _frame(lines, numbers, ("status", "message", "library", "fastest"))
+    columns = (*numbers, "status", "message", "library", "fastest")
+    solves = DataFrame(lines, columns=columns).astype(dict.fromkeys(numbers, float))
     return solves.assign(ratio=(solves.solve / solves.factorised).where(solves.status == "solved"))
 
 
