@@ -11,13 +11,13 @@ from typing import Final
 
 import click
 
-from comparisons.exchange.commands import export
+from comparisons.export import export
 from comparisons.lab.commands import COUNT, Experiment, FiniteRange, ListCommand, Plan, experiment, folder_option
 from comparisons.peers import LEVELS
 from qvi_contact.basics.terminal import Command
 from qvi_contact.errors import InputError
 
-_NEEDED: Final = {"markdown-it-py": "markdown_it", "pandas": "pandas"}
+_NEEDED: Final = {"markdown-it-py": "markdown_it", "matplotlib": "matplotlib", "pandas": "pandas"}
 """Distributions that every report needs → their modules."""
 
 

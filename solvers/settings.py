@@ -214,9 +214,10 @@ class Settings:
     callback : callable, optional
         Called with every `solvers.Iteration` of any method. Histories, sweeps and refinement have another one.
     initial : optional
-        Where pivoting, the condensed method and the fixed point begin; it chooses no method. For `solve_qvi` the `QVISolution` of
-        a problem with the same unknowns and rows, or a pressure (m,) for the fixed point. Pivoting goes on from such a
-        state. Two iterations of the condensed method tell whether it is near; if it is not, the usual start is taken.
+        Where pivoting, the condensed method and the fixed point begin; it chooses no method. For `solve_qvi` the
+        `QVISolution` of a problem with the same unknowns and rows, or a pressure (m,) for the fixed point. Pivoting
+        goes on from such a state. Two iterations of the condensed method tell whether it is near; if it is not, the
+        usual start is taken.
     options : mapping
         Options of the method, by name: fields of `CondensedOptions`, `FixedPointOptions`, `PivotingOptions` or
         `UzawaOptions`. By default `max_iterations` counts the iterations of the condensed method and the fixed point.

@@ -14,7 +14,7 @@ import pytest
 
 from comparisons.cli import group as comparisons
 from comparisons.lab.studies import DONE
-from comparisons.verification import KNOWN
+from comparisons.verification.known import KNOWN
 from qvi_contact import RefinementStatus, TriangleMesh, load_result, solve
 from qvi_contact.command.cli import group as qvi_contact
 from qvi_contact.files import FORMAT_VERSION, Archive, FileReader, file_keys, summary, write_npz

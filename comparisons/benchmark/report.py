@@ -5,9 +5,11 @@ import statistics
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 from pandas import DataFrame
 
 from comparisons.benchmark.study import CHAINS, EVERY, FRICTION, PARTS, TOLERANCE, WAYS
@@ -15,27 +17,14 @@ from comparisons.lab.drawing import LOOKS, drawn, grid
 from comparisons.lab.numbers import NOTHING, fixed, memory, percent, scientific, seconds, significant, span
 from comparisons.lab.numbers import spread as spread_of
 from comparisons.lab.reports import Form, Report, render
-from comparisons.lab.studies import DONE, Row
+from comparisons.lab.studies import DONE, Row, frame_of
 from comparisons.settled import LIMITS
 from qvi_contact.plots.style import new_figure
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 MEANINGLESS: Final = 1e-9
 """Relative errors below this say nothing: so uncertain are the values of `LIMITS`."""
 
 Rows = Sequence[Row]
-
-
-def _frame(lines: Sequence[Mapping[str, Any]], numbers: Sequence[str], others: Sequence[str] = ()) -> DataFrame:
-    """These columns of the lines; what is no number is NaN where there should be one."""
-    return DataFrame(lines, columns=[*numbers, *others]).astype(dict.fromkeys(numbers, float))
-
-
-def _answer(row: Row) -> dict[str, Any]:
-    """The result; of a case that was not finished, why."""
-    return dict(row.result) if row.status == DONE else {"status": row.status, "message": row.reason}
 
 
 def _median(values: Sequence[float] | None) -> float | None:
@@ -57,7 +46,7 @@ def solves_of(rows: Rows) -> DataFrame:
     for row in rows:
         plain = {each["backend"]: _median(each["seconds"]["plain"]) for each in row.result.get("plain", ())}
         fastest = min(plain, key=lambda backend: plain[backend] or math.inf, default="")
-        lost = [{"friction": mu, **_answer(row)} for mu in row.case["friction"]]
+        lost = [{"friction": mu, "status": row.status, "message": row.reason} for mu in row.case["friction"]]
         for found in row.result.get("solves", lost):
             times = found.get("seconds", {})
             lines.append({
@@ -68,7 +57,8 @@ def solves_of(rows: Rows) -> DataFrame:
             })  # fmt: skip
     numbers = ("cells", "friction", "unknowns", "iterations", "accuracy", "half_force", "half_force_error", *PARTS,
                "spread", "factorised", "peak")  # fmt: skip
-    solves = _frame(lines, numbers, ("status", "message", "library", "fastest"))
+    columns = (*numbers, "status", "message", "library", "fastest")
+    solves = DataFrame(lines, columns=columns).astype(dict.fromkeys(numbers, float))
     return solves.assign(ratio=(solves.solve / solves.factorised).where(solves.status == "solved"))
 
 
@@ -156,8 +146,7 @@ def _shown_error(value: float | None) -> str:
 _FORMS: Final[dict[str, Form]] = {
     **dict.fromkeys((*PARTS, "numeric", "plain", "factorised"), seconds),
     **dict.fromkeys(("friction", "load"), fixed("g")), "peak": memory, "accuracy": scientific, "spread": percent,
-    **dict.fromkeys(("unknowns", "iterations", "runs", "contact_points", "blocks", "depth", "degree"),
-                    fixed(".0f")),
+    **dict.fromkeys(("unknowns", "iterations", "contact_points", "blocks"), fixed(".0f")),
     **dict.fromkeys((*_POWERS.values(), "ratio"), _HUNDREDTHS), "half_force": fixed(".8f"),
     **dict.fromkeys(("cells", "from", "to"), lambda value: NOTHING if value != value else f"{value:.0f}²"),
     **dict.fromkeys(("later", "together"), partial(significant, digits=2)),
@@ -189,7 +178,7 @@ def walls_of(rows: Rows) -> DataFrame:
     """One line for each wall: CPU seconds, and the solve over one factorisation of K."""
     numbers = ("blocks", "load", "unknowns", "contact_points", "iterations", "accuracy", "assembly", "factorisation",
                "solve", "peak")  # fmt: skip
-    walls = _frame([{**row.case, **_answer(row)} for row in rows], numbers, ("status", "message", "form"))
+    walls = frame_of(rows, numbers, ("form",))
     ratio = (walls.solve / walls.factorisation).where(walls.status == "solved")
     return walls.assign(ratio=ratio, size=walls.blocks**2).sort_values(["blocks", "load"])
 
@@ -209,10 +198,8 @@ def wall_report(rows: Rows) -> Report:
                   forms=forms, template="wall.md")  # fmt: skip
 
 
-def _picture(solves: DataFrame, friction: float | None) -> "Figure | None":
+def _picture(solves: DataFrame, friction: float | None) -> Figure | None:
     """Seconds against unknowns at one friction."""
-    from matplotlib.ticker import NullFormatter
-
     if friction is None:
         return None
     solved, figure = solves[(solves.friction == friction) & (solves.status == "solved")], new_figure(6.0, 4.4)

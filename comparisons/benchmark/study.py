@@ -14,7 +14,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from comparisons.lab.studies import Study, peak_memory
+from comparisons.lab.studies import Study
+from comparisons.peers.codes.process import peak_memory
 from qvi_contact import (
     Contact,
     ContactProblem,

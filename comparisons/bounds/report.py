@@ -6,7 +6,6 @@ from typing import Any, Final
 import numpy as np
 from pandas import DataFrame
 
-from comparisons.bounds.problems import FAMILIES
 from comparisons.lab.reports import Report, render
 from comparisons.lab.studies import Row, frame_of
 
@@ -76,7 +75,7 @@ def values_of(runs: DataFrame, forces: DataFrame) -> dict[str, Any]:
     families = judged.family.value_counts()
     strained, sprung = (int(families.get(name, 0)) for name in ("strains", "springs"))
     return {
-        "runs": len(runs), "bounded": len(bounded), "judged": len(judged), "families": FAMILIES,
+        "runs": len(runs), "bounded": len(bounded), "judged": len(judged),
         "friction": len(judged) - strained - sprung, "strained": strained, "sprung": sprung,
         "outside": int(judged.outside.sum()), "inside": int(judged.inside.sum()),
         "undecided": int((~judged.inside & ~judged.outside).sum()), "unjudged": len(bounded) - len(judged),

@@ -82,7 +82,11 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
     asked |= {"unknowns": len(result.dofs), "cells": problem.mesh.cell_count}
     known = found.coulomb
     energy = found.kind is BracketKind.PROBLEM
-    bounds = _of_energy(found) if energy else None if known is None else (known.error, known.within, known.displacement)
+    if energy:  # √(2 gap) bounds the errors of stress and displacement, even the root of the sum of their squares
+        least = float(np.sqrt(2.0 * max(found.gap, 0.0))) if np.isfinite(found.gap) else np.inf
+        bounds: tuple[float, float, Any] | None = least, least, found.companion
+    else:
+        bounds = None if known is None else (known.error, known.within, known.displacement)
     if bounds is None or not np.isfinite(bounds[0]):
         why = found.message if known is None else known.norm.reason
         return {**asked, "status": "unbounded", "message": found.coulomb_reason or why}
@@ -109,12 +113,6 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
         "size": size, **{name: value / size for name, value in numbers.items()}, "forces": _forces(found, true),
         "reference_unknowns": true.unknowns,
     }  # fmt: skip
-
-
-def _of_energy(found: Bracket) -> tuple[float, float, Any] | None:
-    """√(2 gap) bounds the errors of stress and displacement, even the root of the sum of their squares."""
-    error = float(np.sqrt(2.0 * max(found.gap, 0.0))) if np.isfinite(found.gap) else np.inf
-    return error, error, found.companion
 
 
 def _forces(found: Bracket, true: "Reference") -> list[list[Any]]:

@@ -7,15 +7,16 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
-from pandas import DataFrame, to_numeric
+from matplotlib.figure import Figure
+from pandas import DataFrame
 
 from comparisons.lab.drawing import LOOKS, drawn, grid, legend_below, panelled
 from comparisons.lab.numbers import fixed, scientific, seconds, significant, span
 from comparisons.lab.reports import Form, Report, render
-from comparisons.lab.studies import DONE, Row, Study
+from comparisons.lab.studies import Row, Study, frame_of
 from comparisons.settled import LIMITS, LIMITS_SOURCE, TRANSITIONS
 from qvi_contact import (
     Contact,
@@ -35,9 +36,6 @@ from qvi_contact.plots.style import GREY
 from qvi_contact.problem.conditions import Condition
 from qvi_contact.refinement import RefinementRound
 from solvers import Status, solve_qvi
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _PUSH: Final = 1e-3  # of the punch [mm]
 _RADIUS: Final = 800.0  # of the punch [mm]
@@ -133,14 +131,7 @@ TOLERANCE: Final = 1e-8
 """That every certificate confirms."""
 
 EQUAL, GRADED, ADAPTIVE, PAPER = "equal", "graded", "adaptive", "paper"
-
-SEQUENCES: Final = {
-    EQUAL: "equal cells, each cut into two triangles",
-    GRADED: "twice the coarsest mesh, triangles halved at places known beforehand: corners, ends of zones",
-    ADAPTIVE: "made by `refine` for the force, from the coarsest mesh",
-    PAPER: "the paper's element (Bogner, Fox, Schmit) on n × n equal cells, the law at four points an edge",
-}
-"""Sequence of meshes → what it is."""
+"""Sequences of meshes, see `mesh.md`; "paper" are equal cells of the paper's element."""
 
 DEGREES: Final = (3, 4, 5, 6, 8)
 REFINED_DEGREE: Final = 5
@@ -255,23 +246,16 @@ TARGET: Final = 1e-5
 
 _USUAL: Final = 4  # the degree that `solve` takes
 _NUMBERS: Final = ("force", "unknowns", "cells", "seconds")
-_CASE: Final = ("problem", "sequence", "degree", "size")
 _REFERENCE_DEGREE: Final = 8
 
 
 def meshes_of(rows: Sequence[Row]) -> DataFrame:
     """One line a mesh, in the order of the rows.
 
-    The columns are those of the case and of the record, see `run`, and solved, error (relative, of the force),
-    least (what the reference's uncertainty and the solves leave).
+    The columns are those of `frame_of` and of the records, see `run`, and solved, error (relative, of the force), least
+    (what the reference's uncertainty and the solves leave).
     """
-    lines = [
-        {**{name: row.case[name] for name in _CASE}, **record}
-        for row in rows
-        for record in (row.result["meshes"] if row.status == DONE else [{"status": row.status, "message": row.reason}])
-    ]
-    meshes = DataFrame(lines, columns=[*_CASE, "status", "message", *_NUMBERS])
-    meshes[list(_NUMBERS)] = meshes[list(_NUMBERS)].apply(to_numeric)
+    meshes = frame_of(rows, _NUMBERS, parts="meshes")
     meshes["solved"] = meshes.status == "solved"
     known = references_of(meshes).set_index("problem")
     value, uncertainty = meshes.problem.map(known.value), meshes.problem.map(known.uncertainty)
@@ -351,7 +335,7 @@ def values_of(meshes: DataFrame) -> dict[str, Any]:
         "graded": span(chosen[GRADED]), "graded_missed": int((chosen[GRADED] == np.inf).sum()),
         "adaptive": span(chosen[ADAPTIVE]), "adaptive_missed": int((chosen[ADAPTIVE] == np.inf).sum()),
         "usual": _USUAL, "reached": reached, "solves": len(meshes), "certified": int(meshes.solved.sum()),
-        "sequences": SEQUENCES, "tolerance": TOLERANCE,
+        "tolerance": TOLERANCE,
     }  # fmt: skip
 
 
@@ -386,7 +370,7 @@ _LINES: Final[Sequence[tuple[str, Callable[[DataFrame], DataFrame]]]] = (
 """Curves of the figure."""
 
 
-def _picture(meshes: DataFrame) -> "Figure":
+def _picture(meshes: DataFrame) -> Figure:
     """Errors of the force against unknowns, a panel for each problem."""
     shown = meshes[meshes.solved & (meshes.error > 0.0)]
     groups = list(shown.groupby("problem", sort=False))

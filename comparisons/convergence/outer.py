@@ -2,22 +2,20 @@
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure as Canvas
 from pandas import DataFrame, Series
 
 from comparisons.convergence.bodies import PLACE, ending, in_words, timed
-from comparisons.lab.drawing import drawn, failing_band, legend_below, panelled, plain_ticks
+from comparisons.lab.drawing import drawn, grid, legend_below, panelled, plain_ticks
 from comparisons.lab.numbers import count, fixed, scientific, seconds, significant
 from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import Row, Study, frame_of, largest_of
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
 from qvi_contact.plots.style import PURPLE
 from solvers.certificate.uniqueness import uniqueness_bound
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Canvas
 
 INNER: Final = "direct:clarabel"
 """Inner solver of all loops."""
@@ -232,7 +230,7 @@ _RATES: Final = (1e-2, 10.0, 60.0)
 """Lowest rate drawn, beginning of the band of what fails, top."""
 
 
-def _picture(runs: DataFrame) -> "Canvas":
+def _picture(runs: DataFrame) -> Canvas:
     """A panel for the main mesh of each problem, and one legend for all; crosses for runs that fail."""
     names = main_bodies(runs)
     canvas, panels = panelled(len(names), 8.0, 2.6, 0.9)
@@ -240,7 +238,9 @@ def _picture(runs: DataFrame) -> "Canvas":
     for axes, name in zip(panels, names, strict=True):
         axes.set(yscale="log", ylim=(bottom, top), xlabel="friction μ [-]", ylabel="contraction [-]")
         plain_ticks(axes.yaxis)
-        failing_band(axes, band, top)
+        axes.axhspan(band, top, color=GREY, alpha=0.18, linewidth=0)
+        axes.text(0.01, 0.985, "fails", transform=axes.transAxes, fontsize=7, va="top", color=GREY)
+        grid(axes)
         axes.set_title(name, fontsize=9)
         axes.axhline(1.0, color="black", linewidth=0.8)
         here = runs[(runs.body == name) & (runs.loop != CONDENSED)]

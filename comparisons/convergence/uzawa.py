@@ -14,9 +14,10 @@ go on for ever.
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import product
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from matplotlib.figure import Figure as Canvas
 from pandas import DataFrame, to_numeric
 from scipy.linalg import eigvalsh
 
@@ -29,9 +30,6 @@ from comparisons.paper.reference import load
 from qvi_contact.plots.style import new_figure
 from solvers import QVISolution, solve_qvi
 from solvers.inequality.problem import Compliance
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Canvas
 
 HALF: Final = 0.5
 """The step ω_N of runs with other steps, as a share of its limit; it hardly matters here."""
@@ -247,7 +245,7 @@ FORMS: Final[Mapping[str, Form]] = {
 """Column of a table → how its numbers read."""
 
 
-def _history_picture(found: DataFrame) -> "Canvas":
+def _history_picture(found: DataFrame) -> Canvas:
     """Errors of P/2 after each iteration of the paper's run."""
     paper = load()
     canvas = new_figure(8.0, 4.2)

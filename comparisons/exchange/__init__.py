@@ -26,32 +26,10 @@ As contact codes pose it, with forces r = (r_N, r_T) and displacements u = W r +
     >>> write_fclib("one_contact.hdf5", problem, state, title="One contact, three solutions")
 """
 
-from typing import TYPE_CHECKING
-
-from solvers.basics.front import front
-
-if TYPE_CHECKING:
-    from comparisons.exchange.archive import load_qvi, save_qvi
-    from comparisons.exchange.fclib import write_fclib
-    from comparisons.exchange.local import ContactState, LocalProblem, local_problem, siconos_error, state_of
+from comparisons.exchange.archive import load_qvi, save_qvi
+from comparisons.exchange.fclib import write_fclib
+from comparisons.exchange.local import ContactState, LocalProblem, local_problem, siconos_error, state_of
 
 __all__ = [
-    "ContactState",
-    "LocalProblem",
-    "load_qvi",
-    "local_problem",
-    "save_qvi",
-    "siconos_error",
-    "state_of",
-    "write_fclib",
-]
-
-__getattr__ = front(
-    __name__,
-    {
-        "archive": ("load_qvi", "save_qvi"),
-        "fclib": ("write_fclib",),
-        "local": ("ContactState", "LocalProblem", "local_problem", "project", "siconos_error", "state_of"),
-        "quadratic_programs": ("programs_of",),
-    },
-)
+    "ContactState", "LocalProblem", "load_qvi", "local_problem", "save_qvi", "siconos_error", "state_of", "write_fclib",
+]  # fmt: skip

@@ -13,8 +13,6 @@ if that fails.
 """
 
 import json
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -36,11 +34,10 @@ VERSION = 1
 
 _KIND = "an .npz file written by save_qvi"
 _MATRICES = ("K", "N", "T", "A")
+_TRACES = ("rows", "interpolation")
 _VECTORS = ("f", "n0", "t0", "mu", "W", "b", "cohesion", "cap", "bilateral")
 _SOLUTION = ("z", "normal_multiplier", "tangential_multiplier", "equality_multiplier", "threshold")
 _WORDS = ("method", "inner", "message", "form", "factorisation")
-_ZIP = (zipfile.BadZipFile, zlib.error, EOFError)
-_BROKEN = (OSError, ValueError, KeyError, TypeError, RuntimeError, MemoryError, *_ZIP)
 
 Arrays = dict[str, Any]
 
@@ -56,17 +53,17 @@ def save_qvi(path: str | Path, qvi: FrictionQVI, solution: QVISolution | None = 
     """
     if not isinstance(qvi, FrictionQVI):
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
-    arrays: Arrays = {"format": np.array(FORMAT), "version": np.array(VERSION)}
-    for name in _MATRICES:
-        arrays |= parts_of(name, getattr(qvi, name))
-    arrays |= {name: getattr(qvi, name) for name in _VECTORS}
+    if solution is not None and solution.problem is not qvi and not _same(solution.problem, qvi):
+        raise InputError("solution", "of another problem", "give the solution of this one")
+    matrices = {name: getattr(qvi, name) for name in _MATRICES}
     if qvi.traces is not None:
-        arrays |= parts_of("traces_rows", by_columns(qvi.traces.rows))
-        arrays |= parts_of("traces_interpolation", by_columns(qvi.traces.interpolation))
+        matrices |= {f"traces_{name}": by_columns(getattr(qvi.traces, name)) for name in _TRACES}
+    arrays: Arrays = {"format": np.array(FORMAT), "version": np.array(VERSION)}
+    arrays |= {name: getattr(qvi, name) for name in _VECTORS}
+    for name, matrix in matrices.items():
+        arrays |= parts_of(name, matrix)
     if solution is not None:
         arrays |= {f"solution_{name}": getattr(solution, name) for name in _SOLUTION}
-        if solution.problem is not qvi and not _same(solution.problem, qvi):
-            raise InputError("solution", "of another problem", "give the solution of this one")
         if solution.farkas is not None:
             arrays |= {"solution_farkas_G": solution.farkas[0], "solution_farkas_A": solution.farkas[1]}
         record = {name: getattr(solution, name) for name in _WORDS} | {
@@ -89,34 +86,24 @@ def load_qvi(path: str | Path) -> tuple[FrictionQVI, QVISolution | None]:
 
     """
     try:
-        with open_regular(path) as stream:  # each array is read to its end, so that nothing truncated goes unnoticed
+        with open_regular(path) as stream:
             arrays: Arrays = read_arrays("file", str(path), stream)
-    except InputError:
-        raise
-    except (*_BROKEN, AttributeError) as error:  # AttributeError: a single array, which is no archive
-        raise _unreadable(path, error) from error
-    found, version = str(arrays.get("format", "no format")), arrays.get("version", np.array(0))
-    if found != FORMAT:
-        raise InputError("file", f"{found} in {Path(path).name}", f"give {_KIND}")
-    if version.shape != () or version.dtype.kind != "i" or int(version) != VERSION:
-        found, remedy = f"version {version} of {Path(path).name}", f"give version {VERSION}, or take a newer program"
-        raise InputError("file", found, remedy)
-    try:
+        found, version = str(arrays.get("format", "no format")), arrays.get("version", np.array(0)).item()
+        if found != FORMAT:
+            raise InputError("file", f"{found} in {Path(path).name}", f"give {_KIND}")
+        if version != VERSION:
+            remedy = f"give version {VERSION}, or take a newer program"
+            raise InputError("file", f"version {version} of {Path(path).name}", remedy)
         fields = {name: _matrix(arrays, name) for name in _MATRICES} | {name: arrays[name] for name in _VECTORS}
         if "traces_rows_data" in arrays:
-            fields["traces"] = TractionFactor(_matrix(arrays, "traces_rows"), _matrix(arrays, "traces_interpolation"))
+            fields["traces"] = TractionFactor(*(_matrix(arrays, f"traces_{name}") for name in _TRACES))
         qvi = FrictionQVI.from_arrays(**fields)
         return qvi, _read_solution(qvi, arrays) if "solution_record" in arrays else None
     except InputError:
         raise
-    except (KeyError, ValueError, TypeError, IndexError, AttributeError) as error:
-        raise _unreadable(path, error) from error
-
-
-def _unreadable(path: str | Path, error: Exception) -> InputError:
-    """The error for a file that is missing, truncated or of another format."""
-    reason = getattr(error, "strerror", None) or " ".join(str(error).split()) or type(error).__name__
-    return InputError("file", str(path), f"cannot be read ({reason}): give {_KIND}")
+    except Exception as error:  # of zip, zlib, NumPy and SciPy: what broken bytes raise there is not documented
+        reason = getattr(error, "strerror", None) or " ".join(str(error).split()) or type(error).__name__
+        raise InputError("file", str(path), f"cannot be read ({reason}): give {_KIND}") from error
 
 
 def parts_of(name: str, matrix: Sparse) -> Arrays:
@@ -127,12 +114,8 @@ def parts_of(name: str, matrix: Sparse) -> Arrays:
 
 def _matrix(arrays: Arrays, name: str) -> Sparse:
     data, indices, indptr, shape = (arrays[f"{name}_{part}"] for part in ("data", "indices", "indptr", "shape"))
-    try:
-        m, n = (int(size) for size in shape)
-        matrix: Sparse = csc_array((data, indices, indptr), (m, n))
-        matrix.check_format(full_check=True)
-    except (ValueError, IndexError) as error:
-        raise InputError(name, str(error), "give data, indices, indptr and shape that belong together") from error
+    matrix: Sparse = csc_array((data, indices, indptr), tuple(shape.tolist()))
+    matrix.check_format(full_check=True)
     return matrix
 
 

@@ -2,9 +2,8 @@
 
 import shutil
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -30,17 +29,8 @@ __all__ = ["FrictionContactSparse"]
 '''
 
 
-@dataclass(frozen=True, eq=False)
-class QuadraticProgram:
-    """min ½ zᵀPz + qᵀz  s.t.  G z ≤ h,  A z = b.
-
-    Attributes
-    ----------
-    name : name of its file
-    P, G, A : (n, n), (3m, n) and (p, n) sparse
-    q, h, b : (n,), (3m,) and (p,)
-
-    """
+class QuadraticProgram(NamedTuple):
+    """min ½ zᵀPz + qᵀz  s.t.  G z ≤ h,  A z = b, and the name of its file; sparse P (n, n), G (3m, n) and A (p, n)."""
 
     name: str
     P: Sparse
@@ -49,16 +39,6 @@ class QuadraticProgram:
     h: Vector
     A: Sparse
     b: Vector
-
-    def save(self, folder: Path) -> Path:
-        """Write it into the folder as the test set reads it."""
-        arrays: dict[str, Any] = {"q": self.q, "h": self.h, "b": self.b}
-        for key, matrix in (("P", self.P), ("G", self.G), ("A", self.A)):
-            arrays |= parts_of(key, csc_array(matrix))
-        path = folder / f"{self.name}.npz"
-        with replacing(path) as temporary, temporary.open("wb") as stream:
-            np.savez_compressed(stream, **arrays)
-        return path
 
 
 def standard_problems() -> Iterator[tuple[str, ContactProblem]]:
@@ -108,11 +88,17 @@ def write_test_set(folder: Path, problems: dict[str, ContactProblem], advance: C
     """
     target = folder / "problems"
     target.mkdir(exist_ok=True)
-    written = []
+    written: list[Path] = []
     for name, problem in problems.items():
         solution = solve(problem, law_on="points").solution
         qvi, pressure = solution.problem, solution.problem.pressure(solution.z) if solution.solved else None
-        written += [program.save(target) for program in programs_of(name, qvi, pressure)]
+        for program in programs_of(name, qvi, pressure):
+            arrays: dict[str, Any] = {key: getattr(program, key) for key in "qhb"}
+            for key in "PGA":
+                arrays |= parts_of(key, csc_array(getattr(program, key)))
+            written.append(target / f"{program.name}.npz")
+            with replacing(written[-1]) as temporary, temporary.open("wb") as stream:
+                np.savez_compressed(stream, **arrays)
         advance(name)
     with replacing(folder / TEST_SET) as temporary:
         shutil.copyfile(Path(__file__).with_name(TEST_SET), temporary)

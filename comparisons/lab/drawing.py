@@ -1,16 +1,15 @@
-"""Pictures of reports, drawn where matplotlib is installed, and what many of them have in common."""
+"""Pictures of reports, and what many of them have in common."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Any, Final
 
-from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, has_matplotlib
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
+
+from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
 from qvi_contact.plots.style import PURPLE, SKY, new_figure, settings, svg_text
-
-if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 
 LOOKS: Final = (
     (BLUE, "o", "-"), (VERMILLION, "s", "--"), (GREEN, "^", "-."), (ORANGE, "D", ":"), (PURPLE, "v", "-"),
@@ -19,19 +18,14 @@ LOOKS: Final = (
 """Colour, marker and line of curves of no names of their own, in order."""
 
 
-def drawn(name: str, draw: "Callable[[], Figure | None]") -> str:
-    """The figure that `draw` makes, as SVG with `name` in its identifiers.
-
-    Empty where matplotlib is not installed, or there is nothing to draw.
-    """
-    if not has_matplotlib():
-        return ""
+def drawn(name: str, draw: Callable[[], Figure | None]) -> str:
+    """The figure that `draw` makes, as SVG with `name` in its identifiers; empty where there is nothing to draw."""
     with settings():
         figure = draw()
         return "" if figure is None else svg_text(figure, name)
 
 
-def panelled(number: int, width: float, height: float, beside: float) -> "tuple[Figure, list[Axes]]":
+def panelled(number: int, width: float, height: float, beside: float) -> tuple[Figure, list[Axes]]:
     """A figure with so many panels in rows of two; it is `beside` higher than its rows of this height [inch]."""
     columns = max(min(2, number), 1)
     rows = max(1, -(-number // columns))
@@ -42,7 +36,7 @@ def panelled(number: int, width: float, height: float, beside: float) -> "tuple[
     return figure, panels[:number]
 
 
-def legend_below(figure: "Figure", columns: int = 4, size: float = 8) -> None:
+def legend_below(figure: Figure, columns: int = 4, size: float = 8) -> None:
     """One legend for all panels, each label once; none without labels."""
     handles: dict[str, Artist] = {}
     for axes in figure.axes:
@@ -53,23 +47,13 @@ def legend_below(figure: "Figure", columns: int = 4, size: float = 8) -> None:
         figure.legend(list(handles.values()), list(handles), loc="outside lower center", **texts)
 
 
-def grid(*panels: "Axes", along: Literal["both", "x", "y"] = "both") -> None:
+def grid(axes: Axes) -> None:
     """Thin lines at the labelled values."""
-    for axes in panels:
-        axes.grid(visible=True, which="major", axis=along, color="#dddddd", linewidth=0.5)
+    axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.5)
 
 
 def plain_ticks(*axes: Any) -> None:
     """Decades as plain numbers: quicker to read, and to draw, than powers of ten."""
-    from matplotlib.ticker import NullFormatter
-
     for axis in axes:
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())
-
-
-def failing_band(axes: "Axes", low: float, high: float) -> None:
-    """The shaded band in which the marks of what fails stand, and a grid."""
-    axes.axhspan(low, high, color=GREY, alpha=0.18, linewidth=0)
-    axes.text(0.01, 0.985, "fails", transform=axes.transAxes, fontsize=7, va="top", color=GREY)
-    grid(axes)

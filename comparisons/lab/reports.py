@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from comparisons.lab import numbers
-from comparisons.lab.numbers import NOTHING, listing, memory, seconds, span
+from comparisons.lab.numbers import NOTHING, memory, seconds, span
 from comparisons.lab.studies import Row
 from qvi_contact.basics.writing import page_template, writable_folder, write_text
 from qvi_contact.errors import InputError
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 
 Form = Callable[[Any], str]
 
-NO_PICTURES: Final = "Not drawn: pictures need matplotlib, `python -m pip install matplotlib`."
 NO_ROWS: Final = "No rows."
 
 _FILTERS: Final = ("listing", "memory", "percent", "scientific", "seconds", "significant")
@@ -47,6 +46,10 @@ _LINK: Final = re.compile(r"\]\(#([^)]*)\)")
 _PICTURE: Final = re.compile(r"!\[[^\]]*\]\(([^)]*)\)")
 _FINDINGS: Final = re.compile(r"^## Findings\n(.*?)(?=^#|\Z)", re.M | re.S)
 _WIDTH: Final = 120
+_MACHINE: Final = {
+    "processor": "processor", "cores": "cores", "memory_bytes": "memory", "system": "system", "python": "Python",
+    "rows": "rows",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -132,7 +135,6 @@ def render(
     tables: "Mapping[str, DataFrame]",
     figures: Mapping[str, str],
     rows: Sequence[Row] = (),
-    settings: "Mapping[str, DataFrame] | None" = None,
     *,
     forms: Mapping[str, Form] | None = None,
     template: str = "report.md",
@@ -142,7 +144,7 @@ def render(
 
     A template of several lines is the template itself. In it Jinja finds `values` by their names, ``table(name,
     columns)`` with the columns of a frame and their headings (all if none are named), ``figure(name, title)`` of
-    `figures`, see `drawing.drawn`, and ``settings``: the frames of that name, and the environment of the rows. None is
+    `figures`, see `drawing.drawn`, and ``settings``: the environment of the rows. None is
     printed as "none", numbers by the filters of `numbers`, columns of frames by `forms`. `name` is the stem of the
     report's files. `ValueError` if a table or figure is shown twice or not at all, a link within the report leads
     nowhere, or a name is none: a mistake of the program, not of its user.
@@ -158,7 +160,7 @@ def render(
 
     def figure(which: str, title: str) -> str:
         shown[which] += 1
-        told = f"![{title}]({name}-{which}.svg)" if figures[which] else f"{title}. {NO_PICTURES}"
+        told = f"![{title}]({name}-{which}.svg)" if figures[which] else f"{title}. {NO_ROWS}"
         return f'<a id="{which}"></a>\n\n{told}\n'
 
     environment = Environment(
@@ -167,8 +169,8 @@ def render(
     )  # fmt: skip
     environment.filters |= {each: getattr(numbers, each) for each in _FILTERS}
     source = template if "\n" in template else files(package).joinpath(template).read_text(encoding="utf-8")
-    more = [f"**{title}**\n\n{markdown_table(frame)}" for title, frame in (settings or {}).items()]
-    told = "\n".join([*more, *([_environment(rows)] if rows else [])])
+    frame = files(__package__).joinpath("settings.md").read_text(encoding="utf-8")
+    told = environment.from_string(frame).render(_environment(rows)) if rows else ""
     text = environment.from_string(source).render(**values, table=table, figure=figure, settings=told)
     problems = [f"{each!r} is shown {shown[each]} times" for each in (*tables, *figures) if shown[each] != 1]
     problems += [f"no table or figure is named {each!r}" for each in _LINK.findall(text) if not shown[each]]
@@ -229,77 +231,41 @@ def markdown_table(
     return "\n".join([head, f"| {marks} |", *body, ""])
 
 
-def crossed(
-    frame: "DataFrame", row: str, column: str, cell: "Callable[[DataFrame], str]", columns: Sequence[str] = ()
-) -> "DataFrame":
-    """A line for each value of the column `row`, under each value of `column` what `cell` says of the lines with both.
-
-    They stand in the order in which they are met, or in that of `columns`; where there is no line it is `NOTHING`.
-    """
-    from pandas import DataFrame
-
-    texts = {key: cell(found) for key, found in frame.groupby([row, column], sort=False)}
-    names = columns or tuple(frame[column].unique())
-    lines = [[each, *(texts.get((each, name), NOTHING) for name in names)] for each in frame[row].unique()]
-    return DataFrame(lines, columns=[row, *names])
-
-
-def _environment(rows: Sequence[Row]) -> str:
-    """The runs, their machines, the versions of what they used, in Markdown.
+def _environment(rows: Sequence[Row]) -> dict[str, Any]:
+    """What `settings.md` says of runs, their machines, and the versions of what they used.
 
     Where rows differ each value stands with the number of its rows. The same rows in another order give the same.
     """
     from pandas import DataFrame
 
     def counts(values: Iterable[Any]) -> list[tuple[Any, int]]:
-        """Values with their numbers: numbers by size, then the others by their text, at last what is not known."""
+        """Values with their numbers, in the order of their texts as JSON."""
         texts = Counter(json.dumps(value, sort_keys=True) for value in values)
+        return [(json.loads(text), texts[text]) for text in sorted(texts)]
 
-        def order(text: str) -> tuple[int, float, str]:
-            value = json.loads(text)
-            if value in (None, "unknown"):
-                return 2, 0.0, text
-            return (0, float(value), text) if isinstance(value, int | float) else (1, 0.0, text)
-
-        return [(json.loads(text), texts[text]) for text in sorted(texts, key=order)]
-
-    def shares(values: Iterable[Any], form: Form) -> str:
+    def shares(values: Iterable[Any], form: Form = str) -> str:
         found = counts(values)
         return form(found[0][0]) if len(found) == 1 else ", ".join(f"{form(value)} ({n})" for value, n in found)
 
     given = [row.environment for row in rows]
     loads = [row.load_average for row in rows if row.load_average is not None]
-    missing = len(rows) - len(loads)
-    unknown = f" (unknown for {missing} row{'s' if missing > 1 else ''})" if missing else ""
-    runs = {
-        "rows": str(len(rows)),
-        "status": shares((row.status for row in rows), str),
-        "threads of a run": shares((each.get("threads") for each in given), str),
-        "time limit of a run": shares((each.get("timeout_seconds") for each in given), seconds),
-        "memory limit of a run": shares((each.get("memory_mib") for each in given),
-                                        lambda value: NOTHING if value is None else f"{value} MiB"),
-        "load average before a run": span(loads) + unknown if loads else "unknown",
-    }  # fmt: skip
-    machines = [
-        {"processor": found.get("processor") or "unknown", "cores": found.get("cores") or "unknown",
-         "memory": memory(found["memory_bytes"]) if found.get("memory_bytes") else "unknown",
-         "system": found.get("system") or "unknown", "Python": found.get("python") or "unknown", "rows": number}
-        for found, number in ((each or {}, number) for each, number in counts(each.get("machine") for each in given))
-    ]  # fmt: skip
-    several = sum(each is not None for each, _ in counts(each.get("machine") for each in given)) > 1
+    machines = [{**(found or {}), "rows": number} for found, number in counts(each.get("machine") for each in given)]
+    told = DataFrame(machines, columns=[*_MACHINE], dtype=object)
+    told = told.where(told.notna(), "unknown")
+    told["memory_bytes"] = [each if each == "unknown" else memory(each) for each in told.memory_bytes]
     used = [each.get("versions") or {} for each in given]
     packages = sorted({name for each in used for name in each}, key=str.casefold)
     found = {name: counts(each.get(name, "unknown") for each in used) for name in packages}
     versions = [{"package": name, "version": "not installed" if version is None else version, "rows": number}
                 for name, each in found.items() for version, number in each]  # fmt: skip
-    mixed = [name for name, each in found.items() if sum(version != "unknown" for version, _ in each) > 1]
-    parts = [
-        ("Runs", DataFrame({"setting": [*runs], "value": [*runs.values()]}),
-         "Where rows differ, the number of rows with a value stands behind it in brackets."),
-        ("Machines" if several else "Machine", DataFrame(machines),
-         "The rows come from several kinds of machine or system: times can be compared only between rows of the same."
-         if several else ""),
-        ("Versions", DataFrame(versions),
-         f"The rows were computed with different versions of {listing(mixed)}." if mixed else ""),
-    ]  # fmt: skip
-    return "\n".join(f"**{title}**\n\n{markdown_table(frame)}\n{note}\n" for title, frame, note in parts)
+    return {
+        "rows": len(rows), "status": shares(row.status for row in rows),
+        "threads": shares(each.get("threads") for each in given),
+        "limit": shares((each.get("timeout_seconds") for each in given), seconds),
+        "most": shares((each.get("memory_mib") for each in given),
+                       lambda value: NOTHING if value is None else f"{value} MiB"),
+        "loads": span(loads) if loads else "unknown", "unknown": len(rows) - len(loads),
+        "machines": markdown_table(told, _MACHINE), "count": len(machines),
+        "versions": markdown_table(DataFrame(versions)),
+        "mixed": [name for name, each in found.items() if sum(version != "unknown" for version, _ in each) > 1],
+    }  # fmt: skip

@@ -97,30 +97,22 @@ class Study:
 
 
 def plain(value: Any, name: str) -> Any:
-    """The same value in `dict`, `list` and Python's own scalars; `name` says where it stands.
+    """The same value in `dict`, `list` and Python's own scalars, as JSON has them; `name` says what it is.
 
-    Sequences become lists, NumPy's scalars Python's, members of enumerations their values. `TypeError` if something in
-    it is not plain.
+    Sequences become lists, NumPy's scalars Python's, members of enumerations of texts or numbers their values.
+    `TypeError` if something in it is not plain.
     """
-    if value is None or isinstance(value, bool):
-        return value
-    if isinstance(value, int | float):
-        return int(value) if isinstance(value, int) else float(value)
-    if isinstance(value, str):
-        if any("\ud800" <= letter <= "\udfff" for letter in value):
-            raise TypeError(f"{name} is a text with half a character")
-        return str.__str__(value)
-    if isinstance(value, list | tuple):
-        return [plain(item, f"{name}[{index}]") for index, item in enumerate(value)]
-    if isinstance(value, Mapping):
-        odd = [key for key in value if not isinstance(key, str)]
-        if odd:
-            raise TypeError(f"{name} has a key of type {type(odd[0]).__name__}, not a text")
-        return {plain(key, name): plain(item, f"{name}.{key}") for key, item in value.items()}
-    item = value.item() if getattr(value, "ndim", None) == 0 and hasattr(value, "item") else value
-    if type(item) is type(value):
-        raise TypeError(f"{name} is of type {type(value).__name__}, not a plain value")
-    return plain(item, name)
+
+    def told(item: Any) -> Any:
+        found = dict(item) if isinstance(item, Mapping) else item.item() if getattr(item, "ndim", None) == 0 else item
+        if type(found) is type(item):
+            raise TypeError(f"{type(item).__name__} is no plain value")
+        return found
+
+    try:
+        return json.loads(json.dumps(value, default=told))
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{name}: {error}") from error
 
 
 # where it is run
@@ -143,15 +135,6 @@ def machine() -> dict[str, Any]:
         "memory_bytes": memory, "system": f"{system}, {platform.machine()}",
         "python": f"{platform.python_implementation()} {platform.python_version()}",
     }  # fmt: skip
-
-
-def peak_memory() -> int | None:
-    """Largest resident memory of this process so far [bytes]; None where the system does not tell."""
-    with suppress(OSError):
-        for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
-            if line.startswith("VmHWM:"):  # ru_maxrss would begin with that of the process that started this one
-                return 1024 * int(line.split()[1])
-    return None
 
 
 def versions(packages: Sequence[str] = PACKAGES) -> dict[str, str | None]:
@@ -187,21 +170,25 @@ class Row:
     environment: Mapping[str, Any]
 
 
-def frame_of(rows: Sequence[Row], numbers: Sequence[str] = (), others: Sequence[str] = ()) -> "DataFrame":
+def frame_of(
+    rows: Sequence[Row], numbers: Sequence[str] = (), others: Sequence[str] = (), parts: str = ""
+) -> "DataFrame":
     """One line a row: the factors of the case, and the entries of the result.
 
-    Besides "status", that which the task tells or else the row's, "reason", "spent", its seconds, "has", whether there
-    is a result, and "accuracy", which the certificate confirms. The columns `numbers` and `others` are there in any
-    case, those as numbers, NaN where a row has none.
+    Besides "status" and "message", those which the task tells or else status and reason of the row, "reason", "spent",
+    its seconds, "has", whether there is a result, and "accuracy", which the certificate confirms. The columns `numbers`
+    and `others` are there in any case, those as numbers, NaN where a row has none. `parts` is an entry that lists
+    several results: there is a line for each of them.
     """
     from pandas import DataFrame, to_numeric
 
     lines = DataFrame([
-        {**row.case, "status": row.status, **row.result, "reason": row.reason, "spent": row.seconds,
-         "has": row.status == DONE, "accuracy": (row.certificate or {}).get("accuracy")}
-        for row in rows
+        {**row.case, "status": row.status, "message": row.reason, **found, "reason": row.reason, "spent": row.seconds,
+         "has": row.status == DONE, "accuracy": (row.certificate or found).get("accuracy")}
+        for row in rows for found in (row.result.get(parts, [{}]) if parts else [row.result])
     ])  # fmt: skip
-    found = lines.reindex(columns=[*dict.fromkeys((*lines, "status", "has", "accuracy", *numbers, *others))])
+    columns = (*lines, "status", "message", "has", "accuracy", *numbers, *others)
+    found = lines.reindex(columns=[*dict.fromkeys(columns)])
     for name in ("accuracy", *numbers):
         found[name] = to_numeric(found[name])
     return found

@@ -6,9 +6,12 @@ from functools import partial
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import EllipseCollection
+from matplotlib.figure import Figure
 from pandas import DataFrame
 
 from comparisons.lab.drawing import drawn, grid, legend_below
@@ -20,13 +23,9 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.terminal import Advance
 from qvi_contact.basics.writing import write_text
 from qvi_contact.paper import QuarterPlate
-from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
+from qvi_contact.plots import BLUE, GREY, VERMILLION
 from qvi_contact.plots.style import lines, new_figure
 from solvers import QVISolution, Status, available, solve_qvi
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 SHRINKING: Final = 100.0
 """Iterations after which the shrinking step of the frictionless Uzawa run has halved."""
@@ -42,7 +41,7 @@ class Row:
 
     "uzawa" and "uzawa_printed_rule" are the paper's number of iterations, with the accumulating rule and with that as
     printed, "uzawa_converged" is the former to the tolerance, at μ = 0 with a shrinking step; "back_ends" are fixed
-    points by inner solver, "plain" one without acceleration, "condensed" solves the inequality directly.
+    points by inner solver, "condensed" solves the inequality directly.
     """
 
     friction: float
@@ -52,7 +51,6 @@ class Row:
     uzawa_printed_rule: QVISolution
     uzawa_converged: QVISolution
     back_ends: dict[str, QVISolution]
-    plain: QVISolution
     condensed: QVISolution
 
     @property
@@ -105,16 +103,13 @@ def run(advance: Advance) -> PaperStudy:
         )
         decay = SHRINKING if friction == 0.0 else None
         converged = reference.uzawa(plate.qvi, tolerance=TOLERANCE, step_decay=decay)
-        plain = solve_qvi(plate.qvi, inner="direct:clarabel", tolerance=TOLERANCE, variant="plain")
         condensed = solve_qvi(plate.qvi, method="condensed", tolerance=TOLERANCE)
         advance(f"μ = {friction:.2f}")
         back_ends = {}
         for inner in available():
             back_ends[inner] = solve_qvi(plate.qvi, inner=inner, tolerance=TOLERANCE, patience=PATIENCE)
             advance(f"μ = {friction:.2f}, {inner}")
-        rows.append(
-            Row(friction, printed, plate, accumulating, as_printed, converged, back_ends, plain, condensed)
-        )  # fmt: skip
+        rows.append(Row(friction, printed, plate, accumulating, as_printed, converged, back_ends, condensed))
     # values of P/2 in the last iterations of the frictionless run with a constant step, each once
     smooth = rows[0].plate
     history = reference.uzawa(smooth.qvi).history[-8:]
@@ -209,7 +204,7 @@ def values_of(study: PaperStudy) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def principal_stresses(study: PaperStudy) -> "Figure":
+def principal_stresses(study: PaperStudy) -> Figure:
     """Figures 2-5 (upper row, after the paper's iterations) and the converged states (lower row)."""
     figure = new_figure(13.0, 7.9)
     axes = figure.subplots(2, 4, sharex=True, sharey=True)
@@ -229,7 +224,7 @@ def principal_stresses(study: PaperStudy) -> "Figure":
     return figure
 
 
-def _map(axes: "Axes", row: Row, solution: QVISolution, largest: float) -> float:
+def _map(axes: Axes, row: Row, solution: QVISolution, largest: float) -> float:
     """Grid lines and crosses, or a word where there is no stress state."""
     if not np.isfinite(solution.z).all():
         axes.text(0.5, 0.5, f"no stress state: {solution.status}", ha="center", transform=axes.transAxes)
@@ -244,13 +239,11 @@ def _map(axes: "Axes", row: Row, solution: QVISolution, largest: float) -> float
     return row.largest_principal_stress(solution)
 
 
-def _crosses(axes: "Axes", points: FloatArray, stress: FloatArray, spacing: FloatArray, full: float) -> None:
+def _crosses(axes: Axes, points: FloatArray, stress: FloatArray, spacing: FloatArray, full: float) -> None:
     """Principal stresses (..., 3) as crosses at points (..., 2): compression solid, tension dotted with round ends.
 
     A stress of the size `full` is drawn as long as the distance (...) of neighbouring points.
     """
-    from matplotlib.collections import EllipseCollection
-
     first, second, angle = principal(stress)
     least = 1e-3 * float(max(np.abs(first).max(), np.abs(second).max()))
     for values, turn in ((first, 0.0), (second, np.pi / 2)):
@@ -266,7 +259,7 @@ def _crosses(axes: "Axes", points: FloatArray, stress: FloatArray, spacing: Floa
         axes.add_collection(EllipseCollection(size, size, np.zeros_like(size), **look, **dots))
 
 
-def contact_tractions(study: PaperStudy) -> "Figure":
+def contact_tractions(study: PaperStudy) -> Figure:
     """Converged pressure, friction bound and tangential traction on the contact, and the share of the bound used."""
     chosen = [row for row in study.rows if row.friction in (0.05, 0.1, 0.2, 0.3)]
     figure = new_figure(13.0, 6.0)
@@ -296,41 +289,7 @@ def _apart(values: FloatArray) -> FloatArray:
     return np.pad(values, ((0, 0), (0, 1)), constant_values=np.nan).ravel()
 
 
-def convergence(study: PaperStudy) -> "Figure":
-    """Error of P/2 against the number of iterations, Uzawa and fixed point."""
-    figure = new_figure(9.0, 4.4)
-    left, right = figure.subplots(1, 2, sharey=True)
-    chosen = [row for row in study.rows if row.friction in (0.05, 0.1, 0.2)]
-    styles = [(BLUE, "-", "o"), (ORANGE, "--", "s"), (GREEN, ":", "^")]
-    for row, (colour, line, marker) in zip(chosen, styles, strict=True):
-        label = f"μ = {row.friction:g}"
-        solution = -row.reference.history[-1].normal_resultant
-        left.semilogy(*_errors(row.uzawa_converged, solution), color=colour, linestyle=line, label=label)
-        right.semilogy(*_errors(row.plain, solution), color=colour, linestyle=line, marker=marker, label=label)
-    left.axvline(study.reference.iterations, color=GREY, linewidth=0.8)
-    stopped = study.reference.iterations
-    left.annotate(
-        f"the paper stopped here ({stopped})", (stopped, 0.97), xycoords=("data", "axes fraction"), xytext=(5, 0),
-        textcoords="offset points", va="top", color=GREY,
-    )  # fmt: skip
-    left.set_title("Uzawa, accumulating rule")
-    right.set_title("fixed point (plain), one convex QP each")
-    for panel in (left, right):
-        panel.set_xlabel("iterations")
-        grid(panel)
-        panel.legend()
-    right.xaxis.get_major_locator().set_params(integer=True)
-    left.set(ylabel="relative error of P/2", ylim=(1e-13, None))
-    return figure
-
-
-def _errors(result: QVISolution, solution: float) -> tuple[FloatArray, FloatArray]:
-    number = np.array([float(record.number) for record in result.history])
-    force = -np.array([record.normal_resultant for record in result.history])
-    return number, np.maximum(np.abs(force / solution - 1.0), 1e-16)
-
-
-def table_1(study: PaperStudy) -> "Figure":
+def table_1(study: PaperStudy) -> Figure:
     """Table 1 as a picture: printed forces, Uzawa after the same iterations, the solution."""
     figure = new_figure(6.4, 4.4)
     axes = figure.subplots()
@@ -352,11 +311,10 @@ def table_1(study: PaperStudy) -> "Figure":
 TABLES: Final = {"table_1.csv": table_rows, "figures_2_to_5.csv": figure_rows, "back_ends.csv": back_end_rows}
 """Name of a file → its rows."""
 
-PICTURES: "Final[Mapping[str, Callable[[PaperStudy], Figure]]]" = {
+PICTURES: Final[Mapping[str, Callable[[PaperStudy], Figure]]] = {
     "table-1": table_1,
     "figures-2-to-5": principal_stresses,
     "contact-tractions": contact_tractions,
-    "convergence": convergence,
 }
 
 _FORMS: Final[dict[str, Form]] = {
@@ -371,14 +329,12 @@ def write(study: PaperStudy, folder: Path) -> tuple[Report, list[Path]]:
     """Write the report, which is the same for the same study, and its tables as CSV; each file whole or not at all."""
     pictures = {name: drawn(f"paper-{name}", partial(draw, study)) for name, draw in PICTURES.items()}
     packages = ("numpy", "scipy", "cvxpy", "clarabel", "osqp", "qpsolvers")
-    settings = {"Versions": DataFrame({"package": packages, "version": [version(name) for name in packages]})}
+    versions = DataFrame({"package": packages, "version": [version(name) for name in packages]})
     frames = {name: DataFrame(rows(study)) for name, rows in TABLES.items()}
     forces, stresses, ends = frames.values()
     ends = ends.assign(share=ends.certified.astype(str) + "/" + ends.problems.astype(str))
-    tables = {"forces": forces, "stresses": stresses, "solvers": ends}
-    made = render(
-        "comparisons.paper", "paper", values_of(study), tables, pictures, settings=settings, forms=_FORMS
-    )  # fmt: skip
+    tables = {"forces": forces, "stresses": stresses, "solvers": ends, "versions": versions}
+    made = render("comparisons.paper", "paper", values_of(study), tables, pictures, forms=_FORMS)
     for name, frame in frames.items():
         write_text(folder / name, frame.to_csv(index=False, lineterminator="\n"))
     return made, [*made.write(folder), *(folder / name for name in frames)]

@@ -37,18 +37,10 @@ Lines: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 class Family(NamedTuple):
-    """Meshes of one kind, by a number: of cells a side if it is `counted`, else a level from 0.
-
-    Those `to_transition` are graded to corner and transition, by what is known of the solution; those of its `own` a
-    code refines itself, so that no two codes have the same. `reading` says what the number means.
-    """
+    """Meshes of one kind, by a number: of cells a side if it is `counted`, else a level from 0; see `report.md`."""
 
     counted: bool
-    triangles: bool
-    to_transition: bool
     make: Callable[[float, int], Lines | TriangleMesh]
-    reading: str
-    own: bool = False
 
     def label(self, number: int) -> str:
         """How a table names a member."""
@@ -136,28 +128,12 @@ def counter_clockwise(vertices: FloatArray, cells: Any) -> Any:
 
 
 FAMILIES: Final[Mapping[str, Family]] = {
-    "uniform": Family(
-        True, False, False, lambda _, n: (graded_lines(0.0, 1.0, n),) * 2, "n × n squares",
-    ),
-    "graded": Family(
-        True, False, False, lambda _, n: (graded_lines(0.0, 1.0, n, ratio(n)),) * 2,
-        "n × n rectangles that shrink towards the free corner",
-    ),
-    "cut squares": Family(
-        True, True, False, lambda _, n: TriangleMesh.rectangle((n, n)), "n × n squares, each cut into two triangles",
-    ),
-    "strips": Family(
-        False, False, True, _strips(0.5),
-        "rectangles, each half as wide as the one before it towards corner and transition",
-    ),
-    "narrow strips": Family(
-        False, False, True, _strips(0.25),
-        "rectangles, each a quarter as wide as the one before it towards corner and transition",
-    ),
-    "adaptive": Family(
-        False, True, False, lambda *_: TriangleMesh.rectangle((1, 1)),
-        "one square cut into two triangles, bisected by the code until P/2 is within 10^-(2.5 + level/2)", own=True,
-    ),
-    "bisected": Family(False, True, True, _bisected, "triangles, bisected again and again at corner and transition"),
-}  # fmt: skip
+    "uniform": Family(True, lambda _, n: (graded_lines(0.0, 1.0, n),) * 2),
+    "graded": Family(True, lambda _, n: (graded_lines(0.0, 1.0, n, ratio(n)),) * 2),
+    "cut squares": Family(True, lambda _, n: TriangleMesh.rectangle((n, n))),
+    "strips": Family(False, _strips(0.5)),
+    "narrow strips": Family(False, _strips(0.25)),
+    "adaptive": Family(False, lambda *_: TriangleMesh.rectangle((1, 1))),
+    "bisected": Family(False, _bisected),
+}
 """Name → family."""

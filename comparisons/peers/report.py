@@ -3,9 +3,10 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
-from pandas import DataFrame, concat, factorize, to_numeric
+from matplotlib.figure import Figure
+from pandas import DataFrame, Series, concat, factorize, to_numeric
 
 from comparisons.lab.drawing import drawn, grid, legend_below, panelled, plain_ticks
 from comparisons.lab.numbers import (
@@ -22,14 +23,11 @@ from comparisons.lab.numbers import (
     spread,
 )  # fmt: skip
 from comparisons.lab.reports import Report, render
-from comparisons.lab.studies import DONE, Row
-from comparisons.peers.meshes import FAMILIES, ratio
+from comparisons.lab.studies import Row, frame_of
+from comparisons.peers.meshes import FAMILIES
 from comparisons.peers.study import BRACKET, CODES, MODELS, TRIANGLES
 from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE, UNCERTAINTY
 from qvi_contact.plots import BLUE, GREEN, GREY, VERMILLION
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 INVERTED: Final = "inverted"
 """Status of a bracket whose lower end is above its upper one by more than twice `RESOLUTION`: it proves nothing."""
@@ -61,10 +59,10 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
 
     The columns are friction (μ), model, code and mesh (keys of `CODES` and `FAMILIES`), number and label of the mesh,
     run (model and mesh in words), status, message, solved,
-    half_force (P/2) [N/mm], unknowns, iterations, residual of the code's own check, setup and solve (times of the
-    repetitions) [s], seconds (the smallest sum of both: what else the machine does can only add to it), spread (the
-    largest less the smallest over the median), before and peak (largest resident memory before the case and after its
-    first solve) [bytes], version; of brackets lower, upper, width, strain_error, guaranteed, kind, and low and high:
+    half_force (P/2) [N/mm], unknowns, iterations, residual of the code's own check, setup (the smallest time) [s],
+    seconds (the smallest time with the solve: what else the machine does can only add to it), spread (the largest less
+    the smallest over the median), before and peak (largest resident memory before the case and after its
+    first solve) [bytes], version; of brackets lower, upper, width, strain_error, guaranteed, and low and high:
     guaranteed bounds of P/2, wider by `RESOLUTION`. Of runs that are solved, where P/2 is known: floor (what is
     resolved), error (relative), lasting, confirmed.
 
@@ -72,24 +70,26 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
     value. So lasting is the largest error of the model on this and all finer meshes that are solved; confirmed says
     whether there is a finer one.
     """
-    lines = []
-    for row in rows:
-        model, number = MODELS[row.case["model"]], row.case["number"]
-        result = row.result if row.status == DONE else {"status": row.status, "message": row.reason}
-        times = {name: tuple(result.get(name, ())) for name in ("setup", "solve")}
-        whole = [sum(pair) for pair in zip(times["setup"], times["solve"], strict=True)]
-        line = {
-            "friction": row.case["friction"], "model": row.case["model"], "code": model.code, "mesh": model.mesh,
-            "number": number, "label": model.family.label(number), "order": list(MODELS).index(row.case["model"]),
-            "rank": list(CODES).index(model.code), "status": result["status"], "message": result["message"],
-            **{name: result.get(name) for name in NUMBERS}, **times, "seconds": min(whole, default=None),
-            "spread": spread(whole), "version": result.get("version"),
-            **dict.fromkeys((*BOUNDS, "kind", "low", "high")), "guaranteed": False,
-        }  # fmt: skip
-        lines.append(line | _bounds(result) if model.code == BRACKET and result["status"] == "solved" else line)
-    runs = DataFrame(lines)
-    for name in (*NUMBERS, *BOUNDS, "seconds", "spread", "low", "high"):
-        runs[name] = to_numeric(runs[name]).replace([math.inf, -math.inf], math.nan)
+    runs = frame_of(rows, (*NUMBERS, *BOUNDS), ("setup", "solve", "version", "guaranteed"))
+    models = [MODELS[name] for name in runs.model]
+    setup, solve = ([each if isinstance(each, list) else [] for each in runs[name]] for name in ("setup", "solve"))
+    whole = [[*map(sum, zip(*pair, strict=True))] for pair in zip(setup, solve, strict=True)]
+    runs = runs.assign(
+        code=[each.code for each in models], mesh=[each.mesh for each in models],
+        label=[each.family.label(number) for each, number in zip(models, runs.number, strict=True)],
+        order=runs.model.map(list(MODELS).index), rank=[list(CODES).index(each.code) for each in models],
+        setup=[min(each, default=math.nan) for each in setup], seconds=[min(each, default=math.nan) for each in whole],
+        spread=to_numeric(Series(map(spread, whole))), guaranteed=runs.guaranteed == True,  # noqa: E712 - or missing
+    )  # fmt: skip
+    bracket = (runs.code == BRACKET) & (runs.status == "solved")
+    runs[[*BOUNDS]] = runs[[*BOUNDS]].replace([math.inf, -math.inf], math.nan).where(bracket)
+    sure = bracket & runs.guaranteed
+    runs["low"] = (runs.lower - RESOLUTION * runs.lower.abs()).where(sure & runs.upper.notna())
+    runs["high"] = (runs.upper + RESOLUTION * runs.upper.abs()).where(sure & runs.lower.notna())
+    inverted = bracket & ((runs.width < -RESOLUTION) | (runs.low > runs.high))
+    runs["status"] = runs.status.mask(inverted, INVERTED)
+    runs["message"] = runs.message.mask(inverted, runs.width.map(
+        "the lower end is above the upper one: half width {:.1e}".format))  # fmt: skip
     runs["run"] = runs.model + ", " + runs.label
     runs["solved"] = runs.status == "solved"
     runs["bounded"] = runs.solved & runs.low.notna()
@@ -104,27 +104,6 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
     runs["lasting"] = curves.error.cummax()
     finest = runs.number.where(runs.error.notna()).groupby([runs["first"], runs.order]).transform("max")
     return runs.assign(confirmed=runs.number < finest)
-
-
-def _bounds(result: Any) -> dict[str, Any]:
-    """What a bracket says, and its status if its ends are in the wrong order."""
-    found = {name: result[name] for name in (*BOUNDS, "kind", "guaranteed")}
-    ends = [end for end in (found["lower"], found["upper"]) if end is not None and math.isfinite(end)]
-    known, inverted = "", found["width"] < -RESOLUTION
-    if found["guaranteed"] and len(ends) == 2:
-        lower, upper = ends
-        found |= {"low": lower - RESOLUTION * abs(lower), "high": upper + RESOLUTION * abs(upper)}
-        known, inverted = f", P/2 from {lower:.7f} to {upper:.7f} N/mm", inverted or found["low"] > found["high"]
-    if inverted:
-        text = f"the lower end is above the upper one: half width {scientific(found['width'])}{known}"
-        found |= {"status": INVERTED, "message": text}
-    return found
-
-
-def guaranteed(runs: DataFrame) -> DataFrame:
-    """The brackets that bound P/2, the narrowest first."""
-    sure = runs[runs.bounded]
-    return sure.assign(gap=sure.high - sure.low).sort_values("gap", kind="stable")
 
 
 def intervals_of(runs: DataFrame) -> DataFrame:
@@ -214,9 +193,10 @@ def _code(key: str) -> str:
 _force, _first = fixed(".7f"), partial(scientific, digits=1)
 FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
     "friction": "{:g}".format, "target": _first, "code": _code, "seconds_own": seconds, "seconds": seconds,
-    "setup": lambda times: seconds(min(times, default=None)), "time_ratio": _factor, "unknowns_own": count,
+    "setup": seconds, "time_ratio": _factor, "unknowns_own": count,
     "unknowns": count, "half_force": _force, "spread": percent,
-    "peak": memory, "residual": _first, "low": _force, "high": _force, "lower": _force, "upper": _force,
+    "peak": memory, "before": memory, "residual": _first, "value": _force, "uncertainty": scientific,
+    "low": _force, "high": _force, "lower": _force, "upper": _force,
     "half": scientific, "width": scientific, "strain_error": scientific, "error": scientific,
     "sure": lambda sure: "yes" if sure else "no",
     "message": lambda text: text or NOTHING,
@@ -234,35 +214,20 @@ def tables_of(runs: DataFrame, costs: DataFrame) -> dict[str, DataFrame]:
     absent = [key for key in CODES if key not in set(runs.code)]
     remedies = DataFrame([(key, CODES[key].remedy) for key in absent], columns=["code", "how to get it"])
     bracket = shown.code == BRACKET
+    known = [(mu, *found) for mu in runs.friction.unique() if (found := reference(float(mu)))]
+    models = runs.sort_values("order", kind="stable").groupby("model", sort=False).agg(
+        code=("code", "first"), before=("before", "median"),
+        version=("version", lambda said: ", ".join(sorted({*said.dropna()} - {""}))),
+    ).reset_index()  # fmt: skip
+    options = [MODELS[name].options.items() for name in models.model]
+    models["options"] = [", ".join(f"{option} = {value}" for option, value in each) for each in options]
     return {
+        "references": DataFrame(known, columns=["friction", "value", "uncertainty", "source"]),
+        "models": models.replace("", None),
         "compared": compared_of(costs), "intervals": intervals_of(shown), "failures": shown[~shown.solved],
         "missing": remedies, "costs": costs,
         "brackets": shown[bracket], "rows": shown[~bracket],
     }  # fmt: skip
-
-
-def _settings(runs: DataFrame) -> dict[str, DataFrame]:
-    """Values that errors are relative to, models with the memory of their processes before a case, and meshes."""
-    known = {mu: found for mu in runs.friction.unique() if (found := reference(float(mu)))}
-    references = [{"μ": f"{mu:g}", "P/2 [N/mm]": _force(value), "±": scientific(uncertainty), "from": source}
-                  for mu, (value, uncertainty, source) in known.items()]  # fmt: skip
-    models = []
-    for name, found in runs.sort_values("order", kind="stable").groupby("model", sort=False):
-        model, said = MODELS[str(name)], sorted(set(found.version.dropna()) - {""})
-        options = ", ".join(f"{option} = {value}" for option, value in model.options.items())
-        models.append({
-            "model": name, "code": _code(model.code), "version, as it says": ", ".join(said) or NOTHING,
-            "options": options or NOTHING, "memory with its libraries": memory(found.before.dropna().median()),
-        })  # fmt: skip
-    meshes = []
-    for name, family in FAMILIES.items():
-        numbers = sorted(set(runs[runs.mesh == name].number))
-        told = [f"{each} (each cell {ratio(each):g} of the one before it)" if name == "graded" else str(each)
-                for each in numbers]  # fmt: skip
-        if numbers:
-            meshes.append({"family": name, "what it is": family.reading, "cells a side, or levels": listing(told)})
-    frames = map(DataFrame, (references, models, meshes))
-    return dict(zip(("Values that errors are relative to", "Models", "Meshes"), frames, strict=True))
 
 
 def report(rows: Sequence[Row]) -> Report:
@@ -280,14 +245,14 @@ def report(rows: Sequence[Row]) -> Report:
         "floor": runs.floor.max(),
     }  # fmt: skip
     figures = {"best": drawn("best", partial(_fronts, runs)) if runs.error.notna().any() else ""}
-    return render("comparisons.peers", "peers", values, tables_of(runs, costs), figures, rows, _settings(runs),
+    return render("comparisons.peers", "peers", values, tables_of(runs, costs), figures, rows,
                   forms=FORMS, failed=contradictory(runs))  # fmt: skip
 
 
 _COLOURS: Final = {TRIANGLES: BLUE, BRACKET: GREY, "ngsolve": VERMILLION, "getfem": GREEN}
 
 
-def _fronts(runs: DataFrame) -> "Figure":
+def _fronts(runs: DataFrame) -> Figure:
     """A panel for each μ: the best error that each code has over all its models and meshes, against time."""
     groups = list(runs[runs.error.notna()].groupby("friction", sort=False))
     figure, panels = panelled(len(groups), 8.0, 2.9, 0.6)

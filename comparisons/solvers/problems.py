@@ -23,11 +23,7 @@ import numpy as np
 from scipy.sparse import csc_array, vstack
 
 from comparisons.convergence.bodies import dragged_block
-from qvi_contact import (
-    ContactProblem,
-    discretize,
-    paper,
-)
+from qvi_contact import ContactProblem, discretize, paper
 from qvi_contact.gallery import ssnv128
 from solvers import FrictionQVI, Law, QVISolution, certify, solve_qvi
 from solvers.basics.types import Vector
@@ -137,10 +133,6 @@ def _plate(cells: int, friction: float = 0.2, grading: float = 1.0) -> Callable[
     return lambda: paper.plate(friction, (cells, cells), grading=grading).qvi
 
 
-def _ssnv128(cells: int) -> Callable[[], FrictionQVI]:
-    return lambda: _algebra(ssnv128((cells, cells)))
-
-
 def _block(drag: float, push: float) -> Callable[[], FrictionQVI]:
     """A block on ground with μ = 0.5 under a uniform stress: σ_yy = −push, σ_xy = drag [MPa]."""
     return lambda: _algebra(dragged_block(0.5, (4, 2), drag, push, 1e4))
@@ -161,7 +153,7 @@ PROBLEMS: Final[Mapping[str, Described]] = MappingProxyType({
     "plate_16": Described(_plate(16), "well conditioned", small=False),
     "graded_8": Described(_plate(8, grading=GRADING), "ill conditioned"),
     "graded_16": Described(_plate(16, grading=GRADING), "ill conditioned", small=False),
-    "ssnv128_4": Described(_ssnv128(4), "open contact"),
+    "ssnv128_4": Described(lambda: _algebra(ssnv128((4, 4))), "open contact"),
     "stick_8": Described(_plate(8, friction=2.0), "sticking"),
     "stick_16": Described(_plate(16, friction=2.0), "sticking", small=False),
     "doubled_rows": Described(lambda: doubled_rows(_plate(8)()), "redundant rows"),

@@ -6,35 +6,24 @@ A time counts only if the certificate passed; a failure has no time and is never
 import math
 import statistics
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator
 from pandas import DataFrame, Series, concat
 
 from comparisons.lab.drawing import LOOKS, drawn, grid, plain_ticks
 from comparisons.lab.numbers import count, percent, seconds, significant, span
-from comparisons.lab.reports import Form, Report, crossed, render
+from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import Row, frame_of
 from comparisons.solvers.accuracies import LEVELS, MARGIN, METHODS, TABLE
 from comparisons.solvers.problems import PROBLEMS
-from comparisons.solvers.study import (
-    COLD,
-    FALSE_ALARM,
-    GAVE_UP,
-    INNER,
-    MODEST,
-    NO_ANSWER,
-    OUTER,
-    RIGHT,
-    UNTRUE,
-)
+from comparisons.solvers.study import COLD, FALSE_ALARM, GAVE_UP, INNER, MODEST, NO_ANSWER, OUTER, RIGHT, UNTRUE
 from qvi_contact.plots.style import new_figure
 from solvers.inner.registry import how_to_install
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 KINDS: Final = {
     "inner": "single inner problems",
@@ -192,12 +181,12 @@ def tables_of(runs: DataFrame) -> dict[str, DataFrame]:
              for kind, name in KINDS.items() for solver, solved, given, within in ranking(runs, kind)]  # fmt: skip
     told = told_by(runs).reset_index()
     hopeless = runs[~runs.feasible]
+    hopeless = hopeless.assign(column=hopeless.problem + ", " + hopeless.task + ", " + hopeless.form)
     return {
         "overview": overview(runs), "truth": told.assign(true=1.0 - told.share),
         "first": DataFrame(first, columns=["kind", "solver", "solved", "within"]),
         **{f"times-{kind}": speeds(of_kind(runs, kind)) for kind in KINDS},
-        "infeasible": crossed(hopeless.assign(column=hopeless.problem + ", " + hopeless.task + ", " + hopeless.form),
-                              "solver", "column", _words),
+        "infeasible": _crossed(hopeless, "column", "status", _words),
     }  # fmt: skip
 
 
@@ -230,20 +219,24 @@ def speeds(chosen: DataFrame) -> DataFrame:
     return concat(parts, axis=1).reindex(chosen.solver.unique()).rename_axis("solver").reset_index()
 
 
-def _words(runs: DataFrame) -> str:
-    counts = Counter(status.replace("_", " ") for status in runs.status)
+def _crossed(runs: DataFrame, column: str, value: str, cell: Callable[[Series], str]) -> DataFrame:
+    """A line for each solver, under each value of the column a text of the values there, in the order of the runs."""
+    told = runs.pivot_table(value, "solver", column, cell, sort=False)
+    return told.reindex(runs.solver.unique(), columns=runs[column].unique()).rename_axis("solver").reset_index()
+
+
+def _words(statuses: Series) -> str:
+    counts = Counter(status.replace("_", " ") for status in statuses)
     return ", ".join(f"{word} ({number})" for word, number in sorted(counts.items()))
 
 
 _RATIOS: Final = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # that the axis tells
 
 
-def profiles(runs: DataFrame) -> "Figure | None":
+def profiles(runs: DataFrame) -> Figure | None:
     """A panel for each level, a step curve for each solver: the best by area in colour, the others grey."""
     if runs.empty:
         return None
-    from matplotlib.ticker import FixedLocator
-
     levels = [level for level in LEVELS if level in set(runs.level)]
     figure = new_figure(3.9 * len(levels), 4.4)
     panels = figure.subplots(1, len(levels), sharey=True, squeeze=False)[0]
@@ -281,18 +274,12 @@ _FORMS: Final[Mapping[str, Form]] = {
 def report(rows: Sequence[Row]) -> Report:
     """The report; the same rows give the same one."""
     runs = runs_of(rows)
-    given = crossed(
-        runs.dropna(subset="options"), "solver", "level",
-        lambda found: ", ".join(f"{name}={value}" for name, value in sorted(found.options.iloc[0].items()))
-        or "no option",
-        tuple(LEVELS),
+    given = _crossed(
+        runs.dropna(subset="options"), "level", "options",
+        lambda found: ", ".join(f"{name}={value}" for name, value in sorted(found.iloc[0].items())) or "no option",
     )  # fmt: skip
     given.insert(1, "what it is", [TABLE[solver].remark for solver in given.solver])
     lacking = [(name, f"python -m {how_to_install(name)}") for name in TABLE if name not in {*runs.solver, *METHODS}]
-    settings = {
-        "What every solver was asked for": given,
-        "Not compared": DataFrame(lacking, columns=["solver", "how to get it"]),
-    }
+    tables = {**tables_of(runs), "asked": given, "lacking": DataFrame(lacking, columns=["solver", "how to get it"])}
     drawings = {"profiles-inner": drawn("profiles-inner", partial(profiles, of_kind(runs, INNER)))}
-    return render("comparisons.solvers", "solvers", values_of(runs), tables_of(runs), drawings, rows, settings,
-                  forms=_FORMS)  # fmt: skip
+    return render("comparisons.solvers", "solvers", values_of(runs), tables, drawings, rows, forms=_FORMS)

@@ -3,16 +3,18 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from importlib import import_module
 from itertools import chain
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
+
+from matplotlib.figure import Figure
+from pandas import DataFrame
 
 from comparisons.lab.drawing import drawn, grid
 from comparisons.lab.numbers import NOTHING
 from comparisons.lab.reports import Report, escaped, render
 from comparisons.lab.studies import machine, versions
-from comparisons.verification.chapters import benchmarks, exact
-from comparisons.verification.chapters.limits import oblique
+from comparisons.verification.chapters import benchmarks, bounds, curves, exact, limits, numbers, plate
+from comparisons.verification.known import EXAMPLES
 from comparisons.verification.measures import MM
 from comparisons.verification.rows import EQUAL, EXCESS, RELATIVE, SHORTFALL, Chapters, Kind, Row, crash
 from qvi_contact import ContactProblem, gallery
@@ -22,22 +24,13 @@ from qvi_contact.plots.style import new_figure
 from qvi_contact.units import Units
 from solvers.basics.names import known_name
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-_MODULES: Final = {
-    "paper": "chapters.plate", "exact": "chapters.exact", "friction": "chapters.exact",
-    "ssnv128": "chapters.benchmarks", "benchmarks": "chapters.benchmarks", "curves": "chapters.curves",
-    "limits": "chapters.limits", "invariance": "chapters.exact",
-    "plate": "chapters.plate", "energies": "chapters.plate", "bounds": "chapters.bounds", "numbers": "chapters.numbers",
-    "examples": "known",
-}  # fmt: skip
-
 CHAPTERS: Final[Chapters] = {
-    name: getattr(import_module(f"comparisons.verification.{module}"), name.replace("-", "_").upper())
-    for name, module in _MODULES.items()
-}
-"""The manual in its order: each chapter stands in a module, under its name in capital letters."""
+    "paper": plate.PAPER, "exact": exact.EXACT, "friction": exact.FRICTION, "ssnv128": benchmarks.SSNV128,
+    "benchmarks": benchmarks.BENCHMARKS, "curves": curves.CURVES, "limits": limits.LIMITS,
+    "invariance": exact.INVARIANCE, "plate": plate.PLATE, "energies": plate.ENERGIES, "bounds": bounds.BOUNDS,
+    "numbers": numbers.NUMBERS, "examples": EXAMPLES,
+}  # fmt: skip
+"""The manual in its order."""
 
 HEADINGS: Final = (
     "quantity", "element", "reference", "kind", "source", "ours", "error", "tolerance", "certificate", "result",
@@ -106,7 +99,7 @@ POSED: Final[Mapping[str, tuple[Callable[[], ContactProblem], Units | None]]] = 
     "half-discs": (partial(gallery.half_discs, 1.0, 2, 0), MM),
     "slip-torque": (partial(gallery.press_fit_torque, 0.2, 47066.77, sectors=2), MM),
     "cylinder-in-bore-friction": (partial(gallery.cylinder_in_bore, 2, 0.4, extent=2.0), MM),
-    "oblique-block": (partial(oblique, 0.99), MM),
+    "oblique-block": (partial(limits.oblique, 0.99), MM),
 }
 """Problem of the manual → its bodies on few cells, and the units of their picture."""
 
@@ -119,7 +112,7 @@ _LEAST, _MOST = 1e-4, 1e2  # error over tolerance: what lies beyond is drawn on 
 
 
 def drawings(names: Sequence[str]) -> dict[str, str]:
-    """Names of figures → pictures, as SVG, of the bodies of these problems; empty without matplotlib."""
+    """Names of figures → pictures, as SVG, of the bodies of these problems."""
     chosen = {name: posed for name, posed in POSED.items() if name in names}
     return {
         f"problem-{name}": drawn(f"verification-{name}", partial(problem_figure, posed(), units))
@@ -127,10 +120,8 @@ def drawings(names: Sequence[str]) -> dict[str, str]:
     }
 
 
-def overview(problems: Sequence[Told]) -> "Figure":
+def overview(problems: Sequence[Told]) -> Figure:
     """One line for each problem, one mark for each row; left of 1 is within the tolerance."""
-    from pandas import DataFrame
-
     rows = DataFrame(
         [(line, row.ratio, row.kind or _BROKEN, row.passed) for line, each in enumerate(problems) for row in each.rows],
         columns=["line", "ratio", "kind", "passed"],
@@ -158,8 +149,6 @@ def report(
     done: Mapping[str, Sequence[Told]], drawn_before: Mapping[str, str], quick: bool = False, only: Sequence[str] = ()
 ) -> Report:
     """The manual, with `drawings`; the same rows and pictures give the same one. `only` are the names asked for."""
-    from pandas import DataFrame
-
     problems = list(chain(*done.values()))
     tables = {each.table: DataFrame([cells(row) for row in each.rows], columns=HEADINGS) for each in problems}
     failed = [

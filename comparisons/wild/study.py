@@ -138,7 +138,7 @@ def problems_of(rows: Sequence[Row]) -> DataFrame:
     problems["solvable"] = problems.outcome.isin([SOLVED, WRONG]) | exists
     problems["trouble"] = problems.outcome.isin(_NEVER)
     problems["slow"] = problems.seconds > LONGEST
-    order = problems.family.map(list(FAMILIES).index)
+    order = problems.family.map(FAMILIES.index)
     return problems.assign(order=order).sort_values("order", kind="stable", ignore_index=True)
 
 
@@ -146,10 +146,9 @@ def values_of(problems: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences."""
     unanswered = problems[problems.outcome == OPEN]
     solvable, admissible = problems[problems.solvable], problems[problems.admissible]
-    present = {name: text for name, text in FAMILIES.items() if name in set(problems.family)}
     return {
         **{name: int((problems.outcome == name).sum()) for name in ORDER},
-        "problems": len(problems), "families": present, "longest": LONGEST,
+        "problems": len(problems), "longest": LONGEST,
         "slow": int(problems.slow.sum()), "solvable": len(solvable), "admissible": len(admissible),
         "missed": int(unanswered.solvable.sum()), "stuck": int(unanswered.admissible.sum()),
         "hopeless": int((unanswered.admissible & (unanswered.exists == NONE)).sum()),

@@ -70,8 +70,8 @@ def example_of(path: Path, output: str, status: int | None, pictures: tuple[Path
 
 
 def known_table(name: str) -> str:
-    """What `comparisons.verification` knows of a problem file, beside what it computes, in Markdown."""
-    from comparisons.verification import KNOWN, Answer
+    """What `comparisons.verification.known` has of a problem file, beside what it computes, in Markdown."""
+    from comparisons.verification.known import KNOWN, Answer
 
     answer = Answer(name, KNOWN[name].degree)
     lines = ["| quantity | computed | known | tolerance | source |", "|---|---|---|---|---|"]

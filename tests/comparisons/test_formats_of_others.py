@@ -17,13 +17,13 @@ from comparisons.exchange import (
     LocalProblem,
     load_qvi,
     local_problem,
-    programs_of,
-    project,
     save_qvi,
     siconos_error,
     state_of,
     write_fclib,
 )
+from comparisons.exchange.local import project
+from comparisons.exchange.quadratic_programs import programs_of
 from qvi_contact import load_problem, save_problem, solve
 from qvi_contact.gallery import compressed_plate
 from solvers import FrictionQVI, InputError, Status, TractionFactor, certify, solve_qvi
@@ -263,7 +263,7 @@ def test_what_has_no_place_or_does_not_fit_is_refused(tmp_path):
     ("changes", "word"),
     [({"format": np.array("another")}, "another"), ({"f": None}, "f"), ({"version": np.array(2)}, "version 2"),
      ({"f": np.array([np.nan] * 12)}, "NaN"), ({"mu": np.full(5, -1.0)}, "mu"),
-     ({"K_indices": np.full(144, 99)}, "K"), ({"solution_record": np.array("{")}, "save_qvi"),
+     ({"K_indices": np.full(144, 99)}, "indices"), ({"solution_record": np.array("{")}, "save_qvi"),
      ({"solution_z": np.ones(3)}, "shape (3,)")],
 )  # fmt: skip
 def test_broken_archives(tmp_path, changes, word):

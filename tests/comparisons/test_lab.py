@@ -95,16 +95,12 @@ class TestCases:
         found = plain({"n": np.int64(3), "x": np.float32(0.5), "b": np.bool_(True), "c": Colour.RED, "t": (1, 2)}, "v")
         assert told_apart(found) == told_apart({"n": 3, "x": 0.5, "b": True, "c": "red", "t": [1, 2]})
 
-    @pytest.mark.parametrize(
-        "value", [np.zeros(2), {1}, b"", 1j, np.longdouble(1), "\ud800", {"a": [object()]}, {1: 2}]
-    )
+    @pytest.mark.parametrize("value", [np.zeros(2), {1}, b"", 1j, np.longdouble(1), {"a": [object()]}])
     def test_other_things_are_named(self, value):
         with pytest.raises(TypeError, match=r"^value"):
             plain(value, "value")
 
-    @pytest.mark.parametrize(
-        "cases", [[], [{"mesh": math.nan}], [{"mesh": len}], [{1: 2}], [{"two words": 1}], [{"status": 1}]]
-    )
+    @pytest.mark.parametrize("cases", [[], [{"mesh": math.nan}], [{"mesh": len}], [{"two words": 1}], [{"status": 1}]])
     def test_bad_cases(self, cases):
         with pytest.raises(InputError, match=r"Study\.cases"):
             replace(SMALL, cases=cases)

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from comparisons import paper as room
+from comparisons.paper import study as room
 from solvers import available
 from tests.comparisons.conftest import command
 
@@ -130,7 +130,6 @@ class TestVerdict:
 
 def test_principal_stresses_are_drawn_across_each_other(paper):
     """Both lines of a cross, pressed or pulled, where both stresses are large enough to be seen."""
-    pytest.importorskip("matplotlib")
     found = {}
     for number, axes in enumerate(room.principal_stresses(paper).axes):
         for ends in (

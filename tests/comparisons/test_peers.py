@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from comparisons import LIMITS, SETTLED
-from comparisons import peers as room
+from comparisons.peers import meshes, report
+from comparisons.peers import study as room
+from comparisons.settled import LIMITS, SETTLED, TRANSITIONS
 from qvi_contact import InputError, TriangleMesh, graded_lines, solve
 from qvi_contact.gallery import compressed_plate
 from tests.comparisons.conftest import row
@@ -118,16 +119,16 @@ def test_rows_are_certified_solves_with_times_a_memory_and_an_error_of_their_own
         {"friction": 1.0, "model": name, "number": number[model.family.counted], "repetitions": 2}
         for name, model in chosen.items()
     ]
-    runs = room.runs_of([row(case, room.run(case)) for case in cases])
+    runs = report.runs_of([row(case, room.run(case)) for case in cases])
     own = runs[runs.code == room.TRIANGLES].iloc[0]
     expected = solve(on_the_mesh(room.plate(1.0, "bisected", 0)), degree=3)
     assert own.half_force == pytest.approx(expected.contacts["plate"].normal_force, rel=1e-10)
     assert own.unknowns == expected.solution.problem.n
     assert own.residual < 1e-8
     for run in runs.itertuples():
-        whole = [sum(pair) for pair in zip(run.setup, run.solve, strict=True)]
-        assert (len(whole), run.seconds) == (2, min(whole))
-        assert min(run.setup + run.solve) > 0.0
+        assert len(run.solve) == 2
+        assert run.setup > 0.0
+        assert run.seconds > min(run.solve) > 0.0
         assert 2**24 < run.before <= run.peak < 2**30
         assert run.error == pytest.approx(abs(run.half_force / LIMIT[1.0] - 1.0))
         assert run.error > 1e-6
@@ -178,12 +179,12 @@ class TestFailures:
 class TestMeshes:
     """Families of meshes."""
 
-    @pytest.mark.parametrize("friction", [*room.TRANSITIONS, 1.0])
-    @pytest.mark.parametrize("name", [name for name, family in room.FAMILIES.items() if not family.own])
+    @pytest.mark.parametrize("friction", [*TRANSITIONS, 1.0])
+    @pytest.mark.parametrize("name", [name for name in meshes.FAMILIES if name != "adaptive"])
     def test_members_fill_the_plate_and_get_finer(self, name, friction):
         counts = []
-        for number in (2, 3) if room.FAMILIES[name].counted else (0, room.LEVELS - 1):
-            mesh = room.plain_mesh(name, friction, number)
+        for number in (2, 3) if meshes.FAMILIES[name].counted else (0, room.LEVELS - 1):
+            mesh = meshes.plain_mesh(name, friction, number)
             corners = np.array(mesh["vertices"])[np.array(mesh["cells"])]
             x, y = np.moveaxis(corners, 2, 0)
             area = 0.5 * (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)
@@ -191,14 +192,14 @@ class TestMeshes:
             assert area.sum() == pytest.approx(1.0)
             edges = [np.array(mesh["vertices"])[np.array(mesh["sides"][side])] for side in ("left", "top")]
             assert [np.abs(np.diff(ends, axis=1)).sum() for ends in edges] == pytest.approx([1.0, 1.0])
-            assert (mesh["lines"] is None) == room.FAMILIES[name].triangles
+            assert (mesh["lines"] is None) == (name in ("cut squares", "bisected"))
             counts.append(len(corners))
         assert counts[0] < counts[1]
 
-    @pytest.mark.parametrize(("friction", "transition"), room.TRANSITIONS.items())
+    @pytest.mark.parametrize(("friction", "transition"), TRANSITIONS.items())
     @pytest.mark.parametrize("name", ["strips", "narrow strips", "bisected"])
     def test_the_smallest_cells_are_at_corner_and_transition(self, name, friction, transition):
-        vertices = np.array(room.plain_mesh(name, friction, room.LEVELS - 1)["vertices"])
+        vertices = np.array(meshes.plain_mesh(name, friction, room.LEVELS - 1)["vertices"])
         tops = np.sort(vertices[vertices[:, 1] == 1.0, 0])
         lengths = np.diff(tops)
         near = lengths[(tops[:-1] <= transition + 1e-12) & (tops[1:] >= transition - 1e-12)]
@@ -206,7 +207,7 @@ class TestMeshes:
         assert max(near.max(), lengths[-1]) < lengths.max() / 4.0
 
     def test_all_codes_get_the_plate_of_the_gallery(self):
-        lines, case = graded_lines(0.0, 1.0, 6, room.ratio(6)).tolist(), room.plate(0.2, "graded", 6)
+        lines, case = graded_lines(0.0, 1.0, 6, meshes.ratio(6)).tolist(), room.plate(0.2, "graded", 6)
         assert case["lines"] == [lines, lines]
         assert len(case["vertices"]) == 49
         assert len(case["cells"]) == 36

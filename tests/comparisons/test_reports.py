@@ -195,12 +195,6 @@ def test_cells_mean_nothing_but_what_they_say():
         assert page.rows == [[clean], [clean]]
 
 
-def test_where_no_picture_can_be_drawn_it_says_how_to_get_them(tmp_path):
-    written = sample(lambda _: "").write(tmp_path)
-    assert [path.name for path in written] == ["sample.html", "sample.md"]
-    assert all(path.read_text(encoding="utf-8").count("need matplotlib") == 2 for path in written)
-
-
 def test_files_are_replaced_whole_or_not_at_all(folder, tmp_path, monkeypatch):
     report = Report.read(folder / "sample.md")
     replace(report, text="Earlier.").write(tmp_path)

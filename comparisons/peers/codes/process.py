@@ -70,7 +70,7 @@ def peak_memory() -> int | None:
     """Largest resident memory of this process so far [bytes]; None where the system does not tell it in /proc."""
     with suppress(OSError):
         for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
-            if line.startswith("VmHWM:"):
+            if line.startswith("VmHWM:"):  # ru_maxrss would begin with that of the process that started this one
                 return 1024 * int(line.split()[1])
     return None
 

@@ -9,14 +9,7 @@ import numpy as np
 from comparisons.verification.chapters.limits import oblique
 from comparisons.verification.known import CYLINDER, HALF_DISCS, read_example
 from comparisons.verification.known import SSNV128 as CODE_ASTER
-from comparisons.verification.measures import (
-    degrees,
-    ellipse,
-    left_by_stresses,
-    two_models,
-    value_at,
-    zone_ends,
-)
+from comparisons.verification.measures import degrees, ellipse, left_by_stresses, two_models, value_at, zone_ends
 from comparisons.verification.rows import Chapter, Check, Kind, Row, both, by_hand, certified
 from qvi_contact import ContactProblem, ContactResult, ContactState, solve, solve_history
 from qvi_contact.gallery import (

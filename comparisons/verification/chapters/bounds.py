@@ -10,17 +10,7 @@ import numpy as np
 from comparisons.settled import LIMITS, LIMITS_SOURCE
 from comparisons.verification.measures import FORCE, plate_under
 from comparisons.verification.rows import Chapter, Check, Kind, Proof, Row, both, by_hand, certified
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Material,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    refine,
-    solve,
-)
+from qvi_contact import Contact, ContactProblem, Displacement, Material, Symmetry, Traction, TriangleMesh, refine, solve
 from qvi_contact.bracket import Bounds, Bracket, bracket
 from qvi_contact.exact import cantilever, gravity_column, problem_from_state, pure_bending, uniform
 from qvi_contact.gallery import compressed_plate, ssnv128
