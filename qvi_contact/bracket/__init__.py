@@ -1,7 +1,7 @@
 """How far off is the answer: bounds of the energy from an admissible stress and an admissible displacement."""
 
 from qvi_contact.basics.units import Certainty
-from qvi_contact.bracket.bounds import bracket, displacement, uniqueness
+from qvi_contact.bracket.bounds import bracket
 from qvi_contact.bracket.branches import Branches, other_solutions
 from qvi_contact.bracket.coulomb import CoulombBounds
 from qvi_contact.bracket.outcome import Bracket, BracketKind, Uniqueness
@@ -18,9 +18,7 @@ __all__ = [
     "EdgeParts",
     "Uniqueness",
     "bracket",
-    "displacement",
     "other_solutions",
-    "uniqueness",
 ]
 
 __getattr__ = front(

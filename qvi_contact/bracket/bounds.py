@@ -20,12 +20,11 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate, finite_number
 from qvi_contact.basics.schema import keys_of
 from qvi_contact.bracket.coulomb import CoulombBounds, coulomb_bounds
-from qvi_contact.bracket.outcome import Bracket, BracketKind, Uniqueness
+from qvi_contact.bracket.outcome import Bracket, BracketKind
 from qvi_contact.bracket.parts import (
     LOOSEST,
     Bounds,
@@ -387,32 +386,6 @@ def bracket(
         bounded = math.isfinite(found.gap)
         log.end("bounded" if bounded else "no bound", found.message, {}, bounded)
     return found
-
-
-def uniqueness(result: ContactResult) -> Uniqueness:
-    """How far another solution of the exact problem can be, as far as ``result.bracket`` tells."""
-    return result.bracket.uniqueness
-
-
-def displacement(result: ContactResult) -> Callable[[ArrayLike, ArrayLike], FloatArray]:
-    """The displacement of the body, of displacement elements on the same mesh: ``result.displacement(x, y)``.
-
-    The stress itself has no displacement: it comes from the second model of `bracket`, solved on first use under the
-    friction bound of this result. ``result.bracket.companion`` has more of it.
-
-    Returns
-    -------
-    callable
-        Of coordinates x, y [length], broadcast against each other; it returns u_x, u_y [length], shape (..., 2), on
-        joints the mean of all sides, and raises `InputError` for a point outside the body.
-
-    Raises
-    ------
-    InputError
-        If there is no stress state, no displacement was found, or this is a step of a history after slip along arcs.
-
-    """
-    return result.bracket.companion.displacement
 
 
 def _assemble(given: FixedBoundProblem, stress: ContactResult, refused: str, companion: CompanionResult) -> Bracket:

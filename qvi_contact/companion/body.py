@@ -34,6 +34,7 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.quadrature import EdgeQuadrature
+from qvi_contact.mechanism.program import null_space
 from qvi_contact.mesh.edges import Edges, vectors_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Displacement, Traction
@@ -414,7 +415,7 @@ class CondensedBody:
         fixed = np.zeros(body.size)
         fixed[supports.index] = supports.values
         r, _ = factor.reduce((Q.T @ (load - body.force(Q @ fixed)))[free])
-        motions = (rigid @ _null_space(rigid[supports.index]))[interface]
+        motions = (rigid @ _unheld(rigid[supports.index]))[interface]
         R = np.asarray(np.linalg.qr(motions)[0]) if motions.size else np.zeros((len(motions), 0))
         if body.springs is not None:
             more = body.size - size
@@ -459,7 +460,7 @@ def _pins(body: Elasticity, rigid: FloatArray, fixed: IntArray, interface: IntAr
     found: list[IntArray] = [np.empty(0, dtype=np.int64)]
     for block in range(blocks):
         motions = rigid[:, 3 * block : 3 * block + 3]
-        if _null_space(motions[held]).shape[1]:
+        if _unheld(motions[held]).shape[1]:
             mine = np.flatnonzero(body.space.owner == block)
             place = body.space.places[mine].sum(axis=1)
             pair = mine[[int(np.argmin(place)), int(np.argmax(place))]]
@@ -467,10 +468,6 @@ def _pins(body: Elasticity, rigid: FloatArray, fixed: IntArray, interface: IntAr
     return np.setdiff1d(np.concatenate(found), fixed)
 
 
-def _null_space(matrix: FloatArray) -> FloatArray:
-    """Orthonormal basis (n, j) of the null space of (m, n), whose entries are motions of a body of length one."""
-    if not len(matrix):
-        return np.eye(matrix.shape[1])
-    triangle = np.linalg.qr(np.vstack([matrix, np.zeros_like(matrix, shape=(matrix.shape[1],) * 2)]), mode="r")
-    _, values, vectors = np.linalg.svd(triangle)
-    return np.asarray(vectors[values <= _FREE * max(1.0, float(values[0]))].T)
+def _unheld(motions: FloatArray) -> FloatArray:
+    """Combinations (k, j) of rigid motions that rest where these (m, k) are, which are of the size of one."""
+    return null_space(motions, _FREE * max(1.0, float(np.linalg.norm(motions))))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -56,7 +56,7 @@ _SHARE = 1e-3
 
 
 _ABOVE: Final = {
-    **dict.fromkeys(("bracket", "displacement", "uniqueness"), "qvi_contact.bracket"),
+    "bracket": "qvi_contact.bracket",
     **dict.fromkeys(("remarks", "undetermined_motions"), "qvi_contact.solution.remarks"),
 }
 """Functions of a result that are its attributes too, and their modules, loaded on first use."""
@@ -149,7 +149,7 @@ class ContactResult(PicklesFields):
         The problem, its mesh and its algebraic form.
     solution : QVISolution
         The algebraic answer, dimensionless.
-    remarks, undetermined_motions, bracket, uniqueness, displacement
+    remarks, undetermined_motions, bracket
         What the functions of these names in `solution.remarks` and `bracket` find, on first use.
 
     """
@@ -161,8 +161,6 @@ class ContactResult(PicklesFields):
         remarks: ClassVar[tuple[str, ...]]
         undetermined_motions: ClassVar[tuple[UndeterminedMotion, ...]]
         bracket: ClassVar[Bracket]
-        uniqueness: ClassVar[Uniqueness]
-        displacement: ClassVar[Callable[[ContactResult, ArrayLike, ArrayLike], FloatArray]]
 
     def __getattr__(self, name: str) -> Any:
         if name not in _ABOVE:
@@ -290,6 +288,19 @@ class ContactResult(PicklesFields):
         except ValueError as error:
             raise InputError("stress(x, y)", (x, y), remedy) from error
         return stress_at(self.discretization, self.dofs, points_x, points_y)
+
+    def displacement(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
+        """Displacement u_x, u_y (..., 2) [length] at such points, on joints the mean of all sides.
+
+        The stress itself has none: it is that of the displacement model of `bracket`, under the friction bound of this
+        result. `InputError` also where there is no such displacement, or in a step of a history after slip along arcs.
+        """
+        return self.bracket.companion.displacement(x, y)
+
+    @property
+    def uniqueness(self) -> Uniqueness:
+        """How far another solution of the exact problem can be, as far as `bracket` tells."""
+        return self.bracket.uniqueness
 
     def gauss_stress(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Coordinates x, y [length] of the g Gauss points of each cell, shape (cells, g), and the stress there.
