@@ -42,7 +42,7 @@ from qvi_contact.bracket.parts import (
 from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_shares
 from qvi_contact.companion import CompanionResult, solve_companion, solve_companions
 from qvi_contact.companion.body import PARALLEL
-from qvi_contact.companion.solver import check_scope
+from qvi_contact.companion.model import check_scope
 from qvi_contact.companion.space import HIGHEST, triangle
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import is_polynomial, physical, scaled_stress_at_rest, spanned

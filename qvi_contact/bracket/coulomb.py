@@ -44,7 +44,7 @@ from qvi_contact.bracket.parts import (
 from qvi_contact.bracket.share import LeastChange, Share, SharedStress
 from qvi_contact.companion import CompanionResult
 from qvi_contact.companion.contact import DisplacementContact
-from qvi_contact.companion.solver import MOST, BodyAtRest, solutions
+from qvi_contact.companion.model import MOST, BodyAtRest, solutions
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows
 from qvi_contact.element import bernstein

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import FloatArray, real_array
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import SHARE, Rounding, Units
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical, scaled_stress_at_rest
@@ -23,6 +23,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine, contact_line
 from qvi_contact.solution.stress import (
     cell_stresses,
+    given_points,
     misfit_of_tractions,
     stress_at,
     stress_rounding,
@@ -282,12 +283,7 @@ class ContactResult(PicklesFields):
 
         σ_xx, σ_yy, σ_xy [stress], tension positive; on edges inside the body the mean of the adjacent cells.
         """
-        remedy = "give real numbers, or arrays of them whose shapes go together"
-        try:
-            points_x, points_y = np.broadcast_arrays(*(real_array("stress(x, y)", value, remedy) for value in (x, y)))
-        except ValueError as error:
-            raise InputError("stress(x, y)", (x, y), remedy) from error
-        return stress_at(self.discretization, self.dofs, points_x, points_y)
+        return stress_at(self.discretization, self.dofs, *given_points("stress(x, y)", x, y))
 
     def displacement(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Displacement u_x, u_y (..., 2) [length] at such points, on joints the mean of all sides.
