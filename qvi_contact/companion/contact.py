@@ -110,12 +110,6 @@ class DisplacementContact:
         """Its coefficients among those of all contacts."""
         return slice(self.start, self.start + self.count)
 
-    def by_coefficient(self, values: FloatArray) -> FloatArray:
-        """Values (e,) of edges at the coefficients (n,): of the edge whose tangent a coefficient has."""
-        found = np.empty(self.count)
-        found[self.columns] = values[:, None]
-        return found
-
     def on_edges(self, normal: FloatArray, tangential: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coefficients (…, n) as those of each edge, (…, e, p + 1), tangential ones along the edge's own tangent."""
         return normal[..., self.columns], self.turned * tangential[..., self.columns]

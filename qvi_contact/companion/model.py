@@ -339,7 +339,8 @@ class CompanionResult(PicklesFields):
         fluid = np.where(state.live[:n][chosen], state.contacts.fluid[:n][chosen] / trace.weights, 0.0)
         stresses = (scales.stress * part for part in (normal - fluid, tangential, bound))
         moved = (scales.displacement * part for part in (gap, slip))
-        senses = trace.by_coefficient(turning_senses(self.problem.mesh.vertices, trace.edges))
+        senses = np.empty(trace.count)  # of the edge whose tangent a coefficient has
+        senses[trace.columns] = turning_senses(self.problem.mesh.vertices, trace.edges)[:, None]
         parts = (x, y, trace.weights * scales.length, *stresses, *moved, states, senses)
         return CompanionContact(trace.name, *(part[order] for part in parts))
 
