@@ -233,16 +233,6 @@ def test_bounds(case):
         assert theirs.normal_force == pytest.approx(ours.normal_force, rel=1e-9)
 
 
-def test_an_open_contact_full_of_fluid_is_a_load():
-    """The same displacements as under a traction in its place."""
-    contact, (top,) = CASES["open"]
-    wet = solve_companion(block(contact, top))
-    loaded = solve_companion(block(Traction("bottom", 0.0, falling), top))
-    x, y = np.random.default_rng(0).uniform(size=(2, 20)) * [[2.0], [1.0]]
-    assert wet.displacement(x, y) == pytest.approx(loaded.displacement(x, y), abs=1e-12)
-    assert wet.contacts["bottom"].normal_stress.max() < -0.9
-
-
 def test_friction_feels_the_effective_pressure():
     """Sliding along a base under uplift: |σ_T| = μ (|σ_N| − p_w)."""
     contact = Contact("bottom", 0.3, pore_pressure=2.0)
