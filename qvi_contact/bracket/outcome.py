@@ -64,11 +64,6 @@ class Bracket:
     ----------
     kind : BracketKind
         The problem whose solution is u, σ.
-    certainty : Certainty
-        "guaranteed" if bounds hold for the problem the user stated, up to rounding and the tolerance: those of the
-        energies, under Coulomb friction those of `coulomb`. Else "estimate", and `reasons` or `coulomb` says why.
-    guaranteed : bool
-        Whether the certainty is "guaranteed", without a condition.
     reasons : tuple of str
         Why the bounds of the energy are not guaranteed; empty if they are.
     lower, upper : float
@@ -141,7 +136,11 @@ class Bracket:
 
     @property
     def certainty(self) -> Certainty:
-        """How far the bounds can be trusted."""
+        """Whether bounds hold for the problem the user stated, up to rounding and the tolerance.
+
+        Those of the energies, under Coulomb friction those of `coulomb`: "guaranteed". Else "estimate", and `reasons`
+        or `coulomb` says why.
+        """
         known = self._under_friction
         sure = not self.reasons if known is None else known.guaranteed
         return Certainty.GUARANTEED if sure else Certainty.ESTIMATE
