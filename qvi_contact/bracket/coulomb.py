@@ -157,10 +157,8 @@ class CoulombBounds:
     @property
     def message(self) -> str:
         """What is bounded, how well, and why it is not guaranteed, if it is not."""
-        known = "Guaranteed" if self.guaranteed else "Estimated"
-        bound = (
-            f"{known} bound under friction: stresses within {100.0 * self.relative_error:.2g} % of their energy norm."
-        )
+        known, error = self.kind.capitalize(), 100.0 * self.relative_error
+        bound = f"{known} bound under friction: stresses within {error:.2g} % of their energy norm."
         if not np.isfinite(self.within):
             return f"No bound under friction. {self.norm.reason}"
         near = ""

@@ -129,10 +129,8 @@ class Bracket:
             why = self.coulomb_reason if self.coulomb is None else self.coulomb.message
             return Uniqueness(float("inf"), Certainty.ESTIMATE, f"How far another solution can be is not known. {why}")
         near = f" within {100.0 * known.reach:.3g} % of this one" if np.isfinite(known.reach) else ""
-        where = (
-            f"Any two solutions{near} differ by at most {100.0 * known.apart:.2g} % of the energy norm of the stresses"
-        )
-        return Uniqueness(known.apart, self.certainty, f"{where} ({known.kind}).")
+        most = f"at most {100.0 * known.apart:.2g} % of the energy norm of the stresses ({known.kind})"
+        return Uniqueness(known.apart, self.certainty, f"Any two solutions{near} differ by {most}.")
 
     @property
     def certainty(self) -> Certainty:

@@ -139,10 +139,8 @@ def supports(problem: ContactProblem, space: DisplacementSpace, scales: Scales) 
     known, group, count = np.unique(coefficient, return_inverse=True, return_counts=True)
     order = np.argsort(group, kind="stable")
     place = group[order], np.arange(len(order)) - np.repeat(np.cumsum(count) - count, count)
-    D, wanted = (
-        np.zeros((len(known), max(2, *count.tolist(), 0), 2)),
-        np.zeros((len(known), max(2, *count.tolist(), 0))),
-    )
+    D = np.zeros((len(known), max(2, *count.tolist(), 0), 2))
+    wanted = np.zeros(D.shape[:2])
     D[place], wanted[place] = direction[order], value[order]  # those of one coefficient in a row, zeros after them
     U, size, V = np.linalg.svd(D, full_matrices=False)
     both, first = size[:, 1] > PARALLEL, D[:, 0]
@@ -225,10 +223,8 @@ class Elasticity:
         space, curved = self.space, self.space.curved
         local, slopes, n = reference_matrices(space.cell), space.slopes, space.table.shape[1]
         t, w = space.cell.quadrature(self._count)
-        along, bent = (
-            np.stack([space.cell.derivative_values(t) @ each for each in space.cell.differences]),
-            curved.numbers,
-        )
+        along = np.stack([space.cell.derivative_values(t) @ each for each in space.cell.differences])
+        bent = curved.numbers
         gradients = np.einsum("kqab,aqn->kqbn", space.inverse_jacobians(bent, t), along)
         measures, blocks = space.measures(t, w)[bent], np.empty((len(space.table), n, 2, n, 2))
         for c, d in product((0, 1), repeat=2):

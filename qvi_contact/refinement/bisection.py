@@ -336,14 +336,11 @@ def energies_between(answer: ContactResult, reference: ContactResult) -> FloatAr
 
     def missed(cells: IntArray, at: FloatArray, points: FloatArray) -> FloatArray:
         """The difference of the stresses at points (n, g, 2), reference points `at` of triangles of the finer mesh."""
-        own, other = (
-            each.discretization.scales.stress
-            * each.discretization.space.stress(each.discretization.coefficients(each.dofs), within, t)
-            for each, within, t in (
-                (reference, cells, at), (answer, parents[cells], located(mesh, parents[cells], points)),
-            )
-        )  # fmt: skip
-        return np.asarray(own - other)  # without body potential
+        placed, found = located(mesh, parents[cells], points), list[FloatArray]()
+        for each, within, t in ((reference, cells, at), (answer, parents[cells], placed)):
+            known = each.discretization
+            found.append(known.scales.stress * known.space.stress(known.coefficients(each.dofs), within, t))
+        return found[0] - found[1]  # without body potential
 
     cells, t = np.arange(fine.cell_count), space.cell_points
     inside = missed(cells, t, (fine.corners.swapaxes(1, 2)[:, None] @ fine.placed(cells, t)[..., None])[..., 0])
