@@ -62,7 +62,7 @@ nitpick_ignore_regex = [
         r"py:class",
         r"qvi_contact\.(problem\.problem\.Prescribed|problem\.conditions\.Pin|solution\.contact_line\.ContactPath)",
     ),
-    (r"py:class", r"qvi_contact\.companion\.((body|elasticity|space)\.\w+|result\.CompanionState)"),
+    (r"py:class", r"qvi_contact\.companion\.((body|elasticity|space)\.\w+|model\.CompanionState)"),
     (
         r"py:class",
         r"qvi_contact\.(basics\.kept\.Kept|bracket\.(norms\.Stopped|share\.Body)|mesh\.(edges|topology)\.\w+)",

@@ -1,8 +1,7 @@
 """How far off is the answer: bounds of the energy from an admissible stress and an admissible displacement."""
 
 from qvi_contact.basics.units import Certainty
-from qvi_contact.bracket.bounds import bracket, displacement, uniqueness
-from qvi_contact.bracket.branches import Branches, other_solutions
+from qvi_contact.bracket.bounds import Branches, bracket, other_solutions
 from qvi_contact.bracket.coulomb import CoulombBounds
 from qvi_contact.bracket.outcome import Bracket, BracketKind, Uniqueness
 from qvi_contact.bracket.parts import Bounds, EdgeParts
@@ -18,9 +17,7 @@ __all__ = [
     "EdgeParts",
     "Uniqueness",
     "bracket",
-    "displacement",
     "other_solutions",
-    "uniqueness",
 ]
 
 __getattr__ = front(
@@ -38,8 +35,7 @@ __getattr__ = front(
             "rectangle_norm",
             "star_norm",
         ),
-        "bounds": ("fixed_bound_problem",),
-        "parts": ("CellFields", "bulk", "by_cell", "slip_work"),
+        "parts": ("CellFields", "EdgeTractions", "bulk", "by_cell", "slip_work"),
         "share": ("Share", "bodies_of"),
     },
 )

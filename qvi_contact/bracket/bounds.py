@@ -17,15 +17,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate, finite_number
 from qvi_contact.basics.schema import keys_of
 from qvi_contact.bracket.coulomb import CoulombBounds, coulomb_bounds
-from qvi_contact.bracket.outcome import Bracket, BracketKind, Uniqueness
+from qvi_contact.bracket.outcome import Bracket, BracketKind
 from qvi_contact.bracket.parts import (
     LOOSEST,
     Bounds,
@@ -40,9 +40,9 @@ from qvi_contact.bracket.parts import (
     strain_energy,
 )
 from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_shares
-from qvi_contact.companion import CompanionResult, solve_companions
+from qvi_contact.companion import CompanionResult, solve_companion, solve_companions
 from qvi_contact.companion.body import PARALLEL
-from qvi_contact.companion.solver import check_scope
+from qvi_contact.companion.model import check_scope
 from qvi_contact.companion.space import HIGHEST, triangle
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import is_polynomial, physical, scaled_stress_at_rest, spanned
@@ -58,47 +58,10 @@ from solvers import Iteration, Status, solve_qvi
 from solvers.basics.progress import Log, deadline
 from solvers.factorisation import FactorisationError
 from solvers.settings import Settings
+from solvers.solution import WHAT_TO_DO
+from solvers.solve import followed_solutions, traction_difference
 
 _AT_ONCE: Final = 1000  # points that are looked for among edges
-
-
-@dataclass(frozen=True, eq=False)
-class FixedBoundProblem:
-    """A problem whose friction bound s is data."""
-
-    # of the problem, in the units of the result, with rows that hold the law on whole edges
-    discretization: Discretization
-    kind: BracketKind  # what it has to do with the problem stated
-    threshold: FloatArray  # (e, q): Bernstein coefficients of s on all contact edges that have rows, dimensionless
-    lowered: bool  # whether s is below a bound that is data, which is no polynomial of that degree on some edge
-    reasons: tuple[str, ...]  # why its solution is not that of the problem stated
-
-    @property
-    def bounds(self) -> Mapping[str, FloatArray]:
-        """The bound by contact, (edges, q) Bernstein coefficients [stress]; none for tied contacts."""
-        physical = self.threshold * self.discretization.scales.stress
-        return {rows.name: physical[rows.edges] for rows in self.discretization.contacts if rows.law != "tied"}
-
-
-def fixed_bound_problem(result: ContactResult) -> FixedBoundProblem:
-    """Hold the friction bound of a result fixed.
-
-    * Contacts without Coulomb friction keep their law: the bound s = min(c, t_max) is data already.
-    * With Coulomb friction s = min(c + μ p, t_max), p the pressure of the result.
-
-    Raises
-    ------
-    InputError
-        If the result has no stress state.
-
-    """
-    names = ", ".join(repr(contact.name) for contact in result.problem.contacts if has_coulomb(contact))
-    discretization = with_bernstein_rows(result.discretization)
-    own = EdgeTractions.of(discretization, result.dofs)
-    if names:
-        reason = f"The friction bound on {names} was taken from the computed pressure."
-        return FixedBoundProblem(discretization, BracketKind.GIVEN_BOUND, own.bound, False, (reason,))
-    return FixedBoundProblem(discretization, BracketKind.PROBLEM, own.bound, not own.exact.all(), ())
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,25 +132,24 @@ def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str,
 
 
 def admissible_stress(
-    given: FixedBoundProblem, result: ContactResult, tolerance: float, **options: Any
+    discretization: Discretization, bound: FloatArray, result: ContactResult, tolerance: float, **options: Any
 ) -> tuple[ContactResult, str]:
-    """The stress of the result where it is admissible for the given problem up to the tolerance, else the best that is.
+    """The stress of the result where it is admissible for a bound (e, q) up to the tolerance, else the best that is.
 
     The tolerance is relative to the largest contact traction; options of the solve are those of `solve_qvi`. The
     message says why there is no such stress, and is empty if there is.
     """
-    discretization = given.discretization
 
     def violation(result: ContactResult) -> float:
         """The largest one over the largest traction, where all is open the unit of stress."""
         own = EdgeTractions.of(discretization, result.dofs)
         size = float(max(own.size, result.certificate.scales.get("stress", 0.0))) or 1.0
-        return float(max(part.max(initial=0.0) for part in own.violations(given.threshold))) / size
+        return float(max(part.max(initial=0.0) for part in own.violations(bound))) / size
 
     if violation(result) <= tolerance:
         return result, ""
     qvi = discretization.qvi  # with m > 0, as something is violated
-    solution = solve_qvi(qvi.with_bound(np.maximum(given.threshold.ravel(), 0.0)), tolerance=tolerance, **options)
+    solution = solve_qvi(qvi.with_bound(np.maximum(bound.ravel(), 0.0)), tolerance=tolerance, **options)
     strict = ContactResult(discretization, solution)
     message = f"No strictly admissible stress was found: {solution.message}"
     if solution.status in (Status.INFEASIBLE, Status.INNER_INFEASIBLE):
@@ -360,27 +322,29 @@ def bracket(
         options["max_iterations"] = max_iterations
     _ = Settings.of(None, options)
     result, earlier = after_earlier_slip(result)
-    given = fixed_bound_problem(result)
-    given = replace(given, reasons=(*earlier, *given.reasons))
+    rough = ", ".join(repr(contact.name) for contact in result.problem.contacts if has_coulomb(contact))
+    kind = BracketKind.GIVEN_BOUND if rough else BracketKind.PROBLEM
+    known = with_bernstein_rows(result.discretization)
+    given = EdgeTractions.of(known, result.dofs)  # whose bound is held fixed
+    reasons = (*earlier, *([f"The friction bound on {rough} was taken from the computed pressure."] if rough else []))
     with deadline(time_limit), Log(f"qvi_contact {__version__}: bracket", verbose) as log:
-        log.begin({"what": given.kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
-        stress, refused = admissible_stress(given, result, tolerance, **options)
-        shared: SharedStress | str = ""
-        if given.kind is BracketKind.GIVEN_BOUND:
-            shared = with_shares(result, tolerance, **options)
+        log.begin({"what": kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
+        stress, refused = admissible_stress(known, given.bound, result, tolerance, **options)
+        shared: SharedStress | str = with_shares(result, tolerance, **options) if rough else ""
         slip: list[Mapping[str, FloatArray]] = [{}]
         if isinstance(shared, SharedStress):  # a displacement for Coulomb's law, too
             slip.append({name: share.slipping for name, share in shared.shares.items()})
-        problem, laws = given.discretization.problem, [given.bounds] * len(slip)
+        bound = given.bound * known.scales.stress
+        law = {rows.name: bound[rows.edges] for rows in known.contacts if rows.law != "tied"}
         first, *more = solve_companions(
-            problem, laws, degree=degree, tolerance=tolerance, slip_directions=slip, **options
+            known.problem, [law] * len(slip), degree=degree, tolerance=tolerance, slip_directions=slip, **options
         )
-        found = _assemble(given, stress, refused, first)
+        found = _assemble(known, kind, given, reasons, stress, refused, first)
         bounds: CoulombBounds | str = shared if isinstance(shared, str) else "No admissible displacement was found."
         if isinstance(shared, SharedStress) and more[0].has_state:
-            reasons = dict.fromkeys((*earlier, *found.reasons[len(given.reasons) :], *more[0].reasons))
+            why = dict.fromkeys((*earlier, *found.reasons[len(reasons) :], *more[0].reasons))
             try:
-                bounds = coulomb_bounds(shared, more[0], tuple(reasons))
+                bounds = coulomb_bounds(shared, more[0], tuple(why))
             except (FactorisationError, MemoryError) as error:
                 bounds = f"The norm of friction was not computed: {error or 'out of memory'}."
         found = replace(found, coulomb_reason=bounds) if isinstance(bounds, str) else replace(found, coulomb=bounds)
@@ -389,36 +353,12 @@ def bracket(
     return found
 
 
-def uniqueness(result: ContactResult) -> Uniqueness:
-    """How far another solution of the exact problem can be, as far as ``result.bracket`` tells."""
-    return result.bracket.uniqueness
-
-
-def displacement(result: ContactResult) -> Callable[[ArrayLike, ArrayLike], FloatArray]:
-    """The displacement of the body, of displacement elements on the same mesh: ``result.displacement(x, y)``.
-
-    The stress itself has no displacement: it comes from the second model of `bracket`, solved on first use under the
-    friction bound of this result. ``result.bracket.companion`` has more of it.
-
-    Returns
-    -------
-    callable
-        Of coordinates x, y [length], broadcast against each other; it returns u_x, u_y [length], shape (..., 2), on
-        joints the mean of all sides, and raises `InputError` for a point outside the body.
-
-    Raises
-    ------
-    InputError
-        If there is no stress state, no displacement was found, or this is a step of a history after slip along arcs.
-
-    """
-    return result.bracket.companion.displacement
-
-
-def _assemble(given: FixedBoundProblem, stress: ContactResult, refused: str, companion: CompanionResult) -> Bracket:
+def _assemble(
+    discretization: Discretization, kind: BracketKind, given: EdgeTractions, reasons: tuple[str, ...],
+    stress: ContactResult, refused: str, companion: CompanionResult,
+) -> Bracket:  # fmt: skip
     """Energies, their parts by cell and contact, and why the bounds are not guaranteed."""
-    discretization, u = given.discretization, stress.dofs
-    problem, mesh = discretization.problem, discretization.problem.mesh
+    problem, mesh, u = discretization.problem, discretization.problem.mesh, stress.dofs
     fields = CellFields.of(discretization, u, companion.degree)
     strain = strain_energy(fields, problem.compliances)
     complementary = strain - support_work(discretization, u) - obstacle_work(discretization, u)
@@ -430,49 +370,168 @@ def _assemble(given: FixedBoundProblem, stress: ContactResult, refused: str, com
     if moved:
         inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
         contacts, slack, outer = edge_parts(
-            fields, discretization, EdgeTractions.of(discretization, u), given.threshold, companion
+            fields, discretization, EdgeTractions.of(discretization, u), given.bound, companion
         )
     lower = -complementary - slack if not refused else -np.inf
     upper = companion.energy if moved else np.inf
     parts = inside + by_cell(problem, {name: each.total for name, each in contacts.items()})
     data = data_reasons(discretization)
-    reasons = [*given.reasons, *data, *companion.reasons]
-    if given.lowered and not data:
-        reasons.append(
+    found = [*reasons, *data, *companion.reasons]
+    if kind is BracketKind.PROBLEM and not given.exact.all() and not data:
+        found.append(
             "A friction bound is not a polynomial of the stress's degree on every edge. A lower one is used there."
         )
     if refused:
-        reasons.append(refused)
+        found.append(refused)
     if not moved:
-        reasons.append(f"No admissible displacement was found: {companion.message}")
+        found.append(f"No admissible displacement was found: {companion.message}")
     balance = abs(upper + complementary - float(parts.sum())) / size if moved else 0.0
     misfit, curved = stress.traction_misfit, bool(mesh.sides.any())
     if misfit > allowed_misfit(discretization.scales.stress, stress.stress_rounding):
-        reasons.append(f"Computed tractions differ from the prescribed ones by up to {misfit:.3g} [stress] at points.")
+        found.append(f"Computed tractions differ from the prescribed ones by up to {misfit:.3g} [stress] at points.")
     elif balance > _BALANCE and not curved:
-        reasons.append(f"The parts of the duality gap differ from the gap by {balance:.1e} of the energy.")
+        found.append(f"The parts of the duality gap differ from the gap by {balance:.1e} of the energy.")
     if curved:
         rest = rest_on_arcs(discretization, u)
-        reasons.append(
+        found.append(
             f"On arcs stress and displacement meet their conditions in the mean; the stress misses its tractions by up "
             f"to {rest:.2g} [stress] at points. The bounds hold up to the work of such differences, here {balance:.1e} "
             "of the energy."
         )
     apart = (upper - lower) / max(strain, held, 1e-300)
     if apart < -_CROSSED:
-        reasons.append(f"The bounds contradict each other by {-apart:.1e} of the strain energy.")
+        found.append(f"The bounds contradict each other by {-apart:.1e} of the strain energy.")
     return Bracket(
-        kind=given.kind,
-        reasons=tuple(reasons),
+        kind=kind,
+        reasons=tuple(found),
         lower=lower,
         upper=upper,
         strain=strain,
         bulk=inside,
         contacts=contacts,
         cell_gaps=np.maximum(parts, 0.0),
-        outer=outer if given.kind is BracketKind.GIVEN_BOUND else 0.0,
+        outer=outer if kind is BracketKind.GIVEN_BOUND else 0.0,
         slack=slack,
-        driven=force_bounds(discretization, not given.threshold.any(), lower, upper),
+        driven=force_bounds(discretization, not given.bound.any(), lower, upper),
         result=stress,
         companion=companion,
+    )
+
+
+# Several solutions of one discrete problem. They are compared with the displacement model on the same mesh, under the
+# same friction law, by the energy of what the strains differ. Displacements may have several solutions too: the
+# comparison is an indication of the branch, and no proof.
+
+
+@dataclass(frozen=True, eq=False)
+class Branches:
+    """Certified solutions of one discrete problem.
+
+    Attributes
+    ----------
+    results : tuple of ContactResult
+        All that were found, the one nearest to the displacement model first. If there are several, a remark of each
+        says so.
+    distances : tuple of float
+        d of each, see `other_solutions`; NaN without a displacement model.
+    companion : CompanionResult or None
+        The displacement model; None if there is nothing to choose from, or it cannot represent the problem.
+    message : str
+        What was found, one or more sentences.
+
+    """
+
+    results: tuple[ContactResult, ...]
+    distances: tuple[float, ...]
+    companion: CompanionResult | None
+    message: str
+
+    @property
+    def preferred(self) -> ContactResult:
+        """The result nearest to the displacement model; the one given, if there is none to compare with."""
+        return self.results[0]
+
+
+def other_solutions(result: ContactResult, *, time_limit: float | None = None) -> Branches:
+    """Look for other solutions of the discrete problem of a result, and prefer the one that displacements confirm.
+
+    Friction is followed to its value from 0.4, 0.6, 0.85 and 1.3 times that, in 3 to 20 steps. That takes about as
+    long as ten to thirty solves, and up to a hundred where the steps do not start near each other. Only certified
+    states count. If there are several, the displacement model is solved on the same mesh, and the results are sorted by
+
+        d² = ½ ∫ (cσ − ε(v)) : C : (cσ − ε(v)) dx / U,
+
+    U the largest strain energy of the solutions. A v that is a rigid motion confirms one without stress.
+
+    That no other solution was found does not prove that there is none.
+
+    Parameters
+    ----------
+    result : ContactResult
+        Solved.
+    time_limit : float, optional
+        Seconds for following the friction.
+
+    Returns
+    -------
+    Branches
+        At least with the result given.
+
+    Raises
+    ------
+    InputError
+        If the result is not solved, or belongs to a step of a history.
+
+    """
+    if not isinstance(result, ContactResult) or result.status is not Status.SOLVED:
+        raise InputError("result", result, "give a result whose status is solved")
+    known = result.discretization
+    if any(rows.slip.any() for rows in known.contacts):
+        remedy = "give the result of one solve, with the earlier slip in `offset`"
+        raise InputError("result", "a step of a history, after earlier slip", remedy)
+    found = followed_solutions(result.solution, time_limit=time_limit)
+    if len(found) == 1:
+        return Branches((result,), (np.nan,), None, "No other solution was found by following the friction.")
+    results = [ContactResult(result.discretization, solution) for solution in found]
+    companion, unknown = None, "No displacement model on this mesh confirms one of them"
+    try:
+        model = solve_companion(result.problem)
+        companion = model if model.status is Status.SOLVED else None
+        unknown = f"{unknown}: {model.message}"
+    except InputError as error:
+        unknown = f"{unknown}: {error}."
+    distances, largest = np.full(len(results), np.nan), max(each.energies.strain for each in results)
+    for i, each in enumerate(results if companion is not None else ()):
+        assert companion is not None
+        fields = CellFields.of(each.discretization, each.dofs, companion.degree)
+        strain: FloatArray = companion.cell_strain(*fields.t[:, -2:].T)
+        distances[i] = np.sqrt(bulk(fields, each.problem.compliances, strain).sum() / largest)
+    order = np.argsort(distances, kind="stable")  # as they are, without a companion
+    results, distances = [results[i] for i in order], distances[order]
+    message = f"{_several(results)} {unknown}"
+    if companion is not None:
+        shares = ", ".join(f"{100.0 * distance:.3g} %" for distance in distances)
+        message = (
+            f"{_several(results)} Their strains differ from those of the displacement model on the same mesh by "
+            f"{shares} of the largest, in the energy norm."
+        )
+    told = []
+    for i, each in enumerate(results):  # in place of what its own solve had suspected
+        place = f" This one is {'the' if i == 0 else 'not the'} nearest." if companion is not None else ""
+        solution = replace(each.solution, remarks=(f"{message}{place} {WHAT_TO_DO}",))
+        told.append(ContactResult(result.discretization, solution))
+    return Branches(tuple(told), tuple(distances.tolist()), companion, message)
+
+
+def _several(results: list[ContactResult]) -> str:
+    """How many solutions there are, and how far their tractions and forces differ."""
+    tractions = max(traction_difference(one.solution, other.solution) for one, other in combinations(results, 2))
+    ranges = []
+    for name in results[0].contacts:
+        forces = [result.contacts[name].tangential_force for result in results]
+        ranges.append(f"{min(forces):.5g} to {max(forces):.5g} [stress × length] on {name!r}")
+    return (
+        f"The discrete problem has several solutions: {len(results)} certified ones were found. Their contact "
+        f"tractions differ by up to {100.0 * tractions:.2g} % of the largest. The tangential force is "
+        f"{' and '.join(ranges)}."
     )

@@ -44,7 +44,7 @@ from qvi_contact.bracket.parts import (
 from qvi_contact.bracket.share import LeastChange, Share, SharedStress
 from qvi_contact.companion import CompanionResult
 from qvi_contact.companion.contact import DisplacementContact
-from qvi_contact.companion.solver import MOST, BodyAtRest, solutions
+from qvi_contact.companion.model import MOST, BodyAtRest, solutions
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows
 from qvi_contact.element import bernstein
@@ -157,10 +157,8 @@ class CoulombBounds:
     @property
     def message(self) -> str:
         """What is bounded, how well, and why it is not guaranteed, if it is not."""
-        known = "Guaranteed" if self.guaranteed else "Estimated"
-        bound = (
-            f"{known} bound under friction: stresses within {100.0 * self.relative_error:.2g} % of their energy norm."
-        )
+        known, error = self.kind.capitalize(), 100.0 * self.relative_error
+        bound = f"{known} bound under friction: stresses within {error:.2g} % of their energy norm."
         if not np.isfinite(self.within):
             return f"No bound under friction. {self.norm.reason}"
         near = ""

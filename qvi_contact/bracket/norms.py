@@ -32,7 +32,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.bracket.share import Share, bodies_of, held_directions, shares_on, spans
 from qvi_contact.companion.body import PARALLEL, Elasticity
 from qvi_contact.companion.contact import DisplacementContact
-from qvi_contact.companion.solver import MOST, SINGULAR, BodyAtRest
+from qvi_contact.companion.model import MOST, SINGULAR, BodyAtRest
 from qvi_contact.companion.space import DisplacementSpace, reference_matrices, triangle
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
@@ -216,20 +216,11 @@ def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float | N
     gain = None if inf_sup is None else _gain(problem, sides, inf_sup)
     if gain is None:
         return None
-    return float(np.abs(slopes).max()) * star_constant(ratio, gain)
-
-
-def star_constant(ratio: float, gain: float) -> float:
-    """The norm of v ↦ v_t n in the energy norm: a number it does not exceed.
-
-    `ratio` is Poisson's of the plane state, −c12/c11; `gain` is G with ‖∇ψ‖² ≤ G ‖ω‖² for a field ψ of divergence ω,
-    zero where displacements are free, for the rotation ω of every displacement.
-    """
-    soft = 1.0 - ratio
+    soft = 1.0 - ratio  # the norm of v ↦ v_t n, by the rotation and the strains of v
     across, along = np.cos(ANGLES), np.sqrt(soft / 2.0) * np.sin(ANGLES)
     rotation = np.sqrt((gain - 0.5) / min(soft, 1.0 + ratio))
     strains = np.sqrt(across**2 / (2.0 * soft) + along**2 / (1.0 - ratio**2))
-    return float((across * rotation + strains).max() * ROUNDED)
+    return float(np.abs(slopes).max()) * float((across * rotation + strains).max() * ROUNDED)
 
 
 def _inf_sup(problem: ContactProblem) -> float | None:
@@ -251,7 +242,10 @@ def _inf_sup(problem: ContactProblem) -> float | None:
 
 
 def _gain(problem: ContactProblem, sides: list[FloatArray], inf_sup: float) -> float | None:
-    """G of `star_constant`: by a field ψ of mean divergence 1 where supports are, and β for what is left."""
+    """G with ‖∇ψ‖² ≤ G ‖ω‖² for a field ψ of divergence ω, the rotation of any displacement, zero where these are free.
+
+    It comes from a field of mean divergence 1 where supports are, and from β for what is left.
+    """
     space = DisplacementSpace.of(problem, triangle(_FIELD_DEGREE), problem.mesh.length)
     n, numbers = len(space.cell.places), space.along(problem.mesh.boundary)
     unknown = np.ones((space.size // 2, 2), dtype=bool)  # components that vanish on edges that leave them free

@@ -64,11 +64,6 @@ class Bracket:
     ----------
     kind : BracketKind
         The problem whose solution is u, σ.
-    certainty : Certainty
-        "guaranteed" if bounds hold for the problem the user stated, up to rounding and the tolerance: those of the
-        energies, under Coulomb friction those of `coulomb`. Else "estimate", and `reasons` or `coulomb` says why.
-    guaranteed : bool
-        Whether the certainty is "guaranteed", without a condition.
     reasons : tuple of str
         Why the bounds of the energy are not guaranteed; empty if they are.
     lower, upper : float
@@ -134,14 +129,16 @@ class Bracket:
             why = self.coulomb_reason if self.coulomb is None else self.coulomb.message
             return Uniqueness(float("inf"), Certainty.ESTIMATE, f"How far another solution can be is not known. {why}")
         near = f" within {100.0 * known.reach:.3g} % of this one" if np.isfinite(known.reach) else ""
-        where = (
-            f"Any two solutions{near} differ by at most {100.0 * known.apart:.2g} % of the energy norm of the stresses"
-        )
-        return Uniqueness(known.apart, self.certainty, f"{where} ({known.kind}).")
+        most = f"at most {100.0 * known.apart:.2g} % of the energy norm of the stresses ({known.kind})"
+        return Uniqueness(known.apart, self.certainty, f"Any two solutions{near} differ by {most}.")
 
     @property
     def certainty(self) -> Certainty:
-        """How far the bounds can be trusted."""
+        """Whether bounds hold for the problem the user stated, up to rounding and the tolerance.
+
+        Those of the energies, under Coulomb friction those of `coulomb`: "guaranteed". Else "estimate", and `reasons`
+        or `coulomb` says why.
+        """
         known = self._under_friction
         sure = not self.reasons if known is None else known.guaranteed
         return Certainty.GUARANTEED if sure else Certainty.ESTIMATE

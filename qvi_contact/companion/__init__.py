@@ -7,8 +7,14 @@
 Conforming elements on the mesh of the problem; the contact problem is solved in its forces by `solvers`.
 """
 
-from qvi_contact.companion.result import CompanionContact, CompanionParts, CompanionResult, CompanionState
-from qvi_contact.companion.solver import solve_companion, solve_companions
+from qvi_contact.companion.model import (
+    CompanionContact,
+    CompanionParts,
+    CompanionResult,
+    CompanionState,
+    solve_companion,
+    solve_companions,
+)
 from solvers.basics.front import front
 
 __all__ = [
@@ -25,7 +31,7 @@ __getattr__ = front(
     {
         "body": ("Elasticity",),
         "contact": ("DualProblem",),
-        "solver": ("BodyAtRest", "moduli"),
+        "model": ("BodyAtRest", "moduli"),
         "space": ("DisplacementSpace", "Triangle"),
     },
 )

@@ -34,6 +34,7 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.quadrature import EdgeQuadrature
+from qvi_contact.mechanism.program import null_space
 from qvi_contact.mesh.edges import Edges, vectors_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Displacement, Traction
@@ -138,10 +139,8 @@ def supports(problem: ContactProblem, space: DisplacementSpace, scales: Scales) 
     known, group, count = np.unique(coefficient, return_inverse=True, return_counts=True)
     order = np.argsort(group, kind="stable")
     place = group[order], np.arange(len(order)) - np.repeat(np.cumsum(count) - count, count)
-    D, wanted = (
-        np.zeros((len(known), max(2, *count.tolist(), 0), 2)),
-        np.zeros((len(known), max(2, *count.tolist(), 0))),
-    )
+    D = np.zeros((len(known), max(2, *count.tolist(), 0), 2))
+    wanted = np.zeros(D.shape[:2])
     D[place], wanted[place] = direction[order], value[order]  # those of one coefficient in a row, zeros after them
     U, size, V = np.linalg.svd(D, full_matrices=False)
     both, first = size[:, 1] > PARALLEL, D[:, 0]
@@ -224,10 +223,8 @@ class Elasticity:
         space, curved = self.space, self.space.curved
         local, slopes, n = reference_matrices(space.cell), space.slopes, space.table.shape[1]
         t, w = space.cell.quadrature(self._count)
-        along, bent = (
-            np.stack([space.cell.derivative_values(t) @ each for each in space.cell.differences]),
-            curved.numbers,
-        )
+        along = np.stack([space.cell.derivative_values(t) @ each for each in space.cell.differences])
+        bent = curved.numbers
         gradients = np.einsum("kqab,aqn->kqbn", space.inverse_jacobians(bent, t), along)
         measures, blocks = space.measures(t, w)[bent], np.empty((len(space.table), n, 2, n, 2))
         for c, d in product((0, 1), repeat=2):
@@ -414,7 +411,7 @@ class CondensedBody:
         fixed = np.zeros(body.size)
         fixed[supports.index] = supports.values
         r, _ = factor.reduce((Q.T @ (load - body.force(Q @ fixed)))[free])
-        motions = (rigid @ _null_space(rigid[supports.index]))[interface]
+        motions = (rigid @ _unheld(rigid[supports.index]))[interface]
         R = np.asarray(np.linalg.qr(motions)[0]) if motions.size else np.zeros((len(motions), 0))
         if body.springs is not None:
             more = body.size - size
@@ -459,7 +456,7 @@ def _pins(body: Elasticity, rigid: FloatArray, fixed: IntArray, interface: IntAr
     found: list[IntArray] = [np.empty(0, dtype=np.int64)]
     for block in range(blocks):
         motions = rigid[:, 3 * block : 3 * block + 3]
-        if _null_space(motions[held]).shape[1]:
+        if _unheld(motions[held]).shape[1]:
             mine = np.flatnonzero(body.space.owner == block)
             place = body.space.places[mine].sum(axis=1)
             pair = mine[[int(np.argmin(place)), int(np.argmax(place))]]
@@ -467,10 +464,6 @@ def _pins(body: Elasticity, rigid: FloatArray, fixed: IntArray, interface: IntAr
     return np.setdiff1d(np.concatenate(found), fixed)
 
 
-def _null_space(matrix: FloatArray) -> FloatArray:
-    """Orthonormal basis (n, j) of the null space of (m, n), whose entries are motions of a body of length one."""
-    if not len(matrix):
-        return np.eye(matrix.shape[1])
-    triangle = np.linalg.qr(np.vstack([matrix, np.zeros_like(matrix, shape=(matrix.shape[1],) * 2)]), mode="r")
-    _, values, vectors = np.linalg.svd(triangle)
-    return np.asarray(vectors[values <= _FREE * max(1.0, float(values[0]))].T)
+def _unheld(motions: FloatArray) -> FloatArray:
+    """Combinations (k, j) of rigid motions that rest where these (m, k) are, which are of the size of one."""
+    return null_space(motions, _FREE * max(1.0, float(np.linalg.norm(motions))))

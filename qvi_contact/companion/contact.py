@@ -110,12 +110,6 @@ class DisplacementContact:
         """Its coefficients among those of all contacts."""
         return slice(self.start, self.start + self.count)
 
-    def by_coefficient(self, values: FloatArray) -> FloatArray:
-        """Values (e,) of edges at the coefficients (n,): of the edge whose tangent a coefficient has."""
-        found = np.empty(self.count)
-        found[self.columns] = values[:, None]
-        return found
-
     def on_edges(self, normal: FloatArray, tangential: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coefficients (…, n) as those of each edge, (…, e, p + 1), tangential ones along the edge's own tangent."""
         return normal[..., self.columns], self.turned * tangential[..., self.columns]
@@ -219,27 +213,33 @@ def _trace(
     near = space.along(edges)
     far = space.along(edges, other=True) if joint else near
     sides = np.where(near > far, -1.0, 1.0)
-    frames = [sides[..., None] * vectors for vectors in frames_along(edges, np.linspace(0.0, 1.0, p + 1))]
+    along = frames_along(edges, np.linspace(0.0, 1.0, p + 1))
+    frames = [(sides[..., None] * vectors).reshape(-1, 2) for vectors in along]
     # pairs (n, 3) of coefficients of the body, the smaller number first, with the number of a direction last: where the
     # normals of a joint turn back the sides of its edges change, normals that lead from the first of a pair do not
-    facing = _directions(frames[0].reshape(-1, 2))
-    pairs = np.stack([np.minimum(near, far).ravel(), np.maximum(near, far).ravel(), facing], axis=1)
+    pairs = np.stack([np.minimum(near, far).ravel(), np.maximum(near, far).ravel(), _directions(frames[0])], axis=1)
     pairs, columns = np.unique(pairs, axis=0, return_inverse=True)
-    columns = columns.reshape(near.shape)
-    normals, tangents = np.zeros((2, len(pairs), 2))
-    normals[columns], tangents[columns] = frames
-    turned = np.where((frames[1] * tangents[columns]).sum(axis=2) < 0.0, -1.0, 1.0)
-    normal, tangential = (_rows(pairs, vectors, space.size, joint) for vectors in (normals, tangents))
-    if edges.curved:
-        normal, tangential = (
-            _bent_rows(edges, columns, sides, pairs, straight, chords, joint)
-            for straight, chords in ((normal, edges.normal), (tangential, edges.tangent))
-        )
+    owner = np.empty(len(pairs), dtype=np.int64)  # of the places on all edges that a coefficient has, one
+    owner[columns.ravel()] = np.arange(columns.size)
+    columns, (normals, tangents) = columns.reshape(near.shape), (vectors[owner] for vectors in frames)
+    turned = np.where((frames[1].reshape(*near.shape, 2) * tangents[columns]).sum(axis=2) < 0.0, -1.0, 1.0)
+    rows = []
+    for vectors, chords in zip(along, (edges.normal, edges.tangent), strict=True):
+        parts = np.eye(p + 1)[:, :, None] * vectors[:, :, None]  # (e, p + 1, p + 1, 2): c at places on each edge
+        if edges.curved:
+            parts[edges.bent, 1:-1] = along_arcs(edges.take(edges.bent), chords[edges.bent], p)
+        number, parts = np.repeat(np.arange(len(pairs)), 2 * (p + 1)), parts.reshape(-1, p + 1, 2)[owner]
+        found = sparse.csr_array((len(pairs), space.size))
+        for coefficients, sign in ((near, 1.0), (far, -1.0))[: 1 + joint]:
+            dofs = 2 * coefficients[owner // (p + 1), :, None] + np.arange(2)
+            found = found + sparse.csr_array((sign * parts.ravel(), (number, dofs.ravel())), shape=found.shape)
+        found.eliminate_zeros()
+        rows.append(sparse.csr_array(found))
     lengths = edges.length / scales.length
     weights = np.bincount(columns.ravel(), np.repeat(lengths / (p + 1), p + 1), minlength=len(pairs))
     return DisplacementContact(
         contact, problem.mesh, scales, edges, start, columns, turned, (normals, tangents), space.places[pairs[:, 0]],
-        normal, tangential, lengths, np.asarray(weights, dtype=np.float64), bound,
+        rows[0], rows[1], lengths, np.asarray(weights, dtype=np.float64), bound,
     )  # fmt: skip
 
 
@@ -252,43 +252,6 @@ def _directions(vectors: FloatArray) -> IntArray:
     number: IntArray = np.empty(len(angle), dtype=np.int64)
     number[order] = (np.cumsum(apart) - apart[0]) % max(int(apart.sum()), 1)
     return number
-
-
-def _rows(pairs: IntArray, vectors: FloatArray, size: int, joint: bool) -> sparse.csr_array:
-    """(n, size): the components along vectors (n, 2) of the first of each pair, on a joint less those of the second."""
-    number, found = np.repeat(np.arange(len(pairs)), 2), sparse.csr_array((len(pairs), size))
-    for side, sign in ((0, 1.0), (1, -1.0))[: 1 + joint]:
-        dofs = 2 * pairs[:, [side]] + np.arange(2)
-        found = found + sparse.csr_array((sign * vectors.ravel(), (number, dofs.ravel())), shape=found.shape)
-    found.eliminate_zeros()
-    return sparse.csr_array(found)
-
-
-def _bent_rows(
-    edges: Edges,
-    columns: IntArray,
-    sides: FloatArray,
-    pairs: IntArray,
-    straight: sparse.csr_array,
-    chords: FloatArray,
-    joint: bool,
-) -> sparse.csr_array:
-    """The rows with those inside arcs replaced by components along vectors (e, 2) of the chords, see `along_arcs`.
-
-    Sides (e, p + 1) are 1 where the body's side of the edge is the first of a pair, −1 where it is the second.
-    """
-    bent = np.flatnonzero(edges.bent)
-    factors = sides[bent, None, :, None] * along_arcs(edges.take(bent), chords[bent], columns.shape[1] - 1)
-    chosen = columns[bent]
-    row = np.broadcast_to(chosen[:, 1:-1, None, None], factors.shape)
-    whole = np.ones(straight.shape[0])
-    whole[chosen[:, 1:-1]] = 0.0
-    found = sparse.diags_array(whole) @ straight
-    for side, sign in ((0, 1.0), (1, -1.0))[: 1 + joint]:
-        dofs = 2 * pairs[chosen, side][:, None, :, None] + np.arange(2)
-        at = (row.ravel(), np.broadcast_to(dofs, factors.shape).ravel())
-        found = found + sign * sparse.csr_array((factors.ravel(), at), shape=straight.shape)
-    return sparse.csr_array(found)
 
 
 @dataclass(frozen=True, eq=False)

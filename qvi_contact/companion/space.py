@@ -231,10 +231,8 @@ class DisplacementSpace:
             whole[mesh.joint_set(joint.edges)] = False
         edges = mesh.interior.take(whole)
         near, far = (n * edges.cells[:, [side]] + cell.along(mesh, edges, side) for side in (0, 1))
-        table, block = (
-            linked(near, far, n * count).reshape(count, n),
-            linked(edges.cells[:, 0], edges.cells[:, 1], count),
-        )
+        table = linked(near, far, n * count).reshape(count, n)
+        block = linked(edges.cells[:, 0], edges.cells[:, 1], count)
         return cls(mesh, cell, (first - mesh.origin) / length, frames, table, block, CurvedCells.of(mesh, length))
 
     @property

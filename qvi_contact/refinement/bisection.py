@@ -27,7 +27,6 @@ import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate, whole_number
 from qvi_contact.basics.units import Certainty
-from qvi_contact.discretization.loads import ContactRows
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.limit.load_factor import LimitAnalysis, LimitProblem
@@ -337,14 +336,11 @@ def energies_between(answer: ContactResult, reference: ContactResult) -> FloatAr
 
     def missed(cells: IntArray, at: FloatArray, points: FloatArray) -> FloatArray:
         """The difference of the stresses at points (n, g, 2), reference points `at` of triangles of the finer mesh."""
-        own, other = (
-            each.discretization.scales.stress
-            * each.discretization.space.stress(each.discretization.coefficients(each.dofs), within, t)
-            for each, within, t in (
-                (reference, cells, at), (answer, parents[cells], located(mesh, parents[cells], points)),
-            )
-        )  # fmt: skip
-        return np.asarray(own - other)  # without body potential
+        placed, found = located(mesh, parents[cells], points), list[FloatArray]()
+        for each, within, t in ((reference, cells, at), (answer, parents[cells], placed)):
+            known = each.discretization
+            found.append(known.scales.stress * known.space.stress(known.coefficients(each.dofs), within, t))
+        return found[0] - found[1]  # without body potential
 
     cells, t = np.arange(fine.cell_count), space.cell_points
     inside = missed(cells, t, (fine.corners.swapaxes(1, 2)[:, None] @ fine.placed(cells, t)[..., None])[..., 0])
@@ -392,24 +388,6 @@ _SECTOR: Final = np.pi / 48.0  # smallest angle of fans [rad]
 _BLUNT: Final = 0.8 * np.pi  # angle of a corner from which on a change of conditions needs a fan [rad]
 _FLAT: Final = 1e-6  # of a straight angle that is rounding
 _VIOLATED: Final = 1e-7  # of the largest limit of tractions: violation that counts as rounding
-
-
-def law_gap(
-    rows: ContactRows, normal: FloatArray, shear: FloatArray, opening: FloatArray, slip: FloatArray
-) -> FloatArray:
-    """The parts (m,) of the points of a contact, by σ_N and σ_T there, and by w and s times the weights of the points.
-
-    All of them have the shape (m,), and are dimensionless.
-    """
-    size, friction, unilateral = np.abs(slip), rows.limits.friction, ~rows.bilateral
-    capped, rough = np.isfinite(rows.limits.cap), friction > 0.0
-    admitted = np.maximum(opening, np.where(capped, 0.0, friction * size))
-    opening = np.where(unilateral, admitted, opening)
-    room = np.divide(np.maximum(opening, 0.0), friction, out=size.copy(), where=rough)
-    dilatant = np.where(unilateral, np.minimum(size, room), np.where(rough, 0.0, size))
-    work = np.minimum(rows.limits.cohesion, rows.limits.cap) * dilatant
-    work += np.where(capped, rows.limits.cap, 0.0) * (size - dilatant)
-    return np.asarray(np.maximum(work - normal * opening - shear * slip, 0.0))
 
 
 @dataclass(frozen=True)
@@ -479,7 +457,9 @@ class LimitStrategy:
     def _finer_where_it_yields(self, mesh: TriangleMesh, parts: FloatArray, share: float) -> TriangleMesh | None:
         """Triangles with a share of the gap divided; where they meet a singular vertex its fan becomes finer."""
         marked = bulk(parts, share)
-        singular = singular_vertices(replace(self.problem, mesh=mesh))
+        vertices, angle, changes, bent = outline_vertices(replace(self.problem, mesh=mesh))
+        inwards = angle > np.pi * (1.0 + _FLAT)  # or conditions change where the outline does not turn outwards by much
+        singular = vertices[~bent & (inwards | (changes & (angle > _BLUNT)))]  # where stresses turn around a point
         at = singular[[bool((marked & (mesh.cells == vertex).any(axis=1)).any()) for vertex in singular]]
         around = np.isin(mesh.cells, at).any(axis=1)
         one, other = (mesh.corners[:, corner] - mesh.corners[:, 0] for corner in (1, 2))
@@ -489,25 +469,11 @@ class LimitStrategy:
             return None
         fine = mesh.refined(chosen) if len(chosen) else mesh
         for vertex in at.tolist():
-            widest = float(_angles(fine)[fine.cells == vertex].max())
+            one, other = (np.roll(fine.corners, -shift, axis=1) - fine.corners for shift in (1, 2))  # of all corners
+            angles = np.abs(np.arctan2(cross(one, other), (one * other).sum(axis=-1)))
+            widest = float(angles[fine.cells == vertex].max())
             fine = fine.fanned(np.array([vertex]), max(widest / 2.0, _SECTOR))
         return fine
-
-
-def singular_vertices(problem: ContactProblem) -> IntArray:
-    """Vertices of the boundary where stresses turn quickly around a point.
-
-    The outline turns inwards there, or conditions change where it does not turn outwards by much; straight sides only.
-    """
-    vertices, angle, changes, bent = outline_vertices(problem)
-    inwards = angle > np.pi * (1.0 + _FLAT)
-    return vertices[~bent & (inwards | (changes & (angle > _BLUNT)))]
-
-
-def _angles(mesh: TriangleMesh) -> FloatArray:
-    """Angles of all triangles (m, 3) [rad]."""
-    one, other = (np.roll(mesh.corners, -shift, axis=1) - mesh.corners for shift in (1, 2))
-    return np.asarray(np.abs(np.arctan2(cross(one, other), (one * other).sum(axis=-1))))
 
 
 def _limited_edges(problem: ContactProblem) -> Iterator[Edges]:
@@ -528,6 +494,12 @@ def _edge_gaps(answer: LimitAnalysis) -> Iterator[FloatArray]:
     opening, slip = (rule.multipliers_at_points(half) for half in np.split(carried.motion, 2))
     for rows in posed.low.contacts:
         if rows.law != "tied":
-            held = rows.rows
-            parts = law_gap(rows, normal[held], shear[held], opening[held], slip[held])
-            yield parts.reshape(-1, rule.count).sum(axis=1)
+            N, T, w, s = (part[rows.rows] for part in (normal, shear, opening, slip))
+            size, friction, unilateral = np.abs(s), rows.limits.friction, ~rows.bilateral
+            capped, rough = np.isfinite(rows.limits.cap), friction > 0.0
+            w = np.where(unilateral, np.maximum(w, np.where(capped, 0.0, friction * size)), w)
+            room = np.divide(np.maximum(w, 0.0), friction, out=size.copy(), where=rough)
+            dilatant = np.where(unilateral, np.minimum(size, room), np.where(rough, 0.0, size))
+            work = np.minimum(rows.limits.cohesion, rows.limits.cap) * dilatant
+            work += np.where(capped, rows.limits.cap, 0.0) * (size - dilatant)
+            yield np.maximum(work - N * w - T * s, 0.0).reshape(-1, rule.count).sum(axis=1)

@@ -131,8 +131,6 @@ class RefinementRound:
         Its estimated relative error; infinity if there is none.
     certainty : Certainty
         Whether the estimate is a bound of the error.
-    guaranteed : bool
-        Whether it is one without a condition.
 
     """
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import FloatArray, real_array
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import SHARE, Rounding, Units
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical, scaled_stress_at_rest
@@ -23,6 +23,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine, contact_line
 from qvi_contact.solution.stress import (
     cell_stresses,
+    given_points,
     misfit_of_tractions,
     stress_at,
     stress_rounding,
@@ -56,7 +57,7 @@ _SHARE = 1e-3
 
 
 _ABOVE: Final = {
-    **dict.fromkeys(("bracket", "displacement", "uniqueness"), "qvi_contact.bracket"),
+    "bracket": "qvi_contact.bracket",
     **dict.fromkeys(("remarks", "undetermined_motions"), "qvi_contact.solution.remarks"),
 }
 """Functions of a result that are its attributes too, and their modules, loaded on first use."""
@@ -149,7 +150,7 @@ class ContactResult(PicklesFields):
         The problem, its mesh and its algebraic form.
     solution : QVISolution
         The algebraic answer, dimensionless.
-    remarks, undetermined_motions, bracket, uniqueness, displacement
+    remarks, undetermined_motions, bracket
         What the functions of these names in `solution.remarks` and `bracket` find, on first use.
 
     """
@@ -161,8 +162,6 @@ class ContactResult(PicklesFields):
         remarks: ClassVar[tuple[str, ...]]
         undetermined_motions: ClassVar[tuple[UndeterminedMotion, ...]]
         bracket: ClassVar[Bracket]
-        uniqueness: ClassVar[Uniqueness]
-        displacement: ClassVar[Callable[[ContactResult, ArrayLike, ArrayLike], FloatArray]]
 
     def __getattr__(self, name: str) -> Any:
         if name not in _ABOVE:
@@ -284,12 +283,20 @@ class ContactResult(PicklesFields):
 
         σ_xx, σ_yy, σ_xy [stress], tension positive; on edges inside the body the mean of the adjacent cells.
         """
-        remedy = "give real numbers, or arrays of them whose shapes go together"
-        try:
-            points_x, points_y = np.broadcast_arrays(*(real_array("stress(x, y)", value, remedy) for value in (x, y)))
-        except ValueError as error:
-            raise InputError("stress(x, y)", (x, y), remedy) from error
-        return stress_at(self.discretization, self.dofs, points_x, points_y)
+        return stress_at(self.discretization, self.dofs, *given_points("stress(x, y)", x, y))
+
+    def displacement(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
+        """Displacement u_x, u_y (..., 2) [length] at such points, on joints the mean of all sides.
+
+        The stress itself has none: it is that of the displacement model of `bracket`, under the friction bound of this
+        result. `InputError` also where there is no such displacement, or in a step of a history after slip along arcs.
+        """
+        return self.bracket.companion.displacement(x, y)
+
+    @property
+    def uniqueness(self) -> Uniqueness:
+        """How far another solution of the exact problem can be, as far as `bracket` tells."""
+        return self.bracket.uniqueness
 
     def gauss_stress(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Coordinates x, y [length] of the g Gauss points of each cell, shape (cells, g), and the stress there.

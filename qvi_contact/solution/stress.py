@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate, one_of, real_array
 from qvi_contact.discretization.discretization import Discretization
@@ -56,6 +57,16 @@ def stress_at(discretization: Discretization, u: FloatArray, x: FloatArray, y: F
     stress *= discretization.scales.stress
     stress[..., :2] += evaluate("ContactProblem.body_potential", problem.body_potential, x, y)[..., None]
     return stress
+
+
+def given_points(name: str, x: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Coordinates of points as arrays of one shape; else `InputError` of the field `name`."""
+    remedy = "give real numbers, or arrays of them whose shapes go together"
+    try:
+        points_x, points_y = np.broadcast_arrays(*(real_array(name, value, remedy) for value in (x, y)))
+    except ValueError as error:
+        raise InputError(name, (x, y), remedy) from error
+    return points_x, points_y
 
 
 def mean_at(

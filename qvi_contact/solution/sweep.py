@@ -27,7 +27,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem, run_digest
-from qvi_contact.runs.processes import Limits, NotLoadedError, Outcome, Workers
+from qvi_contact.runs.processes import Limits, NotLoadedError, Workers
 from qvi_contact.solution.result import ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import Settings
 from qvi_contact.solution.solver import discretized, fitted, solved
@@ -320,8 +320,8 @@ def solve_sweep(
 class SweepTask:
     """What is to be done for each value."""
 
-    problem: ContactProblem  # the problem; `of` puts it on its element
-    parameter: Parameter  # "friction", "load", "gap" or "offset": what changes
+    problem: ContactProblem
+    parameter: Parameter  # what changes
     names: tuple[str, ...]  # the contacts or loads that are changed
     settings: Settings = field(default_factory=Settings)  # how to solve it
     warm: bool = False  # whether to start from the value before
@@ -413,18 +413,15 @@ class _Run:
                 self._state = found
             yield number, value, found, time.perf_counter() - began
 
-    def rows(self, planned: Sequence[tuple[int, float]]) -> Iterator[SweepRow]:
-        """The rows of these numbers and values; a value that the time has cut short has none."""
-        for number, value, found, seconds in self.results(planned):
-            if found.status is Status.TIME_LIMIT:
-                return
-            yield SweepRow.of(number, value, found, seconds)
-
-    def slice(self, part: _Slice) -> list[SweepRow]:
-        """The rows of a slice."""
-        seconds = max(part.end - time.time(), _LEAST)
+    def rows(self, part: _Slice) -> list[SweepRow]:
+        """The rows of a slice; a value that the time has cut short has none."""
+        rows, seconds = list[SweepRow](), max(part.end - time.time(), _LEAST)
         with deadline(seconds if seconds < math.inf else None):
-            return list(self.rows(part.planned))
+            for number, value, found, taken in self.results(part.planned):
+                if found.status is Status.TIME_LIMIT:
+                    break
+                rows.append(SweepRow.of(number, value, found, taken))
+        return rows
 
 
 class _Slice(NamedTuple):
@@ -436,7 +433,7 @@ class _Slice(NamedTuple):
 
 def _opened(task: SweepTask) -> tuple[None, Callable[[_Slice], list[SweepRow]]]:
     """What a worker process does: the rows of slices, each on the factorisation of the one before."""
-    return None, _Run(task).slice
+    return None, _Run(task).rows
 
 
 def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Workers) -> Generator[Sequence[SweepRow]]:
@@ -445,42 +442,33 @@ def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Worker
     The values of a slice whose process was lost are done again one by one, so that the one that was to blame is found.
     """
     if workers == Workers() or not planned:
-        yield from ([row] for row in _Run(task).rows(planned))
+        run = _Run(task)
+        yield from filter(None, (run.rows(_Slice((each,), math.inf)) for each in planned))
         return
     seconds, end = deadline.left, time.time() + deadline.left
     limits = Limits(seconds + _GRACE if seconds < math.inf else None)
+    remedy = "cannot be sent to other processes: give Expression or Polynomial for its functions, or those of modules"
     try:
         settings = replace(task.settings, threads=task.settings.threads or 1)
         job = pickle.dumps(partial(_opened, replace(task, settings=settings)))
     except Exception as error:  # PicklingError, AttributeError or TypeError, by what it is
-        raise _not_sent(task, error) from error
+        raise InputError("problem", task.problem, f"{remedy} ({error})") from error
     try:
         with workers.ready(job, limits) as (size, outcomes):
             length = min(_LARGEST, max(1, math.ceil(len(planned) / (_SLICES * size))))
             slices = deque(_Slice(tuple(planned[i : i + length]), end) for i in range(0, len(planned), length))
             with closing(outcomes(slices)) as found:
                 for part, outcome in found:
-                    if outcome.status in ("memory", "crashed") and len(part.planned) > 1:
+                    if outcome.status == "done":
+                        yield outcome.value
+                    elif outcome.status == "error":
+                        raise outcome.error or SolveError(outcome.reason)
+                    elif outcome.status != "timeout" and len(part.planned) > 1:
                         slices.extendleft(_Slice((each,), end) for each in reversed(part.planned))
-                    elif outcome.status != "timeout":  # of which there are no rows
-                        yield _rows_of(part, outcome)
+                    elif outcome.status != "timeout":
+                        ((number, value),) = part.planned
+                        status = Status.OUT_OF_MEMORY if outcome.status == "memory" else Status.BACKEND_FAILED
+                        message = f"the process that solved it died twice ({outcome.reason})"
+                        yield [SweepRow(number, value, status, message, 0, math.nan, outcome.seconds, {})]
     except NotLoadedError as error:
-        raise _not_sent(task, error.reason) from error
-
-
-def _not_sent(task: SweepTask, reason: object) -> InputError:
-    remedy = "cannot be sent to other processes: give Expression or Polynomial for its functions, or those of modules"
-    return InputError("problem", task.problem, f"{remedy} ({reason})")
-
-
-def _rows_of(part: _Slice, outcome: Outcome) -> Sequence[SweepRow]:
-    """The rows of a slice, or that of its one value without an answer."""
-    if outcome.status == "done":
-        rows: list[SweepRow] = outcome.value
-        return rows
-    if outcome.status == "error":
-        raise outcome.error or SolveError(outcome.reason)
-    ((number, value),) = part.planned
-    status = Status.OUT_OF_MEMORY if outcome.status == "memory" else Status.BACKEND_FAILED
-    message = f"the process that solved it died twice ({outcome.reason})"
-    return [SweepRow(number, value, status, message, 0, math.nan, outcome.seconds, {})]
+        raise InputError("problem", task.problem, f"{remedy} ({error.reason})") from error

@@ -1,0 +1,597 @@
+"""The displacement model: assemble, condense, solve for the contact forces, return to displacements; and its answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from itertools import zip_longest
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number
+from qvi_contact.companion.body import PARALLEL, CondensedBody, Elasticity, Supports, load_vector, supports
+from qvi_contact.companion.contact import Contacts, DisplacementContact, DualProblem, admissible, dual_problem
+from qvi_contact.companion.space import DisplacementSpace, Triangle, triangle
+from qvi_contact.discretization.loads import scaled_stress_at_rest
+from qvi_contact.discretization.plates import COMPONENTS, centre_of
+from qvi_contact.discretization.scaling import Scales
+from qvi_contact.element import bernstein
+from qvi_contact.errors import InputError
+from qvi_contact.problem.conditions import is_frictionless
+from qvi_contact.problem.material import is_strained
+from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.contact_line import contact_states, turning_senses
+from qvi_contact.solution.result import PlateMotion, plate_motion
+from qvi_contact.solution.stress import given_points, mean_at
+from qvi_contact.version import __version__
+from solvers import Certificate, Iteration, QVISolution, Status, solve_qvi
+from solvers.basics.names import Named, known_name
+from solvers.basics.progress import Log
+from solvers.basics.types import PicklesFields
+from solvers.certificate.certificate import EXPONENTS
+from solvers.factorisation import FactorisationError
+from solvers.factorisation.base import limited_blas
+
+_FAILURES: Final = {"singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY, "time": Status.TIME_LIMIT}
+
+MOST: Final = 4000
+"""Contact coefficients, normal and tangential ones, for which dense matrices of them are made."""
+SINGULAR: Final = 1e-11
+"""Eigenvalue of a stiffness matrix, relative, that is a rigid motion's."""
+_DEPENDENT = 1e-9  # singular value of rows, relative, that counts as zero
+_DIGITS = 12  # of coordinates over the body's length: more is rounding
+
+
+@dataclass(frozen=True)
+class CompanionParts:
+    """Parts of the energy J(v) = strain − load + friction, a unit of thickness [stress × length²].
+
+    Attributes
+    ----------
+    strain : float
+        ½ ∫ (ε − ε⁰):C:(ε − ε⁰), the elastic energy, and that of springs; ε⁰ is an initial strain.
+    load : float
+        ∫ b·v + ∫_{Γσ} T·v + Σ F·q, q the motions of plates under the forces F.
+    friction : float
+        Σ ∫ s |v_T − w| ds ≥ 0 for given bounds; under the contacts' own laws Σ W_i s_i |c_i − w_i|, no less than that.
+
+    """
+
+    strain: float
+    load: float
+    friction: float
+
+
+@dataclass(frozen=True, eq=False)
+class CompanionContact:
+    """One contact in the displacement model; arrays over the n Bernstein coefficients of its trace.
+
+    Coefficients come in order along the line: by x, and by y where x is the same. Several lines of one contact mix if
+    they overlap in x.
+
+    A quantity at a coefficient is no value at a point: a displacement is the coefficient itself, a traction the mean
+    weighted by B_i. Coefficients whose displacement supports prescribe carry no traction here; it is the support's.
+
+    Attributes
+    ----------
+    name : str
+        Name of the contact.
+    x, y : (n,) arrays
+        The coefficients' own points, i/p along each edge [length].
+    weights : (n,) array
+        ∫ B_i ds [length].
+    normal_stress, tangential_stress : (n,) arrays
+        Mean tractions [stress], signs as in `ContactLine`, the pressure of a fluid included.
+    friction_bound : (n,) array
+        Bound of |tangential_stress| [stress]; infinity if tied.
+    gap : (n,) array
+        g − v_N ≥ 0 [length].
+    slip : (n,) array
+        v_T − w [length].
+    state : (n,) int array
+        `ContactState`.
+    senses : (n,) array
+        ±1, in which sense a tangential stress counts for the force, see `turning_senses`.
+
+    """
+
+    name: str
+    x: FloatArray
+    y: FloatArray
+    weights: FloatArray
+    normal_stress: FloatArray
+    tangential_stress: FloatArray
+    friction_bound: FloatArray
+    gap: FloatArray
+    slip: FloatArray
+    state: IntArray
+    senses: FloatArray
+
+    @property
+    def normal_force(self) -> float:
+        """−∫ σ_N ds, ≥ 0 if unilateral [stress × length]."""
+        return -float(self.weights @ self.normal_stress)
+
+    @property
+    def tangential_force(self) -> float:
+        """∫ ± σ_T ds, force on the body along the contact, as that of `ContactLine` [stress × length]."""
+        return float(self.weights @ (self.senses * self.tangential_stress))
+
+
+@dataclass(frozen=True, eq=False)
+class CompanionState:
+    """A displacement that meets all conditions, dimensionless."""
+
+    contacts: Contacts  # the contacts; arrays over their n coefficients
+    v: FloatArray  # (size,): degrees of freedom, after those of the body the stretches of springs
+    c: FloatArray  # (2 n,): relative displacements, normal ones first
+    plates: FloatArray  # (q,): motions of plates
+    tractions: FloatArray  # (2 n,): τ
+    live: BoolArray  # (2 n,): where there is a force, see `DualProblem`; elsewhere τ is zero
+    bound: FloatArray  # (n,): bound of |τ_T|
+    load: FloatArray  # (size,): load vector
+    contradiction: str  # why it does not meet them after all; empty if it does
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CompanionResult(PicklesFields):
+    """A displacement model solved, or not: check `status`.
+
+    Without a state (loads that cannot be carried, failed back end) everything but status, certificate, message, problem
+    and `unknowns` raises `InputError`.
+
+    Attributes
+    ----------
+    problem : ContactProblem
+        The problem.
+    scales : Scales
+        Units of the dimensionless model.
+    body
+        The body, dimensionless.
+    status : Status
+        How the solve ended; ``status.advice`` says what to do.
+    certificate : Certificate
+        Residuals of the contact problem in its forces.
+    message : str
+        One sentence about the outcome.
+    state : CompanionState or None
+        The displacement.
+    reasons : tuple of str
+        Why the displacement or its energy is not admissible or exact; empty where J(v) is a guaranteed upper bound, for
+        data that are between `bernstein.SAMPLES` of every edge the polynomials that they are there.
+    solution : QVISolution or None
+        The algebraic answer.
+
+    """
+
+    problem: ContactProblem
+    scales: Scales
+    body: Elasticity
+    status: Status
+    certificate: Certificate
+    message: str
+    state: CompanionState | None
+    reasons: tuple[str, ...]
+    solution: QVISolution | None
+
+    def __repr__(self) -> str:
+        return f"<CompanionResult {self.message}>"
+
+    @property
+    def space(self) -> DisplacementSpace:
+        """The displacement space, dimensionless."""
+        return self.body.space
+
+    @property
+    def degree(self) -> int:
+        """Degree p of the displacements."""
+        return self.space.degree
+
+    @property
+    def unknowns(self) -> int:
+        """Number of displacement unknowns, prescribed ones included."""
+        return self.space.size
+
+    @property
+    def has_state(self) -> bool:
+        """Whether there is a displacement to evaluate."""
+        return self.state is not None
+
+    def displacement(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
+        """Displacement (u_x, u_y) at points of the body, (...) to (..., 2) [length]; on joints the mean of all sides.
+
+        Raises
+        ------
+        InputError
+            If a point lies outside the body.
+
+        """
+        return np.asarray(self._mean(x, y, self._displacement_in) * self.scales.displacement)
+
+    def stress(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
+        """Stress (σ_xx, σ_yy, σ_xy) = C (ε − ε⁰) at points of the body, (...) to (..., 3) [stress].
+
+        On edges the mean of the adjacent cells.
+        """
+        return self._mean(x, y, self._stress_in) * self.scales.stress
+
+    def cell_strain(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
+        """Strains (ε_xx, ε_yy, 2ε_xy) at reference points (k,) of every cell, (cells, k, 3).
+
+        The point (t_x, t_y) has these barycentric coordinates of the second and third corner. Cells come in the order
+        of the mesh.
+        """
+        strain = self.body.strain(self._v, slice(None), self.space.own(slice(None), np.column_stack([tx, ty])))
+        return np.asarray(strain * (self.scales.displacement / self.scales.length))
+
+    def cell_displacement(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
+        """Displacements at such points of every cell, (cells, k, 2) [length]."""
+        return np.asarray(self._displacement_in(slice(None), np.column_stack([tx, ty])) * self.scales.displacement)
+
+    def cell_stress(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
+        """Stresses (σ_xx, σ_yy, σ_xy) at such points of every cell, (cells, k, 3) [stress]."""
+        return self._stress_in(slice(None), np.column_stack([tx, ty])) * self.scales.stress
+
+    def cell_points(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
+        """Coordinates x, y of such points of every cell, (cells, k, 2) [length]."""
+        place = self.space.points(slice(None), self.space.own(slice(None), np.column_stack([tx, ty])))
+        return np.asarray(self.problem.mesh.origin + self.scales.length * place)
+
+    def displacement_in(self, cells: IntArray, t: FloatArray) -> FloatArray:
+        """Displacements at one such point each, (n, 2), of cells given by number (n,), shape (n, 2) [length]."""
+        return np.asarray(self._displacement_in(cells, t[:, None])[:, 0] * self.scales.displacement)
+
+    def trace(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """v_N and v_T at points t (k,), 0 to 1, of a contact's edges, (edges, k) each [length].
+
+        Edges are in the order of ``problem.mesh.edges(contact.edges)``, t runs along their tangents. On a joint these
+        are the jumps, on a rigid plate what the body moves beyond it, with springs what these leave of it.
+        """
+        return self.along(name, self._state.c, t)
+
+    def stretch(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """How far springs along a contact yield, as `trace` gives v_N and v_T; 0 where there are none."""
+        return self.along(name, self._state.contacts.stretched(self._state.v), t)
+
+    def along(self, name: str, coefficients: FloatArray, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Dimensionless coefficients (2 n,) of all contacts as values on the edges of one, as `trace` gives them."""
+        traces = {trace.name: trace for trace in self._state.contacts.traces}
+        trace = traces[known_name("name", name, {"contacts": list(traces)})]
+        shape = bernstein.basis(self.degree, np.atleast_1d(np.asarray(t, dtype=float))) * self.scales.displacement
+        normal, tangential = trace.on_edges(*coefficients.reshape(2, -1)[:, trace.here])
+        return normal @ shape.T, tangential @ shape.T
+
+    @cached_property
+    def parts(self) -> CompanionParts:
+        """The parts of the energy [stress × length²]."""
+        state, unit = self._state, self.scales.energy
+        load = float(state.load @ state.v + state.contacts.resultants @ state.plates)
+        friction = 0.0  # ∫ s |v_T − w| ds; under Coulomb's law the sum over coefficients that was minimised
+        for trace in state.contacts.traces:
+            slip = self._beyond[1, trace.here]
+            if trace.contact.law == "tied":
+                continue
+            if trace.bound is None:
+                friction += float(np.sum(trace.weights * state.bound[trace.here] * np.abs(slip)))
+            else:
+                along = trace.on_edges(slip, slip)[1]
+                friction += float(trace.lengths @ bernstein.absolute_integrals(trace.bound, along))
+        return CompanionParts(self.body.energy(state.v) * unit, load * unit, friction * unit)
+
+    @property
+    def energy(self) -> float:
+        """J(v) for the bound s that was used [stress × length²]: an upper bound if `reasons` is empty."""
+        parts = self.parts
+        return parts.strain - parts.load + parts.friction
+
+    @cached_property
+    def contacts(self) -> Mapping[str, CompanionContact]:
+        """Results on each contact by name, arrays in order along its line."""
+        return MappingProxyType({trace.name: self._contact(trace) for trace in self._state.contacts.traces})
+
+    @cached_property
+    def plates(self) -> Mapping[str, PlateMotion]:
+        """How far each rigid plate has moved, by the name of its contact, and the forces that are given."""
+        scales, found, moved = self.scales, {}, iter(self._state.plates.tolist())
+        for trace in self._state.contacts.traces:
+            plate = trace.contact.plate
+            if plate is not None:
+                own = {
+                    part: next(moved) * scales.displacement / (scales.length if part == "moment" else 1.0)
+                    for part in COMPONENTS
+                    if getattr(plate, part) is not None
+                }
+                found[trace.name] = plate_motion(plate, centre_of(self.problem.mesh, trace.edges), own)
+        return MappingProxyType(Named("plates", "contacts with a plate or pin", found))
+
+    @property
+    def _state(self) -> CompanionState:
+        if self.state is None:
+            raise InputError("companion", self.status.value, f"there is no displacement to evaluate: {self.message}")
+        return self.state
+
+    @property
+    def _beyond(self) -> FloatArray:
+        """C less g and w (2, n)."""
+        return (self._state.c - self._state.contacts.obstacle).reshape(2, -1)
+
+    @property
+    def _v(self) -> FloatArray:
+        return self._state.v[: self.space.size]
+
+    def _contact(self, trace: DisplacementContact) -> CompanionContact:
+        state, scales, chosen = self._state, self.scales, trace.here
+        n = state.contacts.count
+        normal, tangential, bound = state.tractions[:n][chosen], state.tractions[n:][chosen], state.bound[chosen]
+        gap, slip = -self._beyond[0, chosen], self._beyond[1, chosen]
+        unit = max(self.certificate.scales.get("stress", 1.0), 1e-300)
+        may_open = trace.contact.law == "unilateral"
+        frictionless = is_frictionless(trace.contact)
+        states = contact_states(
+            normal, tangential, bound, gap, slip, unit, may_open=may_open, frictionless=frictionless
+        )
+        order = np.lexsort(np.round(trace.places, _DIGITS).T[::-1])
+        x, y = (self.problem.mesh.origin + scales.length * trace.places).T
+        fluid = np.where(state.live[:n][chosen], state.contacts.fluid[:n][chosen] / trace.weights, 0.0)
+        stresses = (scales.stress * part for part in (normal - fluid, tangential, bound))
+        moved = (scales.displacement * part for part in (gap, slip))
+        senses = np.empty(trace.count)  # of the edge whose tangent a coefficient has
+        senses[trace.columns] = turning_senses(self.problem.mesh.vertices, trace.edges)[:, None]
+        parts = (x, y, trace.weights * scales.length, *stresses, *moved, states, senses)
+        return CompanionContact(trace.name, *(part[order] for part in parts))
+
+    def _displacement_in(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
+        local = self._v.reshape(-1, 2)[self.space.table[cells]]
+        return np.asarray(self.space.cell.values(self.space.own(cells, t)) @ local)
+
+    def _stress_in(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
+        return self.body.stress(self._v, cells, self.space.own(cells, t))
+
+    def _mean(self, x: ArrayLike, y: ArrayLike, values: Callable[[IntArray, FloatArray], FloatArray]) -> FloatArray:
+        """Mean of what the cells that hold a point say."""
+        mesh, points, _ = self.problem.mesh, given_points("x, y", x, y), self._state
+        return mean_at(mesh, *points, lambda cell, t: values(cell, np.clip(t[..., 1:], 0.0, 1.0))[:, 0], "x, y")
+
+
+def solve_companion(
+    problem: ContactProblem,
+    *,
+    degree: int | None = None,
+    tolerance: float = 1e-8,
+    time_limit: float | None = None,
+    max_iterations: int | None = None,
+    callback: Callable[[Iteration], object] | None = None,
+    verbose: bool = False,
+) -> CompanionResult:
+    """Displacements of a contact problem, by conforming elements P_p on its mesh.
+
+    Minimises, over the displacements v of degree p that meet supports and contacts on whole edges,
+
+        J(v) = ½ ∫ (ε − ε⁰):C:(ε − ε⁰) − ∫ b·v − ∫_{Γσ} T·v + Σ ∫ s |v_T − w| − Σ F·q,
+        v_N ≤ g  (= g, and v_T = w where tied)
+
+    with q the motions of plates under F, relative to which v_N and v_T count on their contacts; a fluid in a contact
+    adds ∫ p_w v_N; ε⁰ is an initial strain. Springs along a contact add ½ ∫ k d² for their stretches d, and v − d takes
+    the place of v in the conditions of the contact. Contacts have their own laws, with the pressure of this model's
+    contact forces. J(v) is an upper bound of the exact minimum for the same s.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        The problem.
+    degree : int, optional
+        p: 1 to 5, 3 by default.
+    tolerance : float
+        Accuracy that the certificate of the contact forces must confirm.
+    time_limit : float, optional
+        Seconds for the contact forces.
+    max_iterations, callback
+        Iterations for the contact forces at most, and who is called with each, as for `solve`.
+    verbose : bool
+        Print a header, a line an iteration, and a footer with status and times.
+
+    Returns
+    -------
+    CompanionResult
+        With a status; a failure to solve does not raise.
+
+    Raises
+    ------
+    InputError
+        If the problem or an argument is wrong, or loads on a body that nothing holds are out of balance.
+
+    Notes
+    -----
+    ∫ s |v_T − w| is bounded from above by Σ |c_i − w_i| ∫ s B_i, in which s is bounded from above by the smaller of the
+    means of c and t_max. The laws hold for the coefficients' forces ∫ σ B_i, not for stresses at points.
+
+    Data given as functions are looked at in 99 points of every edge (`bernstein.SAMPLES`), a body potential in those of
+    two quadratures. `CompanionResult.reasons` names those that are no polynomials there; what happens between these
+    points cannot be seen.
+
+    """
+    cell = _checked(problem, degree, tolerance)
+    options: dict[str, Any] = {"callback": callback, "time_limit": time_limit}
+    if max_iterations is not None:
+        options["max_iterations"] = max_iterations
+    with Log(f"qvi_contact {__version__}: solve_companion", verbose) as log:
+        log.begin({"cells": problem.mesh.cell_count, "degree": cell.degree, "tolerance": f"{tolerance:g}"})
+        found = solve_companions(problem, [None], degree=degree, tolerance=tolerance, **options)[0]
+        timings = {} if found.solution is None else found.solution.timings
+        log.end(str(found.status), found.message, timings, found.status is Status.SOLVED)
+    return found
+
+
+def solve_companions(
+    problem: ContactProblem,
+    laws: Sequence[Mapping[str, FloatArray] | None],
+    *,
+    degree: int | None = None,
+    tolerance: float = 1e-8,
+    slip_directions: Sequence[Mapping[str, FloatArray]] = (),
+    **options: Any,
+) -> tuple[CompanionResult, ...]:
+    """The same under several friction laws with one factorisation: None for the contacts' own, or given bounds s ≥ 0.
+
+    These are Bernstein coefficients (edges, q) [stress] for every contact that is not tied, along the tangents of edges
+    in the order of the mesh; the energy then has ∫ s |v_T − w| itself. Options are those of `solve_qvi`. On contacts
+    named in the law's entry of `slip_directions` displacements slip along the tangent of an edge where that says 1,
+    against it where −1, and not at all where 0.
+    """
+    cell = _checked(problem, degree, tolerance)
+    model = _Model.of(problem, cell)
+    nothing = MappingProxyType[str, FloatArray]({})
+    both = zip_longest(laws, slip_directions, fillvalue=nothing)
+    contacts = [Contacts.of(problem, model.body.space, model.scales, law, slips) for law, slips in both]
+    with limited_blas(1):
+        try:
+            load, size = model.load + model.body.initial_load, model.body.space.size
+            load[:size] -= contacts[0].rows[:, :size].T @ contacts[0].fluid  # on the body, not on its springs
+            condensed = CondensedBody.of(model.body, load, model.held, contacts[0].rows)
+            duals = [dual_problem(each, condensed) for each in contacts]
+        except (FactorisationError, MemoryError) as error:
+            return tuple(model.failed(error, tolerance) for _ in laws)
+        solutions = [solve_qvi(dual.qvi, tolerance=tolerance, **options) for dual in duals]
+        return tuple(model.result(dual, solution) for dual, solution in zip(duals, solutions, strict=True))
+
+
+def _checked(problem: ContactProblem, degree: int | None, tolerance: float) -> Triangle:
+    """The element, if arguments and problem are what the model takes."""
+    if not isinstance(problem, ContactProblem):
+        raise InputError("problem", problem, "give a ContactProblem")
+    cell = triangle(degree)
+    if not 0.0 < finite_number("tolerance", tolerance) < 1.0:
+        raise InputError("tolerance", tolerance, "give a number between 0 and 1")
+    check_scope(problem)
+    return cell
+
+
+def check_scope(problem: ContactProblem) -> None:
+    """`InputError` for a problem that displacements of this room do not model.
+
+    An incompressible material has no stiffness: displacements would have to keep every area.
+    """
+    if any(problem.materials[number].incompressible for number in np.unique(problem.cell_materials)):
+        remedy = (
+            "the displacement companion, and the bracket that needs it, have no displacements for incompressible "
+            "materials: take a number below 0.5, or leave them out, and judge the result by its certificate and a "
+            "finer mesh"
+        )
+        raise InputError("Material.poisson", 0.5, remedy)
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """A problem on its elements, its contacts' laws left open."""
+
+    problem: ContactProblem
+    scales: Scales
+    body: Elasticity
+    held: Supports
+    load: FloatArray
+    remarks: tuple[str, ...]
+
+    @classmethod
+    def of(cls, problem: ContactProblem, cell: Triangle) -> _Model:
+        """Loads and supports."""
+        scales = Scales.of(problem)
+        space = DisplacementSpace.of(problem, cell, scales.length)
+        at_rest = partial(scaled_stress_at_rest, problem, scales) if is_strained(problem) else None
+        body, held = Elasticity(space, moduli(problem, scales), at_rest), supports(problem, space, scales)
+        if any(contact.has_springs for contact in problem.contacts):
+            springs = Contacts.of(problem, space, scales).springs
+            body, held = replace(body, springs=springs), held.with_springs(springs.shape[0])
+        return cls(problem, scales, body, held, *load_vector(problem, body, scales))
+
+    def result(self, dual: DualProblem, solution: QVISolution) -> CompanionResult:
+        """What a solution of the contact problem says."""
+        state, contacts = None, dual.contacts
+        reasons = self.held.reasons + self.remarks + contacts.reasons
+        if solution.status is not Status.INFEASIBLE and np.isfinite(solution.z).all():
+            bound = np.full(contacts.count, np.inf)
+            bound[~contacts.tied] = dual.qvi.threshold(np.abs(dual.qvi.normal(solution.z)))
+            values, plates = dual.displacements(solution)
+            v, c, wrong = admissible(dual, values, plates, solution.z, bound)
+            tractions, load = np.where(dual.live, solution.z, 0.0), dual.body.load - dual.body.body.initial_load
+            state = CompanionState(contacts, v, c, plates, tractions, dual.live, bound, load, wrong)
+            reasons += (wrong,) if wrong else ()
+        said = solution.status, solution.certificate, solution.message, state, reasons, solution
+        return CompanionResult(self.problem, self.scales, self.body, *said)
+
+    def failed(self, error: FactorisationError | MemoryError, tolerance: float) -> CompanionResult:
+        """Where the body could not be condensed."""
+        status = _FAILURES.get(getattr(error, "reason", "memory"), Status.BACKEND_FAILED)
+        message = f"{status}: {error or 'out of memory'}"
+        said = status, Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance), message, None, (message,), None
+        return CompanionResult(self.problem, self.scales, self.body, *said)
+
+
+def moduli(problem: ContactProblem, scales: Scales) -> FloatArray:
+    """C = c⁻¹ of every cell, dimensionless, (cells, 3, 3)."""
+    return np.asarray(np.linalg.inv(problem.compliances / scales.compliance), dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class BodyAtRest:
+    """Displacements v that vanish where displacements are prescribed, and motions of plates that forces drive."""
+
+    contacts: Contacts  # the contacts, n coefficients
+    body: CondensedBody
+    B: FloatArray  # (2 n, k + q): c, what the body moves beyond the plates, normal ones first, from w_Γ and the motions
+    S: FloatArray  # (k + q, k + q): the energy of both, ½ wᵀS w
+    live: BoolArray  # (2 n,): where c can change
+
+    @classmethod
+    def of(cls, problem: ContactProblem, degree: int) -> BodyAtRest:
+        """Displacements of a degree on the mesh of a problem.
+
+        Raises
+        ------
+        InputError
+            If the problem or the degree is wrong.
+        FactorisationError
+            If the stiffness matrix cannot be factorised.
+
+        """
+        model = _Model.of(problem, triangle(degree))
+        contacts = Contacts.of(problem, model.body.space, model.scales)
+        held = replace(model.held, values=np.zeros_like(model.held.values))
+        with limited_blas(1):
+            body = CondensedBody.of(model.body, np.zeros_like(model.load), held, contacts.rows)
+        moved, driven = (contacts.rows @ body.supports.axes)[:, body.interface].toarray(), contacts.motions
+        B = np.hstack([moved, -driven])
+        live = np.abs(moved).sum(axis=1) > PARALLEL
+        B[~live] = 0.0
+        S = np.zeros((B.shape[1],) * 2)
+        S[: moved.shape[1], : moved.shape[1]] = body.S
+        return cls(contacts, body, B, S, np.asarray(live))
+
+    def expand(self, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """V (size,) and the motions (q,) from w_Γ and these."""
+        values, motions = np.split(w, [self.body.S.shape[0]])
+        return self.body.expand(values), motions
+
+    def least_energy(self, given: BoolArray, zero: BoolArray) -> FloatArray:
+        """E with E x·x = min a(v, v) over v whose coefficients are x where `given`, and 0 where `zero`."""
+        rows = np.vstack([self.B[given], self.B[zero & self.live]])
+        particular, free = solutions(rows)
+        count = int(given.sum())
+        P, S = particular[:, :count], self.S
+        found, left = P.T @ S @ P, free.T @ S @ free
+        if len(left):  # without rigid motions, which make it singular
+            values, vectors = np.linalg.eigh((left + left.T) / 2.0)
+            kept = values > SINGULAR * values[-1]
+            cross = vectors[:, kept].T @ (free.T @ S @ P)
+            found = found - cross.T @ (cross / values[kept, None])
+        return np.asarray((found + found.T) / 2.0)
+
+
+def solutions(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """P (k, r) and Z (k, k − rank): all solutions of rows · w = d are P d + Z y, of the least squares if they clash."""
+    U, values, V = np.linalg.svd(rows, full_matrices=True)
+    rank = int((values > _DEPENDENT * max(float(values.max(initial=0.0)), 1e-300)).sum())
+    return (V[:rank].T / values[:rank]) @ U[:, :rank].T, V[rank:].T
