@@ -23,6 +23,7 @@ from typing import (
     Any,
     Final,
     Literal,
+    NamedTuple,
     Protocol,
     TypeAlias,
     TypeVar,
@@ -111,7 +112,7 @@ def _check_range(value: float, least: float, most: float) -> None:
         raise InputError("", value, f"give at {'most' if value > most else 'least'} {most if value > most else least}")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Number(Kind):
     """A finite number, from `least` to `most`; `positive` ones are above zero."""
 
@@ -133,7 +134,7 @@ class Number(Kind):
         (positive_number if self.positive else finite_number)(name, value)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Whole(Kind):
     """A whole number from `least` to `most`."""
 
@@ -156,7 +157,7 @@ class Truth(Kind):
         return value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Text(Kind):
     """A text; a name is one of one line that is not too long."""
 
@@ -174,7 +175,7 @@ class Text(Kind):
             raise InputError(name, value, "give a string")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Choice(Kind):
     """One of some words, or numbers."""
 
@@ -191,7 +192,7 @@ class Choice(Kind):
             raise InputError(name, value, f"give {listed}" + (f"; did you mean {near!r}?" if near else ""))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Varying(Kind):
     """A field: a number of at least `least`, or a function of (x, y); what to do instead of zero says `instead`."""
 
@@ -232,7 +233,7 @@ class Scalar(Number):
         return reader.scalar(value) if isinstance(value, str) else super().read(value, reader)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Listed(Kind):
     """A list of values of one kind, as a tuple."""
 
@@ -267,7 +268,7 @@ class Listed(Kind):
         return [self.kind.written(f"{path}[{index}]", item, writer) for index, item in enumerate(value)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Named(Kind):
     """A table of values of one kind by names that the user chooses."""
 
@@ -285,7 +286,7 @@ class Named(Kind):
         return found
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Table(Kind):
     """The fields of a dataclass as a table."""
 
@@ -310,7 +311,7 @@ class Options(Table):
         return read_values(self.of, value if given is None else given(value), reader)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Tables(Kind):
     """A list of tables, [[name]]."""
 
@@ -323,14 +324,14 @@ class Tables(Kind):
         return Listed(Table(self.of), 0, self.most).read(value, reader)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Inline(Table):
     """The fields of another dataclass beside those of this one."""
 
     without: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Tagged(Kind):
     """One of several dataclasses, told apart by the key `law`, which is the `kind` of the class."""
 
@@ -356,8 +357,7 @@ class Tagged(Kind):
         return {"law": value.kind, **write_table(path, value, writer)}
 
 
-@dataclass(frozen=True)
-class Key:
+class Key(NamedTuple):
     """What there is to say of a datum beside its name, default and meaning.
 
     Attributes

@@ -10,15 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from qvi_contact import files
 from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import check_suffix, check_writable, identity, write_text
 from qvi_contact.command.cli import TARGETS
 from qvi_contact.errors import InputError
-from qvi_contact.files.export import json_ready, write_contacts_vtu, write_npz, write_vtu
 from qvi_contact.files.problem_file import ProblemFile
-from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.sweep import Sweep
 from solvers.basics.names import known_name
 
 if TYPE_CHECKING:
@@ -94,10 +92,10 @@ class SecondModel:
 
     def write(self, path: str, units: Units) -> None:
         """Write the fields of the body, with the displacement if there is one, and those of contacts beside them."""
-        write_vtu(path, self.result, units, bracket=None if self.companion is None else self.bracket)
+        files.write_vtu(path, self.result, units, bracket=None if self.companion is None else self.bracket)
         if self.result.contacts:
             whole = Path(path)
-            write_contacts_vtu(whole.with_name(f"{whole.stem}_contacts{whole.suffix}"), self.result, units)
+            files.write_contacts_vtu(whole.with_name(f"{whole.stem}_contacts{whole.suffix}"), self.result, units)
 
 
 def asked_panels(file: ProblemFile, panels: str | None) -> list[str] | None:
@@ -115,7 +113,7 @@ def write_all(
     second: SecondModel,
     document: dict[str, Any],
     page: Callable[[], str] = str,
-    several: History | Sweep | None = None,
+    several: Any = None,
     panels: Sequence[str] | None = None,
 ) -> bool:
     """Write the files asked for, as many as can be; whether all could be, and a line for each that could not.
@@ -127,7 +125,7 @@ def write_all(
     def plot(path: str) -> None:
         from qvi_contact import plots
 
-        if isinstance(several, History) and several.steps[0].has_state and result.problem.contacts:
+        if file.times and several is not None and several.steps[0].has_state and result.problem.contacts:
             plots.save_figure(path, plots.history_figure(several, units, file.times, file.title))
         else:
             plots.save_figure(path, plots.result_figure(result, units, file.title, panels))
@@ -135,7 +133,7 @@ def write_all(
     writers: dict[str, Callable[[str], None]] = {
         "save_json": lambda path: write_text(path, json_text(document) + "\n"),
         "plot": plot,
-        "npz": lambda path: write_npz(path, result, units, file.title),
+        "npz": lambda path: files.write_npz(path, result, units, file.title),
         "report": lambda path: write_text(path, page()),
         "vtk": lambda path: second.write(path, units),
     }
@@ -170,4 +168,4 @@ def page_of(path: str, file: ProblemFile, *found: Any, **more: Any) -> Callable[
 
 def json_text(document: object) -> str:
     """A document as JSON; numbers that are not finite are null."""
-    return json.dumps(json_ready(document), indent=2, allow_nan=False)
+    return json.dumps(files.json_ready(document), indent=2, allow_nan=False)

@@ -9,18 +9,16 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
+from qvi_contact import files
 from qvi_contact.basics.schema import Varying, keys_of
 from qvi_contact.basics.units import Certainty, Rounding, Units, shown
 from qvi_contact.discretization.discretization import discretize
-from qvi_contact.files.export import element_of, summary
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.problem.conditions import DRIVES, Condition, Contact, Traction
 from qvi_contact.problem.fields import Expression, Polynomial
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactState
-from qvi_contact.solution.history import History
 from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, plate_numbers
-from qvi_contact.solution.sweep import Sweep
 from solvers.solution import WHAT_TO_DO
 
 if TYPE_CHECKING:
@@ -64,15 +62,15 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
 
 
 class Series(NamedTuple):
-    """Several results of one file: "t" or the parameter, and its values, also of results that are missing."""
+    """Several results of one file: "t" for a history, or the parameter of a sweep, and all its values."""
 
-    results: History | Sweep
+    results: Any
     label: str
     values: tuple[float, ...]
 
     def document(self, summaries: Sequence[dict[str, Any]], units: Units) -> dict[str, Any]:
         """What JSON holds of them beside the summaries of results; of a history also the energy lost in friction."""
-        if isinstance(self.results, Sweep):
+        if self.label != "t":
             return {self.label: list(self.values), "steps": list(summaries)}
         lost = self.results.dissipated
         dissipated = {
@@ -82,11 +80,11 @@ class Series(NamedTuple):
         return {"times": list(self.values), "dissipated": dissipated, "steps": list(summaries)}
 
 
-def series_lines(results: History | Sweep, label: str, values: Sequence[float], units: Units) -> Iterator[str]:
+def series_lines(results: Any, label: str, values: Sequence[float], units: Units) -> Iterator[str]:
     """The tables of load steps or of a sweep, each remark once, then what became of it all."""
     steps = results.steps
     yield from _in_lines(series_tables(steps, label, values, units))
-    if isinstance(results, History):
+    if label == "t":
         least = Rounding.largest(step.rounding for step in steps)
         lost = shown(float(results.dissipated.sum()), least.energy)
         yield f"energy lost in friction: {lost} {units.engineering_energy}"
@@ -251,7 +249,7 @@ def branches_document(result: ContactResult, found: Branches | None, units: Unit
     """The same for programs: a summary of each solution, the preferred one first; NaN is a distance not known."""
     results, distances = ((result,), (math.nan,)) if found is None else (found.results, found.distances)
     solutions = [
-        {"distance": distance, **summary(each, units)} for each, distance in zip(results, distances, strict=True)
+        {"distance": distance, **files.summary(each, units)} for each, distance in zip(results, distances, strict=True)
     ]
     return {"message": units.filled(result.message if found is None else found.message), "solutions": solutions}
 
@@ -419,7 +417,7 @@ def outline(file: ProblemFile, given: Mapping[str, Any]) -> tuple[ContactProblem
             "smallest": smallest,
             "largest": largest,
         },
-        "element": element_of(discretization),
+        "element": files.element_of(discretization),
         "unknowns": qvi.n,
         "contact_points": qvi.m,
         "materials": [

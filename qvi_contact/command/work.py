@@ -1,7 +1,9 @@
 """What the commands do: a function for each command of `cli`, with its options; what it returns is the exit status.
 
-Rooms that only one of them needs are loaded in its function.
+Rooms that only one of them needs are loaded in its function, or by a name of the package, when it comes to them.
 """
+
+from __future__ import annotations
 
 import json
 import math
@@ -14,6 +16,8 @@ from typing import Any, Final
 import click
 import numpy as np
 
+import qvi_contact
+from qvi_contact import files
 from qvi_contact.basics.schema import keys_of
 from qvi_contact.basics.writing import write_text
 from qvi_contact.command import report
@@ -21,16 +25,11 @@ from qvi_contact.command.cli import TARGETS
 from qvi_contact.command.outputs import SecondModel, asked_panels, checked_targets, json_text, page_of, write_all
 from qvi_contact.command.progress_line import solving
 from qvi_contact.errors import InputError
-from qvi_contact.files.export import summary, write_collapse_vtu
-from qvi_contact.files.keys import listed
 from qvi_contact.files.problem_file import ProblemFile, SweepPlan, load_problem
-from qvi_contact.files.stores import StoredSweep, read_sweep
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.history import solve_history
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.settings import RefineOptions, Settings
 from qvi_contact.solution.solver import solve as solve_one
-from qvi_contact.solution.sweep import Sweep, solve_sweep
 from solvers import available
 from solvers.basics.names import known_name
 from solvers.basics.progress import deadline
@@ -100,7 +99,7 @@ def solve(
         solved = (steps[0] if series is None else series.results).status == "solved"
         document = {"title": problem_file.title, "solved": solved}
         if as_json or "save_json" in targets:
-            found = [summary(step, units) for step in steps]
+            found = [files.summary(step, units) for step in steps]
             document |= found[0] if series is None else series.document(found, units)
         second = SecondModel(steps[-1], options.get("time_limit"))
         page = page_of(file, problem_file, steps, second, series=series, panels=charts)
@@ -147,7 +146,7 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
                 _ = found.forces  # takes longest on large meshes: here, where progress is shown
         complete = write_all(targets, problem_file, SecondModel(result, known=found), {})
     if as_json:
-        document = {"title": problem_file.title, **summary(result, units)}
+        document = {"title": problem_file.title, **files.summary(result, units)}
         _show(problem_file, document | {"bracket": None if found is None else outcome.document(found, units)})
     else:
         more = () if found is None else ("", *outcome.lines(found, units))
@@ -185,7 +184,7 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
                 problem_file.problem, **{**problem_file.refine_options, **asked}, **options,
                 callback=lambda done: advance(report.so_far(done)), verbose=verbose,
             )  # fmt: skip
-        document = {"title": problem_file.title, **summary(found.result, units)}
+        document = {"title": problem_file.title, **files.summary(found.result, units)}
         document["refinement"] = report.refinement_document(found, units)
         second = SecondModel(found.result, options.get("time_limit"))
         page = page_of(file, problem_file, (found.result,), second, refinement=found)
@@ -233,7 +232,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
             reason = "no part of the body yields, or it has no largest load"
             missing.append(f"there is no flow to write to {targets['vtk']}: {reason}")
         else:
-            write_collapse_vtu(targets["vtk"], problem, found, units)
+            files.write_collapse_vtu(targets["vtk"], problem, found, units)
     if "report" in targets:
         write_text(targets["report"], limit_page(Request.read(file, problem_file), problem, found, said))
     for line in missing:
@@ -301,7 +300,7 @@ def check_proof(file: str) -> int:
 
 def keys(name: str) -> None:
     """List keys of problem files."""
-    click.echo("\n".join(listed(name)))
+    click.echo("\n".join(files.listed(name)))
 
 
 def methods(as_json: bool) -> None:
@@ -344,7 +343,7 @@ def _solved_series(
                         solve_one(file.with_constants({plan.parameter: value}).problem, **options, verbose=verbose)
                     )
                     advance()
-            return report.Series(Sweep(plan.parameter, values, tuple(steps)), plan.parameter, values), steps
+            return report.Series(qvi_contact.Sweep(plan.parameter, values, tuple(steps)), plan.parameter, values), steps
         if not values:
             return None, (solve_one(file.problem, **options, verbose=verbose),)
         done = 0
@@ -355,17 +354,17 @@ def _solved_series(
                 advance()
                 done += 1
 
-        history = solve_history(file.problems, told, store=store, **options, verbose=verbose)
+        history = qvi_contact.solve_history(file.problems, told, store=store, **options, verbose=verbose)
         return report.Series(history, "t", values), history.steps
 
 
 def _swept(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool, **stored: Any) -> Any:
     """The sweep of a file; `stored` are a store, where its rows are kept then, and those who share it."""
-    solved: Any = solve_sweep  # with a store or without
+    solved: Any = qvi_contact.solve_sweep  # with a store or without
     with solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance:
         if stored:
             with suppress(InputError):  # what is no store will be told
-                for _ in read_sweep(stored["store"]).statuses:
+                for _ in qvi_contact.read_sweep(stored["store"]).statuses:
                     advance()
         asked = plan.parameter, plan.values, plan.of
         try:
@@ -392,7 +391,7 @@ def _check_asked(plan: SweepPlan | None, store: str | None, asked: Mapping[str, 
             raise InputError(f"--{name}", asked[name], remedy)
 
 
-def _told(file: ProblemFile, sweep: StoredSweep, kept: str | None, as_json: bool) -> int:
+def _told(file: ProblemFile, sweep: qvi_contact.StoredSweep, kept: str | None, as_json: bool) -> int:
     """Print what became of a sweep in a store, keep its document in a file if one is named; the exit status."""
     statuses, solved = Counter(sweep.statuses), sweep.status == "solved"
     document = {

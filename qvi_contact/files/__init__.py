@@ -6,8 +6,16 @@ __getattr__ = front(
     __name__,
     {
         "archive": ("FORMAT_VERSION", "OWN", "Archive", "digest", "load_result", "write_archive"),
-        "export": ("summary", "write_npz"),
-        "keys": ("file_keys",),
+        "export": (
+            "element_of",
+            "json_ready",
+            "summary",
+            "write_collapse_vtu",
+            "write_contacts_vtu",
+            "write_npz",
+            "write_vtu",
+        ),
+        "keys": ("file_keys", "listed"),
         "problem_file": ("ELEMENT_OPTIONS", "FileReader", "problem_from_toml"),
         "problem_writer": ("problem_to_toml",),
     },

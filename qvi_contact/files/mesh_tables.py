@@ -47,7 +47,7 @@ def _one_way(table: object, ways: Mapping[tuple[str, ...], tuple[str, ...]]) -> 
                 raise InputError(name, value, f"this belongs to {' and '.join(way)}: leave it out")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Segment:
     """Grid lines from `start` to `stop`, see `qvi_contact.graded_lines`; `start` may be left out after another one."""
 
@@ -91,7 +91,7 @@ class Axis(schema.Kind):
         return lines
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Rectangle:
     """Cells between grid lines; a range left out reaches across the whole mesh."""
 
@@ -116,7 +116,7 @@ class Rectangle:
         return found[0], found[1]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class RefineTable:
     """Grid lines added so that cells shrink geometrically towards re-entrant corners and ends, in x and in y."""
 
@@ -182,7 +182,7 @@ def _subdivided(lines: FloatArray, critical: FloatArray, largest: float, smalles
     return np.concatenate(pieces)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class LineTable:
     """A line of an outline by its corners, or a circle: a hole, a joint, or the border of a region."""
 
@@ -216,7 +216,7 @@ class LineTable:
         return Corner.circle(self.centre, self.radius, self.name if kind == "holes" else "", self.size)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class SizeTable:
     """Size of the triangles at a point."""
 
@@ -226,7 +226,7 @@ class SizeTable:
     """Size of the triangles there: `size = 0.05`."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class OutlineTable:
     """See `qvi_contact.TriangleMesh.outline`."""
 
@@ -266,7 +266,7 @@ class OutlineTable:
             raise type(error)(place, error.value, error.remedy) from error
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ArcTable:
     """Edges of triangles that follow a circle or an ellipse, see `qvi_contact.TriangleMesh.with_arc`; or any curve."""
 
@@ -313,7 +313,7 @@ class ArcTable:
         return circle(self.centre, self.radius or 0.0, pairs, vertices)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class MeshTable:
     """A grid whose cells are cut into triangles; or triangles: in this file, in a mesh file, or of an outline."""
 
@@ -423,7 +423,7 @@ class _Place:
         return np.asarray(pairs[keep])
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class EdgesTable(_Place):
     """A named part of the boundary: by side and range on a grid, by segment or box on any mesh."""
 
@@ -446,7 +446,7 @@ class EdgesTable(_Place):
         _one_way(self, {("side",): ("start", "stop", "at"), ("segment",): (), ("box",): ()})
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class JointTable(_Place):
     """A named line inside the body: by direction and range on a grid, by segment on any mesh."""
 

@@ -64,7 +64,7 @@ _RENAMED: Final = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class TimeRange:
     """Times, or values of a sweep, from `start` to `stop`, both included, in equal steps."""
 
@@ -76,7 +76,7 @@ class TimeRange:
     """Number of steps: `steps = 20`."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Values(schema.Kind):
     """Numbers, at least one, as a list or a range."""
 
@@ -95,7 +95,7 @@ class Values(schema.Kind):
         return schema.Listed(schema.FINITE, 0, _MOST_STEPS).read(value, reader)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PolynomialTable:
     """Σ_ij c_ij xⁱ yʲ, as ``{ polynomial = [[c00, c01], [c10]] }``."""
 
@@ -103,7 +103,7 @@ class PolynomialTable:
     """Coefficients c_ij of Σ c_ij xⁱ yʲ, a list for each power of x: `polynomial = [[0.0, 1.0], [2.0]]`."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PointDataTable:
     """Values at the points of a mesh, linear in between, as ``{ file = "…", data = "T" }``."""
 
@@ -113,7 +113,7 @@ class PointDataTable:
     """Name of the point data in it, one number a point: `data = "T"`."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class HistoryTable:
     """Load steps: the values that t takes."""
 
@@ -134,7 +134,7 @@ class SweepPlan:
     """Names of the contacts, or of the loads, that are changed; all by default: `of = ["base"]`."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Document:
     """A whole problem file."""
 

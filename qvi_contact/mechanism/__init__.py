@@ -11,8 +11,12 @@ would carry if they were rigid. So three numbers a block decide: a small linear 
 | `mechanism` | the result: proof, and bound of a load factor        |
 """
 
-from qvi_contact.mechanism.mechanism import ContactMotion, Mechanism, RigidMotion, find_mechanism, upper_bound
+from typing import TYPE_CHECKING
+
 from solvers.basics.front import front
+
+if TYPE_CHECKING:
+    from qvi_contact.mechanism.mechanism import ContactMotion, Mechanism, RigidMotion, find_mechanism, upper_bound
 
 __all__ = ["ContactMotion", "Mechanism", "RigidMotion", "find_mechanism", "upper_bound"]
 
@@ -20,6 +24,7 @@ __getattr__ = front(
     __name__,
     {
         "bodies": ("Bodies", "works"),
+        "mechanism": ("ContactMotion", "Mechanism", "RigidMotion", "find_mechanism", "upper_bound"),
         "program": ("Rigid",),
     },
 )

@@ -16,6 +16,7 @@ In `docs/theory.md`: (D23).
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, Final, TypeAlias
 
@@ -24,7 +25,7 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.errors import SolveError
-from qvi_contact.mechanism.bodies import Bodies, works
+from qvi_contact.mechanism.bodies import Bodies, Work, works
 from qvi_contact.mechanism.lines import Line, lines
 from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Displacement
@@ -66,9 +67,9 @@ class Rigid:
     """A problem whose blocks are rigid: bodies, lines, works of loads, and the programs over them."""
 
     def __init__(self, problem: ContactProblem) -> None:
+        self.problem = problem
         self.bodies = Bodies.of(problem)
         self.lines = lines(problem, self.bodies)
-        self.works = works(problem, self.bodies)
         bodies, vertices = self.bodies, problem.mesh.vertices
         rows = [np.eye(3 * len(bodies))[~bodies.free.ravel()]]  # of velocities that supports, plates, contacts rule out
         for given in problem.prescribed(Displacement):
@@ -78,6 +79,11 @@ class Rigid:
             rows += [bodies.rows(block, vertices[end], along[:, k]) for k, end in enumerate(ends)]
         self.held = np.concatenate([*rows, *(line.fixed_rows(bodies) for line in self.lines)])
         self.free = _null_space(self.held, float(np.abs(vertices).max() / bodies.size.min()))
+
+    @cached_property
+    def works(self) -> dict[str, Work]:
+        """What each load does on motions, by name."""
+        return works(self.problem, self.bodies)
 
     @property
     def size(self) -> float:
