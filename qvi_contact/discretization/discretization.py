@@ -38,6 +38,7 @@ from qvi_contact.problem.conditions import Traction
 from qvi_contact.problem.problem import ContactProblem
 from solvers import ContactMatrices, FrictionQVI, Law, Loads, TractionFactor
 from solvers.basics.types import PicklesFields
+from solvers.inequality.rows import are_few
 
 DEFAULT_DEGREE: Final = 4
 """Degree of the Airy function where none is given."""
@@ -67,10 +68,11 @@ class _Rows(NamedTuple):
         def made() -> _Rows:
             traces = supports.space.trace_rows(edges, rule.points)
             Y = supports.basis.rows(traces)
-            q, count = rule.count, Y.shape[0]  # E: the same block for every edge
-            places = np.repeat(np.arange(count, dtype=np.int32).reshape(-1, q), q, axis=0)
-            data, starts = np.tile(rule.from_points.T, (count // q, 1)), q * np.arange(count + 1, dtype=np.int32)
-            E = sparse.csc_array((data.ravel(), places.ravel(), starts), shape=(count, count))
+            r = Y.shape[0]
+            if are_few(r, r):  # E: the same block for every edge
+                E: Any = np.kron(np.eye(r // rule.count), rule.from_points)
+            else:
+                E = sparse.kron(sparse.eye_array(r // rule.count), rule.from_points, format="csc")
             rows, m = E @ Y, Y.shape[0] // 2
             weights = joined([rows.row_weights for rows in contacts])
             traction = TractionFactor(Y, E)

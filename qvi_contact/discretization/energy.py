@@ -276,7 +276,7 @@ class BodyStiffness(PicklesFields):
             return None
         middles = space.vertices[space.mesh.topology.ends].mean(axis=1)
         own = np.vstack([np.repeat(space.vertices, 3, axis=0), np.repeat(middles, space.element.on_edge, axis=0)])
-        weights = basis.magnitudes[: len(own)]  # behind them come jumps across cuts, which have no place
+        weights = abs(basis.matrix)[: len(own)]  # behind them come jumps across cuts, which have no place
         total = np.asarray(weights.sum(axis=0)).ravel()
         centre = space.vertices.mean(axis=0)
         mean = (weights.T @ (own - centre)) / np.where(total > 0.0, total, 1.0)[:, None]
@@ -332,5 +332,5 @@ class Root(PicklesFields):
     def rounding(self, z: FloatArray) -> float:
         """Size of the error of R z that rounding of z may cause: ε ‖ |R| |z| ‖, ε = 2⁻⁵³."""
         energy, supports = self.stiffness.energy, self.stiffness.supports
-        w = energy.space.differences.magnitudes(supports.basis.magnitudes @ np.abs(z))
+        w = energy.space.differences.magnitudes(supports.basis.magnitudes(z))
         return _EPSILON * float(np.linalg.norm(np.abs(energy.roots) @ w[:, :, None]))

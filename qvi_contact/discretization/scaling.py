@@ -66,21 +66,19 @@ class Scales:
         """
         length = problem.mesh.length
         compliance = max(float(material.compliance[:2, :2].diagonal().max()) for material in problem.materials)
-        sizes = [0.0]
-        for given in problem.prescribed(Traction):
-            values = _sampled(problem, given.edges, given.name, given.value)
-            sizes.append(float(np.abs(values).max()))
-        vertices = problem.mesh.vertices
-        potential = evaluate("ContactProblem.body_potential", problem.body_potential, *vertices.T)
-        sizes.append(float(np.ptp(potential)))
+        tractions = problem.prescribed(Traction)
+        sizes = [0.0, *(_largest(problem, given.edges, given.name, given.value) for given in tractions)]
+        if callable(problem.body_potential):
+            values = evaluate("ContactProblem.body_potential", problem.body_potential, *problem.mesh.vertices.T)
+            sizes.append(float(np.ptp(values)))
         sizes += [forced / (compliance * length) for forced in _forced(problem)]
         sizes += _plate_stresses(problem)
-        sizes += _largest(problem, "pore_pressure")
+        sizes += _in_contacts(problem, "pore_pressure")
         if is_strained(problem):
             x, y = np.moveaxis(problem.mesh.corners, -1, 0)
             sizes.append(float(np.abs(stress_at_rest(problem, np.arange(problem.mesh.cell_count), x, y)).max()))
         at_rest = _AT_REST / compliance
-        stress = max(sizes) or min(at_rest, max(_largest(problem, "cohesion"), default=0.0)) or at_rest
+        stress = max(sizes) or min(at_rest, max(_in_contacts(problem, "cohesion"), default=0.0)) or at_rest
         return cls(length, stress, compliance, max(sizes) > 0.0)
 
 
@@ -98,10 +96,15 @@ def _samples(problem: ContactProblem, edges: Edges) -> tuple[FloatArray, FloatAr
     return problem.mesh.points_along(edges, np.concatenate([[0.0], gauss_legendre(_SAMPLES)[0], [1.0]]))
 
 
-def _largest(problem: ContactProblem, name: str) -> list[float]:
+def _largest(problem: ContactProblem, edges: Edges, name: str, value: Field, minimum: float | None = None) -> float:
+    """The largest size of a field there."""
+    return float(np.abs(_sampled(problem, edges, name, value, minimum)).max()) if callable(value) else abs(float(value))
+
+
+def _in_contacts(problem: ContactProblem, name: str) -> list[float]:
     """The largest cohesion or pore pressure of each contact [stress]."""
-    pairs = [(problem.mesh.edges(contact.edges), getattr(contact, name)) for contact in problem.contacts]
-    return [float(_sampled(problem, edges, f"Contact.{name}", field, 0.0).max()) for edges, field in pairs]
+    parts = [(problem.mesh.edges(contact.edges), getattr(contact, name)) for contact in problem.contacts]
+    return [_largest(problem, edges, f"Contact.{name}", field, 0.0) for edges, field in parts]
 
 
 def _plate_stresses(problem: ContactProblem) -> list[float]:

@@ -146,7 +146,8 @@ class Supports(PicklesFields):
             share = (d * axis).sum(axis=-1)
             share = np.where(np.abs(share) <= _PARALLEL, 0.0, share)
             matrices = share[:, :1, None] * np.eye(degree + 1)  # of straight edges
-            matrices[alone.bent] = project @ (share[alone.bent][:, :, None] * values)
+            if alone.curved:
+                matrices[alone.bent] = project @ (share[alone.bent][:, :, None] * values)
             combined += (matrices * scale[:, :, None]) @ found
         # what the other component has no part in: where there is none, the direction itself
         against, against_turns = np.column_stack([direction[:, 1], -direction[:, 0]]), turns.copy()
@@ -220,59 +221,93 @@ def _edges_of(space: StressSpace, numbers: IntArray) -> Edges:
 class Basis:
     """B of u = B z: degrees of freedom are unknowns, follow from these, or vanish."""
 
+    size: int  # degrees of freedom N
     kept: IntArray  # (n,): degrees of freedom that are unknowns; z are their values
-    matrix: sparse.csr_array  # B (N, n)
+    following: IntArray  # (f,): those that follow
+    factors: Any  # (f, n): by which, dense if few, else sparse
 
     @classmethod
     def of(cls, solved: dict[int, dict[int, float]], size: int) -> Basis:
         """With pivots solved for, as Σ factor u of kept degrees of freedom."""
         is_kept = np.ones(size, dtype=bool)
         is_kept[list(solved)] = False
-        kept, number = np.flatnonzero(is_kept), np.cumsum(is_kept) - 1
-        entries = [(row, *term) for row, terms in solved.items() for term in terms.items()]
+        kept, parts = np.flatnonzero(is_kept), {pivot: terms for pivot, terms in solved.items() if terms}
+        entries = [(row, *term) for row, terms in enumerate(parts.values()) for term in terms.items()]
         rows, columns, factors = np.array(entries).reshape(-1, 3).T
-        rows, columns = np.append(kept, rows).astype(np.int64), np.append(kept, columns).astype(np.int64)
-        order, starts = np.lexsort((columns, rows)), np.zeros(size + 1, dtype=np.int64)
-        np.cumsum(np.bincount(rows, minlength=size), out=starts[1:])
-        data = np.append(np.ones(len(kept)), factors)[order]
-        matrix = sparse.csr_array((data, number[columns[order]], starts), shape=(size, len(kept)))
+        at = rows.astype(np.int64), np.searchsorted(kept, columns)
+        shape = len(parts), len(kept)
+        if are_few(*shape):
+            matrix: Any = np.zeros(shape)
+            matrix[at] = factors
+        else:
+            matrix = sparse.csr_array((factors, at), shape)
         read_only(matrix)
-        return cls(kept, matrix)
+        return cls(size, kept, np.array(list(parts), dtype=np.int64), matrix)
 
     @cached_property
-    def _transposed(self) -> sparse.csc_array:
-        return self.matrix.T
-
-    @cached_property
-    def magnitudes(self) -> sparse.csr_array:
-        """|B| (N, n)."""
-        return abs(self.matrix)
+    def matrix(self) -> sparse.csr_array:
+        """B (N, n)."""
+        factors, n = sparse.coo_array(self.factors), len(self.kept)
+        at = np.append(self.kept, self.following[factors.row]), np.append(np.arange(n), factors.col)
+        found = sparse.csr_array((np.append(np.ones(n), factors.data), at), shape=(self.size, n))
+        read_only(found)
+        return found
 
     def expanded(self, z: FloatArray) -> FloatArray:
         """B z (N,)."""
-        return np.asarray(self.matrix @ z)
+        return self._placed(z, self.factors @ z)
+
+    def magnitudes(self, z: FloatArray) -> FloatArray:
+        """|B| |z| (N,)."""
+        return self._placed(np.abs(z), abs(self.factors) @ np.abs(z))
+
+    def _placed(self, kept: FloatArray, following: FloatArray) -> FloatArray:
+        found = np.zeros(self.size)
+        found[self.kept], found[self.following] = kept, following
+        return found
 
     def reduced(self, functional: FloatArray) -> FloatArray:
         """A functional (N,) of u as one of z, (n,)."""
-        return np.asarray(self._transposed @ functional)
+        return np.asarray(functional[self.kept] + self.factors.T @ functional[self.following])
 
     def rows(self, given: Functionals) -> Any:
         """Functionals of u as rows on z (m, n), dense where they are few, else sparse."""
-        matrix = given.matrix()
-        few = are_few(matrix.shape[0], len(self.kept))
-        return np.ascontiguousarray((self._transposed @ matrix.toarray().T).T) if few else matrix @ self.matrix
+        n, r = given.values.shape[:2]
+        if not are_few(n * r, len(self.kept)):
+            return given.matrix() @ self.matrix
+        places = self.size * np.arange(n * r).reshape(n, r, 1) + given.columns[:, None]
+        whole = np.bincount(places.ravel(), given.values.ravel(), n * r * self.size).reshape(n * r, self.size)
+        return whole[:, self.kept] + whole[:, self.following] @ self.factors
 
     def quadratic(self, blocks: FloatArray, dofs: IntArray) -> Any:
-        """Σ Bᵀ K B (n, n) of matrices K (t, k, k) of the degrees of freedom (t, k), dense if few, else sparse."""
-        size, count = self.matrix.shape
-        if are_few(count, count):
-            places = size * dofs[:, :, None] + dofs[:, None]
-            whole = np.bincount(places.ravel(), blocks.ravel(), size**2).reshape(size, size)
-            return self._transposed @ (self._transposed @ whole).T
-        at = dofs.astype(np.int32 if size <= np.iinfo(np.int32).max else np.int64)  # others SciPy copies
-        pairs = np.repeat(at, at.shape[1], axis=1).ravel(), np.tile(at, at.shape[1]).ravel()
-        matrix = sparse.coo_array((blocks.ravel(), pairs), shape=(size, size)).tocsc()
-        return self._transposed @ (matrix @ self.matrix)
+        """Σ Bᵀ K B (n, n) of matrices K (t, k, k) of the degrees of freedom (t, k), dense if few, else sparse.
+
+        That is K on what is kept, and H + Hᵀ with H = Fᵀ (K_fn + K_ff F/2) for the factors F of what follows.
+        """
+        n, f = len(self.kept), len(self.following)
+        number = np.full(self.size, n + f)  # of what is kept, then of what follows; last of what vanishes
+        number[self.kept], number[self.following] = np.arange(n), np.arange(n, n + f)
+        at = number[dofs]
+        cell, row = np.nonzero((at >= n) & (at < n + f))
+        own, across = at[cell, row, None] - n, at[cell]
+        more: Any = blocks[cell, row]  # rows of what follows
+        if are_few(n, n):
+            inside, width = (at < n)[:, :, None] & (at < n)[:, None], n + f + 1
+            places = np.where(inside, n * at[:, :, None] + at[:, None], n**2)
+            K = np.bincount(places.ravel(), blocks.ravel(), n**2 + 1)[:-1].reshape(n, n)
+            rows = np.bincount((width * own + across).ravel(), more.ravel(), f * width).reshape(f, width)
+            half = self.factors.T @ (rows[:, :n] + rows[:, n:-1] @ self.factors / 2.0)
+            K += half
+            K += half.T
+            return K
+        factors, pairs = sparse.csr_array(self.factors), (own.repeat(at.shape[1], axis=1).ravel(), across.ravel())
+        more = sparse.csr_array((more.ravel(), pairs), shape=(f, n + f + 1))
+        half = sparse.coo_array(factors.T @ (more[:, :n] + more[:, n:-1] @ factors / 2.0))
+        at = np.minimum(at, n).astype(np.int32 if n < np.iinfo(np.int32).max else np.int64)  # others SciPy copies
+        first = np.concatenate([np.repeat(at, at.shape[1], axis=1).ravel(), half.row, half.col])
+        second = np.concatenate([np.tile(at, at.shape[1]).ravel(), half.col, half.row])
+        data = np.concatenate([blocks.ravel(), half.data, half.data])
+        return sparse.coo_array((data, (first, second)), shape=(n + 1, n + 1)).tocsc()[:n, :n]
 
 
 @dataclass(frozen=True, eq=False)

@@ -221,8 +221,7 @@ class HsiehCloughTocher:
         B[:, Q[:, 1:], N] = (beta * h)[:, :, None]
         for end, sign in zip(np.transpose(EDGES), (6.0, -6.0), strict=True):
             B[:, Q[:, 0], 3 * end] = sign * beta / h
-            for axis in (0, 1):
-                B[:, Q[:, 0], 3 * end + 1 + axis] = 3.0 * beta * t[..., axis]
+            B[:, Q[:, :1], 3 * end[:, None] + np.array([1, 2])] = 3.0 * beta[..., None] * t
         return B
 
     def reference_functions(self, barycentric: FloatArray, order: int) -> FloatArray:
