@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from qvi_contact import InputError, TriangleMesh, solve, solve_history
-from qvi_contact.bracket import BracketKind, EdgeParts, bracket, by_cell, computed_norm
+from qvi_contact.bracket import BracketKind, EdgeParts, EdgeTractions, bracket, by_cell, computed_norm
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate, sliding_block
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
