@@ -363,11 +363,9 @@ class StressProgram:
         forces = np.tile(weights.max() / weights, 2)  # they do not grow where edges are short, as tractions do
         largest = abs(H @ sparse.diags_array(forces)).max(axis=1).toarray().ravel()
         H, limit = sparse.csr_array(sparse.diags_array(1.0 / largest) @ H), limit / largest
-        qvi, (first, second) = (
-            self.low.qvi,
-            (np.concatenate([part.qvi.n0, part.qvi.t0]) for part in (self.low, self.high)),
-        )
-        slope, b_slope = second - first, self.high.qvi.b - self.low.qvi.b
+        qvi, high = self.low.qvi, self.high.qvi
+        first, second = (np.concatenate([part.n0, part.t0]) for part in (qvi, high))
+        slope, b_slope = second - first, high.b - qvi.b
         G, A = sparse.csr_array(H @ qvi.contact_rows), sparse.csr_array(qvi.A)
         columns = np.sqrt(
             np.asarray(G.multiply(G).sum(axis=0))

@@ -7,8 +7,7 @@ would carry if they were rigid. So three numbers a block decide: a small linear 
 |-------------|------------------------------------------------------|
 | `bodies`    | blocks, plates driven by force, work of loads        |
 | `lines`     | straight lines of contact, and what their laws admit |
-| `program`   | the linear programs, and checks of their answers     |
-| `mechanism` | the result: proof, and bound of a load factor        |
+| `mechanism` | proof, and bound of a load factor; linear programs   |
 """
 
 from qvi_contact.mechanism.mechanism import ContactMotion, Mechanism, RigidMotion, find_mechanism, upper_bound
@@ -20,6 +19,6 @@ __getattr__ = front(
     __name__,
     {
         "bodies": ("Bodies", "works"),
-        "program": ("Rigid",),
+        "mechanism": ("Rigid",),
     },
 )
