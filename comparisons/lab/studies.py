@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 Case = Mapping[str, Any]
 
 PACKAGES: Final = (
-    "qvi-contact", "numpy", "scipy", "mkl", "cvxopt", "cvxpy", "clarabel", "qpsolvers", "scikit-fem", "threadpoolctl",
+    "qvi-contact", "numpy", "scipy", "mkl", "cvxopt", "cvxpy", "clarabel", "qpsolvers", "threadpoolctl",
 )  # fmt: skip
 """Distributions whose versions rows tell, if a study names no others: what may matter for a time."""
 

@@ -276,7 +276,8 @@ class Basis:
         if not are_few(n * r, len(self.kept)):
             return given.matrix() @ self.matrix
         places = self.size * np.arange(n * r).reshape(n, r, 1) + given.columns[:, None]
-        whole = np.bincount(places.ravel(), given.values.ravel(), n * r * self.size).reshape(n * r, self.size)
+        whole = np.bincount(places.ravel(), given.values.ravel(), n * r * self.size).astype(np.float64, copy=False)
+        whole = whole.reshape(n * r, self.size)
         return whole[:, self.kept] + whole[:, self.following] @ self.factors
 
     def quadratic(self, blocks: FloatArray, dofs: IntArray) -> Any:
@@ -294,7 +295,8 @@ class Basis:
         if are_few(n, n):
             inside, width = (at < n)[:, :, None] & (at < n)[:, None], n + f + 1
             places = np.where(inside, n * at[:, :, None] + at[:, None], n**2)
-            K = np.bincount(places.ravel(), blocks.ravel(), n**2 + 1)[:-1].reshape(n, n)
+            K = np.bincount(places.ravel(), blocks.ravel(), n**2 + 1)[:-1].astype(np.float64, copy=False)
+            K = K.reshape(n, n)  # NumPy counts in integers where there is nothing
             rows = np.bincount((width * own + across).ravel(), more.ravel(), f * width).reshape(f, width)
             half = self.factors.T @ (rows[:, :n] + rows[:, n:-1] @ self.factors / 2.0)
             K += half

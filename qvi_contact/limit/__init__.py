@@ -3,8 +3,7 @@
 | module        | contents                                                                       |
 |---------------|--------------------------------------------------------------------------------|
 | `load_factor` | `limit_load_factor`, `strength_reduction_factor` and their answers             |
-| `linear`      | contact laws on whole edges; linear programs where nothing yields              |
-| `stresses`    | from below, where bodies yield: stresses in the yield cones                    |
+| `stresses`    | from below: contact laws on whole edges, and stresses in the yield cones       |
 | `flow`        | from above: velocities, with jumps on contacts; where to refine                |
 | `split`       | polynomials on split triangles                                                 |
 | `conic`       | cone programs by Clarabel, and answers made to hold                            |

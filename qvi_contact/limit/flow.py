@@ -45,9 +45,8 @@ from qvi_contact.element.triangle import bernstein as bernstein_values
 from qvi_contact.element.triangle import gradient, quadrature
 from qvi_contact.errors import SolveError
 from qvi_contact.limit.conic import HELD, INFEASIBLE, ConicProgram
-from qvi_contact.limit.linear import ALONG, Carried, edge_coefficients, limited
 from qvi_contact.limit.split import Nodes, coefficients_of, nodes_along, numbered, part_corners
-from qvi_contact.limit.stresses import YieldCones
+from qvi_contact.limit.stresses import ALONG, Carried, YieldCones, edge_coefficients, limited
 from qvi_contact.mechanism import RigidMotion
 from qvi_contact.mechanism.bodies import FLUID
 from qvi_contact.mesh.edges import Edges, linked

@@ -15,10 +15,9 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
 from qvi_contact.limit.flow import BodyMotion, FlowProgram
-from qvi_contact.limit.linear import CERTIFIED, Carried, carried_by_contacts, with_signs
 from qvi_contact.limit.proof import Proof, carried, exceeded, exceeded_by_blocks, proof_of
 from qvi_contact.limit.split import coefficients_of
-from qvi_contact.limit.stresses import StressProgram
+from qvi_contact.limit.stresses import CERTIFIED, Carried, StressProgram
 from qvi_contact.mechanism import Mechanism, find_mechanism, upper_bound
 from qvi_contact.mechanism.bodies import BODY, FLUID
 from qvi_contact.problem.conditions import SHEAR_LAW, Condition, Contact, Traction, components
@@ -255,7 +254,7 @@ class LimitProblem:
             return LimitAnalysis(self, LimitLoad(upper, upper, mechanism, upper, 0.0), None)
         if self.problem.yields:
             return self._yielding(upper, mechanism)
-        carried = with_signs(self.low, lambda signs: carried_by_contacts(self.low, self.high, signs))
+        carried = StressProgram(self.low, self.high).carried_by_contacts()
         limit = LimitLoad(carried.factor, upper, mechanism, carried.bound, carried.violation)
         return LimitAnalysis(self, limit, carried)
 

@@ -7,8 +7,7 @@ would carry if they were rigid. So three numbers a block decide: a small linear 
 |-------------|------------------------------------------------------|
 | `bodies`    | blocks, plates driven by force, work of loads        |
 | `lines`     | straight lines of contact, and what their laws admit |
-| `program`   | the linear programs, and checks of their answers     |
-| `mechanism` | the result: proof, and bound of a load factor        |
+| `mechanism` | proof, and bound of a load factor; linear programs   |
 """
 
 from typing import TYPE_CHECKING
@@ -24,7 +23,6 @@ __getattr__ = front(
     __name__,
     {
         "bodies": ("Bodies", "works"),
-        "mechanism": ("ContactMotion", "Mechanism", "RigidMotion", "find_mechanism", "upper_bound"),
-        "program": ("Rigid",),
+        "mechanism": ("ContactMotion", "Mechanism", "Rigid", "RigidMotion", "find_mechanism", "upper_bound"),
     },
 )

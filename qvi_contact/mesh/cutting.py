@@ -6,15 +6,14 @@ opposite. So both sides have the same nodes and edges afterwards, and everything
 """
 
 from collections.abc import Mapping, Sequence
-from importlib import import_module
 from itertools import pairwise
 from operator import itemgetter
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import FloatArray, IntArray, real_array
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, real_array
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import Curve, MeshParts, bends_of, bent_too_far
 from qvi_contact.mesh.edges import Topology, cross, linked, part_of
@@ -31,9 +30,9 @@ def bisected(mesh: MeshParts, marked: ArrayLike | None = None) -> MeshParts:
     Old vertices keep their numbers, new ones are midpoints of old edges, those on arcs of the arcs. A triangle that
     became too flat for its arc is divided further, arcs are half as long then.
     """
-    if marked is None:
-        return divided_at_arcs(_bisected(mesh, None))
     count = len(mesh.cells)
+    if marked is None:
+        return divided_at_arcs(_bisected(mesh, np.arange(count)))
     remedy = f"give numbers of triangles, 0 to {count - 1}, or a boolean for each of the {count}"
     _ = real_array("marked", marked, remedy)
     chosen = np.asarray(marked)
@@ -64,10 +63,11 @@ def fanned(mesh: MeshParts, vertices: IntArray, angle: float, layers: int) -> Me
     for vertex in np.asarray(vertices, dtype=np.int64).tolist():
         done = 0
         while done < layers or _angles_at(mesh, vertex)[1].max() > angle:
-            ends = np.unique(_angles_at(mesh, vertex)[0])
-            mesh = _halved(mesh, np.column_stack([np.full(len(ends), vertex), ends]))
+            topology = Topology.of(np.sort(mesh.cells, axis=1), len(mesh.vertices))
+            mesh = _halved(mesh, topology, np.flatnonzero((topology.ends == vertex).any(axis=1)))
             opposite, turn = _angles_at(mesh, vertex)
-            mesh = _halved(mesh, opposite[turn > angle])
+            topology = Topology.of(np.sort(mesh.cells, axis=1), len(mesh.vertices))
+            mesh = _halved(mesh, topology, np.unique(topology.number(opposite[turn > angle])))
             done += 1
     return divided_at_arcs(mesh)
 
@@ -80,90 +80,84 @@ def _angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
     return opposite, np.abs(np.arctan2(cross(one, other), (one * other).sum(axis=1)))
 
 
-def _bisected(mesh: MeshParts, marked: IntArray | None) -> MeshParts:
-    triangles: Any = import_module("skfem").MeshTri  # loaded here: reading and posing problems need none of it
-    coarse = triangles(np.ascontiguousarray(mesh.vertices.T), np.ascontiguousarray(mesh.cells.T))
-    if mesh.regions:
-        coarse = coarse.with_subdomains(dict(mesh.regions))
-    fine = coarse.refined(1 if marked is None else marked)
-    vertices, cells = np.ascontiguousarray(fine.p.T), np.sort(fine.t.T.astype(np.int64), axis=1)
-    regions = {name: np.asarray(fine.subdomains[name], dtype=np.int64) for name in mesh.regions}
-    return _carried_over(mesh, vertices, cells, regions)
+def _bisected(mesh: MeshParts, marked: IntArray) -> MeshParts:
+    """All edges of marked triangles (k,) halved, and the longest one of each triangle that has any."""
+    topology = Topology.of(np.sort(mesh.cells, axis=1), len(mesh.vertices))
+    halved = np.zeros(len(topology.ends), dtype=bool)
+    halved[topology.of_cells[marked]] = True
+    longest, count = _longest(mesh, topology, np.ones(len(halved), dtype=bool)), 0
+    longest = np.take_along_axis(topology.of_cells, longest[:, None], axis=1)[:, 0]
+    while count < (count := int(halved.sum())):
+        halved[longest[halved[topology.of_cells].any(axis=1)]] = True
+    return _halved(mesh, topology, np.flatnonzero(halved))
 
 
-def _halved(mesh: MeshParts, edges: IntArray) -> MeshParts:
-    """The mesh with these edges (k, 2), by their vertices, halved, and the triangles beside them divided; no others.
+def _longest(mesh: MeshParts, topology: Topology, among: BoolArray) -> IntArray:
+    """Which side (m,) of each triangle is the longest among some edges (e,), the middle one of equal ones."""
+    first, second = mesh.vertices[topology.ends].swapaxes(0, 1)
+    lengths = np.where(among, np.sqrt(np.square(first - second).sum(axis=1)), -1.0)[topology.of_cells]
+    order = np.array([1, 2, 0])
+    return np.asarray(order[np.argmax(lengths[:, order], axis=1)])
 
-    A triangle with one such edge is cut in two, with two in three; none has three.
+
+def _halved(mesh: MeshParts, topology: Topology, number: IntArray) -> MeshParts:
+    """The mesh with these edges (k,) of its topology halved, and the triangles beside them divided; no others.
+
+    A triangle with one such edge is cut in two, with two in three, from the middle of the longer one, with three in
+    four. Names are carried over. `InputError` where triangles are too small for the coordinates to tell their vertices
+    apart.
     """
-    cells, old = np.sort(mesh.cells, axis=1), len(mesh.vertices)
-    topology = Topology.of(cells, old)
-    number = np.unique(topology.number(edges))
+    old = len(mesh.vertices)
     middle = np.full(len(topology.ends), -1)
     middle[number] = old + np.arange(len(number))
     vertices = np.concatenate([mesh.vertices, mesh.vertices[topology.ends[number]].mean(axis=1)])
-    found, parents = list[list[int]](), list[int]()
-    for cell, (corners, sides) in enumerate(zip(cells.tolist(), middle[topology.of_cells].tolist(), strict=True)):
-        pieces = _pieces(corners, sides, vertices)
-        found += pieces
-        parents += [cell] * len(pieces)
-    parent = np.array(parents, dtype=np.int64)
-    regions = {name: np.flatnonzero(np.isin(parent, chosen)) for name, chosen in mesh.regions.items()}
-    return _carried_over(mesh, vertices, np.sort(np.array(found, dtype=np.int64), axis=1), regions)
-
-
-def _pieces(corners: list[int], sides: list[int], vertices: FloatArray) -> list[list[int]]:
-    """The triangles that a triangle is cut into; sides are the middles of those opposite to the corners, or −1."""
-    cut = [s for s in range(3) if sides[s] >= 0]
-    if not cut:
-        return [corners]
-    if len(cut) == 1:
-        s = cut[0]
-        return [[corners[s], corners[end], sides[s]] for end in range(3) if end != s]
-    tip = 3 - sum(cut)  # both sides meet in this corner
-    one, other = cut
-    first, second = sides[one], sides[other]  # on the sides tip–other and tip–one
-    quads = [(corners[other], second, [corners[one], first]), (corners[one], first, [corners[other], second])]
-    lengths = [float(np.hypot(*(vertices[a] - vertices[b]))) for a, b, _ in quads]
-    a, b, ends = quads[int(np.argmin(lengths))]
-    return [[corners[tip], first, second], *([a, b, end] for end in ends)]
-
-
-def _carried_over(mesh: MeshParts, vertices: FloatArray, cells: IntArray, regions: Mapping[str, IntArray]) -> MeshParts:
-    """Finer triangles, whose new vertices are middles of old edges, with the names of the mesh.
-
-    `InputError` where they are too small for the coordinates to tell their vertices apart.
-    """
     same = same_places(vertices)
     if len(same):
         x, y = vertices[same[0, 0]].tolist()
         raise InputError("marked", (x, y), "triangles here are too small to be halved: leave them out of `marked`")
-    if not mesh.edge_sets and not mesh.arcs:
-        return MeshParts(vertices, cells, {}, regions)
-    old, ends = len(mesh.vertices), Topology.of(cells, len(vertices)).ends
-    coarse = Topology.of(np.sort(mesh.cells, axis=1), old)
-    number = np.where(ends[:, 1] < old, coarse.number(np.minimum(ends, old - 1)), -1)  # the old edge they are part of
-    if len(vertices) > old:
-        from scipy.spatial import cKDTree  # slow to import, and few solves need it
+    cells, sides = np.sort(mesh.cells, axis=1), middle[topology.of_cells]  # sides opposite to the corners
+    tip = _longest(mesh, topology, middle >= 0)
+    count, found, parents = (sides >= 0).sum(axis=1), list[IntArray](), list[IntArray]()
 
-        middles = cKDTree(mesh.vertices[coarse.ends].mean(axis=1))
-        halved = np.flatnonzero((ends[:, 0] < old) & (ends[:, 1] >= old))
-        origin = np.asarray(middles.query(vertices[ends[halved, 1]])[1])
-        on_it = (coarse.ends[origin] == ends[halved, :1]).any(axis=1)
-        number[halved[on_it]] = origin[on_it]
+    def add(chosen: IntArray, *corners: IntArray) -> None:
+        found.append(np.column_stack(corners))
+        parents.append(chosen)
+
+    whole, all_three = np.flatnonzero(count == 0), np.flatnonzero(count == 3)
+    add(whole, cells[whole])
+    for s in range(3):
+        add(all_three, cells[all_three, s], sides[all_three, s - 1], sides[all_three, s - 2])
+    add(all_three, sides[all_three])
+    for turn in (1, 2):  # on both sides of the line from the tip to the middle opposite
+        cut = np.flatnonzero((count == 1) | (count == 2))
+        t, end, side = tip[cut], (tip[cut] + turn) % 3, (tip[cut] - turn) % 3  # the side from the tip to this end
+        top, base, low, between = cells[cut, t], sides[cut, t], cells[cut, end], sides[cut, side]
+        once = between < 0
+        add(cut[once], top[once], low[once], base[once])
+        for corner in (top[~once], low[~once]):
+            add(cut[~once], corner, between[~once], base[~once])
+    fine, parent = np.sort(np.concatenate(found), axis=1), np.concatenate(parents)
+    regions = {name: np.flatnonzero(np.isin(parent, chosen)) for name, chosen in mesh.regions.items()}
+    if not mesh.edge_sets and not mesh.arcs:
+        return MeshParts(vertices, fine, {}, regions)
+    ends = Topology.of(fine, len(vertices)).ends
+    origin = topology.number(np.minimum(ends, old - 1))  # the old edge that each is part of, -1 for none
+    new = ends[:, 1] >= old
+    origin[new] = number[ends[new, 1] - old]
+    origin[new & (topology.ends[origin] != ends[:, :1]).all(axis=1)] = -1
 
     def parts_of(pairs: IntArray) -> IntArray:
-        return np.flatnonzero(np.isin(number, coarse.number(pairs)))
+        return np.flatnonzero(np.isin(origin, topology.number(pairs)))
 
     edge_sets = {name: ends[parts_of(pairs)] for name, pairs in mesh.edge_sets.items()}
     arcs = []
     for arc in mesh.arcs:
         part = parts_of(arc.edges)
-        pairs, parents = ends[part], coarse.ends[number[part]]
-        new = pairs[:, 1] >= old
-        vertices[pairs[new, 1]] = arc.middles(parents[new], mesh.vertices)
-        arcs.append(arc.divided(pairs, parents))
-    return MeshParts(vertices, cells, edge_sets, regions, arcs)
+        pairs, whole_edges = ends[part], topology.ends[origin[part]]
+        halves = pairs[:, 1] >= old
+        vertices[pairs[halves, 1]] = arc.middles(whole_edges[halves], mesh.vertices)
+        arcs.append(arc.divided(pairs, whole_edges))
+    return MeshParts(vertices, fine, edge_sets, regions, arcs)
 
 
 def stacked(meshes: Sequence[MeshParts]) -> MeshParts:

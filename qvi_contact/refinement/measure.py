@@ -25,9 +25,8 @@ from qvi_contact.discretization.loads import potential_at
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.limit.conic import ConicProgram
-from qvi_contact.limit.linear import both_signs
 from qvi_contact.limit.load_factor import LimitProblem, checked_loads, loads_of, multiplied
-from qvi_contact.limit.stresses import StressProgram
+from qvi_contact.limit.stresses import StressProgram, both_signs
 from qvi_contact.mesh.edges import Edges, frames_along, points_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import SHEAR_LAW, SPRINGS, Contact, Displacement, RigidPlate, components

@@ -11,7 +11,7 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.discretization.loads import physical
 from qvi_contact.mechanism.bodies import Bodies
-from qvi_contact.mechanism.program import Rigid, null_space
+from qvi_contact.mechanism.mechanism import Rigid, null_space
 from qvi_contact.mesh.edges import edge_ends
 from qvi_contact.problem.conditions import Symmetry, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
