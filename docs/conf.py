@@ -68,5 +68,5 @@ nitpick_ignore_regex = [
         r"qvi_contact\.(basics\.kept\.Kept|bracket\.(norms\.Stopped|share\.Body)|mesh\.(edges|topology)\.\w+)",
     ),
     (r"py:class", r"solvers\.inequality\.(body|contact|problem)\.\w+"),
-    (r"py:class", r"solvers\.(factorisation\.(dissection|pardiso)\.RefactorisedBy\w+|solution\.Attempt)"),
+    (r"py:class", r"solvers\.(factorisation\.\w+\.(MultifrontalLU|RefactorisedByPardiso)|solution\.Attempt)"),
 ]

@@ -5,8 +5,8 @@
     reduced, state = factor.reduce(g)                # g_Γ − K_ΓI K_II⁻¹ g_I
     x = factor.expand(state, values)                 # x_Γ = values, x_I = K_II⁻¹ (g_I − K_IΓ values)
 
-Back ends: Intel MKL's PARDISO (package mkl, extra fast), and "multifrontal", which needs SciPy alone: LAPACK for
-K, SuperLU for unsymmetric matrices. Both are imported when first used.
+Back ends: Intel MKL's PARDISO (package mkl, extra fast), and "multifrontal", which needs SciPy alone: LAPACK on dense
+fronts.
 """
 
 from solvers.basics.front import front

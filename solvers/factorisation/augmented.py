@@ -104,9 +104,9 @@ class OrthogonalFactor(Fronts):
 def factorise_root(R: SparseRows, interface: IntVector, places: Matrix) -> OrthogonalFactor:
     """Eliminate the interior of K = RᵀR by QR of R.
 
-    This takes about five times as long as PARDISO's Cholesky factorisation of K, as long as SuperLU's. The fronts are
-    small: several threads of BLAS make it slower, by orders of magnitude on a busy machine, so that it takes one where
-    the package threadpoolctl is installed.
+    This takes about five times as long as PARDISO's Cholesky factorisation of K. The fronts are small:
+    several threads of BLAS make it slower, by orders of magnitude on a busy machine, so that it takes one where the
+    package threadpoolctl is installed.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from solvers.basics.types import IntVector, Matrix, Sparse
 from solvers.errors import SolverUnavailableError
 from solvers.factorisation import dissection, pardiso
 from solvers.factorisation.base import DENSE, SMALL, DenseFactor, Factorisation, FactorisationError
-from solvers.factorisation.dissection import Multifrontal, RefactorisedBySuperLU, nested_dissection
+from solvers.factorisation.dissection import Multifrontal, MultifrontalLU
 from solvers.factorisation.pardiso import Pardiso, RefactorisedByPardiso, thread_count
 
 BACKENDS: Final = ("pardiso", "multifrontal")
@@ -86,7 +86,7 @@ def factorise(
         raise FactorisationError("memory", name, "out of memory") from error
 
 
-Refactorisation: TypeAlias = RefactorisedByPardiso | RefactorisedBySuperLU
+Refactorisation: TypeAlias = RefactorisedByPardiso | MultifrontalLU
 
 
 def refactorisation(
@@ -98,16 +98,14 @@ def refactorisation(
 ) -> Refactorisation:
     """For matrices of a symmetric pattern in compressed rows with sorted columns.
 
-    SuperLU eliminates unknowns by nested dissection of their places (n, 2) if these are known, else libraries look for
-    an order: METIS, which PARDISO brings, finds as good ones. Backend and threads as for `factorise`.
+    Backend, threads and places as for `factorise`.
     """
     backend = resolve(backend if backend in BACKENDS else "auto")
     threads = threads or _sensible_threads(len(starts) - 1)
     _begin(len(starts) - 1, backend)
     if backend == "pardiso":
         return RefactorisedByPardiso(starts, columns, threads)
-    order = None if places is None else nested_dissection(places, starts, columns)[0]
-    return RefactorisedBySuperLU(starts, columns, order)
+    return MultifrontalLU(starts, columns, places)
 
 
 def _begin(unknowns: int, backend: str) -> None:

@@ -1,21 +1,21 @@
-"""What needs nothing but SciPy: nested dissection, with dense fronts for K, with SuperLU for unsymmetric matrices.
+"""Sparse factorisations by nested dissection with dense fronts: Cholesky for K, LU for unsymmetric matrices.
 
 Parts of a body meet at separators, which are eliminated after them, and each is one dense front of unknowns: LAPACK
-does all but the additions. On one thread this is as fast as PARDISO.
+does all but the additions.
 
 Source: J. Liu, The multifrontal method for sparse matrix solution: theory and practice, SIAM Rev. 34 (1992).
 """
 
 from itertools import pairwise
 from time import perf_counter
-from typing import Any, Final, Literal
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import scipy
+from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse import csc_array, csr_array
-from scipy.sparse.linalg import splu
 
-from solvers.basics.types import IntVector, Matrix, Module, Sparse, Vector
+from solvers.basics.types import IntVector, Matrix, Sparse, Vector
 from solvers.factorisation.base import (
     FactorisationError,
     Front,
@@ -212,43 +212,96 @@ def _distances(starts: IntVector, columns: IntVector) -> Matrix:
 
 # H = L U of unsymmetric matrices that share one symmetric pattern, as Newton's method meets them.
 #
-# PARDISO orders and analyses once. Where MKL is not installed SuperLU does all of it every time, but for an order that
-# is given.
+# The order and what each front consists of are found once. Pivots are sought within the front.
 
 
-_THRESHOLD = 1e-3  # a pivot on the diagonal may be so much smaller than the largest of its column
+class _Part(NamedTuple):
+    """A front of `MultifrontalLU`: unknowns first to end of the order, and `later` ones that stay (l,)."""
+
+    first: int
+    end: int
+    later: IntVector
+    entries: slice  # of H, in the order of `MultifrontalLU`
+    places: IntVector  # theirs in the front, row after row
+    arriving: list[tuple[int, IntVector]]  # numbers of fronts before, and where in this one lies what they leave
 
 
-class RefactorisedBySuperLU:
-    """One matrix after the other: pivots on the diagonal as long as they are large enough; one thread."""
+class MultifrontalLU:
+    """One matrix H (n, n) after the other, in compressed rows of the given symmetric pattern; one thread."""
 
-    backend = "superlu"
+    backend = "multifrontal"
 
-    def __init__(self, starts: IntVector, columns: IntVector, order: IntVector | None) -> None:
-        self.version, size = f"scipy {scipy.__version__}", len(starts) - 1
-        self._own, self._order = order is None, np.arange(size) if order is None else order
-        entries = csr_array((np.arange(len(columns)), columns, starts), (size, size))
-        if order is not None:
-            entries = entries[order][:, order]
-            entries.sort_indices()
-        self._entries = entries  # of H, by their places in its rows, in the order of elimination
-        self._factor: Module = None
+    def __init__(self, starts: IntVector, columns: IntVector, places: Matrix | None = None) -> None:
+        n = len(starts) - 1
+        pattern: Sparse = csc_array((np.ones(len(columns), dtype=np.int8), columns, starts), (n, n))
+        self._order, begins = interface_last(pattern, np.zeros(0, dtype=np.int64), places)
+        numbers = np.arange(n)
+        position, local = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+        position[self._order] = numbers
+        rows, across = position[np.repeat(numbers, np.diff(starts))], position[columns]
+        number = np.repeat(np.arange(len(begins) - 1), np.diff(begins))
+        front = number[np.minimum(rows, across)]  # in which an entry comes in
+        self._sorted = np.argsort(front, kind="stable")
+        rows, across = rows[self._sorted], across[self._sorted]
+        entries = np.concatenate([[0], np.cumsum(np.bincount(front, minlength=len(begins) - 1))]).tolist()
+        waiting: list[list[tuple[int, IntVector]]] = [[] for _ in begins]
+        self._parts: list[_Part] = []
+        for i, (first, end) in enumerate(pairwise(begins.tolist())):
+            own = slice(entries[i], entries[i + 1])
+            later = np.unique(np.concatenate([rows[own], *(left for _, left in waiting[i])]))
+            later = later[later >= end]
+            size = end - first + len(later)
+            local[first:end], local[later] = np.arange(end - first), np.arange(end - first, size)
+            arriving = [(child, local[left]) for child, left in waiting[i]]
+            self._parts.append(_Part(first, end, later, own, local[rows[own]] * size + local[across[own]], arriving))
+            if len(later):
+                waiting[number[later[0]]].append((i, later))
+        self._factors: list[tuple[Matrix, IntVector, Matrix, Matrix]] = []
 
     def factorise(self, values: Vector) -> None:
         """Factorise H, its entries row by row; solves are by this matrix from now on.
 
-        Raises `FactorisationError` where H is singular. Rows of H are columns of its transpose.
+        Raises `FactorisationError` where H is singular.
         """
-        places = self._entries
-        transposed = csc_array((values[places.data], places.indices, places.indptr), places.shape)
-        ordering: Literal["MMD_AT_PLUS_A", "NATURAL"] = "MMD_AT_PLUS_A" if self._own else "NATURAL"
-        try:
-            self._factor = splu(transposed, ordering, _THRESHOLD, options={"SymmetricMode": True})
-        except RuntimeError as error:
-            raise FactorisationError("singular", self.backend, str(error)) from error
+        values, self._factors = values[self._sorted], []
+        left: dict[int, Matrix] = {}  # what fronts leave for later ones
+        with limited_blas(1):
+            for i, (first, end, later, entries, places, arriving) in enumerate(self._parts):
+                count, size = end - first, end - first + len(later)
+                front: Matrix = np.zeros((size, size))
+                front.ravel()[places] = values[entries]
+                for child, where in arriving:
+                    _add_square(front, where, left.pop(child))
+                head, pivots, info = dgetrf(front[:count, :count])
+                if info > 0:
+                    raise FactorisationError("singular", self.backend, "a pivot is zero")
+                below, beside = front[count:, :count].copy(), front[:count, count:]
+                if len(later):
+                    beside = dgetrs(head, pivots, beside)[0]
+                    left[i] = front[count:, count:]
+                    left[i] -= below @ beside
+                self._factors.append((head, pivots, below, beside))
 
     def solve(self, right: Vector) -> Vector:
         """H⁻¹ right (n,)."""
-        found = np.empty_like(right)
-        found[self._order] = self._factor.solve(right[self._order], "T")
+        x, found = right[self._order], np.empty_like(right)
+        with limited_blas(1):
+            for part, (head, pivots, below, _) in zip(self._parts, self._factors, strict=True):
+                own = slice(part.first, part.end)
+                x[own] = dgetrs(head, pivots, x[own])[0]
+                x[part.later] -= below @ x[own]
+            for part, (*_, beside) in zip(reversed(self._parts), reversed(self._factors), strict=True):
+                x[part.first : part.end] -= beside @ x[part.later]
+        found[self._order] = x
         return found
+
+
+def _add_square(front: Matrix, where: IntVector, left: Matrix) -> None:
+    """Add left (i, i) to front[where][:, where], runs of columns and of rows at once."""
+    begins = np.flatnonzero(np.diff(where, prepend=-2) != 1).tolist()
+    runs = [(first, end, int(where[first])) for first, end in pairwise([*begins, len(where)])]
+    spread = np.zeros((len(where), len(front)))
+    for first, end, place in runs:
+        spread[:, place : place + end - first] = left[:, first:end]
+    for first, end, place in runs:
+        front[place : place + end - first] += spread[first:end]

@@ -224,7 +224,7 @@ class Pardiso(Factorisation):
 class RefactorisedByPardiso:
     """H = L U for matrices H of one symmetric pattern, one after the other: ordering and symbolic analysis once.
 
-    Pivots stay on the diagonal but for those inside a dense block. Methods are those of `RefactorisedBySuperLU`.
+    Pivots stay on the diagonal but for those inside a dense block. Methods are those of `MultifrontalLU`.
     """
 
     backend = "pardiso"

@@ -293,11 +293,11 @@ def test_without_places_any_pattern_is_eliminated_in_parts(kind):
 @pytest.mark.parametrize("backend", BACKENDS_HERE)
 def test_one_pattern_many_matrices(backend, ordered):
     random = np.random.default_rng(4)
-    pattern = random_array((30, 30), density=0.1, rng=random)
-    pattern = csc_array(abs(pattern) + abs(pattern.T) + eye_array(30)).tocsr()
-    places = random.normal(size=(30, 2)) if ordered else None
+    pattern = random_array((300, 300), density=0.01, rng=random)
+    pattern = csc_array(abs(pattern) + abs(pattern.T) + eye_array(300)).tocsr()
+    places = random.normal(size=(300, 2)) if ordered else None
     factor = refactorisation(pattern.indptr, pattern.indices, backend, 1, places)
-    right = random.normal(size=30)
+    right = random.normal(size=300)
     for _ in range(3):
         matrix = pattern.copy()
         matrix.data = random.normal(size=matrix.nnz) + 8.0 * (matrix.tocoo().row == matrix.tocoo().col)
