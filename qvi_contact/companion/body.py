@@ -34,7 +34,7 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.quadrature import EdgeQuadrature
-from qvi_contact.mechanism.program import null_space
+from qvi_contact.mechanism.mechanism import null_space
 from qvi_contact.mesh.edges import Edges, vectors_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Displacement, Traction
