@@ -217,6 +217,7 @@ _ENDS = {
 _PIVOT = 1e-9  # share of its column's largest entry below which an entry is rounding
 _TIE = 1e-10  # relative difference of steps that count as equal
 _ROUNDED = 1e-13  # share of the largest q, or of 1, below which one that is missed is none
+_GONE = 1e-10  # the same of θ, whose end is corrected
 _PIVOTS = 20  # pivots at most, times the number of unknowns
 
 
@@ -245,7 +246,8 @@ def solve_lcp(M: Matrix, q: Vector, d: Vector, active: BoolVector | None = None)
     if active is not None and active.any():
         return _from_active(M, q, d, active)
     x, basic = np.zeros(n), np.zeros(n, dtype=bool)
-    if q.min(initial=0.0) >= -_ROUNDED * max(1.0, float(np.maximum.reduce(np.abs(q), initial=0.0))):
+    largest = max(1.0, float(np.maximum.reduce(np.abs(q), initial=0.0)))
+    if q.min(initial=0.0) >= -_ROUNDED * largest:
         return Vertex(x, basic, 0)
     # basic + table @ non-basic = values; w are the variables 0 to n − 1, x those up to 2n − 1, θ is 2n
     table: Matrix = np.empty((n, n + 2), order="F")
@@ -267,15 +269,17 @@ def solve_lcp(M: Matrix, q: Vector, d: Vector, active: BoolVector | None = None)
         table[row] = solved
         leaving, basis[row] = int(basis[row]), entering
         column[leaving] = place
-        if leaving == 2 * n:
+        found = None
+        if leaving < 2 * n:
+            entering = leaving + n if leaving < n else leaving - n
+            found = _leaving_row(table[:, column[entering]], table[:, -1], basis)
+        if found is None:  # θ is zero, or a ray begins; one where θ is rounding does so at a solution
             rows = (basis >= n).nonzero()[0]
+            reached = leaving == 2 * n or table[basis == 2 * n, -1].max() <= _GONE * largest
+            rows = rows[basis[rows] < 2 * n]
             x[basis[rows] - n] = np.maximum(table[rows, -1], 0.0)
             basic[basis[rows] - n] = True
-            return Vertex(x, basic, pivots)
-        entering = leaving + n if leaving < n else leaving - n
-        found = _leaving_row(table[:, column[entering]], table[:, -1], basis)
-        if found is None:
-            break
+            return Vertex(x, basic, pivots, Status.SOLVED if reached else Status.STALLED)
         row = found
     return Vertex(x, basic, pivots, Status.STALLED)
 

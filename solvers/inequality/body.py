@@ -210,6 +210,7 @@ SLOW_CONTRACTION = 1e-3
 
 _ROUNDING = 1e-24  # an energy this small beside that of z = 0 is rounding: the loads cancel
 _CORRECTIONS = 6  # defect corrections of the bonded solution at most
+_FORESEEN = 1e-16  # of the solution, in the energy norm: size of a correction that is not computed
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,12 +300,10 @@ class BondedState:
         """The state (n,), by defect corrections."""
         return self._corrected[0]
 
-    @cached_property
+    @property
     def is_slow(self) -> bool:
         """Whether defect corrections shrink so slowly that K must have lost what its root still holds."""
-        missed = self._b - self.condensed.contact.A @ self._first
-        second = np.sqrt(self.condensed.system.square(-self._at_first[1], missed))
-        return bool(second > SLOW_CONTRACTION * self._size(self._first))
+        return self._size(self._second) > SLOW_CONTRACTION * self._size(self._first)
 
     @cached_property
     def strain_energy(self) -> float:
@@ -353,16 +352,22 @@ class BondedState:
         return float(np.sqrt(abs(step @ (self.energy.K @ step))))
 
     @cached_property
+    def _second(self) -> Vector:
+        """The first defect correction."""
+        missed = self._b - self.condensed.contact.A @ self._first
+        return np.asarray(self.condensed.system.solve(-self._at_first[1], missed)[0])
+
+    @cached_property
     def _corrected(self) -> tuple[Vector, list[float]]:
-        """The bonded solution, and the energy norms of the steps towards it, the last one not taken."""
-        system, z = self.condensed.system, self._first
+        """The bonded solution, and the energy norms of the steps towards it, the last one not taken unless tiny."""
+        system, z, step = self.condensed.system, self._first, self._second
         sizes = [self._size(z)]
-        gradient = self._at_first[1]
         for _ in range(_CORRECTIONS):
-            step = system.solve(-gradient, self._b - self.condensed.contact.A @ z)[0]
             sizes.append(self._size(step))
             if not sizes[-1] < 0.5 * sizes[-2]:
                 break
             z = z + step
-            gradient = self.energy.state(z)[1]
+            if sizes[-1] ** 2 <= _FORESEEN * sizes[0] * sizes[-2]:  # the next one is smaller than that
+                break
+            step = system.solve(-self.energy.state(z)[1], self._b - self.condensed.contact.A @ z)[0]
         return z, sizes

@@ -238,12 +238,6 @@ class EqualitySystem:
         values, nu = self.solve_interface(reduced, c)
         return self.factor.expand(state, values), nu
 
-    def square(self, r: Vector, c: Vector) -> float:
-        """xᵀK x of the solution for r (n,) and c (p,), at half the cost of the solution itself."""
-        reduced, state = self.factor.reduce(r)
-        values, nu = self.solve_interface(reduced, c)
-        return abs(self.factor.square(r, state) + float(values @ reduced - nu @ c))
-
     def solve_interface(self, g: Vector | Matrix, c: Vector | Matrix | None = None) -> tuple[Vector, Vector]:
         """(x_Γ, ν) of the dense system for g (k,) or (k, j), the right-hand side where it vanishes elsewhere."""
         g, A, factored = np.asarray(g), self.A, self._factored
