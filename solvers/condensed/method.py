@@ -247,7 +247,7 @@ class CondensedRun:
             if worst < self.kept[0]:
                 self.kept = (worst, self.interior.point)
             stalled = self.path is None and self._stalled(measures)
-            if self._reached(measures, gap, stalled) and (stalled or self._settled(residuals)):
+            if self._reached(measures, residuals, gap, stalled) and (stalled or self._settled(residuals)):
                 break
             self._prepare(measures)
             if stalled:
@@ -285,11 +285,11 @@ class CondensedRun:
         affordable = problem.system.last_digits and problem.S.shape[0] + len(problem.weights) <= _LARGEST_SADDLE
         interior.accurate = affordable and (interior.accurate or (measures.force > _SPOILT and measures.gap < _LATE))
 
-    def _reached(self, measures: Measures, gap: float, stalled: bool) -> bool:
+    def _reached(self, measures: Measures, residuals: Residuals, gap: float, stalled: bool) -> bool:
         """Whether the gap is reached and no residual is left but what rounding makes."""
-        balanced = measures.force <= _FORCE or (
-            measures.force <= _FORCE_FLOOR and measures.force > _HALVED * self.force
-        )
+        balanced = measures.force <= _FORCE
+        if not balanced and measures.force > _HALVED * self.force:  # it no longer shrinks
+            balanced = measures.force <= _FORCE_FLOOR or self._unbalanced(residuals) <= _UNBALANCED
         if self.last_gap < 10.0 * gap and measures.gap > _HALVED * self.last_gap:
             gap = 10.0 * gap  # at its floor
         if stalled and measures.force <= _FORCE_FLOOR:  # where points touch without load the last digits do not come
@@ -322,8 +322,16 @@ class CondensedRun:
         worst = max(self._distance(measures), measures.force / _FORCE_FLOOR)
         if measures.gap > _LATE or worst >= self.kept[0] or not self.base.strain_energy > 0.0:
             return worst
-        error = self.problem.system.norm(residuals.force) / float(np.sqrt(2.0 * self.base.strain_energy))
-        return max(worst, error / _UNBALANCED)
+        return max(worst, self._unbalanced(residuals) / _UNBALANCED)
+
+    def _unbalanced(self, residuals: Residuals) -> float:
+        """The error of the stress that forces out of balance make, in the energy norm, relative; not of dense systems.
+
+        Those reach the last digits of forces, and their norm is 0 where S is no longer definite to rounding.
+        """
+        if self.problem.system.last_digits or not self.base.strain_energy > 0.0:
+            return np.inf
+        return self.problem.system.norm(residuals.force) / float(np.sqrt(2.0 * self.base.strain_energy))
 
     def _distance(self, measures: Measures) -> float:
         """How far gap, slacks and kinks are from what they may be, the largest quotient; forces follow from them."""
