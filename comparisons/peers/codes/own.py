@@ -1,4 +1,4 @@
-"""Our own package: stresses in equilibrium, the inequality solved directly by the condensed method, and its bounds.
+"""Our own package: stresses in equilibrium, the inequality solved directly by its default method, and its bounds.
 
 The package is loaded by what solves, not before.
 """
@@ -43,7 +43,7 @@ def plate(
             outcome = refine(posed, None, target, "plate.normal_force", guaranteed=True, **options)
             result, rounds = outcome.result, len(outcome.rounds)
             return {**_ended(result, iterations=rounds), **_bounds(result.bracket, int(result.solution.problem.n))}
-        result = solve(posed, method="condensed", **options)
+        result = solve(posed, **options)
         unknowns = int(result.solution.problem.n)
         force = -result.resultant("plate").y if result.has_state else None
         answer = _ended(result, half_force=force, unknowns=unknowns, iterations=int(result.iterations))
