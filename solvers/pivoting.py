@@ -51,7 +51,7 @@ DIRECTIONS: Final = 4
 
 _SIGNS = 6  # guesses of the signs of bilateral points
 _POLISHING = 4  # corrections of a vertex
-_EXACT = 1e-13  # error of active bounds, over the largest bonded traction, that is not worth a correction
+_EXACT = 1e-5  # of the tolerance: error of bounds, over the largest bonded traction, that is not worth a correction
 _SETTLED = 1e-11  # bound over the bonded tractions that is none
 _BOTH_ZERO = 1e-9  # of the units of tractions and displacements
 _SOUND = 1e-8  # the same, above which the path from a state is not taken
@@ -127,7 +127,9 @@ class ContactBounds:
         d = np.ones(n) if direction == 0 else 0.2 + np.random.default_rng(direction).random(n)
         return solve_lcp(self.M, self.q, d, active)
 
-    def corrected(self, compliance: Compliance, vertex: Vertex) -> tuple[tuple[Vector, Vector, Vector, Vector], float]:
+    def corrected(
+        self, compliance: Compliance, vertex: Vertex, tolerance: float
+    ) -> tuple[tuple[Vector, Vector, Vector, Vector], float]:
         """(z, m_N, m_T, ν) of a vertex, corrected by what active bounds miss as accurate stresses say; what they miss.
 
         What they miss is over the largest bonded traction.
@@ -141,7 +143,7 @@ class ContactBounds:
             before = least
             if error < least:
                 found, least = state, error
-            if not left or not _EXACT < error < 0.5 * before:
+            if not left or not _EXACT * tolerance < error < 0.5 * before:
                 break
             x = x.copy()
             own = self.M[np.ix_(active, active)]
@@ -157,7 +159,7 @@ def affordable(qvi: FrictionQVI, largest: int = LARGEST) -> bool:
 
 
 def solve_pivoting(
-    qvi: FrictionQVI, options: PivotingOptions, direction: int = 0, start: Start | None = None
+    qvi: FrictionQVI, tolerance: float, options: PivotingOptions, direction: int = 0, start: Start | None = None
 ) -> Outcome:
     """The vertex at the end of one path, from a state that fits or from no multipliers at all.
 
@@ -176,7 +178,7 @@ def solve_pivoting(
         starts = [] if start is None else [bounds.active(compliance.tractions(start.z), start.multipliers)]
         for active in (*starts, None):
             vertex = bounds.vertex(direction, active)
-            state, missed = bounds.corrected(compliance, vertex) if vertex.solved else (None, np.inf)
+            state, missed = bounds.corrected(compliance, vertex, tolerance) if vertex.solved else (None, np.inf)
             if missed <= _SOUND:
                 best.near = None if start is None else active is not None
                 break

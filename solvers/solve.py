@@ -175,15 +175,15 @@ def other_shares(search: Search) -> Tries:
 def vertex(search: Search) -> Tries:
     """From vertex to vertex, for small contacts; from a state that is given, if it fits."""
     start = search.start if search.start is not None and search.start.fits(search.qvi) else None
-    found = solve_pivoting(search.qvi, search.options(PivotingOptions), start=start)
+    found = solve_pivoting(search.qvi, search.settings.tolerance, search.options(PivotingOptions), start=start)
     yield Attempt("pivoting", "", found.reason, found.iterations), found
 
 
 def other_vertices(search: Search) -> Tries:
     """The same along each direction that was not tried."""
-    tried = any(attempt.name == "pivoting" for attempt in search.attempts)
+    tried, tolerance = any(attempt.name == "pivoting" for attempt in search.attempts), search.settings.tolerance
     for direction in range(1 if tried else 0, DIRECTIONS):
-        found = solve_pivoting(search.qvi, search.options(PivotingOptions), direction)
+        found = solve_pivoting(search.qvi, tolerance, search.options(PivotingOptions), direction)
         yield Attempt(f"pivoting, direction {direction + 1}", "", found.reason, found.iterations), found
 
 
