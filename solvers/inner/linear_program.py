@@ -56,12 +56,12 @@ def solved(cost: Vector, **program: Any) -> Answer:
     """The answer of `linprog`: by the interior point method with a vertex at its end where the program is large.
 
     That is asked for less accuracy where it does not find a vertex otherwise. By the simplex method where the program
-    is not large, and where the other fails or cycles; without presolve where presolve spoils it. One that raises, or
-    answers in another form, has failed.
+    is not large, and where the other fails or cycles; without presolve where presolve spoils it. Where a small program
+    fails so the interior point method follows. One that raises, or answers in another form, has failed.
     """
     large = program["A_ub"].shape[0] > _LARGE
     answer = Answer(_FAILED, "")
-    for method, presolve, tolerance in (*_INTERIOR * large, *_SIMPLEX):
+    for method, presolve, tolerance in (*_INTERIOR * large, *_SIMPLEX, *_INTERIOR * (not large)):
         options: dict[str, Any] = {"presolve": presolve, "time_limit": min(_LONGEST, deadline.left)}
         options |= dict.fromkeys(("primal_feasibility_tolerance", "dual_feasibility_tolerance"), tolerance)
         options |= {} if method == "highs" else {"maxiter": _STEPS}
