@@ -83,7 +83,8 @@ class ContactBounds:
         self._side, self._by_normal = np.concatenate(sides), np.concatenate([unpressed, rubbed, none, rubbed, none])
         self._point, self._place = point, np.concatenate([normal, m + point[len(normal) :]])
         self._size = 1.0 / (1.0 + np.concatenate([unpressed, mu, none, mu, none]))
-        self._limit = np.concatenate([unpressed, cohesion, law.cap[capped], cohesion, law.cap[capped]])
+        limit = np.concatenate([unpressed, cohesion, law.cap[capped], cohesion, law.cap[capped]])
+        self._limit = self._size * limit
         self.stress = float(np.maximum.reduce(np.abs(compliance.bonded), initial=0.0)) or 1.0
         unit = self.stress / (qvi.contact_stiffness or 1.0)
         self._relief, self._rows = unit * self._side * qvi.W[point], 2 * m  # F has one entry in a column
@@ -98,7 +99,7 @@ class ContactBounds:
 
     def slack(self, tractions: Vector) -> Vector:
         """The slack w (r,) at tractions (2m,)."""
-        return np.asarray((self._size * self._limit - self._bounded(tractions)) / self.stress)
+        return np.asarray((self._limit - self._bounded(tractions)) / self.stress)
 
     def multipliers(self, x: Vector) -> Vector:
         """Row multipliers m = F x (2m,)."""

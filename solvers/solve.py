@@ -184,7 +184,8 @@ def other_vertices(search: Search) -> Tries:
     tried, tolerance = any(attempt.name == "pivoting" for attempt in search.attempts), search.settings.tolerance
     for direction in range(1 if tried else 0, DIRECTIONS):
         found = solve_pivoting(search.qvi, tolerance, search.options(PivotingOptions), direction)
-        yield Attempt(f"pivoting, direction {direction + 1}", "", found.reason, found.iterations), found
+        name = f"pivoting, direction {direction + 1}" if direction else "pivoting"
+        yield Attempt(name, "", found.reason, found.iterations), found
 
 
 def fixed_point(search: Search) -> Tries:
@@ -336,7 +337,7 @@ class Search:
 
     def fallen_back(self, first: QVISolution) -> QVISolution:
         """The first of the methods left that passes, each for as long again as the first one took; or the best."""
-        later = [way for way in ATTEMPTS if way.method != first.method and way.serves(self.qvi)]
+        later = [way for way in ATTEMPTS[1:] if way.method != first.method and way.serves(self.qvi)]
         limit = self.settings.options.get("max_iterations")
         spent, over = limit is not None and first.iterations >= limit, deadline.over
         if spent or first.status not in _WORTH_A_FALL_BACK or not later:

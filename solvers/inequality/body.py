@@ -300,7 +300,7 @@ class BondedState:
         """The state (n,), by defect corrections."""
         return self._corrected[0]
 
-    @property
+    @cached_property
     def is_slow(self) -> bool:
         """Whether defect corrections shrink so slowly that K must have lost what its root still holds."""
         return self._size(self._second) > SLOW_CONTRACTION * self._size(self._first)
