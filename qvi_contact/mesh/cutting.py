@@ -72,6 +72,14 @@ def fanned(mesh: MeshParts, vertices: IntArray, angle: float, layers: int) -> Me
     return divided_at_arcs(mesh)
 
 
+def layered(mesh: MeshParts, vertex: int, ratio: float) -> MeshParts:
+    """The triangles at a vertex where no arc ends cut across, at a share `ratio` of their edges there from it."""
+    topology, old = Topology.of(np.sort(mesh.cells, axis=1), len(mesh.vertices)), len(mesh.vertices)
+    fine = _halved(mesh, topology, np.flatnonzero((topology.ends == vertex).any(axis=1)))
+    fine.vertices[old:] += (1.0 - 2.0 * ratio) * (fine.vertices[vertex] - fine.vertices[old:])
+    return fine
+
+
 def _angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
     """The opposite edges (k, 2) of the triangles at a vertex, and their angles there (k,) [rad]."""
     cells = mesh.cells[(mesh.cells == vertex).any(axis=1)]
