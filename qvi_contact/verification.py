@@ -76,7 +76,7 @@ def rediscretized(result: ContactResult) -> Discretization:
     known = result.discretization
     fresh = discretize(known.problem, degree=known.space.degree, law_on=known.rule.law_on, scales=known.scales)
     slip = [rows.slip for rows in known.contacts]
-    return fresh.slipped(slip) if any(part.any() for part in slip) else fresh
+    return fresh.with_data(known.problem, known.scales, slip) if any(part.any() for part in slip) else fresh
 
 
 def recompute(result: ContactResult, fresh: Discretization, tolerance: float) -> Recomputed:

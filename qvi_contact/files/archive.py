@@ -314,7 +314,9 @@ def _discretization(archive: Archive, discretized: Callable[[Scales], Discretiza
             raise archive.refused("z", remedy)
     counts = [len(rows.gap) for rows in fresh.contacts]
     slip = archive.floats("earlier_slip", size=sum(counts))
-    return fresh.slipped(np.split(slip, np.cumsum(counts)[:-1])) if slip.any() else fresh
+    if not slip.any():
+        return fresh
+    return fresh.with_data(fresh.problem, fresh.scales, np.split(slip, np.cumsum(counts)[:-1]))
 
 
 def _certificate(archive: Archive) -> Certificate:

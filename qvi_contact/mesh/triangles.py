@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, positive_number, real_array
-from qvi_contact.basics.kept import Kept
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import Curve, CurveFunction, MeshParts, bends_of, circle, fitted, refuse_bad_arcs
 from qvi_contact.mesh.cutting import bisected, divided_at_arcs, fanned, joined, layered, stacked
@@ -35,7 +34,7 @@ from qvi_contact.mesh.selection import (
     triangles_in_box,
 )
 from solvers.basics.names import known_name
-from solvers.basics.types import PicklesFields, load
+from solvers.basics.types import Kept, PicklesFields, load
 
 Place: TypeAlias = tuple[Point, Point] | Callable[[FloatArray, FloatArray], ArrayLike]
 """A segment between two points ((x, y), (x, y)), or a function of the coordinates (x, y) of midpoints of edges."""
@@ -550,7 +549,7 @@ class TriangleMesh(PicklesFields):
     def _vertices_at(self, places: FloatArray) -> IntArray:
         """The vertices at places (k, 2); `InputError` if there is none, or an arc ends there."""
         distance = np.hypot(*(places[:, None] - self.vertices).T)  # (n, k)
-        found = np.argmin(distance, axis=0)
+        found = np.asarray(np.argmin(distance, axis=0), dtype=np.int64)
         bent = np.isin(found, self.topology.ends[self.bends.any(axis=1)])
         wrong = bent | (distance.min(axis=0) > _AT_VERTEX * np.ptp(self.vertices, axis=0).max())
         if wrong.any():

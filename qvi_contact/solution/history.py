@@ -262,8 +262,7 @@ def solve_history(
             elif deadline.over:
                 break
             else:
-                discretization = before.discretization.with_data(steps[number - 1], scales)
-                discretization = discretization.slipped(_slip_after(before))
+                discretization = before.discretization.with_data(steps[number - 1], scales, _slip_after(before))
             result = solved(discretization, settings, before if warm else None)
             results.append(result)
             accuracy = result.certificate.accuracy
