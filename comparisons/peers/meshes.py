@@ -29,8 +29,8 @@ _DEPTHS: Final = ((0, 0), (1, 0), (1, 1), (2, 1), (2, 2), (3, 2), (4, 6), (6, 8)
 _DEPTHS_WITHOUT_LINE: Final = ((0, 2), (0, 4), (0, 6), (1, 6), (2, 8), (3, 8), (4, 10), (4, 12))
 """The same where no column of the coarsest mesh ends at the transition."""
 
-_LAYERS: Final = ((0, 0), (1, 0), (2, 0), (2, 1), (3, 1), (4, 2), (5, 3), (6, 4))
-"""By number: how many layers of triangles are at the corner, and at the transition."""
+_LAYERS: Final = ((0, 0), (1, 0), (1, 1), (2, 1), (3, 2), (4, 2), (5, 3), (6, 3))
+"""By number: how many layers of triangles are at the corner and at the transition, if there is one."""
 
 _LAYER: Final = 0.15  # distance of a layer from its point over that of the one before it
 _NEEDLE: Final = 0.1  # columns narrower than this are not made for the sake of a transition
@@ -128,9 +128,10 @@ def _bisected(friction: float, number: int) -> TriangleMesh:
 def _layered(friction: float, number: int) -> TriangleMesh:
     """A square, or two that meet at the transition where neither gets narrow by that; layers of triangles at both."""
     transition = TRANSITIONS.get(friction, 0.0)
-    layers, places = _LAYERS[number], [(1.0, 1.0), (transition, 1.0)]
-    lines = np.array([0.0, transition, 1.0] if transition > _NEEDLE else [0.0, 1.0])
-    return TriangleMesh.grid(lines, [0.0, 1.0]).graded(places[: len(lines) - 1], layers[: len(lines) - 1], ratio=_LAYER)
+    if transition < _NEEDLE:
+        return TriangleMesh.grid([0.0, 1.0], [0.0, 1.0]).graded([(1.0, 1.0)], number, ratio=_LAYER)
+    coarse = TriangleMesh.grid([0.0, transition, 1.0], [0.0, 1.0])
+    return coarse.graded([(1.0, 1.0), (transition, 1.0)], _LAYERS[number], ratio=_LAYER)
 
 
 def counter_clockwise(vertices: FloatArray, cells: Any) -> Any:
