@@ -305,7 +305,7 @@ def keys(name: str) -> None:
 
 def methods(as_json: bool) -> None:
     """List methods, inner solvers and factorisations."""
-    factorisations = {DENSE: "up to 500 unknowns", **available_backends()}
+    factorisations = {DENSE: "up to 400 unknowns", **available_backends()}
     if as_json:
         document = {"methods": list(METHODS), "inner": list(available()), "factorisation": factorisations}
         click.echo(json_text(document))

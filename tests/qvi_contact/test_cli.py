@@ -88,7 +88,7 @@ def test_methods(shell):
     status, out, err = shell("methods", "--json")
     assert (status, err) == (0, "")
     known = json.loads(out)
-    others = {DENSE: "up to 500 unknowns"}
+    others = {DENSE: "up to 400 unknowns"}
     assert known["factorisation"] == {**others, **available_backends()}
     assert (known["methods"], known["inner"]) == (list(METHODS), list(available()))
     listed = shell("methods")[1].split()
