@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final, Self, TypeVar
 
-from solvers.basics.names import closest
+from solvers.basics.checks import closest
 from solvers.errors import InputError, SolverUnavailableError
 
 METHODS: Final = ("condensed", "fixed-point", "pivoting", "uzawa")

@@ -22,7 +22,7 @@ from qvi_contact.basics.terminal import Advance
 from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, problem_figure
 from qvi_contact.plots.style import new_figure
 from qvi_contact.units import Units
-from solvers.basics.names import known_name
+from solvers.basics.checks import known_name
 
 CHAPTERS: Final[Chapters] = {
     "paper": plate.PAPER, "exact": exact.EXACT, "friction": exact.FRICTION, "ssnv128": benchmarks.SSNV128,

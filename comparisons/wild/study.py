@@ -29,7 +29,7 @@ from comparisons.wild.generator import FAMILIES, wild_problem
 from comparisons.wild.judge import EXISTS, NONE, UNDECIDED, compare, enumerated, wrong
 from qvi_contact import ContactResult, InputError, QVIError, solve
 from solvers import Status
-from solvers.basics.names import known_name
+from solvers.basics.checks import known_name
 from solvers.certificate.feasibility import check_feasibility
 from solvers.factorisation import FactorisationError
 

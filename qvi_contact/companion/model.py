@@ -29,7 +29,7 @@ from qvi_contact.solution.result import PlateMotion, plate_motion
 from qvi_contact.solution.stress import given_points, mean_at
 from qvi_contact.version import __version__
 from solvers import Certificate, Iteration, QVISolution, Status, solve_qvi
-from solvers.basics.names import Named, known_name
+from solvers.basics.checks import Named, known_name
 from solvers.basics.progress import Log
 from solvers.basics.types import PicklesFields
 from solvers.certificate.certificate import EXPONENTS

@@ -325,12 +325,15 @@ def limits_of(
     problem: ContactProblem, contact: Contact, scales: Scales, rule: EdgeRule, points: EdgePoints
 ) -> tuple[Limits, Limits]:
     """What bounds the rows of a contact, and the shear at its points."""
+    fields = [getattr(contact, name) for name in SHEAR_LAW]
 
     def at(places: FloatArray) -> Limits:
-        x, y = physical(problem, scales, points_along(points.space.vertices, points.edges, places).reshape(-1, 2))
+        x = y = np.empty(len(points.edges) * len(places))
+        if any(map(callable, fields)):
+            x, y = physical(problem, scales, points_along(points.space.vertices, points.edges, places).reshape(-1, 2))
         found = []
-        for name in SHEAR_LAW:
-            field, unit = getattr(contact, name), 1.0 if name == "friction" else scales.stress
+        for name, field in zip(SHEAR_LAW, fields, strict=True):
+            unit = 1.0 if name == "friction" else scales.stress
             values = np.inf if field is None else evaluate(f"Contact.{name}", field, x, y, minimum=0.0)
             found.append(np.broadcast_to(values, x.shape) / unit)
         return Limits(*found)

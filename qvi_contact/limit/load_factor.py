@@ -25,7 +25,7 @@ from qvi_contact.problem.fields import BodyForces
 from qvi_contact.problem.material import Material
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.version import __version__
-from solvers.basics.names import known_name
+from solvers.basics.checks import known_name
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import frame
 

@@ -33,7 +33,7 @@ from qvi_contact.mesh.selection import (
     selected,
     triangles_in_box,
 )
-from solvers.basics.names import known_name
+from solvers.basics.checks import known_name
 from solvers.basics.types import Kept, PicklesFields, load
 
 Place: TypeAlias = tuple[Point, Point] | Callable[[FloatArray, FloatArray], ArrayLike]

@@ -34,7 +34,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import COMPONENTS, cell_factors, held_along_z, stress_component, stress_in_cells
 from solvers import QVISolution
-from solvers.basics.names import known_name
+from solvers.basics.checks import known_name
 from solvers.derivative import Change, change
 
 Quantity: TypeAlias = str | Callable[[ContactResult], float]
