@@ -5,7 +5,7 @@ from typing import Final, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import ROUNDING
 from qvi_contact.mesh.edges import Topology, angles, arc_offsets, cross, linked
@@ -15,7 +15,6 @@ LARGEST: Final = 1e100  # of a coordinate: squares and areas of larger ones are 
 _FLAT: Final = 1e-8  # height over longest side below which a triangle is none
 _SAME: Final = 1e-10  # distance of vertices over the body's length below which they are in one place
 _ASLANT: Final = (np.cos(1.0), np.sin(1.0))
-_SPACE: Final = 0.1  # distance of pieces over the body's length up to which they may be meant to touch
 _ON_EDGE: Final = 1e-9  # distance from an edge over its length below which a vertex lies on it
 _FARTHEST: Final = 1e-3  # the same of arcs at most
 _HALVINGS: Final = 60
@@ -51,18 +50,66 @@ def checked_cells(cells: ArrayLike, vertices: FloatArray) -> IntArray:
 
 def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> None:
     """`InputError` unless triangles are a mesh of one piece."""
-    _refuse_triangles(vertices, cells, topology)
-    piece, same, hanging = pieces(topology, len(cells)), same_places(vertices), hanging_vertices(vertices, topology)[0]
-    _refuse_meeting(vertices, cells, topology, piece, same, hanging)
-    if len(same):
-        pair = same[np.lexsort(same.T[::-1])[0]]
-        remedy = "these vertices lie in the same place {}: merge them (a Contact along a joint separates bodies)"
-        _refuse(pair.tolist(), remedy, vertices[pair[0]])
-    if len(hanging):
-        vertex, edge = hanging[0]
-        remedy = f"this vertex at {{}} lies inside the edge of the vertices {topology.ends[edge].tolist()}: "
-        _refuse(int(vertex), remedy + "divide the triangle there", vertices[vertex])
-    _refuse_pieces(vertices, cells, topology, piece)
+    a, b, c = vertices[cells].swapaxes(0, 1)
+    sides = np.stack([b - a, c - b, a - c])
+    flat = np.abs(cross(sides[0], sides[1])) <= _FLAT * np.square(sides).sum(axis=2).max(axis=0)
+    _refuse(flat, cells, "the triangle of these vertices at {} has no area: leave it out", a)
+    all_vertices = np.arange(len(vertices))
+    unused = np.bincount(cells.ravel(), minlength=len(vertices)) == 0
+    _refuse(unused, all_vertices, "this vertex at {} belongs to no triangle: leave it out", vertices)
+    first, second = vertices[topology.ends].swapaxes(0, 1)
+    middles = (first + second) / 2.0
+    shared = "more than two triangles share the edge of these vertices around {}: leave out the others"
+    _refuse(topology.count > 2, topology.ends, shared, middles)
+    centres = (a + b + c)[topology.cells] / 3.0
+    one, other = (cross(second - first, centres[:, side] - first) for side in (0, 1))
+    folded = (topology.count == 2) & (one * other > 0.0)
+    overlap = "the triangles at the edge of these vertices around {} lie on one side of it and overlap: correct one"
+    _refuse(folded, topology.ends, overlap, middles)
+    hanging = hanging_vertices(vertices, topology)[0]
+    inside = (
+        "the first of these vertices, at {}, lies inside the edge of the others: divide the triangle there. Two bodies "
+        "whose vertices do not match along a line are meshed as one with common nodes (BooleanFragments in Gmsh), or "
+        "`join` with a name for the line does so; a Contact along it separates them"
+    )
+    named = np.column_stack([hanging[:, 0], topology.ends[hanging[:, 1]]])
+    _refuse(np.ones(len(named), dtype=bool), named, inside, vertices[named[:, 0]])
+    same = same_places(vertices)
+    twins = (
+        "these vertices lie in the same place {}: merge them (Coherence Mesh in Gmsh), and name the line if two bodies "
+        "touch there; a Contact along it separates them"
+    )
+    _refuse(np.ones(len(same), dtype=bool), same, twins, vertices[same[:, 0]])
+    pinched = np.bincount(topology.ends[topology.boundary].ravel(), minlength=len(vertices)) > 2
+    alone = "this vertex at {} alone connects two parts of the body: fill or cut there"
+    _refuse(pinched, all_vertices, alone, vertices)
+    piece = pieces(topology, len(cells))
+    if piece.any():
+        _refuse_pieces(vertices, cells, piece)
+
+
+def _refuse(wrong: BoolArray, given: IntArray, remedy: str, places: FloatArray) -> None:
+    """`InputError` about the first of some things (k,) that is wrong, if any is, at its place, (k, 2)."""
+    if wrong.any():
+        number = int(np.argmax(wrong))
+        x, y = places[number]
+        raise InputError("TriangleMesh", given[number].tolist(), remedy.format(f"({x:.6g}, {y:.6g})"))
+
+
+def _refuse_pieces(vertices: FloatArray, cells: IntArray, piece: IntArray) -> NoReturn:
+    from scipy.spatial import cKDTree  # slow to import, and few meshes need it
+
+    apart, others = (vertices[np.unique(cells[chosen])] for chosen in (piece == 1, piece != 1))
+    distances, nearest = cKDTree(others).query(apart)
+    at = int(np.argmin(distances))
+    x, y = (apart[at] + others[nearest[at]]) / 2.0
+    remedy = (
+        f"the body consists of this many pieces; the nearest vertices of two are {distances[at]:.3g} apart around "
+        f"({x:.6g}, {y:.6g}): give one piece. Bodies that touch across a space are meshed without it, with common "
+        "nodes along a joint whose Contact has that gap; nodes of one body are merged with a larger tolerance "
+        "(Geometry.Tolerance in Gmsh)"
+    )
+    raise InputError("TriangleMesh", int(piece.max()) + 1, remedy)
 
 
 def pieces(topology: Topology, count: int) -> IntArray:
@@ -72,41 +119,10 @@ def pieces(topology: Topology, count: int) -> IntArray:
 
 
 def same_places(vertices: FloatArray) -> IntArray:
-    """Pairs (k, 2) of vertices too near each other to be told apart."""
+    """Pairs (k, 2) of vertices too near each other to be told apart, in order."""
     reach = np.full(len(vertices), _SAME * float(np.ptp(vertices, axis=0).max()))
     pairs = np.column_stack(_near(vertices, vertices, reach))
     return pairs[pairs[:, 0] < pairs[:, 1]]
-
-
-def _refuse(value: object, what: str, at: FloatArray) -> NoReturn:
-    raise InputError("TriangleMesh", value, what.format(f"({at[0]:.6g}, {at[1]:.6g})"))
-
-
-def _refuse_triangles(vertices: FloatArray, cells: IntArray, topology: Topology) -> None:
-    """`InputError` if triangles have no area or overlap at an edge, or vertices belong to none."""
-    a, b, c = vertices[cells].swapaxes(0, 1)
-    sides = np.stack([b - a, c - b, a - c])
-    flat = np.abs(cross(sides[0], sides[1])) <= _FLAT * np.square(sides).sum(axis=2).max(axis=0)
-    if flat.any():
-        cell = int(np.argmax(flat))
-        _refuse(cells[cell].tolist(), "the triangle of these vertices at {} has no area: leave it out", a[cell])
-    used = np.zeros(len(vertices), dtype=bool)
-    used[cells] = True
-    if not used.all():
-        vertex = int(np.argmin(used))
-        _refuse(vertex, "this vertex at {} belongs to no triangle: leave it out", vertices[vertex])
-    first, second = vertices[topology.ends].swapaxes(0, 1)
-    if topology.count.max() > 2:
-        edge = int(np.argmax(topology.count > 2))
-        remedy = "more than two triangles share the edge of these vertices around {}"
-        _refuse(topology.ends[edge].tolist(), remedy, (first[edge] + second[edge]) / 2.0)
-    centres = (a + b + c)[topology.cells] / 3.0
-    one, other = (cross(second - first, centres[:, side] - first) for side in (0, 1))
-    folded = (topology.count == 2) & (one * other > 0.0)
-    if folded.any():
-        edge = int(np.argmax(folded))
-        remedy = "the two triangles at the edge of these vertices around {} lie on the same side of it and overlap"
-        _refuse(topology.ends[edge].tolist(), remedy, (first[edge] + second[edge]) / 2.0)
 
 
 def hanging_vertices(
@@ -152,77 +168,3 @@ def _near(points: FloatArray, centres: FloatArray, radius: FloatArray) -> tuple[
     point = order[np.arange(len(circle)) - np.repeat(np.cumsum(count) - stop, count)]
     inside = np.hypot(*(points[point] - centres[circle]).T) <= radius[circle]
     return np.divmod(np.sort(circle[inside] * len(points) + point[inside]), len(points))
-
-
-def _refuse_meeting(
-    vertices: FloatArray, cells: IntArray, topology: Topology, piece: IntArray, same: IntArray, hanging: IntArray
-) -> None:
-    """`InputError` if two pieces meet along a line, each with vertices of its own.
-
-    Where an edge of one has the two places of an edge of the other, they match.
-    """
-    of_vertex = np.empty(len(vertices), dtype=np.int64)
-    of_vertex[cells] = piece[:, None]
-    twins = same[of_vertex[same[:, 0]] != of_vertex[same[:, 1]]]
-    owner = piece[topology.cells[hanging[:, 1], 0]]
-    apart = hanging[:, 0][of_vertex[hanging[:, 0]] != owner]
-    met = np.concatenate([twins.ravel(), apart])
-    line = vertices[met][np.lexsort(vertices[met].T[::-1])]
-    if len(met) < 2 or np.ptp(line, axis=0).max() <= _SAME * np.ptp(vertices, axis=0).max():
-        return
-    other = np.full(len(vertices), -1)
-    other[twins], other[twins[:, ::-1]] = twins[:, ::-1], twins
-    edges = other[topology.ends[topology.boundary]]
-    matching = (topology.number(edges[(edges >= 0).all(axis=1)]) >= 0).any()
-    place = f"from ({line[0, 0]:.6g}, {line[0, 1]:.6g}) to ({line[-1, 0]:.6g}, {line[-1, 1]:.6g})"
-    if matching and not len(apart):
-        remedy = (
-            f"two parts of the mesh meet {place}, each with its own vertices in the same places, as {{}}: merge these "
-            "nodes (Coherence Mesh in Gmsh), and name the line; a Contact along it separates bodies"
-        )
-        _refuse(twins[0].tolist(), remedy, vertices[twins[0, 0]])
-    vertex = apart[0] if len(apart) else twins[0, 0]
-    remedy = (
-        f"two parts of the mesh meet {place}, and their vertices do not match there, as {{}}: mesh both as one body "
-        "with common nodes on that line (BooleanFragments in Gmsh), and name it; a Contact along it separates bodies. "
-        "`join` with a name for it does so, along straight lines and declared arcs"
-    )
-    _refuse(int(vertex), remedy, vertices[vertex])
-
-
-def _refuse_pieces(vertices: FloatArray, cells: IntArray, topology: Topology, piece: IntArray) -> None:
-    boundary = topology.ends[topology.boundary]
-    pinched = np.flatnonzero(np.bincount(boundary.ravel()) > 2)
-    if len(pinched):
-        remedy = "this vertex at {} alone connects two parts of the body: fill or cut there"
-        _refuse(int(pinched[0]), remedy, vertices[pinched[0]])
-    count = int(piece.max()) + 1
-    if count == 1:
-        return
-    second = piece[topology.cells[topology.boundary, 0]] == 1
-    lines = boundary[second], boundary[~second]
-    distance, at = min((_nearest(vertices, *each) for each in (lines, lines[::-1])), key=lambda found: found[0])
-    if distance <= _SPACE * float(np.ptp(vertices, axis=0).max()):
-        remedy = (
-            f"the body consists of this many pieces, and two are {distance:.3g} apart at {{}}: if bodies touch across "
-            f"this space, mesh them without it, with common nodes along a joint, and give its Contact "
-            f"gap = {distance:.3g}; if they are one body, merge the nodes with a larger tolerance (Geometry.Tolerance "
-            "in Gmsh)"
-        )
-        _refuse(count, remedy, at)
-    apart = vertices[cells[piece == 1]].mean(axis=(0, 1))
-    _refuse(count, "the body consists of this many pieces, one of them around {}: give one piece", apart)
-
-
-def _nearest(vertices: FloatArray, one: IntArray, other: IntArray) -> tuple[float, FloatArray]:
-    """Least distance from the vertices of some edges to other edges, and where the middle of that space is."""
-    points = vertices[np.unique(one)]
-    first, second = vertices[other].swapaxes(0, 1)
-    along = second - first
-    reach = np.hypot(*(points - first[0]).T).min()  # the least distance is no larger
-    edge, vertex = _near(points, (first + second) / 2.0, np.hypot(*along.T) / 2.0 + reach)
-    offset = points[vertex] - first[edge]
-    share = np.clip((offset * along[edge]).sum(axis=1) / np.square(along[edge]).sum(axis=1), 0.0, 1.0)
-    across = offset - share[:, None] * along[edge]
-    at = int(np.argmin(np.hypot(*across.T)))
-    return float(np.hypot(*across[at])), points[vertex[at]] - across[at] / 2.0

@@ -569,7 +569,7 @@ class TriangleMesh(PicklesFields):
         mesh = self
         for level in range(int(depths.max(initial=0))):
             try:
-                mesh = mesh.refined(mesh._search.touching(places[depths > level]))
+                mesh = mesh.refined(np.unique(mesh.around(places[depths > level])[1]))
             except InputError as error:
                 remedy = f"give at most {level}: triangles would become too small to tell their vertices apart"
                 raise InputError("depth", depth, remedy) from error
