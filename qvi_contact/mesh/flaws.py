@@ -100,7 +100,7 @@ def _refuse_pieces(vertices: FloatArray, cells: IntArray, piece: IntArray) -> No
     from scipy.spatial import cKDTree  # slow to import, and few meshes need it
 
     apart, others = (vertices[np.unique(cells[chosen])] for chosen in (piece == 1, piece != 1))
-    distances, nearest = cKDTree(others).query(apart)
+    distances, nearest = map(np.asarray, cKDTree(others).query(apart))
     at = int(np.argmin(distances))
     x, y = (apart[at] + others[nearest[at]]) / 2.0
     remedy = (
