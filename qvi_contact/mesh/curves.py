@@ -22,8 +22,8 @@ from qvi_contact.mesh.edges import (
     angles,
     arc_offsets,
     cross,
-    halves,
     levelled,
+    part_of,
     polynomials,
     reversed_bends,
     stretches,
@@ -57,16 +57,16 @@ class Curve:
         own = self.coefficients[self._places(pairs)]
         return np.asarray(first + arc_offsets(second - first, own, np.array([0.5]))[:, 0])
 
-    def divided(self, pairs: IntArray, parents: IntArray) -> "Curve":
-        """The same by edges (n, 2) that are halves of edges (n, 2) of the curve, or these themselves.
+    def divided(self, pairs: IntArray, parents: IntArray, shares: FloatArray) -> "Curve":
+        """The same by edges (n, 2) that are parts of edges (n, 2) of the curve, divided at shares (n,), or these.
 
         New vertices have higher numbers than old ones.
         """
         whole = self.coefficients[self._places(parents)]
-        first, second = halves(whole)
         is_first, is_second = ((pairs[:, 0] == parents[:, k]) & (pairs[:, 1] != parents[:, 1]) for k in (0, 1))
-        found = np.where(is_first[:, None], first, np.where(is_second[:, None], reversed_bends(second), whole))
-        return Curve(pairs, found)
+        found = part_of(whole, np.where(is_second, shares, 0.0), np.where(is_first, shares, 1.0))
+        found = np.where(is_second[:, None], reversed_bends(found), found)
+        return Curve(pairs, np.where((is_first | is_second)[:, None], found, whole))
 
     def checked(self, name: str, vertices: FloatArray, topology: Topology) -> "Curve":
         """The same, with edges in the order of the topology, from the lower number to the higher one.

@@ -445,8 +445,8 @@ class TriangleMesh(PicklesFields):
                 raise InputError(f"edge_sets[{name!r}]", pairs, f"give a mapping of {_EDGE_SETS}")
         sets = {name: place[found] for name, pairs in named_edges.items() if len(found := here(pairs))}
         regions = {name: np.flatnonzero(np.isin(taken, found)) for name, found in self.regions.items()}
-        kept_arcs = [arc.divided(found, found) for arc in self.arcs if len(found := here(arc.edges))]
-        arcs = [replace(arc, edges=place[arc.edges]) for arc in kept_arcs]
+        kept_arcs = ((arc, inside[self.topology.number(arc.edges)]) for arc in self.arcs)
+        arcs = [Curve(place[arc.edges[own]], arc.coefficients[own]) for arc, own in kept_arcs if own.any()]
         named = {name: found for name, found in regions.items() if len(found)}
         return TriangleMesh(self.vertices[kept], place[self.cells[taken]], sets, named, arcs)
 
