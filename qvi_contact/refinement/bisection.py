@@ -51,6 +51,7 @@ _FACTOR: Final = 0.4  # by which a bisection reduces what a corner holds, 2^(−
 _MARGIN: Final = 0.9  # share of the target below which a corner need not be bisected again
 _ABOVE: Final = 4.0  # what a triangle in a corner may hold, over the least that is bisected elsewhere
 _DEEPEST: Final = 3  # bisections in a corner in one round
+_THINNEST: Final = 1e-9  # smallest edge that is made, over the body's length
 _SAFETY: Final = 1.5  # by which an estimate is more than a difference: the reference may be off by a third as much
 _NEAR: Final = 0.1  # accuracy of a reference solution over the error that is told from it
 _QUICK: Final = MappingProxyType({"method": "condensed"})  # no other methods, no second opinion: it is no answer
@@ -137,22 +138,9 @@ class TriangleRefinement:
         record = RefinementRound(mesh.cell_count, unknowns, value, estimate, found.certainty)
         return Round(
             answer=answer, record=record, unit=unit, parts=parts,
-            finer=partial(self._finer, mesh, marked, deeper), reference=found.reference,
+            finer=partial(_finer, mesh, marked, deeper), reference=found.reference,
             hopeless=hopeless or (tried and bounds is None),
         )  # fmt: skip
-
-    def _finer(self, mesh: TriangleMesh, marked: BoolArray, deeper: tuple[IntArray, ...]) -> TriangleMesh | None:
-        """Marked triangles bisected, but for those that are as small as allowed, then those at vertices once more."""
-        fine = self._bisected(mesh, marked)
-        if fine is not None:
-            for vertices in deeper:  # old vertices keep their numbers
-                fine = self._bisected(fine, np.asarray(np.isin(fine.cells, vertices).any(axis=1))) or fine
-        return fine
-
-    def _bisected(self, mesh: TriangleMesh, marked: BoolArray) -> TriangleMesh | None:
-        """The mesh with those marked triangles bisected that may be; None if there are none."""
-        chosen = marked & (mesh.finest[mesh.cells].min(axis=1) >= 2.0 * self.settings.thinnest)
-        return mesh.refined(chosen) if chosen.any() else None
 
     def _compared(self, answer: ContactResult | History, value: float, unit: float, at: Places) -> Comparison | None:
         """The answer beside a reference solution; where that fails, beside one degree more on the same mesh."""
@@ -199,6 +187,19 @@ class TriangleRefinement:
 def steps_of(answer: ContactResult | History) -> Sequence[ContactResult]:
     """The results of all load steps."""
     return answer.steps if isinstance(answer, History) else (answer,)
+
+
+def _finer(mesh: TriangleMesh, marked: BoolArray, deeper: tuple[IntArray, ...]) -> TriangleMesh | None:
+    """Marked triangles bisected, then those at vertices once more; but for such as are too small, None if all are."""
+    fine = mesh
+    for vertices in (None, *deeper):  # old vertices keep their numbers
+        chosen = marked if vertices is None else np.isin(fine.cells, vertices).any(axis=1)
+        chosen = chosen & (fine.finest[fine.cells].min(axis=1) >= 2.0 * _THINNEST * mesh.length)
+        if chosen.any():
+            fine = fine.refined(chosen)
+        elif vertices is None:
+            return None
+    return fine
 
 
 def _deeper(mesh: TriangleMesh, corners: IntArray, parts: FloatArray, goal: float) -> tuple[IntArray, ...]:
@@ -443,7 +444,7 @@ class LimitStrategy:
         if not joined.size:
             raise StopError(RefinementStatus.UNSOLVED, "there is no contact that limits tractions")
         problem = replace(self.problem, mesh=mesh)
-        long = np.concatenate([edges.length for edges in _limited_edges(problem)]) >= 2.0 * self.settings.thinnest
+        long = np.concatenate([edges.length for edges in _limited_edges(problem)]) >= 2.0 * _THINNEST * mesh.length
         beside = np.concatenate([edges.cells for edges in _limited_edges(problem)])
         cells = np.unique(beside[bulk(joined) & long])
         cells = cells[cells >= 0]
@@ -464,7 +465,7 @@ class LimitStrategy:
         around = np.isin(mesh.cells, at).any(axis=1)
         one, other = (mesh.corners[:, corner] - mesh.corners[:, 0] for corner in (1, 2))
         areas = np.abs(cross(one, other)) / 2.0
-        chosen = np.flatnonzero(marked & ~around & (np.sqrt(areas) >= 2.0 * self.settings.thinnest))
+        chosen = np.flatnonzero(marked & ~around & (np.sqrt(areas) >= 2.0 * _THINNEST * mesh.length))
         if not len(chosen) and not len(at):
             return None
         fine = mesh.refined(chosen) if len(chosen) else mesh

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import Any, Final, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -36,6 +36,9 @@ from qvi_contact.solution.stress import COMPONENTS, cell_factors, held_along_z, 
 from solvers import QVISolution
 from solvers.basics.names import known_name
 from solvers.derivative import Change, change
+
+if TYPE_CHECKING:
+    from qvi_contact.discretization.space import LawOn
 
 Quantity: TypeAlias = str | Callable[[ContactResult], float]
 
@@ -397,45 +400,96 @@ def _plus(field: Field, step: float) -> Field:
     return larger
 
 
-def limit_derivative(
-    problem: ContactProblem, loads: Sequence[str], parameter: str, side: Side | None = None, **space: Any
-) -> float:
-    """See `LimitFactor.derivative`.
+@dataclass(frozen=True)
+class LimitFactor:
+    """The quantity of a limit analysis: the largest multiple of loads that the contacts can carry.
 
-    With the rows A x ≤ b of the cone program of stresses and their multipliers y the derivative is y·(b' − A' x), where
-    b' and A' are those of the rows in x (envelope theorem). Where several mechanisms have one limit, derivatives from
-    both sides differ. They are those a little to either side, extrapolated.
+    Attributes
+    ----------
+    loads : sequence of str
+        Names of the loads to multiply, see `limit_load_factor`.
+
     """
-    posed = LimitProblem.of(problem, checked_loads(problem, loads), **space)
-    if both_signs(posed.low).any():
-        raise InputError("problem", "bilateral", "bilateral contacts with friction have no derivative: give none")
-    if side not in (None, "above", "below"):
-        raise InputError("side", side, "give 'above' or 'below', or leave it out")
-    datum = _datum(problem, posed.low.scales, parameter, dict(_limit_paths(problem)), relative=True)
-    unit = datum.unit
 
-    def program(step: float) -> ConicProgram:
-        low, high = (multiplied(datum.moved(step), posed.names, factor) for factor in (1.0, 2.0))
-        first = posed.low.with_data(low, posed.low.scales)
-        return StressProgram(first, first.with_data(high, posed.low.scales)).program()
+    loads: Sequence[str]
 
-    def at(step: float) -> float:
-        base, further = program(step), program(step + _NEXT)
-        found = base.solve()
-        if isinstance(found, str):
-            raise InputError(
-                "loads", ", ".join(posed.names), "there is no finite limit load here: it has no derivative"
-            )
-        moved = further.b - base.b - (further.A @ found.x - base.A @ found.x)
-        return float(found.multipliers @ moved) / (_NEXT * unit)
+    def derivative(
+        self,
+        problem: ContactProblem,
+        parameter: str,
+        side: Side | None = None,
+        *,
+        degree: int | None = None,
+        law_on: LawOn | None = None,
+    ) -> float:
+        """By how much the factor grows with a datum of the problem, from the multipliers of its program.
 
-    above = 2.0 * at(_NEAR) - at(2.0 * _NEAR)
-    if datum.least or side == "above":
-        return above
-    below = 2.0 * at(-_NEAR) - at(-2.0 * _NEAR)
-    if side == "below":
-        return below
-    if abs(above - below) <= _SAME * max(abs(above), abs(below), 1e-3 / unit):
-        return at(0.0)
-    remedy = f"another mechanism begins here: the derivative is {below:.6g} from below and {above:.6g} from above; "
-    raise InputError("side", None, remedy + "ask for one of them")
+            LimitFactor(["drag"]).derivative(problem, "ground.friction")
+
+        It is that of `LimitLoad.lower`, the factor of the mesh, which is that of the body where both sides agree.
+
+        Parameters
+        ----------
+        problem : ContactProblem
+            The problem.
+        parameter : str
+            "NAME.friction" and the like of a contact, what bounds its shear; "load.NAME", a factor of a load; of
+            strengths "material.c" and the like, "NAME.phi" of a region. A function counts as larger by the same number
+            everywhere.
+        side : "above" or "below", optional
+            Needed where another mechanism begins at this value, to within 0.2 %, so that the derivatives from both
+            sides differ; such values are good to about five digits. What is zero has only the one from above.
+        degree, law_on
+            As for `limit_load_factor`.
+
+        Returns
+        -------
+        float
+            The derivative [1/unit of the parameter].
+
+        Raises
+        ------
+        InputError
+            If there is no such name, no finite factor, the derivatives from both sides differ, or bilateral contacts
+            have friction.
+
+        Notes
+        -----
+        With the rows A x ≤ b of the cone program of stresses and their multipliers y the derivative is y·(b' − A' x),
+        where b' and A' are those of the rows in x (envelope theorem). Where several mechanisms have one limit,
+        derivatives from both sides differ. They are those a little to either side, extrapolated.
+
+        """
+        posed = LimitProblem.of(problem, checked_loads(problem, self.loads), degree=degree, law_on=law_on)
+        if both_signs(posed.low).any():
+            raise InputError("problem", "bilateral", "bilateral contacts with friction have no derivative: give none")
+        if side not in (None, "above", "below"):
+            raise InputError("side", side, "give 'above' or 'below', or leave it out")
+        datum = _datum(problem, posed.low.scales, parameter, dict(_limit_paths(problem)), relative=True)
+        unit = datum.unit
+
+        def program(step: float) -> ConicProgram:
+            low, high = (multiplied(datum.moved(step), posed.names, factor) for factor in (1.0, 2.0))
+            first = posed.low.with_data(low, posed.low.scales)
+            return StressProgram(first, first.with_data(high, posed.low.scales)).program()
+
+        def at(step: float) -> float:
+            base, further = program(step), program(step + _NEXT)
+            found = base.solve()
+            if isinstance(found, str):
+                raise InputError(
+                    "loads", ", ".join(posed.names), "there is no finite limit load here: it has no derivative"
+                )
+            moved = further.b - base.b - (further.A @ found.x - base.A @ found.x)
+            return float(found.multipliers @ moved) / (_NEXT * unit)
+
+        above = 2.0 * at(_NEAR) - at(2.0 * _NEAR)
+        if datum.least or side == "above":
+            return above
+        below = 2.0 * at(-_NEAR) - at(-2.0 * _NEAR)
+        if side == "below":
+            return below
+        if abs(above - below) <= _SAME * max(abs(above), abs(below), 1e-3 / unit):
+            return at(0.0)
+        remedy = f"another mechanism begins here: the derivative is {below:.6g} from below and {above:.6g} from above; "
+        raise InputError("side", None, remedy + "ask for one of them")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Final
@@ -16,71 +16,10 @@ from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
-from solvers.basics.types import columns_of, frame, load
+from solvers.basics.types import columns_of, frame
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-    from qvi_contact.discretization.space import LawOn
-    from qvi_contact.refinement.measure import Side
-
-
-@dataclass(frozen=True)
-class LimitFactor:
-    """The quantity of a limit analysis: the largest multiple of loads that the contacts can carry.
-
-    Attributes
-    ----------
-    loads : sequence of str
-        Names of the loads to multiply, see `limit_load_factor`.
-
-    """
-
-    loads: Sequence[str]
-
-    def derivative(
-        self,
-        problem: ContactProblem,
-        parameter: str,
-        side: Side | None = None,
-        *,
-        degree: int | None = None,
-        law_on: LawOn | None = None,
-    ) -> float:
-        """By how much the factor grows with a datum of the problem, from the multipliers of its program.
-
-            LimitFactor(["drag"]).derivative(problem, "ground.friction")
-
-        It is that of `LimitLoad.lower`, the factor of the mesh, which is that of the body where both sides agree.
-
-        Parameters
-        ----------
-        problem : ContactProblem
-            The problem.
-        parameter : str
-            "NAME.friction" and the like of a contact, what bounds its shear; "load.NAME", a factor of a load; of
-            strengths "material.c" and the like, "NAME.phi" of a region. A function counts as larger by the same number
-            everywhere.
-        side : "above" or "below", optional
-            Needed where another mechanism begins at this value, to within 0.2 %, so that the derivatives from both
-            sides differ; such values are good to about five digits. What is zero has only the one from above.
-        degree, law_on
-            As for `limit_load_factor`.
-
-        Returns
-        -------
-        float
-            The derivative [1/unit of the parameter].
-
-        Raises
-        ------
-        InputError
-            If there is no such name, no finite factor, the derivatives from both sides differ, or bilateral contacts
-            have friction.
-
-        """
-        found = load("qvi_contact.refinement.measure").limit_derivative
-        return float(found(problem, self.loads, parameter, side, degree=degree, law_on=law_on))
 
 
 class RefinementStatus(StrEnum):
@@ -107,8 +46,8 @@ _ADVICE = {
     RefinementStatus.UNKNOWNS: "The next mesh would have more unknowns than allowed: raise max_unknowns, or accept the "
     "estimate.",
     RefinementStatus.ROUNDS: "The rounds are used up: raise max_rounds, or accept the estimate.",
-    RefinementStatus.THIN_CELLS: "The cells with the largest error are as thin as double precision, or `thinnest`, "
-    "allows: accept the estimate.",
+    RefinementStatus.THIN_CELLS: "The cells with the largest error are as thin as double precision allows: accept the "
+    "estimate.",
     RefinementStatus.UNSOLVED: "A problem of the refinement was not solved. Its message says what to do.",
     RefinementStatus.TIME_LIMIT: "The time limit was reached: allow more time (time_limit), or accept the estimate "
     "of the last round.",
@@ -303,7 +242,6 @@ class Settings:
     target: float
     max_unknowns: int
     max_rounds: int
-    thinnest: float  # smallest edge that is made [length]
     options: Mapping[str, Any]
     guaranteed: bool = False
 
