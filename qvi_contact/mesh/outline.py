@@ -176,23 +176,17 @@ def _polygon(name: str, line: Line, size: float, *, closed: bool) -> Polygon:
     corners = [corner if isinstance(corner, Corner) else Corner(corner) for corner in _listed(line)]
     if len(corners) < 2:
         raise InputError(name, len(corners), "give two or more corners")
-    points: list[FloatArray] = []
-    names: list[str] = []
-    sizes: list[float] = []
-    centres: list[FloatArray] = []
-    for corner, following in zip(corners, [*corners[1:], corners[0]] if closed else corners[1:], strict=closed):
-        own = corner.size or size
-        points.append(_steps(name, corner, following, own))
-        names += [corner.name] * len(points[-1])
-        sizes += [own] * len(points[-1])
-        centre = (np.nan, np.nan) if corner.centre is None else corner.centre
-        centres.append(np.tile(centre, (len(points[-1]), 1)))
-    if not closed:
-        points.append(np.array([corners[-1].at]))
-        sizes.append(corners[-1].size or size)
+    following = [*corners[1:], corners[0]] if closed else corners[1:]
+    own = [corner.size or size for corner in corners]
+    ends = [] if closed else [np.array([corners[-1].at])]
+    steps = [_steps(name, *each) for each in zip(corners, following, own, strict=False)]
+    counts = [len(points) for points in steps]
+    names = [corner.name for corner, count in zip(corners, counts, strict=False) for _ in range(count)]
     if closed and len(names) < 3:
         raise InputError(name, len(corners), "give three or more corners of a closed line, or arcs between two")
-    return Polygon(np.concatenate(points), names, np.array(sizes), np.concatenate(centres))
+    centres = [(np.nan, np.nan) if corner.centre is None else corner.centre for corner in corners[: len(steps)]]
+    sizes = np.repeat(own, counts + [1] * len(ends))
+    return Polygon(np.concatenate([*steps, *ends]), names, sizes, np.repeat(centres, counts, axis=0))
 
 
 def _steps(name: str, corner: Corner, following: Corner, size: float) -> FloatArray:

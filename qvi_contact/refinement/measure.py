@@ -402,16 +402,10 @@ def _plus(field: Field, step: float) -> Field:
 
 @dataclass(frozen=True)
 class LimitFactor:
-    """The quantity of a limit analysis: the largest multiple of loads that the contacts can carry.
-
-    Attributes
-    ----------
-    loads : sequence of str
-        Names of the loads to multiply, see `limit_load_factor`.
-
-    """
+    """The quantity of a limit analysis: the largest multiple of loads that the contacts can carry."""
 
     loads: Sequence[str]
+    """Names of the loads to multiply, see `limit_load_factor`."""
 
     def derivative(
         self,

@@ -56,28 +56,18 @@ _ADVICE = {
 
 @dataclass(frozen=True)
 class RefinementRound:
-    """One round of a refinement.
-
-    Attributes
-    ----------
-    cells : int
-        Number of triangles.
-    unknowns : int
-        Unknowns of the problem on it.
-    value : float
-        The quantity.
-    estimate : float
-        Its estimated relative error; infinity if there is none.
-    certainty : Certainty
-        Whether the estimate is a bound of the error.
-
-    """
+    """One round of a refinement."""
 
     cells: int
+    """Number of triangles."""
     unknowns: int
+    """Unknowns of the problem on them."""
     value: float
+    """The quantity."""
     estimate: float
+    """Its estimated relative error; infinity if there is none."""
     certainty: Certainty = Certainty.ESTIMATE
+    """Whether the estimate is a bound of the error."""
 
     @property
     def guaranteed(self) -> bool:
@@ -87,35 +77,23 @@ class RefinementRound:
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Outcome:
-    """What a refinement says of its quantity, whatever that is.
-
-    Attributes
-    ----------
-    status : RefinementStatus
-        Only `RefinementStatus.REACHED` means that the estimate is within the target, and guaranteed if that was asked
-        for.
-    quantity : str
-        Name of the quantity.
-    target : float
-        Relative error asked for.
-    unit : float
-        What errors are relative to, see `refine`; NaN if no mesh was solved.
-    indicator : (cells,) array
-        Contribution of each cell of the last mesh; they are ≥ 0 and add up to the estimate.
-    rounds : tuple of RefinementRound
-        One for each mesh solved.
-    reason : str
-        Why the refinement stopped before the target, if a solve or a mesh failed.
-
-    """
+    """What a refinement says of its quantity, whatever that is."""
 
     status: RefinementStatus
+    """Only `RefinementStatus.REACHED` means that the estimate is within the target, and guaranteed if that was asked
+    for."""
     quantity: str
+    """Name of the quantity."""
     target: float
+    """Relative error asked for."""
     unit: float
+    """What errors are relative to, see `refine`; NaN if no mesh was solved."""
     indicator: FloatArray
+    """Contribution of each cell of the last mesh, (cells,); they are ≥ 0 and add up to the estimate."""
     rounds: tuple[RefinementRound, ...]
+    """One for each mesh solved."""
     reason: str = ""
+    """Why the refinement stopped before the target, if a solve or a mesh failed."""
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.message}>"
@@ -162,6 +140,8 @@ class Outcome:
     @property
     def message(self) -> str:
         """One sentence about the outcome."""
+        if not self.rounds:
+            return f"{self.status.value}: no mesh was solved; {self.reason}"
         last = self.rounds[-1]
         sure = self.certainty is not Certainty.ESTIMATE
         error = f"relative error ({self.certainty})" if sure else "estimated relative error"
@@ -176,31 +156,17 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Refinement(Outcome):
-    """A problem solved on a mesh refined for one quantity, with an estimate of the quantity's error.
-
-    Attributes
-    ----------
-    result : ContactResult
-        On the last mesh that was solved; if there is none, the failed one on the first. Of load steps the last one.
-    history : History or None
-        All load steps on that mesh, if these were refined.
-
-    """
+    """A problem solved on a mesh refined for one quantity, with an estimate of the quantity's error."""
 
     result: ContactResult
+    """On the last mesh that was solved; if there is none, the failed one on the first. Of load steps the last one."""
     history: History | None = None
+    """All load steps on that mesh, if these were refined."""
 
     @property
     def problem(self) -> ContactProblem:
         """The problem on the last mesh."""
         return self.result.problem
-
-    @property
-    def message(self) -> str:
-        """One sentence about the outcome."""
-        if not self.rounds:
-            return f"{self.status.value}: no mesh was solved; {self.reason or self.result.message}"
-        return super().message
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -209,18 +175,12 @@ class LimitRefinement(Outcome):
 
     It is not guaranteed where tractions, or what enters them along contacts, are no polynomials that the mesh can
     follow: loads are then met in their resultants on every edge.
-
-    Attributes
-    ----------
-    limit : LimitLoad
-        Both sides on the last mesh. `Outcome.value` is the lower one, `Outcome.estimate` is (upper − lower)/upper.
-    problem : ContactProblem
-        The problem on the last mesh.
-
     """
 
     limit: LimitLoad
+    """Both sides on the last mesh. `Outcome.value` is the lower one, `Outcome.estimate` is (upper − lower)/upper."""
     problem: ContactProblem
+    """The problem on the last mesh."""
 
 
 _BULK: Final = 0.6  # Dörfler's share of the difference that is marked
