@@ -154,16 +154,17 @@ def refuse_bad_arcs(
 ) -> None:
     """`InputError` where an edge is on two arcs, turns too far for one, or bends too far for its triangle."""
     numbers = np.sort(np.concatenate([topology.number(arc.edges) for arc in arcs]))
-    twice = np.flatnonzero(np.bincount(numbers, minlength=len(bends)) > 1)
-    if len(twice):
-        _refuse(vertices, topology, int(twice[0]), "lies on two arcs: give it one")
+    twice = np.flatnonzero(np.bincount(numbers) > 1)
     long = numbers[np.ptp(angles(bends[numbers], _PLACES), axis=1) > _WIDEST]
-    if len(long):
-        _refuse(vertices, topology, int(long[0]), "turns by more than 90°: divide the triangles there")
-    bent = np.argwhere(bent_too_far(bends, vertices, cells, topology))
-    if len(bent):
-        remedy = "bends too far for the triangle at it: divide the triangles there"
-        _refuse(vertices, topology, int(topology.of_cells[tuple(bent[0])]), remedy)
+    bent = topology.of_cells[bent_too_far(bends, vertices, cells, topology)]
+    for wrong, remedy in (
+        (twice, "lies on two arcs: give it one"),
+        (long, "turns by more than 90°: divide the triangles there"),
+        (bent, "bends too far for the triangle at it: divide the triangles there"),
+    ):
+        if len(wrong):
+            x, y = vertices[topology.ends[wrong[0]]].mean(axis=0)
+            raise InputError("TriangleMesh.arcs", f"({x:.6g}, {y:.6g})", f"the edge around this point {remedy}")
 
 
 def bent_too_far(bends: FloatArray, vertices: FloatArray, cells: IntArray, topology: Topology) -> BoolArray:
@@ -185,11 +186,6 @@ def bent_too_far(bends: FloatArray, vertices: FloatArray, cells: IntArray, topol
         areas = cross(first[:, None] + offsets, slope) / straight
         bent[cell, s] = (outwards.max(axis=1) > _HIGHEST) | (areas.min(axis=1) < _LEAST)
     return bent
-
-
-def _refuse(vertices: FloatArray, topology: Topology, edge: int, remedy: str) -> None:
-    x, y = vertices[topology.ends[edge]].mean(axis=0)
-    raise InputError("TriangleMesh.arcs", f"({x:.6g}, {y:.6g})", f"the edge around this point {remedy}")
 
 
 CurveFunction: TypeAlias = Callable[[FloatArray], object]
