@@ -288,49 +288,36 @@ _Path: TypeAlias = tuple[str | int, ...]
 """Fields and places in lists that lead from a problem to a datum; ("load", NAME) to the factor of a load."""
 
 
-def _paths(problem: ContactProblem) -> Iterator[tuple[str, _Path]]:
-    """All data by name."""
+def _paths(problem: ContactProblem, *, limit: bool = False) -> Iterator[tuple[str, _Path]]:
+    """All data by name, or those of limit loads."""
     for number, condition in enumerate(problem.conditions):
         at = "conditions", number
         if isinstance(condition, Contact):
-            names = [name for name in SPRINGS if not callable(getattr(condition, name))]
-            names += ["gap", "offset", *(() if condition.law == "tied" else SHEAR_LAW)]
+            names = [] if condition.law == "tied" else [*SHEAR_LAW]
+            driven: list[str] = []
+            if not limit:
+                names += ["gap", "offset", *(name for name in SPRINGS if not callable(getattr(condition, name)))]
+                driven += [*_MOTIONS, *_PLATE_FORCES]
             known: list[_Path] = [(name,) for name in names if getattr(condition, name) is not None]
-            driven = (*_MOTIONS, *_PLATE_FORCES)
             known += [("plate", name) for name in driven if getattr(condition.plate, name, None) is not None]
             yield from ((f"{condition.name}.{path[-1]}", (*at, *path)) for path in known)
-        elif isinstance(condition, Displacement):
+        elif isinstance(condition, Displacement) and not limit:
             yield from ((f"{condition.edges}.{name}", (*at, name)) for name in components(condition))
     yield from ((f"load.{name}", ("load", name)) for name in loads_of(problem))
-    if any(material.expansion for material in problem.materials):
+    if any(material.expansion for material in problem.materials) and not limit:
         yield "temperature", ("temperature",)
         for number, region in enumerate(problem.regions):
             if region.name is not None and region.temperature is not None:
                 yield f"{region.name}.temperature", ("regions", number, "temperature")
-    yield from ((f"{name}.young", (*path, "young")) for name, path in _materials(problem))
-
-
-def _limit_paths(problem: ContactProblem) -> Iterator[tuple[str, _Path]]:
-    """Data of limit loads by name."""
-    for number, contact in enumerate(problem.conditions):
-        if isinstance(contact, Contact) and contact.law != "tied":
-            known = (name for name in SHEAR_LAW if getattr(contact, name) is not None)
-            yield from ((f"{contact.name}.{name}", ("conditions", number, name)) for name in known)
-    yield from ((f"load.{name}", ("load", name)) for name in loads_of(problem))
-    for title, path in _materials(problem):
-        strength = _at(problem, path).strength
-        known = (each.name for each in (() if strength is None else fields(strength)))
-        yield from (
-            (f"{title}.{name}", (*path, "strength", name)) for name in known if getattr(strength, name) is not None
-        )
-
-
-def _materials(problem: ContactProblem) -> Iterator[tuple[str, _Path]]:
-    """That of the body, and those of regions that have a name."""
-    yield "material", ("material",)
-    for number, region in enumerate(problem.regions):
-        if region.name is not None:
-            yield region.name, ("regions", number, "material")
+    materials: list[tuple[str, _Path]] = [("material", ("material",))]  # of the body, and of regions with a name
+    materials += [(each.name, ("regions", k, "material")) for k, each in enumerate(problem.regions) if each.name]
+    for title, where in materials:
+        inner: list[_Path] = [("young",)]
+        if limit:
+            strength = _at(problem, where).strength
+            held = () if strength is None else (each.name for each in fields(strength))
+            inner = [("strength", name) for name in held if getattr(strength, name) is not None]
+        yield from ((f"{title}.{path[-1]}", (*where, *path)) for path in inner)
 
 
 def _at(part: Any, path: _Path) -> Any:
@@ -459,7 +446,7 @@ class LimitFactor:
             raise InputError("problem", "bilateral", "bilateral contacts with friction have no derivative: give none")
         if side not in (None, "above", "below"):
             raise InputError("side", side, "give 'above' or 'below', or leave it out")
-        datum = _datum(problem, posed.low.scales, parameter, dict(_limit_paths(problem)), relative=True)
+        datum = _datum(problem, posed.low.scales, parameter, dict(_paths(problem, limit=True)), relative=True)
         unit = datum.unit
 
         def program(step: float) -> ConicProgram:
