@@ -21,7 +21,7 @@ from importlib import import_module
 from io import StringIO
 from itertools import groupby
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
@@ -112,13 +112,6 @@ def _read(path: Path) -> MeshParts:
         raise _refused(path, f"cannot be read as {reader} ({told}): write the mesh again{more}") from error
 
 
-class _Block(NamedTuple):
-    """Elements of one kind by their nodes (k, …)."""
-
-    kind: str
-    nodes: IntArray
-
-
 def _of_meshio(found: Any) -> MeshParts:
     """What meshio read: its sets of cells are ELSET; MED has groups of families, Gmsh physical numbers."""
     sets = [(name, members) for name, members in found.cell_sets.items() if not name.startswith("gmsh:")]
@@ -126,7 +119,7 @@ def _of_meshio(found: Any) -> MeshParts:
     groups += [(name, number) for name, (number, _) in found.field_data.items()]
     numbers = found.cell_data.get("cell_tags") or found.cell_data.get("gmsh:physical") or ()
     sets += [(name, [np.flatnonzero(np.asarray(own) == number) for own in numbers]) for name, number in groups]
-    blocks = [_Block(block.type, block.data) for block in found.cells]
+    blocks = [(block.type, block.data) for block in found.cells]
     named = (
         (name, block, np.asarray([] if rows is None else rows, dtype=np.int64).ravel())
         for name, members in sets
@@ -135,12 +128,14 @@ def _of_meshio(found: Any) -> MeshParts:
     return _parts(np.asarray(found.points, dtype=float), blocks, named)
 
 
-def _parts(points: FloatArray, blocks: Sequence[_Block], named: Iterable[tuple[str, int, IntArray]]) -> MeshParts:
-    """Cells, and which are called how: names with a block and its rows (k,) that have them."""
-    kinds = sorted({block.kind for block in blocks} - {*_CORNERS, *_LINES, "vertex"})
+def _parts(
+    points: FloatArray, blocks: Sequence[tuple[str, IntArray]], named: Iterable[tuple[str, int, IntArray]]
+) -> MeshParts:
+    """Cells of blocks, each of one kind with its nodes (k, …); names come with a block and its rows that have them."""
+    kinds = sorted({kind for kind, _ in blocks} - {*_CORNERS, *_LINES, "vertex"})
     if kinds:
         raise InputError("mesh", kinds[0], f"holds cells of kind {kinds[0]!r}: give triangles and quadrilaterals only")
-    start = np.cumsum([0, *(len(block.nodes) if block.kind in _CORNERS else 0 for block in blocks)])
+    start = np.cumsum([0, *(len(nodes) if kind in _CORNERS else 0 for kind, nodes in blocks)])
     edge_sets, regions = dict[str, list[IntArray]](), dict[str, list[IntArray]]()
     for name, number, rows in named:
         kind, nodes = blocks[number]
@@ -211,19 +206,19 @@ def _of_gmsh(text: str) -> MeshParts:
     if int(names[0][0]) != len(names) - 1:
         raise ValueError("it does not hold the physical names that it claims")
     tags, points = _gmsh_nodes(_Numbers(sections["Nodes"]), version)
-    order, blocks, groups = np.argsort(tags), list[_Block](), list[set[int]]()
+    order, blocks, groups = np.argsort(tags), list[tuple[str, IntArray]](), list[set[int]]()
     read = _gmsh_blocks(sections) if version == "4.1" else _gmsh_lines(sections["Elements"])
     for kind, nodes, physical in read:
         at = order[np.minimum(np.searchsorted(tags[order], nodes), len(order) - 1)]
-        blocks.append(_Block(_gmsh_kind(kind)[0], np.where(tags[at] == nodes, at, -1)))  # refused later if it is -1
+        blocks.append((_gmsh_kind(kind)[0], np.where(tags[at] == nodes, at, -1)))  # refused later if it is -1
         groups.append(physical)
     if len(blocks) * len(names) > _MOST_SETS:
         raise ValueError(f"it has {len(blocks)} blocks of elements and {len(names) - 1} physical names")
     named = (
-        (name.strip('"'), number, np.arange(len(block.nodes)))
+        (name.strip('"'), number, np.arange(len(nodes)))
         for dimension, physical, name in names[1:]
-        for number, block in enumerate(blocks)
-        if int(physical) in groups[number] and int(dimension) == (1 if block.kind in _LINES else 2)
+        for number, (kind, nodes) in enumerate(blocks)
+        if int(physical) in groups[number] and int(dimension) == (1 if kind in _LINES else 2)
     )
     return _parts(points, blocks, named)
 

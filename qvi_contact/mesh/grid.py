@@ -153,17 +153,14 @@ def _without_long_cells(x: FloatArray, y: FloatArray, active: BoolArray) -> tupl
     for axis in (0, 1):
         own, other = np.diff(lines[axis]), np.diff(lines[1 - axis])
         thinnest = np.where(active if axis == 0 else active.T, other[:, None], np.inf).min(axis=0)
-        pieces = np.maximum(np.ceil(own / (LONGEST * thinnest) - 1e-9), 1.0)
-        if pieces.max() == 1.0:
-            continue
-        if pieces.sum() * active.shape[axis] > most:
+        count = np.maximum(np.ceil(own / (LONGEST * thinnest) - 1e-9), 1.0)
+        if count.sum() * active.shape[axis] > most:
             break
-        count = pieces.astype(np.int64)
-        place, start = np.repeat(np.arange(len(count)), count), lines[axis][:-1]
-        step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-        lines[axis] = checked_lines(
-            "lines", np.append(start[place] + own[place] * (step / count[place]), lines[axis][-1])
-        )
+        count = count.astype(np.int64)
+        place = np.repeat(np.arange(len(count)), count)
+        step = np.arange(len(place)) - np.repeat(np.cumsum(count) - count, count)
+        places = np.append(place + step / count[place], len(count))
+        lines[axis] = checked_lines("lines", np.interp(places, np.arange(len(count) + 1), lines[axis]))
         active = np.repeat(active, count, axis=1 - axis)
     x, y = lines
     width, height = np.diff(x), np.diff(y)[:, None]

@@ -434,12 +434,6 @@ class LimitFactor:
             If there is no such name, no finite factor, the derivatives from both sides differ, or bilateral contacts
             have friction.
 
-        Notes
-        -----
-        With the rows A x ≤ b of the cone program of stresses and their multipliers y the derivative is y·(b' − A' x),
-        where b' and A' are those of the rows in x (envelope theorem). Where several mechanisms have one limit,
-        derivatives from both sides differ. They are those a little to either side, extrapolated.
-
         """
         posed = LimitProblem.of(problem, checked_loads(problem, self.loads), degree=degree, law_on=law_on)
         if both_signs(posed.low).any():
