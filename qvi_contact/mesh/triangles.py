@@ -16,10 +16,18 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, 
 from qvi_contact.basics.kept import Kept
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import Curve, CurveFunction, MeshParts, bends_of, circle, fitted, refuse_bad_arcs
-from qvi_contact.mesh.cutting import bisected, divided_at_arcs, fanned, joined, stacked
+from qvi_contact.mesh.cutting import (
+    bisected,
+    checked_cells,
+    checked_vertices,
+    divided_at_arcs,
+    fanned,
+    joined,
+    refuse_flaws,
+    stacked,
+)
 from qvi_contact.mesh.edges import Edges, Topology, barycentric_of, chains, edges_of, points_along, stretches
 from qvi_contact.mesh.files import read_mesh
-from qvi_contact.mesh.flaws import checked_cells, checked_vertices, refuse_flaws
 from qvi_contact.mesh.grid import grid_parts, rectangle_lines
 from qvi_contact.mesh.outline import Line, Point, meshed, polygons
 from qvi_contact.mesh.selection import (

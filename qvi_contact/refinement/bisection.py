@@ -87,12 +87,7 @@ class TriangleRefinement:
     def degree(self) -> int:
         """Degree of the answers."""
         degree = self.settings.options.get("degree")
-        if degree is None:
-            return _DEGREE
-        if whole_number("degree", degree) > _HIGHEST:
-            remedy = f"give at most {_HIGHEST}: answers are compared with those of one degree more"
-            raise InputError("degree", degree, remedy)
-        return int(degree)
+        return _DEGREE if degree is None else whole_number("degree", degree, _HIGHEST)
 
     def answer(self, mesh: TriangleMesh) -> ContactResult | History:
         """The result on the mesh."""
