@@ -457,26 +457,22 @@ def divided_corners(vertices: FloatArray, cells: IntArray, fixed: IntArray) -> I
     """
     cells = np.sort(cells, axis=1)
     topology = Topology.of(cells, len(vertices))
-    kept = np.zeros(len(topology.ends), dtype=bool)
-    known = topology.number(fixed[(fixed >= 0).all(axis=1)])
-    kept[known[known >= 0]] = True
+    kept = np.isin(np.arange(len(topology.ends)), topology.number(fixed))
+    inner = ~topology.boundary[topology.of_cells]
     changed, touched = cells.copy(), np.zeros(len(cells), dtype=bool)
-    in_corners = np.flatnonzero(topology.boundary[topology.of_cells].sum(axis=1) == 2)
-    for cell in in_corners.tolist():
-        edges = topology.of_cells[cell]
-        opposite = int(edges[~topology.boundary[edges]][0])
-        pair = topology.cells[opposite]
+    for cell in np.flatnonzero(inner.sum(axis=1) == 1).tolist():
+        opposite = int(topology.of_cells[cell, np.argmax(inner[cell])])
+        pair = [cell, int(topology.cells[opposite].sum()) - cell]
         if kept[opposite] or touched[pair].any():
             continue
         b, c = topology.ends[opposite].tolist()
-        other = int(pair[pair != cell][0])
-        a, d = (int(np.setdiff1d(cells[each], (b, c))[0]) for each in (cell, other))
+        a, d = (cells[pair].sum(axis=1) - (b + c)).tolist()
         turned = np.array([[a, b, d], [a, d, c]])
         sides = np.roll(vertices[turned], -1, axis=1) - vertices[turned]
         before = -np.roll(sides, 1, axis=1)
         lengths = np.hypot(*np.moveaxis(sides, 2, 0)) * np.hypot(*np.moveaxis(before, 2, 0))
         sines = cross(sides, before) / lengths  # of another sign in a triangle that is turned over
         if (sines * np.sign(sines[0, 0])).min() > _SHARPEST:
-            changed[[cell, other]] = turned
+            changed[pair] = turned
             touched[pair] = True
     return changed

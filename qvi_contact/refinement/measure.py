@@ -403,11 +403,13 @@ class LimitFactor:
         degree: int | None = None,
         law_on: LawOn | None = None,
     ) -> float:
-        """By how much the factor grows with a datum of the problem, from the multipliers of its program.
+        """By how much the factor grows with a datum of the problem [1/unit of the datum].
 
             LimitFactor(["drag"]).derivative(problem, "ground.friction")
 
-        It is that of `LimitLoad.lower`, the factor of the mesh, which is that of the body where both sides agree.
+        It is that of `LimitLoad.lower`, the factor of the mesh, which is that of the body where both sides agree, from
+        the multipliers of its program. `InputError` if there is no such name, no finite factor, derivatives from both
+        sides differ, or bilateral contacts have friction.
 
         Parameters
         ----------
@@ -422,17 +424,6 @@ class LimitFactor:
             sides differ; such values are good to about five digits. What is zero has only the one from above.
         degree, law_on
             As for `limit_load_factor`.
-
-        Returns
-        -------
-        float
-            The derivative [1/unit of the parameter].
-
-        Raises
-        ------
-        InputError
-            If there is no such name, no finite factor, the derivatives from both sides differ, or bilateral contacts
-            have friction.
 
         """
         posed = LimitProblem.of(problem, checked_loads(problem, self.loads), degree=degree, law_on=law_on)

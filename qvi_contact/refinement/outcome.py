@@ -99,15 +99,9 @@ class Outcome:
         return f"<{type(self).__name__} {self.message}>"
 
     def to_frame(self) -> DataFrame:
-        """One row a round as a pandas table; needs the extra ``frame`` (pandas).
+        """One row a round as a pandas table: "round" (from 1), and the fields of `RefinementRound`.
 
-        Columns are "round" (from 1), and the fields of `RefinementRound`.
-
-        Raises
-        ------
-        InputError
-            If pandas is missing.
-
+        `InputError` without pandas (extra ``frame``).
         """
         rows = [{"round": number, **asdict(record)} for number, record in enumerate(self.rounds, 1)]
         return frame(columns_of(rows))
