@@ -26,32 +26,27 @@ _FARTHEST: Final = 1e-3  # the same of arcs at most
 _HALVINGS: Final = 60
 
 
-def checked_vertices(vertices: ArrayLike) -> FloatArray:
-    """Finite coordinates (n, 2) that cannot be written to."""
-    found = np.array(numbers_of("TriangleMesh.vertices", vertices, float))
-    if found.ndim != 2 or found.shape[1] != 2 or len(found) < 3:
-        raise InputError("TriangleMesh.vertices", f"shape {found.shape}", "give an array (n, 2), n ≥ 3")
-    bad = ~np.isfinite(found).all(axis=1)
+def checked_triangles(vertices: ArrayLike, cells: ArrayLike) -> tuple[FloatArray, IntArray]:
+    """Finite coordinates (n, 2), and three vertices a triangle, in ascending order, (m, 3); both are read only."""
+    points = np.array(numbers_of("TriangleMesh.vertices", vertices, float))
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 3:
+        raise InputError("TriangleMesh.vertices", f"shape {points.shape}", "give an array (n, 2), n ≥ 3")
+    bad = ~np.isfinite(points).all(axis=1)
     if bad.any():
         raise InputError("TriangleMesh.vertices", int(np.argmax(bad)), "this vertex has no finite coordinates")
-    if np.abs(found).max() > LARGEST:
+    if np.abs(points).max() > LARGEST:
         remedy = f"give coordinates of at most {LARGEST:.0e}: take other units"
-        raise InputError("TriangleMesh.vertices", float(np.abs(found).max()), remedy)
-    found.flags.writeable = False
-    return found
-
-
-def checked_cells(cells: ArrayLike, vertices: FloatArray) -> IntArray:
-    """Three different vertices a triangle, in ascending order, (m, 3)."""
-    found = numbers_of("TriangleMesh.cells", cells, int)
-    if found.ndim != 2 or found.shape[1] != 3 or not len(found):
-        raise InputError("TriangleMesh.cells", f"shape {found.shape}", "give an array (m, 3), m ≥ 1")
-    if found.min() < 0 or found.max() >= len(vertices):
-        wrong = found[(found < 0) | (found >= len(vertices))][0]
-        raise InputError("TriangleMesh.cells", int(wrong), f"give numbers of vertices, 0 to {len(vertices) - 1}")
-    ordered = np.sort(found, axis=1)
-    ordered.flags.writeable = False
-    return ordered
+        raise InputError("TriangleMesh.vertices", float(np.abs(points).max()), remedy)
+    corners = numbers_of("TriangleMesh.cells", cells, int)
+    if corners.ndim != 2 or corners.shape[1] != 3 or not len(corners):
+        raise InputError("TriangleMesh.cells", f"shape {corners.shape}", "give an array (m, 3), m ≥ 1")
+    wrong = (corners < 0) | (corners >= len(points))
+    if wrong.any():
+        remedy = f"give numbers of vertices, 0 to {len(points) - 1}"
+        raise InputError("TriangleMesh.cells", int(corners[wrong][0]), remedy)
+    corners = np.sort(corners, axis=1)
+    points.flags.writeable = corners.flags.writeable = False
+    return points, corners
 
 
 def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> None:

@@ -18,8 +18,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import Curve, CurveFunction, MeshParts, bends_of, circle, fitted, refuse_bad_arcs
 from qvi_contact.mesh.cutting import (
     bisected,
-    checked_cells,
-    checked_vertices,
+    checked_triangles,
     divided_at_arcs,
     fanned,
     joined,
@@ -76,8 +75,8 @@ class TriangleMesh(PicklesFields):
     """Edges that are arcs rather than their chords; see `with_arc` and `with_curve`."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vertices", checked_vertices(self.vertices))
-        object.__setattr__(self, "cells", checked_cells(self.cells, self.vertices))
+        for name, found in zip(("vertices", "cells"), checked_triangles(self.vertices, self.cells), strict=True):
+            object.__setattr__(self, name, found)
         refuse_flaws(self.vertices, self.cells, self.topology)
         edge_sets = mapping("TriangleMesh.edge_sets", self.edge_sets, _EDGE_SETS)
         pairs = {name: checked_pairs(name, given, self.topology, self.vertices) for name, given in edge_sets.items()}
