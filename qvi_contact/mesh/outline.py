@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from threading import Lock
 from typing import Any, Final, NamedTuple, TypeAlias
 
@@ -84,19 +85,18 @@ class Polygon:
     """A line of an outline as straight pieces."""
 
     points: FloatArray
-    """Ends of the pieces [length]; of a closed line each once, shape (n, 2)."""
+    """Ends of the pieces [length], of a closed line the last one is the first, shape (k + 1, 2)."""
     names: list[str]
-    """What edges on each piece are called, or ""; n of a closed line, n − 1 of an open one, shape (k,)."""
+    """What edges on each piece are called, or "", shape (k,)."""
     sizes: FloatArray
-    """Sizes of triangles at the points [length], shape (n,)."""
+    """Sizes of triangles at the points [length], shape (k + 1,)."""
     centres: FloatArray
     """Centre of the circle that each piece is a chord of [length]; not a number where it is straight, shape (k, 2)."""
 
     @property
     def pieces(self) -> FloatArray:
         """Both ends of each piece, shape (k, 2, 2) [length]."""
-        following = np.roll(self.points, -1, axis=0)
-        return np.stack([self.points, following], axis=1)[: len(self.names)]
+        return np.stack([self.points[:-1], self.points[1:]], axis=1)
 
     def holds(self, points: FloatArray) -> BoolArray:
         """Whether points (m, 2) lie inside this closed polygon."""
@@ -176,17 +176,16 @@ def _polygon(name: str, line: Line, size: float, *, closed: bool) -> Polygon:
     corners = [corner if isinstance(corner, Corner) else Corner(corner) for corner in _listed(line)]
     if len(corners) < 2:
         raise InputError(name, len(corners), "give two or more corners")
-    following = [*corners[1:], corners[0]] if closed else corners[1:]
+    corners += corners[:1] if closed else []
     own = [corner.size or size for corner in corners]
-    ends = [] if closed else [np.array([corners[-1].at])]
-    steps = [_steps(name, *each) for each in zip(corners, following, own, strict=False)]
+    steps = [_steps(name, *each) for each in zip(corners, corners[1:], own, strict=False)]
     counts = [len(points) for points in steps]
     names = [corner.name for corner, count in zip(corners, counts, strict=False) for _ in range(count)]
     if closed and len(names) < 3:
-        raise InputError(name, len(corners), "give three or more corners of a closed line, or arcs between two")
-    centres = [(np.nan, np.nan) if corner.centre is None else corner.centre for corner in corners[: len(steps)]]
-    sizes = np.repeat(own, counts + [1] * len(ends))
-    return Polygon(np.concatenate([*steps, *ends]), names, sizes, np.repeat(centres, counts, axis=0))
+        raise InputError(name, len(corners) - 1, "give three or more corners of a closed line, or arcs between two")
+    centres = [(np.nan, np.nan) if corner.centre is None else corner.centre for corner in corners[:-1]]
+    points = np.concatenate([*steps, [corners[-1].at]])
+    return Polygon(points, names, np.repeat(own, [*counts, 1]), np.repeat(centres, counts, axis=0))
 
 
 def _steps(name: str, corner: Corner, following: Corner, size: float) -> FloatArray:
@@ -240,7 +239,7 @@ def _check_lines(found: Polygons) -> None:
     if lengths.min() < least:
         place = tuple(pieces[np.argmin(lengths), 0].tolist())
         raise InputError("outline", place, "two corners lie here one after the other: leave one out")
-    points = np.concatenate([*(polygon.points for polygon in found.every), found.points])
+    points = np.concatenate([pieces[:, 0], pieces[:, 1], found.points])
     touching, sides = list[BoolArray](), list[IntArray]()
     for chosen in np.array_split(points, 1 + len(points) // _CHUNK):
         distances = _distances(chosen, pieces)
@@ -426,9 +425,10 @@ def _divided(gmsh: Any, shape: Polygons) -> MeshParts:
 
 def _drawn(occ: Any, polygon: Polygon, unit: float) -> list[int]:
     """The polygon's pieces as lines and arcs of gmsh."""
-    tags = [occ.addPoint(x, y, 0.0) for x, y in (unit * polygon.points).tolist()]
-    ends, drawn, middles = zip(tags, [*tags[1:], tags[0]], strict=True), [], []
-    for (first, second), (x, y) in zip(ends, (unit * polygon.centres).tolist(), strict=False):
+    places = list(map(tuple, (unit * polygon.points).tolist()))
+    tags, drawn, middles = {place: occ.addPoint(*place, 0.0) for place in dict.fromkeys(places)}, [], []
+    ends = ((tags[first], tags[second]) for first, second in pairwise(places))
+    for (first, second), (x, y) in zip(ends, (unit * polygon.centres).tolist(), strict=True):
         if np.isnan(x):
             drawn.append(occ.addLine(first, second))
         else:
