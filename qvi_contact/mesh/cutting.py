@@ -31,12 +31,10 @@ def checked_triangles(vertices: ArrayLike, cells: ArrayLike) -> tuple[FloatArray
     points = np.array(numbers_of("TriangleMesh.vertices", vertices, float))
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < 3:
         raise InputError("TriangleMesh.vertices", f"shape {points.shape}", "give an array (n, 2), n ≥ 3")
-    bad = ~np.isfinite(points).all(axis=1)
+    bad = ~(np.abs(points) <= LARGEST).all(axis=1)
     if bad.any():
-        raise InputError("TriangleMesh.vertices", int(np.argmax(bad)), "this vertex has no finite coordinates")
-    if np.abs(points).max() > LARGEST:
-        remedy = f"give coordinates of at most {LARGEST:.0e}: take other units"
-        raise InputError("TriangleMesh.vertices", float(np.abs(points).max()), remedy)
+        remedy = f"this vertex has no finite coordinates of at most {LARGEST:.0e}: correct it, or take other units"
+        raise InputError("TriangleMesh.vertices", int(np.argmax(bad)), remedy)
     corners = numbers_of("TriangleMesh.cells", cells, int)
     if corners.ndim != 2 or corners.shape[1] != 3 or not len(corners):
         raise InputError("TriangleMesh.cells", f"shape {corners.shape}", "give an array (m, 3), m ≥ 1")
