@@ -1,18 +1,10 @@
 """Where triangles are bisected: where answers differ from a companion or a reference solution, and for limit loads.
 
-How far off an answer is says what it is compared with: bounds where the laws allow them, else a reference solution. The
-reference is one degree more, on a mesh bisected where one degree more says little. The difference of the two is
-what an answer of degree p is off by, as far as the reference is better by a factor. For smooth stresses a degree is
-enough. It is not
+An answer is compared with bounds where the laws allow them, else with a reference solution: one degree more, on a mesh
+bisected where one degree more says little. That is where contacts change their state, and in corners, where stresses
+may be singular, or zones of stick or slip too small for the mesh.
 
-* where a contact changes its state inside an edge. The law binds tractions between stick and slip only as far as
-  polynomials on one edge can follow both, with any degree: edges that hold a change, and the two that meet in one, are
-  bisected twice, which takes a factor of about 16 off this part of a force;
-* in corners, where stresses may behave like r^(λ−1): triangles at vertices where the conditions on the boundary change,
-  at re-entrant corners and at the ends of joints are bisected twice, which takes 4^(2λ) off. A zone of stick or slip
-  that is too small for the mesh hides there too.
-
-In `docs/theory.md`: (D22), for limit loads (D25).
+In `docs/theory.md`: (D22) with why and how often, for limit loads (D25).
 """
 
 from __future__ import annotations
@@ -359,19 +351,8 @@ def energies_between(answer: ContactResult, reference: ContactResult) -> FloatAr
     return np.asarray(np.bincount(parents, 0.5 * work, mesh.cell_count), float)
 
 
-# limit loads: bisected is where the mesh gives way in another manner than the body would.
-#
-# At the limit a mesh gives way by a motion with the opening w and the slip s against the shear: the multipliers of its
-# rows. It obeys the law in the sense of the rows. At points the body may enter the obstacle, or slip without the
-# opening that friction asks for. The part of an edge is the work that the law gives the motion, made admissible at
-# points, less that of the tractions:
-#
-#     w' = max(w, μ|s|)   (w' = max(w, 0) under a cap),     ∫ (π(w', s) − |σ_N| w' − σ_T s) ds ≥ 0,
-#
-# for unilateral contacts, with π of (D23). It is zero on all edges if the mesh gives way as the body would, and of the
-# size of pressure times motion on the edge in which the body turns, or where slip ends. The mechanism of the body alone
-# does not say where to refine: where another one is near its limit too, the mesh may lack stresses for both.
-
+# limit loads: bisected is where the mesh gives way in another manner than the body would, by (D25). The mechanism of
+# the body alone does not say where: where another one is near its limit too, the mesh may lack stresses for both.
 
 _SPACE: Final = ("degree", "law_on")  # options of a limit load
 _SMALL: Final = 1e-6  # factors below count as this for relative errors
@@ -480,7 +461,7 @@ def _limited_edges(problem: ContactProblem) -> Iterator[Edges]:
 
 
 def _edge_gaps(answer: LimitAnalysis) -> Iterator[FloatArray]:
-    """Part (n,) of the edges of each contact in what the mesh falls short of; 1 for all where there is no state."""
+    """∫ (π(w', s) − |σ_N| w' − σ_T s) ds of edges (n,) of each contact, (D25); 1 for all where there is no state."""
     posed, carried = answer.posed, answer.carried
     if carried is None or carried.tractions is None or carried.motion is None:
         yield from (np.ones(len(edges)) for edges in _limited_edges(posed.problem))
