@@ -256,10 +256,7 @@ def _in_rounds(
                 raise StopError(RefinementStatus.TIME_LIMIT)
             if len(rounds) >= settings.max_rounds:
                 raise StopError(RefinementStatus.ROUNDS)
-            finer = last.finer()
-            if finer is None:
-                raise StopError(RefinementStatus.THIN_CELLS)
-            mesh = finer
+            mesh = last.finer()
             try:
                 answer = strategy.answer(mesh)
             except QVIError as error:  # the same data were taken on the mesh before

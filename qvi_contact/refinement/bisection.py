@@ -176,8 +176,8 @@ def steps_of(answer: ContactResult | History) -> Sequence[ContactResult]:
     return answer.steps if isinstance(answer, History) else (answer,)
 
 
-def _finer(mesh: TriangleMesh, marked: BoolArray, deeper: tuple[IntArray, ...]) -> TriangleMesh | None:
-    """Marked triangles bisected, then those at vertices once more; but for such as are too small, None if all are."""
+def _finer(mesh: TriangleMesh, marked: BoolArray, deeper: tuple[IntArray, ...]) -> TriangleMesh:
+    """Marked triangles bisected, then those at vertices once more; but for such as are too small."""
     fine = mesh
     for vertices in (None, *deeper):  # old vertices keep their numbers
         chosen = marked if vertices is None else np.isin(fine.cells, vertices).any(axis=1)
@@ -185,7 +185,7 @@ def _finer(mesh: TriangleMesh, marked: BoolArray, deeper: tuple[IntArray, ...]) 
         if chosen.any():
             fine = fine.refined(chosen)
         elif vertices is None:
-            return None
+            raise StopError(RefinementStatus.THIN_CELLS)
     return fine
 
 
@@ -252,12 +252,10 @@ def places(result: ContactResult) -> Places:
         edges, line = mesh.edges(contact.edges), result.contacts[contact.name]
         leftward = (line.state == ContactState.SLIP) & (line.counted_shear < -_NOISE * unit)
         state = np.where(leftward, _LEFTWARD, line.state).reshape(len(edges), -1)
-        at_ends = np.concatenate([state[:, 0], state[:, -1]])
-        vertex, inverse = np.unique(np.concatenate([edges.first, edges.second]), return_inverse=True)
-        lowest, highest = np.full(len(vertex), _LEFTWARD), np.zeros(len(vertex), dtype=np.int64)
-        np.minimum.at(lowest, inverse, at_ends)
-        np.maximum.at(highest, inverse, at_ends)
-        meets = (lowest != highest)[inverse].reshape(2, -1).any(axis=0)
+        ends = np.stack([edges.first, edges.second])
+        at_ends = np.unique([ends.ravel(), np.concatenate([state[:, 0], state[:, -1]])], axis=1)
+        vertex, states = np.unique(at_ends[0], return_counts=True)
+        meets = np.isin(ends, vertex[states > 1]).any(axis=0)
         chosen = edges.cells[(state != state[:, :1]).any(axis=1) | meets]
         cells.append(chosen[chosen >= 0])
     vertices, angle, changes, _ = outline_vertices(problem)
@@ -414,7 +412,7 @@ class LimitStrategy:
         record = RefinementRound(mesh.cell_count, answer.posed.unknowns, limit.lower, estimate, certainty)
         return Round(answer=answer, record=record, unit=unit, parts=parts, finer=finer)
 
-    def _finer_at_contacts(self, mesh: TriangleMesh, parts: Sequence[FloatArray]) -> TriangleMesh | None:
+    def _finer_at_contacts(self, mesh: TriangleMesh, parts: Sequence[FloatArray]) -> TriangleMesh:
         """Triangles beside the edges that have most of the distance bisected twice."""
         joined = np.concatenate([np.empty(0), *parts])
         if not joined.size:
@@ -425,13 +423,13 @@ class LimitStrategy:
         cells = np.unique(beside[bulk(joined) & long])
         cells = cells[cells >= 0]
         if not len(cells):
-            return None
+            raise StopError(RefinementStatus.THIN_CELLS)
         fine = mesh
         for _ in range(_TWICE):
             fine = fine.refined(at_contacts(problem, mesh, fine, cells))
         return fine
 
-    def _finer_where_it_yields(self, mesh: TriangleMesh, parts: FloatArray, share: float) -> TriangleMesh | None:
+    def _finer_where_it_yields(self, mesh: TriangleMesh, parts: FloatArray, share: float) -> TriangleMesh:
         """Triangles with a share of the gap divided; where they meet a singular vertex its fan becomes finer."""
         marked = bulk(parts, share)
         vertices, angle, changes, bent = outline_vertices(replace(self.problem, mesh=mesh))
@@ -443,7 +441,7 @@ class LimitStrategy:
         areas = np.abs(cross(one, other)) / 2.0
         chosen = np.flatnonzero(marked & ~around & (np.sqrt(areas) >= 2.0 * _THINNEST * mesh.length))
         if not len(chosen) and not len(at):
-            return None
+            raise StopError(RefinementStatus.THIN_CELLS)
         fine = mesh.refined(chosen) if len(chosen) else mesh
         for vertex in at.tolist():
             one, other = (np.roll(fine.corners, -shift, axis=1) - fine.corners for shift in (1, 2))  # of all corners

@@ -208,7 +208,7 @@ class Round:
     record: RefinementRound  # what is kept of the round
     unit: float  # what the error of the quantity is relative to
     parts: FloatArray  # (cells,): in which proportion cells have a share in it
-    finer: Callable[[], TriangleMesh | None]  # makes the mesh of the next round; None if there is none
+    finer: Callable[[], TriangleMesh]  # makes the mesh of the next round, or stops
     reference: float = np.nan  # the quantity of the reference solution; NaN where there was none
     hopeless: bool = False  # whether bounds need not be tried again
 
