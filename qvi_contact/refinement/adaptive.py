@@ -152,15 +152,9 @@ def refine(
     -------
     Refinement or LimitRefinement
         The last answer, the estimate with its status, and the error indicator of every cell; `Refinement.certainty`
-        says whether the estimate is a bound. A failure does not raise. For a `LimitFactor` the answer is a limit load,
-        `LimitRefinement.limit`.
-
-    Raises
-    ------
-    InputError
-        If an argument is wrong, or the problem on its first mesh.
-    SolveError
-        If a linear program of a limit load is not solved on the first mesh.
+        says whether the estimate is a bound. For a `LimitFactor` the answer is a limit load, `LimitRefinement.limit`.
+        A failure does not raise, but on the first mesh: `InputError` if an argument or the problem is wrong,
+        `SolveError` if a linear program of a limit load is not solved.
 
     Notes
     -----
