@@ -15,10 +15,18 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, positive_number, real_array
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import Curve, CurveFunction, MeshParts, bends_of, circle, fitted, refuse_bad_arcs
-from qvi_contact.mesh.cutting import bisected, divided_at_arcs, fanned, joined, layered, stacked
+from qvi_contact.mesh.cutting import (
+    bisected,
+    checked_triangles,
+    divided_at_arcs,
+    fanned,
+    joined,
+    layered,
+    refuse_flaws,
+    stacked,
+)
 from qvi_contact.mesh.edges import Edges, Topology, barycentric_of, chains, edges_of, points_along, stretches
 from qvi_contact.mesh.files import read_mesh
-from qvi_contact.mesh.flaws import checked_cells, checked_vertices, refuse_flaws
 from qvi_contact.mesh.grid import grid_parts, rectangle_lines
 from qvi_contact.mesh.outline import Line, Point, meshed, polygons
 from qvi_contact.mesh.selection import (
@@ -68,8 +76,8 @@ class TriangleMesh(PicklesFields):
     """Edges that are arcs rather than their chords; see `with_arc` and `with_curve`."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vertices", checked_vertices(self.vertices))
-        object.__setattr__(self, "cells", checked_cells(self.cells, self.vertices))
+        for name, found in zip(("vertices", "cells"), checked_triangles(self.vertices, self.cells), strict=True):
+            object.__setattr__(self, name, found)
         refuse_flaws(self.vertices, self.cells, self.topology)
         edge_sets = mapping("TriangleMesh.edge_sets", self.edge_sets, _EDGE_SETS)
         pairs = {name: checked_pairs(name, given, self.topology, self.vertices) for name, given in edge_sets.items()}
@@ -445,8 +453,8 @@ class TriangleMesh(PicklesFields):
                 raise InputError(f"edge_sets[{name!r}]", pairs, f"give a mapping of {_EDGE_SETS}")
         sets = {name: place[found] for name, pairs in named_edges.items() if len(found := here(pairs))}
         regions = {name: np.flatnonzero(np.isin(taken, found)) for name, found in self.regions.items()}
-        kept_arcs = [arc.divided(found, found) for arc in self.arcs if len(found := here(arc.edges))]
-        arcs = [replace(arc, edges=place[arc.edges]) for arc in kept_arcs]
+        kept_arcs = ((arc, inside[self.topology.number(arc.edges)]) for arc in self.arcs)
+        arcs = [Curve(place[arc.edges[own]], arc.coefficients[own]) for arc, own in kept_arcs if own.any()]
         named = {name: found for name, found in regions.items() if len(found)}
         return TriangleMesh(self.vertices[kept], place[self.cells[taken]], sets, named, arcs)
 
@@ -590,7 +598,7 @@ class TriangleMesh(PicklesFields):
         for level in range(int(depths.max(initial=0))):
             try:
                 if ratio is None:
-                    mesh = mesh.refined(mesh._search.touching(places[depths > level]))
+                    mesh = mesh.refined(np.unique(mesh.around(places[depths > level])[1]))
                     continue
                 parts = mesh._parts
                 for vertex in at[depths > level].tolist():
