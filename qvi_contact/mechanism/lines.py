@@ -47,6 +47,7 @@ _SMOOTH: Final = 1e-10  # share of the values, difference of two quadratures tha
 _ROUNDING: Final = 16.0 * np.finfo(float).eps
 _SAME: Final = 1e-9  # share of a line within which two places are one
 _CAPPED_PIECES: Final = 4  # of a line, where a cap lets part of the slip dilate
+_NEARER: Final = 0.25 ** np.arange(1.0, 7.0)  # shares of the way to the next place, where more are tried
 _TURN: Final = 0.02  # angle by which a piece of an arc turns at most [rad]
 _DEGREE: Final = 4  # of motions along such a piece: what is left is rounding
 
@@ -121,6 +122,38 @@ class Line:
             return self
         mu = self.friction[at - 1 : at + 1].max()
         return replace(self, places=np.insert(self.places, at, s), friction=np.insert(self.friction, at, mu))
+
+    def crossings(self, bodies: Bodies, v: FloatArray) -> FloatArray:
+        """Places where opening becomes too little for all of the slip to dilate."""
+        spare = self.opening(bodies) @ v - self.friction * self.slip(bodies, v)
+        before = np.flatnonzero((spare[:-1] * spare[1:] <= 0.0) & (spare[:-1] != spare[1:]))
+        share = spare[before] / (spare[before] - spare[before + 1])
+        return np.asarray(self.places[before] + share * np.diff(self.places)[before])
+
+    def surrounded(self, bodies: Bodies, v: FloatArray) -> "Line":
+        """The line with these places, and others closer and closer to them, where a cap sets in there."""
+        line = self
+        for s in self.crossings(bodies, v) if self.capped else ():
+            at = int(np.argmin(np.abs(self.places - s)))
+            beside = self.places[max(at - 1, 0) : at + 2, None]
+            for place in [s, *(self.places[at] + (beside - self.places[at]) * _NEARER).ravel()]:
+                line = line.divided(place)
+        return line
+
+    def resistance(self, bodies: Bodies, v: FloatArray) -> float:
+        """∫ π ds for a motion that the line admits, exact up to the sampling of functions."""
+        slip = self.slip(bodies, v)
+        if self.held or slip == 0.0:
+            return 0.0
+        work = self.shear_work() * slip
+        if not self.capped:
+            return work
+        line = self
+        for s in self.crossings(bodies, v):
+            line = line.divided(s)
+        opening = np.maximum(line.opening(bodies) @ v, 0.0)
+        dilatant = np.divide(opening, line.friction, out=np.full(len(opening), slip), where=line.friction > 0.0)
+        return work - float(line.relief() @ np.minimum(dilatant, slip))
 
     def shear_work(self) -> float:
         """∫ π ds for a slip of 1 and no opening to spare: of t_max, of c, or of the smaller one."""
