@@ -49,7 +49,7 @@ from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.material import Material, MohrCoulomb, YieldCone
 from qvi_contact.problem.problem import ContactProblem
-from solvers.inner.linear_program import INFEASIBLE, TIME_LIMIT, Answer, solved
+from solvers.inner.linear_program import INFEASIBLE, TIME_LIMIT, solved
 from solvers.inner.linear_program import UNBOUNDED as NO_LIMIT
 
 _Limits: TypeAlias = tuple[YieldCone, FloatArray, FloatArray | float]
@@ -367,27 +367,22 @@ class StressProgram:
         first, second = (np.concatenate([part.n0, part.t0]) for part in (qvi, high))
         slope, b_slope = second - first, high.b - qvi.b
         G, A = sparse.csr_array(H @ qvi.contact_rows), sparse.csr_array(qvi.A)
-        columns = np.sqrt(
-            np.asarray(G.multiply(G).sum(axis=0))
-        ).ravel()  # the solver's tolerances are for numbers near 1
-        units = sparse.diags_array(1.0 / np.where(columns > 0.0, columns, 1.0))
-        G, A = sparse.csr_array(G @ units), sparse.csr_array(A @ units)
+        columns = np.sqrt(np.asarray(G.multiply(G).sum(axis=0))).ravel()
+        units = sparse.diags_array(1.0 / np.where(columns > 0.0, columns, 1.0))  # tolerances are for numbers near 1
         h, h_slope, b = limit - H @ (first - slope), -(H @ slope), qvi.b - b_slope
-
-        def program(cost: FloatArray, relaxed: bool = False) -> Answer:
-            """Minimise over (z, α), or over (z, α, t ≥ 0) with G z ≤ h + α h' + t."""
-            more = [(G, np.column_stack([-h_slope, *(-np.ones(len(h)) for _ in range(relaxed))]))]
-            more += [(A, np.column_stack([-b_slope, *(np.zeros(len(b)) for _ in range(relaxed))]))]
-            wide = [sparse.csc_array(sparse.hstack([rows, sparse.csc_array(columns)])) for rows, columns in more]
-            equations: dict[str, Any] = {"A_eq": wide[1], "b_eq": b} if len(b) else {}
-            bounds = [(None, None)] * (G.shape[1] + 1) + [(0.0, None)] * relaxed
-            return solved(cost, A_ub=wide[0], b_ub=h, bounds=bounds, **equations)
-
-        answer = program(np.append(np.zeros(G.shape[1]), -_COST))
+        # the rows G x ≤ h and A x = b on x = (z, α)
+        G, A = (sparse.csc_array(sparse.hstack([part @ units, sparse.csc_array(-rate[:, None])]))
+                for part, rate in ((G, h_slope), (A, b_slope)))  # fmt: skip
+        cost, free = np.append(np.zeros(G.shape[1] - 1), -_COST), [(None, None)] * G.shape[1]
+        equations: dict[str, Any] = {"A_eq": A, "b_eq": b} if len(b) else {}
+        answer = solved(cost, A_ub=G, b_ub=h, bounds=free, **equations)
         if answer.status == NO_LIMIT:
             return Carried(np.inf)
-        if answer.status == INFEASIBLE:
-            nearest = program(np.append(np.zeros(G.shape[1] + 1), 1.0), relaxed=True)
+        if answer.status == INFEASIBLE:  # the least t ≥ 0 with G x ≤ h + t says by how much
+            G, A = (sparse.csc_array(sparse.hstack([part, np.full((part.shape[0], 1), t)]))
+                    for part, t in ((G, -1.0), (A, 0.0)))  # fmt: skip
+            equations |= {"A_eq": A} if len(b) else {}
+            nearest = solved(np.append(0.0 * cost, 1.0), A_ub=G, b_ub=h, bounds=[*free, (0.0, None)], **equations)
             if nearest.solved and nearest.x[-1] > CERTIFIED * max(1.0, float(np.abs(h).max())):
                 return Carried(-np.inf, bound=-np.inf)
             raise SolveError(_AT_LIMIT)
@@ -395,16 +390,15 @@ class StressProgram:
             raise SolveError("limit load: the time limit was reached: allow more (time_limit=…), or take fewer cells")
         if not answer.solved:
             raise SolveError(f"limit load: the linear program was not solved, use less grading ({answer.message})")
-        z, factor = answer.x[:-1], float(answer.x[-1])
+        x, factor = answer.x, float(answer.x[-1])
         size = max(float(np.abs(h).max()), abs(factor) * float(np.abs(h_slope).max()), 1e-300)
-        missed = np.abs(A @ z - b - factor * b_slope).max(initial=0.0)
-        violation = max(float(np.maximum(G @ z - h - factor * h_slope, 0.0).max()), float(missed)) / size
+        missed = max(float(np.maximum(G @ x - h, 0.0).max()), float(np.abs(A @ x - b).max(initial=0.0)))
         d, nu = np.maximum(-answer.inequalities, 0.0) / _COST, -answer.equations / _COST
-        rate = -float(h_slope @ d + b_slope @ nu)
-        rounding = float(np.abs(G.T @ d + A.T @ nu) @ np.abs(z))
+        *rest, rate = (G.T @ d + A.T @ nu).tolist()
+        rounding = float(np.abs(rest) @ np.abs(x[:-1]))
         bound = (float(h @ d + b @ nu) + rounding) / rate if rate > 0.0 else np.inf
-        tractions = qvi.contact_rows @ (units @ z) + first - slope + factor * slope
-        return Carried(factor, violation, np.asarray(tractions), bound, np.asarray(H.T @ d))
+        tractions = qvi.contact_rows @ (units @ x[:-1]) + first - slope + factor * slope
+        return Carried(factor, missed / size, np.asarray(tractions), bound, np.asarray(H.T @ d))
 
     def room(self) -> float:
         """How much all limits, over the stress of the loads, may be lowered for the mesh to carry some multiple.
