@@ -152,7 +152,8 @@ class Statement:
             into = self.potentials[name in names]
             into[:] = map(add, into, self._affine(field))
         laws, plane = [material.strength for material in problem.materials], problem.material.plane
-        self.contacts = [contact for contact in problem.contacts if contact.law != "tied" or _is_driven(contact)]
+        self.contacts = [each for each in problem.contacts
+                         if each.law != "tied" or (each.plate is not None and each.plate.driven)]  # fmt: skip
         self.loads = dict[_Edge, list[_Load]]()
         for pair, load in self._loads(names):
             self.loads.setdefault(pair, []).append(load)
@@ -275,11 +276,6 @@ def _along(loads: list[_Load]) -> list[Any]:
     return [*loads, *([((-y, x), None)] if len(loads) == 1 else [])]
 
 
-def _is_driven(contact: Contact) -> bool:
-    """Whether forces drive the plate of a contact."""
-    return contact.plate is not None and contact.plate.driven
-
-
 def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
     """The part of a proof that says what stresses of the program carry."""
     found = program.carried(_KEPT_BACK)
@@ -295,9 +291,8 @@ def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
             return {"stress": {"factor": factor, "degree": p - 2, "ordinates": _stresses(stated, p, factor, airy)}}
         except OutOfBalanceError as error:
             amounts.append(error.amount)
-            if len(amounts) > 2 or (len(amounts) == 2 and amounts[0] == amounts[1]):
-                remedy = "they cannot be stated exactly"
-                raise SolveError(f"proof: the loads are in balance up to rounding only: {remedy}") from error
+            if amounts[-2:-1] == amounts[-1:] or len(amounts) > 2:
+                raise
             # loads may be in balance at one factor only: the amount is affine in it
             factor += amounts[1] / (amounts[0] - amounts[1]) if len(amounts) == 2 else ONE
 
@@ -383,37 +378,38 @@ def exceeded_by_blocks(stated: Statement, mechanism: Mechanism | None) -> dict[s
     """The part of a proof that says what no stress carries, from velocities of rigid blocks."""
     if mechanism is None:
         raise SolveError("proof: no motion of rigid blocks bounds the loads")
-    strong = np.ones(len(mechanism.blocks), dtype=bool)
-    space = Velocities(stated.problem, 1, strong)
+    keeps = np.zeros(len(mechanism.blocks), dtype=bool)
+    space = Velocities(stated.problem, 1, ~keeps)
     places = zip(mechanism.blocks, space.nodes.places @ stated.mesh.corners, strict=True)
     rough = np.array([mechanism.motions[block].at(points) for block, points in places])
-    return _flow(stated, 1, _exactly(stated, space, rough, mechanism.plates, strong, ~strong), {})
+    return _flow(stated, space, rough, mechanism.plates, keeps, {})
 
 
 def exceeded(stated: Statement, program: FlowProgram) -> dict[str, Any]:
     """The same from velocities of the program."""
     flow = program.solved(_KEPT_BACK_ABOVE)
-    if flow.motion is None:
+    if flow.motion is None or flow.shares is None:
         raise SolveError("proof: the loads have no finite bound from above")
     cones, keeps = program.cones, ~program.cones.strong
     changes = (cones.pressure != 0.0) | (cones.mean != 0.0)
     keeps[cones.cell[changes]] = False
-    motion = flow.motion
-    velocities = _exactly(stated, program.space, motion.velocities, motion.plates, cones.strong, keeps)
-    assert flow.shares is not None
     # what cones but the first have of (tr ε, ε_xx − ε_yy, 2 ε_xy), by the number of its coefficient
     strain, shares = flow.shares / stated.mesh.length, dict[int, FloatArray]()
     order = np.lexsort((~changes, cones.coefficient))
     for rows in np.split(order, np.flatnonzero(np.diff(cones.coefficient[order])) + 1):
         if len(rows) > 1:
             shares[int(cones.coefficient[rows[0]])] = strain[rows[1:]]
-    return _flow(stated, cones.degree + 1, velocities, shares)
+    return _flow(stated, program.space, flow.motion.velocities, flow.motion.plates, keeps, shares)
 
 
-def _flow(stated: Statement, degree: int, moved: dict[str, Any], shares: Mapping[int, FloatArray]) -> dict[str, Any]:
+def _flow(
+    stated: Statement, space: Velocities, velocities: FloatArray, plates: Mapping[str, RigidMotion], keeps: BoolArray,
+    shares: Mapping[int, FloatArray],
+) -> dict[str, Any]:  # fmt: skip
     """The part of a proof about velocities, with what all cones dissipate: one of them, or shares of all, if given."""
-    field, rates = {"degree": degree, "ordinates": _in_file(stated, degree, moved["velocities"])}, []
-    alphas, zero = _exponents(degree - 1), [ZERO] * 3
+    cells, moved = _exactly(stated, space, velocities, plates, keeps)
+    field, rates = {"degree": space.degree, "ordinates": _in_file(stated, space.degree, cells)}, []
+    alphas, zero = _exponents(space.degree - 1), [ZERO] * 3
     for t, laws, _, slopes, v in triangles(stated.about, field):
         own = list[Any]()
         for (i, j, k), ((u_x, u_y), (v_x, v_y)) in zip(alphas, gradient(v, slopes), strict=True):
@@ -425,14 +421,15 @@ def _flow(stated: Statement, degree: int, moved: dict[str, Any], shares: Mapping
             choices = [_shared(laws, strain, each) for each in others]
             own.append(min(choices, key=partial(_cost, laws, strain), default=[]))
         rates.append(own)
-    return {"flow": {**field, "rates": rates, "plates": moved["plates"]}}
+    return {"flow": {**field, "rates": rates, "plates": moved}}
 
 
 def _shared(laws: list[Any], strain: Sequence[Fraction], others: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
     """S of every cone, with its share of a strain rate, but for the first, which has the rest."""
     found, first = list[list[Fraction]](), [whole - sum(parts) for whole, *parts in zip(strain, *others, strict=True)]
     for (_, beta, gamma2), (trace, *d) in zip(laws, [first, *others], strict=True):
-        s = trace / beta if beta else _root(dot(d, d) + (trace**2 / gamma2 if gamma2 else 0))
+        square = dot(d, d) + (trace**2 / gamma2 if gamma2 else 0)
+        s = trace / beta if beta else Fraction(math.sqrt(square) * (1.0 + 1e-15))  # not below the root
         found.append([s, trace, *d] if found else [s])
     return found
 
@@ -443,11 +440,6 @@ def _cost(laws: list[Any], strain: Sequence[Fraction], shares: list[Any]) -> flo
         return float(dissipated(0, list(strain), laws, shares))
     except ValueError:
         return np.inf
-
-
-def _root(x: Fraction) -> Fraction:
-    """A number not below √x."""
-    return Fraction(math.sqrt(x) * (1.0 + 1e-15))
 
 
 def _held(stated: Statement, space: Velocities) -> Iterator[tuple[int, Vector, int]]:
@@ -471,11 +463,6 @@ def _held(stated: Statement, space: Velocities) -> Iterator[tuple[int, Vector, i
 def _sticks(known: dict[str, Any]) -> bool:
     """Whether a contact whose bodies do not part carries any shear."""
     return bool(known["law"] == "tied" or (known["friction"] > 0 and known["shear_limit"] is None))
-
-
-def _rigid(motion: Sequence[Fraction], at: Vector) -> Vector:
-    """The velocity (a − θ y, b + θ x) of a motion (a, b, θ)."""
-    return motion[0] - motion[2] * at[1], motion[1] + motion[2] * at[0]
 
 
 def _rigid_row(body: int, d: Vector, at: Vector) -> Terms:
@@ -517,9 +504,8 @@ def _value(terms: Terms, values: Sequence[Fraction]) -> Fraction:
 
 
 def _exactly(
-    stated: Statement, space: Velocities, velocities: FloatArray, plates: Mapping[str, RigidMotion], strong: BoolArray,
-    keeps: BoolArray,
-) -> dict[str, Any]:  # fmt: skip
+    stated: Statement, space: Velocities, velocities: FloatArray, plates: Mapping[str, RigidMotion], keeps: BoolArray
+) -> tuple[list[Any], dict[str, Any]]:
     """Ordinates of velocities, and motions of plates about their pivots, that keep exactly what is held.
 
     They are near those in floating point. Unknown are the motions (a − θ y, b + θ x) of rigid parts and plates, stream
@@ -535,12 +521,15 @@ def _exactly(
         one, none = np.ones(len(own)), np.zeros(len(own))
         A = np.concatenate([np.column_stack([one, none, -y]), np.column_stack([none, one, x])])
         values += map(Fraction, np.linalg.lstsq(A, rounded[own].T.ravel(), rcond=None)[0].tolist())
-    bodies = {name: parts + n for n, name in enumerate(stated.plates)}
+    bodies, pivots = {name: parts + n for n, name in enumerate(stated.plates)}, dict[str, list[Terms]]()
     for name, known in stated.plates.items():
         values += [Fraction(x) for x in (*plates[name].at(np.zeros(2)).tolist(), plates[name].rotation)]
-        pivot = [*(_rigid_row(bodies[name], axis, known["pivot"]) for axis in _AXES), {3 * bodies[name] + 2: ONE}]
-        rows += [row for row, force in zip(pivot, known["forces"], strict=True) if force is None]
-    blocks = np.where(strong, space.rigid[space.global_[:, 0]], -1)
+        pivots[name] = [_rigid_row(bodies[name], axis, known["pivot"]) for axis in _AXES] + [
+            {3 * bodies[name] + 2: ONE}
+        ]
+        rows += [row for row, force in zip(pivots[name], known["forces"], strict=True) if force is None]
+    of_cells = space.rigid[space.global_]
+    blocks = np.where((of_cells >= 0).all(axis=1), of_cells[:, 0], -1)
     for contact, known in zip(stated.contacts, stated.about["contacts"], strict=True):
         rows += _at_limits(stated, contact, known, blocks, bodies.get(contact.name, -1), values)
 
@@ -560,13 +549,8 @@ def _exactly(
     all_rows = [(row, ZERO) for row in rows]
     values = solved([*smooth.at_vertices(), *all_rows, *smooth.conditions()] if smooth else all_rows, values)
     found = [[_value(terms, values) for terms in moving[n]] for n in range(space.count)]
-    moved = {each.name: [ZERO] * 3 for each in stated.contacts}
-    for name, known in stated.plates.items():
-        motion = values[3 * bodies[name] :]
-        moved[name] = [*_rigid(motion, known["pivot"]), motion[2]]
-    exact = [[[found[cell[n]] for n in part] for part in space.nodes.of_parts.tolist()]
-             for cell in space.global_.tolist()]  # fmt: skip
-    return {"velocities": exact, "plates": moved}
+    moved = {each.name: [_value(row, values) for row in pivots.get(each.name, [{}] * 3)] for each in stated.contacts}
+    return [[[found[cell[n]] for n in part] for part in space.nodes.of_parts] for cell in space.global_], moved
 
 
 def _places(stated: Statement, space: Velocities) -> list[Vector]:

@@ -366,7 +366,8 @@ class StressProgram:
         qvi, high = self.low.qvi, self.high.qvi
         first, second = (np.concatenate([part.n0, part.t0]) for part in (qvi, high))
         slope, b_slope = second - first, high.b - qvi.b
-        G, A = sparse.csr_array(H @ qvi.contact_rows), sparse.csr_array(qvi.A)
+        G: Any = sparse.csr_array(H @ qvi.contact_rows)
+        A: Any = sparse.csr_array(qvi.A)
         columns = np.sqrt(np.asarray(G.multiply(G).sum(axis=0))).ravel()
         units = sparse.diags_array(1.0 / np.where(columns > 0.0, columns, 1.0))  # tolerances are for numbers near 1
         h, h_slope, b = limit - H @ (first - slope), -(H @ slope), qvi.b - b_slope
