@@ -30,7 +30,7 @@ from qvi_contact.basics.writing import write_text
 from qvi_contact.element import legendre
 from qvi_contact.element.triangle import EDGES
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.limit.check_proof import FORMAT, at_factor, check, cross, dissipated, dot, gradient, less, triangles
+from qvi_contact.limit.check_proof import FORMAT, at_factor, check, dissipated, dot, gradient, less, triangles
 from qvi_contact.limit.check_proof import exponents as _exponents
 from qvi_contact.limit.flow import FlowProgram, Velocities
 from qvi_contact.limit.rational import (
@@ -160,16 +160,12 @@ class Statement:
         self.cells: list[list[int]] = self.mesh.cells.tolist()
         parts = [[cell[a], cell[b], len(self.points) + n] for n, cell in enumerate(self.cells) for a, b in EDGES]
         centres = [middle([self.points[v] for v in cell]) for cell in self.cells]
-        # parts of triangles have their corners counterclockwise, if need be with the first two in the other order
-        self.turned = [cross(self.edge((i, j)), less(centres[n // 3], self.points[i])) < 0
-                       for n, (i, j, _) in enumerate(parts)]  # fmt: skip
         self.about: dict[str, Any] = {
             "format": FORMAT,
             "about": "bounds of a limit load; check_proof.py says what this means, and checks it",
             "multiplied": list(names),
             "vertices": self.points + centres,
-            "triangles": [[j, i, c] if turned else [i, j, c]
-                          for turned, (i, j, c) in zip(self.turned, parts, strict=True)],
+            "triangles": parts,
             "body_force": [[-c for c in potential[1:]] for potential in self.potentials],
             "strengths": [[] if law is None else list(self._cones(law, plane)) for law in laws],
             "strength_of": np.repeat(problem.cell_materials, 3).tolist(),
@@ -297,18 +293,10 @@ def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
             factor += amounts[1] / (amounts[0] - amounts[1]) if len(amounts) == 2 else ONE
 
 
-def _in_file(stated: Statement, degree: int, cells: Iterable[Sequence[Any]]) -> list[list[Any]]:
-    """Ordinates (3, count) on the parts of cells in the order of the file."""
-    number = {alpha: n for n, alpha in enumerate(_exponents(degree))}
-    swapped = [number[j, i, k] for i, j, k in number]
-    return [[part[n] for n in swapped] if turned else list(part)
-            for turned, part in zip(stated.turned, (part for cell in cells for part in cell), strict=True)]  # fmt: skip
-
-
 def _stresses(stated: Statement, p: int, factor: Fraction, airy: Iterable[Sequence[Any]]) -> list[list[Any]]:
     """σ = (Φ_yy + φ, Φ_xx + φ, −Φ_xy) of ordinates of Φ."""
     found, c = [], stated.potential(factor)
-    ordinates = _in_file(stated, p, [[[(value,) for value in part] for part in cell] for cell in airy])
+    ordinates = [[(value,) for value in part] for cell in airy for part in cell]
     for t, _, _, slopes, values in triangles(stated.about, {"degree": p, "ordinates": ordinates}):
         first = dict(zip(_exponents(p - 1), (slope for (slope,) in gradient(values, slopes)), strict=True))
         corners, stress = [stated.about["vertices"][n] for n in stated.about["triangles"][t]], []
@@ -407,14 +395,13 @@ def _flow(
     shares: Mapping[int, FloatArray],
 ) -> dict[str, Any]:  # fmt: skip
     """The part of a proof about velocities, with what all cones dissipate: one of them, or shares of all, if given."""
-    cells, moved = _exactly(stated, space, velocities, plates, keeps)
-    field, rates = {"degree": space.degree, "ordinates": _in_file(stated, space.degree, cells)}, []
-    alphas, zero = _exponents(space.degree - 1), [ZERO] * 3
+    parts, moved = _exactly(stated, space, velocities, plates, keeps)
+    field, rates = {"degree": space.degree, "ordinates": parts}, list[Any]()
+    zero = [ZERO] * 3
     for t, laws, _, slopes, v in triangles(stated.about, field):
         own = list[Any]()
-        for (i, j, k), ((u_x, u_y), (v_x, v_y)) in zip(alphas, gradient(v, slopes), strict=True):
-            strain = [u_x + v_y, u_x - v_y, u_y + v_x]
-            number = t * len(alphas) + alphas.index((j, i, k) if stated.turned[t] else (i, j, k))
+        strains = [[u_x + v_y, u_x - v_y, u_y + v_x] for (u_x, u_y), (v_x, v_y) in gradient(v, slopes)]
+        for number, strain in enumerate(strains, t * len(strains)):
             others = [[strain if n == m else zero for n in range(1, len(laws))] for m in range(len(laws))]
             if number in shares:
                 others.append([[Fraction(x) for x in share] for share in shares[number].tolist()])
@@ -550,7 +537,7 @@ def _exactly(
     values = solved([*smooth.at_vertices(), *all_rows, *smooth.conditions()] if smooth else all_rows, values)
     found = [[_value(terms, values) for terms in moving[n]] for n in range(space.count)]
     moved = {each.name: [_value(row, values) for row in pivots.get(each.name, [{}] * 3)] for each in stated.contacts}
-    return [[[found[cell[n]] for n in part] for part in space.nodes.of_parts] for cell in space.global_], moved
+    return [[found[cell[n]] for n in part] for cell in space.global_ for part in space.nodes.of_parts], moved
 
 
 def _places(stated: Statement, space: Velocities) -> list[Vector]:
