@@ -16,10 +16,9 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
 from qvi_contact.limit.flow import BodyMotion, FlowProgram
-from qvi_contact.limit.proof import Proof, Statement, carried, exceeded, exceeded_by_blocks, proof_of
 from qvi_contact.limit.split import coefficients_of
 from qvi_contact.limit.stresses import CERTIFIED, Carried, StressProgram
-from qvi_contact.mechanism import Mechanism, find_mechanism, upper_bound
+from qvi_contact.mechanism import Mechanism, upper_bound
 from qvi_contact.mechanism.bodies import BODY, FLUID
 from qvi_contact.problem.conditions import DRIVES, SHEAR_LAW, Condition, Contact, Traction, components
 from qvi_contact.problem.fields import BodyForces
@@ -172,57 +171,6 @@ def limit_load_factor(
         sides = f"this mesh carries {limit.lower:.9g} times the loads, no stress more than {limit.upper:.9g} times"
         log.end("solved", sides, {}, solved=True)
     return limit
-
-
-def limit_proof(
-    problem: ContactProblem,
-    loads: Sequence[str],
-    *,
-    degree: int | None = None,
-    time_limit: float | None = None,
-) -> dict[str, Any]:
-    """A proof in rational numbers of both sides of `limit_load_factor`, or that the loads cannot be carried.
-
-    It holds loads, strengths and laws; stresses that carry the named loads times a factor just below
-    `LimitLoad.lower`; and velocities which show that none carries more than a factor just above `LimitLoad.upper`.
-    Without names of loads it has only velocities, of rigid blocks, which show that no stress carries all loads as they
-    are. `qvi_contact/limit/check_proof.py`, a script that needs Python's standard library alone, checks it exactly.
-
-    Parameters
-    ----------
-    problem : ContactProblem
-        The problem: straight triangles; friction, strengths and caps that are numbers.
-    loads : sequence of str
-        Names of the loads to multiply, see `limit_load_factor`.
-    degree, time_limit
-        As for `limit_load_factor`.
-
-    Returns
-    -------
-    dict
-        To be saved as JSON. A side that cannot be proved is left out; "missing" says why.
-
-    Raises
-    ------
-    InputError
-        If the problem has something that proof files do not hold.
-    SolveError
-        If there is no finite bound, or no proof holds in exact arithmetic.
-
-    """
-    with deadline(time_limit):
-        posed = LimitProblem.of(problem, checked_loads(problem, loads) if len(loads) else (), degree=degree)
-        names, k = posed.names, posed.low.space.traction_degree
-
-        def of_blocks(stated: Statement) -> dict[str, Any]:
-            return exceeded_by_blocks(stated, posed.of_blocks[1] if names else find_mechanism(problem))
-
-        ways: list[tuple[str, Proof]] = [("upper", of_blocks)]
-        if names and problem.yields:
-            ways = [("upper", lambda stated: exceeded(stated, posed.flow)), *ways]
-        if names:
-            ways = [("lower", lambda stated: carried(stated, posed.stresses)), *ways]
-        return proof_of(problem, names, k, ways)
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,6 +33,7 @@ from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.check_proof import FORMAT, at_factor, check, dissipated, dot, gradient, less, triangles
 from qvi_contact.limit.check_proof import exponents as _exponents
 from qvi_contact.limit.flow import FlowProgram, Velocities
+from qvi_contact.limit.load_factor import LimitProblem, checked_loads
 from qvi_contact.limit.rational import (
     ONE,
     ZERO,
@@ -47,15 +48,13 @@ from qvi_contact.limit.rational import (
 )
 from qvi_contact.limit.split import lattice, part_corners
 from qvi_contact.limit.stresses import StressProgram
-from qvi_contact.mechanism import Mechanism, RigidMotion
+from qvi_contact.mechanism import RigidMotion, find_mechanism
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import CARTESIAN, SHEAR_LAW, Contact, Symmetry, Traction, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.material import MohrCoulomb, Strength
 from qvi_contact.problem.problem import ContactProblem
-
-Proof: TypeAlias = Callable[["Statement"], dict[str, Any]]
-"""A way to prove a side."""
+from solvers.basics.progress import deadline
 
 _KEPT_BACK: Final = 1e-6  # share of the way to a state inside that a proof keeps back for rounding
 _KEPT_BACK_ABOVE: Final = 1e-9  # the same of flows: those inside may dissipate much more
@@ -68,42 +67,71 @@ _Edge: TypeAlias = tuple[int, int]
 _Load: TypeAlias = tuple[Vector, list[list[Fraction]]]  # d, and ordinates of d·σn that stay and that are multiplied
 
 
-def proof_of(
-    problem: ContactProblem, names: Sequence[str], degree: int, ways: Sequence[tuple[str, Proof]]
+def limit_proof(
+    problem: ContactProblem,
+    loads: Sequence[str],
+    *,
+    degree: int | None = None,
+    time_limit: float | None = None,
 ) -> dict[str, Any]:
-    """A proof as `check_proof.check` reads it, of the sides that can be proved; "missing" says why others are not.
+    """A proof in rational numbers of both sides of `limit_load_factor`, or that the loads cannot be carried.
 
-    Of several ways to prove a side that with the lowest bound is taken. Tractions are stated by polynomials of the
-    degree.
+    It holds loads, strengths and laws; stresses that carry the named loads times a factor just below
+    `LimitLoad.lower`; and velocities which show that none carries more than a factor just above `LimitLoad.upper`.
+    Without names of loads it has only velocities, of rigid blocks, which show that no stress carries all loads as they
+    are. `qvi_contact/limit/check_proof.py`, a script that needs Python's standard library alone, checks it exactly.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        The problem: straight triangles; friction, strengths and caps that are numbers.
+    loads : sequence of str
+        Names of the loads to multiply, see `limit_load_factor`.
+    degree, time_limit
+        As for `limit_load_factor`.
+
+    Returns
+    -------
+    dict
+        To be saved as JSON. A side that cannot be proved is left out; "missing" says why.
 
     Raises
     ------
-    InputError, SolveError
-        What the first of the sides raises, if none is proved.
+    InputError
+        If the problem has something that proof files do not hold.
+    SolveError
+        If there is no finite bound, or no proof holds in exact arithmetic.
 
     """
-    stated = Statement(problem, names, degree)
-    about, found = _written(stated.about), dict[str, tuple[Any, dict[str, Any]]]()
-    errors: dict[str, InputError | SolveError] = {}
-    for side, prove in ways:
-        try:
-            part = _written(prove(stated))
-            lower, upper, _ = check(about | part)
-        except (InputError, SolveError) as error:
-            errors.setdefault(side, error)
-        except (ValueError, OutOfBalanceError) as error:
-            remedy = "take a mesh that is less graded, or change the loads that are not multiplied by a millionth"
-            errors.setdefault(side, SolveError(f"proof: in exact arithmetic {error}: {remedy}"))
-        else:
-            bound = lower if side == "lower" else upper
-            if side not in found or bound < found[side][0]:
-                found[side] = bound, part
-    if not found:
-        raise next(iter(errors.values()))
-    proof: dict[str, Any] = about | {"missing": {side: str(errors[side]) for side in errors if side not in found}}
-    for _, part in found.values():
-        proof |= part
-    return proof
+    with deadline(time_limit):
+        posed = LimitProblem.of(problem, checked_loads(problem, loads) if len(loads) else (), degree=degree)
+        stated = Statement(problem, posed.names, posed.low.space.traction_degree)
+        ways: dict[Callable[[], dict[str, Any]], str] = {lambda: exceeded_by_blocks(stated, posed): "upper"}
+        if posed.names and problem.yields:
+            ways = {lambda: exceeded(stated, posed.flow): "upper", **ways}
+        if posed.names:
+            ways = {lambda: carried(stated, posed.stresses): "lower", **ways}
+        about, found = _written(stated.about), dict[str, tuple[Any, dict[str, Any]]]()
+        errors: dict[str, InputError | SolveError] = {}
+        for prove, side in ways.items():  # of several ways to prove a side that with the lowest bound is taken
+            try:
+                part = _written(prove())
+                lower, upper, _ = check(about | part)
+            except (InputError, SolveError) as error:
+                errors.setdefault(side, error)
+            except (ValueError, OutOfBalanceError) as error:
+                remedy = "take a mesh that is less graded, or change the loads that are not multiplied by a millionth"
+                errors.setdefault(side, SolveError(f"proof: in exact arithmetic {error}: {remedy}"))
+            else:
+                bound = lower if side == "lower" else upper
+                if side not in found or bound < found[side][0]:
+                    found[side] = bound, part
+        if not found:
+            raise next(iter(errors.values()))
+        proof: dict[str, Any] = about | {"missing": {side: str(errors[side]) for side in errors if side not in found}}
+        for _, part in found.values():
+            proof |= part
+        return proof
 
 
 def save_proof(path: str | Path, proof: dict[str, Any]) -> None:
@@ -362,8 +390,9 @@ def _rounded_airy(program: StressProgram, unknowns: FloatArray) -> FloatArray:
     return np.asarray(ordinates * low.scales.airy)
 
 
-def exceeded_by_blocks(stated: Statement, mechanism: Mechanism | None) -> dict[str, Any]:
+def exceeded_by_blocks(stated: Statement, posed: LimitProblem) -> dict[str, Any]:
     """The part of a proof that says what no stress carries, from velocities of rigid blocks."""
+    mechanism = posed.of_blocks[1] if posed.names else find_mechanism(posed.problem)
     if mechanism is None:
         raise SolveError("proof: no motion of rigid blocks bounds the loads")
     keeps = np.zeros(len(mechanism.blocks), dtype=bool)
