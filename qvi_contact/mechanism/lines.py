@@ -10,8 +10,8 @@ against it. Without a cap this is c |[v]_T| if w ≥ μ |[v]_T|, and infinite if
 rigid bodies is constant and w linear, so that conditions at the ends of the line are enough where μ is constant.
 
 Where μ is a function it is replaced on short pieces of edges by the least affine function that is not below its samples
-there and has the slope of the chord: π becomes larger, and what it proves stays proved. So are c and t_max where they
-jump or have kinks inside edges, as far as samples show it.
+there and has the slope of the chord: π becomes larger, and what it proves stays proved. Integrals of c and t_max are
+taken on parts where these jump or bend, as far as samples show it, and what is left as their error makes π larger.
 
 | law                            | condition                    | ∫ π ds                                     |
 |--------------------------------|------------------------------|--------------------------------------------|
@@ -34,7 +34,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.element import bernstein
-from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.element.quadrature import adapted, constant
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mesh.edges import Edges, angles, points_along, vectors_along
 from qvi_contact.problem.conditions import Contact
@@ -43,7 +43,6 @@ from qvi_contact.problem.problem import ContactProblem
 _PIECES: Final = 8  # of an edge, where friction is a function
 _SAMPLES: Final = 8  # steps in each of them
 _POINTS: Final = 8  # Gauss points where cohesion and cap are integrated
-_SMOOTH: Final = 1e-10  # share of the values, difference of two quadratures that is rounding, or next to it
 _ROUNDING: Final = 16.0 * np.finfo(float).eps
 _SAME: Final = 1e-9  # share of a line within which two places are one
 _CAPPED_PIECES: Final = 4  # of a line, where a cap lets part of the slip dilate
@@ -179,63 +178,46 @@ class Line:
 
     def shear_work(self) -> float:
         """∫ π ds for a slip of 1 and no opening to spare: of t_max, of c, or of the smaller one."""
-        return float(self._integrated(self.edges)[0].sum())
+        parts, _, error = self._integrated(self.edges, saved=False)
+        return float(parts.sum()) + error
 
     def relief(self) -> FloatArray:
         """∫ (t_max − c)⁺ N_i ds (p,) of the hat functions N_i of the places, or of B_i: what dilatant slip saves."""
         if self.arc is not None:
-            _, saved, s = self._integrated(self.edges)
-            return np.asarray(saved.ravel() @ bernstein.basis(_DEGREE, s.ravel() / self.edges[0, 1]))
+            parts, s, error = self._integrated(self.edges, saved=True)
+            return np.maximum(parts.ravel() @ bernstein.basis(_DEGREE, s.ravel() / self.edges[0, 1]) - error, 0.0)
         count, middle = len(self.places), _POINTS // 2
         low = np.maximum(self.edges[:, 0], self.places[:-1, None])
         high = np.minimum(self.edges[:, 1], self.places[1:, None])
-        _, saved, s = self._integrated(np.stack([low, high], axis=-1)[low < high])
-        at = np.searchsorted(self.places, s[:, middle]) - 1  # every piece lies between two places
+        parts, s, error = self._integrated(np.stack([low, high], axis=-1)[low < high], saved=True)
+        at = np.searchsorted(self.places, s[:, middle]) - 1  # every part lies between two places
         share = (s - self.places[at, None]) / np.diff(self.places)[at, None]
-        first, second = (saved * (1.0 - share)).sum(axis=1), (saved * share).sum(axis=1)
-        return np.asarray(np.bincount(at, first, count) + np.bincount(at + 1, second, count))
+        first, second = (parts * (1.0 - share)).sum(axis=1), (parts * share).sum(axis=1)
+        found = np.bincount(at, first, count) + np.bincount(at + 1, second, count) - error
+        return np.asarray(np.maximum(found, 0.0))
 
-    def _integrated(self, pieces: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Bound of shear, (t_max − c)⁺, both times weights, and places (n, q) of Gauss points in pieces (n, 2).
+    def _integrated(self, pieces: FloatArray, *, saved: bool) -> tuple[FloatArray, FloatArray, float]:
+        """Bound of shear without opening, or (t_max − c)⁺, in pieces (n, 2): parts of it, places, the error."""
+        contact = self.contact
 
-        Where a rule on the piece and on its parts differ, the functions are replaced by affine ones on small parts: the
-        bound of shear by one that is not below its samples, what is saved by one that is not above them.
-        """
-        t, weights = gauss_legendre(_POINTS)
-        uneven = self._uneven(pieces)
-        bound, saved = self._limits(pieces, t)
-        if uneven.any():
-            parts = _parts(pieces[uneven], _PIECES**2)
-            samples = self._limits(parts, np.linspace(0.0, 1.0, _SAMPLES + 1))
-            above, below = _along(_above(samples[0], False), t), -_along(_above(-samples[1], False), t)
-            pieces = np.concatenate([pieces[~uneven], parts])
-            bound = np.concatenate([bound[~uneven], above])
-            saved = np.concatenate([saved[~uneven], np.maximum(below, 0.0)])
-        scaled = weights * np.diff(pieces, axis=1)
-        return bound * scaled, saved * scaled, _along(pieces, t)
+        def values(piece: IntArray, t: FloatArray) -> FloatArray:
+            s = _along(pieces[piece], t)
+            x, y = self.points(s.ravel()).T.reshape(2, *s.shape)
+            cohesion = evaluate("Contact.cohesion", contact.cohesion, x, y, minimum=0.0)
+            if contact.shear_limit is None:
+                return cohesion
+            cap = evaluate("Contact.shear_limit", contact.shear_limit, x, y, minimum=0.0)
+            if saved:
+                return np.maximum(cap - cohesion, 0.0)
+            return cap if self.rough else np.minimum(cohesion, cap)
 
-    def _uneven(self, pieces: FloatArray) -> BoolArray:
-        """Pieces (n, 2) along which cohesion or cap are functions with jumps or kinks."""
-        if not (callable(self.contact.cohesion) or callable(self.contact.shear_limit)):
-            return np.zeros(len(pieces), dtype=bool)
-        t, weights = gauss_legendre(_POINTS)
-        found = np.zeros(len(pieces), dtype=bool)
-        whole, divided = self._limits(pieces, t), self._limits(_parts(pieces, _PIECES), t)
-        for values, finer in zip(whole, divided, strict=True):
-            mean = (finer @ weights).reshape(-1, _PIECES).mean(axis=1)
-            found |= np.abs(values @ weights - mean) > _SMOOTH * np.abs(finer).max(initial=0.0)
-        return found
-
-    def _limits(self, pieces: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Bound of shear without opening, and (t_max − c)⁺, at the points t (q,) of pieces: (n, q) each."""
-        s = _along(pieces, t)
-        x, y = self.points(s.ravel()).T.reshape(2, *s.shape)
-        cohesion = evaluate("Contact.cohesion", self.contact.cohesion, x, y, minimum=0.0)
-        if self.contact.shear_limit is None:
-            return cohesion, np.zeros(s.shape)
-        cap = evaluate("Contact.shear_limit", self.contact.shear_limit, x, y, minimum=0.0)
-        bound = cap if self.rough else np.minimum(cohesion, cap)
-        return bound, np.maximum(cap - cohesion, 0.0)
+        if callable(contact.cohesion) or callable(contact.shear_limit):
+            found = adapted(values, len(pieces), _POINTS)
+        else:
+            found = constant(values(np.zeros(1, dtype=np.int64), np.zeros((1, 1))).item(), len(pieces), _POINTS)
+        lengths = np.diff(pieces, axis=1)
+        parts = found.values * found.weights * lengths[found.edge]
+        return parts, _along(pieces[found.edge], found.t), found.error * float(lengths.max())
 
 
 def _along(ends: FloatArray, t: FloatArray) -> FloatArray:
