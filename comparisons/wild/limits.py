@@ -33,7 +33,6 @@ from qvi_contact import (
 )
 from qvi_contact.limit import check
 from qvi_contact.limit.load_factor import LimitProblem
-from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.problem.conditions import Condition, Law
 from qvi_contact.problem.material import Plane, Strength
 
@@ -130,7 +129,7 @@ def _why_nothing(problem: ContactProblem, load: str, degree: int, upper: float) 
     lacking = []
     for each in (problem, fine):
         posed = LimitProblem.of(each, (load,), degree=min(degree, 4))
-        lacking.append(-StressProgram(posed.low, posed.high).room())
+        lacking.append(-posed.stresses.room())
     if lacking[0] < ROUNDING:
         return "rounding: limits leave no room"
     if lacking[1] < LASTING * lacking[0]:

@@ -248,8 +248,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
 def _write_proof(path: str, problem: ContactProblem, loads: Iterable[str], degree: int | None) -> list[str]:
     """Write a proof file; what people read of it."""
     from qvi_contact.limit import check_proof as proofs
-    from qvi_contact.limit.load_factor import limit_proof
-    from qvi_contact.limit.proof import save_proof
+    from qvi_contact.limit.proof import limit_proof, save_proof
 
     proof = limit_proof(problem, list(loads), degree=degree)
     save_proof(path, proof)

@@ -224,7 +224,7 @@ def _refined(
     if last is None:
         raise SolveError(f"limit load: {stop.reason}: use a coarser or less graded mesh")
     name = f"limit load factor of {', '.join(strategy.names)}"
-    return LimitRefinement(quantity=name, limit=answer.limit, problem=answer.posed.problem, **said)
+    return LimitRefinement(quantity=name, limit=answer.limit, problem=answer.problem, **said)
 
 
 def _in_rounds(

@@ -21,7 +21,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate,
 from qvi_contact.basics.units import Certainty
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError, QVIError
-from qvi_contact.limit.load_factor import LimitAnalysis, LimitProblem
+from qvi_contact.limit.load_factor import LimitProblem
 from qvi_contact.mesh.edges import Edges, cross, frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import SPRINGS, has_coulomb
@@ -378,15 +378,16 @@ class LimitStrategy:
             if name not in _SPACE:
                 raise InputError(name, value, "is not for limit loads: give degree or law_on")
 
-    def answer(self, mesh: TriangleMesh) -> LimitAnalysis:
+    def answer(self, mesh: TriangleMesh) -> LimitProblem:
         """Both sides on the mesh."""
         problem = self.problem if self.problem.mesh is mesh else replace(self.problem, mesh=mesh)
         posed = LimitProblem.of(problem, self.names, **self.settings.options)
         if posed.unknowns > self.settings.max_unknowns:
             raise StopError(RefinementStatus.UNKNOWNS, f"a mesh of {posed.unknowns} unknowns is needed")
-        return posed.solved()
+        _ = posed.limit  # errors belong to this mesh
+        return posed
 
-    def assessed(self, mesh: TriangleMesh, answer: LimitAnalysis, _earlier: Sequence[Round], /) -> Round:
+    def assessed(self, mesh: TriangleMesh, answer: LimitProblem, _earlier: Sequence[Round], /) -> Round:
         """How far apart both sides are; and on which edges, or of a body that yields in which triangles."""
         limit = answer.limit
         if limit.violation > _VIOLATED:
@@ -395,7 +396,7 @@ class LimitStrategy:
         same = limit.lower == limit.upper  # both may be infinite
         unit = max(abs(limit.upper), _SMALL) if np.isfinite(limit.upper) else 1.0
         estimate = 0.0 if same else max(limit.upper - limit.lower, 0.0) / unit
-        exact = np.isfinite(estimate) and loads_followed(answer.posed.low) and loads_followed(answer.posed.high)
+        exact = np.isfinite(estimate) and loads_followed(answer.low) and loads_followed(answer.high)
         if self.problem.yields:
             parts = np.ones(mesh.cell_count) if limit.collapse is None else limit.collapse.gap
             needed = (1.0 - _INSIDE * self.settings.target / max(estimate, self.settings.target)) / _REMOVED
@@ -403,13 +404,13 @@ class LimitStrategy:
             exact &= not mesh.curved.any()  # strengths hold on the straight triangles
         else:
             on_edges, parts = list(_edge_gaps(answer)), np.zeros(mesh.cell_count)
-            for edges, part in zip(_limited_edges(answer.posed.problem), on_edges, strict=True):
+            for edges, part in zip(_limited_edges(answer.problem), on_edges, strict=True):
                 inside = edges.cells >= 0
                 for side in (0, 1):  # in equal shares for the cells beside an edge
                     np.add.at(parts, edges.cells[inside[:, side], side], (part / inside.sum(axis=1))[inside[:, side]])
             finer = partial(self._finer_at_contacts, mesh, on_edges)
         certainty = Certainty.GUARANTEED if exact else Certainty.ESTIMATE
-        record = RefinementRound(mesh.cell_count, answer.posed.unknowns, limit.lower, estimate, certainty)
+        record = RefinementRound(mesh.cell_count, answer.unknowns, limit.lower, estimate, certainty)
         return Round(answer=answer, record=record, unit=unit, parts=parts, finer=finer)
 
     def _finer_at_contacts(self, mesh: TriangleMesh, parts: Sequence[FloatArray]) -> TriangleMesh:
@@ -458,16 +459,16 @@ def _limited_edges(problem: ContactProblem) -> Iterator[Edges]:
             yield problem.mesh.edges(contact.edges)
 
 
-def _edge_gaps(answer: LimitAnalysis) -> Iterator[FloatArray]:
+def _edge_gaps(answer: LimitProblem) -> Iterator[FloatArray]:
     """∫ (π(w', s) − |σ_N| w' − σ_T s) ds of edges (n,) of each contact, (D25); 1 for all where there is no state."""
-    posed, carried = answer.posed, answer.carried
-    if carried is None or carried.tractions is None or carried.motion is None:
-        yield from (np.ones(len(edges)) for edges in _limited_edges(posed.problem))
+    carried = answer.carried
+    if carried.tractions is None or carried.motion is None:
+        yield from (np.ones(len(edges)) for edges in _limited_edges(answer.problem))
         return
-    rule = posed.low.rule
+    rule = answer.low.rule
     normal, shear = (rule.at_points(half) for half in np.split(carried.tractions, 2))
     opening, slip = (rule.multipliers_at_points(half) for half in np.split(carried.motion, 2))
-    for rows in posed.low.contacts:
+    for rows in answer.low.contacts:
         if rows.law != "tied":
             N, T, w, s = (part[rows.rows] for part in (normal, shear, opening, slip))
             size, friction, unilateral = np.abs(s), rows.limits.friction, ~rows.bilateral

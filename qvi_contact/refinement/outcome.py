@@ -204,7 +204,7 @@ class Settings:
 class Round:
     """An answer and how far it is off."""
 
-    answer: Any  # a ContactResult, History or LimitAnalysis
+    answer: Any  # a ContactResult, History or LimitProblem
     record: RefinementRound  # what is kept of the round
     unit: float  # what the error of the quantity is relative to
     parts: FloatArray  # (cells,): in which proportion cells have a share in it
