@@ -386,14 +386,20 @@ class MeshTable:
             raise type(error)("remove", shown, error.remedy) from error
 
 
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class _Place:
     """Edges that are given in one way: by a line of a grid, or by a segment or box of any mesh."""
 
-    name: str
-    start: float | None
-    stop: float | None
-    at: float | None
-    segment: tuple[Point, Point] | None
+    name: schema.Name
+    """What conditions call it: `name = "base"`."""
+    start: float | None = None
+    """Where it begins along its line of a grid: `start = 0.5`."""
+    stop: float | None = None
+    """Where it ends: `stop = 1.5`."""
+    at: float | None = None
+    """Coordinate across that line; a side needs it only if it has several: `at = 0.0`."""
+    segment: tuple[Point, Point] | None = None
+    """What lies between two points: `segment = [[0.0, 0.0], [2.0, 0.0]]`."""
 
     def pairs(self, mesh: TriangleMesh, lines: Lines | None) -> IntArray:
         """The edges (k, 2) by their vertices; `lines` are those of a grid."""
@@ -427,18 +433,8 @@ class _Place:
 class EdgesTable(_Place):
     """A named part of the boundary: by side and range on a grid, by segment or box on any mesh."""
 
-    name: schema.Name
-    """What conditions call this part of the boundary: `name = "base"`."""
     side: Literal["bottom", "right", "top", "left"] | None = None
     """Side of a grid: bottom, right, top or left: `side = "bottom"`."""
-    start: float | None = None
-    """Where the part of the side begins: `start = 0.5`."""
-    stop: float | None = None
-    """Where it ends: `stop = 1.5`."""
-    at: float | None = None
-    """Which of several lines of the side, by the coordinate across it: `at = 0.0`."""
-    segment: tuple[Point, Point] | None = None
-    """What lies between two points: `segment = [[0.0, 0.0], [2.0, 0.0]]`."""
     box: Rectangle | None = None
     """What lies inside a box: `box = { y = [0.9, 1.1] }`."""
 
@@ -450,18 +446,8 @@ class EdgesTable(_Place):
 class JointTable(_Place):
     """A named line inside the body: by direction and range on a grid, by segment on any mesh."""
 
-    name: schema.Name
-    """What the contact calls this line: `name = "joint"`."""
     direction: Literal["horizontal", "vertical"] | None = None
     """Direction on a grid: horizontal or vertical: `direction = "horizontal"`."""
-    at: float | None = None
-    """Coordinate across the line: `at = 1.0`."""
-    start: float | None = None
-    """Where the line begins: `start = 0.0`."""
-    stop: float | None = None
-    """Where the line ends: `stop = 2.0`."""
-    segment: tuple[Point, Point] | None = None
-    """The line between two points: `segment = [[0.0, 1.0], [2.0, 1.0]]`."""
 
     def __post_init__(self) -> None:
         _one_way(self, {("direction", "at"): ("start", "stop"), ("segment",): ()})
