@@ -23,8 +23,8 @@ from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.element import legendre
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
-from qvi_contact.files.archive import OWN, STORE, Archive, result_from_archive, solution_names
-from qvi_contact.files.export import field_arrays, json_ready
+from qvi_contact.files.archive import OWN, STORE, Archive, json_ready, result_from_archive, solution_names
+from qvi_contact.files.export import field_arrays
 from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Traction, is_frictionless
 from qvi_contact.solution.contact_line import ContactState

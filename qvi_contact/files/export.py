@@ -22,7 +22,7 @@ from qvi_contact.discretization.loads import physical
 from qvi_contact.discretization.space import FAMILY
 from qvi_contact.element.triangle import bernstein, triangle_lattice
 from qvi_contact.errors import InputError
-from qvi_contact.files.archive import solution_arrays, write_archive
+from qvi_contact.files.archive import json_ready, solution_arrays, write_archive
 from qvi_contact.mesh.edges import cross
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine
 from qvi_contact.solution.result import ContactResult, Energies
@@ -128,11 +128,6 @@ def field_arrays(result: ContactResult) -> dict[str, Any]:
 
 def _state(result: ContactResult, units: Units) -> dict[str, Any]:
     """The part of the summary that needs a stress state."""
-    energies = result.energies
-
-    def pair(found: Any, prefix: str, unit: str) -> dict[str, Any]:
-        return {f"{prefix}{axis}": _quantity(getattr(found, axis), unit) for axis in "xy"}
-
     contacts, plates = {}, {}
     for name, line in result.contacts.items():
         numbers, unit = line.summary(), {key: kind.removeprefix("engineering_") for key, kind in SUMMARY.items()}
@@ -143,23 +138,16 @@ def _state(result: ContactResult, units: Units) -> dict[str, Any]:
             "length": {state: _quantity(length, units.length) for state, length in line.lengths.items()},
             "points": len(line.x),
         }
+    pushed = {"x": units.force, "y": units.force, "moment": units.moment}
     for name, motion in result.plates.items():
-        pushed = result.plate_force(name)
-        plates[name] = {
-            **pair(motion, "", units.displacement),
-            "rotation": _quantity(motion.rotation, "rad"),
-            **pair(pushed, "force_", units.force),
-            "moment": _quantity(pushed.moment, units.moment),
-        }
-    resultants = {name: result.resultant(name) for name in result.problem.mesh.edge_names}
+        moved = _quantities(motion, {"x": units.displacement, "y": units.displacement, "rotation": "rad"})
+        force = _quantities(result.plate_force(name), pushed)
+        plates[name] = moved | {"force_x": force["x"], "force_y": force["y"], "moment": force["moment"]}
     return {
         "contacts": contacts,
         "plates": plates,
-        "energies": {field.name: _quantity(getattr(energies, field.name), units.energy) for field in fields(energies)},
-        "resultants": {
-            name: {**pair(force, "", units.force), "moment": _quantity(force.moment, units.moment)}
-            for name, force in resultants.items()
-        },
+        "energies": _quantities(result.energies, {field.name: units.energy for field in fields(Energies)}),
+        "resultants": {name: _quantities(result.resultant(name), pushed) for name in result.problem.mesh.edge_names},
         "traction_misfit": _quantity(result.traction_misfit, units.stress),
     }
 
@@ -174,17 +162,9 @@ def _quantity(value: float | np.floating[Any], unit: str) -> dict[str, Any]:
     return {"value": float(value), "unit": unit}
 
 
-def json_ready(value: Any) -> Any:
-    """The same for JSON, in mappings and lists too: Python's own numbers, and None for those that JSON has not."""
-    if isinstance(value, Mapping):
-        return {str(key): json_ready(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [json_ready(entry) for entry in value]
-    if isinstance(value, (float, np.floating)):
-        return float(value) if np.isfinite(value) else None
-    if isinstance(value, (bool, np.bool_)):
-        return bool(value)
-    return int(value) if isinstance(value, np.integer) else value
+def _quantities(found: object, units: Mapping[str, str]) -> dict[str, Any]:
+    """Attributes with their units."""
+    return {name: _quantity(getattr(found, name), unit) for name, unit in units.items()}
 
 
 _CHUNK: Final = 4096  # cells at a time: their tables stay small
