@@ -246,7 +246,7 @@ class Listed(Kind):
         if not isinstance(value, list):
             raise InputError("", value, "give a list, in [ ]")
         if len(value) < self.least:
-            raise InputError("", value, f"give a list of {self.least} entries")
+            raise InputError("", value, f"give a list of at least {self.least} entries")
         if self.most is not None and len(value) > self.most:
             raise InputError("", value, f"give a list of at most {self.most} entries")
         index = 0

@@ -247,22 +247,20 @@ class OutlineTable:
 
     def mesh(self) -> TriangleMesh:
         """The body divided into triangles."""
-        lines: dict[str, list[Any]] = {"holes": [], "joints": [], "regions": []}
-        names: dict[str, list[str]] = {kind: [] for kind in lines}
+        lines: dict[str, dict[Any, Sequence[Corner]]] = {"holes": {}, "joints": {}, "regions": {}}
         for kind, found in lines.items():
             for index, table in enumerate(getattr(self, kind)):
                 with schema.located(f"{kind}[{index}]", schema.keys_of(LineTable)):
-                    found.append(table.line(kind, names[kind]))
-                names[kind].append(table.name)
-        named = {kind: dict(zip(names[kind], lines[kind], strict=True)) for kind in ("joints", "regions")}
-        sizes = {entry.at: entry.size for entry in self.sizes}
+                    line = table.line(kind, found)
+                found[index if kind == "holes" else table.name] = line
+        holes, sizes = list(lines.pop("holes").values()), {entry.at: entry.size for entry in self.sizes}
         try:
-            return TriangleMesh.outline(self.corners, self.size, holes=lines["holes"], sizes=sizes, **named)
+            return TriangleMesh.outline(self.corners, self.size, holes=holes, sizes=sizes, **lines)
         except InputError as error:
             kind, _, name = error.field.partition(".")
             place = error.field if error.field.split("[")[0] in schema.keys_of(OutlineTable) else ""
-            if name in named.get(kind, ()):
-                place = f"{kind}[{list(named[kind]).index(name)}]"
+            if name in lines.get(kind, ()):
+                place = f"{kind}[{list(lines[kind]).index(name)}]"
             raise type(error)(place, error.value, error.remedy) from error
 
 

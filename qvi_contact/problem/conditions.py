@@ -305,26 +305,14 @@ class Contact:
 
     @classmethod
     def pin(
-        cls,
-        edges: str,
-        friction: Field,
-        centre: tuple[float, float],
-        radius: float,
-        *,
-        name: str = "",
-        force_x: float | None = None,
-        force_y: float | None = None,
-        moment: float | None = None,
-        x: float | None = None,
-        y: float | None = None,
-        rotation: float | None = None,
+        cls, edges: str, friction: Field, centre: tuple[float, float], radius: float, *, name: str = "", **drives: Any
     ) -> Contact:
         """A rigid round pin or disc of this centre and radius, that moves as `RigidPlate` does about its centre.
 
-        The gap is the distance from the body to the disc, √((x − x₀)² + (y − y₀)²) − radius; negative where the disc is
-        larger than its hole. Motions are small.
+        `drives` are force_x, force_y, moment, x, y or rotation of that. The gap is the distance from the body to the
+        disc, √((x − x₀)² + (y − y₀)²) − radius; negative where the disc is larger than its hole. Motions are small.
         """
-        plate = RigidPlate(force_x, force_y, moment, centre, x=x, y=y, rotation=rotation)
+        plate = RigidPlate(**drives, pivot=centre)
         return cls(edges, friction, disc_gap(plate.pivot, radius), name=name, plate=plate)
 
     @classmethod

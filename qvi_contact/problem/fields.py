@@ -9,6 +9,7 @@ from contextlib import redirect_stderr
 from dataclasses import dataclass, field
 from functools import cached_property
 from io import StringIO
+from itertools import zip_longest
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -59,25 +60,21 @@ class Polynomial:
     coefficients: Sequence[Sequence[float]]
 
     def __post_init__(self) -> None:
-        remedy = "give rows of real numbers, [i][j] for xⁱ yʲ"
+        remedy = "give rows of finite real numbers, [i][j] for xⁱ yʲ, at least one"
         try:
             table = [real_array("Polynomial", row, remedy) for row in self.coefficients]
         except TypeError as error:
             raise InputError("Polynomial", self.coefficients, remedy) from error
-        if any(row.ndim != 1 for row in table):
+        if any(row.ndim != 1 or not np.isfinite(row).all() for row in table) or not any(row.size for row in table):
             raise InputError("Polynomial", self.coefficients, remedy)
         if max([len(table), *map(len, table)]) > _MOST_POWERS:
             raise InputError("Polynomial", self.coefficients, f"give powers of x and y below {_MOST_POWERS}")
         rows = tuple(tuple(row.tolist()) for row in table)
-        if not any(rows) or not all(np.isfinite(value) for row in rows for value in row):
-            raise InputError("Polynomial", self.coefficients, "give finite coefficients, at least one")
         object.__setattr__(self, "coefficients", rows)
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y)."""
-        table = np.zeros((len(self.coefficients), max(map(len, self.coefficients))))
-        for i, row in enumerate(self.coefficients):
-            table[i, : len(row)] = row
+        table = np.array(list(zip_longest(*self.coefficients, fillvalue=0.0))).T
         return np.asarray(polynomial.polyval2d(x, y, table))
 
 
