@@ -104,12 +104,8 @@ class Rectangle:
         """Rows and columns of its cells."""
         found = []
         for name, across in (("y", lines[1]), ("x", lines[0])):
-            bounds = getattr(self, name)
-            if bounds is None:
-                found.append(slice(None))
-                continue
-            with schema.located(name):
-                first, last = (int(np.searchsorted(across, on_line("", bound, across))) for bound in bounds)
+            bounds = getattr(self, name) or (across[0], across[-1])
+            first, last = (int(np.searchsorted(across, on_line(name, bound, across))) for bound in bounds)
             if first >= last:
                 raise InputError(name, bounds, "give the smaller end first")
             found.append(slice(first, last))
@@ -145,32 +141,24 @@ class RefineTable:
                 edges = mesh.edges(name)
             vertex, count = np.unique(np.concatenate([edges.first, edges.second]), return_counts=True)
             critical.append(mesh.vertices[vertex[count == 1]])
-        with schema.located("", schema.keys_of(RefineTable)):
-            largest = positive_number("largest", self.largest)
-            smallest = largest if self.smallest is None else positive_number("smallest", self.smallest)
-            length = max(float(across[-1] - across[0]) for across in lines)
-            if smallest > largest:
-                raise InputError("smallest", smallest, f"give at most largest = {largest:g}")
-            growth, wanted = -float(np.log(self.ratio)), 1.0
-            for across in lines:  # about how many cells: 2 log(1 + growth largest/smallest)/growth at a line
-                extent = float(across[-1] - across[0])
-                graded = extent / largest + len(across) * (1.0 + 2.0 * np.log1p(growth * largest / smallest) / growth)
-                wanted *= min(graded, len(across) + extent / smallest)
-            if wanted > _MOST_CELLS:
-                raise InputError("largest", self.largest, f"give more: this makes some {wanted:.0e} cells in all")
-            if smallest < _FINEST * length:
-                raise InputError("smallest", smallest, f"give at least {_FINEST:g} of the body, {_FINEST * length:g}")
-        places = np.concatenate(critical)
+        largest = positive_number("largest", self.largest)
+        smallest = largest if self.smallest is None else positive_number("smallest", self.smallest)
+        if smallest > largest:
+            raise InputError("smallest", smallest, f"give at most largest = {largest:g}")
+        places, growth = np.concatenate(critical), -float(np.log(self.ratio))
         x, y = (
             _subdivided(across, np.unique(places[:, axis]), largest, smallest, growth)
             for axis, across in enumerate(lines)
         )
+        least = _FINEST * max(np.ptp(x), np.ptp(y))
+        if smallest < least:
+            raise InputError("smallest", smallest, f"give at least {_FINEST:g} of the body, {least:g}")
         return x, y
 
 
 def _subdivided(lines: FloatArray, critical: FloatArray, largest: float, smallest: float, growth: float) -> FloatArray:
     """Lines added so that cells are about h(x) = min(largest, smallest + growth · distance to `critical`)."""
-    pieces = [lines[:1]]
+    pieces, total = [lines[:1]], 0
     for start, stop in pairwise(lines.tolist()):
         t = np.linspace(0.0, 1.0, _SAMPLES)
         x = start + (stop - start) * np.concatenate([t**3 / 2, 1.0 - t[-2::-1] ** 3 / 2])  # dense at both ends
@@ -178,6 +166,9 @@ def _subdivided(lines: FloatArray, critical: FloatArray, largest: float, smalles
         size = np.minimum(largest, smallest + growth * distance)
         cells = np.concatenate([[0.0], np.cumsum(np.diff(x) * (1.0 / size[1:] + 1.0 / size[:-1]) / 2.0)])
         count = max(1, int(np.ceil(cells[-1] - 1e-3)))
+        total += count
+        if total > _MOST_CELLS:
+            raise InputError("largest", largest, "give more: this makes too many cells in all")
         pieces.append(np.append(np.interp(np.arange(1, count) * cells[-1] / count, cells, x), stop))
     return np.concatenate(pieces)
 

@@ -212,9 +212,8 @@ class Document:
         mesh = self._named(mesh, lines, arcs)
         if table.refine is None or lines is None:
             return mesh
-        with schema.within("mesh"):
-            with schema.within("refine"):
-                lines = table.refine.lines(mesh, table.body(lines), lines)
+        with schema.within("mesh.refine"):
+            lines = table.refine.lines(mesh, table.body(lines), lines)
             mesh = table.grid(lines)
         return self._named(mesh, lines, arcs)
 
