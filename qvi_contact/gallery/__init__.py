@@ -18,18 +18,30 @@ from qvi_contact.gallery.benchmarks import (
     ssnv128,
 )
 from qvi_contact.gallery.blocks import DOOR_AND_WINDOW, jointed_slope, masonry_wall
-from qvi_contact.gallery.exact import sliding_block, stick_slip_block
+from qvi_contact.gallery.exact import (
+    ExactState,
+    cantilever,
+    gravity_column,
+    problem_from_state,
+    pure_bending,
+    sliding_block,
+    stick_slip_block,
+    uniform,
+)
 
 __all__ = [
     "CORNER_EXPONENTS",
     "DOOR_AND_WINDOW",
     "SSNV128_DISPLACEMENTS",
+    "ExactState",
     "arc",
     "block_corner",
+    "cantilever",
     "compressed_plate",
     "cylinder_in_bore",
     "cylinder_on_block",
     "fan",
+    "gravity_column",
     "half_discs",
     "jointed_slope",
     "loaded_pin",
@@ -37,8 +49,11 @@ __all__ = [
     "persson_pressure",
     "press_fit",
     "press_fit_torque",
+    "problem_from_state",
+    "pure_bending",
     "rings",
     "sliding_block",
     "ssnv128",
     "stick_slip_block",
+    "uniform",
 ]

@@ -12,10 +12,9 @@ import qpsolvers
 
 from qvi_contact import ContactState, InputError, SolveError, TriangleMesh, limit_load_factor, solve, solve_history
 from qvi_contact.discretization import REACH
-from qvi_contact.exact import ExactState, problem_from_state
 from qvi_contact.export import write_npz
 from qvi_contact.files import load_result
-from qvi_contact.gallery import compressed_plate, sliding_block
+from qvi_contact.gallery import ExactState, compressed_plate, problem_from_state, sliding_block
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from qvi_contact.refinement import refine
 from qvi_contact.solution import discretized
