@@ -333,11 +333,11 @@ class FileReader:
 
     def _expression(self, text: str) -> Expression:
         """The expression with the constants that it names, at the time if it names that."""
-        t = self.t if Expression(text, self.constants).uses_time else 0.0  # an error of it names all constants
+        found = Expression(text, self.constants)  # an error of it names all constants
+        t = self.t if "t" in found.names else 0.0
         if t is None:
             raise InputError("", text, "t changes in a history only: add [history] with times, or do without t")
-        words = set("".join(c if c.isalnum() or c == "_" else " " for c in text).split())
-        return Expression(text, {name: value for name, value in self.constants.items() if name in words}, t)
+        return Expression(text, {name: value for name, value in self.constants.items() if name in found.names}, t)
 
 
 @dataclass(frozen=True, eq=False)
@@ -483,13 +483,10 @@ def _from_tables(
     changed: Mapping[str, float] = MappingProxyType({}),
 ) -> ProblemFile:
     """What the tables of a file say, on a mesh that was made already, or with other values of some constants."""
-    keys, plain = schema.keys_of(Document), FileReader(data, {})
-    first: dict[str, Any] = {}
-    for name in ("constants", "history"):  # what expressions mean depends on them
-        with schema.within(name):
-            first[name] = keys[name].kind.read(data[name], plain) if name in data else None
-    constants = {**(first["constants"] or {}), **changed}
-    times = () if first["history"] is None else first["history"].times
+    given = {name: data[name] for name in ("constants", "history") if name in data}  # what expressions mean
+    first = schema.read_values(Document, given, FileReader(data, {}), partly=True)
+    constants = {**first.get("constants", {}), **changed}
+    times = first["history"].times if "history" in first else ()
     for name, value in constants.items():
         with schema.located(f"constants.{schema.quoted(name)}"):
             if not name.isidentifier() or not unicodedata.is_normalized("NFKC", name):

@@ -103,7 +103,7 @@ class _Writer:
             if self.constants.setdefault(name, number) != number:
                 remedy = f"the constant {name} is {self.constants[name]!r} elsewhere, and a file has one value for it"
                 raise InputError(path, value.text, f"{remedy}: rename one of them")
-        if value.uses_time:
+        if "t" in value.names:
             if self.time not in (None, value.t):
                 raise InputError(path, value.text, f"t is {plain(self.time)} elsewhere: give all expressions one time")
             self.time = value.t

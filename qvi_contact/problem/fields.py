@@ -144,9 +144,9 @@ class Expression:
         return tree.body
 
     @property
-    def uses_time(self) -> bool:
-        """Whether t occurs."""
-        return any(isinstance(node, ast.Name) and node.id == "t" for node in ast.walk(self._tree))
+    def names(self) -> set[str]:
+        """All names that occur: of coordinates, t, constants and functions."""
+        return {node.id for node in ast.walk(self._tree) if isinstance(node, ast.Name)}
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y)."""
