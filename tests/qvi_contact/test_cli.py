@@ -34,7 +34,8 @@ def ran(*words, **options):
 def plate(tmp_path):
     path = tmp_path / "plate.toml"
     problem = compressed_plate(0.2, cells=(3, 3))
-    save_problem(path, problem, title="The plate", units=Units("mm", "MPa"), solve_options={"damping": 0.6})
+    save_problem(path, problem, title="The plate", units=Units("mm", "MPa"))
+    path.write_text(f"{path.read_text(encoding='utf-8')}[solve]\ndamping = 0.6\n", encoding="utf-8")
     return path
 
 
