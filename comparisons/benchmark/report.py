@@ -1,4 +1,4 @@
-"""The reports on the plate, on sequences and on walls: numbers, tables and the picture, from the stored rows alone."""
+"""The reports on the plate, on sequences and on walls: numbers and tables, from the stored rows alone."""
 
 import math
 import statistics
@@ -8,18 +8,14 @@ from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
 from pandas import DataFrame
 
-from comparisons.benchmark.study import CHAINS, EVERY, FRICTION, PARTS, TOLERANCE, WAYS
-from comparisons.lab.drawing import LOOKS, drawn, grid
+from comparisons.benchmark.study import CHAINS, EVERY, PARTS, TOLERANCE, WAYS
 from comparisons.lab.numbers import NOTHING, fixed, memory, percent, scientific, seconds, significant, span
 from comparisons.lab.numbers import spread as spread_of
 from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import DONE, Row, frame_of
 from comparisons.settled import LIMITS
-from qvi_contact.plots.style import new_figure
 
 MEANINGLESS: Final = 1e-9
 """Relative errors below this say nothing: so uncertain are the values of `LIMITS`."""
@@ -162,16 +158,14 @@ def report(whole: Rows, sequences: Rows) -> Report:
     solves = solves_of(whole)
     growth = growth_of(solves, "friction", "cells", "unknowns", [*_POWERS]).rename(columns=_POWERS)
     frames = {"solves": solves, "growth": growth, "sequences": runs_of(sequences)}
-    measured, runs = solves.friction.unique(), frames["sequences"]
-    friction = FRICTION if FRICTION in measured else min(measured, default=None)
+    runs = frames["sequences"]
     plain = [{**row.case, **found, **{part: _median(found["seconds"].get(part)) for part in ("numeric", "plain")}}
              for row in whole for found in row.result.get("plain", ())]  # fmt: skip
     titles = runs.sequence.map(lambda name: CHAINS[name].title)
     shares = [f"{each.solved} of {each.planned}" for each in runs.itertuples()]
     tables = {**frames, "plain": DataFrame(plain, columns=_PLAIN), "sequences": runs.assign(title=titles, share=shares)}
-    figures = {"times": drawn("benchmark", partial(_picture, solves, friction))}
-    values, rows = {**values_of(frames), "friction": friction}, [*whole, *sequences]
-    return render("comparisons.benchmark", "benchmark", values, tables, figures, rows, forms=_FORMS)
+    rows = [*whole, *sequences]
+    return render("comparisons.benchmark", "benchmark", values_of(frames), tables, {}, rows, forms=_FORMS)
 
 
 def walls_of(rows: Rows) -> DataFrame:
@@ -196,19 +190,3 @@ def wall_report(rows: Rows) -> Report:
     forms = {**_FORMS, **dict.fromkeys(("from", "to"), fixed(".0f")), "ratio": fixed(".1f")}
     return render("comparisons.benchmark", "benchmark-wall", values, {"walls": walls, "growth": powers}, {}, rows,
                   forms=forms, template="wall.md")  # fmt: skip
-
-
-def _picture(solves: DataFrame, friction: float | None) -> Figure | None:
-    """Seconds against unknowns at one friction."""
-    if friction is None:
-        return None
-    solved, figure = solves[(solves.friction == friction) & (solves.status == "solved")], new_figure(6.0, 4.4)
-    axes = figure.subplots()
-    curves = ("whole solve", solved.solve), ("one plain factorisation, fastest", solved.factorised)
-    for (colour, marker, style), (label, times) in zip(LOOKS, curves, strict=False):
-        axes.plot(solved.unknowns, times, color=colour, marker=marker, linestyle=style, label=label, markersize=5)
-    axes.set(xscale="log", yscale="log", xlabel="unknowns [-]", ylabel="wall time [s]")
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    grid(axes)
-    axes.legend(fontsize=7)
-    return figure

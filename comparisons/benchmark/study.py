@@ -43,9 +43,6 @@ from solvers.factorisation.choice import CHOICES
 TOLERANCE: Final = 1e-8
 """That the certificate of every solve must confirm."""
 
-FRICTION: Final = 0.2
-"""Of the picture, if it is among the frictions asked for."""
-
 
 def _study(name: str, version: int, cases: Iterable[dict[str, Any]], **limits: Any) -> Study:
     """A study of this module, by the name of its task; each case has a process of its own."""

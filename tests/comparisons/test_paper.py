@@ -158,8 +158,8 @@ def test_terminal_and_the_default_folder_whose_tables_hold_the_data(paper, tmp_p
     ended = command("paper")
     assert (ended.status, ended.err) == (0, "")
     written = {path.name: path for path in (tmp_path / "results" / "paper").iterdir()}
-    pictures = {f"paper-{name}.svg" for name in room.PICTURES}
-    assert set(written) == pictures | set(room.TABLES) | {"paper.md", "paper.html"}  # no temporary file stays
+    report = {"paper.md", "paper.html", "paper-figures-2-to-5.svg"}
+    assert set(written) == report | set(room.TABLES)  # no temporary file stays
     for name, rows_of in room.TABLES.items():
         with written[name].open(encoding="utf-8", newline="") as file:
             for found, row in zip(csv.DictReader(file), rows_of(paper), strict=True):
