@@ -241,9 +241,9 @@ def bounds(count: int, polygons: int) -> Plan:
     Example:
         python -m comparisons bounds --count 3 --polygons 10
     """  # noqa: D301
-    from comparisons.bounds import report, study
+    from comparisons.bounds import study
 
-    return Plan([study.declared(count), study.refined(polygons)], report.report)
+    return Plan([study.declared(count), study.refined(polygons)], study.report)
 
 
 @experiment(timeout=120.0, memory=4096, short_help="Generated problems: what becomes of each.")

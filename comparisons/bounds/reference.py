@@ -188,7 +188,8 @@ class _Model:
 
         kept = inside.take(~apart)
         pairs = [[corner(kept.cells[:, side], end) for end in (kept.first, kept.second)] for side in (0, 1)]
-        labels = linked(*map(np.concatenate, pairs), cells.size)
+        one, other = map(np.concatenate, pairs)
+        labels = linked(one, other, cells.size)
         places = np.zeros((labels.max() + 1, 3))
         places[labels, :2] = mesh.vertices[cells.ravel()]
         clockwise = np.linalg.det(np.diff(mesh.corners, axis=1)) < 0.0
