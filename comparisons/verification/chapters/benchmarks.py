@@ -150,10 +150,7 @@ def pin(p: int, quick: bool) -> Iterator[Row]:
         force, name = -result.resultant("wall").x, "force at the clamped end, half of the sheet [N/mm]"
         yield Check(certified(result), f"balance; μ = {friction:g}", 1e-9).relative(name, force, 1e4)
         source = f"NGSolve, displacements of degree 4 on 12 sectors, with multipliers; μ = {friction:g}"
-        rows, moved = (
-            Check(certified(result), source, 5e-4 if quick else 1e-4),
-            float(result.displacement(50.0, 0.0)[0]),
-        )
+        rows, moved = Check(certified(result), source, 5e-4 if quick else 1e-4), result.displacement(50.0, 0.0)[0]
         yield rows.relative(quantity, moved, known, kind=Kind.EXTERNAL)
     source = (
         "Code_Aster SSNP156 B, elements of 8 nodes, small strain; 0.73617 with finite strain. A, of 4 nodes, 0.72092"
@@ -278,10 +275,7 @@ def klang(p: int, quick: bool) -> Iterator[Row]:
         line, theta = history.steps[-1].contacts["bore"], degrees(history.steps[-1].contacts["bore"])
         rows = Check(both(*map(certified, history.steps)), kind=Kind.PUBLISHED)
         near = np.where(np.abs(theta) < 15.0, line.weights, 0.0)
-        ours, source = (
-            float(-(near @ line.normal_stress) / near.sum()),
-            f"Klang; digitised, {steps}: only 8 % are asked for",
-        )
+        ours, source = -(near @ line.normal_stress) / near.sum(), f"Klang; digitised, {steps}: only 8 % are asked for"
         yield rows.relative("mean pressure, 0° to 15° [MPa]", ours, 17.8, source, tolerance=0.08)
         sticks = float(theta[line.state == ContactState.STICK].max(initial=0.0))
         source = "Klang; digitised: in one step of the load the bore slips nearer to the load, in many farther off"

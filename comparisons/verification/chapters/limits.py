@@ -55,11 +55,9 @@ def dragged_block(p: int, quick: bool) -> Iterator[Row]:
         limit, rows = _factor(p, _dragged(mesh, 2.0), "shear")
         yield rows.relative("limit load factor", limit.lower, 1.5, f"μp/T; {name}")
         below, above = (solve(_dragged(mesh, share * 3.0), degree=p) for share in (0.99, 1.01))
-        rows, force = (
-            Check(certified(below), f"−0.99 μ p w, balance; {name}", 1e-8),
-            below.contacts["base"].tangential_force,
-        )
-        yield rows.relative("T at 0.99 of the limit [stress length]", force, -0.99 * 6.0)
+        rows, force = Check(certified(below), tolerance=1e-8), below.contacts["base"].tangential_force
+        source = f"−0.99 μ p w, balance; {name}"
+        yield rows.relative("T at 0.99 of the limit [stress length]", force, -0.99 * 6.0, source)
         rows = Check(infeasible(above), f"T > μp; {name}")
         yield rows.word("status at 1.01 of the limit", above.status.value, "infeasible")
 
