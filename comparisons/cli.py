@@ -165,7 +165,7 @@ def solvers(quick: bool, only: tuple[str, ...]) -> Plan:
     return Plan([study.declared([name for name in present if not only or name in only], quick)], report.report)
 
 
-def _command(name: str, short_help: str, about: str) -> Experiment:
+def _convergence(name: str, short_help: str, about: str) -> Experiment:
     """The command of the study in the module of that name."""
 
     def plan(quick: bool) -> Plan:
@@ -178,17 +178,13 @@ def _command(name: str, short_help: str, about: str) -> Experiment:
     return experiment(timeout=600.0, short_help=short_help)(quick_option(plan))
 
 
-convergence_mesh = _command(
-    "mesh", "How answers converge with the mesh.",
-    "Measure errors of forces and energies on uniform, graded and adaptive meshes, for several degrees.",
-)  # fmt: skip
-convergence_outer = _command(
-    "outer", "How loops over the friction bound converge.",
-    "Measure iterations over the friction bound against μ: plain, damped, Anderson's, and the condensed method.",
-)  # fmt: skip
-convergence_uzawa = _command(
-    "uzawa", "How the paper's iteration converges.",
-    "Measure the paper's iteration: how many iterations it needs, and with which steps it settles.",
+_CONVERGENCE: Final = (
+    ("mesh", "How answers converge with the mesh.",
+     "Measure errors of forces and energies on uniform, graded and adaptive meshes, for several degrees."),
+    ("outer", "How loops over the friction bound converge.",
+     "Measure iterations over the friction bound against μ: plain, damped, Anderson's, and the condensed method."),
+    ("uzawa", "How the paper's iteration converges.",
+     "Measure the paper's iteration: how many iterations it needs, and with which steps it settles."),
 )  # fmt: skip
 
 
@@ -286,7 +282,7 @@ def limits(count: int) -> Plan:
 
 
 for command in (
-    paper, benchmark, benchmark_wall, verify, solvers, convergence_mesh, convergence_outer, convergence_uzawa, peers,
-    bounds, wild, limits, export,
+    paper, benchmark, benchmark_wall, verify, solvers, *(_convergence(*told) for told in _CONVERGENCE), peers, bounds,
+    wild, limits, export,
 ):  # fmt: skip
     group.add_command(command)
