@@ -72,17 +72,10 @@ def study(quick: bool) -> Study:
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Task of the study: solve a problem by a loop.
+    """Task of the study: solve a problem by a loop; what `bodies.ending` tells, and more.
 
-    Returns
-    -------
-    dict
-        status, message, iterations : how it ended
-        seconds : wall times of repeated solves, factorisation included
-        residuals : of every outer iteration (of the interior point method where there is no loop)
-        sharper : of the plain loop, 1/γ of `solvers.certificate`, None where it was not computed
-        certificate : see `bodies.ending`
-
+    "seconds" are wall times of repeated solves, factorisation included, "residuals" those of every iteration, and of
+    the plain loop "sharper" is 1/γ of `solvers.certificate`, None where it was not computed.
     """
     solution, seconds = timed((case["problem"], case["cells"], case["friction"]), **LOOPS[case["loop"]])
     return {

@@ -66,18 +66,10 @@ def study(quick: bool) -> Study:
 
 
 def run(case: Mapping[str, Any]) -> Record:
-    """Task of the study: Uzawa with a given step, or the paper's run.
+    """Task of the study: Uzawa with a given step, or the paper's run; what `bodies.ending` tells, and more.
 
-    Returns
-    -------
-    dict
-        status, message, iterations : how the (last) run ended
-        certificate : see `bodies.ending`
-        omega, limit : ω_T and ω_T* [length]; None where no point has a bound above zero
-        condition : λ_max / λ_min of Θ^(−1/2) Ĉ_TT Θ^(−1/2) on the slipping points; None if there are none
-        force : P of the solution
-        and what the single runs of this module add
-
+    "omega" and "limit" are ω_T and ω_T* [length], None where no point has a bound above zero, "condition" is λ_max /
+    λ_min of Θ^(−1/2) Ĉ_TT Θ^(−1/2) on the slipping points, None if there are none, "force" P of the solution.
     """
     known = reference(*case["place"])
     limits = limits_of(known)

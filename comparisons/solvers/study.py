@@ -49,17 +49,9 @@ class Answer(NamedTuple):
 def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
     """The task of the study; see the module for what a case is.
 
-    Returns
-    -------
-    dict
-        steps : number of answers
-        outcomes : outcome → number of answers
-        status, message : of the first answer that was not solved, or else of the last
-        iterations : of all
-        accuracy, certificate : of the worst step; not where there is no solution
-        seconds : wall times of the runs
-        options : those that the solver was given
-
+    "steps" is the number of answers, "outcomes" that of each outcome; "status" and "message" are those of the first
+    answer that was not solved, or else of the last, "iterations" those of all, "seconds" wall times of the runs,
+    "accuracy" and "certificate" those of the worst step, where there is a solution.
     """
     task, problem, feasible = case["task"], instance(case["problem"]), PROBLEMS[case["problem"]].feasible
     _first_use(task, case["form"], case["solver"], case["level"])

@@ -93,10 +93,6 @@ def _strength(dice: Dice) -> Strength | None:
 
 def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
     """The task of the study: "strengths", "lower" and "upper", the proved ones, and why a side has no proof."""
-
-    def number(value: float) -> float | str:  # rows are JSON, which has no infinity
-        return float(value) if np.isfinite(value) else str(value)
-
     problem, load, degree = stated(case["number"])
     strengths = " and ".join(dict.fromkeys("rigid" if each.strength is None else each.strength.kind
                                            for each in problem.materials))  # fmt: skip
@@ -106,7 +102,7 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
         limit = limit_load_factor(problem, [load], degree=degree)
     except QVIError as error:
         return {**asked, "status": type(error).__name__, "message": str(error)}
-    found = {**asked, "status": "solved", "lower": number(limit.lower), "upper": number(limit.upper)}
+    found = {**asked, "status": "solved", "lower": limit.lower, "upper": limit.upper}
     if limit.lower == -np.inf:
         found["nothing"] = _why_nothing(problem, load, degree, limit.upper)
     try:
@@ -114,7 +110,7 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
         *proved, _ = check(json.loads(json.dumps(proof)))
     except QVIError as error:
         return {**found, "missing_lower": str(error), "missing_upper": str(error)}
-    sides = {f"proved_{side}": None if value is None else number(float(value))
+    sides = {f"proved_{side}": None if value is None else float(value)
              for side, value in zip(("lower", "upper"), proved, strict=True)}  # fmt: skip
     return {**found, **sides, **{f"missing_{side}": reason for side, reason in proof["missing"].items()}}
 
