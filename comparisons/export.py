@@ -85,10 +85,9 @@ def fclib(problem: str, file: str, penalty: float | None) -> int:
     from comparisons.exchange import local_problem, siconos_error, state_of, write_fclib
     from qvi_contact.errors import InputError
 
-    _check_target(file, ".hdf5")
     if penalty is not None and not 1.0 < penalty < math.inf:
         raise InputError("--penalty", penalty, "give a number above 1")
-    source, result = _solved(problem)
+    source, result = _solved(problem, file, ".hdf5")
     local = local_problem(result.solution.problem)
     if penalty is not None:
         local = local.penalised(penalty)
@@ -119,27 +118,24 @@ def npz(problem: str, file: str) -> int:
     """  # noqa: D301
     from comparisons.exchange import save_qvi
 
-    _check_target(file, ".npz")
-    _, result = _solved(problem)
+    _, result = _solved(problem, file, ".npz")
     save_qvi(file, result.solution.problem, result.solution)
     return _written(file, result)
 
 
-def _check_target(file: str, suffix: str) -> None:
-    """Find out before any work is done whether the file can be written; a missing folder is made."""
-    from qvi_contact.basics.writing import check_suffix, writable_folder
+def _solved(path: str, file: str, suffix: str) -> "tuple[ProblemFile, ContactResult]":
+    """The problem file, and its result with the file's own options; of a history the first step.
 
-    check_suffix("FILE", file, suffix)
-    writable_folder(Path(file).parent)
-
-
-def _solved(path: str) -> "tuple[ProblemFile, ContactResult]":
-    """The problem file, and its result with the file's own options; of a history the first step."""
+    Before that is found out whether `file` can be written; a missing folder is made.
+    """
     import numpy as np
 
+    from qvi_contact.basics.writing import check_suffix, writable_folder
     from qvi_contact.files.problem_file import load_problem
     from qvi_contact.solution.solver import solve
 
+    check_suffix("FILE", file, suffix)
+    writable_folder(Path(file).parent)
     source = load_problem(path)
     with source.named_errors(), np.errstate(all="ignore"):
         return source, solve(source.problem, **source.solve_options)

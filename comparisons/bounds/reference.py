@@ -51,8 +51,8 @@ class Reference(NamedTuple):
     cells: IntArray
     stress: FloatArray
     before: FloatArray
-    forces: dict[str, tuple[float, float]]
-    forces_before: dict[str, tuple[float, float]]
+    forces: dict[str, float]
+    forces_before: dict[str, float]
     states: str
     unknowns: int
 
@@ -378,7 +378,8 @@ class _Model:
         for each in self._contacts:
             chosen = np.isin(N, each.where)
             normal, shear = (np.where(held[rows], 0.0, r[rows])[chosen] for rows in (N, T))
-            self.forces[each.contact.name] = float(-normal.sum()), float(shear.sum())
+            self.forces[f"{each.contact.name}.normal_force"] = float(-normal.sum())
+            self.forces[f"{each.contact.name}.tangential_force"] = float(shear.sum())
             rough = kept | (friction > 0.0) | (cohesion > 0.0)
             state = np.where(closed, np.where(rough, 2.0 + sense, 4.0), 0.0)[chosen]
             states |= {_STATES[value] for value in np.unique(state).tolist()}

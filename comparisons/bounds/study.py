@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from time import process_time
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from pandas import DataFrame
@@ -12,10 +12,7 @@ from comparisons.lab.reports import Report, render
 from comparisons.lab.studies import PACKAGES, Row, Study, frame_of
 from qvi_contact import QVIError, refine, solve
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.bracket import Bracket, BracketKind
-
-if TYPE_CHECKING:
-    from comparisons.bounds.reference import Reference
+from qvi_contact.bracket import BracketKind
 
 
 def declared(count: int) -> Study:
@@ -108,24 +105,15 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
         "bound": bound, "moved": moved, "stress": norm(ours - true.stress), "doubt": norm(true.stress - true.before),
         "displacement": norm(companion.stress(true.x, true.y) - true.stress),
     }  # fmt: skip
+    forces = [[name, bounds.lower, bounds.upper, true.forces[name], abs(true.forces[name] - true.forces_before[name])]
+              for name, bounds in found.forces.items() if name in true.forces]  # fmt: skip
     reach = np.inf if energy or known is None else known.reach
     return {
         **asked, "status": "bounded", "message": "", "law": "energy" if energy else "coulomb",
         "guaranteed": found.guaranteed, "reach": float(reach) if np.isfinite(reach) else None, "states": true.states,
-        "size": size, **{name: value / size for name, value in numbers.items()}, "forces": _forces(found, true),
+        "size": size, **{name: value / size for name, value in numbers.items()}, "forces": forces,
         "reference_unknowns": true.unknowns,
     }  # fmt: skip
-
-
-def _forces(found: Bracket, true: "Reference") -> list[list[Any]]:
-    rows = []
-    for name, bounds in found.forces.items():
-        contact, _, kind = name.rpartition(".")
-        if contact in true.forces and kind in ("normal_force", "tangential_force"):
-            which = 0 if kind == "normal_force" else 1
-            value = true.forces[contact][which]
-            rows.append([name, bounds.lower, bounds.upper, value, abs(value - true.forces_before[contact][which])])
-    return rows
 
 
 SHARE: Final = 0.1
