@@ -53,20 +53,11 @@ class Row:
         """The fixed point that all others are compared with."""
         return self.back_ends["direct:clarabel"]
 
-    def half_force(self, solution: QVISolution) -> float:
-        """P/2: the quarter's contact force [N/mm], NaN without a stress state."""
-        return self.plate.force(solution.z)
-
-    def largest_principal_stress(self, solution: QVISolution) -> float:
-        """Largest |principal stress| [MPa] over the 4×4 Gauss points of each element, NaN without a stress state."""
-        return float(np.abs(self.plate.principal_stress(solution.z)[:2]).max())
-
     def traction_difference(self, solution: QVISolution) -> float:
         """Largest difference of tractions from the reference's over its mean pressure, NaN without a stress state."""
-        qvi, states = self.plate.qvi, (solution.z, self.reference.z)
-        ours, theirs = (np.stack([qvi.normal(z), qvi.tangential(z)]) for z in states)
-        mean_pressure = self.half_force(self.reference) / float(self.plate.x[-1])
-        return self.plate.stress_unit * float(np.abs(ours - theirs).max()) / mean_pressure
+        ours, theirs = (np.stack(self.plate.tractions(z)[1:]) for z in (solution.z, self.reference.z))
+        mean_pressure = self.plate.force(self.reference.z) / float(self.plate.x[-1])
+        return float(np.abs(ours - theirs).max()) / mean_pressure
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +115,10 @@ def table_rows(study: PaperStudy) -> list[dict[str, float]]:
             "uzawa_converged": row.uzawa_converged, "fixed_point_qp": row.back_ends["qp:clarabel"],
             "fixed_point_socp": row.back_ends["socp:clarabel"], "condensed": row.condensed,
         }  # fmt: skip
-        forces, solution = {name: row.half_force(run) for name, run in runs.items()}, row.half_force(row.reference)
+        forces, solution = (
+            {name: row.plate.force(run.z) for name, run in runs.items()},
+            row.plate.force(row.reference.z),
+        )
         percent = 100.0 * (row.printed - solution) / solution
         rows.append({
             "friction": row.friction, "paper": row.printed, **forces, "paper_minus_solution_percent": percent,
@@ -134,14 +128,15 @@ def table_rows(study: PaperStudy) -> list[dict[str, float]]:
 
 def figure_rows(study: PaperStudy) -> list[dict[str, float]]:
     """Figures 2-5, one row each; largest |principal stress| in MPa."""
-    return [
-        {
-            "figure": number, "friction": friction, "paper": printed,
-            "uzawa_30": study.row(friction).largest_principal_stress(study.row(friction).uzawa),
-            "converged": study.row(friction).largest_principal_stress(study.row(friction).reference),
-        }
-        for friction, (number, printed) in study.reference.figures.items()
-    ]  # fmt: skip
+    rows = []
+    for friction, (number, printed) in study.reference.figures.items():
+        row = study.row(friction)
+        ours, converged = (float(np.abs(row.plate.principal_stress(each.z)[:2]).max())
+                           for each in (row.uzawa, row.reference))  # fmt: skip
+        rows.append({
+            "figure": number, "friction": friction, "paper": printed, "uzawa_30": ours, "converged": converged,
+        })  # fmt: skip
+    return rows
 
 
 def back_end_rows(study: PaperStudy) -> list[dict[str, Any]]:
@@ -151,7 +146,8 @@ def back_end_rows(study: PaperStudy) -> list[dict[str, Any]]:
     rows = []
     for name, pairs in runs.items():
         # NaN if one run has no result
-        force = float(np.max([abs(row.half_force(ours) / row.half_force(row.reference) - 1.0) for row, ours in pairs]))
+        ratios = [row.plate.force(ours.z) / row.plate.force(row.reference.z) for row, ours in pairs]
+        force = float(np.abs(np.array(ratios) - 1.0).max())
         traction = float(np.max([row.traction_difference(ours) for row, ours in pairs]))
         rows.append({
             "solver": name, "certified": sum(ours.status is Status.SOLVED for _, ours in pairs), "problems": len(pairs),
@@ -181,14 +177,14 @@ def values_of(study: PaperStudy) -> dict[str, Any]:
     full = verdict(0.0, 0.0)
     # what the bound at four points an edge leaves open between them, as a share of the mean pressure
     shares = {row.friction: row.plate.excess_between_points(row.reference.z) * row.plate.x[-1]
-              / row.half_force(row.reference) for row in study.rows}  # fmt: skip
+              / row.plate.force(row.reference.z) for row in study.rows}  # fmt: skip
     between = max(shares, key=lambda mu: shares[mu])
     return {
         "iterations": study.reference.iterations, "cells": study.reference.cells, "printed": len(rows),
         "digits": sum(f"{row['uzawa_30']:.2f}" == f"{row['paper']:.2f}" for row in rows), "deviations": deviations,
         "off": abs(worst["paper_minus_solution_percent"]) / 100.0, "off_at": worst["friction"],
         "low": study.cycle[0], "high": study.cycle[1], "exact": study.reference.exact_without_friction,
-        "shrinking": study.row(0.0).half_force(study.row(0.0).uzawa_converged), "solvers": len(ends),
+        "shrinking": study.row(0.0).plate.force(study.row(0.0).uzawa_converged.z), "solvers": len(ends),
         "excess": shares[between], "excess_at": between,
         "short": [f"{row['solver']} ({row['verdict']})" for row in ends if row["verdict"] != full],
         "doubtful": [f"{row['solver']} ({row['certified']}/{row['problems']})" for row in ends
