@@ -10,7 +10,7 @@ The mesh is that of the problem, each triangle cut in three at its centre as Hsi
 package's stress is one polynomial on each cell; then graded to corners, ends of conditions and joints, and, in two
 steps, to where the state of the nodes changes.
 
-Only problems as `problems` states them are taken: with polynomials, conditions along x and y, and straight contacts
+Only problems as `study.stated` makes them are taken: with polynomials, conditions along x and y, and straight contacts
 that do not meet, unilateral or tied, whose joints do not end inside the body.
 """
 

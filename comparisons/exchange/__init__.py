@@ -1,8 +1,8 @@
 """Problems in formats of other programs: `qpbenchmark`, FCLIB, NumPy archives.
 
     archive        .npz of any `FrictionQVI` and its solution
-    local          the condensed problem (W, q, μ) of contact codes, from a `FrictionQVI`; Siconos' error of a solution
-    fclib          that problem in the HDF5 layout of FCLIB, the Frictional Contact Library
+    local          the condensed problem (W, q, μ) of contact codes, from a `FrictionQVI`, its files in FCLIB's layout;
+                   Siconos' error of a solution
 
 Algebra only: no mesh is needed. Of any `FrictionQVI` and its solution, as contact codes pose it:
 
@@ -13,8 +13,7 @@ Algebra only: no mesh is needed. Of any `FrictionQVI` and its solution, as conta
 """
 
 from comparisons.exchange.archive import load_qvi, save_qvi
-from comparisons.exchange.fclib import write_fclib
-from comparisons.exchange.local import ContactState, LocalProblem, local_problem, siconos_error, state_of
+from comparisons.exchange.local import ContactState, LocalProblem, local_problem, siconos_error, state_of, write_fclib
 
 __all__ = [
     "ContactState", "LocalProblem", "load_qvi", "local_problem", "save_qvi", "siconos_error", "state_of", "write_fclib",

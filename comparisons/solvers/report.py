@@ -20,8 +20,18 @@ from comparisons.lab.numbers import count, percent, seconds, significant, span
 from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import Row, frame_of
 from comparisons.solvers.accuracies import LEVELS, MARGIN, METHODS, TABLE
-from comparisons.solvers.problems import PROBLEMS
-from comparisons.solvers.study import COLD, FALSE_ALARM, GAVE_UP, INNER, MODEST, NO_ANSWER, OUTER, RIGHT, UNTRUE
+from comparisons.solvers.study import (
+    COLD,
+    FALSE_ALARM,
+    GAVE_UP,
+    INNER,
+    MODEST,
+    NO_ANSWER,
+    OUTER,
+    PROBLEMS,
+    RIGHT,
+    UNTRUE,
+)
 from qvi_contact.plots.style import new_figure
 from solvers.inner.registry import how_to_install
 

@@ -12,7 +12,7 @@ from comparisons.lab.drawing import drawn
 from comparisons.lab.numbers import NOTHING, fixed
 from comparisons.lab.reports import Report, escaped, render
 from comparisons.lab.studies import machine, versions
-from comparisons.verification.chapters import benchmarks, bounds, curves, exact, limits, numbers, plate
+from comparisons.verification.chapters import benchmarks, curves, exact, limits, numbers, plate
 from comparisons.verification.known import EXAMPLES
 from comparisons.verification.measures import MM
 from comparisons.verification.rows import EQUAL, EXCESS, RELATIVE, SHORTFALL, Chapters, Row, crash
@@ -25,7 +25,7 @@ from solvers.basics.names import known_name
 CHAPTERS: Final[Chapters] = {
     "paper": plate.PAPER, "exact": exact.EXACT, "friction": exact.FRICTION, "ssnv128": benchmarks.SSNV128,
     "benchmarks": benchmarks.BENCHMARKS, "curves": curves.CURVES, "limits": limits.LIMITS,
-    "invariance": exact.INVARIANCE, "plate": plate.PLATE, "energies": plate.ENERGIES, "bounds": bounds.BOUNDS,
+    "invariance": exact.INVARIANCE, "plate": plate.PLATE, "energies": plate.ENERGIES, "bounds": plate.BOUNDS,
     "numbers": numbers.NUMBERS, "examples": EXAMPLES,
 }  # fmt: skip
 """The manual in its order."""

@@ -15,7 +15,7 @@ from pandas import DataFrame
 
 from comparisons.lab.reports import Report, render
 from comparisons.lab.studies import Row, Study, frame_of
-from comparisons.wild.bodies import Dice, quadrilateral
+from comparisons.wild.generator import Dice, quadrilateral
 from qvi_contact import (
     Contact,
     ContactProblem,

@@ -5,9 +5,8 @@ from importlib.util import find_spec
 
 import pytest
 
-from comparisons.bounds import problems
 from comparisons.bounds import study as bounds
-from comparisons.wild import bodies, generator, judge, limits
+from comparisons.wild import generator, judge, limits
 from comparisons.wild import study as wild
 from qvi_contact import ContactResult, InputError, TriangleMesh, discretize, solve
 from qvi_contact.gallery import compressed_plate
@@ -51,7 +50,7 @@ class TestGenerator:
         assert len(set(first)) == 3
 
     def test_dice_do_not_depend_on_versions(self):
-        dice = bodies.Dice("thin", 3)
+        dice = generator.Dice("thin", 3)
         assert [dice.whole(0, 999) for _ in range(4)] == [74, 198, 372, 275]
 
 
@@ -60,7 +59,7 @@ class TestBoundsProblems:
 
     @staticmethod
     def stated():
-        return [problems.stated("polygons", number)[0] for number in range(40)]
+        return [bounds.stated("polygons", number)[0] for number in range(40)]
 
     def test_sides_that_move_press_on_the_obstacle(self):
         for problem in self.stated():
