@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -19,7 +20,6 @@ from qvi_contact import (
     TriangleMesh,
     solve,
 )
-from qvi_contact.basics.checks import FloatArray
 from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor
 from qvi_contact.problem.conditions import Condition
 
@@ -157,7 +157,8 @@ def unbalanced(_: bool) -> Iterator[Row]:
 def oblique(share: float) -> ContactProblem:
     """Uniform pressure and this share of the shear that friction carries, all around the block."""
     cosine, sine = math.sqrt(0.75), 0.5
-    mesh = _moved(TriangleMesh.rectangle((4, 2), 40.0, 20.0), np.array([[cosine, -sine], [sine, cosine]]))
+    mesh = TriangleMesh.rectangle((4, 2), 40.0, 20.0)
+    mesh = replace(mesh, vertices=mesh.vertices @ np.array([[cosine, sine], [-sine, cosine]]))
     shear, pressure = share * 0.3 * 300.0, Traction("top", normal=-300.0)
     drag = [
         Traction(side, tangential=sign * shear, name="drag")
@@ -165,8 +166,3 @@ def oblique(share: float) -> ContactProblem:
     ]
     free = [Traction(side, normal=0.0) for side in ("right", "left")]
     return ContactProblem(mesh, _STEEL, [Contact("bottom", 0.3, name="plane"), pressure, *drag, *free])
-
-
-def _moved(mesh: TriangleMesh, matrix: FloatArray) -> TriangleMesh:
-    """The mesh with its points x at A x."""
-    return TriangleMesh(mesh.vertices @ matrix.T, mesh.cells, mesh.edge_sets)
