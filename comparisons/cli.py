@@ -70,8 +70,7 @@ def benchmark(cells: tuple[int, ...], friction: tuple[float, ...], factorisation
 
     The problem is the paper's compressed plate on triangles, on n × n equal cells; and there are
     histories and sweeps, whose problems share a factorisation. Measured are time, iterations, peak memory and accuracy,
-    and how they grow with n. Each time is a median, measured in a process of its own with a fixed number of threads.
-    A solve that fails is listed with its status. How other methods do is compared by `comparisons solvers`.
+    and how they grow with n. How other methods do is compared by `comparisons solvers`.
 
     \b
     Examples:
@@ -143,9 +142,6 @@ def solvers(quick: bool, only: tuple[str, ...]) -> Plan:
     The tasks are single inner problems, sequences of them, and whole outer loops, in all
     unknowns and condensed, at three accuracies. The meshes are well and badly conditioned. Contacts open or stick, some
     problems have redundant rows, and some have no solution.
-
-    An interrupted study goes on where it stopped. Use one worker where times matter: several workers slow each other
-    down.
 
     \b
     Examples:

@@ -4,7 +4,7 @@ All bodies are rectangles. On equal cells errors are ruled by the singularity wh
 """
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
@@ -142,31 +142,21 @@ Record = dict[str, Any]
 
 
 def study(quick: bool) -> Study:
-    """The study, or coarse meshes and few degrees of it."""
-    return Study("convergence-mesh", 5, "comparisons.convergence.mesh:run", [*_cases(quick)])
-
-
-def _cases(quick: bool) -> Iterator[Record]:
+    """The study, or coarse meshes and few degrees of two problems."""
+    degrees, most = ((4, 5), 3) if quick else (DEGREES, None)
+    cases = []
     for problem in PROBLEMS.values():
-        plate = problem.contact == "plate"
         if quick and problem.name not in ("plate 0.2", "block"):
             continue
-        sizes = {EQUAL: TIMES[:3] if quick else TIMES, GRADED: DEPTHS[:3] if quick else DEPTHS}
-        for sequence, several in sizes.items():
-            for degree in (4, 5) if quick else DEGREES:
-                for size in several:
-                    if sequence == GRADED or _unknowns(problem, size, degree) <= _MOST:
-                        yield {"problem": problem.name, "sequence": sequence, "degree": degree, "size": size}
-        refined = 200 if quick else _MOST_REFINED
-        yield {"problem": problem.name, "sequence": ADAPTIVE, "degree": REFINED_DEGREE, "size": refined}
-        for cells in (PAPER_CELLS[:4] if quick else PAPER_CELLS) if plate else ():
-            yield {"problem": problem.name, "sequence": PAPER, "degree": 3, "size": cells}
-
-
-def _unknowns(problem: Problem, times: int, degree: int) -> int:
-    """About as many unknowns as equal cells have: 6 (degree − 2) for each cell that is cut in two."""
-    across, up = problem.coarse
-    return 6 * (degree - 2) * times**2 * across * up
+        few = 6 * problem.coarse[0] * problem.coarse[1]  # unknowns for each degree above 2
+        meshes = [(EQUAL, degree, times) for degree in degrees for times in TIMES[:most]
+                  if few * (degree - 2) * times**2 <= _MOST]  # fmt: skip
+        meshes += [(GRADED, degree, depth) for degree in degrees for depth in DEPTHS[:most]]
+        meshes += [(ADAPTIVE, REFINED_DEGREE, 200 if quick else _MOST_REFINED)]
+        meshes += [(PAPER, 3, cells) for cells in PAPER_CELLS[: 4 if quick else None] if problem.contact == "plate"]
+        cases += [{"problem": problem.name, "sequence": sequence, "degree": degree, "size": size}
+                  for sequence, degree, size in meshes]  # fmt: skip
+    return Study("convergence-mesh", 5, "comparisons.convergence.mesh:run", cases)
 
 
 def run(case: Mapping[str, Any]) -> Record:

@@ -106,7 +106,7 @@ class Instance:
         bound, centre = self._first_bound, self.centre("condensed")
         while len(met) <= STEPS:
             found = form.expand(solver.solve(form.threshold(bound), centre, None))
-            if not certify(self.given(bound), found.z, found.m_N, found.m_T, found.nu, 1e-6).passed:
+            if not certify(self.qvi.with_bound(bound), found.z, found.m_N, found.m_T, found.nu, 1e-6).passed:
                 break
             met.append(bound)
             bound = self.qvi.threshold(self.qvi.pressure(found.z))
@@ -133,10 +133,6 @@ class Instance:
     def _first_bound(self) -> Vector:
         """The bound (m,) of the outer loop's first step, that of the bonded state."""
         return self.qvi.threshold(self.qvi.pressure(self.qvi.bonded))
-
-    def given(self, bound: Vector) -> FrictionQVI:
-        """The inner problem as an inequality of its own: friction with this bound, whatever the pressure."""
-        return self.qvi.with_bound(bound)
 
 
 @cache
@@ -257,7 +253,7 @@ def _inner(problem: Instance, task: str, name: str, solver: str, level: str) -> 
         found.append(made.solve(threshold, centre, None))
     seconds, answers = time.perf_counter() - began, []
     for bound, inner in zip(bounds, found, strict=True):
-        given, result = problem.given(bound), form.expand(inner) if inner.finite else None
+        given, result = problem.qvi.with_bound(bound), form.expand(inner) if inner.finite else None
         if result is None:
             certificate = certify(given, None, None, None, None, tolerance)
         else:
@@ -290,41 +286,31 @@ LIBRARIES: Final = ("daqp", "ecos", "highspy", "osqp", "piqp", "proxsuite", "qpa
 
 def declared(solvers: Sequence[str], quick: bool = False) -> Study:
     """The study of these solvers."""
-    names, runs, kept = (QUICK, 2, _quick) if quick else (tuple(PROBLEMS), 3, keep)
-    factors = {
-        "task": TASKS,
-        "problem": names,
-        "form": FORMS,
-        "level": tuple(LEVELS),
-        "solver": solvers,
-        "runs": (runs,),
-    }
-    cases = [dict(zip(factors, values, strict=True)) for values in product(*factors.values())]
-    task = "comparisons.solvers.study:solve_case"
-    return Study("solvers", 3, task, [case for case in cases if kept(case)], (*PACKAGES, *LIBRARIES))
+    names, runs = (QUICK, 2) if quick else (tuple(PROBLEMS), 3)
+    cases = [
+        {"task": task, "problem": problem, "form": form, "level": level, "solver": solver, "runs": runs}
+        for task, problem, form, level, solver in product(TASKS, names, FORMS, LEVELS, solvers)
+    ]
+    chosen = [case for case in cases if keep(case, quick)]
+    return Study("solvers", 3, "comparisons.solvers.study:solve_case", chosen, (*PACKAGES, *LIBRARIES))
 
 
-def keep(values: Mapping[str, Any]) -> bool:
-    """Whether a case is part of the full study.
+def keep(case: Mapping[str, Any], quick: bool = False) -> bool:
+    """Whether a case is part of the study.
 
     * Methods of the package solve whole inequalities, condensed; the rest of the table does everything.
     * Sequences only where there is a solution, and where the bounds change: not where everything sticks.
     * On fine meshes in all unknowns only single inner problems.
+    * In quick runs sequences and outer loops only condensed, at one level, and where there is a solution.
     """
-    task, form, solver = values["task"], values["form"], values["solver"]
-    described = PROBLEMS[values["problem"]]
-    if solver in METHODS and (task, form) != (OUTER, "condensed"):
+    task, described = case["task"], PROBLEMS[case["problem"]]
+    if case["solver"] in METHODS and (task, case["form"]) != (OUTER, "condensed"):
         return False
     if task == COLD and (not described.feasible or described.kind == "sticking"):
         return False
-    return task == INNER or form == "condensed" or described.small
-
-
-def _quick(values: Mapping[str, Any]) -> bool:
-    """Sequences and outer loops only condensed, at one level, and where there is a solution."""
-    single = values["task"] == INNER
-    feasible = PROBLEMS[values["problem"]].feasible
-    return keep(values) and (single or (values["form"] == "condensed" and values["level"] == "mid" and feasible))
+    if quick and task != INNER:
+        return case["form"] == "condensed" and case["level"] == "mid" and described.feasible
+    return task == INNER or case["form"] == "condensed" or described.small
 
 
 # What an answer was worth: what the solver said of it, beside what the certificate says.

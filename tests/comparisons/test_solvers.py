@@ -122,7 +122,7 @@ class TestProblems:
 
     def test_the_certificate_is_that_of_the_friction_bound_given(self):
         problem = study.Instance(study.Described(study.PROBLEMS["plate_4"].build, "well conditioned"))
-        given = problem.given(problem.bounds[0])
+        given = problem.qvi.with_bound(problem.bounds[0])
         assert np.array_equal(given.threshold(np.ones(given.m)), problem.bounds[0])
 
 
