@@ -16,25 +16,13 @@ import numpy as np
 
 from comparisons.lab.studies import Study
 from comparisons.peers.codes.process import peak_memory
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    ContactResult,
-    Displacement,
-    Material,
-    Polynomial,
-    Traction,
-    TriangleMesh,
-    discretize,
-    solve,
-    solve_history,
-    solve_sweep,
-)
-from qvi_contact.basics.checks import Field
+from qvi_contact import ContactResult, TriangleMesh, discretize, solve, solve_history, solve_sweep
 from qvi_contact.errors import InputError
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Polynomial, Traction
 from qvi_contact.runs import THREADS
 from qvi_contact.solution.sweep import Parameter, SweepTask
+from qvi_contact.types import Field
 from solvers.basics.types import Sparse
 from solvers.factorisation import available_backends, factorise, resolve
 from solvers.factorisation.choice import CHOICES

@@ -15,24 +15,11 @@ from pandas import DataFrame
 from comparisons.lab.reports import Report, render
 from comparisons.lab.studies import PACKAGES, Row, Study, frame_of
 from comparisons.wild.generator import Dice, quadrilateral
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Material,
-    Polynomial,
-    QVIError,
-    Region,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    refine,
-    solve,
-)
-from qvi_contact.basics.checks import Field, FloatArray
+from qvi_contact import QVIError, TriangleMesh, refine, solve
 from qvi_contact.bracket import BracketKind
 from qvi_contact.gallery import fan
-from qvi_contact.problem.conditions import Condition
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Polynomial, Region, Symmetry, Traction
+from qvi_contact.types import Condition, Field, FloatArray
 
 FAMILIES: Final = ("grids", "polygons", "joints", "strains", "springs")
 """What each has is said in `report.md`. All but a tenth have friction."""

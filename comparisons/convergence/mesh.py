@@ -18,23 +18,12 @@ from comparisons.lab.numbers import fixed, scientific, significant, span
 from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import Row, Study, frame_of
 from comparisons.settled import LIMITS, LIMITS_SOURCE, TRANSITIONS
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    ContactResult,
-    Material,
-    Polynomial,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    paper,
-    refine,
-    solve,
-)
+from qvi_contact import ContactResult, TriangleMesh, paper, refine, solve
 from qvi_contact.gallery import compressed_plate, ssnv128, stick_slip_block
 from qvi_contact.plots.style import GREY
-from qvi_contact.problem.conditions import Condition
+from qvi_contact.problem import Contact, ContactProblem, Material, Polynomial, Symmetry, Traction
 from qvi_contact.refinement import RefinementRound
+from qvi_contact.types import Condition
 from solvers import QVISolution, Status, solve_qvi
 
 _PUSH: Final = 1e-3  # of the punch [mm]

@@ -20,18 +20,7 @@ from comparisons.lab.numbers import count, percent, seconds, significant, span
 from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import Row, frame_of
 from comparisons.solvers.accuracies import LEVELS, MARGIN, METHODS, TABLE
-from comparisons.solvers.study import (
-    COLD,
-    FALSE_ALARM,
-    GAVE_UP,
-    INNER,
-    MODEST,
-    NO_ANSWER,
-    OUTER,
-    PROBLEMS,
-    RIGHT,
-    UNTRUE,
-)
+from comparisons.solvers.study import COLD, FALSE_ALARM, INNER, NO_ANSWER, OUTCOMES, OUTER, PROBLEMS, RIGHT, UNTRUE
 from qvi_contact.plots.style import new_figure
 from solvers.inner.registry import how_to_install
 
@@ -51,7 +40,6 @@ UNTIL: Final = 100.0
 HIGHLIGHTED: Final = 5
 """Curves of a panel that have a colour."""
 
-OUTCOMES: Final = (RIGHT, UNTRUE, FALSE_ALARM, MODEST, GAVE_UP, NO_ANSWER)
 INSTANCE: Final = ("level", "problem", "form")
 """What solvers are compared on, task by task."""
 

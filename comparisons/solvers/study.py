@@ -333,6 +333,8 @@ RIGHT, UNTRUE, FALSE_ALARM, MODEST, GAVE_UP = "right", "untrue", "false alarm", 
 NO_ANSWER: Final = "no answer"
 """Of a run that ended without a result: out of time or memory, or the process died."""
 
+OUTCOMES: Final = (RIGHT, UNTRUE, FALSE_ALARM, MODEST, GAVE_UP, NO_ANSWER)
+
 
 def outcome(said: Status, passed: bool, feasible: bool) -> str:
     """The outcome of an answer, see the module."""

@@ -33,23 +33,11 @@ from comparisons.verification.rows import (
     certified_companion,
     infeasible,
 )
-from qvi_contact import (
-    ContactLine,
-    ContactResult,
-    ContactState,
-    History,
-    InputError,
-    ProblemFile,
-    load_problem,
-    loop_area,
-    solve,
-    solve_history,
-    strength_reduction_factor,
-)
+from qvi_contact import ContactLine, ContactResult, ContactState, InputError, ProblemFile, load_problem, solve
 from qvi_contact.companion import CompanionResult, solve_companion
-from qvi_contact.limit import LimitLoad, StrengthReduction
-from qvi_contact.limit.load_factor import limit_load_factor
+from qvi_contact.limit import LimitLoad, StrengthReduction, limit_load_factor, strength_reduction_factor
 from qvi_contact.refinement.measure import Measure as Quantity
+from qvi_contact.solution.history import History, loop_area, solve_history
 from solvers import Status
 
 FOLDER: Final = Path(__file__).resolve().parents[2] / "examples"

@@ -12,22 +12,10 @@ from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    InputError,
-    Material,
-    Polynomial,
-    Region,
-    RigidPlate,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-)
-from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray
+from qvi_contact import InputError, Polynomial, Region, TriangleMesh
 from qvi_contact.gallery import arc, fan
-from qvi_contact.problem.conditions import Condition
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
+from qvi_contact.types import BoolArray, Condition, Field, FloatArray, IntArray
 
 T = TypeVar("T")
 SIDES: Final = ("bottom", "right", "top", "left")

@@ -16,26 +16,13 @@ from pandas import DataFrame
 from comparisons.lab.reports import Report, render
 from comparisons.lab.studies import Row, Study, frame_of
 from comparisons.wild.generator import Dice, quadrilateral
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Material,
-    Mises,
-    MohrCoulomb,
-    NoTension,
-    Polynomial,
-    QVIError,
-    Region,
-    Traction,
-    Tresca,
-    limit_load_factor,
-    limit_proof,
-)
+from qvi_contact import QVIError, limit_load_factor, limit_proof
 from qvi_contact.limit import check
 from qvi_contact.limit.load_factor import LimitProblem
 from qvi_contact.limit.stresses import StressProgram
-from qvi_contact.problem.conditions import Condition, Law
-from qvi_contact.problem.material import Plane, Strength
+from qvi_contact.problem import Contact, ContactProblem, Material, Polynomial, Region, Traction
+from qvi_contact.problem.material import Mises, MohrCoulomb, NoTension, Strength, Tresca
+from qvi_contact.types import Condition, Law, Plane
 
 ROUNDING: Final = 1e-7
 """Relative difference by which sides that meet may be in the wrong order."""

@@ -9,19 +9,10 @@ import numpy as np
 
 from comparisons.verification.measures import two_models
 from comparisons.verification.rows import Chapter, Check, Row, bounded, by_hand, certified, infeasible
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Expression,
-    InputError,
-    Material,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    solve,
-)
+from qvi_contact import InputError, TriangleMesh, solve
 from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor
-from qvi_contact.problem.conditions import Condition
+from qvi_contact.problem import Contact, ContactProblem, Expression, Material, Symmetry, Traction
+from qvi_contact.types import Condition
 
 LIMITS: Final = Chapter()
 
