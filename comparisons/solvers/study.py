@@ -30,9 +30,8 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from itertools import product
-from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -163,7 +162,7 @@ def doubled_rows(qvi: FrictionQVI) -> FrictionQVI:
     return FrictionQVI(qvi.stiffness, contact, loads, law)
 
 
-PROBLEMS: Final[Mapping[str, Described]] = MappingProxyType({
+PROBLEMS: Final[Mapping[str, Described]] = {
     "plate_4": Described(_plate(4), "well conditioned"),
     "plate_8": Described(_plate(8), "well conditioned"),
     "plate_16": Described(_plate(16), "well conditioned", small=False),
@@ -175,7 +174,7 @@ PROBLEMS: Final[Mapping[str, Described]] = MappingProxyType({
     "doubled_rows": Described(lambda: doubled_rows(_plate(8)()), "redundant rows"),
     "dragged_block": Described(_block(5.05, 10.0), "no solution", feasible=False),
     "pulled_block": Described(_block(0.0, -1.0), "no solution", feasible=False),
-})  # fmt: skip
+}  # fmt: skip
 """Name → problem, in the order of the tables."""
 
 
@@ -204,15 +203,20 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
     answer that was not solved, or else of the last, "iterations" those of all, "seconds" wall times of the runs,
     "accuracy" and "certificate" those of the worst step, where there is a solution.
     """
-    task, problem, feasible = case["task"], instance(case["problem"]), PROBLEMS[case["problem"]].feasible
-    _first_use(task, case["form"], case["solver"], case["level"])
-    answers, seconds = _repeated(problem, task, case["form"], case["solver"], case["level"], case["runs"])
+    task, form, solver, level = (case[name] for name in ("task", "form", "solver", "level"))
+    feasible = PROBLEMS[case["problem"]].feasible
+    _first_use(task, form, solver, level)
+    run = partial(_outer if task == OUTER else _inner, instance(case["problem"]), task, form, solver, level)
+    first, answers = run()
+    seconds = [first]
+    while len(seconds) < case["runs"] and sum(seconds) < BUDGET:
+        seconds.append(run()[0])
     told = next((each for each in answers if each.status is not Status.SOLVED), answers[-1])
     counts = Counter(outcome(each.status, each.certificate.passed, feasible) for each in answers)
     found: dict[str, Any] = {
         "steps": len(answers), "outcomes": dict(sorted(counts.items())), "status": told.status.value,
         "message": " ".join(told.message.split()), "iterations": sum(each.iterations for each in answers),
-        "seconds": seconds, "options": accuracies.options(case["solver"], case["level"]),
+        "seconds": seconds, "options": accuracies.options(solver, level),
     }  # fmt: skip
     if not feasible:
         return found
@@ -224,19 +228,7 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
 @cache
 def _first_use(task: str, form: str, solver: str, level: str) -> None:
     """Once in a process, on the smallest problem."""
-    _repeated(instance(_FIRST), task, form, solver, level, runs=1)
-
-
-def _repeated(
-    problem: Instance, task: str, form: str, solver: str, level: str, runs: int
-) -> tuple[list[Answer], list[float]]:
-    """Answers of the first run, and wall times of up to `runs` runs, fewer where they take long."""
-    run = _outer if task == OUTER else _inner
-    found, answers = run(problem, task, form, solver, level)
-    seconds = [found]
-    while len(seconds) < runs and sum(seconds) < BUDGET:
-        seconds.append(run(problem, task, form, solver, level)[0])
-    return answers, seconds
+    (_outer if task == OUTER else _inner)(instance(_FIRST), task, form, solver, level)
 
 
 def _inner(problem: Instance, task: str, name: str, solver: str, level: str) -> tuple[float, list[Answer]]:
@@ -253,11 +245,9 @@ def _inner(problem: Instance, task: str, name: str, solver: str, level: str) -> 
         found.append(made.solve(threshold, centre, None))
     seconds, answers = time.perf_counter() - began, []
     for bound, inner in zip(bounds, found, strict=True):
-        given, result = problem.qvi.with_bound(bound), form.expand(inner) if inner.finite else None
-        if result is None:
-            certificate = certify(given, None, None, None, None, tolerance)
-        else:
-            certificate = certify(given, result.z, result.m_N, result.m_T, result.nu, tolerance)
+        result = form.expand(inner) if inner.finite else None
+        parts: Any = [getattr(result, name, None) for name in ("z", "m_N", "m_T", "nu")]  # None without a result
+        certificate = certify(problem.qvi.with_bound(bound), *parts, tolerance)
         answers.append(Answer(inner.status, inner.message, inner.iterations, certificate))
     return seconds, answers
 
@@ -313,21 +303,6 @@ def keep(case: Mapping[str, Any], quick: bool = False) -> bool:
     return task == INNER or case["form"] == "condensed" or described.small
 
 
-# What an answer was worth: what the solver said of it, beside what the certificate says.
-#
-# | outcome       | said              | problem with a solution               | problem without          |
-# |---------------|-------------------|---------------------------------------|--------------------------|
-# | right         | solved            | certificate passes                    | -                        |
-# | right         | infeasible        | -                                     | always                   |
-# | untrue        | solved            | certificate fails                     | always                   |
-# | false alarm   | infeasible        | always                                | -                        |
-# | modest        | anything else     | certificate passes                    | -                        |
-# | gave up       | anything else     | certificate fails                     | always                   |
-#
-# "Untrue" is a lie told in good faith: the solver's own test passed. Unbounded counts as infeasible where there is a
-# solution, and as giving up where there is none.
-
-
 RIGHT, UNTRUE, FALSE_ALARM, MODEST, GAVE_UP = "right", "untrue", "false alarm", "modest", "gave up"
 
 NO_ANSWER: Final = "no answer"
@@ -337,7 +312,11 @@ OUTCOMES: Final = (RIGHT, UNTRUE, FALSE_ALARM, MODEST, GAVE_UP, NO_ANSWER)
 
 
 def outcome(said: Status, passed: bool, feasible: bool) -> str:
-    """The outcome of an answer, see the module."""
+    """What an answer was worth: what the solver said of it, beside whether the certificate passes.
+
+    Untrue is a lie told in good faith: the solver's own test passed. Unbounded counts as infeasible where there is a
+    solution, and as giving up where there is none.
+    """
     if said is Status.SOLVED:
         return RIGHT if passed and feasible else UNTRUE
     if said is Status.INFEASIBLE and not feasible:
