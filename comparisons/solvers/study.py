@@ -246,8 +246,8 @@ def _inner(problem: Instance, task: str, name: str, solver: str, level: str) -> 
     seconds, answers = time.perf_counter() - began, []
     for bound, inner in zip(bounds, found, strict=True):
         result = form.expand(inner) if inner.finite else None
-        parts: Any = [getattr(result, name, None) for name in ("z", "m_N", "m_T", "nu")]  # None without a result
-        certificate = certify(problem.qvi.with_bound(bound), *parts, tolerance)
+        z, m_N, m_T, nu = (getattr(result, name, None) for name in ("z", "m_N", "m_T", "nu"))
+        certificate = certify(problem.qvi.with_bound(bound), z, m_N, m_T, nu, tolerance)
         answers.append(Answer(inner.status, inner.message, inner.iterations, certificate))
     return seconds, answers
 
