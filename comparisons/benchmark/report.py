@@ -27,12 +27,6 @@ def _median(values: Sequence[float] | None) -> float | None:
     return statistics.median(values) if values else None
 
 
-def _error(half_force: float | None, friction: float) -> float:
-    """|P/2| error relative to `LIMITS`; NaN where that has no value."""
-    known = LIMITS.get(friction)
-    return math.nan if known is None or half_force is None else abs(half_force / known[0] - 1.0)
-
-
 def solves_of(rows: Rows) -> DataFrame:
     """One line for each number of cells and μ: the answer, medians of times, and the solve over one factorisation of K.
 
@@ -49,13 +43,14 @@ def solves_of(rows: Rows) -> DataFrame:
                 **found, **{part: _median(times.get(part)) for part in PARTS}, "cells": row.case["cells"],
                 "spread": spread_of(times.get("solve", ())), "peak": row.result.get("peak"), "fastest": fastest,
                 "factorised": plain.get(fastest),
-                "half_force_error": _error(found.get("half_force"), found["friction"]),
             })  # fmt: skip
-    numbers = ("cells", "friction", "unknowns", "iterations", "accuracy", "half_force", "half_force_error", *PARTS,
-               "spread", "factorised", "peak")  # fmt: skip
+    numbers = ("cells", "friction", "unknowns", "iterations", "accuracy", "half_force", *PARTS, "spread", "factorised",
+               "peak")  # fmt: skip
     columns = (*numbers, "status", "message", "library", "fastest")
     solves = DataFrame(lines, columns=columns).astype(dict.fromkeys(numbers, float))
-    return solves.assign(ratio=(solves.solve / solves.factorised).where(solves.status == "solved"))
+    known = solves.friction.map({friction: value for friction, (value, _) in LIMITS.items()})
+    ratio = (solves.solve / solves.factorised).where(solves.status == "solved")
+    return solves.assign(ratio=ratio, half_force_error=(solves.half_force / known - 1.0).abs())
 
 
 def growth_of(found: DataFrame, by: str, size: str, over: str, values: Sequence[str]) -> DataFrame:
