@@ -43,16 +43,15 @@ class NoReferenceError(RuntimeError):
 
 
 class Reference(NamedTuple):
-    """The last two steps, at points of the last mesh: (points, 3) stresses, (points,) weights of quadrature."""
+    """The last step at points of its mesh, and by how much the one before differs; so forces, (value, difference)."""
 
     x: FloatArray
     y: FloatArray
     weights: FloatArray
     cells: IntArray
     stress: FloatArray
-    before: FloatArray
-    forces: dict[str, float]
-    forces_before: dict[str, float]
+    doubt: FloatArray
+    forces: dict[str, tuple[float, float]]
     states: str
     unknowns: int
 
@@ -71,10 +70,12 @@ def reference(problem: ContactProblem) -> Reference:
     places = last.mesh.MapToAllElements(rule, ng.VOL)
     x, y = np.array(ng.CF((ng.x, ng.y))(places)).T
     area = np.abs(np.linalg.det(np.diff(mesh.corners, axis=1)))
+    stress = np.array(last.stress(places))
     return Reference(
         x, y, np.outer(area, rule.weights).ravel(), np.repeat(mesh.parents(problem.mesh), len(rule.weights)),
-        np.array(last.stress(places)), np.array(before.stress(before.mesh(x, y))), last.forces, before.forces,
-        last.states, last.unknowns,
+        stress, stress - np.array(before.stress(before.mesh(x, y))),
+        {name: (value, abs(value - before.forces[name])) for name, value in last.forces.items()}, last.states,
+        last.unknowns,
     )  # fmt: skip
 
 

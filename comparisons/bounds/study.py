@@ -224,12 +224,12 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
     asked |= {"unknowns": len(result.dofs), "cells": problem.mesh.cell_count}
     known = found.coulomb
     energy = found.kind is BracketKind.PROBLEM
-    if energy:  # √(2 gap) bounds the errors of stress and displacement, even the root of the sum of their squares
-        least = float(np.sqrt(2.0 * max(found.gap, 0.0))) if np.isfinite(found.gap) else np.inf
-        bounds: tuple[float, float, Any] | None = least, least, found.companion
-    else:
-        bounds = None if known is None else (known.error, known.within, known.displacement)
-    if bounds is None or not np.isfinite(bounds[0]):
+    bound, moved, companion = np.inf, np.inf, found.companion
+    if energy and np.isfinite(found.gap):  # bounds even the root of the sum of the squares of both errors
+        bound = moved = float(np.sqrt(2.0 * max(found.gap, 0.0)))
+    elif known is not None and not energy:
+        bound, moved, companion = known.error, known.within, known.displacement
+    if not np.isfinite(bound):
         why = found.message if known is None else known.norm.reason
         return {**asked, "status": "unbounded", "message": found.coulomb_reason or why}
     try:
@@ -241,15 +241,14 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
     def norm(stress: FloatArray) -> float:
         return float(np.sqrt(np.einsum("i,ij,ijk,ik->", true.weights, stress, compliances, stress)))
 
-    bound, moved, companion = bounds
     ours = found.result.stress(true.x, true.y)
     size = norm(ours)
     numbers = {
-        "bound": bound, "moved": moved, "stress": norm(ours - true.stress), "doubt": norm(true.stress - true.before),
+        "bound": bound, "moved": moved, "stress": norm(ours - true.stress), "doubt": norm(true.doubt),
         "displacement": norm(companion.stress(true.x, true.y) - true.stress),
     }  # fmt: skip
-    forces = [[name, bounds.lower, bounds.upper, true.forces[name], abs(true.forces[name] - true.forces_before[name])]
-              for name, bounds in found.forces.items() if name in true.forces]  # fmt: skip
+    forces = [[name, each.lower, each.upper, *true.forces[name]]
+              for name, each in found.forces.items() if name in true.forces]  # fmt: skip
     reach = np.inf if energy or known is None else known.reach
     return {
         **asked, "status": "bounded", "message": "", "law": "energy" if energy else "coulomb",
