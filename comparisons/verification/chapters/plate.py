@@ -104,8 +104,8 @@ def limits_of_the_force(p: int, quick: bool) -> Iterator[Row]:
         yield rows.at_most(quantity.format("largest"), max(ratios), 3.0, LIMITS_SOURCE)
 
 
-_DISPLACEMENT: Final = 1e-3
-_SMOOTH: Final = Contact.frictionless("top", gap=-_DISPLACEMENT, name="plate")
+_PUSH: Final = 1e-3
+_SMOOTH: Final = Contact.frictionless("top", gap=-_PUSH, name="plate")
 
 
 @ENERGIES("companion-force", 4)
@@ -125,7 +125,7 @@ def companion_without_friction(p: int, quick: bool) -> Iterator[Row]:
         problem = plate_under(_SMOOTH, n)
         companion, result = solve_companion(problem), solve(problem, degree=p)
         proof = both(certified(result), certified_companion(companion, guaranteed=True))
-        rows, exact = Check(proof, f"{n}² cells", 1e-10), 209.0 * _DISPLACEMENT / 2.0
+        rows, exact = Check(proof, f"{n}² cells", 1e-10), 209.0 * _PUSH / 2.0
         force = companion.contacts["plate"].normal_force
         yield rows.relative(f"P/2 by displacements [{FORCE}]", force, 209.0, "E U", tolerance=1e-9)
         yield rows.relative(f"upper energy [{ENERGY}]", companion.energy, exact, "E U²/2")
@@ -134,7 +134,6 @@ def companion_without_friction(p: int, quick: bool) -> Iterator[Row]:
 
 BOUNDS: Final = Chapter()
 
-_PUSH: Final = 1e-3
 _MESHES: Final = (*((cells, 1.0) for cells in (2, 4, 8, 16)), (8, 0.6), (16, 0.75))
 _SYNGE: Final = "(D20): −J*(τ) ≤ J(u) ≤ J(v)"
 _ROUNDING: Final = 1e-12
@@ -144,23 +143,15 @@ def _free(*names: str) -> list[Condition]:
     return [Traction(name, x=0.0, y=0.0) for name in names]
 
 
-def _sticking(cells: int, grading: float) -> ContactProblem:
-    return plate_under(Contact.tied("top", gap=-_PUSH, name="plate"), cells, grading)
-
-
 def _curved(cells: int, grading: float) -> ContactProblem:
-    conditions: list[Condition] = [
-        Contact.frictionless("bottom", gap=lambda x, y: 2e-3 * x**2 + 0.0 * y, name="ground"),
-        Symmetry("left"),
-        Displacement("top", x=0.0, y=-_PUSH),
-    ]
-    mesh = TriangleMesh.rectangle((cells, cells), grading=grading)
-    return ContactProblem(mesh, Material(2.09e5, 0.3), [*conditions, *_free("right")])
+    mesh, push = TriangleMesh.rectangle((cells, cells), grading=grading), Displacement("top", x=0.0, y=-_PUSH)
+    ground = Contact.frictionless("bottom", gap=lambda x, y: 2e-3 * x**2 + 0.0 * y, name="ground")
+    return ContactProblem(mesh, Material(2.09e5, 0.3), [ground, Symmetry("left"), push, *_free("right")])
 
 
 _PROBLEMS: Final[dict[str, Callable[[int, float], ContactProblem]]] = {
     "Tresca": partial(plate_under, Contact.tresca("top", 40.0, gap=-_PUSH, name="plate")),
-    "full stick": _sticking,
+    "full stick": partial(plate_under, Contact.tied("top", gap=-_PUSH, name="plate")),
     "frictionless, curved ground": _curved,
 }
 """Name → problem by cells a side and grading."""
@@ -180,9 +171,8 @@ def energy_brackets(p: int, quick: bool) -> Iterator[Row]:
         apart = max((b.lower - b.upper) / b.strain for b in found)
         yield rows.at_most(f"{name}: lower − upper on each mesh, over the strain energy", apart, 0.0)
         crossed = (max(b.lower for b in found) - min(b.upper for b in found)) / found[-1].strain
-        yield rows.at_most(
-            f"{name}: largest lower − smallest upper of all meshes, over the strain energy", crossed, 0.0
-        )
+        quantity = f"{name}: largest lower − smallest upper of all meshes, over the strain energy"
+        yield rows.at_most(quantity, crossed, 0.0)
 
 
 def _trapezoid() -> ContactProblem:
@@ -190,8 +180,8 @@ def _trapezoid() -> ContactProblem:
     block = TriangleMesh.rectangle((4, 2), 2.0, 1.0, origin=(-1.0, 0.0))
     x, y = block.vertices.T
     mesh = replace(block, vertices=np.column_stack([x * (1.0 - y / 2.0), y]))
-    conditions: list[Condition] = [Contact.tied("bottom", gap=-_PUSH), Displacement("top", x=0.0, y=0.0)]
-    return ContactProblem(mesh, Material(1e4, 0.2, "strain"), [*conditions, *_free("left", "right")])
+    base, top = Contact.tied("bottom", gap=-_PUSH), Displacement("top", x=0.0, y=0.0)
+    return ContactProblem(mesh, Material(1e4, 0.2, "strain"), [base, top, *_free("left", "right")])
 
 
 def _l_shape() -> ContactProblem:
@@ -199,8 +189,8 @@ def _l_shape() -> ContactProblem:
     lines = np.arange(4.0)
     tops = {"roof": lambda _, y: y == 3.0, "step": lambda x, y: (y == 1.0) & (x > 1.0)}
     mesh = TriangleMesh.grid(lines, lines, np.array([[1, 1, 1], [1, 0, 0], [1, 0, 0]], dtype=bool), edges=tops)
-    conditions: list[Condition] = [Displacement("bottom", x=0.0, y=0.0), Displacement("roof", x=_PUSH, y=-_PUSH)]
-    return ContactProblem(mesh, Material(2.1e5, 0.3, "strain"), [*conditions, *_free("left", "right", "step")])
+    held, pushed = Displacement("bottom", x=0.0, y=0.0), Displacement("roof", x=_PUSH, y=-_PUSH)
+    return ContactProblem(mesh, Material(2.1e5, 0.3, "strain"), [held, pushed, *_free("left", "right", "step")])
 
 
 _CORNERED: Final = {
@@ -256,7 +246,7 @@ def force_between_bounds(p: int, quick: bool) -> Iterator[Row]:
     """Guaranteed bounds of P/2 at full stick enclose the settled value of displacement codes, and close on it."""
     limit, uncertainty = LIMITS[1.0]
     for cells, grading in ((4, 0.6), (8, 0.6), (16, 0.75))[: 1 if quick else None]:
-        found = solve(_sticking(cells, grading), degree=p).bracket
+        found = solve(_PROBLEMS["full stick"](cells, grading), degree=p).bracket
         force, mesh = found.forces["plate.normal_force"], f"{cells}² cells graded by {grading:g}"
         rows = Check(_guaranteed(found), LIMITS_SOURCE, uncertainty, Kind.EXTERNAL)
         yield from rows.enclosed(f"{{}} of P/2, {mesh} [{FORCE}]", force, limit)
