@@ -67,11 +67,6 @@ _WARM_UP: Final = 4  # cells a side of a solve that loads all libraries
 _REPETITIONS: Final = ((32, 5), (64, 3))  # up to so many cells a side; beyond the last one, two
 
 
-def repetitions(cells: int) -> int:
-    """Of a whole solve on this many cells a side."""
-    return next((count for most, count in _REPETITIONS if cells <= most), 2)
-
-
 def solve_whole(case: Mapping[str, Any]) -> dict[str, Any]:
     """Whole solves on n × n equal cells for each μ, in turn with plain factorisations of the same K.
 
@@ -84,7 +79,7 @@ def solve_whole(case: Mapping[str, Any]) -> dict[str, Any]:
     solve(_plate(0.2, _WARM_UP), **settings)
     solves: dict[float, list[dict[str, Any]]] = {mu: [] for mu in case["friction"]}
     plain: dict[str, list[dict[str, Any]]] = {}
-    for turn in range(repetitions(cells)):
+    for turn in range(next((count for most, count in _REPETITIONS if cells <= most), 2)):
         for mu, found in solves.items():
             found.append(_whole(cells, mu, settings))
         if turn == 0:

@@ -94,15 +94,14 @@ def _block(dice: Dice, strain: float, size: float, joint: bool) -> tuple[Triangl
     left = dice.pick(("free", "free", "loaded", "symmetry")) if not joint else "free"
     if abs(float(mesh.edges("left").normal[:, 0].max()) + 1.0) > 1e-9 and left == "symmetry":
         left = "free"
-    push, kind = strain, dice.pick(("held", "held", "held", "pressed"))
-    if kind == "pressed":
+    if dice.pick(("held", "held", "held", "pressed")) == "pressed":
         slope = dice.pick((0.0, 0.5, -0.5)) * size / width
         shear = dice.pick((0.0, 0.05, -0.1, 0.2)) * size
         conditions += [Traction("top", x=shear, y=Polynomial([[-size], [slope]]))]
     else:
         shares = (0.3, 0.6, -0.4) if joint else (0.0, 0.0, 0.1, 0.3, -0.2)
-        moved = 0.0 if left == "symmetry" else push * dice.pick(shares)
-        conditions += [Displacement("top", moved, -push * dice.pick((1.0, 1.0, 0.3)))]
+        moved = 0.0 if left == "symmetry" else strain * dice.pick(shares)
+        conditions += [Displacement("top", moved, -strain * dice.pick((1.0, 1.0, 0.3)))]
     if left == "symmetry":
         conditions += [Symmetry("left")]
     else:
@@ -167,9 +166,8 @@ def declared(count: int) -> Study:
 
 def refined(count: int) -> Study:
     """The study of the first polygons: which slip, of which there are bounds, and how long 1 % of the force takes."""
-    return Study(
-        "bounds-refined", 1, "comparisons.bounds.study:refine_case", [{"number": number} for number in range(count)]
-    )
+    cases = [{"number": number} for number in range(count)]
+    return Study("bounds-refined", 1, "comparisons.bounds.study:refine_case", cases)
 
 
 def refine_case(case: Mapping[str, Any]) -> dict[str, Any]:
@@ -210,10 +208,8 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
     from comparisons.bounds.reference import NoReferenceError, reference  # NGSolve, which reports do not need
 
     problem, degree = stated(case["family"], case["number"])
-    asked = {
-        "degree": degree,
-        "friction": max(each.friction for each in problem.contacts if not callable(each.friction)),
-    }
+    friction = max(each.friction for each in problem.contacts if not callable(each.friction))
+    asked = {"degree": degree, "friction": friction}
     try:
         result = solve(problem, degree=degree)
         if not result.has_state:
