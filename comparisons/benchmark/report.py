@@ -129,11 +129,6 @@ def _of_sequences(runs: DataFrame) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _shown_error(value: float | None) -> str:
-    """An error of P/2; one below what the limits are known to means nothing."""
-    return f"< {scientific(MEANINGLESS, 1)}" if value is not None and value < MEANINGLESS else scientific(value)
-
-
 _FORMS: Final[dict[str, Form]] = {
     **dict.fromkeys((*PARTS, "numeric", "plain", "factorised"), seconds),
     **dict.fromkeys(("friction", "load"), fixed("g")), "peak": memory, "accuracy": scientific, "spread": percent,
@@ -141,7 +136,7 @@ _FORMS: Final[dict[str, Form]] = {
     **dict.fromkeys((*_POWERS.values(), "ratio"), _HUNDREDTHS), "half_force": fixed(".8f"),
     **dict.fromkeys(("cells", "from", "to"), lambda value: NOTHING if value != value else f"{value:.0f}²"),
     **dict.fromkeys(("later", "together"), partial(significant, digits=2)),
-    "half_force_error": _shown_error,
+    "half_force_error": lambda value: f"< {scientific(MEANINGLESS, 1)}" if value < MEANINGLESS else scientific(value),
     "force": lambda value: "–" if value != value else scientific(value),
     "message": lambda text: text if text and text == text else NOTHING,
 }  # fmt: skip

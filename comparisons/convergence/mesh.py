@@ -306,7 +306,7 @@ def _known(form: Form) -> Form:
 
 
 def _cost(unknowns: float) -> str:
-    return "not reached" if unknowns == float("inf") else f"{unknowns:.0f}"
+    return "not reached" if unknowns == np.inf else f"{unknowns:.0f}"
 
 
 FORMS: Final[dict[str, Form]] = {

@@ -191,22 +191,17 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
     return runs.sort_values(PLACE, kind="stable", ignore_index=True)
 
 
-def of(runs: DataFrame, name: str) -> DataFrame:
-    """The runs of this name that have a result."""
-    return runs[(runs.run == name) & runs.has]
-
-
 def paper_runs(runs: DataFrame) -> DataFrame:
     """The paper's runs, with the quickest step that settles on the same problem beside them."""
-    steps = of(runs, "step")
+    steps = runs[(runs.run == "step") & runs.has]
     quickest = steps[steps.settles == 1].groupby(PLACE)[SOON].min().rename("quickest")
-    found = of(runs, "paper").join(quickest, on=PLACE)
+    found = runs[(runs.run == "paper") & runs.has].join(quickest, on=PLACE)
     return found.assign(error=(found.after / found.force - 1.0).abs(), part=found.omega / found.limit)
 
 
 def values_of(runs: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences."""
-    paper, found, steps = load(), paper_runs(runs), of(runs, "step")
+    paper, found, steps = load(), paper_runs(runs), runs[(runs.run == "step") & runs.has]
     rough, smooth = found[found.friction > 0.0], found[found.friction == 0.0]
     sliding = rough[rough.condition.notna()]
     met = {name: int(((found[name] - found.printed).abs() < _LAST_DIGIT).sum())

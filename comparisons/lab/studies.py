@@ -1,10 +1,5 @@
 """Studies: cases, run in processes with limits, one durable row for each, in a store that any study may share.
 
-    from comparisons.lab.studies import Study, run_study
-
-    cases = [{"mesh": mesh, "friction": mu} for mesh in (8, 16) for mu in (0.1, 0.5)]
-    rows = run_study(Study("iterations", 1, "package.module:function", cases), "results/iterations.sqlite", workers=4)
-
 Cases and results are *plain*: None, booleans, integers, floats, texts, and lists and named mappings of these. They mean
 the same in this process, in another one, on a cluster and in a file. A row is found by the study's name, its version
 and the case, so an interrupted study goes on where it stopped, and a larger one takes the rows of a smaller one.

@@ -9,7 +9,7 @@ import numpy as np
 from comparisons.verification.rows import Check, Kind, Row, both, certified, certified_companion
 from qvi_contact import Contact, ContactLine, ContactProblem, ContactResult, ContactState
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
-from qvi_contact.companion import CompanionContact, solve_companion
+from qvi_contact.companion import solve_companion
 from qvi_contact.discretization.loads import EdgePoints
 from qvi_contact.exact import ExactState
 from qvi_contact.gallery import compressed_plate
@@ -60,11 +60,6 @@ def stress_deviation(result: ContactResult, exact: Stress) -> float:
     found = space.stress(known.coefficients(result.dofs), cells, t) * known.scales.stress
     wanted, twice = exact(x, y), weights[..., None] * np.array([1.0, 1.0, 2.0])
     return float(np.sqrt((twice * (found - wanted) ** 2).sum() / (twice * wanted**2).sum()))
-
-
-def degrees(line: ContactLine | CompanionContact) -> FloatArray:
-    """Directions of the points from the origin [°]."""
-    return np.asarray(np.rad2deg(np.arctan2(line.y, line.x)))
 
 
 def ellipse(x: FloatArray, values: FloatArray) -> tuple[float, float]:

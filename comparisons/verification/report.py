@@ -54,16 +54,12 @@ def choose(names: Sequence[str]) -> Chapters:
 
 
 class Told(NamedTuple):
-    """A problem's name, the first paragraph of its docstring, and its rows."""
+    """A problem's name, the name of its table, the first paragraph of its docstring, and its rows."""
 
     name: str
+    table: str
     about: str
     rows: Sequence[Row]
-
-    @property
-    def table(self) -> str:
-        """The name of its table."""
-        return self.name.replace("/", "-")
 
 
 def run(chapters: Chapters, quick: bool, advance: Advance) -> dict[str, list[Told]]:
@@ -82,7 +78,7 @@ def run(chapters: Chapters, quick: bool, advance: Advance) -> dict[str, list[Tol
             except Exception as error:  # whatever it is, the other problems go on
                 rows.append(crash(f"{type(error).__name__}: {' '.join(str(error).split())}"))
             about = " ".join((problem.__doc__ or "").strip().split("\n\n")[0].split())
-            done[chapter].append(Told(name, about, rows or [crash("it has no rows")]))
+            done[chapter].append(Told(name, name.replace("/", "-"), about, rows or [crash("it has no rows")]))
             advance(name)
     return done
 

@@ -52,10 +52,6 @@ class Dice:
         """One of the values."""
         return values[self.whole(0, len(values) - 1)]
 
-    def sign(self) -> float:
-        """−1 or 1."""
-        return self.pick((-1.0, 1.0))
-
 
 @dataclass(frozen=True)
 class Part:
@@ -474,7 +470,7 @@ class Maker:
             given = dict.fromkeys(given, 0.0)
         far = dice.magnitude(0.0, 4.0) if "plates" in self.traits and dice.chance(0.3) else dice.between(0.0, 1.0)
         near = (float(self.mesh.vertices[:, 0].mean()), float(self.mesh.vertices[:, 1].mean()))
-        pivot = (near[0] + far * extent * dice.sign(), near[1] + extent * dice.between(-1.0, 1.0))
+        pivot = (near[0] + far * extent * dice.pick((-1.0, 1.0)), near[1] + extent * dice.between(-1.0, 1.0))
         if "moment" in given and dice.chance(0.7):  # the moment of a force at the middle, plus a little
             arms = (near[0] - pivot[0]) * given.get("force_y", 0.0) - (near[1] - pivot[1]) * given.get("force_x", 0.0)
             given["moment"] = arms + 0.1 * given["moment"]
