@@ -57,17 +57,9 @@ def standard_problems() -> Iterator[tuple[str, ContactProblem]]:
 
 
 def programs_of(name: str, qvi: FrictionQVI, pressure: Vector | None) -> Iterator[QuadraticProgram]:
-    """The inner problems of a `FrictionQVI` in both forms, for one or two friction bounds.
+    """The inner problems of a `FrictionQVI`, posed about z = 0, in both forms; their names begin with this one.
 
-    Parameters
-    ----------
-    name : str
-        Beginning of their names.
-    qvi : FrictionQVI
-        The problem; it is posed about z = 0.
-    pressure : (m,) or None
-        That of its solution, for the bound "converged"; None leaves that out.
-
+    The pressure (m,) is that of its solution, for the bound "converged"; None leaves that out.
     """
     bounds = {"cold": qvi.threshold(qvi.pressure(qvi.bonded))}
     if pressure is not None:
