@@ -192,17 +192,17 @@ class Anderson:
         self._last = size
         self._arguments.append(s)
         self._residuals.append(residual)
+        damped: Vector = np.maximum(s + self.mixing * residual, 0.0)
         if len(self._residuals) == 1:
-            return np.maximum(s + self.mixing * residual, 0.0)
-        differences = np.array([self._root * (old - residual) for old in list(self._residuals)[:-1]]).T
-        alpha = np.linalg.lstsq(differences, -self._root * residual, rcond=_CONDITION)[0]
-        mixed = [a + self.mixing * r for a, r in zip(self._arguments, self._residuals, strict=True)]
-        combined = mixed[-1] + sum(
-            (c * (m - mixed[-1]) for c, m in zip(alpha, mixed[:-1], strict=True)), np.zeros_like(s)
-        )
+            return damped
+        residuals = np.array(self._residuals)
+        differences = self._root * (residuals[:-1] - residual)
+        alpha = np.linalg.lstsq(differences.T, -self._root * residual, rcond=_CONDITION)[0]
+        mixed = np.array(self._arguments) + self.mixing * residuals
+        combined: Vector = mixed[-1] + alpha @ (mixed[:-1] - mixed[-1])
         if float(self._root**2 @ ((combined - s) * residual)) <= 0:  # towards a repelling fixed point
             self.reset()
-            return np.maximum(s + self.mixing * residual, 0.0)
+            return damped
         return np.maximum(combined, 0.0)
 
     def reset(self) -> None:
