@@ -282,10 +282,7 @@ class _Loop:
             self.reason = Status.MAX_ITERATIONS
 
     def _solve_inner(self) -> InnerSolution:
-        """The inner problem about the last result; a back end that fails there gets one more try about the start.
-
-        A back end's "infeasible" is a failure if Clarabel finds the solution that is said not to exist.
-        """
+        """The inner problem about the last result, or the start if that fails; Clarabel has to confirm "infeasible"."""
         form, solver, threshold = self.form, self.solver, self.form.threshold(self.qvi.threshold(self.s))
         centre = form.centre(self.inner, self.previous)
         inner = contradiction(form.problem, threshold, centre) or solver.solve(threshold, centre, self.inner)
@@ -345,10 +342,9 @@ class _Loop:
         return True
 
     def _recover(self, result: InnerSolution) -> None:
-        """Ask whether the load can be carried at all; if so restart, then return towards the last feasible s.
+        """If the load can be carried at all restart, then return towards the last feasible s.
 
-        Starts are the pressure without friction, where that exists, then that of an admissible traction, see
-        `check_feasibility`.
+        Starts are the pressure without friction, where that exists, then that of an admissible traction.
         """
         qvi, form = self.qvi, self.form
         self.recoveries += 1

@@ -261,10 +261,7 @@ class CondensedRun:
         return Status.STALLED if count - self.before >= _ONE_START else None
 
     def _prepare(self, measures: Measures) -> None:
-        """Friction's own share once slacks fit; a sharper kink where it lags behind; the larger matrix where it is due.
-
-        The larger Newton matrix is taken once the smaller one spoils multipliers.
-        """
+        """Friction's own share once slacks fit, a sharper kink where it lags, and `Saddle` once multipliers spoil."""
         self.force, self.last_gap = measures.force, measures.gap
         problem, interior = self.problem, self.interior
         if self.path is None and measures.slack <= _FITTED:
@@ -286,10 +283,7 @@ class CondensedRun:
         return measures.gap <= gap and max(measures.slack, measures.kink) <= _SLACK and (balanced or stalled)
 
     def _settled(self, residuals: Residuals) -> bool:
-        """Whether the residual of y moves nothing any more, in the energy norm, or does not shrink any more.
-
-        What is little beside the largest force may be much in a direction in which the body is soft.
-        """
+        """Whether the residual of y moves nothing, however soft the body is there, or does not shrink any more."""
         if self.scale == 0.0:  # before the first defect correction digits do not count
             return True
         before, self.unsettled = self.unsettled, self.residual(residuals)
@@ -303,8 +297,7 @@ class CondensedRun:
     def _worst(self, measures: Measures, residuals: Residuals) -> float:
         """What the best point is chosen by; forces count like the gap where their last digits are within reach.
 
-        Else they count by the error of the stress that they make: the stiffer the bounds, the more digits they lose,
-        and where the body is soft, as at joints that open, little force is much stress.
+        Else they count by the error of the stress: where the body is soft, as at open joints, a little force is much.
         """
         if self.problem.system.last_digits:
             return measures.worst
@@ -314,10 +307,7 @@ class CondensedRun:
         return max(worst, self._unbalanced(residuals) / _UNBALANCED)
 
     def _unbalanced(self, residuals: Residuals) -> float:
-        """The error of the stress that forces out of balance make, in the energy norm, relative; not of dense systems.
-
-        Those reach the last digits of forces, and their norm is 0 where S is no longer definite to rounding.
-        """
+        """The error of the stress, in the energy norm, relative, that forces out of balance make in sparse systems."""
         if self.problem.system.last_digits or not self.base.strain_energy > 0.0:
             return np.inf
         return self.problem.system.norm(residuals.force) / float(np.sqrt(2.0 * self.base.strain_energy))
@@ -334,10 +324,9 @@ class CondensedRun:
         return count - self.best[1] >= self.problem.system.patience
 
     def _turn(self, measures: Measures) -> None:
-        """Follow the central path from here on, if there is one.
+        """Follow the central path, if there is one, from the last point from which a step was long.
 
-        It is looked for from the last point from which a step was long: where steps have become short, before the turn,
-        the iterate is far off the path, and Newton's matrix nearly singular there.
+        Where steps have become short the iterate is far off the path, and Newton's matrix nearly singular.
         """
         if measures.slack > _ON_PATH:
             self.ended, self.message = Status.INNER_INFEASIBLE, f"bounds are violated by {measures.slack:.1e}"

@@ -167,9 +167,8 @@ class Pardiso(Factorisation):
     def _check_interior(self, diagonal: Vector) -> None:
         """`FactorisationError` if K_II is singular up to rounding, which PARDISO tells of exact zeros only.
 
-        For g = D^½ ξ, D the diagonal of K_II and ξ of random signs, gᵀ K_II⁻¹ g = ‖L⁻¹ g‖² has the expectation
-        tr (D^-½ K_II D^-½)⁻¹, about 1/λ with the smallest eigenvalue λ of the matrix scaled to unit diagonal. MKL
-        would give pivots (iparm[55]), but without the two-level factorisation: 15 % dearer, this 2 %.
+        With random signs ξ and g = D^½ ξ, D the diagonal of K_II, ‖L⁻¹ g‖² is about 1/λ, λ the smallest eigenvalue of
+        D^-½ K_II D^-½. Pivots (iparm[55]) are not to be had with the two-level factorisation.
         """
         signs = np.random.default_rng(0).integers(2, size=(diagonal.size, _PROBES)) * 2.0 - 1.0
         y = self._phase(FORWARD, np.asarray(signs * np.sqrt(diagonal)[:, None], dtype=np.float64))
