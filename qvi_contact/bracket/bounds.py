@@ -15,10 +15,10 @@ In `docs/theory.md`: (D19), (D20), (D21).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -42,7 +42,7 @@ from qvi_contact.bracket.parts import (
 from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_shares
 from qvi_contact.companion import CompanionResult, solve_companion, solve_companions
 from qvi_contact.companion.body import PARALLEL
-from qvi_contact.companion.model import check_scope
+from qvi_contact.companion.model import checked
 from qvi_contact.companion.space import HIGHEST, triangle
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import is_polynomial, physical, scaled_stress_at_rest, spanned
@@ -54,10 +54,9 @@ from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import allowed_misfit, obstacle_work, rest_on_arcs, support_work
 from qvi_contact.version import __version__
-from solvers import Iteration, Status, solve_qvi
+from solvers import Status, solve_qvi
 from solvers.basics.progress import Log, deadline
 from solvers.factorisation import FactorisationError
-from solvers.settings import Settings
 from solvers.solution import WHAT_TO_DO
 from solvers.solve import followed_solutions, traction_difference
 
@@ -132,12 +131,11 @@ def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str,
 
 
 def admissible_stress(
-    discretization: Discretization, bound: FloatArray, result: ContactResult, tolerance: float, **options: Any
+    discretization: Discretization, bound: FloatArray, result: ContactResult, tolerance: float
 ) -> tuple[ContactResult, str]:
     """The stress of the result where it is admissible for a bound (e, q) up to the tolerance, else the best that is.
 
-    The tolerance is relative to the largest contact traction; options of the solve are those of `solve_qvi`. The
-    message says why there is no such stress, and is empty if there is.
+    The tolerance is relative to the largest contact traction. The message says why there is no such stress.
     """
 
     def violation(result: ContactResult) -> float:
@@ -149,7 +147,7 @@ def admissible_stress(
     if violation(result) <= tolerance:
         return result, ""
     qvi = discretization.qvi  # with m > 0, as something is violated
-    solution = solve_qvi(qvi.with_bound(np.maximum(bound.ravel(), 0.0)), tolerance=tolerance, **options)
+    solution = solve_qvi(qvi.with_bound(np.maximum(bound.ravel(), 0.0)), tolerance=tolerance)
     strict = ContactResult(discretization, solution)
     message = f"No strictly admissible stress was found: {solution.message}"
     if solution.status in (Status.INFEASIBLE, Status.INNER_INFEASIBLE):
@@ -251,8 +249,6 @@ def bracket(
     tolerance: float = 1e-8,
     *,
     time_limit: float | None = None,
-    max_iterations: int | None = None,
-    callback: Callable[[Iteration], object] | None = None,
     verbose: bool = False,
 ) -> Bracket:
     """Bounds of the energy of the problem that a result belongs to, and an error indicator for each cell.
@@ -286,8 +282,6 @@ def bracket(
         stress, counts as admissible; what that may cost is estimated and taken off the lower bound (`Bracket.slack`).
     time_limit : float, optional
         Seconds for the two solves together; a bound that is not found in time is infinite.
-    max_iterations, callback
-        Iterations of each solve at most, and who is called with each iteration, as for `solve`.
     verbose : bool
         Print a header, a line for each iteration of the solves, and a footer with what is bounded and the time.
 
@@ -314,13 +308,8 @@ def bracket(
         raise InputError("result", result, "give a ContactResult")
     if not 0.0 < finite_number("tolerance", tolerance) <= LOOSEST:
         raise InputError("tolerance", tolerance, f"give a number above 0, at most {LOOSEST:g}")
-    check_scope(result.problem)
     beside = min(result.discretization.space.degree, HIGHEST)  # one less has the same order, but half of the gap
-    degree = triangle(beside if degree is None else degree).degree
-    options: dict[str, Any] = {"callback": callback}
-    if max_iterations is not None:
-        options["max_iterations"] = max_iterations
-    _ = Settings.of(None, options)
+    degree = checked(result.problem, beside if degree is None else degree, tolerance).degree
     result, earlier = after_earlier_slip(result)
     rough = ", ".join(repr(contact.name) for contact in result.problem.contacts if has_coulomb(contact))
     kind = BracketKind.GIVEN_BOUND if rough else BracketKind.PROBLEM
@@ -329,15 +318,15 @@ def bracket(
     reasons = (*earlier, *([f"The friction bound on {rough} was taken from the computed pressure."] if rough else []))
     with deadline(time_limit), Log(f"qvi_contact {__version__}: bracket", verbose) as log:
         log.begin({"what": kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
-        stress, refused = admissible_stress(known, given.bound, result, tolerance, **options)
-        shared: SharedStress | str = with_shares(result, tolerance, **options) if rough else ""
+        stress, refused = admissible_stress(known, given.bound, result, tolerance)
+        shared: SharedStress | str = with_shares(result, tolerance) if rough else ""
         slip: list[Mapping[str, FloatArray]] = [{}]
         if isinstance(shared, SharedStress):  # a displacement for Coulomb's law, too
             slip.append({name: share.slipping for name, share in shared.shares.items()})
         bound = given.bound * known.scales.stress
         law = {rows.name: bound[rows.edges] for rows in known.contacts if rows.law != "tied"}
         first, *more = solve_companions(
-            known.problem, [law] * len(slip), degree=degree, tolerance=tolerance, slip_directions=slip, **options
+            known.problem, [law] * len(slip), degree=degree, tolerance=tolerance, slip_directions=slip
         )
         found = _assemble(known, kind, given, reasons, stress, refused, first)
         bounds: CoulombBounds | str = shared if isinstance(shared, str) else "No admissible displacement was found."

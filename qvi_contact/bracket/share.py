@@ -238,10 +238,10 @@ def with_bernstein_rows(known: Discretization) -> Discretization:
     return discretize(known.problem, degree=known.space.degree, law_on="edges", scales=known.scales)
 
 
-def with_shares(result: ContactResult, tolerance: float, **options: Any) -> SharedStress | str:
+def with_shares(result: ContactResult, tolerance: float) -> SharedStress | str:
     """(H4): a stress with continuous shares near that of a result, or why nothing is known of its errors.
 
-    It obeys Coulomb's law on whole edges: a result with other rows is solved anew, with options of `solve_qvi`.
+    It obeys Coulomb's law on whole edges: a result with other rows is solved anew.
 
     At a vertex between edges of which one slips, s is 1 or −1 as there; where nothing slips it is the mean, weighted
     by the bounds; where no R of (D26) exists else, it is 0. Of each edge only the first and the last coefficient of the
@@ -254,7 +254,7 @@ def with_shares(result: ContactResult, tolerance: float, **options: Any) -> Shar
     given = result.discretization if problem is result.problem else replace(result.discretization, problem=problem)
     known, solution = with_bernstein_rows(given), result.solution
     if known is not given:
-        solution = solve_qvi(known.qvi, tolerance=tolerance, **options)
+        solution = solve_qvi(known.qvi, tolerance=tolerance)
     if known is not result.discretization:
         result = ContactResult(known, solution)
     if not result.has_state:
