@@ -238,8 +238,8 @@ class CompanionResult(PicklesFields):
         """Parts of the energy J(v) = strain − load + friction [stress × length²].
 
         "strain" is ½ ∫ (ε − ε⁰):C:(ε − ε⁰), with the energy of springs; "load" ∫ b·v + ∫_{Γσ} T·v + Σ F·q, q the
-        motions of plates under the forces F; "friction" Σ ∫ s |v_T − w| ds ≥ 0 for given bounds, under the contacts' own laws
-        Σ W_i s_i |c_i − w_i|, no less than that.
+        motions of plates under the forces F; "friction" Σ ∫ s |v_T − w| ds ≥ 0 for given bounds, under the contacts'
+        own laws Σ W_i s_i |c_i − w_i|, no less than that.
         """
         state, friction = self._state, 0.0
         for trace in state.contacts.traces:
