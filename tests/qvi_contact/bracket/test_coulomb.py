@@ -274,6 +274,12 @@ def test_forces_of_the_plate_on_every_mesh(friction, limit):
     assert widths[-1] < 0.25 * widths[0]
 
 
+def test_cohesion_counts_where_it_slips():
+    problem = with_law(compressed_plate(0.1, (4, 4)), cohesion=8.0)
+    force = solve(problem, degree=4).bracket.coulomb.forces["plate.normal_force"]
+    assert force.lower < solve(problem, degree=6).contacts["plate"].normal_force < force.upper
+
+
 class TestOtherBodies:
     """Bodies without a proved norm: estimated bounds, and none where there is no friction operator."""
 
