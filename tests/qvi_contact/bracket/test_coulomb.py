@@ -237,6 +237,12 @@ def with_law(problem, **law):
 class TestScope:
     """What has bounds under friction."""
 
+    def test_friction_may_be_a_function_of_one_value(self):
+        """As formulas of constants are in files."""
+        problem = compressed_plate(0.2, (2, 2))
+        found = solve(with_law(problem, friction=lambda x, _: 0.2 + 0.0 * x)).bracket.coulomb
+        assert found.error == pytest.approx(solve(problem).bracket.coulomb.error, rel=1e-6)
+
     def test_shares_are_continuous_where_a_contact_begins_to_open(self):
         """On the last edge that touches pressure falls to nothing: what bears nothing there must not carry a jump."""
         mesh = TriangleMesh.rectangle((12, 4), 2.0, 1.0)
