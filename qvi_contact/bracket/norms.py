@@ -477,15 +477,14 @@ class _Energies:
 
     def stopped(self, problem: ContactProblem, shares: Mapping[str, Share], unit: float) -> Stopped | str:
         """What stops the motions without strain, or why nothing does. Weights of shares have the unit [stress]."""
-        scales, count, moved = Scales.of(problem), self.unstrained.shape[1], np.zeros(len(self.slips))
+        scales, count, moved = Scales.of(problem), self.unstrained.shape[1], np.zeros((len(self.slips), 1))
         motions = self.unstrained / np.abs(self.unstrained).max()
-        moved[self.slips] = np.abs(motions).max(axis=1)
+        moved[self.slips] = np.abs(motions).max(axis=1, keepdims=True)
         moving = [each for each in self.traces if each.name in shares and moved[each.here].max() > _ALIKE]
         curved = [repr(trace.name) for trace in moving if trace.edges.curved]
         if curved:
             return f"it touches along the arcs of {' and '.join(curved)}"
-        groups = self._groups(shares, unit / scales.stress)
-        keys, means = (np.array(part) for part in zip(*((each.key, each.mean) for each in groups), strict=True))
+        keys, means, ways = self._groups(motions, shares, unit / scales.stress)
         masses = (means * (motions @ keys.T).T).sum(axis=1) / np.maximum((keys**2).sum(axis=1), _ALIKE**2)
         _, size, order = qr((masses[:, None] * keys).T, pivoting=True)
         if len(keys) < count or not abs(size[count - 1, count - 1]) > _STOPS * abs(size[0, 0]):
@@ -495,27 +494,21 @@ class _Energies:
         chosen = order[:count]
         means, d = means[chosen], motions @ np.linalg.inv(keys[chosen])
         masses, others, image = np.diag(means @ d), null_space(means), self._image(shares)
-        turned = [  # what friction left on each group turns into
-            self._image(
-                {name: replace(shares[name], values=way * shares[name].room) for name, way in groups[k].ways.items()}
-            )
-            for k in chosen
-        ]
+        turned = []  # what friction left on each group turns into
+        for k in chosen:
+            left = {name: replace(share, values=ways[name][k, :, None] * share.room) for name, share in shares.items()}
+            turned.append(self._image(left))
 
         def sizes(part: float) -> FloatArray:
             """The larger |R d_k| of both senses of d_k, dimensionless: the other groups it does not move."""
             both = ((image + sense * part * own) @ d[:, k] for k, own in enumerate(turned) for sense in (1.0, -1.0))
-            found = [float(np.sqrt(max(v @ self.part @ v, 0.0))) for v in both]
-            return np.maximum(found[::2], found[1::2])
+            return np.array([np.sqrt(max(v @ self.part @ v, 0.0)) for v in both]).reshape(-1, 2).max(axis=1)
 
         reaches = {part: float((part * masses / np.maximum(sizes(part), 1e-300)).min()) for part in _PARTS}
         part = min(part for part in _PARTS if reaches[part] >= _NEARLY * max(reaches.values()))
         if count <= _MOTIONS:
             senses = product((part, -part), repeat=count)
-            norm = max(
-                self._norm(image + sum(sense * own for sense, own in zip(each, turned, strict=True)), others)
-                for each in senses
-            )
+            norm = max(self._norm(image + np.tensordot(each, turned, axes=1), others) for each in senses)
         else:  # |Σ ± R_k v| ≤ √j (Σ |R_k v|²)^½
             work = sum(own.T @ self.part @ own for own in turned)
             largest = eigh(others.T @ work @ others, others.T @ self.below @ others, eigvals_only=True)[-1]
@@ -523,36 +516,37 @@ class _Energies:
         energy = scales.energy
         return Stopped(norm, others, d, part * energy * masses, np.sqrt(energy) * sizes(part), self, energy)
 
-    def _groups(self, shares: Mapping[str, Share], unit: float) -> list[_Group]:
-        """Edges that the motions without strain move alike, or against each other."""
-        motions = np.zeros((len(self.slips), self.unstrained.shape[1]))
-        motions[self.slips] = self.unstrained / np.abs(self.unstrained).max()
-        found = list[_Group]()
-        for trace in (trace for trace in self.traces if trace.name in shares):
+    def _groups(
+        self, motions: FloatArray, shares: Mapping[str, Share], unit: float
+    ) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+        """Groups of edges that motions (n, j) move alike, or against each other.
+
+        What these do to each group (g, j), the functionals ∫ ± ω x_T ds (g, n), and ±1 on its edges by contact, else 0.
+        """
+        traces, keys, means = (
+            [each for each in self.traces if each.name in shares],
+            list[FloatArray](),
+            list[FloatArray](),
+        )
+        moved = np.zeros((len(self.slips), motions.shape[1]))
+        moved[self.slips] = motions
+        for trace in traces:
             share, columns = shares[trace.name], trace.start + trace.columns
             products = bernstein.product_integrals(share.values.shape[1] - 1, columns.shape[1] - 1)
-            means = np.zeros((len(columns), len(self.slips)))  # ∫ ω x_T ds on each edge
             works = unit * trace.lengths[:, None] * trace.turned * (share.room * share.weights @ products)
-            np.add.at(means, (np.arange(len(columns))[:, None], columns), works)
-            for edge, key in enumerate((trace.turned[..., None] * motions[columns]).mean(axis=1)):
-                near = ((g, way) for g in found for way in (1, -1) if np.abs(key - way * g.key).max() < _ALIKE)
-                group, way = next(near, (None, 1))
-                if group is None:
-                    group = _Group(key, np.zeros(int(self.slips.sum())), {})
-                    found.append(group)
-                own = group.ways.setdefault(trace.name, np.zeros((len(columns), 1)))
-                own[edge] = way
-                group.mean[:] += way * means[edge, self.slips]
-        return found
-
-
-@dataclass(frozen=True, eq=False)
-class _Group:
-    """Edges that motions move alike: that slip (j,), the functional ∫ ± ω x_T ds (n,), and ±1 on them, else 0."""
-
-    key: FloatArray
-    mean: FloatArray
-    ways: dict[str, FloatArray]
+            own = np.zeros((len(columns), len(self.slips)))  # ∫ ω x_T ds on each edge
+            np.add.at(own, (np.arange(len(columns))[:, None], columns), works)
+            means.append(own[:, self.slips])
+            keys.append((trace.turned[..., None] * moved[columns]).mean(axis=1))
+        every = np.concatenate(keys)
+        alike, against = (np.abs(every[:, None] - way * every).max(axis=2) < _ALIKE for way in (1.0, -1.0))
+        first = (alike | against).argmax(axis=1)  # of its group
+        ways = np.where(np.take_along_axis(alike, first[:, None], axis=1)[:, 0], 1.0, -1.0)
+        groups = np.unique(first)
+        ways = np.where(first == groups[:, None], ways, 0.0)
+        ends = np.cumsum([len(part) for part in keys])[:-1]
+        by_name = {trace.name: part for trace, part in zip(traces, np.split(ways, ends, axis=1), strict=True)}
+        return every[groups], ways @ np.concatenate(means), by_name
 
 
 _ENERGIES: WeakKeyDictionary[ContactProblem, _Energies] = WeakKeyDictionary()

@@ -102,6 +102,13 @@ class Supports:
     slanted: bool  # whether Q is not the identity
     reasons: tuple[str, ...]  # why they do not meet the data exactly; nothing if they do
 
+    @property
+    def fixed(self) -> FloatArray:
+        """The values as degrees of freedom w (size,), zero elsewhere."""
+        w = np.zeros(self.axes.shape[0])
+        w[self.index] = self.values
+        return w
+
     def with_springs(self, count: int) -> "Supports":
         """The same, with as many degrees of freedom more that nothing prescribes."""
         axes, inverse = (sparse.block_diag([Q, sparse.eye_array(count)], "csr") for Q in (self.axes, self.inverse))
@@ -408,9 +415,7 @@ class CondensedBody:
         held[place] = shift  # back ends want a positive definite matrix; S has it on its diagonal and is freed of it
         factor = factorise(sparse.csc_array(K + sparse.diags_array(held)), place)
         S = factor.schur - shift * np.eye(len(place))
-        fixed = np.zeros(body.size)
-        fixed[supports.index] = supports.values
-        r, _ = factor.reduce((Q.T @ (load - body.force(Q @ fixed)))[free])
+        r, _ = factor.reduce((Q.T @ (load - body.force(Q @ supports.fixed)))[free])
         motions = (rigid @ _unheld(rigid[supports.index]))[interface]
         R = np.asarray(np.linalg.qr(motions)[0]) if motions.size else np.zeros((len(motions), 0))
         if body.springs is not None:
@@ -433,20 +438,13 @@ class CondensedBody:
 
     def expand(self, values: FloatArray) -> FloatArray:
         """V (size,) from w_Γ, the rest in equilibrium: defect corrections remove rounding."""
-        w, Q = self.fixed, self.supports.axes
+        w, Q = self.supports.fixed, self.supports.axes
         w[self.interface] = values
         held = np.zeros(len(self.interface) - (self.body.size - self.body.space.size))
         for _ in range(_CORRECTIONS):
             _, state = self.factor.reduce((Q.T @ (self.load - self.body.force(Q @ w)))[self.free])
             w[self.free] += self.factor.expand(state, held)
         return np.asarray(Q @ w)
-
-    @property
-    def fixed(self) -> FloatArray:
-        """W (size,) with the prescribed values, zero elsewhere."""
-        w = np.zeros(self.body.size)
-        w[self.supports.index] = self.supports.values
-        return w
 
 
 def _pins(body: Elasticity, rigid: FloatArray, fixed: IntArray, interface: IntArray) -> IntArray:

@@ -398,7 +398,7 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
 
     """
     W, touched = contacts.weights, contacts.rows @ body.supports.axes
-    constant = touched @ body.fixed - contacts.moved
+    constant = touched @ body.supports.fixed - contacts.moved
     B = touched[:, body.interface].toarray()
     movable = np.abs(B).sum(axis=1) > PARALLEL
     B[~movable] = 0.0
@@ -439,21 +439,13 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
 
 def _determined(B: FloatArray, contacts: Contacts) -> IntArray:
     """Rows that follow from others: what is tied comes first, then what must not pass an obstacle, then friction."""
-    n, found = contacts.count, list[int]()
-    tied = np.tile(contacts.tied, 2)
-    rank = np.where(tied, 0, np.where(np.arange(2 * n) < n, 1, 2))
+    found, rank = list[int](), np.where(np.tile(contacts.tied, 2), 0, np.repeat([1, 2], contacts.count))
     for rows in groups(sparse.csr_array(B)):
-        columns = np.flatnonzero((B[rows] != 0.0).any(axis=0))
-        base = np.zeros((0, len(columns)))
-        for row in rows[np.argsort(rank[rows], kind="stable")].tolist():
-            rest = B[row, columns]
-            for _ in range(2):  # once more for orthogonality to rounding
-                rest = rest - (base @ rest) @ base
-            length = float(np.linalg.norm(rest))
-            if length > _DEPENDENT:
-                base = np.vstack([base, rest / length])
-            else:
-                found.append(row)
+        ordered = rows[np.argsort(rank[rows], kind="stable")]
+        part = B[ordered]
+        part = part[:, part.any(axis=0)]
+        _, others = independent_rows(part, np.full(len(part), _DEPENDENT))
+        found += ordered[list(others)].tolist()
     return np.array(found, dtype=np.int64)
 
 
@@ -475,16 +467,15 @@ def _independent(A: FloatArray, b: FloatArray, rigid: int) -> IntArray:
     for index, combination in combinations.items():
         contradiction = float(b[index] - combination @ b[kept[: len(combination)]])
         if abs(contradiction) > _BALANCED * max(1.0, float(np.abs(b).max())):
-            if index >= rigid:
-                remedy = (
-                    "contradicts equilibrium with the other loads by this, dimensionless: correct it, or leave it out"
-                )
-                raise InputError("RigidPlate", contradiction, remedy)
+            field = "ContactProblem.conditions"
             remedy = (
                 "the loads on a body that nothing holds are out of balance by this, dimensionless: correct them, or "
-                "support the body by a Displacement or Contact"
             )
-            raise InputError("ContactProblem.conditions", contradiction, remedy)
+            remedy += "support the body by a Displacement or Contact"
+            if index >= rigid:
+                field = "RigidPlate"
+                remedy = "contradicts the other loads by this, dimensionless: correct it, or leave it out"
+            raise InputError(field, contradiction, remedy)
     return np.array(kept, dtype=np.int64)
 
 
@@ -546,10 +537,9 @@ def admissible(
 
 def _excess(problem: DualProblem, c: FloatArray) -> FloatArray:
     """By how much c_N exceeds the gap (2 n,), or differs where the contact keeps its distance, and c_T its offset."""
-    contacts, n = problem.contacts, problem.contacts.count
-    difference = c - contacts.obstacle
-    bilateral, tied = contacts.bilateral, contacts.tied
-    normal = np.where(bilateral, np.abs(difference[:n]), np.maximum(difference[:n], 0.0))
-    slipping = contacts.slipping
-    backwards = np.where(np.isnan(slipping), 0.0, np.maximum(-slipping * difference[n:], 0.0))
-    return np.concatenate([normal, np.where(tied | (slipping == 0.0), np.abs(difference[n:]), backwards)])
+    contacts = problem.contacts
+    normal, shear = (c - contacts.obstacle).reshape(2, contacts.count)
+    backwards = np.nan_to_num(np.maximum(-contacts.slipping * shear, 0.0))
+    held = contacts.tied | (contacts.slipping == 0.0)
+    across = np.where(contacts.bilateral, np.abs(normal), np.maximum(normal, 0.0))
+    return np.concatenate([across, np.where(held, np.abs(shear), backwards)])
