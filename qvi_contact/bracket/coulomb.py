@@ -351,7 +351,8 @@ class _Pairs:
                 away[half, here] = shown(part, moved[:, here], least)
                 held[half, on_edges[(away[half, on_edges] == 0.0).any(axis=1)]] = True
         loose, sliding = (np.asarray(part.any(axis=1)) for part in (pressure == 0.0, (room == 0.0) | np.isinf(room)))
-        return _Zones(*self.unit * away, pressure, room, *held, loose, sliding)
+        opening, slip = self.unit * away
+        return _Zones(opening, slip, pressure, room, held[0], held[1], loose, sliding)
 
     @cached_property
     def _senses(self) -> FloatArray:

@@ -102,15 +102,17 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
         return None
     held = np.array([[spans(each, unit) for unit in np.eye(2)] for each in directions])
     pressed, rough, rubs = np.zeros((3, len(boundary)), dtype=bool)  # where (Rv)_N = 0, (Rv)_T = 0, and with friction
-    known: dict[int, tuple[FloatArray, FloatArray]] = {}  # θ at coefficients, and no less than its steps on equal parts
+    theta, steps = np.zeros((len(axis), 3)), np.zeros((len(axis), 16))  # at both ends and at most; see `Share.steepest`
     for contact in problem.contacts:
         index = mesh.edge_set(contact.edges)
         if has_coulomb(contact):
-            share = shares[contact.name]
-            factors = np.where(end[index], share.friction, -share.friction)[:, None]
-            pairs = zip(factors * share.values, share.friction * share.steepest(), strict=True)
-            known |= zip(index.tolist(), pairs, strict=True)
-            rubs[index] = True
+            share, values = shares[contact.name], shares[contact.name].friction * shares[contact.name].values
+            theta[index, :2] = np.where(end[index], 1.0, -1.0)[:, None] * values[:, [0, -1]]
+            rubs[index], theta[index, 2], steps[index] = (
+                True,
+                np.abs(values).max(axis=1),
+                share.friction * share.steepest(),
+            )
         elif contact.law != "tied":
             pressed[index], rough[index] = True, bears_shear(contact)
     if len(set(axis[rubs])) != 1:
@@ -124,12 +126,10 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
     demanded, profiles = (axis == b) & (rubs | ((held[:, b] | pressed) & ~held[:, a])), []
     for side in (False, True):
         chosen = np.flatnonzero(demanded & (end == side))
-        places = np.sort(ends[chosen, :, a], axis=1)
-        order = np.argsort(places[:, 0])
-        if len(order):
-            nothing = np.zeros(1), np.zeros(1)
-            profiles.append(_profile(places[order], [known.get(edge, nothing) for edge in chosen[order].tolist()]))
-    largest, parts = zip(*profiles, strict=True)
+        chosen = chosen[np.argsort(ends[chosen, :, a].min(axis=1))]
+        if len(chosen):
+            profiles.append(_profile(np.sort(ends[chosen, :, a], axis=1), theta[chosen], steps[chosen]))
+    largest = [float(theta[demanded & (end == side), 2].max(initial=0.0)) for side in (False, True)]
     steep = 0.0 if len(profiles) == 1 else sum(largest) / extent[b]
     half = extent[b] if any(mirrors[b]) else extent[b] / 2.0
     inf_sup = float(np.sin(0.5 * np.arctan2(*np.sort([extent[a], half]))))
@@ -138,7 +138,7 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
     H = min(
         max(
             float(np.sqrt((d**2 * np.abs((start + stop) / 2.0 - place) * (stop - start)).sum()))
-            for start, stop, d in parts
+            for start, stop, d in profiles
         )
         for place, mirror in zip((low[a], high[a]), mirrors[a], strict=True)
         if mirror
@@ -147,19 +147,14 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
     return found if np.isfinite(found) else None
 
 
-def _profile(places: FloatArray, known: list[tuple[FloatArray, FloatArray]]) -> tuple[float, FloatArray]:
-    """θ along one side, continuous, linear where nothing is demanded: max |θ|, and parts: (start, stop, steepest).
-
-    Places (e, 2) are those of edges, in order; known are coefficients of θ, and no less than its steps on equal parts.
-    """
-    parts, largest, last = list[FloatArray](), 0.0, (np.inf, 0.0)
-    for (start, stop), (values, steps) in zip(places, known, strict=True):
-        if start > last[0]:
-            parts.append(np.array([[last[0]], [start], [abs(values[0] - last[1]) / (start - last[0])]]))
-        ends = np.linspace(start, stop, len(steps) + 1)
-        parts.append(np.stack([ends[:-1], ends[1:], steps * len(steps) / (stop - start)]))
-        largest, last = max(largest, float(np.abs(values).max())), (stop, values[-1])
-    return largest, np.concatenate(parts, axis=1)
+def _profile(places: FloatArray, theta: FloatArray, steps: FloatArray) -> FloatArray:
+    """Parts (start, stop, steepest) of θ along one side, by its edges in order, linear between them."""
+    grid = np.linspace(places[:, 0], places[:, 1], steps.shape[1] + 1)
+    parts = np.stack([grid[:-1], grid[1:], steps.T / np.diff(grid, axis=0)]).reshape(3, -1)
+    between = np.stack([places[:-1, 1], places[1:, 0], np.abs(theta[1:, 0] - theta[:-1, 1])])
+    between = between[:, between[1] > between[0]]
+    between[2] /= between[1] - between[0]
+    return np.concatenate([parts, between], axis=1)
 
 
 def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: float, turned: float = 0.0) -> float:
@@ -188,13 +183,12 @@ def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float | N
     are parallel and slip one way, with the same η = ±μ across. Elsewhere nothing is demanded of displacements along n
     where v_t ≠ 0.
     """
-    senses = {name: share.slipping[0] for name, share in shares.items()}
-    if any(senses[name] == 0.0 or (share.slipping != senses[name]).any() for name, share in shares.items()):
-        return None
     boundary, sides = problem.mesh.boundary, held_directions(problem)
     weights = np.zeros(len(boundary))  # ±μ of each edge
-    for name, share in shares.items():
-        weights[problem.mesh.edge_set(share.contact.edges)] = senses[name] * share.friction
+    for share in shares.values():
+        if not share.slipping.all() or np.ptp(share.slipping) > 0.0:
+            return None
+        weights[problem.mesh.edge_set(share.contact.edges)] = share.slipping[0] * share.friction
     chosen = np.flatnonzero(weights != 0.0)
     normal = boundary.normal[chosen[0]]
     tangent = np.array([-normal[1], normal[0]])
@@ -210,11 +204,9 @@ def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float | N
         if beside and (bears_shear(contact) or np.abs(boundary.normal[index] @ normal).max() > PARALLEL):
             return None
     ratio = one_ratio(problem)
-    if ratio is None:
-        return None
-    inf_sup = _inf_sup(problem)
+    inf_sup = None if ratio is None else _inf_sup(problem)
     gain = None if inf_sup is None else _gain(problem, sides, inf_sup)
-    if gain is None:
+    if ratio is None or gain is None:
         return None
     soft = 1.0 - ratio  # the norm of v ↦ v_t n, by the rotation and the strains of v
     across, along = np.cos(ANGLES), np.sqrt(soft / 2.0) * np.sin(ANGLES)
@@ -242,10 +234,8 @@ def _inf_sup(problem: ContactProblem) -> float | None:
 
 
 def _gain(problem: ContactProblem, sides: list[FloatArray], inf_sup: float) -> float | None:
-    """G with ‖∇ψ‖² ≤ G ‖ω‖² for a field ψ of divergence ω, the rotation of any displacement, zero where these are free.
-
-    It comes from a field of mean divergence 1 where supports are, and from β for what is left.
-    """
+    """G with ‖∇ψ‖² ≤ G ‖ω‖² for a ψ of divergence ω, the rotation of any displacement, zero where these are free."""
+    # by a field of mean divergence 1 where supports are, and by β for what is left
     space = DisplacementSpace.of(problem, triangle(_FIELD_DEGREE), problem.mesh.length)
     n, numbers = len(space.cell.places), space.along(problem.mesh.boundary)
     unknown = np.ones((space.size // 2, 2), dtype=bool)  # components that vanish on edges that leave them free
@@ -379,7 +369,12 @@ def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], stopped:
     """
     if problem not in _ENERGIES:
         _ENERGIES[problem] = _Energies.of(problem)
-    return _ENERGIES[problem].norm(shares, None if stopped is None else stopped.others)
+    known = _ENERGIES[problem]
+    if not len(known.below):
+        return float("nan") if known.slips.any() else 0.0
+    if stopped is None and known.unstrained.shape[1]:
+        return float("inf")
+    return known.norm(known.image(shares), np.eye(len(known.below)) if stopped is None else stopped.others)
 
 
 @dataclass(frozen=True, eq=False)
@@ -441,15 +436,7 @@ class _Energies:
         values, vectors = np.linalg.eigh(below)
         return cls(traces, slips, presses, below, part, vectors[:, values <= SINGULAR * values[-1:]])
 
-    def norm(self, shares: Mapping[str, Share], others: FloatArray | None = None) -> float:
-        """The norm for shares s, of all slips or of those with a basis."""
-        if not len(self.below):
-            return float("nan") if self.slips.any() else 0.0
-        if others is None and self.unstrained.shape[1]:
-            return float("inf")
-        return self._norm(self._image(shares), np.eye(len(self.below)) if others is None else others)
-
-    def _norm(self, image: FloatArray, basis: FloatArray) -> float:
+    def norm(self, image: FloatArray, basis: FloatArray) -> float:
         """The norm on slips with a basis of what turns slips into normal parts."""
         if not image.any():
             return 0.0
@@ -459,10 +446,10 @@ class _Energies:
 
     def sizes(self, slips: FloatArray, shares: Mapping[str, Share]) -> FloatArray:
         """|Rv| of slips (n, j), dimensionless."""
-        images = self._image(shares) @ slips
+        images = self.image(shares) @ slips
         return np.asarray(np.sqrt(np.maximum((images * (self.part @ images)).sum(axis=0), 0.0)))
 
-    def _image(self, shares: Mapping[str, Share]) -> FloatArray:
+    def image(self, shares: Mapping[str, Share]) -> FloatArray:
         """Normal parts from slips, μ s x."""
         turned = np.zeros((len(self.slips),) * 2)
         for trace in self.traces:
@@ -493,26 +480,27 @@ class _Energies:
             return f"no part of {' and '.join(names)} sticks that would stop it"
         chosen = order[:count]
         means, d = means[chosen], motions @ np.linalg.inv(keys[chosen])
-        masses, others, image = np.diag(means @ d), null_space(means), self._image(shares)
+        masses, others, image = np.diag(means @ d), null_space(means), self.image(shares)
         turned = []  # what friction left on each group turns into
         for k in chosen:
             left = {name: replace(share, values=ways[name][k, :, None] * share.room) for name, share in shares.items()}
-            turned.append(self._image(left))
+            turned.append(self.image(left))
 
         def sizes(part: float) -> FloatArray:
             """The larger |R d_k| of both senses of d_k, dimensionless: the other groups it does not move."""
             both = ((image + sense * part * own) @ d[:, k] for k, own in enumerate(turned) for sense in (1.0, -1.0))
-            return np.array([np.sqrt(max(v @ self.part @ v, 0.0)) for v in both]).reshape(-1, 2).max(axis=1)
+            found = np.array([np.sqrt(max(v @ self.part @ v, 0.0)) for v in both])
+            return np.maximum(found[::2], found[1::2])
 
         reaches = {part: float((part * masses / np.maximum(sizes(part), 1e-300)).min()) for part in _PARTS}
         part = min(part for part in _PARTS if reaches[part] >= _NEARLY * max(reaches.values()))
         if count <= _MOTIONS:
             senses = product((part, -part), repeat=count)
-            norm = max(self._norm(image + np.tensordot(each, turned, axes=1), others) for each in senses)
+            norm = max(self.norm(image + np.tensordot(each, turned, axes=1), others) for each in senses)
         else:  # |Σ ± R_k v| ≤ √j (Σ |R_k v|²)^½
             work = sum(own.T @ self.part @ own for own in turned)
             largest = eigh(others.T @ work @ others, others.T @ self.below @ others, eigvals_only=True)[-1]
-            norm = self._norm(image, others) + part * float(np.sqrt(count * largest))
+            norm = self.norm(image, others) + part * float(np.sqrt(count * largest))
         energy = scales.energy
         return Stopped(norm, others, d, part * energy * masses, np.sqrt(energy) * sizes(part), self, energy)
 
@@ -523,11 +511,8 @@ class _Energies:
 
         What these do to each group (g, j), the functionals ∫ ± ω x_T ds (g, n), and ±1 on its edges by contact, else 0.
         """
-        traces, keys, means = (
-            [each for each in self.traces if each.name in shares],
-            list[FloatArray](),
-            list[FloatArray](),
-        )
+        traces = [each for each in self.traces if each.name in shares]
+        keys, means = list[FloatArray](), list[FloatArray]()
         moved = np.zeros((len(self.slips), motions.shape[1]))
         moved[self.slips] = motions
         for trace in traces:

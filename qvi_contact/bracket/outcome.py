@@ -32,17 +32,9 @@ class BracketKind(Enum):
 class Uniqueness:
     """How far another solution of the exact problem can be.
 
-    Attributes
-    ----------
-    apart : float
-        The largest distance of two solutions in the energy norm of stresses, over that of the computed stress; 0 where
-        there is one only, infinite where nothing is known. Where friction alone holds a body the message says how near
-        to the computed one these solutions are.
-    certainty : Certainty
-        Whether that is proved.
-    message : str
-        The same in words.
-
+    `apart` is the largest distance of two solutions in the energy norm of stresses, over that of the computed stress: 0
+    where there is one only, infinite where nothing is known. `certainty` says whether that is proved, `message` how
+    near to the computed one these solutions are where friction alone holds a body.
     """
 
     apart: float

@@ -50,19 +50,11 @@ class Bounds(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class EdgeParts:
-    """Shares of the gap on the edges of one contact, (edges,) each, ≥ 0 [stress × length²].
+    """Shares of the gap on the edges of one contact, (edges,) each, ≥ 0 [stress × length²]."""
 
-    Attributes
-    ----------
-    contact : ∫ −τ_N (g − v_N) ds: pressure where the displacement leaves a gap
-    friction : ∫ s |v_T − w| + τ_T (v_T − w) ds: slip where the stress does not reach the bound, or against it
-    springs : ½ ∫ (τ + k d)²/k ds: what springs bear and what they stretch by, 0 without springs
-
-    """
-
-    contact: FloatArray
-    friction: FloatArray
-    springs: FloatArray
+    contact: FloatArray  # ∫ −τ_N (g − v_N) ds: pressure where the displacement leaves a gap
+    friction: FloatArray  # ∫ s |v_T − w| + τ_T (v_T − w) ds: slip where the stress is not at the bound, or against it
+    springs: FloatArray  # ½ ∫ (τ + k d)²/k ds: what springs bear and what they stretch by, 0 without springs
 
     @property
     def total(self) -> FloatArray:

@@ -56,13 +56,7 @@ class Body:
 def bodies_of(problem: ContactProblem) -> tuple[Body, ...]:
     """Each body alone, a joint that parts it from another one being a contact with an obstacle; tied joints part none.
 
-    The same problem gives the same bodies again, with what they have computed.
-
-    Raises
-    ------
-    InputError
-        If a joint that is not tied has the same body on both sides, or a body is no mesh of its own.
-
+    The same problem gives the same bodies again. `InputError` if a joint that is not tied has one body on both sides.
     """
     joints = tuple(joint for joint in problem.joints if joint.law != "tied")
     if not joints:
@@ -244,11 +238,9 @@ def with_bernstein_rows(known: Discretization) -> Discretization:
 def with_shares(result: ContactResult, tolerance: float) -> SharedStress | str:
     """(H4): a stress with continuous shares near that of a result, or why nothing is known of its errors.
 
-    It obeys Coulomb's law on whole edges: a result with other rows is solved anew.
-
-    At a vertex between edges of which one slips, s is 1 or −1 as there; where nothing slips it is the mean, weighted
-    by the bounds; where no R of (D26) exists else, it is 0. Of each edge only the first and the last coefficient of the
-    shear that counts are changed.
+    A result with rows that do not hold Coulomb's law on whole edges is solved anew. At a vertex between edges of which
+    one slips, s is 1 or −1 as there; where nothing slips it is the mean, weighted by the bounds; where no R of (D26)
+    exists else, it is 0. Of each edge only the first and the last coefficient of the shear that counts are changed.
     """
     problem, found = with_numbers(result.problem), dict[str, Share]()
     reason = outside_scope(problem)

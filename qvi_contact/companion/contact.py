@@ -2,10 +2,9 @@
 
 On an edge the relative displacement is Σ c_i B_i. Each c is a coefficient of the body, or the difference of two on
 a joint, along the edge's normal or tangent; in a corner of the line, between edges of two directions, one for each.
-Tangents point to the right: where an arc goes straight up, those of its two edges lead against each other. c_T is one
-number there, along one of them, and counts with the other sign on the other edge. On a joint normals and sides of the
-edges change there as well, and c_T does not.
-A plate driven by force adds its motion: then c is what the body moves beyond it. Forces z conjugate to c are
+Tangents point to the right: where an arc goes straight up, those of its two edges lead against each other, and c_T
+counts with the other sign on one of them. On a joint normals and sides of the edges change there as well, and c_T does
+not. A plate driven by force adds its motion: then c is what the body moves beyond it. Forces z conjugate to c are
 
     z_i = ∫ σ B_i ds = W_i τ_i,   W_i = ∫ B_i ds,
 
@@ -25,11 +24,10 @@ over the mean tractions τ = z / W that the laws admit, a `FrictionQVI`, subject
     Rᵀ Bᵀ W τ = −Rᵀ r        equilibrium of what floats, with the rigid motions a as multiplier
     Mᵀ W τ = F               resultants of plates, with −q as multiplier; M is what c of the plate itself does.
 
-The multipliers of its rows are W (g − c_N) ≥ 0 and −W (c_T − w): the conditions of (D2) are then those of the
-displacement model. Unknowns come as all normal tractions, then all tangential ones. Those whose c nothing can change
-(supports prescribe it, or the tip of a joint) get a compliance of their own and stay zero; so do those whose c follows
-from others: in a corner where two contact lines end, or where joints cross, several forces act on one displacement, and
-friction there is left to the other line.
+The multipliers of its rows are W (g − c_N) ≥ 0 and −W (c_T − w). Unknowns come as all normal tractions, then all
+tangential ones. Those whose c nothing can change (supports prescribe it, or the tip of a joint) get a compliance of
+their own and stay zero; so do those whose c follows from others, in a corner where two contact lines end, or where
+joints cross: friction there is left to the other line.
 
 A solution meets the contact conditions to a tolerance. Where a coefficient presses or sticks beyond doubt its
 displacement is set to the obstacle's, an open one is kept at or below the gap, and one that must not slip, or slips
@@ -190,10 +188,7 @@ class DisplacementContact:
         return found
 
     def motions(self) -> Iterator[tuple[FloatArray, float]]:
-        """For each force or moment on a plate what c (2, n) of the plate is when it moves by 1, and that force.
-
-        Moments count from `RigidPlate.reference`.
-        """
+        """For each force or moment on a plate what c (2, n) of the plate is when it moves by 1, and that force."""
         plate, centre = self.contact.plate, centre_of(self.mesh, self.edges)
         for component in COMPONENTS if plate is not None else ():
             if plate is not None and getattr(plate, component) is not None:
@@ -389,14 +384,7 @@ class DualProblem:
 
 
 def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
-    """Pose the problem.
-
-    Raises
-    ------
-    InputError
-        If loads, or resultants of plates, contradict equilibrium.
-
-    """
+    """Pose the problem; `InputError` if loads, or resultants of plates, contradict equilibrium."""
     W, touched = contacts.weights, contacts.rows @ body.supports.axes
     constant = touched @ body.supports.fixed - contacts.moved
     B = touched[:, body.interface].toarray()

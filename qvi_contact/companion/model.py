@@ -117,8 +117,7 @@ class CompanionState:
 class CompanionResult(PicklesFields):
     """A displacement model solved, or not: check `status`.
 
-    Without a state (loads that cannot be carried, failed back end) everything but status, certificate, message, problem
-    and `unknowns` raises `InputError`.
+    Without a state (loads that cannot be carried, failed back end) fields, energies and forces raise `InputError`.
 
     Attributes
     ----------
@@ -180,27 +179,19 @@ class CompanionResult(PicklesFields):
     def displacement(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Displacement (u_x, u_y) at points of the body, (...) to (..., 2) [length]; on joints the mean of all sides.
 
-        Raises
-        ------
-        InputError
-            If a point lies outside the body.
-
+        `InputError` if a point lies outside the body.
         """
         return np.asarray(self._mean(x, y, self._displacement_in) * self.scales.displacement)
 
     def stress(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
-        """Stress (σ_xx, σ_yy, σ_xy) = C (ε − ε⁰) at points of the body, (...) to (..., 3) [stress].
-
-        On edges the mean of the adjacent cells.
-        """
+        """Stress (σ_xx, σ_yy, σ_xy) = C (ε − ε⁰) at points, (...) to (..., 3) [stress]; on edges the mean of cells."""
         stress = self._mean(x, y, lambda cells, t: self.body.stress(self._v, cells, self.space.own(cells, t)))
         return stress * self.scales.stress
 
     def cell_strain(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
-        """Strains (ε_xx, ε_yy, 2ε_xy) at reference points (k,) of every cell, (cells, k, 3).
+        """Strains (ε_xx, ε_yy, 2ε_xy) at reference points (k,) of every cell of the mesh, (cells, k, 3).
 
-        The point (t_x, t_y) has these barycentric coordinates of the second and third corner. Cells come in the order
-        of the mesh.
+        These are barycentric coordinates of the second and third corner.
         """
         strain = self.body.strain(self._v, slice(None), self.space.own(slice(None), np.column_stack([tx, ty])))
         return np.asarray(strain * (self.scales.displacement / self.scales.length))
@@ -359,23 +350,18 @@ def solve_companion(
     verbose : bool
         Print a header, a line an iteration, and a footer with status and times.
 
-    Returns
-    -------
-    CompanionResult
-        With a status; a failure to solve does not raise.
-
     Raises
     ------
     InputError
-        If the problem or an argument is wrong, or loads on a body that nothing holds are out of balance.
+        If the problem or an argument is wrong, or loads on a body that nothing holds are out of balance. A failure to
+        solve does not raise: check `status`.
 
     Notes
     -----
     ∫ s |v_T − w| is bounded from above by Σ |c_i − w_i| ∫ s B_i, in which s is bounded from above by the smaller of the
-    means of c and t_max. The laws hold for the coefficients' forces ∫ σ B_i, not for stresses at points.
-
-    Data given as functions are looked at in 99 points of every edge (`bernstein.SAMPLES`), a body potential in those of
-    two quadratures. `CompanionResult.reasons` names those that are no polynomials there.
+    means of c and t_max. The laws hold for the coefficients' forces ∫ σ B_i, not for stresses at points. Data given as
+    functions are looked at in 99 points of every edge (`bernstein.SAMPLES`), a body potential in those of two
+    quadratures. `CompanionResult.reasons` names those that are no polynomials there.
 
     """
     cell = checked(problem, degree, tolerance)
@@ -446,8 +432,8 @@ def solve_companions(
                 tractions = np.where(dual.live, solution.z, 0.0)
                 state = CompanionState(own, v, c, plates, tractions, dual.live, bound, load - body.initial_load, wrong)
                 reasons += (wrong,) if wrong else ()
-            said = solution.status, solution.certificate, solution.message, state, reasons, solution
-            found.append(CompanionResult(problem, scales, body, *said))
+            told = solution.status, solution.certificate, solution.message, state, reasons, solution
+            found.append(CompanionResult(problem, scales, body, *told))
     return tuple(found)
 
 

@@ -15,8 +15,8 @@ corner a to b,
     x(λ) = Σ λ_i X_i + Σ_sides λ_a λ_b q(λ_b − λ_a),   τ (1 − τ) q(2τ − 1) = γ(τ) − (1 − τ) X_a − τ X_b
 
 which is γ on the side, the straight line on the others, and smooth, so that displacements that are polynomials of λ are
-of full order. (The map of the mesh, seen from barycentres, is not: it bends between the thirds of a cell.) Neighbours
-agree on every side. q is a polynomial that differs from its definition by rounding.
+of full order. (The map of the mesh, seen from barycentres, is not: it bends between the thirds of a cell.) q is a
+polynomial that differs from its definition by rounding.
 """
 
 from dataclasses import dataclass
@@ -159,7 +159,7 @@ class CurvedCells:
         return found
 
     def mapped(self, which: IntArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points x (k, q, 2) and ∂x_b/∂t_a (k, q, b, a) at reference points t, (q, 2) or (k, q, 2), of some cells (k,)."""
+        """Points x (k, q, 2) and ∂x_b/∂t_a (k, q, b, a) at reference points t, (q, 2) or (k, q, 2), of cells (k,)."""
         corners, places = self.corners[which], barycentric(np.broadcast_to(t, (len(which), *np.shape(t)[-2:])))
         points = places @ corners
         slopes = np.repeat((corners.swapaxes(1, 2) @ _SLOPES)[:, None], places.shape[1], axis=1)
