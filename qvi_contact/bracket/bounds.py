@@ -253,8 +253,8 @@ def bracket(
     The stress τ is that of the result, if it obeys the contact law on whole edges, else it is computed anew for the
     same bound; v are displacement elements on the same mesh (`solve_companion`). Without Coulomb friction the problem
     stated is bracketed; else s = μ|σ_N| is held fixed, and the gap is an indicator without the part that comes from s
-    itself, which `Bracket.outer` measures. The errors under Coulomb's law itself are bounded by `Bracket.coulomb`. In a
-    step of a history the slip of the steps before is taken as computed, and bounds are called estimates.
+    itself: `Bracket.coulomb` bounds the errors under Coulomb's law. In a step of a history the slip of the steps before
+    is taken as computed, and bounds are called estimates.
 
     Parameters
     ----------
@@ -339,12 +339,11 @@ def _assemble(
     complementary += work
     size = max(strain, abs(complementary), held, 1e-300)
     inside, moved = np.zeros(mesh.cell_count), companion.has_state
-    contacts, slack, outer = dict[str, EdgeParts](), 0.0, 0.0
+    contacts, slack = dict[str, EdgeParts](), 0.0
     if moved:
         inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
-        contacts, slack, outer = edge_parts(
-            fields, discretization, EdgeTractions.of(discretization, u), given.bound, companion
-        )
+        own = EdgeTractions.of(discretization, u)
+        contacts, slack = edge_parts(fields, discretization, own, given.bound, companion)
     lower = -complementary - slack if not refused else -np.inf
     upper = companion.energy if moved else np.inf
     parts = inside + by_cell(problem, {name: each.total for name, each in contacts.items()})
@@ -383,7 +382,6 @@ def _assemble(
         bulk=inside,
         contacts=contacts,
         cell_gaps=np.maximum(parts, 0.0),
-        outer=outer if kind is BracketKind.GIVEN_BOUND else 0.0,
         slack=slack,
         driven=force_bounds(discretization, not given.bound.any(), lower, upper),
         result=stress,

@@ -184,7 +184,7 @@ def coulomb_bounds(
         return companion.state.contradiction
     problem = known.problem
     fields, before = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
-    edges, slack, _ = edge_parts(fields, known, own, own.bound, companion)
+    edges, slack = edge_parts(fields, known, own, own.bound, companion)
     inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
     inside += by_cell(problem, {name: part.springs for name, part in edges.items()})
     missed = {name: np.maximum(part.contact, 0.0) + np.maximum(part.friction, 0.0) for name, part in edges.items()}

@@ -55,37 +55,32 @@ def one_ratio(problem: ContactProblem) -> float | None:
     return -float(problem.compliances[0][0, 1] / problem.compliances[0][0, 0])
 
 
-def proved_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> tuple[float, str]:
-    """The least proved norm, infinity where there is none, and the bodies that it is proved for.
+def proved_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
+    """The least proved norm, of several bodies the largest of theirs; infinity where there is none.
 
     Nothing is proved of bodies with arcs, of cracks, of plates that forces drive, of bodies on beds of springs, and of
     springs along a contact with friction. Other springs only make the norm less: displacements without stretch are
     images, and |v| is larger than without springs.
     """
-    yields = (
-        each.tangential_stiffness is not None if has_coulomb(each) else each.law == "tied" and each.has_springs
-        for each in problem.contacts
-    )
-    if any(yields):
-        return np.inf, "bodies on springs"
-    if any(has_coulomb(each) and each.plate is not None and each.plate.driven for each in problem.contacts):
-        return np.inf, "plates that forces drive"
+    for each in problem.contacts:
+        yields = each.tangential_stiffness is not None if has_coulomb(each) else each.law == "tied" and each.has_springs
+        if yields or (has_coulomb(each) and each.plate is not None and each.plate.driven):
+            return np.inf
     try:
         bodies = bodies_of(problem)
     except InputError:
-        return np.inf, "cracks"
-    known, ways = [(0.0, "this body")], {"this rectangle": rectangle_norm, "this star-shaped body": star_norm}
+        return np.inf
+    largest = 0.0
     for body in bodies:
         if any(map(has_coulomb, body.problem.contacts)):
             own, straight = shares_on(body, problem, shares), not body.problem.mesh.sides.any()
-            found = ((norm(body.problem, own), kind) for kind, norm in ways.items() if straight)
-            known.append(min(((norm, kind) for norm, kind in found if norm is not None), default=(np.inf, "this body")))
-    largest, kind = max(known)
-    return largest, kind if len(known) < 3 else "each of the bodies"
+            found = min(rectangle_norm(body.problem, own), star_norm(body.problem, own)) if straight else np.inf
+            largest = max(largest, found)
+    return largest
 
 
-def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float | None:
-    """The norm of Rv = θ v_a e_b on a rectangle with its contacts across the axis b; None for problems of another kind.
+def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
+    """The norm of Rv = θ v_a e_b on a rectangle with its contacts across the axis b; else infinity.
 
     The body is a rectangle of one material, its contacts with Coulomb friction lie on one side or on two opposite ones,
     and along one whole side at right angles to these v_a = 0. θ is ±μ s on the contacts, and linear along b, see (D29).
@@ -99,30 +94,27 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
     vectors = np.concatenate([boundary.normal, *directions])
     slanted = not np.allclose(np.abs(vectors).max(axis=1), 1.0, rtol=0.0, atol=_PLACE)
     if ratio is None or slanted or away.max() > _PLACE * (high - low).max():
-        return None
+        return np.inf
     held = np.array([[spans(each, unit) for unit in np.eye(2)] for each in directions])
     pressed, rough, rubs = np.zeros((3, len(boundary)), dtype=bool)  # where (Rv)_N = 0, (Rv)_T = 0, and with friction
     theta, steps = np.zeros((len(axis), 3)), np.zeros((len(axis), 16))  # at both ends and at most; see `Share.steepest`
     for contact in problem.contacts:
         index = mesh.edge_set(contact.edges)
         if has_coulomb(contact):
-            share, values = shares[contact.name], shares[contact.name].friction * shares[contact.name].values
-            theta[index, :2] = np.where(end[index], 1.0, -1.0)[:, None] * values[:, [0, -1]]
-            rubs[index], theta[index, 2], steps[index] = (
-                True,
-                np.abs(values).max(axis=1),
-                share.friction * share.steepest(),
-            )
+            share = shares[contact.name]
+            theta[index, :2] = np.where(end[index], share.friction, -share.friction)[:, None] * share.values[:, [0, -1]]
+            theta[index, 2] = share.friction * np.abs(share.values).max(axis=1)
+            rubs[index], steps[index] = True, share.friction * share.steepest()
         elif contact.law != "tied":
             pressed[index], rough[index] = True, bears_shear(contact)
     if len(set(axis[rubs])) != 1:
-        return None
+        return np.inf
     b = int(axis[rubs][0])
     a, extent = 1 - b, high - low
     mirrors = [[held[(axis == k) & (end == side), k].all() for side in (False, True)] for k in (0, 1)]
     beside = axis == a
     if not any(mirrors[a]) or not (held[:, a] | ~(held[:, b] | rough))[beside].all():
-        return None
+        return np.inf
     demanded, profiles = (axis == b) & (rubs | ((held[:, b] | pressed) & ~held[:, a])), []
     for side in (False, True):
         chosen = np.flatnonzero(demanded & (end == side))
@@ -143,8 +135,7 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
         for place, mirror in zip((low[a], high[a]), mirrors[a], strict=True)
         if mirror
     )
-    found = rectangle_constant(ratio, inf_sup, max(largest), steep * 2.0 * extent[a] / np.pi, H)
-    return found if np.isfinite(found) else None
+    return rectangle_constant(ratio, inf_sup, max(largest), steep * 2.0 * extent[a] / np.pi, H)
 
 
 def _profile(places: FloatArray, theta: FloatArray, steps: FloatArray) -> FloatArray:
@@ -176,8 +167,8 @@ def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: f
     return float(np.sqrt(square.max()) * ROUNDED)
 
 
-def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float | None:
-    """A number that |R| does not exceed, or None where the body or its contacts are of another kind.
+def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
+    """A number that |R| does not exceed, infinite where the body or its contacts are of another kind.
 
     The body has one material, no holes, and is star-shaped with respect to a disc. All contacts with Coulomb friction
     are parallel and slip one way, with the same η = ±μ across. Elsewhere nothing is demanded of displacements along n
@@ -187,7 +178,7 @@ def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float | N
     weights = np.zeros(len(boundary))  # ±μ of each edge
     for share in shares.values():
         if not share.slipping.all() or np.ptp(share.slipping) > 0.0:
-            return None
+            return np.inf
         weights[problem.mesh.edge_set(share.contact.edges)] = share.slipping[0] * share.friction
     chosen = np.flatnonzero(weights != 0.0)
     normal = boundary.normal[chosen[0]]
@@ -195,34 +186,32 @@ def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float | N
     slopes = weights[chosen] * (boundary.normal[chosen] @ normal)
     parallel = np.abs(boundary.normal[chosen] @ tangent).max() <= PARALLEL
     if not parallel or np.ptp(slopes) > PARALLEL * np.abs(slopes).max():
-        return None
+        return np.inf
     if any(not spans(held, tangent) and (np.abs(held @ normal) > PARALLEL).any() for held in sides):
-        return None
+        return np.inf
     for contact in problem.contacts:
         index = problem.mesh.edge_set(contact.edges)
         beside = contact.law != "tied" and not weights[index].any()
         if beside and (bears_shear(contact) or np.abs(boundary.normal[index] @ normal).max() > PARALLEL):
-            return None
+            return np.inf
     ratio = one_ratio(problem)
-    inf_sup = None if ratio is None else _inf_sup(problem)
-    gain = None if inf_sup is None else _gain(problem, sides, inf_sup)
-    if ratio is None or gain is None:
-        return None
-    soft = 1.0 - ratio  # the norm of v ↦ v_t n, by the rotation and the strains of v
+    if ratio is None:
+        return np.inf
+    gain, soft = _gain(problem, sides), 1.0 - ratio  # the norm of v ↦ v_t n, by the rotation and the strains of v
     across, along = np.cos(ANGLES), np.sqrt(soft / 2.0) * np.sin(ANGLES)
     rotation = np.sqrt((gain - 0.5) / min(soft, 1.0 + ratio))
     strains = np.sqrt(across**2 / (2.0 * soft) + along**2 / (1.0 - ratio**2))
     return float(np.abs(slopes).max()) * float((across * rotation + strains).max() * ROUNDED)
 
 
-def _inf_sup(problem: ContactProblem) -> float | None:
-    """sin(½ arcsin(r/R)) ≤ β: r the distance of a point from the lines of all edges, R that of the farthest vertex."""
+def _inf_sup(problem: ContactProblem) -> float:
+    """sin(½ arcsin(r/R)) ≤ β: r the distance of a point from the lines of all edges, R of the farthest vertex; or 0."""
     from scipy.optimize import minimize  # slow to import, and few bodies need it
 
     mesh = problem.mesh
     corners, boundary = mesh.vertices[np.unique(mesh.cells)], mesh.boundary
     if mesh.hole_edges.any():
-        return None
+        return 0.0
 
     def negative(centre: FloatArray) -> float:
         inside = ((mesh.vertices[boundary.first] - centre) * boundary.normal).sum(axis=1).min()
@@ -230,11 +219,14 @@ def _inf_sup(problem: ContactProblem) -> float | None:
 
     found = minimize(negative, np.asarray(corners.mean(axis=0), dtype=float), method="Nelder-Mead")
     best = -negative(np.asarray(found.x))
-    return float(np.sin(0.5 * np.arcsin(best))) if best > 0.0 else None
+    return float(np.sin(0.5 * np.arcsin(max(best, 0.0))))
 
 
-def _gain(problem: ContactProblem, sides: list[FloatArray], inf_sup: float) -> float | None:
+def _gain(problem: ContactProblem, sides: list[FloatArray]) -> float:
     """G with ‖∇ψ‖² ≤ G ‖ω‖² for a ψ of divergence ω, the rotation of any displacement, zero where these are free."""
+    inf_sup = _inf_sup(problem)
+    if inf_sup == 0.0:
+        return np.inf
     # by a field of mean divergence 1 where supports are, and by β for what is left
     space = DisplacementSpace.of(problem, triangle(_FIELD_DEGREE), problem.mesh.length)
     n, numbers = len(space.cell.places), space.along(problem.mesh.boundary)
@@ -250,13 +242,13 @@ def _gain(problem: ContactProblem, sides: list[FloatArray], inf_sup: float) -> f
     blocks = np.einsum("c,cax,cbx,abij,kl->cikjl", *matrices, optimize=True)
     laplace = space.assembled(blocks.reshape(-1, 2 * n, 2 * n))  # ‖∇ψ‖²
     matrix, right = laplace + squared / inf_sup**2, mean / inf_sup**2
-    if not np.abs(right[free]).max(initial=0.0) > 0.0:
-        return None
+    if not right[free].any():
+        return np.inf
     field = np.zeros(space.size)
     field[free] = spsolve(sparse.csc_array(matrix[free][:, free]), right[free])
     flux = float(mean @ field)
     if not flux > 1e-9 * area:
-        return None
+        return np.inf
     field *= area / flux
     size = np.sqrt(max(float(field @ (laplace @ field)), 0.0) / area)
     left = np.sqrt(max(float(field @ (squared @ field)) / area - 1.0, 0.0))
@@ -332,7 +324,7 @@ class FrictionNorm:
         if not any(share.values.any() for share in shares.values()):
             return 0.0
         if self.proved:
-            return float(proved_norm(problem, shares)[0] * error**2)
+            return proved_norm(problem, shares) * error**2
         moved = 0.0 if self.stopped is None else self.stopped.work(shares, error, defect)
         return computed_norm(problem, shares, self.stopped) * error**2 + moved
 
@@ -342,9 +334,9 @@ def friction_norm(problem: ContactProblem, shares: Mapping[str, Share], unit: fl
 
     Of several bodies it is the largest of the norms that each has alone. Weights of shares have the unit [stress].
     """
-    value, bodies = proved_norm(problem, shares)
+    value = proved_norm(problem, shares)
     if value < _USEFUL:
-        return FrictionNorm(value, True, f"The norm of the friction operator is at most {value:.4g} on {bodies}.")
+        return FrictionNorm(value, True, f"The norm of the friction operator is at most {value:.4g}.")
     value, stopped = computed_norm(problem, shares), None
     if value == np.inf:
         found = _ENERGIES[problem].stopped(problem, shares, unit)
@@ -490,7 +482,7 @@ class _Energies:
             """The larger |R d_k| of both senses of d_k, dimensionless: the other groups it does not move."""
             both = ((image + sense * part * own) @ d[:, k] for k, own in enumerate(turned) for sense in (1.0, -1.0))
             found = np.array([np.sqrt(max(v @ self.part @ v, 0.0)) for v in both])
-            return np.maximum(found[::2], found[1::2])
+            return np.asarray(np.maximum(found[::2], found[1::2]))
 
         reaches = {part: float((part * masses / np.maximum(sizes(part), 1e-300)).min()) for part in _PARTS}
         part = min(part for part in _PARTS if reaches[part] >= _NEARLY * max(reaches.values()))
