@@ -197,10 +197,9 @@ def force_bounds(discretization: Discretization, frictionless: bool, lower: floa
     """Bounds of the force that belongs to the one displacement that is not zero, from those of J(u) [stress × length²].
 
     "NAME.normal_force" of a contact pressed by its gap (≥ 0 under pressure), "NAME.tangential_force" of a tied one
-    driven by its offset, whose tangents do not turn back; "NAME.force_x", "NAME.force_y" or "NAME.moment" on the body
-    where a plate moves; "EDGES.x", "EDGES.y" of a support, the force on the body [stress × length], of one given by
-    components along slanted edges "EDGES.normal", ∫ σ_N ds, or "EDGES.tangential". Empty where the problem is of
-    another kind, or not `frictionless`, its friction bounds all zero.
+    driven by its offset; "NAME.force_x", "NAME.force_y" or "NAME.moment" on the body where a plate moves; "EDGES.x",
+    "EDGES.y", "EDGES.normal" or "EDGES.tangential" of a support [stress × length]. Empty where the problem is of
+    another kind, or its friction bounds are not all zero.
     """
     problem = discretization.problem
     data: list[tuple[str, Field, bool, float]] = [("initial_strain", float(is_strained(problem)), False, 1.0)]
@@ -393,18 +392,9 @@ def _assemble(
 class Branches:
     """Certified solutions of one discrete problem.
 
-    Attributes
-    ----------
-    results : tuple of ContactResult
-        All that were found, the one nearest to the displacement model first. If there are several, a remark of each
-        says so.
-    distances : tuple of float
-        d of each, see `other_solutions`: an indication, no proof. NaN without a displacement model.
-    companion : CompanionResult or None
-        The displacement model; None if there is nothing to choose from, or it cannot represent the problem.
-    message : str
-        What was found, one or more sentences.
-
+    `results` are all that were found, the one nearest to the displacement model first; if there are several, a remark
+    of each says so, as `message` does. `distances` are d of each, see `other_solutions`: an indication, no proof; NaN
+    without a displacement model. `companion` is that model; None if there is no choice, or it has no answer.
     """
 
     results: tuple[ContactResult, ...]

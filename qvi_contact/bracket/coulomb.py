@@ -113,10 +113,7 @@ class CoulombBounds:
 
         A dual problem is solved on first use. A force is left out where that gives none, see (D31).
         """
-        missed, stopped = defect_bound(self.residual, self.defect, self.norm.value), self.norm.stopped
-        if stopped is not None and np.isfinite(self.within):
-            missed += stopped.work(self.shares, self.within, missed)
-        return coulomb_force_bounds(self, missed)
+        return coulomb_force_bounds(self)
 
     @property
     def error(self) -> float:
@@ -233,12 +230,12 @@ _ROUNDED: Final = 1e-12  # of a force: rounding of its sums
 _ROUNDING: Final = 1e-9  # of the largest: what is left where the dual pair must vanish
 
 
-def coulomb_force_bounds(errors: CoulombBounds, defect: float) -> dict[str, Bounds]:
+def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
     """T3: bounds of "NAME.normal_force" and "NAME.tangential_force" [stress × length] of contacts that are not tied.
 
     Those are left out of which no dual pair is found: the resultant of friction on a contact that ends where a support
-    holds its tangential displacement, or whose tangents turn back, and all where a contact has Tresca's law. Σ is at
-    most `defect` [stress × length²]. Where the norm for s is proved, those of the dual problems must be, too.
+    holds its tangential displacement, or whose tangents turn back, and all where a contact has Tresca's law. Where the
+    norm for s is proved, those of the dual problems must be, too.
     """
     stress, companion = errors.stress, errors.displacement
     problem, known, found = stress.problem, stress.discretization, dict[str, Bounds]()
@@ -247,6 +244,9 @@ def coulomb_force_bounds(errors: CoulombBounds, defect: float) -> dict[str, Boun
     assert companion.state is not None
     if 2 * companion.state.contacts.count > MOST:
         return {}
+    defect, stopped = defect_bound(errors.residual, errors.defect, errors.norm.value), errors.norm.stopped
+    if stopped is not None:
+        defect += stopped.work(errors.shares, errors.within, defect)
     fields = CellFields.of(known, stress.dofs, companion.degree)
     body = BodyAtRest.of(problem, companion.degree)
     changes = LeastChange.of(known.qvi, sparse.csr_array(sparse.vstack([known.qvi.N, known.qvi.T, known.qvi.A])))
@@ -290,7 +290,7 @@ class _Pairs:
     """Dual pairs z, ζ on the mesh of a result, for goals (2, n): a and b at the coefficients of contacts."""
 
     errors: CoulombBounds
-    defect: float
+    defect: float  # no less than Σ [stress × length²]
     body: BodyAtRest  # displacements at rest
     fields: CellFields  # τ
     changes: LeastChange  # of all tractions

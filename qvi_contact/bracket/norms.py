@@ -296,19 +296,10 @@ def defect_bound(residual: float, defect: float, s: float) -> float:
 
 @dataclass(frozen=True)
 class FrictionNorm:
-    """A number that |R| does not exceed.
+    """A number that |R| does not exceed, infinite where there is none.
 
-    Attributes
-    ----------
-    value : float
-        The number; infinity where there is none.
-    proved : bool
-        Whether that is proved. Otherwise finite elements found it, on one mesh.
-    reason : str
-        Where it comes from, one sentence.
-    stopped : Stopped or None
-        The motions that friction alone stops, if there are any: R acts on displacements without them.
-
+    Unless it is `proved`, finite elements found it, on one mesh; `reason` says so in words. Where friction alone stops
+    motions (`stopped`), R acts on displacements without them.
     """
 
     value: float

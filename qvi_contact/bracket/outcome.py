@@ -44,13 +44,7 @@ class Uniqueness:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Bracket:
-    """Bounds of the energy of a contact problem, and where they are apart.
-
-    With the potential energy J and the complementary energy J* of `bracket`, for every admissible displacement v and
-    every admissible stress τ, with the solution u, σ,
-
-        −J*(τ) ≤ J(u) = −J*(σ) ≤ J(v),
-        J(v) + J*(τ) ≥ ½ ∫ ε(u − v) : C : ε(u − v) + ½ ∫ (σ − τ) : c : (σ − τ).
+    """Bounds of the energy of a contact problem, and where they are apart; for energies and formulas see `bracket`.
 
     Attributes
     ----------

@@ -121,12 +121,8 @@ class CompanionResult(PicklesFields):
 
     Attributes
     ----------
-    problem : ContactProblem
-        The problem.
-    scales : Scales
-        Units of the dimensionless model.
-    body
-        The body, dimensionless.
+    problem, scales, body
+        The problem, units of the dimensionless model, and the body in these.
     status : Status
         How the solve ended; ``status.advice`` says what to do.
     certificate : Certificate
@@ -134,7 +130,7 @@ class CompanionResult(PicklesFields):
     message : str
         One sentence about the outcome.
     state : CompanionState or None
-        The displacement.
+        The displacement; None where there is none.
     reasons : tuple of str
         Why the displacement or its energy is not admissible or exact; empty where J(v) is a guaranteed upper bound, for
         data that are between `bernstein.SAMPLES` of every edge the polynomials that they are there.

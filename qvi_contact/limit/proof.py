@@ -229,13 +229,12 @@ class Statement:
             return [Fraction(field), ZERO, ZERO]
         places = np.concatenate([self.mesh.vertices, self.mesh.midpoints])
         values = evaluate("ContactProblem.body_potential", field, *places.T)
-        origin, size = places.mean(axis=0), float(np.ptp(places, axis=0).max())
-        A = np.column_stack([np.ones(len(places)), (places - origin) / size])
+        A = np.column_stack([np.ones(len(places)), places - places[0]])
         found = np.linalg.lstsq(A, values, rcond=None)[0]
         largest = float(np.abs(values).max())
         if np.abs(A @ found - values).max() > _AFFINE * largest:
             raise InputError("ContactProblem.body_potential", field, "proof files need an affine potential")
-        slope = np.where(np.abs(found[1:]) > _AFFINE * np.abs(found[1:]).max(), found[1:] / size, 0.0)
+        slope = np.where(np.abs(found[1:]) > _AFFINE * np.abs(found[1:]).max(), found[1:], 0.0)
         constant = float(values[0] - places[0] @ slope)
         constant = constant if abs(constant) > _AFFINE * largest else 0.0
         return [Fraction(float(c)) for c in (constant, *slope)]

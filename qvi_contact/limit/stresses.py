@@ -235,7 +235,7 @@ def excess(problem: ContactProblem, x: FloatArray, y: FloatArray, stress: FloatA
     total, difference = stress[..., 0] + stress[..., 1], stress[..., 0] - stress[..., 1]
     for index, material in enumerate(problem.materials):
         chosen = problem.cell_materials == index
-        for cone in _cones(material, lambda angles: angles(x[chosen], y[chosen])):  # noqa: B023
+        for cone in _cones(material, x[chosen], y[chosen]):
             S = total[chosen]
             radius = np.sqrt(difference[chosen] ** 2 + 4.0 * stress[chosen, :, 2] ** 2 + (cone.mean * S) ** 2)
             strength = evaluate(cone.name, cone.field, x[chosen], y[chosen], minimum=0.0)
@@ -243,12 +243,12 @@ def excess(problem: ContactProblem, x: FloatArray, y: FloatArray, stress: FloatA
     return found
 
 
-def _cones(material: Material, at: Callable[[Callable[[FloatArray, FloatArray], FloatArray]], FloatArray]
-           ) -> list[YieldCone]:  # fmt: skip
-    """The cones of a material's strength, for the angles that `at` makes of a `MohrCoulomb.angles` that varies."""
+def _cones(material: Material, x: FloatArray, y: FloatArray, extreme: Any = None) -> list[YieldCone]:
+    """The cones of a material's strength at points, or with the least or the largest angle of friction of each row."""
     law = material.strength
     if isinstance(law, MohrCoulomb) and callable(law.phi):
-        return list(law.cones(material.plane, at(law.angles)))
+        phi = law.angles(x, y)
+        return list(law.cones(material.plane, extreme(phi, axis=-1, keepdims=True) if extreme else phi))
     return [] if law is None else list(law.cones(material.plane))
 
 
@@ -257,10 +257,7 @@ def _limits(
 ) -> Iterator[_Limits]:
     """Cones with a and β (n, 3, count): for stresses those of both extreme angles, else one around those of all."""
     x, y = sampled(problem, cells)
-    least, largest = (
-        _cones(material, lambda angles: extreme(angles(x, y), axis=-1, keepdims=True))  # noqa: B023
-        for extreme in (np.min, np.max)
-    )
+    least, largest = (_cones(material, x, y, extreme) for extreme in (np.min, np.max))
     strengths = [_on_parts(problem, cells, degree, cone) for cone in least]
     reach = np.full((len(cells), 3, 1), np.inf)  # the largest S is the least a/β
     for cone, (*_, most) in zip(least, strengths, strict=True):
