@@ -13,8 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final, Self, TypeVar
 
-from solvers.basics.checks import closest
-from solvers.errors import InputError, SolverUnavailableError
+from solvers.errors import InputError, SolverUnavailableError, closest
 
 METHODS: Final = ("condensed", "fixed-point", "pivoting", "uzawa")
 

@@ -20,7 +20,7 @@ from qvi_contact import ContactProblem, gallery
 from qvi_contact.basics.terminal import Advance
 from qvi_contact.plots import problem_figure
 from qvi_contact.units import Units
-from solvers.basics.checks import known_name
+from solvers.errors import known_name
 
 CHAPTERS: Final[Chapters] = {
     "paper": plate.PAPER, "exact": exact.EXACT, "friction": exact.FRICTION, "ssnv128": benchmarks.SSNV128,

@@ -21,8 +21,8 @@ from comparisons.wild.generator import FAMILIES, wild_problem
 from comparisons.wild.judge import EXISTS, NONE, UNDECIDED, compare, enumerated, wrong
 from qvi_contact import ContactResult, InputError, QVIError, solve
 from solvers import Status
-from solvers.basics.checks import known_name
 from solvers.certificate.feasibility import check_feasibility
+from solvers.errors import known_name
 from solvers.factorisation import FactorisationError
 
 REFUSED, SOLVED, WRONG = "refused", "solved", "wrong"

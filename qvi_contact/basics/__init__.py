@@ -5,7 +5,6 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "kept": ("Kept",),
         "terminal": ("run",),
         "units": ("Rounding", "Units"),
         "writing": ("check_writable", "replacing", "writable_folder", "write_text"),

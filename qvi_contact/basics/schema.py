@@ -34,7 +34,7 @@ from typing import (
 )
 
 from qvi_contact.errors import InputError
-from solvers.basics.checks import closest
+from solvers.errors import closest
 
 LARGEST: Final = 1e60
 """Numbers beyond it overflow when they are squared and multiplied."""

@@ -31,8 +31,8 @@ from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.settings import RefineOptions, Settings
 from qvi_contact.solution.solver import solve as solve_one
 from solvers import available
-from solvers.basics.checks import known_name
 from solvers.basics.progress import deadline
+from solvers.errors import known_name
 from solvers.factorisation import available_backends, missing_backends
 from solvers.factorisation.base import DENSE
 from solvers.settings import METHODS

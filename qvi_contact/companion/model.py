@@ -28,10 +28,10 @@ from qvi_contact.solution.result import PlateMotion, plate_motion
 from qvi_contact.solution.stress import given_points, mean_at
 from qvi_contact.version import __version__
 from solvers import Certificate, QVISolution, Status, solve_qvi
-from solvers.basics.checks import Named, known_name
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import PicklesFields
 from solvers.certificate.certificate import EXPONENTS
+from solvers.errors import Named, known_name
 from solvers.factorisation import FactorisationError
 from solvers.factorisation.base import limited_blas
 

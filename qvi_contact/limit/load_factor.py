@@ -25,9 +25,9 @@ from qvi_contact.problem.fields import BodyForces
 from qvi_contact.problem.material import Material, MohrCoulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.version import __version__
-from solvers.basics.checks import known_name
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import frame
+from solvers.errors import known_name
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -33,8 +33,8 @@ from qvi_contact.mechanism.lines import Line, lines
 from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Displacement
 from qvi_contact.problem.problem import ContactProblem
-from solvers.basics.checks import Named
 from solvers.basics.types import PicklesFields
+from solvers.errors import Named
 from solvers.inner.linear_program import INFEASIBLE, TIME_LIMIT, solved
 
 _CERTAIN: Final = 1e-8

@@ -41,8 +41,8 @@ from qvi_contact.mesh.selection import (
     selected,
     triangles_in_box,
 )
-from solvers.basics.checks import known_name
 from solvers.basics.types import Kept, PicklesFields, load
+from solvers.errors import known_name
 
 Place: TypeAlias = tuple[Point, Point] | Callable[[FloatArray, FloatArray], ArrayLike]
 """A segment between two points ((x, y), (x, y)), or a function of the coordinates (x, y) of midpoints of edges."""

@@ -23,8 +23,8 @@ from qvi_contact.element.quadrature import EdgeQuadrature, adapted, constant
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, rounding_along
 from qvi_contact.mesh.triangles import TriangleMesh
-from solvers.basics.checks import known_name
 from solvers.basics.types import PicklesFields, load
+from solvers.errors import known_name
 
 _LONGEST: Final = 2000  # characters of an expression
 _MOST_POWERS: Final = 100  # of x, and of y

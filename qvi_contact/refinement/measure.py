@@ -34,8 +34,8 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import COMPONENTS, cell_factors, held_along_z, stress_component, stress_in_cells
 from solvers import QVISolution
-from solvers.basics.checks import known_name
 from solvers.derivative import Change, change
+from solvers.errors import known_name
 
 if TYPE_CHECKING:
     from qvi_contact.discretization.space import LawOn

@@ -35,9 +35,10 @@ from qvi_contact.solution.settings import Settings
 from qvi_contact.solution.solver import solved
 from qvi_contact.version import __version__
 from solvers import Status
-from solvers.basics.checks import function_or_none, known_name, true_or_false
+from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import frame, load, pandas
+from solvers.errors import known_name
 
 if TYPE_CHECKING:
     from pandas import DataFrame

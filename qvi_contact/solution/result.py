@@ -31,9 +31,9 @@ from qvi_contact.solution.stress import (
     traction,
 )
 from solvers import Certificate, Iteration, QVISolution, Status
-from solvers.basics.checks import Named, known_name
 from solvers.basics.types import PicklesFields, frame, load, pandas
 from solvers.certificate.feasibility import AdmissibleRows
+from solvers.errors import Named, known_name
 
 if TYPE_CHECKING:
     from pandas import DataFrame

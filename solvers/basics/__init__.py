@@ -8,6 +8,6 @@ __getattr__ = front(
         "checks": ("one_of", "real_array", "whole_number"),
         "foreign": ("foreign_code", "handlers_kept"),
         "progress": ("Deadline", "Log", "Progress", "deadline", "listening", "report"),
-        "types": ("IntVector", "Matrix", "Vector"),
+        "types": ("IntVector", "Kept", "Matrix", "Vector"),
     },
 )

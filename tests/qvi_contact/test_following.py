@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from qvi_contact import InputError, Polynomial, TriangleMesh, discretize, solve
-from qvi_contact.basics import Kept
 from qvi_contact.discretization import Elimination, Functionals, walk
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Traction
 from qvi_contact.solution import discretized
+from solvers.basics import Kept
 
 
 def eliminated(C, age=None):

@@ -8,11 +8,11 @@ from numpy.polynomial.polynomial import polyder, polyval2d
 from scipy.special import comb
 
 from qvi_contact import Material, TriangleMesh, exact, solve
-from qvi_contact.basics import Kept
 from qvi_contact.discretization import BodyStiffness, Root, StressSpace, Supports, edge_rule
 from qvi_contact.element import from_values, gauss_legendre
 from qvi_contact.gallery import compressed_plate
 from solvers import Status
+from solvers.basics import Kept
 from tests.qvi_contact.test_triangles import moved
 
 COMPLIANCE = np.array([[1.0, -0.3, 0.1], [-0.3, 1.2, -0.2], [0.1, -0.2, 2.6]])  # every coupling present

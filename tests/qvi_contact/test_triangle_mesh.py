@@ -188,6 +188,32 @@ class TestRefined:
         both = mesh.graded([(1.0, 1.0), (0.3, 1.0)], [3, 5])
         assert both.finest[both.vertices @ (1, 1) == 2.0] == pytest.approx(0.5**4)
 
+    def test_layers_end_at_powers_of_the_ratio(self):
+        mesh = l_shape()
+        fine = mesh.graded([(1.0, 1.0), (0.0, 0.0)], [4, 2], ratio=0.2)
+        for place, depth in (((1.0, 1.0), 4), ((0.0, 0.0), 2)):
+            coarse, found = (
+                np.abs(m.corners[(m.corners == place).all(axis=2).any(axis=1)] - place) for m in (mesh, fine)
+            )
+            assert found == pytest.approx(coarse * 0.2**depth)
+        assert area(fine) == pytest.approx(area(mesh))
+        assert fine.edges("notch").length.sum() == pytest.approx(1.0)
+        assert fine.corners[fine.region("foot")].max(axis=(0, 1)) == pytest.approx(
+            mesh.corners[mesh.region("foot")].max(axis=(0, 1))
+        )
+
+    @pytest.mark.parametrize("ratio", [0.0, 1.0, np.nan, "0.5"])
+    def test_ratios_that_are_none(self, ratio):
+        with pytest.raises(InputError, match="ratio"):
+            square().graded([(0.0, 0.0)], 1, ratio=ratio)
+
+    def test_layers_begin_at_vertices_without_arcs(self):
+        with pytest.raises(InputError, match="vertices"):
+            square().graded([(0.123, 0.4)], 1, ratio=0.2)
+        ring = TriangleMesh.rectangle((2, 2)).with_arc("top", (0.5, -1.0), 2.0)
+        with pytest.raises(InputError, match="arc"):
+            ring.graded([ring.vertices[ring.edges("top").first[0]]], 1, ratio=0.2)
+
     @pytest.mark.parametrize(("angle", "layers", "longest"), [(0.3, 1, 0.25), (np.pi, 2, 0.125)])
     def test_fans_are_as_narrow_and_as_short_as_asked_for(self, angle, layers, longest):
         mesh = l_shape()
