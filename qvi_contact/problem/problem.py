@@ -37,6 +37,10 @@ from qvi_contact.problem.material import (
 from solvers.basics.types import PicklesFields, load
 
 _OVERLAP: Final = "drop one, or name parts of the side by with_edges()"
+_LISTS: Final = (
+    ("conditions", (Traction, Displacement, Symmetry, Contact), "Traction, Displacement, Symmetry or Contact"),
+    ("regions", Region, "Region"),
+)  # what a problem is given as lists, and the classes of their entries
 _CARTESIAN_FRAME, _LOCAL_FRAME, _NO_FRAME = 0, 1, -1  # by what components an edge is ruled
 _TANGENTIAL: Final = 1e-12  # part along the normal, of one, that is rounding
 
@@ -239,24 +243,19 @@ def opposite(value: Field) -> Field:
 
 def _check_parts(problem: ContactProblem) -> None:
     """Conditions and regions are lists, kept as tuples; contacts have own names, and joints own edges and no plate."""
-    kinds = (Traction, Displacement, Symmetry, Contact)
-    for name, kind, what in (
-        ("conditions", kinds, "Traction, Displacement, Symmetry or Contact"),
-        ("regions", Region, "Region"),
-    ):
+    for name, kind, what in _LISTS:
         given = getattr(problem, name)
         wrong = [each for each in given if not isinstance(each, kind)] if isinstance(given, Sequence) else [given]
         if wrong:
             raise InputError(f"ContactProblem.{name}", wrong[0], f"give a list: each entry must be a {what}")
         object.__setattr__(problem, name, tuple(given))
-    for material in (region.material for region in problem.regions):
-        if material.plane != problem.material.plane:
+    for region in problem.regions:
+        if region.material.plane != problem.material.plane:
             remedy = f"give a material in plane {problem.material.plane}, as the body"
-            raise InputError("Region.material", material, remedy)
+            raise InputError("Region.material", region.material, remedy)
     names = [contact.name for contact in problem.contacts]
-    twice = [name for name in names if names.count(name) > 1]
-    if twice:
-        raise InputError("Contact.name", twice[0], "give each contact a name of its own")
+    if len(set(names)) < len(names):
+        raise InputError("Contact.name", max(names, key=names.count), "give each contact a name of its own")
     taken: dict[int, str] = {}
     for joint in problem.joints:
         if joint.plate is not None:

@@ -290,17 +290,11 @@ class Filling(NamedTuple):
 
     starts: IntVector  # the pattern of H (n, n)
     columns: IntVector
+    rows: IntVector
+    diagonal: IntVector  # (n,) places in it
     entries: Vector  # those of K, its diagonal 1
-    # unknowns whose rows and columns a contact point changes; `diagonal` their places in the pattern
-    touched: IntVector
-    diagonal: IntVector
-    changed: IntVector  # places in the pattern at which blocks add; `G` (changed, 3m) by what
+    changed: IntVector  # places at which blocks add; `G` (changed, 3m) by what
     G: Sparse
-    # places in the pattern in touched rows or columns; `row`, `column` theirs among `touched`, the number of touched
-    # ones for any other
-    beside: IntVector
-    row: IntVector
-    column: IntVector
 
 
 class SparseSystem:
@@ -356,16 +350,13 @@ class SparseSystem:
         return solve
 
     def _filled(self, blocks: Vector) -> tuple[Vector, Vector]:
-        """H's entries, rows and columns scaled to a diagonal of 1, and the scale (n,): 1 where no contact point is."""
-        filling = self._filling
-        values = self._values
+        """H's entries, rows and columns scaled to a diagonal of 1, and the scale (n,)."""
+        filling, values = self._filling, self._values
         np.copyto(values, filling.entries)
         values[filling.changed] += filling.G @ blocks
-        own = 1.0 / np.sqrt(np.maximum(values[filling.diagonal], 1.0))
-        factors = np.append(own, 1.0)
-        values[filling.beside] *= factors[filling.row] * factors[filling.column]
-        scale = np.ones(self._size)
-        scale[filling.touched] = own
+        scale = 1.0 / np.sqrt(np.maximum(values[filling.diagonal], 1.0))
+        values *= scale[filling.rows]
+        values *= scale[filling.columns]
         return values, scale
 
 
@@ -400,15 +391,9 @@ def _filling(K: SparseRows, N: SparseRows, T: SparseRows) -> Filling:
     points = np.concatenate([number * m + point for number, (point, *_) in enumerate(products)])
     values = np.concatenate([value for *_, value in products])
     changed, places = np.unique(_places(pattern, keys), return_inverse=True)
-    touched = np.unique(rows[changed])
     G = csc_array((values, (places, points)), (len(changed), 3 * m))
-    number = np.full(n, len(touched), dtype=np.int32)
-    number[touched] = np.arange(len(touched), dtype=np.int32)
-    beside = np.flatnonzero((number[rows] < len(touched)) | (number[columns] < len(touched)))
-    diagonal = _places(pattern, touched * (n + 1))
-    return Filling(
-        starts, columns, entries, touched, diagonal, changed, G, beside, number[rows[beside]], number[columns[beside]]
-    )
+    diagonal = _places(pattern, np.arange(n) * (n + 1))
+    return Filling(starts, columns, rows, diagonal, entries, changed, G)
 
 
 def _places(pattern: IntVector, keys: IntVector) -> IntVector:
