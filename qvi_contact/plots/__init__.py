@@ -51,7 +51,7 @@ __getattr__ = front(
     __name__,
     {
         "body": ("draw_contours",),
-        "figures": ("block_outlines", "mesh_figure"),
+        "figures": ("mesh_figure",),
         "shape": ("Shape",),
         "style": ("cell_outlines", "edge_lines", "new_figure"),
         "symbols": ("beside", "runs", "value_range"),
