@@ -10,7 +10,7 @@ from qvi_contact.basics.terminal import Group
 
 if TYPE_CHECKING:
     from qvi_contact.files.problem_file import ProblemFile
-    from qvi_contact.result import ContactResult
+    from qvi_contact.solution.result import ContactResult
 
 _PROBLEM = click.argument("problem", metavar="PROBLEM")
 _FILE = click.argument("file", metavar="FILE")
