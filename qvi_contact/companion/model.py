@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from itertools import zip_longest
 from types import MappingProxyType
@@ -31,6 +31,7 @@ from qvi_contact.version import __version__
 from solvers import Certificate, Iteration, QVISolution, Status, solve_qvi
 from solvers.basics.names import Named, known_name
 from solvers.basics.progress import Log
+from solvers.basics.records import dataclass
 from solvers.basics.types import PicklesFields
 from solvers.certificate.certificate import EXPONENTS
 from solvers.factorisation import FactorisationError

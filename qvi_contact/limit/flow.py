@@ -28,7 +28,6 @@ In `docs/theory.md`: (D37), (D38).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
@@ -53,6 +52,7 @@ from qvi_contact.mesh.edges import Edges, linked
 from qvi_contact.problem.conditions import SHEAR_LAW, Contact, Displacement, Traction, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
+from solvers.basics.records import dataclass
 
 _FREE: Final = 1e-12  # of squared unit vectors, in which nothing is prescribed
 _NULL: Final = 1e-10  # of the largest singular value of conditions on rigid parts

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -27,6 +27,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.version import __version__
 from solvers.basics.names import known_name
 from solvers.basics.progress import Log, deadline
+from solvers.basics.records import dataclass
 from solvers.basics.types import frame
 
 if TYPE_CHECKING:

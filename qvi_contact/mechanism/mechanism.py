@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
@@ -35,6 +34,7 @@ from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Displacement
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.names import Named
+from solvers.basics.records import dataclass
 from solvers.basics.types import PicklesFields
 from solvers.inner.linear_program import INFEASIBLE, TIME_LIMIT, solved
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from threading import Lock
 from typing import Any, Final, NamedTuple, TypeAlias
 
@@ -27,6 +27,7 @@ from qvi_contact.mesh.edges import Topology, cross
 from qvi_contact.mesh.flaws import LARGEST
 from qvi_contact.mesh.selection import point
 from solvers.basics.foreign import foreign_code, handlers_kept
+from solvers.basics.records import dataclass
 from solvers.basics.types import load
 
 Point: TypeAlias = tuple[float, float]

@@ -15,12 +15,12 @@ is proved for this one, which is not monotone, hence `CentralPath`, and the cert
 In `docs/theory.md`: (D6), (D7).
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.linalg import LinAlgError
 
+from solvers.basics.records import dataclass
 from solvers.basics.types import Vector
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.systems import Saddle, Solve

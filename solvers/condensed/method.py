@@ -27,7 +27,7 @@ In `docs/theory.md`: (D8).
 """
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Any, Final
 
@@ -35,6 +35,7 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from solvers.basics.progress import Progress, deadline, report
+from solvers.basics.records import dataclass
 from solvers.basics.status import Status
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.coordinates import Coordinates, DenseCoordinates, SparseCoordinates

@@ -4,7 +4,7 @@ import math
 import time
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.exceptions import ComplexWarning
 
 from solvers.basics.foreign import foreign_code
 from solvers.basics.progress import deadline
+from solvers.basics.records import dataclass
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.inequality.problem import FrictionQVI

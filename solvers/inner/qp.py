@@ -8,7 +8,7 @@ wrong sign. Cite: S. Caron et al., qpsolvers: Quadratic Programming Solvers in P
 import time
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from types import MappingProxyType
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 from scipy.sparse import csc_array, csc_matrix, triu, vstack
 
 from solvers.basics.progress import deadline
+from solvers.basics.records import dataclass
 from solvers.basics.status import Status
 from solvers.basics.types import Sparse, Vector, load
 from solvers.inequality.problem import FrictionQVI
