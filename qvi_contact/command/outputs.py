@@ -47,9 +47,9 @@ def checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
         if target.library == "matplotlib":
             from qvi_contact.plots.style import picture_suffix, require_matplotlib
 
+            require_matplotlib()
             if option == "plot":
                 picture_suffix(path)
-            require_matplotlib()
     return dict(given)
 
 
@@ -108,33 +108,40 @@ def asked_panels(file: ProblemFile, panels: str | None) -> list[str] | None:
 
 
 def write_all(
+    source: str,
     targets: Mapping[str, str],
     file: ProblemFile,
     second: SecondModel,
     document: dict[str, Any],
-    page: Callable[[], str] = str,
-    several: Any = None,
     panels: Sequence[str] | None = None,
+    **more: Any,
 ) -> bool:
     """Write the files asked for, as many as can be; whether all could be, and a line for each that could not.
 
-    The displacement model has the result. The picture is that of the result, or of a history.
+    The displacement model has the result. The picture is that of the result, or of a history. Other arguments are those
+    of `result_page`.
     """
     result, units = second.result, file.units
+    series: Any = more.get("series")
 
     def plot(path: str) -> None:
         from qvi_contact import plots
 
-        if file.times and several is not None and several.steps[0].has_state and result.problem.contacts:
-            plots.save_figure(path, plots.history_figure(several, units, file.times, file.title))
+        if file.times and series.results.steps[0].has_state and result.problem.contacts:
+            plots.save_figure(path, plots.history_figure(series.results, units, file.times, file.title))
         else:
             plots.save_figure(path, plots.result_figure(result, units, file.title, panels))
+
+    def page(path: str) -> None:
+        from qvi_contact.command.page import Request, result_page
+
+        write_text(path, result_page(Request.read(source, file), second, panels=panels, **more))
 
     writers: dict[str, Callable[[str], None]] = {
         "save_json": lambda path: write_text(path, json_text(document) + "\n"),
         "plot": plot,
         "npz": lambda path: files.write_npz(path, result, units, file.title),
-        "report": lambda path: write_text(path, page()),
+        "report": page,
         "vtk": lambda path: second.write(path, units),
     }
     of_state = () if result.has_state else ("vtk", "npz")
@@ -153,17 +160,6 @@ def write_all(
             click.echo(f"qvi-contact: {' '.join(str(failure).split())}", err=True)
             complete = False
     return complete
-
-
-def page_of(path: str, file: ProblemFile, *found: Any, **more: Any) -> Callable[[], str]:
-    """What makes the page of --report about a problem file; other arguments are those of `result_page`."""
-
-    def made() -> str:
-        from qvi_contact.command.page import Request, result_page
-
-        return result_page(Request.read(path, file), *found, **more)
-
-    return made
 
 
 def json_text(document: object) -> str:

@@ -22,7 +22,7 @@ from qvi_contact.basics.schema import keys_of
 from qvi_contact.basics.writing import write_text
 from qvi_contact.command import report
 from qvi_contact.command.cli import TARGETS
-from qvi_contact.command.outputs import SecondModel, asked_panels, checked_targets, json_text, page_of, write_all
+from qvi_contact.command.outputs import SecondModel, asked_panels, checked_targets, json_text, write_all
 from qvi_contact.command.progress_line import solving
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ProblemFile, SweepPlan, load_problem
@@ -102,9 +102,8 @@ def solve(
             found = [files.summary(step, units) for step in steps]
             document |= found[0] if series is None else series.document(found, units)
         second = SecondModel(steps[-1], options.get("time_limit"))
-        page = page_of(file, problem_file, steps, second, series=series, panels=charts)
-        complete = write_all(targets, problem_file, second, document, page, series and series.results, charts)
-    lines = report.result_lines(steps[0], units) if series is None else report.series_lines(*series, units)
+        complete = write_all(file, targets, problem_file, second, document, charts, series=series)
+    lines = report.result_lines(steps[0], units) if series is None else series.lines(units)
     _show(problem_file, document if as_json else lines)
     return 2 if not complete else 0 if solved else 1
 
@@ -144,7 +143,7 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
             advance("energy bounded, contact forces follow")
             if found is not None:
                 _ = found.forces  # takes longest on large meshes: here, where progress is shown
-        complete = write_all(targets, problem_file, SecondModel(result, known=found), {})
+        complete = write_all(file, targets, problem_file, SecondModel(result, known=found), {})
     if as_json:
         document = {"title": problem_file.title, **files.summary(result, units)}
         _show(problem_file, document | {"bracket": None if found is None else outcome.document(found, units)})
@@ -167,7 +166,7 @@ def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
             found = other_solutions(result) if result.status == "solved" else None
         document = {"title": problem_file.title, **report.branches_document(result, found, units)}
         second = SecondModel(result if found is None else found.preferred, given["time_limit"])
-        complete = write_all(targets, problem_file, second, document)
+        complete = write_all(file, targets, problem_file, second, document)
     _show(problem_file, document if as_json else report.branches_lines(result, found, units))
     return 2 if not complete else 0 if result.status == "solved" else 1
 
@@ -187,8 +186,7 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
         document = {"title": problem_file.title, **files.summary(found.result, units)}
         document["refinement"] = report.refinement_document(found, units)
         second = SecondModel(found.result, options.get("time_limit"))
-        page = page_of(file, problem_file, (found.result,), second, refinement=found)
-        complete = write_all(targets, problem_file, second, document, page)
+        complete = write_all(file, targets, problem_file, second, document, refinement=found)
     last = [line for line in report.result_lines(found.result, units) if not line or line not in found.message]
     _show(
         problem_file, document if as_json else (*report.refinement_lines(found, units), *([""] if last else []), *last)

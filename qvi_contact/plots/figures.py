@@ -284,38 +284,33 @@ def history_figure(
     units = style.plain_units(units)
     abscissa = None if times is None else real_array("times", times)
     forces: dict[str, list[tuple[float, float]]] = {}
-    drawn = None
+    last = None
     for number, each in enumerate(history.steps, 1):
         if each.has_state:
-            drawn = number, each
+            last = number, each
             for name, line in each.contacts.items():
                 forces.setdefault(name, []).append((line.normal_force, line.tangential_force))
-    loops = {} if drawn is None else _loops(history, drawn[1].problem)
-    if drawn is None or not (forces or loops):
+    loops = {} if last is None else _loops(history, last[1].problem)
+    if last is None or not (forces or loops):
         raise InputError("history", history, "there is no contact whose loop or forces could be drawn")
     count = max(map(len, forces.values()), default=0)
     if abscissa is not None and (abscissa.ndim != 1 or len(abscissa) < count):
         raise InputError("times", times, f"give the times of all {count} steps")
-    rows = [names for names in (list(loops)[:_LOOPS], list(forces)[:_LOOPS]) if names]
+    known: Any = [(_draw_loop, loops, units.displacement), (_draw_forces, forces, abscissa)]
+    rows = [(draw, list(found.items())[:_LOOPS], more) for draw, found, more in known if found]
+    wide = 3.0 * max(len(row) for _, row, _ in rows)
     with style.settings():
-        figure = style.new_figure(3.8 + 3.0 * max(map(len, rows)), 0.4 + 3.0 * len(rows))
-        left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[3.8, 3.0 * max(map(len, rows))])[0]
-        body, (number, shown) = left.subplots(), drawn
+        figure = style.new_figure(3.8 + wide, 0.4 + 3.0 * len(rows))
+        left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[3.8, wide])[0]
+        body, (number, shown) = left.subplots(), last
         picture = draw_body(body, shown, units=units)
         low, high = picture.box + np.array([[-1.0], [1.0]]) * _ROOM * float(np.ptp(picture.box, axis=0).max())
         body.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), anchor="N")
         at = f"step {number}" if abscissa is None else f"t = {abscissa[number - 1]:g}"
         body.set_title(f"{at}; displacements × {picture.factor:g}", fontsize="medium")
-        parts = right.subfigures(len(rows), 1, squeeze=False)[:, 0]
-        for part, names in zip(parts, rows, strict=True):
-            for axes, name in zip(part.subplots(1, len(names), squeeze=False)[0], names, strict=True):
-                if part is parts[0] and loops:
-                    _draw_loop(axes, *loops[name])
-                    axes.set_title(style.plain_text(name), fontsize="medium")
-                    axes.set_xlabel(f"displacement [{units.displacement}]")
-                else:
-                    _draw_forces(axes, np.array(forces[name]), abscissa)
-                    axes.set_title(style.plain_text(f"{name}: forces"), fontsize="medium")
+        for part, (draw, row, more) in zip(right.subfigures(len(rows), 1, squeeze=False)[:, 0], rows, strict=True):
+            for axes, (name, values) in zip(part.subplots(1, len(row), squeeze=False)[0], row, strict=True):
+                draw(axes, style.plain_text(name), np.array(values), more)
                 axes.set_ylabel(f"force [{units.engineering_force}]")
         left_out = [f"loops not shown: {', '.join(list(loops)[_LOOPS:])}"] if len(loops) > _LOOPS else []
         said = "\n".join(filter(None, [title, history.message, *left_out]))
@@ -343,29 +338,30 @@ def _loops(history: History, problem: ContactProblem) -> dict[str, tuple[FloatAr
     return {name: loop for name, loop in loops.items() if np.ptp(loop[0]) > 0.0}
 
 
-def _draw_loop(axes: "Axes", moved: FloatArray, carried: FloatArray) -> None:
-    """Force over the displacement that drives it: a dot a step, the first in a square."""
+_FIRST: Final[dict[str, Any]] = {"color": style.GREY, "marker": "s", "markersize": 7, "fillstyle": "none"}
+
+
+def _draw_loop(axes: "Axes", name: str, loop: FloatArray, length: str) -> None:
+    """Force over the displacement that drives it (2, steps): a dot a step, the first in a square."""
     axes.axhline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
     axes.axvline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
-    axes.plot(moved, carried, color=style.BLUE, marker="o", markersize=3, linewidth=1.0)
+    axes.plot(*loop, color=style.BLUE, marker="o", markersize=3, linewidth=1.0)
+    axes.plot(*loop[:, :1], **_FIRST)
     axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
     axes.locator_params(axis="x", nbins=6)
-    axes.plot(moved[:1], carried[:1], color=style.GREY, marker="s", markersize=7, fillstyle="none", linestyle="none")
+    axes.set_title(name, fontsize="medium")
+    axes.set_xlabel(f"displacement [{length}]")
 
 
-def _draw_forces(axes: "Axes", forces: FloatArray, times: FloatArray | None) -> None:
+def _draw_forces(axes: "Axes", name: str, forces: FloatArray, times: FloatArray | None) -> None:
     """Normal and tangential force (steps, 2) of one contact step by step, over t where times are given."""
     place = np.arange(1, len(forces) + 1) if times is None else times[: len(forces)]
-    looks: dict[str, dict[str, Any]] = {
-        "N": {"color": style.GREY, "marker": "s"},
-        "T": {"color": style.BLUE, "marker": "o", "linestyle": "--"},
-    }
-    for (label, look), values in zip(looks.items(), forces.T, strict=True):
-        axes.plot(place, values, markersize=3, linewidth=1.0, label=label, **look)
+    looks = (("N", style.GREY, "s", "-"), ("T", style.BLUE, "o", "--"))
+    for (label, colour, marker, dashes), values in zip(looks, forces.T, strict=True):
+        axes.plot(place, values, dashes, color=colour, marker=marker, markersize=3, linewidth=1.0, label=label)
         if times is not None:
-            axes.plot(
-                place[:1], values[:1], color=style.GREY, marker="s", markersize=7, fillstyle="none", linestyle="none"
-            )
+            axes.plot(place[:1], values[:1], **_FIRST)
+    axes.set_title(f"{name}: forces", fontsize="medium")
     axes.set_xlabel("step [-]" if times is None else "t")
     axes.locator_params(axis="x", integer=times is None)
     axes.legend(frameon=False)

@@ -21,13 +21,12 @@ from qvi_contact import (
     InputError,
     LimitLoad,
     TriangleMesh,
-    exact,
     limit_load_factor,
     principal_stresses,
     solve,
 )
 from qvi_contact.element import gauss_legendre
-from qvi_contact.gallery import compressed_plate, half_discs
+from qvi_contact.gallery import compressed_plate, exact, half_discs
 from qvi_contact.plots import (
     Scales,
     Shape,

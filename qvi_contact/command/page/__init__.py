@@ -9,7 +9,6 @@ import platform
 import sys
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
@@ -41,6 +40,7 @@ from qvi_contact.solution.contact_line import SUMMARY, ContactLine, ContactState
 from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, plate_numbers
 from qvi_contact.solution.stress import held_along_z, out_of_plane_factors, sample_body
 from qvi_contact.version import __version__
+from solvers.basics.records import dataclass
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -76,19 +76,18 @@ class Request:
 
 def result_page(
     request: Request,
-    steps: Sequence[ContactResult],
-    second: SecondModel | None = None,
+    second: SecondModel,
     refinement: Refinement | None = None,
     series: report.Series | None = None,
     panels: Sequence[str] | None = None,
 ) -> str:
     """The page about the result of a solve, of a refinement, or of the last of several in a series.
 
-    The bracket of a single result is that of the second model, which is computed for it. Contacts in `panels` have
-    charts, all of them by default.
+    The second model has the result. Of a single one its bracket is computed. Contacts in `panels` have charts, all of
+    them by default.
     """
-    file, result = request.file, steps[-1]
-    second = second or SecondModel(result)
+    file, result = request.file, second.result
+    steps = (result,) if series is None else series.results.steps
     bracket, missing = (
         (second.bracket, second.missing)
         if len(steps) == 1
@@ -104,7 +103,7 @@ def result_page(
     if series is not None and len(steps) > 1:
         several = [
             (title, headings, [[cell.replace("-", "−") for cell in row] for row in rows])
-            for title, headings, rows in report.series_tables(steps, series.label, series.values, file.units)
+            for title, headings, rows in series.tables(file.units)
         ]
     text: str = page_template("qvi_contact.command.page").render(
         **_frame(request, result.problem, "Contact problem"),
