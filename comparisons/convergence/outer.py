@@ -13,8 +13,7 @@ from comparisons.lab.drawing import drawn, grid, legend_below, panelled, plain_t
 from comparisons.lab.numbers import count, fixed, scientific, seconds, significant
 from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import Row, Study, frame_of, largest_of
-from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
-from qvi_contact.plots.style import PURPLE
+from qvi_contact.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
 from solvers.certificate.uniqueness import uniqueness_bound
 
 INNER: Final = "direct:clarabel"

@@ -23,8 +23,7 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.terminal import Advance
 from qvi_contact.basics.writing import write_text
 from qvi_contact.paper import QuarterPlate
-from qvi_contact.plots import BLUE, GREY, VERMILLION
-from qvi_contact.plots.style import lines, new_figure
+from qvi_contact.plots.style import BLUE, GREY, VERMILLION, lines, new_figure
 from solvers import QVISolution, Status, available, solve_qvi
 
 SHRINKING: Final = 100.0

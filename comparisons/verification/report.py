@@ -19,8 +19,8 @@ from comparisons.verification.measures import MM
 from comparisons.verification.rows import EQUAL, EXCESS, RELATIVE, SHORTFALL, Chapters, Kind, Row, crash
 from qvi_contact import ContactProblem, gallery
 from qvi_contact.basics.terminal import Advance
-from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION, problem_figure
-from qvi_contact.plots.style import new_figure
+from qvi_contact.plots import problem_figure
+from qvi_contact.plots.style import BLUE, GREEN, GREY, ORANGE, VERMILLION, new_figure
 from qvi_contact.units import Units
 from solvers.basics.names import known_name
 
