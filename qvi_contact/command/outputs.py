@@ -21,7 +21,6 @@ from solvers.basics.names import known_name
 
 if TYPE_CHECKING:
     from qvi_contact.bracket import Bracket
-    from qvi_contact.companion import CompanionResult
 
 
 def checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
@@ -31,7 +30,7 @@ def checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
     """
     taken = {identity(source): "the problem file"}
     for option, path in given.items():
-        name = f"--{option.replace('_', '-')}"
+        name = option_name(option)
         if not path or os.path.isdir(path):  # Path's raises for names that no file can have
             raise InputError(name, path, "give the name of a file")
         check_writable(path, name)
@@ -54,14 +53,10 @@ def checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
 
 
 class SecondModel:
-    """The bracket of a result and its displacement, computed when first asked for, in at most so many seconds.
-
-    `missing` says why there is no bracket, or no displacement in it, once one of them was asked for.
-    """
+    """The bracket of a result, computed when first asked for, in at most so many seconds; `missing` says why not."""
 
     def __init__(self, result: ContactResult, time_limit: float | None = None, known: "Bracket | None" = None) -> None:
-        self.result, self.missing = result, ""
-        self._time_limit = time_limit
+        self.result, self.missing, self._time_limit = result, "", time_limit
         if known is not None:
             self.bracket = known
 
@@ -70,29 +65,22 @@ class SecondModel:
         """The bracket; None without a stress state, for incompressible materials, and after earlier slip along arcs."""
         from qvi_contact.bracket import bracket
 
-        if not self.result.has_state:
-            self.missing = "there is no stress state"
-            return None
         try:
-            return bracket(self.result, time_limit=self._time_limit)
+            if self.result.has_state:
+                return bracket(self.result, time_limit=self._time_limit)
+            self.missing = "there is no stress state"
         except InputError as error:
             self.missing = error.remedy
-            return None
+        return None
 
-    @cached_property
-    def companion(self) -> "CompanionResult | None":
-        """The result of the displacement model that has a displacement."""
-        if self.bracket is None:
-            return None
-        found = self.bracket.companion
-        if not found.has_state:
-            self.missing = self.bracket.message
-            return None
-        return found
+    @property
+    def displaced(self) -> "Bracket | None":
+        """The bracket, if the displacement model in it has an answer."""
+        return self.bracket if self.bracket is not None and self.bracket.companion.has_state else None
 
     def write(self, path: str, units: Units) -> None:
         """Write the fields of the body, with the displacement if there is one, and those of contacts beside them."""
-        files.write_vtu(path, self.result, units, bracket=None if self.companion is None else self.bracket)
+        files.write_vtu(path, self.result, units, bracket=self.displaced)
         if self.result.contacts:
             whole = Path(path)
             files.write_contacts_vtu(whole.with_name(f"{whole.stem}_contacts{whole.suffix}"), self.result, units)
@@ -144,22 +132,24 @@ def write_all(
         "report": page,
         "vtk": lambda path: second.write(path, units),
     }
-    of_state = () if result.has_state else ("vtk", "npz")
-    missing = [path for option, path in targets.items() if option in of_state]
-    if missing:
-        click.echo(f"qvi-contact: there is no stress state to write to {', '.join(missing)}", err=True)
-    complete = True
-    for option, path in targets.items():
-        if option in of_state:
-            continue
+    complete, stateless = True, [] if result.has_state else [name for name in ("vtk", "npz") if name in targets]
+    if stateless:
+        missing = ", ".join(targets[name] for name in stateless)
+        click.echo(f"qvi-contact: there is no stress state to write to {missing}", err=True)
+    for option in [name for name in targets if name not in stateless]:
         try:
-            writers[option](path)
+            writers[option](targets[option])
         except InputError as error:
-            name = f"--{option.replace('_', '-')}" if error.field == "output" else error.field
+            name = option_name(option) if error.field == "output" else error.field
             failure = InputError(name, error.value, error.remedy)
             click.echo(f"qvi-contact: {' '.join(str(failure).split())}", err=True)
             complete = False
     return complete
+
+
+def option_name(name: str) -> str:
+    """How an option is typed."""
+    return f"--{name.replace('_', '-')}"
 
 
 def json_text(document: object) -> str:

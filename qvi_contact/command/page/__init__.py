@@ -93,7 +93,7 @@ def result_page(
         if len(steps) == 1
         else (None, "bounds are computed for a single solve only, and this is one of several results")
     )
-    companion = bracket.companion if bracket is not None and bracket.companion.has_state else None
+    companion = bracket.companion if bracket is not None and second.displaced is not None else None
     contacts = [
         _contact(line, f"contact-{number}", file.units)
         for number, line in enumerate(result.contacts.values() if result.has_state else (), 1)
