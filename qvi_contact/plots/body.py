@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -409,7 +409,6 @@ def draw_contours(
     `usual_range`. Values of both signs have a map that is white at zero.
     """
     from matplotlib import colormaps
-    from matplotlib.colors import BoundaryNorm, ListedColormap
     from matplotlib.ticker import MaxNLocator
     from matplotlib.tri import Triangulation
 
@@ -427,16 +426,13 @@ def draw_contours(
     low, high = (-end, end) if both else (low, high)
     levels = MaxNLocator(_LEVELS, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
     share = np.linspace(0.0, 1.0, len(levels) + 1)
-    colours = colormaps["PuOr_r" if both else "Blues"](
-        share if both else 0.04 + 0.62 * (share if high > -low else share[::-1])
-    )
-    beyond = (bool(means.min() < levels[0]), bool(means.max() > levels[-1]))
-    extend: Literal["neither", "min", "max", "both"] = (("neither", "max"), ("min", "both"))[beyond[0]][beyond[1]]
-    used = colours[0 if beyond[0] else 1 : len(colours) if beyond[1] else -1]
-    norm = BoundaryNorm(levels, len(used), extend=extend)
+    pale = 0.04 + 0.62 * (share if high > -low else share[::-1])
+    colours = colormaps["PuOr_r"](share) if both else colormaps["Blues"](pale)
+    below, above = int(means.min() < levels[0]), int(means.max() > levels[-1])
+    extend = ("neither", "max", "min", "both")[2 * below + above]
+    look: dict[str, Any] = {"colors": colours[1 - below : len(levels) + above], "extend": extend}
     shape = Triangulation(places[first, 0], places[first, 1], one[triangles])
-    look: dict[str, Any] = {"levels": levels, "norm": norm, "cmap": ListedColormap(used), "extend": extend}
-    bands: TriContourSet = axes.tricontourf(shape, means, zorder=0.5, **look)
+    bands: TriContourSet = axes.tricontourf(shape, means, levels, zorder=0.5, **look)
     with warnings.catch_warnings():  # Matplotlib 3.10 cannot, and says so
         warnings.filterwarnings("ignore", "Rasterization")
         bands.set_rasterized(True)
