@@ -324,36 +324,31 @@ def _solved_series(
     if store is not None and not file.times:
         remedy = "keeps steps of a history or rows of a sweep: give --set, or a file with a [history] or a [sweep]"
         raise InputError("--store", store, remedy)
-    if plan is not None and plan.parameter in _PARAMETERS:
-        sweep = _swept(file, plan, options, verbose)
+    if plan is not None:
+        swept = _swept if plan.parameter in _PARAMETERS else _swept_constant
+        sweep = swept(file, plan, options, verbose)
         return report.Series(sweep, plan.parameter, plan.values), sweep.steps
-    values = file.times if plan is None else plan.values
-    title = file.title or ("sweep" if plan is not None else "history" if values else "solve")
-    with solving(title, max(len(values), 1), verbose=verbose) as advance:
-        if plan is not None:  # of a constant: each value is a problem of its own
-            limit = options.pop("time_limit", None)
-            steps: list[ContactResult] = []
-            with deadline(limit):
-                for value in values:
-                    if steps and deadline.over:
-                        break
-                    steps.append(
-                        solve_one(file.with_constants({plan.parameter: value}).problem, **options, verbose=verbose)
-                    )
-                    advance()
-            return report.Series(qvi_contact.Sweep(plan.parameter, values, tuple(steps)), plan.parameter, values), steps
-        if not values:
+    if not file.times:
+        with solving(file.title or "solve", verbose=verbose):
             return None, (solve_one(file.problem, **options, verbose=verbose),)
-        done = 0
+    with solving(file.title or "history", verbose=verbose) as advance:
+        history = qvi_contact.solve_history(
+            file.problems, lambda number, _: advance(f"step {number} of {len(file.times)} solved"), store=store,
+            **options, verbose=verbose,
+        )  # fmt: skip
+    return report.Series(history, "t", file.times), history.steps
 
-        def told(number: int, _result: ContactResult) -> None:
-            nonlocal done
-            while done < number:  # the first that is told need not be the first of all
+
+def _swept_constant(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool) -> qvi_contact.Sweep:
+    """The sweep of a constant: each value is a problem of its own."""
+    steps, limit = list[ContactResult](), options.pop("time_limit", None)
+    with solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance, deadline(limit):
+        for value in plan.values:
+            if not (steps and deadline.over):
+                problem = file.with_constants({plan.parameter: value}).problem
+                steps.append(solve_one(problem, **options, verbose=verbose))
                 advance()
-                done += 1
-
-        history = qvi_contact.solve_history(file.problems, told, store=store, **options, verbose=verbose)
-        return report.Series(history, "t", values), history.steps
+    return qvi_contact.Sweep(plan.parameter, plan.values, tuple(steps))
 
 
 def _swept(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool, **stored: Any) -> Any:
