@@ -132,13 +132,24 @@ def write_all(
         "report": page,
         "vtk": lambda path: second.write(path, units),
     }
-    complete, stateless = True, [] if result.has_state else [name for name in ("vtk", "npz") if name in targets]
-    if stateless:
-        missing = ", ".join(targets[name] for name in stateless)
-        click.echo(f"qvi-contact: there is no stress state to write to {missing}", err=True)
-    for option in [name for name in targets if name not in stateless]:
+    stateless = {} if result.has_state else dict.fromkeys(("vtk", "npz"), "there is no stress state to write to")
+    return written(targets, writers, stateless)
+
+
+def written(
+    targets: Mapping[str, str], writers: Mapping[str, Callable[[str], None]], missing: Mapping[str, str]
+) -> bool:
+    """Write files by option, as many as can be, with a line for each that is not; whether none failed.
+
+    Words for what there is nothing to write to stand in `missing`.
+    """
+    complete = True
+    for option, path in targets.items():
         try:
-            writers[option](targets[option])
+            if option in missing:
+                click.echo(f"qvi-contact: {missing[option]} {path}", err=True)
+            else:
+                writers[option](path)
         except InputError as error:
             name = option_name(option) if error.field == "output" else error.field
             failure = InputError(name, error.value, error.remedy)

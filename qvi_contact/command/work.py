@@ -22,7 +22,7 @@ from qvi_contact.basics.schema import keys_of
 from qvi_contact.basics.writing import write_text
 from qvi_contact.command import report
 from qvi_contact.command.cli import TARGETS
-from qvi_contact.command.outputs import SecondModel, asked_panels, checked_targets, json_text, write_all
+from qvi_contact.command.outputs import SecondModel, asked_panels, checked_targets, json_text, write_all, written
 from qvi_contact.command.progress_line import solving
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ProblemFile, SweepPlan, load_problem
@@ -196,8 +196,6 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
 
 def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool, as_json: bool, **given: Any) -> int:
     """Bound the largest multiple of loads."""
-    from qvi_contact import plots
-    from qvi_contact.command.page import Request, limit_page
     from qvi_contact.limit.load_factor import limit_load_factor
     from qvi_contact.refinement import LimitFactor
     from qvi_contact.refinement import refine as refined
@@ -208,39 +206,40 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     ):
         space = _space(options)
         told: dict[str, Any] = {**space, "time_limit": given["time_limit"], "verbose": verbose}
-        problem, refinement, degree = problem_file.problem, None, space.get("degree")
-        if not loads and "proof" in targets:
-            click.echo("\n".join(_write_proof(targets["proof"], problem, (), degree)))
+        problem, refinement, proof = problem_file.problem, None, targets.pop("proof", None)
+        if proof is not None and not loads:
+            click.echo("\n".join(_write_proof(proof, problem, (), space.get("degree"))))
             return 0
         if target is None:
             found = limit_load_factor(problem, loads=list(loads), **told)
         else:
             refinement = refined(problem, target=target, quantity=LimitFactor(list(loads)), **told)
             found, problem = refinement.limit, refinement.problem
-        proved = _write_proof(targets["proof"], problem, loads, degree) if "proof" in targets else []
-    said, units, missing = report.limit_lines(loads, found, refinement), problem_file.units, []
-    if "plot" in targets:
-        if found.mechanism is None and found.collapse is None:
-            missing.append(f"there is no mechanism to draw in {targets['plot']}")
-        else:
-            figure = plots.limit_figure(problem, found, units, problem_file.title, f"{said[0]}.")
-            plots.save_figure(targets["plot"], figure)
-    if "vtk" in targets:
-        if found.collapse is None:
-            reason = "no part of the body yields, or it has no largest load"
-            missing.append(f"there is no flow to write to {targets['vtk']}: {reason}")
-        else:
-            files.write_collapse_vtu(targets["vtk"], problem, found, units)
-    if "report" in targets:
-        write_text(targets["report"], limit_page(Request.read(file, problem_file), problem, found, said))
-    for line in missing:
-        click.echo(f"qvi-contact: {line}", err=True)
+        proved = [] if proof is None else _write_proof(proof, problem, loads, space.get("degree"))
+    said, units, missing = report.limit_lines(loads, found, refinement), problem_file.units, {}
+    if found.mechanism is None and found.collapse is None:
+        missing["plot"] = "there is no mechanism to draw in"
+    if found.collapse is None:
+        missing["vtk"] = "no part of the body yields, or it has no largest load: there is no flow to write to"
+
+    def plot(path: str) -> None:
+        from qvi_contact import plots
+
+        plots.save_figure(path, plots.limit_figure(problem, found, units, problem_file.title, f"{said[0]}."))
+
+    def page(path: str) -> None:
+        from qvi_contact.command.page import Request, limit_page
+
+        write_text(path, limit_page(Request.read(file, problem_file), problem, found, said))
+
+    writers = {"plot": plot, "vtk": lambda path: files.write_collapse_vtu(path, problem, found, units), "report": page}
+    complete = written(targets, writers, missing)
     if as_json:
         _show(problem_file, {"loads": list(loads), **report.limit_document(found, refinement)})
     else:
         click.echo("\n".join([*said, *proved]))
     missed = refinement is not None and refinement.status != "reached"
-    return 1 if missed or found == -math.inf else 0
+    return 2 if not complete else 1 if missed or found == -math.inf else 0
 
 
 def _write_proof(path: str, problem: ContactProblem, loads: Iterable[str], degree: int | None) -> list[str]:

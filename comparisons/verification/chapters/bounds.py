@@ -12,15 +12,8 @@ from comparisons.verification.measures import FORCE, plate_under
 from comparisons.verification.rows import Chapter, Check, Kind, Proof, Row, both, by_hand, certified
 from qvi_contact import Contact, ContactProblem, Displacement, Material, Symmetry, Traction, TriangleMesh, refine, solve
 from qvi_contact.bracket import Bounds, Bracket, bracket
-from qvi_contact.gallery import (
-    cantilever,
-    compressed_plate,
-    gravity_column,
-    problem_from_state,
-    pure_bending,
-    ssnv128,
-    uniform,
-)
+from qvi_contact.gallery import compressed_plate, ssnv128
+from qvi_contact.gallery.exact import cantilever, gravity_column, problem_from_state, pure_bending, uniform
 from qvi_contact.problem.conditions import Condition
 from qvi_contact.refinement.outcome import Refinement
 

@@ -23,17 +23,8 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.gallery import (
-    ExactState,
-    cantilever,
-    compressed_plate,
-    gravity_column,
-    problem_from_state,
-    pure_bending,
-    sliding_block,
-    stick_slip_block,
-    uniform,
-)
+from qvi_contact.gallery import compressed_plate, sliding_block, stick_slip_block
+from qvi_contact.gallery.exact import ExactState, cantilever, gravity_column, problem_from_state, pure_bending, uniform
 from qvi_contact.problem.conditions import Condition
 from qvi_contact.problem.material import Plane
 
