@@ -276,7 +276,7 @@ def refinement_document(found: Outcome, units: Units) -> dict[str, Any]:
 def refinement_lines(found: Refinement, units: Units) -> Iterator[str]:
     """The rounds as a table, then how it ended and how far the number can be trusted."""
     if found.rounds:
-        yield from table(refinement_headings(found, units), refinement_rows(found))
+        yield from table(*refinement_table(found, units))
         yield ""
     yield found.message
     if found.rounds:
@@ -285,14 +285,10 @@ def refinement_lines(found: Refinement, units: Units) -> Iterator[str]:
         yield found.status.advice
 
 
-def refinement_headings(found: Refinement, units: Units) -> list[str]:
-    """Headings of `refinement_rows`."""
-    return ["round", "cells", "unknowns", f"{found.quantity} [{_unit(found, units)}]", "relative error", ""]
-
-
-def refinement_rows(found: Refinement) -> list[list[str]]:
-    """Cells, unknowns, value and relative error of each round, and what the error is."""
-    return [
+def refinement_table(found: Refinement, units: Units) -> tuple[list[str], list[list[str]]]:
+    """Headings, and of each round cells, unknowns, value and relative error, and what the error is."""
+    headings = ["round", "cells", "unknowns", f"{found.quantity} [{_unit(found, units)}]", "relative error", ""]
+    return headings, [
         [str(number), str(each.cells), str(each.unknowns), f"{each.value:.9g}", *_error(each)]
         for number, each in enumerate(found.rounds, 1)
     ]

@@ -1,6 +1,5 @@
 """Names that a user gives: which there are, which one was meant, and mappings that say so."""
 
-import difflib
 from collections.abc import Iterable, Mapping
 from typing import TypeVar
 
@@ -14,7 +13,9 @@ def closest(word: object, words: Iterable[str]) -> str | None:
     if not isinstance(word, str):
         return None
     lowered = {known.lower(): known for known in words}
-    found = difflib.get_close_matches(word.lower(), lowered, n=1)
+    from difflib import get_close_matches  # of wrong names only
+
+    found = get_close_matches(word.lower(), lowered, n=1)
     return lowered[found[0]] if found else None
 
 

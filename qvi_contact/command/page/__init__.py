@@ -112,9 +112,7 @@ def result_page(
         bracket=bracket,
         missing=missing,
         refinement=refinement,
-        refinement_table=(report.refinement_headings(refinement, file.units), report.refinement_rows(refinement))
-        if refinement
-        else None,
+        refinement_table=report.refinement_table(refinement, file.units) if refinement else None,
         trust=report.trust(refinement, file.units) if refinement else "",
         several=several,
         step_label="t" if series is None else series.label,
