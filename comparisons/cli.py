@@ -3,19 +3,23 @@
 What an experiment runs and reports is a `Plan`; the name of the function is that of the command and of the report.
 """
 
+import math
 import os
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import click
 
-from comparisons.export import export
 from comparisons.lab.commands import COUNT, Experiment, FiniteRange, ListCommand, Plan, experiment, folder_option
 from comparisons.peers import LEVELS
-from qvi_contact.basics.terminal import Command
+from qvi_contact.basics.terminal import Command, Group
 from qvi_contact.errors import InputError
+
+if TYPE_CHECKING:
+    from qvi_contact.files.problem_file import ProblemFile
+    from qvi_contact.solution.result import ContactResult
 
 _NEEDED: Final = {"markdown-it-py": "markdown_it", "matplotlib": "matplotlib", "pandas": "pandas"}
 """Distributions that every report needs → their modules."""
@@ -29,7 +33,7 @@ def group(context: click.Context) -> None:
     Each command runs one experiment and writes a report: Markdown, pictures, and one HTML page.
     """
     missing = [name for name, module in _NEEDED.items() if find_spec(module) is None]
-    if missing and context.invoked_subcommand != export.name:
+    if missing and context.invoked_subcommand != "export":
         remedy = f"is missing: python -m pip install {' '.join(missing)}"
         raise InputError("installation", ", ".join(missing), remedy)
 
@@ -66,8 +70,7 @@ def benchmark(cells: tuple[int, ...], friction: tuple[float, ...], factorisation
 
     The problem is the paper's compressed plate on triangles, on n × n equal cells; and there are
     histories and sweeps, whose problems share a factorisation. Measured are time, iterations, peak memory and accuracy,
-    and how they grow with n. Each time is a median, measured in a process of its own with a fixed number of threads.
-    A solve that fails is listed with its status. How other methods do is compared by `comparisons solvers`.
+    and how they grow with n. How other methods do is compared by `comparisons solvers`.
 
     \b
     Examples:
@@ -140,9 +143,6 @@ def solvers(quick: bool, only: tuple[str, ...]) -> Plan:
     unknowns and condensed, at three accuracies. The meshes are well and badly conditioned. Contacts open or stick, some
     problems have redundant rows, and some have no solution.
 
-    An interrupted study goes on where it stopped. Use one worker where times matter: several workers slow each other
-    down.
-
     \b
     Examples:
         python -m comparisons solvers --quick --workers 2
@@ -165,7 +165,7 @@ def solvers(quick: bool, only: tuple[str, ...]) -> Plan:
     return Plan([study.declared([name for name in present if not only or name in only], quick)], report.report)
 
 
-def _command(name: str, short_help: str, about: str) -> Experiment:
+def _convergence(name: str, short_help: str, about: str) -> Experiment:
     """The command of the study in the module of that name."""
 
     def plan(quick: bool) -> Plan:
@@ -178,17 +178,13 @@ def _command(name: str, short_help: str, about: str) -> Experiment:
     return experiment(timeout=600.0, short_help=short_help)(quick_option(plan))
 
 
-convergence_mesh = _command(
-    "mesh", "How answers converge with the mesh.",
-    "Measure errors of forces and energies on uniform, graded and adaptive meshes, for several degrees.",
-)  # fmt: skip
-convergence_outer = _command(
-    "outer", "How loops over the friction bound converge.",
-    "Measure iterations over the friction bound against μ: plain, damped, Anderson's, and the condensed method.",
-)  # fmt: skip
-convergence_uzawa = _command(
-    "uzawa", "How the paper's iteration converges.",
-    "Measure the paper's iteration: how many iterations it needs, and with which steps it settles.",
+_CONVERGENCE: Final = (
+    ("mesh", "How answers converge with the mesh.",
+     "Measure errors of forces and energies on uniform, graded and adaptive meshes, for several degrees."),
+    ("outer", "How loops over the friction bound converge.",
+     "Measure iterations over the friction bound against μ: plain, damped, Anderson's, and the condensed method."),
+    ("uzawa", "How the paper's iteration converges.",
+     "Measure the paper's iteration: how many iterations it needs, and with which steps it settles."),
 )  # fmt: skip
 
 
@@ -241,9 +237,9 @@ def bounds(count: int, polygons: int) -> Plan:
     Example:
         python -m comparisons bounds --count 3 --polygons 10
     """  # noqa: D301
-    from comparisons.bounds import report, study
+    from comparisons.bounds import study
 
-    return Plan([study.declared(count), study.refined(polygons)], report.report)
+    return Plan([study.declared(count), study.refined(polygons)], study.report)
 
 
 @experiment(timeout=120.0, memory=4096, short_help="Generated problems: what becomes of each.")
@@ -285,8 +281,140 @@ def limits(count: int) -> Plan:
     return Plan([study.declared(count)], study.report)
 
 
+_PROBLEM = click.argument("problem", metavar="PROBLEM")
+_FILE = click.argument("file", metavar="FILE")
+
+
+@click.group(cls=Group)
+def export() -> None:
+    """Write problems in formats of other programs.
+
+    \b
+    qpbenchmark  quadratic programs with the friction bound fixed, as a test set
+    fclib        the condensed friction problem (W, q, μ), for Siconos and other contact codes
+    npz          the whole algebraic problem as a NumPy archive
+    """  # noqa: D301
+
+
+@export.command(short_help="Quadratic programs as a test set of qpbenchmark.")
+@click.argument("folder", metavar="FOLDER")
+@click.argument("problems", metavar="[PROBLEM]...", nargs=-1)
+def qpbenchmark(folder: str, problems: tuple[str, ...]) -> None:
+    """Write a test set that qpbenchmark runs, from problem files or, without any, from standard problems.
+
+    Each contact problem gives up to four quadratic programs: in all unknowns and condensed on the contact, with the
+    friction bound of its solution and with that of a body that does not slip.
+
+    \b
+    Example:
+        python -m comparisons export qpbenchmark results/test_set
+        qpbenchmark results/test_set/friction_contact.py --results-path results/test_set/qps.csv run
+    """  # noqa: D301
+    from comparisons.exchange import quadratic_programs as programs
+    from comparisons.lab.studies import progress
+    from qvi_contact.basics.writing import writable_folder
+    from qvi_contact.files.problem_file import load_problem
+
+    if not folder:
+        raise InputError("FOLDER", folder, "give the name of a folder")
+    chosen = {Path(name).stem: load_problem(name).problem for name in problems} or dict(programs.standard_problems())
+    if problems and len(chosen) < len(problems):
+        raise InputError("PROBLEM", " ".join(problems), "give files of different names")
+    target = writable_folder(folder)
+    writable_folder(target / "problems")
+    with progress("quadratic programs", len(chosen)) as advance:
+        written = programs.write_test_set(target, chosen, advance)
+    click.echo(f"{len(written)} quadratic programs in {target / 'problems'}; run them by")
+    for name in (programs.TEST_SET, programs.SPARSE_TEST_SET):
+        click.echo(f"  qpbenchmark {target / name} --results-path {target / Path(name).with_suffix('.csv')} run")
+
+
+@export.command(short_help="The condensed friction problem and its solution.")
+@_PROBLEM
+@_FILE
+@click.option(
+    "--penalty",
+    type=float,
+    help="Write W, q and μ only: replace equations by springs that are this many times stiffer.",
+)
+def fclib(problem: str, file: str, penalty: float | None) -> int:
+    """Solve PROBLEM and write its condensed friction problem and solution to FILE (.hdf5) in FCLIB's layout.
+
+    Forces and displacements at the contact points are dimensionless. The file says what their units are. Where there
+    are more points than degrees of freedom of the tractions, the problem has equations (FCLIB's V, R and s). Siconos
+    ignores them: for Siconos give --penalty 1e6, which replaces them with an error of about 1e-6. The output has the
+    solution's error as Siconos measures it. If the problem is not solved, the file holds no solution and the exit
+    status is 1.
+
+    \b
+    Example:
+        python -m comparisons export fclib examples/punch.toml punch.hdf5
+    """  # noqa: D301
+    from comparisons.exchange import local_problem, siconos_error, state_of, write_fclib
+
+    if penalty is not None and not 1.0 < penalty < math.inf:
+        raise InputError("--penalty", penalty, "give a number above 1")
+    source, result = _solved(problem, file, ".hdf5")
+    local = local_problem(result.solution.problem)
+    if penalty is not None:
+        local = local.penalised(penalty)
+    solved = result.solution.solved and penalty is None
+    state = state_of(local, result.solution) if solved else None
+    scales = result.discretization.scales
+    units = (
+        f"Dimensionless. Units, in those of the problem: force per thickness {scales.stress * scales.length:.17g}, "
+        f"displacement {scales.displacement:.17g}, stress {scales.stress:.17g}, length {scales.length:.17g}."
+    )
+    write_fclib(file, local, state, title=source.title, description=f"{source.description} {units}".strip())
+    if state is not None:
+        click.echo(f"Siconos error {siconos_error(local, state.r, state.lam):.1e}")
+    return _written(file, result)
+
+
+@export.command(short_help="The algebraic problem and its solution.")
+@_PROBLEM
+@_FILE
+def npz(problem: str, file: str) -> int:
+    """Solve PROBLEM and write its algebraic problem and solution to FILE (.npz).
+
+    If the problem is not solved, the solution in the file says why and the exit status is 1.
+
+    \b
+    Example:
+        python -m comparisons export npz examples/punch.toml punch.npz
+    """  # noqa: D301
+    from comparisons.exchange import save_qvi
+
+    _, result = _solved(problem, file, ".npz")
+    save_qvi(file, result.solution.problem, result.solution)
+    return _written(file, result)
+
+
+def _solved(path: str, file: str, suffix: str) -> "tuple[ProblemFile, ContactResult]":
+    """The problem file, and its result with the file's own options; of a history the first step.
+
+    Before that is found out whether `file` can be written; a missing folder is made.
+    """
+    import numpy as np
+
+    from qvi_contact.basics.writing import check_suffix, writable_folder
+    from qvi_contact.files.problem_file import load_problem
+    from qvi_contact.solution.solver import solve
+
+    check_suffix("FILE", file, suffix)
+    writable_folder(Path(file).parent)
+    source = load_problem(path)
+    with source.named_errors(), np.errstate(all="ignore"):
+        return source, solve(source.problem, **source.solve_options)
+
+
+def _written(file: str, result: "ContactResult") -> int:
+    click.echo(f"{file}: {result.message}")
+    return 0 if result.solution.solved else 1
+
+
 for command in (
-    paper, benchmark, benchmark_wall, verify, solvers, convergence_mesh, convergence_outer, convergence_uzawa, peers,
-    bounds, wild, limits, export,
+    paper, benchmark, benchmark_wall, verify, solvers, *(_convergence(*told) for told in _CONVERGENCE), peers, bounds,
+    wild, limits, export,
 ):  # fmt: skip
     group.add_command(command)

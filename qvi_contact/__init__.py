@@ -21,13 +21,8 @@ if TYPE_CHECKING:
     from qvi_contact.files.problem_file import ProblemFile, load_problem
     from qvi_contact.files.problem_writer import save_problem
     from qvi_contact.files.stores import StoredSweep, read_sweep
-    from qvi_contact.limit.load_factor import (
-        LimitLoad,
-        StrengthReduction,
-        limit_load_factor,
-        limit_proof,
-        strength_reduction_factor,
-    )
+    from qvi_contact.limit.load_factor import LimitLoad, StrengthReduction, limit_load_factor, strength_reduction_factor
+    from qvi_contact.limit.proof import limit_proof
     from qvi_contact.mechanism import Mechanism
     from qvi_contact.mesh.grid import graded_lines
     from qvi_contact.mesh.outline import Corner
@@ -55,7 +50,8 @@ _HOMES = {
     "files.problem_file": "ProblemFile, load_problem",
     "files.problem_writer": "save_problem",
     "files.stores": "StoredSweep, read_sweep",
-    "limit.load_factor": "LimitLoad, StrengthReduction, limit_load_factor, limit_proof, strength_reduction_factor",
+    "limit.load_factor": "LimitLoad, StrengthReduction, limit_load_factor, strength_reduction_factor",
+    "limit.proof": "limit_proof",
     "mechanism": "Mechanism",
     "mesh.grid": "graded_lines",
     "mesh.outline": "Corner",

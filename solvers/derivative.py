@@ -13,7 +13,7 @@ In `docs/theory.md`: (D34).
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.linalg import lstsq
@@ -45,17 +45,16 @@ class Change:
     changes_state: bool  # whether a point changes its state here, so that the other side has another derivative
 
 
-@dataclass(frozen=True, eq=False)
-class _Rows:
+class _Rows(NamedTuple):
     """Bounds (r,): w = limit − (by_normal σ_N + by_shear σ_T), relieved by x with a multiplier of this sign."""
 
-    point: IntVector  # (r,) int
-    along: BoolVector  # (r,) bool, whether the multiplier is tangential
-    by_normal: Vector  # (r,)
+    point: IntVector
+    along: BoolVector  # whether the multiplier is tangential
+    by_normal: Vector
     by_shear: Vector
     sign: Vector
-    limit: Vector  # (r,), change of the limit
-    strong: BoolVector  # (r,) bool, x > 0; elsewhere x = 0 and w = 0
+    limit: Vector  # change of the limit
+    strong: BoolVector  # x > 0; elsewhere x = 0 and w = 0
 
 
 def change(solution: QVISolution, base: FrictionQVI, moved: FrictionQVI, sign: float = 1.0) -> Change:
@@ -98,44 +97,34 @@ def change(solution: QVISolution, base: FrictionQVI, moved: FrictionQVI, sign: f
 
 def _rows(solution: QVISolution, base: FrictionQVI, moved: FrictionQVI, sign: float) -> _Rows:
     """Bounds that are met, those of friction as they are for the pressure at hand."""
-    qvi, law = solution.problem, solution.problem.law
+    qvi, law, change_of = solution.problem, solution.problem.law, {}
     normal, shear = qvi.normal(solution.z), qvi.tangential(solution.z)
     stress = float(np.abs(np.concatenate([normal, shear])).max(initial=_LEAST))
     relief = np.stack([solution.normal_multiplier, solution.tangential_multiplier]) / qvi.W
-    moves = np.abs(relief).max(initial=0.0) > _ZERO * stress / (qvi.contact_stiffness or 1.0)
-    size = float(np.abs(relief).max(initial=0.0)) if moves else stress / (qvi.contact_stiffness or 1.0)
+    least, size = stress / (qvi.contact_stiffness or 1.0), float(np.abs(relief).max(initial=0.0))
+    size = size if size > _ZERO * least else least
     pressure = law.pressed(normal)
-    d_mu, d_c, d_cap = (
-        sign * np.subtract(getattr(moved, name), getattr(base, name), where=np.isfinite(law.cap), out=np.zeros(qvi.m))
-        if name == "cap"
-        else sign * (getattr(moved, name) - getattr(base, name))
-        for name in ("mu", "cohesion", "cap")
-    )
+    with np.errstate(invalid="ignore"):  # of caps that are infinite
+        for name in ("mu", "cohesion", "cap"):
+            change_of[name] = sign * (getattr(moved, name) - getattr(base, name))
     capped = law.cap < law.cohesion + law.mu * pressure
     bound = law.threshold(pressure)
-    slope = np.where(
-        capped, 0.0, -law.mu * np.where(law.bilateral & (normal > 0.0), 1.0, -1.0)
-    )  # by_normal of friction
-    limit = np.where(capped, d_cap, d_c + d_mu * pressure)
+    slope = np.where(capped, 0.0, law.mu * np.where(law.bilateral & (normal > 0.0), -1.0, 1.0))  # by_normal of friction
+    limit = np.where(capped, change_of["cap"], change_of["cohesion"] + change_of["mu"] * pressure)
     opens = ~law.bilateral & (-normal <= _ZERO * stress)
     released = opens & (relief[0] > _ZERO * size)
     slips = np.abs(relief[1]) > _ZERO * size
     # where the bound is zero and stays so there is one equation, σ_T = 0
     held_at_zero = (bound <= _ZERO * stress) & (limit == 0.0) & ((slope == 0.0) | released)
-    found, every = [], np.arange(qvi.m)
-    zero, one = np.zeros(qvi.m), np.ones(qvi.m)
-    found.append((opens, False, one, zero, one, zero, released))
-    for side in (1.0, -1.0):
-        met = bound - side * shear <= _ZERO * stress
-        own = slips & (side * relief[1] > 0.0)
-        single = held_at_zero & (side > 0.0)
-        chosen = np.where(held_at_zero, single, met & (own | ~slips))
-        found.append((chosen, True, slope, side * one, side * one, limit, own | single))
-    parts = [
-        (every[chosen], np.full(int(chosen.sum()), along), *(part[chosen] for part in rest))
-        for chosen, along, *rest in found
-    ]
-    return _Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+    sides = np.array([[1.0], [-1.0]])
+    single, own = held_at_zero & (sides > 0.0), slips & (sides * relief[1] > 0.0)
+    met = (bound - sides * shear <= _ZERO * stress) & (own | ~slips)
+    kind, point = np.vstack([opens, np.where(held_at_zero, single, met)]).nonzero()
+    along, side = kind > 0, np.array([0.0, 1.0, -1.0])[kind]
+    return _Rows(
+        point, along, np.where(along, slope[point], 1.0), side, np.where(along, side, 1.0),
+        np.where(along, limit[point], 0.0), np.vstack([released, own | single])[kind, point],
+    )  # fmt: skip
 
 
 def _relieved(M: Matrix, q: Vector, strong: BoolVector) -> Vector:

@@ -193,17 +193,17 @@ class Anderson:
         self._last = size
         self._arguments.append(s)
         self._residuals.append(residual)
+        damped: Vector = np.maximum(s + self.mixing * residual, 0.0)
         if len(self._residuals) == 1:
-            return np.maximum(s + self.mixing * residual, 0.0)
-        differences = np.array([self._root * (old - residual) for old in list(self._residuals)[:-1]]).T
-        alpha = np.linalg.lstsq(differences, -self._root * residual, rcond=_CONDITION)[0]
-        mixed = [a + self.mixing * r for a, r in zip(self._arguments, self._residuals, strict=True)]
-        combined = mixed[-1] + sum(
-            (c * (m - mixed[-1]) for c, m in zip(alpha, mixed[:-1], strict=True)), np.zeros_like(s)
-        )
+            return damped
+        residuals = np.array(self._residuals)
+        differences = self._root * (residuals[:-1] - residual)
+        alpha = np.linalg.lstsq(differences.T, -self._root * residual, rcond=_CONDITION)[0]
+        mixed = np.array(self._arguments) + self.mixing * residuals
+        combined: Vector = mixed[-1] + alpha @ (mixed[:-1] - mixed[-1])
         if float(self._root**2 @ ((combined - s) * residual)) <= 0:  # towards a repelling fixed point
             self.reset()
-            return np.maximum(s + self.mixing * residual, 0.0)
+            return damped
         return np.maximum(combined, 0.0)
 
     def reset(self) -> None:
@@ -283,10 +283,7 @@ class _Loop:
             self.reason = Status.MAX_ITERATIONS
 
     def _solve_inner(self) -> InnerSolution:
-        """The inner problem about the last result; a back end that fails there gets one more try about the start.
-
-        A back end's "infeasible" is a failure if Clarabel finds the solution that is said not to exist.
-        """
+        """The inner problem about the last result, or the start if that fails; Clarabel has to confirm "infeasible"."""
         form, solver, threshold = self.form, self.solver, self.form.threshold(self.qvi.threshold(self.s))
         centre = form.centre(self.inner, self.previous)
         inner = contradiction(form.problem, threshold, centre) or solver.solve(threshold, centre, self.inner)
@@ -346,10 +343,9 @@ class _Loop:
         return True
 
     def _recover(self, result: InnerSolution) -> None:
-        """Ask whether the load can be carried at all; if so restart, then return towards the last feasible s.
+        """If the load can be carried at all restart, then return towards the last feasible s.
 
-        Starts are the pressure without friction, where that exists, then that of an admissible traction, see
-        `check_feasibility`.
+        Starts are the pressure without friction, where that exists, then that of an admissible traction.
         """
         qvi, form = self.qvi, self.form
         self.recoveries += 1

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final, Self, TypeVar
 
-from solvers.basics.names import closest
+from solvers.basics.checks import closest
 from solvers.errors import InputError, SolverUnavailableError
 
 METHODS: Final = ("condensed", "fixed-point", "pivoting", "uzawa")
@@ -240,7 +240,7 @@ class Settings:
 
     Inner solvers are "qp:" and a name of qpsolvers, "direct:clarabel", or "socp:" and a name of cvxpy;
     `solvers.available()` lists what is installed. Factorisations are "pardiso", "multifrontal" and "dense"; "auto"
-    takes "dense" for up to 500 unknowns, else the first of the others that is installed.
+    takes "dense" for up to 400 unknowns, else the first of the others that is installed.
 
     When the time is over the best state so far is returned, with the status "time_limit" unless its certificate passes.
     It is looked at in every iteration, and handed on to inner solvers that take a limit; a factorisation under way, and

@@ -1,4 +1,4 @@
-"""The reports on the plate, on sequences and on walls: numbers, tables and the picture, from the stored rows alone."""
+"""The reports on the plate, on sequences and on walls: numbers and tables, from the stored rows alone."""
 
 import math
 import statistics
@@ -8,18 +8,14 @@ from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
 from pandas import DataFrame
 
-from comparisons.benchmark.study import CHAINS, EVERY, FRICTION, PARTS, TOLERANCE, WAYS
-from comparisons.lab.drawing import LOOKS, drawn, grid
+from comparisons.benchmark.study import CHAINS, EVERY, PARTS, TOLERANCE, WAYS
 from comparisons.lab.numbers import NOTHING, fixed, memory, percent, scientific, seconds, significant, span
 from comparisons.lab.numbers import spread as spread_of
 from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import DONE, Row, frame_of
 from comparisons.settled import LIMITS
-from qvi_contact.plots.style import new_figure
 
 MEANINGLESS: Final = 1e-9
 """Relative errors below this say nothing: so uncertain are the values of `LIMITS`."""
@@ -29,12 +25,6 @@ Rows = Sequence[Row]
 
 def _median(values: Sequence[float] | None) -> float | None:
     return statistics.median(values) if values else None
-
-
-def _error(half_force: float | None, friction: float) -> float:
-    """|P/2| error relative to `LIMITS`; NaN where that has no value."""
-    known = LIMITS.get(friction)
-    return math.nan if known is None or half_force is None else abs(half_force / known[0] - 1.0)
 
 
 def solves_of(rows: Rows) -> DataFrame:
@@ -53,13 +43,14 @@ def solves_of(rows: Rows) -> DataFrame:
                 **found, **{part: _median(times.get(part)) for part in PARTS}, "cells": row.case["cells"],
                 "spread": spread_of(times.get("solve", ())), "peak": row.result.get("peak"), "fastest": fastest,
                 "factorised": plain.get(fastest),
-                "half_force_error": _error(found.get("half_force"), found["friction"]),
             })  # fmt: skip
-    numbers = ("cells", "friction", "unknowns", "iterations", "accuracy", "half_force", "half_force_error", *PARTS,
-               "spread", "factorised", "peak")  # fmt: skip
+    numbers = ("cells", "friction", "unknowns", "iterations", "accuracy", "half_force", *PARTS, "spread", "factorised",
+               "peak")  # fmt: skip
     columns = (*numbers, "status", "message", "library", "fastest")
     solves = DataFrame(lines, columns=columns).astype(dict.fromkeys(numbers, float))
-    return solves.assign(ratio=(solves.solve / solves.factorised).where(solves.status == "solved"))
+    known = solves.friction.map({friction: value for friction, (value, _) in LIMITS.items()})
+    ratio = (solves.solve / solves.factorised).where(solves.status == "solved")
+    return solves.assign(ratio=ratio, half_force_error=(solves.half_force / known - 1.0).abs())
 
 
 def growth_of(found: DataFrame, by: str, size: str, over: str, values: Sequence[str]) -> DataFrame:
@@ -138,11 +129,6 @@ def _of_sequences(runs: DataFrame) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _shown_error(value: float | None) -> str:
-    """An error of P/2; one below what the limits are known to means nothing."""
-    return f"< {scientific(MEANINGLESS, 1)}" if value is not None and value < MEANINGLESS else scientific(value)
-
-
 _FORMS: Final[dict[str, Form]] = {
     **dict.fromkeys((*PARTS, "numeric", "plain", "factorised"), seconds),
     **dict.fromkeys(("friction", "load"), fixed("g")), "peak": memory, "accuracy": scientific, "spread": percent,
@@ -150,7 +136,7 @@ _FORMS: Final[dict[str, Form]] = {
     **dict.fromkeys((*_POWERS.values(), "ratio"), _HUNDREDTHS), "half_force": fixed(".8f"),
     **dict.fromkeys(("cells", "from", "to"), lambda value: NOTHING if value != value else f"{value:.0f}²"),
     **dict.fromkeys(("later", "together"), partial(significant, digits=2)),
-    "half_force_error": _shown_error,
+    "half_force_error": lambda value: f"< {scientific(MEANINGLESS, 1)}" if value < MEANINGLESS else scientific(value),
     "force": lambda value: "–" if value != value else scientific(value),
     "message": lambda text: text if text and text == text else NOTHING,
 }  # fmt: skip
@@ -162,16 +148,14 @@ def report(whole: Rows, sequences: Rows) -> Report:
     solves = solves_of(whole)
     growth = growth_of(solves, "friction", "cells", "unknowns", [*_POWERS]).rename(columns=_POWERS)
     frames = {"solves": solves, "growth": growth, "sequences": runs_of(sequences)}
-    measured, runs = solves.friction.unique(), frames["sequences"]
-    friction = FRICTION if FRICTION in measured else min(measured, default=None)
+    runs = frames["sequences"]
     plain = [{**row.case, **found, **{part: _median(found["seconds"].get(part)) for part in ("numeric", "plain")}}
              for row in whole for found in row.result.get("plain", ())]  # fmt: skip
     titles = runs.sequence.map(lambda name: CHAINS[name].title)
     shares = [f"{each.solved} of {each.planned}" for each in runs.itertuples()]
     tables = {**frames, "plain": DataFrame(plain, columns=_PLAIN), "sequences": runs.assign(title=titles, share=shares)}
-    figures = {"times": drawn("benchmark", partial(_picture, solves, friction))}
-    values, rows = {**values_of(frames), "friction": friction}, [*whole, *sequences]
-    return render("comparisons.benchmark", "benchmark", values, tables, figures, rows, forms=_FORMS)
+    rows = [*whole, *sequences]
+    return render("comparisons.benchmark", "benchmark", values_of(frames), tables, {}, rows, forms=_FORMS)
 
 
 def walls_of(rows: Rows) -> DataFrame:
@@ -196,19 +180,3 @@ def wall_report(rows: Rows) -> Report:
     forms = {**_FORMS, **dict.fromkeys(("from", "to"), fixed(".0f")), "ratio": fixed(".1f")}
     return render("comparisons.benchmark", "benchmark-wall", values, {"walls": walls, "growth": powers}, {}, rows,
                   forms=forms, template="wall.md")  # fmt: skip
-
-
-def _picture(solves: DataFrame, friction: float | None) -> Figure | None:
-    """Seconds against unknowns at one friction."""
-    if friction is None:
-        return None
-    solved, figure = solves[(solves.friction == friction) & (solves.status == "solved")], new_figure(6.0, 4.4)
-    axes = figure.subplots()
-    curves = ("whole solve", solved.solve), ("one plain factorisation, fastest", solved.factorised)
-    for (colour, marker, style), (label, times) in zip(LOOKS, curves, strict=False):
-        axes.plot(solved.unknowns, times, color=colour, marker=marker, linestyle=style, label=label, markersize=5)
-    axes.set(xscale="log", yscale="log", xlabel="unknowns [-]", ylabel="wall time [s]")
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    grid(axes)
-    axes.legend(fontsize=7)
-    return figure

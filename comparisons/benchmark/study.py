@@ -16,35 +16,19 @@ import numpy as np
 
 from comparisons.lab.studies import Study
 from comparisons.peers.codes.process import peak_memory
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    ContactResult,
-    Discretization,
-    Displacement,
-    Material,
-    Polynomial,
-    Traction,
-    TriangleMesh,
-    discretize,
-    solve,
-    solve_history,
-    solve_sweep,
-)
-from qvi_contact.basics.checks import Field
+from qvi_contact import ContactResult, TriangleMesh, discretize, solve, solve_history, solve_sweep
 from qvi_contact.errors import InputError
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Polynomial, Traction
 from qvi_contact.runs import THREADS
 from qvi_contact.solution.sweep import Parameter, SweepTask
+from qvi_contact.types import Field
 from solvers.basics.types import Sparse
 from solvers.factorisation import available_backends, factorise, resolve
 from solvers.factorisation.choice import CHOICES
 
 TOLERANCE: Final = 1e-8
 """That the certificate of every solve must confirm."""
-
-FRICTION: Final = 0.2
-"""Of the picture, if it is among the frictions asked for."""
 
 
 def _study(name: str, version: int, cases: Iterable[dict[str, Any]], **limits: Any) -> Study:
@@ -83,11 +67,6 @@ _WARM_UP: Final = 4  # cells a side of a solve that loads all libraries
 _REPETITIONS: Final = ((32, 5), (64, 3))  # up to so many cells a side; beyond the last one, two
 
 
-def repetitions(cells: int) -> int:
-    """Of a whole solve on this many cells a side."""
-    return next((count for most, count in _REPETITIONS if cells <= most), 2)
-
-
 def solve_whole(case: Mapping[str, Any]) -> dict[str, Any]:
     """Whole solves on n × n equal cells for each μ, in turn with plain factorisations of the same K.
 
@@ -95,22 +74,20 @@ def solve_whole(case: Mapping[str, Any]) -> dict[str, Any]:
     are the times of all repetitions, of which other back ends on large meshes have one. "peak" is
     the largest resident memory [bytes] after the first solve.
     """
-    cells, count, backend = case["cells"], repetitions(case["cells"]), case["sparse"]
-    settings = {"method": "condensed", "factorisation": backend, "threads": _THREADS}
-    _solved(_plate(0.2, _WARM_UP), settings)
-    peak, K = None, None
+    cells, backend = case["cells"], case["sparse"]
+    settings = {"method": "condensed", "factorisation": backend, "threads": _THREADS, "tolerance": TOLERANCE}
+    solve(_plate(0.2, _WARM_UP), **settings)
     solves: dict[float, list[dict[str, Any]]] = {mu: [] for mu in case["friction"]}
     plain: dict[str, list[dict[str, Any]]] = {}
-    for turn in range(count):
+    for turn in range(next((count for most, count in _REPETITIONS if cells <= most), 2)):
         for mu, found in solves.items():
             found.append(_whole(cells, mu, settings))
-            measured = found[-1].pop("peak", None)
-            peak = peak or measured
-        if K is None:  # after the first solve, whose peak memory counts
+        if turn == 0:
             K = discretize(_plate(0.2, cells)).qvi.K
         for name in available_backends():
             if turn == 0 or name == backend or cells <= _REPETITIONS[0][0]:
                 plain.setdefault(name, []).append(_factorised(K, name))
+    peak = next(iter(solves.values()))[0]["peak"]
     return {
         "solves": [{"friction": mu, **_together(found)} for mu, found in solves.items()],
         "plain": [{"backend": name, **_together(found)} for name, found in plain.items()],
@@ -121,46 +98,42 @@ def solve_whole(case: Mapping[str, Any]) -> dict[str, Any]:
 def _together(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """The first repetition that went wrong, or the last one, with the times of all."""
     shown = next((each for each in found if each["status"] not in ("solved", "done")), found[-1])
-    return {**shown, "seconds": {part: [each["seconds"][part] for each in found] for part in shown["seconds"]}}
+    seconds = {part: [each["seconds"][part] for each in found] for part in shown["seconds"]}
+    return {name: value for name, value in shown.items() if name != "peak"} | {"seconds": seconds}
 
 
 def _plate(friction: float, cells: int) -> ContactProblem:
     return compressed_plate(friction, cells=(cells, cells))
 
 
-def _whole(cells: int, friction: float, settings: dict[str, Any]) -> dict[str, Any]:
+def _whole(cells: int, friction: float, settings: Mapping[str, Any]) -> dict[str, Any]:
     """One solve from the problem to the certified result, then `discretize` alone on a problem of its own.
 
     The parts of "seconds" are those of `PARTS`.
     """
     gc.collect()
-    record = _solved(_plate(friction, cells), settings)
-    record["peak"] = peak_memory()
     began = time.perf_counter()
-    discretize(_plate(friction, cells))
-    assembly, seconds = time.perf_counter() - began, record["seconds"]
-    parts = seconds["factorisation"] + seconds["interior_point"] + seconds["certificate"]
-    solve = seconds["whole"] - assembly
-    return record | {"seconds": {**seconds, "assembly": assembly, "solve": solve, "rest": solve - parts}}
-
-
-def _solved(problem: ContactProblem | Discretization, settings: dict[str, Any]) -> dict[str, Any]:
-    """What became of a solve, as plain data, and its times."""
-    began = time.perf_counter()
-    result = solve(problem, tolerance=TOLERANCE, **settings)
-    whole, solution = time.perf_counter() - began, result.solution
+    result = solve(_plate(friction, cells), **settings)
+    whole, peak, solution = time.perf_counter() - began, peak_memory(), result.solution
     timings, factor = solution.timings, solution.problem.stiffness.factor
-    return {
-        "status": result.status.value, "message": result.message, "unknowns": solution.problem.n,
+    parts = {
+        "factorisation": float(sum(factor.seconds.values())) if factor is not None else 0.0,  # Schur complement too
+        "interior_point": timings.get("interior point", timings.get("solve", 0.0)),
+        "certificate": timings.get("certificate", 0.0),
+    }
+    record = {
+        "status": result.status.value, "message": result.message, "unknowns": solution.problem.n, "peak": peak,
         "iterations": result.iterations, "accuracy": result.certificate.accuracy, "library": solution.factorisation,
         "half_force": result.contacts["plate"].normal_force if result.has_state else None,
-        "seconds": {
-            "whole": whole,
-            "factorisation": float(sum(factor.seconds.values())) if factor is not None else 0.0,  # Schur complement too
-            "interior_point": timings.get("interior point", timings.get("solve", 0.0)),
-            "certificate": timings.get("certificate", 0.0),
-        },
     }  # fmt: skip
+    del result, solution, factor
+    began = time.perf_counter()
+    discretize(_plate(friction, cells))
+    assembly = time.perf_counter() - began
+    rest = whole - assembly - sum(parts.values())
+    return record | {
+        "seconds": {"whole": whole, **parts, "assembly": assembly, "solve": whole - assembly, "rest": rest}
+    }
 
 
 def _factorised(K: Sparse, backend: str) -> dict[str, Any]:
@@ -261,18 +234,16 @@ def solve_sequences(case: Mapping[str, Any]) -> dict[str, Any]:
     chain, every = CHAINS[case["sequence"]], 5 if case["quick"] else 1
     base, values = chain.problem(chain.coarse if case["quick"] else chain.cells), chain.values[::every]
     task = SweepTask(base, chain.parameter, tuple(contact.name for contact in base.contacts))
+    names = ("seconds", "iterations", "status", "accuracy", "normal", "tangential")
     found: dict[str, Any] = {}
     for way in WAYS:
-        names = ("seconds", "iterations", "status", "accuracy", "normal", "tangential")
-        told: dict[str, list[Any]] = {name: [] for name in names}
+        told: list[tuple[Any, ...]] = []
         last = [time.process_time()]
 
-        def hear(_: int, result: ContactResult, told: dict[str, list[Any]] = told, last: list[float] = last) -> None:
+        def hear(_: int, result: ContactResult, told: list[Any] = told, last: list[float] = last) -> None:
             seconds, line = time.process_time() - last[0], next(iter(result.contacts.values()))
-            values = (seconds, result.iterations, str(result.status), result.certificate.accuracy, line.normal_force,
-                      line.tangential_force)  # fmt: skip
-            for name, value in zip(told, values, strict=True):
-                told[name].append(value)
+            told.append((seconds, result.iterations, str(result.status), result.certificate.accuracy,
+                         line.normal_force, line.tangential_force))  # fmt: skip
             last[0] = time.process_time()
 
         problems = [task.changed(value) for value in values]
@@ -283,7 +254,7 @@ def solve_sequences(case: Mapping[str, Any]) -> dict[str, Any]:
             solve_history(problems, hear, warm_start=way == "warm")
         else:
             solve_sweep(base, chain.parameter, values, callback=hear, warm_start=way == "warm")
-        found[way] = told
+        found[way] = dict(zip(names, map(list, zip(*told, strict=True)), strict=True))
     return found
 
 

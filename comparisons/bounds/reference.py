@@ -9,21 +9,24 @@ that are wrong. Where springs of nodal compliances C are between, it holds for y
 The mesh is that of the problem, each triangle cut in three at its centre as Hsieh, Clough and Tocher do, so that the
 package's stress is one polynomial on each cell; then graded to corners, ends of conditions and joints, and, in two
 steps, to where the state of the nodes changes.
+
+Only problems as `study.stated` makes them are taken: with polynomials, conditions along x and y, and straight contacts
+that do not meet, unilateral or tied, whose joints do not end inside the body.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import splu, spsolve
+from scipy.linalg import block_diag
+from scipy.sparse.linalg import splu
 
-from qvi_contact import Contact, ContactProblem, Displacement, Polynomial, Symmetry, Traction, TriangleMesh
+from qvi_contact import Contact, ContactProblem, Displacement, Symmetry, Traction, TriangleMesh
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
+from qvi_contact.mesh.edges import linked
 
 ng: Any = import_module("ngsolve")  # it has no types
 
@@ -36,21 +39,19 @@ _TURN: Final = 1e-6  # of the direction of a boundary: a corner
 
 
 class NoReferenceError(RuntimeError):
-    """The contact iteration did not end, or the problem has what this module does not model."""
+    """The contact iteration did not end."""
 
 
-@dataclass(frozen=True, eq=False)
-class Reference:
-    """The last two steps, at points of the last mesh: (points, 3) stresses, (points,) weights of quadrature."""
+class Reference(NamedTuple):
+    """The last step at points of its mesh, and by how much the one before differs; so forces, (value, difference)."""
 
     x: FloatArray
     y: FloatArray
     weights: FloatArray
     cells: IntArray
     stress: FloatArray
-    before: FloatArray
+    doubt: FloatArray
     forces: dict[str, tuple[float, float]]
-    forces_before: dict[str, tuple[float, float]]
     states: str
     unknowns: int
 
@@ -69,10 +70,12 @@ def reference(problem: ContactProblem) -> Reference:
     places = last.mesh.MapToAllElements(rule, ng.VOL)
     x, y = np.array(ng.CF((ng.x, ng.y))(places)).T
     area = np.abs(np.linalg.det(np.diff(mesh.corners, axis=1)))
+    stress = np.array(last.stress(places))
     return Reference(
         x, y, np.outer(area, rule.weights).ravel(), np.repeat(mesh.parents(problem.mesh), len(rule.weights)),
-        np.array(last.stress(places)), np.array(before.stress(before.mesh(x, y))), last.forces, before.forces,
-        last.states, last.unknowns,
+        stress, stress - np.array(before.stress(before.mesh(x, y))),
+        {name: (value, abs(value - before.forces[name])) for name, value in last.forces.items()}, last.states,
+        last.unknowns,
     )  # fmt: skip
 
 
@@ -85,32 +88,32 @@ def _split(mesh: TriangleMesh) -> TriangleMesh:
 
 def _corners(problem: ContactProblem) -> FloatArray:
     """Vertices where stresses may be singular: ends of conditions and joints, and corners, but convex ones of loads."""
-    mesh, at = problem.mesh, dict[int, list[tuple[FloatArray, str, bool]]]()
+    mesh, sides = problem.mesh, list[tuple[int, int, bool, FloatArray]]()  # vertex, set of edges, whether held, normal
     held = {each.edges for each in problem.cartesian_conditions if not isinstance(each, Traction)}
-    for name in dict.fromkeys(each.edges for each in problem.cartesian_conditions):
+    for number, name in enumerate(dict.fromkeys(each.edges for each in problem.cartesian_conditions)):
         edges = mesh.edges(name)
-        for a, b, normal in zip(edges.first.tolist(), edges.second.tolist(), edges.normal, strict=True):
-            for vertex in (a, b):
-                at.setdefault(vertex, []).append((normal, name, name not in held))
+        for ends in (edges.first, edges.second):
+            sides += [
+                (at, number, name in held, normal) for at, normal in zip(ends.tolist(), edges.normal, strict=True)
+            ]
     arms = np.roll(mesh.corners, -1, axis=1) - mesh.corners
     arms /= np.linalg.norm(arms, axis=2, keepdims=True)
     turns = np.arccos(np.clip(-(arms * np.roll(arms, 1, axis=1)).sum(axis=2), -1.0, 1.0))
     angles = np.bincount(mesh.cells.ravel(), turns.ravel())
     found = []
-    for vertex, sides in at.items():
-        even = all(normal @ sides[0][0] > 1.0 - _TURN and name == sides[0][1] for normal, name, _ in sides)
-        mild = all(loaded for *_, loaded in sides) and angles[vertex] < np.pi + _TURN
-        if not mild and (len(sides) != 2 or not even):
+    for vertex in sorted({each[0] for each in sides}):
+        _, numbers, fixed, normals = zip(*(each for each in sides if each[0] == vertex), strict=True)
+        even = len(set(numbers)) == 1 and (np.array(normals) @ normals[0] > 1.0 - _TURN).all()
+        mild = not any(fixed) and angles[vertex] < np.pi + _TURN
+        if not mild and not (even and len(numbers) == 2):
             found.append(vertex)
-    return mesh.vertices[sorted(found)]
+    return mesh.vertices[found]
 
 
 def _function(field: Any) -> Any:
     """A number or a polynomial for NGSolve."""
     if not callable(field):
         return ng.CF(float(field or 0.0))
-    if not isinstance(field, Polynomial):
-        raise NoReferenceError("a function that is no polynomial")
     rows = enumerate(field.coefficients)
     return sum((c * ng.x**i * ng.y**j for i, row in rows for j, c in enumerate(row) if c), ng.CF(0.0))
 
@@ -162,20 +165,15 @@ class _Model:
         given: tuple[dict[str, Any], dict[str, Any]] = ({}, {})
         loads: dict[str, Any] = {}
         for each in self._problem.cartesian_conditions:
-            if isinstance(each, Displacement | Traction):
-                if each.normal is not None or each.tangential is not None:
-                    raise NoReferenceError("conditions in local components")
-                pair = (each.x, each.y)
-                for axis in (0, 1):
-                    if isinstance(each, Displacement) and pair[axis] is not None:
-                        given[axis][each.edges] = _function(pair[axis])
-                if isinstance(each, Traction):
-                    loads[each.edges] = ng.CF((_function(each.x), _function(each.y)))
+            if isinstance(each, Displacement):
+                for held, field in zip(given, (each.x, each.y), strict=True):
+                    if field is not None:
+                        held[each.edges] = _function(field)
+            elif isinstance(each, Traction):
+                loads[each.edges] = ng.CF((_function(each.x), _function(each.y)))
             elif isinstance(each, Symmetry):
                 axis = int(np.abs(self._fine.edges(each.edges).normal[0]).argmax())
                 given[axis][each.edges] = ng.CF(0.0)
-            elif each.law == "bilateral" or each.plate is not None or each.has_fluid or each.shear_limit is not None:
-                raise NoReferenceError("a contact of another kind")
         return given, loads
 
     def _made(self, mesh: TriangleMesh) -> Any:
@@ -191,13 +189,12 @@ class _Model:
 
         kept = inside.take(~apart)
         pairs = [[corner(kept.cells[:, side], end) for end in (kept.first, kept.second)] for side in (0, 1)]
-        one, other = (np.concatenate(each) for each in pairs)
-        graph = sparse.coo_array((np.ones(len(one)), (one, other)), shape=(cells.size, cells.size))
-        count, labels = connected_components(graph, directed=False)
-        places = np.zeros((count, 3))
+        one, other = map(np.concatenate, pairs)
+        labels = linked(one, other, cells.size)
+        places = np.zeros((labels.max() + 1, 3))
         places[labels, :2] = mesh.vertices[cells.ravel()]
-        (ax, ay), (bx, by) = ((mesh.corners[:, k] - mesh.corners[:, 0]).T for k in (1, 2))
-        turned = np.where((ax * by < ay * bx)[:, None], labels.reshape(-1, 3)[:, ::-1], labels.reshape(-1, 3))
+        clockwise = np.linalg.det(np.diff(mesh.corners, axis=1)) < 0.0
+        turned = np.where(clockwise[:, None], labels.reshape(-1, 3)[:, ::-1], labels.reshape(-1, 3))
         made = import_module("netgen.meshing").Mesh(dim=2)
         made.AddPoints(places)
         made.AddElements(dim=2, index=made.AddRegion("body", dim=2), data=turned.astype(np.int32), base=0)
@@ -263,17 +260,11 @@ class _Model:
         held = whole[inner].copy()
         whole[inner] = 0.0
         f -= A @ whole
-        # eliminate the rest in an order of little fill, the contacts last: what is left of them is S
-        A_R, A_RI = A[rest], A[rest][:, inner]
-        factors = splu(A_R[:, rest].tocsc(), "MMD_AT_PLUS_A", 0.0, options={"SymmetricMode": True})
-        order = np.concatenate([rest[np.argsort(factors.perm_c)], inner])
-        shift = np.where(np.isin(order, inner), A.diagonal().max(), 0.0)  # loose bodies have no last pivots
-        ordered = (A[order][:, order] + sparse.diags_array(shift)).tocsc()
-        last = slice(len(rest), None)
-        both = splu(ordered, "NATURAL", 0.0, options={"SymmetricMode": True})
-        S = (both.L[last, last] @ both.U[last, last]).toarray() - np.diag(shift[last])
+        A_RI = A[rest][:, inner]
+        factors = splu(A[rest][:, rest].tocsc(), "MMD_AT_PLUS_A", 0.0, options={"SymmetricMode": True})
+        S = A[inner][:, inner].toarray() - A_RI.T @ factors.solve(A_RI.toarray())
         Z, f_I = self._basis, f[inner] - A_RI.T @ factors.solve(f[rest])
-        y = self._contact(np.asarray(Z.T @ (Z.T @ S.T).T), Z.T @ f_I, spsolve(Z.tocsc(), held))
+        y = self._contact(Z.T @ S @ Z, Z.T @ f_I, np.linalg.solve(Z, held))
         whole[inner] = Z @ y
         whole[rest] += factors.solve(f[rest] - A_RI @ whole[inner])
         u.vec.data += form.harmonic_extension * u.vec
@@ -298,74 +289,58 @@ class _Model:
         vertices = np.array([mesh.vertices[v].point for v in range(mesh.nv)])
         second = self._space.Range(1).start
         self._contacts: list[_Nodes] = []
-        inner, blocks, start = [np.zeros(0, dtype=int)], [], 0
+        inner, blocks, start = list[IntArray](), [], 0
         for contact in self._problem.contacts:
             edges = self._fine.edges(contact.edges)
             n, t = edges.normal[0], edges.tangent[0]
-            if np.abs(edges.normal - n).max() > _TURN:
-                raise NoReferenceError("a contact that is not straight")
             sides = []
             for region in (contact.edges, f"{contact.edges} beyond"):
                 chosen = np.array([k for k, each in enumerate(elements) if each.mat == region], dtype=int)
                 if not len(chosen):
                     continue
                 chosen = chosen[np.argsort(places[chosen].mean(axis=1) @ t)]
-                ends = vertices[dofs[chosen, :2]] @ t  # (edges, 2)
-                backwards = ends[:, 0] > ends[:, 1]
-                size = order * len(chosen) + 1
-                numbers, local = np.zeros(size, dtype=int), np.zeros((size, size))
-                at, length = np.zeros((size, 2)), np.zeros(size)
+                numbers = np.unique(dofs[chosen])
+                values = np.zeros((len(numbers), len(numbers)))  # of the unknowns at the nodes
+                at, length = np.zeros((len(numbers), 2)), np.zeros(len(numbers))
                 for e, k in enumerate(chosen):
-                    along = np.argsort(places[k] @ t)
+                    along, size = np.argsort(places[k] @ t), np.ptp(places[k] @ t)
                     nodes = order * e + np.arange(order + 1)
-                    ends_first = nodes[[0, -1, *range(1, order)]]  # as NGSolve counts
-                    numbers[ends_first] = dofs[k][[1, 0, *range(2, order + 1)]] if backwards[e] else dofs[k]
                     at[nodes] = places[k][along]
-                    length[nodes] += weights * np.ptp(places[k] @ t)
-                    values = np.column_stack([1.0 - points, points, *(shape[k][along] for shape in shapes)])
-                    local[np.ix_(ends_first, nodes)] = np.linalg.inv(values)
-                sides.append((numbers, sparse.csr_array(local), at, length))
+                    length[nodes] += weights * size
+                    hats = [1.0 - np.abs((at[nodes] - end) @ t) / size for end in vertices[dofs[k, :2]]]
+                    own = np.column_stack([*hats, *(shape[k][along] for shape in shapes)])
+                    values[np.ix_(nodes, np.searchsorted(numbers, dofs[k]))] = own
+                sides.append((numbers, np.linalg.inv(values), at, length))
             (numbers, basis, at, length), *beyond = sides
             # unknowns: normal and tangential displacement (relative on joints), then x and y beyond
-            turned = sparse.vstack([sparse.hstack([n[i] * basis, t[i] * basis]) for i in (0, 1)])
+            turned = np.block([[n[i] * basis, t[i] * basis] for i in (0, 1)])
             inner += [numbers, second + numbers]
             if beyond:
                 far, basis_far, *_ = beyond[0]
-                shared = np.isin(far, numbers)  # the tip of a joint
-                if shared.any():
-                    raise NoReferenceError("a joint that ends inside the body")
                 inner += [far, second + far]
-                both: Any = sparse.block_diag([basis, basis])
-                empty = sparse.csr_array((2 * len(far), 2 * len(numbers)))
-                turned = sparse.block_array([[turned, both], [empty, sparse.block_diag([basis_far, basis_far])]])
+                both, other = block_diag(basis, basis), block_diag(basis_far, basis_far)
+                turned = np.block([[turned, both], [np.zeros((len(other), len(turned))), other]])
             blocks.append(turned)
             self._contacts.append(_Nodes(contact, at, length, start + np.arange(len(numbers))))
             start += turned.shape[1]
         self._inner = np.concatenate(inner)
-        if len(np.unique(self._inner)) < len(self._inner):
-            raise NoReferenceError("contacts that meet")
-        self._basis = sparse.csr_array(sparse.block_diag(blocks)) if blocks else sparse.csr_array((0, 0))
+        self._basis = np.asarray(block_diag(*blocks))
 
     def _contact(self, S: FloatArray, f: FloatArray, known: FloatArray) -> FloatArray:
         """The nodal displacements y for which the forces Sy − f obey the law; `known` has those of held nodes."""
         free, where = self._space.FreeDofs(), [each.where for each in self._contacts]
         touched = abs(self._basis.T) @ np.array([float(not free[k]) for k in self._inner.tolist()])
         held = touched > _TURN
-        if (touched[held] < 1.0 - _TURN).any():
-            raise NoReferenceError("a slanted contact that is held along an axis at its end")
-        N = np.concatenate([np.zeros(0, dtype=int), *where])
-        T = np.concatenate([np.zeros(0, dtype=int), *(each + len(each) for each in where)])
+        N, T = np.concatenate(where), np.concatenate([each + len(each) for each in where])
         gap, offset, friction, cohesion, across, along = (
-            np.concatenate([np.zeros(0), *(each.values(name) for each in self._contacts)])
+            np.concatenate([each.values(name) for each in self._contacts])
             for name in ("gap", "offset", "friction", "cohesion", "normal_stiffness", "tangential_stiffness")
         )
-        tied = [np.full(len(each.where), each.contact.law == "tied") for each in self._contacts]
-        kept = np.concatenate([np.zeros(0, dtype=bool), *tied])
+        kept = np.concatenate([np.full(len(each.where), each.contact.law == "tied") for each in self._contacts])
         C = np.zeros(len(f))
         C[N], C[T] = across, along
         C[held] = 0.0
-        if C.any():
-            S, f = (np.asarray(np.linalg.solve(np.eye(len(f)) + S * C, each), np.float64) for each in (S, f))
+        S, f = (np.asarray(np.linalg.solve(np.eye(len(f)) + S * C, each), np.float64) for each in (S, f))
         closed, sense = np.ones(len(N), dtype=bool), np.zeros(len(N))
         stiff, dice = S.diagonal(), np.random.default_rng(0)
         for step in range(_STEPS):
@@ -404,7 +379,8 @@ class _Model:
         for each in self._contacts:
             chosen = np.isin(N, each.where)
             normal, shear = (np.where(held[rows], 0.0, r[rows])[chosen] for rows in (N, T))
-            self.forces[each.contact.name] = float(-normal.sum()), float(shear.sum())
+            self.forces[f"{each.contact.name}.normal_force"] = float(-normal.sum())
+            self.forces[f"{each.contact.name}.tangential_force"] = float(shear.sum())
             rough = kept | (friction > 0.0) | (cohesion > 0.0)
             state = np.where(closed, np.where(rough, 2.0 + sense, 4.0), 0.0)[chosen]
             states |= {_STATES[value] for value in np.unique(state).tolist()}
@@ -412,5 +388,5 @@ class _Model:
             changed = np.flatnonzero(np.abs(np.diff(state)) > 0.0)
             changes.append((each.at[changed] + each.at[changed + 1]) / 2.0)
         self.states = ", ".join(name for name in _STATES.values() if name in states)
-        self._changes = np.concatenate([np.zeros((0, 2)), *changes])
+        self._changes = np.concatenate(changes)
         return y - C * r

@@ -34,9 +34,7 @@ if TYPE_CHECKING:
 PLACE: Final = ["problem", "cells", "friction"]
 """What names a problem that is ready to be solved, see `body`."""
 
-NAMES: Final = {
-    "contacts": "8 contacts", "block": "dragged block", "ssnv128": "SSNV128",
-}  # fmt: skip
+NAMES: Final = {"contacts": "8 contacts", "block": "dragged block", "ssnv128": "SSNV128"}
 """Problem → what it is called in texts, if that is another word."""
 
 POINTS: Final = 8

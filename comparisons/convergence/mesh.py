@@ -4,7 +4,7 @@ All bodies are rectangles. On equal cells errors are ruled by the singularity wh
 """
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
@@ -14,28 +14,17 @@ from matplotlib.figure import Figure
 from pandas import DataFrame
 
 from comparisons.lab.drawing import LOOKS, drawn, grid, legend_below, panelled
-from comparisons.lab.numbers import fixed, scientific, seconds, significant, span
+from comparisons.lab.numbers import fixed, scientific, significant, span
 from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import Row, Study, frame_of
 from comparisons.settled import LIMITS, LIMITS_SOURCE, TRANSITIONS
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    ContactResult,
-    Material,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    paper,
-    refine,
-    solve,
-)
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact import ContactResult, TriangleMesh, paper, refine, solve
 from qvi_contact.gallery import compressed_plate, ssnv128, stick_slip_block
 from qvi_contact.plots.style import GREY
-from qvi_contact.problem.conditions import Condition
+from qvi_contact.problem import Contact, ContactProblem, Material, Polynomial, Symmetry, Traction
 from qvi_contact.refinement import RefinementRound
-from solvers import Status, solve_qvi
+from qvi_contact.types import Condition
+from solvers import QVISolution, Status, solve_qvi
 
 _PUSH: Final = 1e-3  # of the punch [mm]
 _RADIUS: Final = 800.0  # of the punch [mm]
@@ -80,15 +69,8 @@ def punch(friction: float) -> ContactProblem:
     [0, 4] × [0, 2] mm, steel in plane strain, symmetry on x = 0 and y = 0, x = 4 mm free. The punch goes down by 1e-3
     mm and has the radius 800 mm: u_y ≤ −1e-3 + x²/1600 on the top.
     """
-
-    def gap(x: FloatArray, y: FloatArray) -> FloatArray:
-        return -_PUSH + x**2 / (2.0 * _RADIUS) + 0.0 * y
-
-    contact = (
-        Contact("top", friction=friction, gap=gap, name="punch")
-        if friction
-        else Contact.frictionless("top", gap=gap, name="punch")
-    )
+    gap = Polynomial([[-_PUSH], [0.0], [1.0 / (2.0 * _RADIUS)]])
+    contact = Contact("top", friction=friction, gap=gap, name="punch")
     sides: list[Condition] = [Symmetry("left"), Symmetry("bottom"), Traction("right", x=0.0, y=0.0)]
     return ContactProblem(TriangleMesh.rectangle((2, 1), 4.0, 2.0), Material(2.1e5, 0.3, "strain"), [*sides, contact])
 
@@ -149,63 +131,56 @@ Record = dict[str, Any]
 
 
 def study(quick: bool) -> Study:
-    """The study, or coarse meshes and few degrees of it."""
-    return Study("convergence-mesh", 5, "comparisons.convergence.mesh:run", [*_cases(quick)])
-
-
-def _cases(quick: bool) -> Iterator[Record]:
+    """The study, or coarse meshes and few degrees of two problems."""
+    degrees, most = ((4, 5), 3) if quick else (DEGREES, None)
+    cases = []
     for problem in PROBLEMS.values():
-        plate = problem.contact == "plate"
         if quick and problem.name not in ("plate 0.2", "block"):
             continue
-        sizes = {EQUAL: TIMES[:3] if quick else TIMES, GRADED: DEPTHS[:3] if quick else DEPTHS}
-        for sequence, several in sizes.items():
-            for degree in (4, 5) if quick else DEGREES:
-                for size in several:
-                    if sequence == GRADED or _unknowns(problem, size, degree) <= _MOST:
-                        yield {"problem": problem.name, "sequence": sequence, "degree": degree, "size": size}
-        refined = 200 if quick else _MOST_REFINED
-        yield {"problem": problem.name, "sequence": ADAPTIVE, "degree": REFINED_DEGREE, "size": refined}
-        for cells in (PAPER_CELLS[:4] if quick else PAPER_CELLS) if plate else ():
-            yield {"problem": problem.name, "sequence": PAPER, "degree": 3, "size": cells}
-
-
-def _unknowns(problem: Problem, times: int, degree: int) -> int:
-    """About as many unknowns as equal cells have: 6 (degree − 2) for each cell that is cut in two."""
-    across, up = problem.coarse
-    return 6 * (degree - 2) * times**2 * across * up
+        few = 6 * problem.coarse[0] * problem.coarse[1]  # unknowns for each degree above 2
+        meshes = [(EQUAL, degree, times) for degree in degrees for times in TIMES[:most]
+                  if few * (degree - 2) * times**2 <= _MOST]  # fmt: skip
+        meshes += [(GRADED, degree, depth) for degree in degrees for depth in DEPTHS[:most]]
+        meshes += [(ADAPTIVE, REFINED_DEGREE, 200 if quick else _MOST_REFINED)]
+        meshes += [(PAPER, 3, cells) for cells in PAPER_CELLS[: 4 if quick else None] if problem.contact == "plate"]
+        cases += [{"problem": problem.name, "sequence": sequence, "degree": degree, "size": size}
+                  for sequence, degree, size in meshes]  # fmt: skip
+    return Study("convergence-mesh", 5, "comparisons.convergence.mesh:run", cases)
 
 
 def run(case: Mapping[str, Any]) -> Record:
     """Task of the study: one mesh, or all rounds of an adaptive one.
 
-    "meshes" are records with status, message, unknowns, cells (their number), force, and seconds of the solve.
+    "meshes" are records with status, message, unknowns, cells (their number), force, and seconds of the solve, of
+    adaptive meshes all that was spent up to them.
     """
-    problem = PROBLEMS[case["problem"]]
-    if case["sequence"] == PAPER:
-        return {"meshes": [_by_the_paper(float(problem.name.split()[1]), case["size"])]}
-    if case["sequence"] == ADAPTIVE:
-        return {"meshes": _adaptive(problem, case["degree"], case["size"])}
-    stated = problem.equal(case["size"]) if case["sequence"] == EQUAL else problem.graded(case["size"])
-    began = time.perf_counter()
-    result = solve(stated, degree=case["degree"], tolerance=TOLERANCE)
-    return {"meshes": [_answer(problem, result, time.perf_counter() - began)]}
-
-
-def _answer(problem: Problem, result: ContactResult, seconds: float) -> Record:
-    solved = result.status is Status.SOLVED
-    found: Record = {
-        "status": result.status.value, "message": "" if solved else result.message, "seconds": seconds,
-        "unknowns": int(result.discretization.qvi.n), "cells": result.problem.mesh.cell_count,
-        "accuracy": float(result.certificate.accuracy),
+    problem, sequence, size, degree = PROBLEMS[case["problem"]], case["sequence"], case["size"], case["degree"]
+    if sequence == ADAPTIVE:
+        return {"meshes": _adaptive(problem, degree, size)}
+    found: ContactResult | QVISolution
+    if sequence == PAPER:
+        plate = paper.plate(float(problem.name.split()[1]), (size, size))
+        began = time.perf_counter()
+        found = solve_qvi(plate.qvi, method="condensed", tolerance=TOLERANCE)
+        seconds, unknowns, cells = time.perf_counter() - began, plate.qvi.n, size**2
+    else:
+        stated = problem.equal(size) if sequence == EQUAL else problem.graded(size)
+        began = time.perf_counter()
+        found = solve(stated, degree=degree, tolerance=TOLERANCE)
+        seconds, unknowns, cells = time.perf_counter() - began, found.discretization.qvi.n, stated.mesh.cell_count
+    record: Record = {
+        "status": found.status.value, "message": found.message, "seconds": seconds, "unknowns": int(unknowns),
+        "cells": cells, "accuracy": float(found.certificate.accuracy),
     }  # fmt: skip
-    if solved:
-        found["force"] = abs(float(getattr(result.contacts[problem.contact], problem.force)))
-    return found
+    if found.status is Status.SOLVED:
+        line = found.contacts[problem.contact] if isinstance(found, ContactResult) else None
+        record["message"] = ""
+        record["force"] = abs(float(getattr(line, problem.force) if line is not None else plate.force(found.z)))
+    return {"meshes": [record]}
 
 
 def _adaptive(problem: Problem, degree: int, most: int) -> list[Record]:
-    """A record of each round; the time is all that was spent up to it."""
+    """A record of each round."""
     records: list[Record] = []
     began = time.perf_counter()
 
@@ -221,20 +196,6 @@ def _adaptive(problem: Problem, degree: int, most: int) -> list[Record]:
     return records
 
 
-def _by_the_paper(friction: float, cells: int) -> Record:
-    """The plate on n × n of the paper's elements."""
-    plate = paper.plate(friction, (cells, cells))
-    began = time.perf_counter()
-    solution = solve_qvi(plate.qvi, method="condensed", tolerance=TOLERANCE)
-    solved = solution.status is Status.SOLVED
-    found: Record = {
-        "status": solution.status.value, "message": "" if solved else solution.message, "unknowns": plate.qvi.n,
-        "seconds": time.perf_counter() - began, "cells": cells**2,
-        "accuracy": float(solution.certificate.accuracy),
-    }  # fmt: skip
-    return found | ({"force": plate.force(solution.z)} if solved else {})
-
-
 FLOOR: Final = 1e-8
 """Relative errors that the accuracy of the solves leaves."""
 
@@ -245,7 +206,7 @@ TARGET: Final = 1e-5
 """That of which sentences tell."""
 
 _USUAL: Final = 4  # the degree that `solve` takes
-_NUMBERS: Final = ("force", "unknowns", "cells", "seconds")
+_NUMBERS: Final = ("force", "unknowns", "cells")
 _REFERENCE_DEGREE: Final = 8
 
 
@@ -345,29 +306,23 @@ def _known(form: Form) -> Form:
 
 
 def _cost(unknowns: float) -> str:
-    return "not reached" if unknowns == float("inf") else f"{unknowns:.0f}"
+    return "not reached" if unknowns == np.inf else f"{unknowns:.0f}"
 
 
-_NINE: Final = _known(partial(significant, digits=10))
 FORMS: Final[dict[str, Form]] = {
-    "target": partial(scientific, digits=1), **dict.fromkeys((PAPER, EQUAL, GRADED, ADAPTIVE), _known(_cost)),
-    **dict.fromkeys((f"degree {degree}" for degree in range(3, 13)), _known(_cost)),
-    "degree": _known(fixed(".0f")),
-    **dict.fromkeys(("unknowns", "cells"), fixed(".0f")), "seconds": seconds, "error": _known(scientific),
-    **dict.fromkeys(("force", "value"), _NINE), "uncertainty": scientific,
+    "target": partial(scientific, digits=1), "degree": _known(fixed(".0f")), "uncertainty": scientific,
+    **dict.fromkeys((PAPER, EQUAL, GRADED, ADAPTIVE, *(f"degree {degree}" for degree in DEGREES)), _known(_cost)),
+    "value": _known(partial(significant, digits=10)),
 }  # fmt: skip
 """Column of a table → how its values read."""
 
 
-_LINES: Final[Sequence[tuple[str, Callable[[DataFrame], DataFrame]]]] = (
-    ("the paper's element, equal cells", lambda found: found[found.sequence == PAPER]),
-    ("degree 4, equal cells", lambda found: found[(found.sequence == EQUAL) & (found.degree == _USUAL)]),
-    ("degree 8, equal cells", lambda found: found[(found.sequence == EQUAL) & (found.degree == 8)]),
-    ("degree 4, graded", lambda found: found[(found.sequence == GRADED) & (found.degree == _USUAL)]),
-    ("degree 6, graded", lambda found: found[(found.sequence == GRADED) & (found.degree == 6)]),
-    ("adaptive", lambda found: found[found.sequence == ADAPTIVE]),
-)
-"""Curves of the figure."""
+_LINES: Final = (
+    ("the paper's element, equal cells", PAPER, 3), ("degree 4, equal cells", EQUAL, 4),
+    ("degree 8, equal cells", EQUAL, 8), ("degree 4, graded", GRADED, 4), ("degree 6, graded", GRADED, 6),
+    ("adaptive", ADAPTIVE, REFINED_DEGREE),
+)  # fmt: skip
+"""Curves of the figure: label, meshes, degree."""
 
 
 def _picture(meshes: DataFrame) -> Figure:
@@ -379,8 +334,8 @@ def _picture(meshes: DataFrame) -> Figure:
         axes.set(xscale="log", yscale="log", xlabel="unknowns [-]", ylabel="relative error of the force [-]")
         axes.minorticks_off()
         grid(axes)
-        for (label, chosen), (colour, marker, line) in zip(_LINES, LOOKS, strict=False):
-            points = chosen(found)
+        for (label, sequence, degree), (colour, marker, line) in zip(_LINES, LOOKS, strict=False):
+            points = found[(found.sequence == sequence) & (found.degree == degree)]
             if len(points):
                 axes.plot(points.unknowns, points.error, color=colour, marker=marker, linestyle=line, markersize=4,
                           linewidth=1.1, label=label)  # fmt: skip
@@ -397,10 +352,7 @@ def report(rows: Sequence[Row]) -> Report:
     """The report; the same rows give the same report."""
     meshes = meshes_of(rows)
     costs = costs_of(meshes)
-    tables = {
-        "costs": costs, "degrees": costs, "references": references_of(meshes), "failures": meshes[~meshes.solved],
-        "meshes": meshes,
-    }  # fmt: skip
+    tables = {"costs": costs, "degrees": costs, "references": references_of(meshes), "failures": meshes[~meshes.solved]}
     figures = {"errors": drawn("errors", partial(_picture, meshes))}
     return render("comparisons.convergence", "convergence-mesh", values_of(meshes), tables, figures, rows,
                   forms=FORMS, template="mesh.md")  # fmt: skip

@@ -17,17 +17,14 @@ from itertools import product
 from typing import Any, Final
 
 import numpy as np
-from matplotlib.figure import Figure as Canvas
 from pandas import DataFrame, to_numeric
 from scipy.linalg import eigvalsh
 
 from comparisons.convergence.bodies import PLACE, Reference, ending, in_words, reference
-from comparisons.lab.drawing import LOOKS, drawn, grid, plain_ticks
 from comparisons.lab.numbers import count, fixed, percent, significant, span
 from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import Row, Study, frame_of, largest_of
 from comparisons.paper.reference import load
-from qvi_contact.plots.style import new_figure
 from solvers import QVISolution, solve_qvi
 from solvers.inequality.problem import Compliance
 
@@ -66,39 +63,29 @@ def study(quick: bool) -> Study:
 
 
 def run(case: Mapping[str, Any]) -> Record:
-    """Task of the study: Uzawa with a given step, or the paper's run.
+    """Task of the study: Uzawa with a given step, or the paper's run; what `bodies.ending` tells, and more.
 
-    Returns
-    -------
-    dict
-        status, message, iterations : how the (last) run ended
-        certificate : see `bodies.ending`
-        omega, limit : ω_T and ω_T* [length]; None where no point has a bound above zero
-        condition : λ_max / λ_min of Θ^(−1/2) Ĉ_TT Θ^(−1/2) on the slipping points; None if there are none
-        force : P of the solution
-        and what the single runs of this module add
-
+    "omega" and "limit" are ω_T and ω_T* [length], None where no point has a bound above zero, "condition" is λ_max /
+    λ_min of Θ^(−1/2) Ĉ_TT Θ^(−1/2) on the slipping points, None if there are none, "force" P of the solution.
     """
     known = reference(*case["place"])
-    limits = limits_of(known)
+    unit, (tangential, normal, condition) = known.body, limits_of(known)
     if case["run"] == "paper":
-        found = _paper(case, known, limits)
+        omega = load().omega_T / unit.displacement
+    elif tangential is None:
+        raise ArithmeticError("no point has a bound above zero: there is no limit that a step could be a share of")
     else:
-        if limits[0] is None:
-            raise ArithmeticError("no point has a bound above zero: there is no limit that a step could be a share of")
-        omega = case["share"] * limits[0]
-        found = _course(known, _march(known, omega, HALF * limits[1], ITERATIONS), omega)
-    tangential, unit = limits[0], known.body
+        omega = case["share"] * tangential
+    solution = _march(known, omega, HALF * normal, ITERATIONS)
     return {
-        **found, "limit": None if tangential is None else tangential * unit.displacement, "condition": limits[2],
+        **_course(known, solution, omega),
+        **(_paper(case, known, omega, HALF * normal, solution) if case["run"] == "paper" else {}),
+        "limit": None if tangential is None else tangential * unit.displacement, "condition": condition,
         "force": unit.force * abs(known.resultant),
     }  # fmt: skip
 
 
-Limits = tuple[float | None, float, float | None]
-
-
-def limits_of(known: Reference) -> Limits:
+def limits_of(known: Reference) -> tuple[float | None, float, float | None]:
     """ω_T*, ω_N* and the condition, see `run`; dimensionless."""
     qvi, z, solution = known.body.qvi, known.solution.z, known.solution
     weights, m = np.sqrt(np.concatenate([qvi.W, qvi.W])), qvi.m
@@ -130,8 +117,7 @@ def _march(known: Reference, omega_T: float, omega_N: float, iterations: int, **
 
 def _course(known: Reference, solution: QVISolution, omega: float) -> Record:
     """What a run of a given number of iterations did."""
-    numbers = [entry.number for entry in solution.history]
-    errors = np.array([abs(entry.normal_resultant / known.resultant - 1.0) for entry in solution.history])
+    numbers, errors = [entry.number for entry in solution.history], np.array(_errors(known, solution))
     changes = np.array([entry.residual for entry in solution.history])
     last = np.array(numbers) > 0.75 * numbers[-1]
     error, change = float(errors[last].max()), float(np.median(changes[last]))
@@ -142,26 +128,27 @@ def _course(known: Reference, solution: QVISolution, omega: float) -> Record:
     }  # fmt: skip
 
 
-def _paper(case: Mapping[str, Any], known: Reference, limits: Limits) -> Record:
-    """The run of the paper, and what it would have been with more iterations.
+def _errors(known: Reference, solution: QVISolution) -> list[float]:
+    return [abs(entry.normal_resultant / known.resultant - 1.0) for entry in solution.history]
 
-    Adds P/2 as "printed" in the paper, after its iterations by the accumulating rule ("after") and by the printed one
+
+def _paper(case: Mapping[str, Any], known: Reference, omega_T: float, omega_N: float, long: QVISolution) -> Record:
+    """What the paper's own number of iterations gives, beside the long run of its steps.
+
+    P/2 as "printed" in the paper, after its iterations by the accumulating rule ("after") and by the printed one
     ("after_printed_rule"), the error of the bonded state ("before"), tractions' largest error over the mean pressure
     ("tractions"), and the relative error of P/2 after each iteration ("errors").
     """
-    paper = load()
-    steps = (paper.omega_T / known.body.displacement, limits[1] / 2.0)
-    after, as_printed = (_march(known, *steps, paper.iterations, rule=rule) for rule in ("accumulating", "printed"))
-    long = _march(known, *steps, ITERATIONS)
-    qvi, unit = known.body.qvi, known.body.force
+    paper, qvi, unit = load(), known.body.qvi, known.body.force
+    after, as_printed = (_march(known, omega_T, omega_N, paper.iterations, rule=rule)
+                         for rule in ("accumulating", "printed"))  # fmt: skip
     exact, found = (np.concatenate([qvi.normal(z), qvi.tangential(z)]) for z in (known.solution.z, after.z))
-    mean = abs(known.resultant) / float(qvi.W.sum())
     return {
-        **_course(known, long, steps[0]), "printed": paper.table[case["place"][2]],
-        "after": -unit * qvi.resultant(after.z), "after_printed_rule": -unit * qvi.resultant(as_printed.z),
+        "printed": paper.table[case["place"][2]], "after": -unit * qvi.resultant(after.z),
+        "after_printed_rule": -unit * qvi.resultant(as_printed.z),
         "before": abs(qvi.resultant(qvi.bonded) / known.resultant - 1.0),
-        "tractions": float(np.abs(found - exact).max()) / mean,
-        "errors": [abs(entry.normal_resultant / known.resultant - 1.0) for entry in long.history[:_SHOWN]],
+        "tractions": float(np.abs(found - exact).max()) / (abs(known.resultant) / float(qvi.W.sum())),
+        "errors": _errors(known, long)[:_SHOWN],
     }  # fmt: skip
 
 
@@ -204,22 +191,17 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
     return runs.sort_values(PLACE, kind="stable", ignore_index=True)
 
 
-def of(runs: DataFrame, name: str) -> DataFrame:
-    """The runs of this name that have a result."""
-    return runs[(runs.run == name) & runs.has]
-
-
 def paper_runs(runs: DataFrame) -> DataFrame:
     """The paper's runs, with the quickest step that settles on the same problem beside them."""
-    steps = of(runs, "step")
+    steps = runs[(runs.run == "step") & runs.has]
     quickest = steps[steps.settles == 1].groupby(PLACE)[SOON].min().rename("quickest")
-    found = of(runs, "paper").join(quickest, on=PLACE)
+    found = runs[(runs.run == "paper") & runs.has].join(quickest, on=PLACE)
     return found.assign(error=(found.after / found.force - 1.0).abs(), part=found.omega / found.limit)
 
 
 def values_of(runs: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences."""
-    paper, found, steps = load(), paper_runs(runs), of(runs, "step")
+    paper, found, steps = load(), paper_runs(runs), runs[(runs.run == "step") & runs.has]
     rough, smooth = found[found.friction > 0.0], found[found.friction == 0.0]
     sliding = rough[rough.condition.notna()]
     met = {name: int(((found[name] - found.printed).abs() < _LAST_DIGIT).sum())
@@ -245,27 +227,9 @@ FORMS: Final[Mapping[str, Form]] = {
 """Column of a table → how its numbers read."""
 
 
-def _history_picture(found: DataFrame) -> Canvas:
-    """Errors of P/2 after each iteration of the paper's run."""
-    paper = load()
-    canvas = new_figure(8.0, 4.2)
-    axes = canvas.subplots()
-    axes.set(xscale="log", yscale="log", ylim=(1e-10, 0.1), xlabel="iteration [-]", ylabel="relative error of P/2 [-]")
-    plain_ticks(axes.xaxis, axes.yaxis)
-    axes.axvline(paper.iterations, color="black", linestyle="--", linewidth=0.8, label=f"{paper.iterations} iterations")
-    for number, run in enumerate(found.itertuples()):
-        colour, marker, line = LOOKS[number % len(LOOKS)]
-        errors = np.maximum(np.array(run.errors), 1e-10)
-        axes.plot(np.arange(1, len(errors) + 1), errors, color=colour, linestyle=line, marker=marker, markersize=4,
-                  markevery=(number, 40), linewidth=1.2, label=f"μ = {run.friction:g}")  # fmt: skip
-    grid(axes)
-    axes.legend(fontsize=8, frameon=False, ncols=2, loc="lower left")
-    return canvas
-
-
 def report(rows: Sequence[Row]) -> Report:
     """The report; the same rows give the same report."""
     runs = runs_of(rows)
-    tables, drawing = {"paper": paper_runs(runs)}, partial(_history_picture, of(runs, "paper"))
-    return render("comparisons.convergence", "convergence-uzawa", values_of(runs), tables,
-                  {"history": drawn("uzawa-history", drawing)}, rows, forms=FORMS, template="uzawa.md")  # fmt: skip
+    tables = {"paper": paper_runs(runs)}
+    return render("comparisons.convergence", "convergence-uzawa", values_of(runs), tables, {}, rows, forms=FORMS,
+                  template="uzawa.md")  # fmt: skip

@@ -53,16 +53,11 @@ def save_qvi(path: str | Path, qvi: FrictionQVI, solution: QVISolution | None = 
     """
     if not isinstance(qvi, FrictionQVI):
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
-    if solution is not None and solution.problem is not qvi and not _same(solution.problem, qvi):
-        raise InputError("solution", "of another problem", "give the solution of this one")
-    matrices = {name: getattr(qvi, name) for name in _MATRICES}
-    if qvi.traces is not None:
-        matrices |= {f"traces_{name}": by_columns(getattr(qvi.traces, name)) for name in _TRACES}
-    arrays: Arrays = {"format": np.array(FORMAT), "version": np.array(VERSION)}
-    arrays |= {name: getattr(qvi, name) for name in _VECTORS}
-    for name, matrix in matrices.items():
-        arrays |= parts_of(name, matrix)
+    arrays = _arrays(qvi)
     if solution is not None:
+        other = arrays if solution.problem is qvi else _arrays(solution.problem)
+        if arrays.keys() != other.keys() or not all(np.array_equal(arrays[name], other[name]) for name in arrays):
+            raise InputError("solution", "of another problem", "give the solution of this one")
         arrays |= {f"solution_{name}": getattr(solution, name) for name in _SOLUTION}
         if solution.farkas is not None:
             arrays |= {"solution_farkas_G": solution.farkas[0], "solution_farkas_A": solution.farkas[1]}
@@ -119,12 +114,15 @@ def _matrix(arrays: Arrays, name: str) -> Sparse:
     return matrix
 
 
-def _same(one: FrictionQVI, other: FrictionQVI) -> bool:
-    """Whether two problems have the same data."""
-    if any(getattr(one, name).shape != getattr(other, name).shape for name in (*_MATRICES, *_VECTORS)):
-        return False
-    vectors = all(np.array_equal(getattr(one, name), getattr(other, name)) for name in _VECTORS)
-    return vectors and all((getattr(one, name) != getattr(other, name)).nnz == 0 for name in _MATRICES)
+def _arrays(qvi: FrictionQVI) -> Arrays:
+    matrices = {name: getattr(qvi, name) for name in _MATRICES}
+    if qvi.traces is not None:
+        matrices |= {f"traces_{name}": by_columns(getattr(qvi.traces, name)) for name in _TRACES}
+    arrays = {"format": np.array(FORMAT), "version": np.array(VERSION)}
+    arrays |= {name: getattr(qvi, name) for name in _VECTORS}
+    for name, matrix in matrices.items():
+        arrays |= parts_of(name, matrix)
+    return arrays
 
 
 def _read_solution(qvi: FrictionQVI, arrays: Arrays) -> QVISolution:

@@ -15,7 +15,7 @@ from qvi_contact.gallery import compressed_plate, ssnv128
 from solvers.basics.types import Sparse, Vector
 from solvers.fixed_point import make_form
 from solvers.inequality.problem import FrictionQVI
-from solvers.inner.problem import Centre, InnerProblem
+from solvers.inner.problem import Centre, limited_rows
 
 TEST_SET = "friction_contact.py"
 SPARSE_TEST_SET = "friction_contact_sparse.py"
@@ -57,28 +57,20 @@ def standard_problems() -> Iterator[tuple[str, ContactProblem]]:
 
 
 def programs_of(name: str, qvi: FrictionQVI, pressure: Vector | None) -> Iterator[QuadraticProgram]:
-    """The inner problems of a `FrictionQVI` in both forms, for one or two friction bounds.
+    """The inner problems of a `FrictionQVI`, posed about z = 0, in both forms; their names begin with this one.
 
-    Parameters
-    ----------
-    name : str
-        Beginning of their names.
-    qvi : FrictionQVI
-        The problem; it is posed about z = 0.
-    pressure : (m,) or None
-        That of its solution, for the bound "converged"; None leaves that out.
-
+    The pressure (m,) is that of its solution, for the bound "converged"; None leaves that out.
     """
     bounds = {"cold": qvi.threshold(qvi.pressure(qvi.bonded))}
     if pressure is not None:
         bounds = {"converged": qvi.threshold(pressure)} | bounds
     for form in FORMS:
         posed = make_form(qvi, form)
-        inner = InnerProblem(posed.problem)
+        G = limited_rows(posed.problem)
         centre = Centre(posed.problem, np.zeros(posed.problem.n))
         for bound, threshold in bounds.items():
             h, A = centre.h(posed.threshold(threshold)), posed.problem.A
-            yield QuadraticProgram(f"{name}_{form}_{bound}", inner.qvi.K, -centre.f, inner.G, h, A, centre.b)
+            yield QuadraticProgram(f"{name}_{form}_{bound}", posed.problem.K, -centre.f, G, h, A, centre.b)
 
 
 def write_test_set(folder: Path, problems: dict[str, ContactProblem], advance: Callable[[str], object]) -> list[Path]:

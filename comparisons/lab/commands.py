@@ -96,9 +96,34 @@ def experiment(
         name = plan.__name__.replace("_", "-")
         folder = f"results/{name.partition('-')[0]}"
 
-        def run(out: Path, again: bool, **given: Any) -> int:
-            shared = {each: given.pop(each) for each in ("store", "workers", "dask", "timeout", "memory", "threads")}
-            return _done(plan(**given), out, again, **shared)
+        def run(out: Path, again: bool, store: Path, **given: Any) -> int:
+            """Run what is missing, write and show the report; exit status 1 if the report says that something failed.
+
+            A folder that cannot be written, and a store that cannot be used, are found before anything is run.
+            """
+            from comparisons.lab.studies import read_rows, run_study, write_rows, written_rows
+            from qvi_contact.basics.writing import writable_folder
+
+            limits = {each: given.pop(each) for each in ("workers", "dask", "timeout", "memory", "threads")}
+            studies, report_of = plan(**given)
+            place = writable_folder(out, "--out")
+            tables = [place / f"{study.name}.jsonl.gz" for study in studies]
+            if not again:
+                writable_folder(store.parent, "--store")
+                for study in studies:
+                    read_rows(study, store)
+                try:
+                    done = [run_study(study, store, **limits) for study in studies]
+                except KeyboardInterrupt:
+                    finished = sum(len(read_rows(study, store)) for study in studies)
+                    told = f"{finished} of {sum(len(study.cases) for study in studies)} rows are in {store}"
+                    click.echo(f"interrupted: {told}; the same command goes on from there", err=True)
+                    click.get_current_context().exit(130)
+                for table, rows in zip(tables, done, strict=True):
+                    write_rows(table, rows)
+            report = report_of(*map(written_rows, tables))
+            report.show([*report.write(place), *tables])
+            return int(report.failed)
 
         shown, finite = {"show_default": True}, FiniteRange(0.0, min_open=True)
         options = [
@@ -118,34 +143,3 @@ def experiment(
         return Experiment(name, callback=run, params=[*own, *options], help=plan.__doc__, short_help=short_help)
 
     return made
-
-
-def _done(plan: Plan, out: Path, again: bool, store: Path, **limits: Any) -> int:
-    """Run what is missing, write and show the report; exit status 1 if the report says that something failed.
-
-    A folder that cannot be written, and a store that cannot be used, are found before anything is run.
-    """
-    from comparisons.lab.studies import read_rows, run_study, write_rows, written_rows
-    from qvi_contact.basics.writing import writable_folder
-
-    folder = writable_folder(out, "--out")
-    tables = {study: folder / f"{study.name}.jsonl.gz" for study in plan.studies}
-    if again:
-        kept = [written_rows(table) for table in tables.values()]
-    else:
-        writable_folder(store.parent, "--store")
-        for study in plan.studies:
-            read_rows(study, store)
-        try:
-            kept = [run_study(study, store, **limits) for study in plan.studies]
-        except KeyboardInterrupt:
-            finished = sum(len(read_rows(study, store)) for study in plan.studies)
-            cases = sum(len(study.cases) for study in plan.studies)
-            done = f"{finished} of {cases} rows are in {store}"
-            click.echo(f"interrupted: {done}; the same command goes on from there", err=True)
-            click.get_current_context().exit(130)
-        for table, rows in zip(tables.values(), kept, strict=True):
-            write_rows(table, rows)
-    report = plan.report(*kept)
-    report.show([*report.write(folder), *tables.values()])
-    return int(report.failed)

@@ -35,14 +35,14 @@ def panelled(number: int, width: float, height: float, beside: float) -> tuple[F
     return figure, panels[:number]
 
 
-def legend_below(figure: Figure, columns: int = 4, size: float = 8) -> None:
+def legend_below(figure: Figure, columns: int = 4) -> None:
     """One legend for all panels, each label once; none without labels."""
     handles: dict[str, Artist] = {}
     for axes in figure.axes:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
     if handles:
-        texts = {"ncols": columns, "fontsize": size, "frameon": False}
+        texts = {"ncols": columns, "fontsize": 8, "frameon": False}
         figure.legend(list(handles.values()), list(handles), loc="outside lower center", **texts)
 
 

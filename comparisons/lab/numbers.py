@@ -13,8 +13,8 @@ import numpy as np
 NOTHING: Final = "none"
 """Text of a number there is not."""
 
-_UNITS_OF_TIME: Final = ((7200.0, "h", 3600.0), (120.0, "min", 60.0), (1.0, "s", 1.0), (1e-3, "ms", 1e-3))
-_MICROSECONDS: Final = ("µs", 1e-6)
+_UNITS_OF_TIME: Final = ((7200.0, "h", 3600.0), (120.0, "min", 60.0), (1.0, "s", 1.0), (1e-3, "ms", 1e-3),
+                         (0.0, "µs", 1e-6))  # fmt: skip
 _UNITS_OF_MEMORY: Final = ((2.0**30, "GiB"), (2.0**20, "MiB"), (2.0**10, "KiB"))
 
 
@@ -48,8 +48,7 @@ def seconds(value: float | None, digits: int = 3) -> str:
     if value == 0.0:
         return "0 s"
     rounded = float(f"{value:.{digits - 1}e}")  # first, or 999.9 ms would not be 1 s
-    found = ((unit, factor) for least, unit, factor in _UNITS_OF_TIME if abs(rounded) >= least)
-    unit, factor = next(found, _MICROSECONDS)
+    unit, factor = next((unit, factor) for least, unit, factor in _UNITS_OF_TIME if abs(rounded) >= least)
     return f"{significant(rounded / factor, digits)} {unit}"
 
 

@@ -1,8 +1,5 @@
 """Reports: a template that a person writes, filled in, as Markdown with pictures beside it, and as one page of HTML.
 
-    report = render("comparisons.wild", "wild", values, tables, figures, rows)
-    report.show(report.write("results/wild"))
-
 The template of an experiment is `report.md` in its folder, Markdown with numbers, tables and pictures to be filled in:
 
     1. The condensed method takes {{ fastest | seconds }} ([table](#times)).

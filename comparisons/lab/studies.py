@@ -1,10 +1,5 @@
 """Studies: cases, run in processes with limits, one durable row for each, in a store that any study may share.
 
-    from comparisons.lab.studies import Study, run_study
-
-    cases = [{"mesh": mesh, "friction": mu} for mesh in (8, 16) for mu in (0.1, 0.5)]
-    rows = run_study(Study("iterations", 1, "package.module:function", cases), "results/iterations.sqlite", workers=4)
-
 Cases and results are *plain*: None, booleans, integers, floats, texts, and lists and named mappings of these. They mean
 the same in this process, in another one, on a cluster and in a file. A row is found by the study's name, its version
 and the case, so an interrupted study goes on where it stopped, and a larger one takes the rows of a smaller one.
@@ -59,7 +54,7 @@ class Study:
     is loaded before any time is taken. It takes a case and returns a mapping of plain values, whose entry "certificate"
     is kept apart. Cases map factors to plain values; one that is there twice is done once, and `InputError` is raised
     without any. Rows tell the versions of `packages`. `fresh` gives each case a process of its own, where peak memory
-    is measured; threads and timeout [s] are those of studies whose user has no choice.
+    is measured; `threads` are those of studies whose user has no choice.
     """
 
     name: str
@@ -69,7 +64,6 @@ class Study:
     packages: tuple[str, ...] = PACKAGES
     fresh: bool = False
     threads: int | None = None
-    timeout: float | None = None
     keys: Mapping[str, Case] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -273,16 +267,15 @@ def run_study(
     timeout: float | None = None,
     memory: int | None = None,
     threads: int = 1,
-    shown: bool = True,
 ) -> tuple[Row, ...]:
     """Do the cases that the store has no row of; a failure of a case is a row too, and not done again.
 
     `dask` is the address of a scheduler of a Dask cluster to run on instead of worker processes of this machine;
     timeout [s], memory [MiB] of address space and threads are what each case may have. The store is made if it is
-    missing; one that is complete may be read-only. `shown` shows a bar where standard error is a terminal. Rows come in
-    the order of the study. Whatever ends a run, an interrupt or an `InputError`, finished rows are in the store.
+    missing; one that is complete may be read-only. Rows come in the order of the study. Whatever ends a run, an
+    interrupt or an `InputError`, finished rows are in the store.
     """
-    timeout, threads = study.timeout or timeout, study.threads or threads
+    threads = study.threads or threads
     for name, value in (("workers", workers), ("timeout", timeout), ("memory", memory), ("threads", threads)):
         if value is not None and not value > 0:
             raise InputError(name, value, "give a number above 0")
@@ -299,7 +292,7 @@ def run_study(
             pending = deque((key, dict(case)) for key, case in study.keys.items() if key not in finished)
             begun = len(study.cases) - len(pending)
             with (
-                progress(study.name, len(study.cases), begun, shown=shown) as advance,
+                progress(study.name, len(study.cases), begun) as advance,
                 shared.ready(job, limits) as (_, outcomes),
                 closing(outcomes(pending)) as done,
             ):
@@ -329,10 +322,10 @@ def opened(task: str, packages: tuple[str, ...]) -> tuple[dict[str, Any], Callab
 
 
 @contextmanager
-def progress(title: str, total: int, finished: int = 0, *, shown: bool = True) -> Iterator[Advance]:
+def progress(title: str, total: int, finished: int = 0) -> Iterator[Advance]:
     """A bar on standard error, silent when that is no terminal; what an earlier run finished is not in the rate."""
     console = error_console()
-    if not (shown and console.is_terminal):  # before release 14.3 of rich even a disabled bar writes an empty line
+    if not console.is_terminal:  # before release 14.3 of rich even a disabled bar writes an empty line
         yield lambda *_: None
         return
     from rich import progress as rich

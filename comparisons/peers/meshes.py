@@ -29,6 +29,10 @@ _DEPTHS: Final = ((0, 0), (1, 0), (1, 1), (2, 1), (2, 2), (3, 2), (4, 6), (6, 8)
 _DEPTHS_WITHOUT_LINE: Final = ((0, 2), (0, 4), (0, 6), (1, 6), (2, 8), (3, 8), (4, 10), (4, 12))
 """The same where no column of the coarsest mesh ends at the transition."""
 
+_LAYERS: Final = ((0, 0), (1, 0), (1, 1), (2, 1), (3, 2), (4, 2), (5, 3), (6, 3))
+"""By number: how many layers of triangles are at the corner and at the transition, if there is one."""
+
+_LAYER: Final = 0.15  # distance of a layer from its point over that of the one before it
 _NEEDLE: Final = 0.1  # columns narrower than this are not made for the sake of a transition
 
 
@@ -121,6 +125,15 @@ def _bisected(friction: float, number: int) -> TriangleMesh:
     return coarse.graded([(1.0, 1.0), (transition, 1.0)], depths)
 
 
+def _layered(friction: float, number: int) -> TriangleMesh:
+    """A square, or two that meet at the transition where neither gets narrow by that; layers of triangles at both."""
+    transition = TRANSITIONS.get(friction, 0.0)
+    if transition < _NEEDLE:
+        return TriangleMesh.grid([0.0, 1.0], [0.0, 1.0]).graded([(1.0, 1.0)], number, ratio=_LAYER)
+    coarse = TriangleMesh.grid([0.0, transition, 1.0], [0.0, 1.0])
+    return coarse.graded([(1.0, 1.0), (transition, 1.0)], _LAYERS[number], ratio=_LAYER)
+
+
 def counter_clockwise(vertices: FloatArray, cells: Any) -> Any:
     """The same triangles with their vertices in the positive sense."""
     (ax, ay), (bx, by) = ((vertices[cells[:, k]] - vertices[cells[:, 0]]).T for k in (1, 2))
@@ -135,5 +148,6 @@ FAMILIES: Final[Mapping[str, Family]] = {
     "narrow strips": Family(False, _strips(0.25)),
     "adaptive": Family(False, lambda *_: TriangleMesh.rectangle((1, 1))),
     "bisected": Family(False, _bisected),
+    "layers": Family(False, _layered),
 }
 """Name → family."""

@@ -69,12 +69,13 @@ class Model(NamedTuple):
 MODELS: Final[Mapping[str, Model]] = {
     "triangles, p = 4, cut squares": Model(TRIANGLES, "cut squares", {"degree": 4}),
     **{f"triangles, p = {p}, bisected": Model(TRIANGLES, "bisected", {"degree": p}) for p in (3, 4, 5, 6)},
+    **{f"triangles, p = {p}, layers": Model(TRIANGLES, "layers", {"degree": p}) for p in (6, 7, 8)},
     **{
         f"NGSolve, p = {p}, {variant}, {mesh}": Model("ngsolve", mesh, {"order": p, "variant": variant})
         for p, mesh, variant in (
             (2, "uniform", "symmetric"), (3, "graded", "symmetric"),
             *((p, "bisected", "symmetric") for p in (2, 3, 4, 5, 6)),
-            (3, "strips", "symmetric"), (4, "strips", "skew"),
+            *((p, "layers", "symmetric") for p in (4, 6, 7, 8)), (3, "strips", "symmetric"), (4, "strips", "skew"),
             (4, "narrow strips", "symmetric"), (6, "narrow strips", "symmetric"),
         )
     },

@@ -6,12 +6,11 @@ solver that does not converge gives up.
 """
 
 from collections.abc import Iterable, Mapping
-from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 from solvers import available
 
-LEVELS: Final[Mapping[str, float]] = MappingProxyType({"low": 1e-3, "mid": 1e-6, "high": 1e-9})
+LEVELS: Final[Mapping[str, float]] = {"low": 1e-3, "mid": 1e-6, "high": 1e-9}
 """Level → tolerance of the certificate."""
 
 MARGIN: Final = 1e-2
@@ -52,7 +51,7 @@ class Backend(NamedTuple):
 _CONE: Final = "through `cvxpy`, one cone for each contact point"
 _CONES: Final = "through `cvxpy`, one cone for each contact point and one for the energy"
 
-TABLE: Final[Mapping[str, Backend]] = MappingProxyType({
+TABLE: Final[Mapping[str, Backend]] = {
     "qp:clarabel": Backend("interior point", _levels(_CLARABEL, max_iter=_INTERIOR_ITERATIONS)),
     "qp:cvxopt": Backend("interior point", _levels(_EMBEDDED, maxiters=_INTERIOR_ITERATIONS, refinement=2)),
     "qp:daqp": Backend("dual active set; dense", _levels(("primal_tol", "dual_tol"), iter_limit=_ADMM_ITERATIONS)),
@@ -97,7 +96,7 @@ TABLE: Final[Mapping[str, Backend]] = MappingProxyType({
         "the paper's iteration, rule \"accumulating\"; has no tolerance but that of the certificate",
         {level: {"omega_T": 0.01, "max_iterations": _ADMM_ITERATIONS} for level in LEVELS},
     ),
-})  # fmt: skip
+}  # fmt: skip
 """All solvers, in the order of the tables."""
 
 

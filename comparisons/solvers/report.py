@@ -20,8 +20,7 @@ from comparisons.lab.numbers import count, percent, seconds, significant, span
 from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import Row, frame_of
 from comparisons.solvers.accuracies import LEVELS, MARGIN, METHODS, TABLE
-from comparisons.solvers.problems import PROBLEMS
-from comparisons.solvers.study import COLD, FALSE_ALARM, GAVE_UP, INNER, MODEST, NO_ANSWER, OUTER, RIGHT, UNTRUE
+from comparisons.solvers.study import COLD, FALSE_ALARM, INNER, NO_ANSWER, OUTCOMES, OUTER, PROBLEMS, RIGHT, UNTRUE
 from qvi_contact.plots.style import new_figure
 from solvers.inner.registry import how_to_install
 
@@ -41,7 +40,6 @@ UNTIL: Final = 100.0
 HIGHLIGHTED: Final = 5
 """Curves of a panel that have a colour."""
 
-OUTCOMES: Final = (RIGHT, UNTRUE, FALSE_ALARM, MODEST, GAVE_UP, NO_ANSWER)
 INSTANCE: Final = ("level", "problem", "form")
 """What solvers are compared on, task by task."""
 
@@ -92,17 +90,6 @@ def performance_ratios(runs: DataFrame) -> DataFrame:
 def profile(ratios: Any, at: float) -> Any:
     """Share of the instances tried whose ratio is at most `at`: of one solver, or of each."""
     return (ratios <= at).sum() / ratios.count()
-
-
-def steps(ratios: "Series[float]", until: float) -> tuple[list[float], list[float]]:
-    """The profile as a step function: where it rises, from 1 to `until`, and its value from there on."""
-    x = sorted({1.0, until, *ratios[(ratios > 1.0) & (ratios < until)]})
-    return x, [profile(ratios, value) for value in x]
-
-
-def area(ratios: DataFrame, until: float) -> "Series[float]":
-    """Mean height of each profile from 1 to `until` on a logarithmic axis: 1 for always the fastest, 0 for never."""
-    return (1.0 - np.log(ratios.clip(lower=1.0)) / math.log(until)).clip(lower=0.0).mean()
 
 
 def geometric_mean(values: "Series[float]") -> float:
@@ -230,9 +217,6 @@ def _words(statuses: Series) -> str:
     return ", ".join(f"{word} ({number})" for word, number in sorted(counts.items()))
 
 
-_RATIOS: Final = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # that the axis tells
-
-
 def profiles(runs: DataFrame) -> Figure | None:
     """A panel for each level, a step curve for each solver: the best by area in colour, the others grey."""
     if runs.empty:
@@ -243,19 +227,18 @@ def profiles(runs: DataFrame) -> Figure | None:
     looks: dict[str, int] = {}  # solver → number of its colour, the same in all panels
     for axes, level in zip(panels, levels, strict=True):
         ratios = performance_ratios(runs[runs.level == level])
-        ratios = ratios[area(ratios, UNTIL).sort_index().sort_values(ascending=False, kind="stable").index]
-        coloured = [solver for solver in ratios if ratios[solver].min() < math.inf][:HIGHLIGHTED]
-        for solver in ratios:
-            x, y = steps(ratios[solver], UNTIL)
-            if solver not in coloured:
-                axes.step(x, y, where="post", color="#c8c8c8", linewidth=0.9, zorder=1)
-                continue
-            colour, marker, line = LOOKS[looks.setdefault(solver, len(looks)) % len(LOOKS)]
-            label = f"{solver} ({(ratios[solver] < math.inf).sum()} of {ratios[solver].count()})"
-            axes.step(x, y, where="post", color=colour, linestyle=line, linewidth=1.5, marker=marker, markersize=4,
-                      markevery=max(1, len(x) // 6), label=label, zorder=2)  # fmt: skip
+        best = np.log(ratios.clip(1.0, UNTIL)).mean().sort_index().sort_values(kind="stable").index
+        coloured = [solver for solver in best if ratios[solver].min() < math.inf][:HIGHLIGHTED]
+        for solver in best:
+            look: dict[str, Any] = {"color": "#c8c8c8", "linewidth": 0.9, "zorder": 1}
+            if solver in coloured:
+                colour, marker, line = LOOKS[looks.setdefault(solver, len(looks)) % len(LOOKS)]
+                label = f"{solver} ({(ratios[solver] < math.inf).sum()} of {ratios[solver].count()})"
+                look = {"color": colour, "linestyle": line, "linewidth": 1.5, "marker": marker, "markersize": 4,
+                        "markevery": max(1, ratios[solver].nunique() // 6), "label": label}  # fmt: skip
+            axes.ecdf(ratios[solver].dropna().clip(upper=10.0 * UNTIL), **look)
         axes.set(xscale="log", xlim=(1.0, UNTIL), ylim=(-0.02, 1.02), xlabel="time over that of the fastest [-]")
-        axes.xaxis.set_major_locator(FixedLocator(_RATIOS))
+        axes.xaxis.set_major_locator(FixedLocator((1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)))
         plain_ticks(axes.xaxis)
         axes.set_title(f"{level}: certified at {LEVELS[level]:.0e}", fontsize=9)
         grid(axes)
@@ -265,10 +248,7 @@ def profiles(runs: DataFrame) -> Figure | None:
     return figure
 
 
-_FORMS: Final[Mapping[str, Form]] = {
-    **dict.fromkeys(("share", "true", "within"), percent), FALSE_ALARM: count,
-    **dict.fromkeys(("mean", "smallest", "largest"), partial(significant, digits=2)),
-}  # fmt: skip
+_FORMS: Final[Mapping[str, Form]] = {**dict.fromkeys(("share", "true", "within"), percent), FALSE_ALARM: count}
 
 
 def report(rows: Sequence[Row]) -> Report:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from math import atan, pi, sqrt, tan
 from pathlib import Path
 from typing import Final, TypeAlias
@@ -33,24 +33,11 @@ from comparisons.verification.rows import (
     certified_companion,
     infeasible,
 )
-from qvi_contact import (
-    ContactLine,
-    ContactProblem,
-    ContactResult,
-    ContactState,
-    History,
-    InputError,
-    ProblemFile,
-    load_problem,
-    loop_area,
-    solve,
-    solve_history,
-    strength_reduction_factor,
-)
+from qvi_contact import ContactLine, ContactResult, ContactState, InputError, ProblemFile, load_problem, solve
 from qvi_contact.companion import CompanionResult, solve_companion
-from qvi_contact.limit import LimitLoad, StrengthReduction
-from qvi_contact.limit.load_factor import limit_load_factor
+from qvi_contact.limit import LimitLoad, StrengthReduction, limit_load_factor, strength_reduction_factor
 from qvi_contact.refinement.measure import Measure as Quantity
+from qvi_contact.solution.history import History, loop_area, solve_history
 from solvers import Status
 
 FOLDER: Final = Path(__file__).resolve().parents[2] / "examples"
@@ -75,13 +62,8 @@ class Answer:
 
     def __init__(self, name: str, degree: int) -> None:
         self.file = read_example(name)
+        self.problem = self.file.problem
         self.options = {**self.file.solve_options, "degree": degree}
-        self._limits: dict[str, LimitLoad] = {}
-
-    @property
-    def problem(self) -> ContactProblem:
-        """Of the file."""
-        return self.file.problem
 
     @cached_property
     def result(self) -> ContactResult:
@@ -97,16 +79,16 @@ class Answer:
         """
         return solve_history(self.file.problems, law_on="points", **self.options)
 
-    def limit(self, load: str) -> LimitLoad:
-        """Of `limit_load_factor`, for the load of this name."""
-        if load not in self._limits:
-            self._limits[load] = limit_load_factor(self.problem, [load], degree=self.options["degree"])
-        return self._limits[load]
-
     @cached_property
     def safety(self) -> StrengthReduction:
         """Of `strength_reduction_factor`, to 1 %."""
         return strength_reduction_factor(self.problem, accuracy=0.01, degree=self.options["degree"])
+
+
+@lru_cache(maxsize=1)
+def limit_of(answer: Answer, load: str) -> LimitLoad:
+    """What `limit_load_factor` finds for the load of this name."""
+    return limit_load_factor(answer.problem, [load], degree=answer.options["degree"])
 
 
 Measure: TypeAlias = Callable[[Answer], tuple[Value, Proof]]
@@ -187,42 +169,25 @@ def _beside(edges: str, axis: str, contact: str, sign: float = 1.0) -> Measure:
 
 
 def _limit(load: str, value: Callable[[LimitLoad], float]) -> Measure:
-    return lambda answer: (value(answer.limit(load)), bounded(answer.limit(load)))
+    return lambda answer: (value(limit_of(answer, load)), bounded(limit_of(answer, load)))
 
 
 def _bound(quantity: str, side: str) -> Measure:
     return _of(lambda result: float(getattr(result.bracket.forces[quantity], side)))
 
 
-def _of_history(value: Callable[[History], float]) -> Measure:
+def _cycle(value: Callable[..., float]) -> Measure:
+    """Of a history of two cycles: its normal forces N, motions w and shears T, and the work lost in the second one."""
+
     def measured(answer: Answer) -> tuple[float, Proof]:
         history = answer.history
-        proof = both(*[certified(step) for step in history.steps])
+        normal = np.array([step.contacts["ground"].normal_force for step in history.steps])
+        work = history.friction_work[-(len(normal) // 2) :]
+        proof = both(*map(certified, history.steps))
         failed = Proof(passed=False, text=f"failed, {history.status.value}")
-        return value(history), proof if history.status is Status.SOLVED else failed
+        return float(value(normal, *history.loop("ground"), work)), proof if history.status is Status.SOLVED else failed
 
     return measured
-
-
-def _excess(history: History) -> float:
-    """Largest |T| − 0.3 N over the largest N."""
-    normal = np.array([step.contacts["ground"].normal_force for step in history.steps])
-    return float((np.abs(history.loop("ground")[1]) - 0.3 * normal).max() / normal.max())
-
-
-def _between_cycles(history: History) -> float:
-    """Largest difference of T between the second cycle and the first over the largest N."""
-    normal = max(step.contacts["ground"].normal_force for step in history.steps)
-    force, half = history.loop("ground")[1], len(history.steps) // 2
-    return float(np.abs(force[-half:] - force[-2 * half : -half]).max() / normal)
-
-
-def _lost_and_around(history: History) -> float:
-    """Work of friction in the second cycle over the area of the loop ∮T dw."""
-    motion, force = history.loop("ground")
-    half = len(history.steps) // 2
-    around = slice(len(history.steps) - 1 - half, None)
-    return float(history.friction_work[-half:].sum() / loop_area(motion[around], force[around]))
 
 
 def _both_sides(load: str, factor: float, source: str, below: float = 1e-6, above: float = 1e-9) -> tuple[Known, Known]:
@@ -250,22 +215,24 @@ def _displacements(answer: Answer, quick: bool, tolerance: float) -> tuple[Compa
     return companion, Check(proof, "displacement model on the same mesh", tolerance, Kind.METHODS)
 
 
-def _by_displacements(
-    answer: Answer, quick: bool, contact: str, tolerance: float, shear: bool = False
-) -> Iterator[Row]:
-    """Forces of displacements on the same mesh; the tolerance is what both models leave open."""
-    companion, rows = _displacements(answer, quick, tolerance)
-    ours, theirs = answer.result.contacts[contact], companion.contacts[contact]
-    for letter, name in (("N", "normal_force"), ("T", "tangential_force"))[: 2 if shear else 1]:
-        quantity = f"{letter} of {contact}, stress against displacement model"
-        yield rows.relative(quantity, getattr(ours, name), getattr(theirs, name))
+_BY_DISPLACEMENTS: Final = {
+    "normal_force": "N of {}, stress against displacement model",
+    "tangential_force": "T of {}, stress against displacement model",
+    "x": "motion of {} [mm]", "y": "motion of {} [mm]",
+}  # fmt: skip
 
 
-def _motions(answer: Answer, quick: bool, plate: str, axis: str, tolerance: float) -> Iterator[Row]:
-    """How far a plate or pin moves, of stresses and of displacements on the same mesh."""
-    companion, rows = _displacements(answer, quick, tolerance)
-    ours, theirs = (getattr(each.plates[plate], axis) for each in (answer.result, companion))
-    yield rows.relative(f"motion of {plate} [mm]", ours, theirs)
+def _by_displacements(tolerance: float, *quantities: str) -> list[Further]:
+    """Forces, and motions of plates and pins, on the same mesh; the tolerance is what both models leave open."""
+
+    def rows(answer: Answer, quick: bool) -> Iterator[Row]:
+        companion, rows = _displacements(answer, quick, tolerance)
+        for name, _, kind in (quantity.partition(".") for quantity in quantities):
+            ours, theirs = (getattr((each.contacts if "force" in kind else each.plates)[name], kind)
+                            for each in (answer.result, companion))  # fmt: skip
+            yield rows.relative(_BY_DISPLACEMENTS[kind].format(name), ours, theirs)
+
+    return [rows]
 
 
 def _toe(answer: Answer, quick: bool) -> Iterator[Row]:
@@ -304,7 +271,7 @@ KNOWN: Final[dict[str, Table]] = {
         Known("T over N", _slope("plate"), 0.0, 1e-8, "symmetry in x"),
         Known("N [N/mm]", "plate.normal_force", 3e4 / (1.0 - 0.25**2) * 1e-3, 0.0,
               "E U/(1 − ν²), the whole block held sideways; a hole makes it softer", compare="at_most"),
-    ], [partial(_by_displacements, contact="plate", tolerance=0.02)]),
+    ], _by_displacements(0.02, "plate.normal_force")),
     "bolted_angle": Table("An angle bolted to a wall: forces, centre of pressure, and the load at which it slides.", [
         Known("N [N/mm]", "wall.normal_force", 400.0, 1e-9, "force of the bolt"),
         Known("T [N/mm]", "wall.tangential_force", 100.0, 1e-9, "load"),
@@ -328,13 +295,16 @@ KNOWN: Final[dict[str, Table]] = {
     "compressed_plate": Table("The paper's plate on 16 × 16 graded cells, against displacement codes.", [
         Known("N [N/mm]", "plate.normal_force", SETTLED[0.2], 1e-3, f"{DISPLACEMENT_CODES}; the mesh is coarse",
               _EXTERNAL),
-    ], [partial(_by_displacements, contact="plate", tolerance=1e-3)]),
+    ], _by_displacements(1e-3, "plate.normal_force")),
     "cyclic_shear": Table("A block sheared to and fro: the second cycle repeats the first and loses the loop's area.", [
-        Known("largest |T| − μN over N", _of_history(_excess), 0.0, 1e-9, "|T| ≤ μN", compare="at_most"),
-        Known("largest difference of T between the cycles, over N", _of_history(_between_cycles), 0.0, 1e-6,
-              "a cyclic state repeats itself after the first loading"),
-        Known("work of friction in the second cycle over the loop's area", _of_history(_lost_and_around), 1.0, 1e-6,
-              "∮T dw, balance of energy"),
+        Known("largest |T| − μN over N", _cycle(lambda N, _w, T, _work: (np.abs(T) - 0.3 * N).max() / N.max()),
+              0.0, 1e-9, "|T| ≤ μN", compare="at_most"),
+        Known("largest difference of T between the cycles, over N",
+              _cycle(lambda N, _w, T, work: np.abs(T[-len(work) :] - T[-2 * len(work) : -len(work)]).max() / N.max()),
+              0.0, 1e-6, "a cyclic state repeats itself after the first loading"),
+        Known("work of friction in the second cycle over the loop's area",
+              _cycle(lambda _, w, T, work: work.sum() / loop_area(w[-len(work) - 1 :], T[-len(work) - 1 :])),
+              1.0, 1e-6, "∮T dw, balance of energy"),
     ]),
     "cylinder_on_block": Table("A cylinder on a block: NAFEMS R0094-1 with a hundredth of its force, against Hertz.", [
         Known("peak pressure [MPa]", _ellipse("contact", 0), CYLINDER[0], 2e-4, f"{_HERTZ}0.012"),
@@ -364,7 +334,7 @@ KNOWN: Final[dict[str, Table]] = {
                   "3 (30 + 24 h), balance of what lies above"),
             Known(f"T of {bed} over N", _slope(bed), 0.0, 1e-9, "balance in x"),
         )
-    ], [partial(_by_displacements, contact="head 1", tolerance=5e-3)]),
+    ], _by_displacements(5e-3, "head 1.normal_force")),
     "gravity_column": Table("A column under its own weight: balance, and uniform pressure away from the ends.", [
         Known("N [N/m]", "ground.normal_force", 98100.0, 1e-9, "ρ g w h"),
         Known("T over N", _slope("ground"), 0.0, 1e-9, "symmetry in x"),
@@ -399,7 +369,7 @@ KNOWN: Final[dict[str, Table]] = {
         Known("force across, over the pin's", _of(lambda r: r.resultant("held").y / 4000.0), 0.0, 1e-12, "balance"),
         Known("force of the pin [N/mm]", "bore.force_x", 4000.0, 1e-12, "the pull"),
         Known("share of the bore that sticks", _share("bore", "stick"), 0.0, 0.0, "the bore gives way on both sides"),
-    ], [partial(_motions, plate="bore", axis="x", tolerance=1e-3)]),
+    ], _by_displacements(1e-3, "bore.x")),
     "masonry_wall": Table("A masonry wall with openings: forces on the ground, and bounds of the wind it carries.", [
         Known("N of ground [kN/m]", "ground.normal_force", 20.0 * (3.0 * 2.0 - 0.5 * 1.0 - 0.75 * 0.75), 1e-9,
               "weight, balance"),
@@ -437,7 +407,7 @@ KNOWN: Final[dict[str, Table]] = {
         Known("share that sticks", _share("punch", "stick"), 0.775, 0.05,
               "displacements on lines 0.01 apart; an element of 0.05 to 0.2 has the end of stick", _METHODS,
               "absolute"),
-    ], [partial(_motions, plate="punch", axis="y", tolerance=0.02)]),
+    ], _by_displacements(0.02, "punch.y")),
     "retaining_wall": Table("A retaining wall on springs: the heel lifts off, and pressure and tilt are by hand.", [
         Known("N [MN/m]", "base.normal_force", _WALL[0], 1e-9, "weight of the wall and of the soil on its heel"),
         Known("T [MN/m]", "base.tangential_force", _WALL[1], 1e-9, "Ka γ h²/2"),
@@ -461,7 +431,7 @@ KNOWN: Final[dict[str, Table]] = {
         Known("derivative of N by the gap [N/mm/mm]",
               _of(lambda result: result.derivative("fit.normal_force", "fit.gap")),
               -47.25 * 25.0 * pi / 2.0 / (1.2e-5 * 50.0 * 25.0), 1e-5, "N over the interference α ΔT R"),
-    ], [partial(_by_displacements, contact="fit", tolerance=1e-3)], degree=5),
+    ], _by_displacements(1e-3, "fit.normal_force"), degree=5),
     "ssnv128": Table("SSNV128 on 32 × 32 cells.", [
         Known("N [Pa m]", "base.normal_force", 2e6, 1e-9, "p a, balance"),
         Known("T [Pa m]", "base.tangential_force", -1.40535e6, 2e-3, "biquadratic displacement elements; ± 5 N/m",
@@ -470,7 +440,7 @@ KNOWN: Final[dict[str, Table]] = {
               f"{SSNV128}; ± 5 %", _PUBLISHED),
         Known("zones from the left", _line("base", lambda line: runs(edge_states(line))), "open, slip, stick", 0.0,
               "biquadratic displacement elements", _EXTERNAL),
-    ], [partial(_by_displacements, contact="base", tolerance=1e-3, shear=True)]),
+    ], _by_displacements(1e-3, "base.normal_force", "base.tangential_force")),
     "stacked_blocks": Table("Three blocks: every joint hands on what acts on the top, and holds it.", [
         line
         for joint in ("lower", "upper")
@@ -480,7 +450,7 @@ KNOWN: Final[dict[str, Table]] = {
             Known(f"T of {joint} less the force on the top, over N", _beside("top", "x", joint), 0.0, 1e-9,
                   "balance of the blocks above"),
         )
-    ], [partial(_by_displacements, contact="lower", tolerance=5e-3, shear=True)]),
+    ], _by_displacements(5e-3, "lower.normal_force", "lower.tangential_force")),
     "strip_footing": Table("A strip footing on clay: Prandtl's pressure lies between both bounds.", [
         Known(f"limit load factor, from {side}", _limit("footing", value), (2.0 + pi) / 2.0, tolerance,
               "(2 + π) c, Prandtl", compare=compare)

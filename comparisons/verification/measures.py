@@ -9,10 +9,11 @@ import numpy as np
 from comparisons.verification.rows import Check, Kind, Row, both, certified, certified_companion
 from qvi_contact import Contact, ContactLine, ContactProblem, ContactResult, ContactState
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
-from qvi_contact.companion import CompanionContact, solve_companion
+from qvi_contact.companion import solve_companion
 from qvi_contact.discretization.loads import EdgePoints
 from qvi_contact.gallery import ExactState, compressed_plate
 from qvi_contact.mechanism.bodies import Bodies
+from qvi_contact.mesh.edges import cross
 from qvi_contact.solution.stress import traction
 from qvi_contact.units import Units
 
@@ -58,11 +59,6 @@ def stress_deviation(result: ContactResult, exact: Stress) -> float:
     found = space.stress(known.coefficients(result.dofs), cells, t) * known.scales.stress
     wanted, twice = exact(x, y), weights[..., None] * np.array([1.0, 1.0, 2.0])
     return float(np.sqrt((twice * (found - wanted) ** 2).sum() / (twice * wanted**2).sum()))
-
-
-def degrees(line: ContactLine | CompanionContact) -> FloatArray:
-    """Directions of the points from the origin [°]."""
-    return np.asarray(np.rad2deg(np.arctan2(line.y, line.x)))
 
 
 def ellipse(x: FloatArray, values: FloatArray) -> tuple[float, float]:
@@ -136,27 +132,22 @@ def left_by_stresses(result: ContactResult) -> float:
     Of the tractions all around each body, and its own weight: a body force −∇φ has the resultant −∮ φ n ds, and its
     moment likewise.
     """
-    discretization, problem = result.discretization, result.problem
-    bodies, mesh, largest = Bodies.of(problem), problem.mesh, 0.0
+    discretization, problem, mesh = result.discretization, result.problem, result.problem.mesh
+    bodies = Bodies.of(problem)
     first, second = bodies.of_cells[mesh.interior.cells].T
     between = mesh.interior.take(first != second)  # normals point out of the body on the first side
-    sides = []
+    total, size = np.zeros((bodies.blocks, 3)), np.zeros(bodies.blocks)
     for edges, side in ((mesh.boundary, 0), (between, 0), (between, 1)):
         if len(edges):
-            points = EdgePoints(discretization.space, edges, _POINTS)
+            owner, points = bodies.of_cells[edges.cells[:, side]], EdgePoints(discretization.space, edges, _POINTS)
             place = np.stack(mesh.points_along(edges, points.reference), axis=-1)
             weights = (-1.0 if side else 1.0) * discretization.scales.length * points.weights[:, None]
-            force, normal = weights * traction(discretization, result.dofs, points).T, weights * points.normals
-            sides.append((bodies.of_cells[edges.cells[:, side]], place, force.reshape(place.shape),
-                          normal.reshape(place.shape)))  # fmt: skip
-    for body in range(bodies.blocks):
-        total, size = np.zeros(3), 0.0
-        for owner, *values in sides:
-            place, force, normal = (value[owner == body] for value in values)
+            force, normal = ((weights * each).reshape(place.shape)
+                             for each in (traction(discretization, result.dofs, points).T, points.normals))  # fmt: skip
             potential = evaluate("body_potential", problem.body_potential, *np.moveaxis(place, -1, 0))
-            arm, carried = (place - bodies.centre[body]) / bodies.size[body], force - potential[..., None] * normal
-            moment = (arm[..., 0] * carried[..., 1] - arm[..., 1] * carried[..., 0]).sum()
-            total += np.array([*carried.sum(axis=(0, 1)), moment])
-            size += float(np.hypot(*force.sum(axis=1).T).sum())
-        largest = max(largest, float(np.abs(total).max()) / size if size else 0.0)
-    return largest
+            arm = (place - bodies.centre[owner][:, None]) / bodies.size[owner][:, None, None]
+            carried = force - potential[..., None] * normal
+            np.add.at(total, owner, np.column_stack([carried.sum(axis=1), cross(arm, carried).sum(axis=1)]))
+            np.add.at(size, owner, np.hypot(*force.sum(axis=1).T))
+    loaded = size > 0.0
+    return float((np.abs(total).max(axis=1)[loaded] / size[loaded]).max(initial=0.0))

@@ -4,30 +4,28 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import chain
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
-from matplotlib.figure import Figure
 from pandas import DataFrame
 
-from comparisons.lab.drawing import drawn, grid
-from comparisons.lab.numbers import NOTHING
+from comparisons.lab.drawing import drawn
+from comparisons.lab.numbers import NOTHING, fixed
 from comparisons.lab.reports import Report, escaped, render
 from comparisons.lab.studies import machine, versions
-from comparisons.verification.chapters import benchmarks, bounds, curves, exact, limits, numbers, plate
+from comparisons.verification.chapters import benchmarks, curves, exact, limits, numbers, plate
 from comparisons.verification.known import EXAMPLES
 from comparisons.verification.measures import MM
-from comparisons.verification.rows import EQUAL, EXCESS, RELATIVE, SHORTFALL, Chapters, Kind, Row, crash
+from comparisons.verification.rows import EQUAL, EXCESS, RELATIVE, SHORTFALL, Chapters, Row, crash
 from qvi_contact import ContactProblem, gallery
 from qvi_contact.basics.terminal import Advance
 from qvi_contact.plots import problem_figure
-from qvi_contact.plots.style import BLUE, GREEN, GREY, ORANGE, VERMILLION, new_figure
 from qvi_contact.units import Units
-from solvers.basics.names import known_name
+from solvers.basics.checks import known_name
 
 CHAPTERS: Final[Chapters] = {
     "paper": plate.PAPER, "exact": exact.EXACT, "friction": exact.FRICTION, "ssnv128": benchmarks.SSNV128,
     "benchmarks": benchmarks.BENCHMARKS, "curves": curves.CURVES, "limits": limits.LIMITS,
-    "invariance": exact.INVARIANCE, "plate": plate.PLATE, "energies": plate.ENERGIES, "bounds": bounds.BOUNDS,
+    "invariance": exact.INVARIANCE, "plate": plate.PLATE, "energies": plate.ENERGIES, "bounds": plate.BOUNDS,
     "numbers": numbers.NUMBERS, "examples": EXAMPLES,
 }  # fmt: skip
 """The manual in its order."""
@@ -35,6 +33,7 @@ CHAPTERS: Final[Chapters] = {
 HEADINGS: Final = (
     "quantity", "element", "reference", "kind", "source", "ours", "error", "tolerance", "certificate", "result",
 )  # fmt: skip
+_LARGEST: Final = "largest error / tolerance"
 _DIGITS: Final = 10
 _SENSES: Final = {EXCESS: "≤ ", SHORTFALL: "≥ "}
 _DIGITS_OF_BOUNDS: Final = 1e-7  # what holds with room to spare needs no more digits
@@ -55,16 +54,12 @@ def choose(names: Sequence[str]) -> Chapters:
 
 
 class Told(NamedTuple):
-    """A problem's name, the first paragraph of its docstring, and its rows."""
+    """A problem's name, the name of its table, the first paragraph of its docstring, and its rows."""
 
     name: str
+    table: str
     about: str
     rows: Sequence[Row]
-
-    @property
-    def table(self) -> str:
-        """The name of its table."""
-        return self.name.replace("/", "-")
 
 
 def run(chapters: Chapters, quick: bool, advance: Advance) -> dict[str, list[Told]]:
@@ -83,7 +78,7 @@ def run(chapters: Chapters, quick: bool, advance: Advance) -> dict[str, list[Tol
             except Exception as error:  # whatever it is, the other problems go on
                 rows.append(crash(f"{type(error).__name__}: {' '.join(str(error).split())}"))
             about = " ".join((problem.__doc__ or "").strip().split("\n\n")[0].split())
-            done[chapter].append(Told(name, about, rows or [crash("it has no rows")]))
+            done[chapter].append(Told(name, name.replace("/", "-"), about, rows or [crash("it has no rows")]))
             advance(name)
     return done
 
@@ -103,13 +98,6 @@ POSED: Final[Mapping[str, tuple[Callable[[], ContactProblem], Units | None]]] = 
 }
 """Problem of the manual → its bodies on few cells, and the units of their picture."""
 
-_BROKEN: Final = "broken off"
-_LOOKS: Final = {
-    Kind.ANALYTIC: (BLUE, "o"), Kind.PUBLISHED: (ORANGE, "s"), Kind.EXTERNAL: (VERMILLION, "^"),
-    Kind.METHODS: (GREEN, "D"), _BROKEN: (GREY, "P"),
-}  # fmt: skip
-_LEAST, _MOST = 1e-4, 1e2  # error over tolerance: what lies beyond is drawn on the edge
-
 
 def drawings(names: Sequence[str]) -> dict[str, str]:
     """Names of figures → pictures, as SVG, of the bodies of these problems."""
@@ -120,61 +108,33 @@ def drawings(names: Sequence[str]) -> dict[str, str]:
     }
 
 
-def overview(problems: Sequence[Told]) -> Figure:
-    """One line for each problem, one mark for each row; left of 1 is within the tolerance."""
-    rows = DataFrame(
-        [(line, row.ratio, row.kind or _BROKEN, row.passed) for line, each in enumerate(problems) for row in each.rows],
-        columns=["line", "ratio", "kind", "passed"],
-    )
-    rows["place"] = rows.ratio.clip(_LEAST, _MOST)
-    figure = new_figure(9.0, 1.4 + 0.17 * len(problems))
-    axes = figure.subplots()
-    for kind, (colour, marker) in _LOOKS.items():
-        if (chosen := rows[rows.kind == kind]).size:
-            look: dict[str, Any] = {"marker": marker, "markerfacecolor": "none", "markersize": 5}
-            axes.plot(chosen.place, chosen.line, color=colour, linestyle="none", label=str(kind), **look)
-    if (failed := rows[~rows.passed]).size:
-        axes.plot(failed.place, failed.line, "kx", markersize=9, label="failed")
-    axes.axvline(1.0, color="black", linewidth=1.0)
-    axes.set(xscale="log", xlim=(_LEAST / 1.5, _MOST * 1.5), ylim=(len(problems) - 0.5, -0.5))
-    axes.set_yticks(range(len(problems)), [each.name for each in problems])
-    axes.set_xlabel("error / tolerance [-]; marks on the edges lie on or beyond them")
-    grid(axes)
-    axes.set_axisbelow(True)
-    figure.legend(loc="outside upper center", ncols=6, frameon=False)
-    return figure
-
-
 def report(
-    done: Mapping[str, Sequence[Told]], drawn_before: Mapping[str, str], quick: bool = False, only: Sequence[str] = ()
+    done: Mapping[str, Sequence[Told]], figures: Mapping[str, str], quick: bool = False, only: Sequence[str] = ()
 ) -> Report:
     """The manual, with `drawings`; the same rows and pictures give the same one. `only` are the names asked for."""
-    problems = list(chain(*done.values()))
-    tables = {each.table: DataFrame([cells(row) for row in each.rows], columns=HEADINGS) for each in problems}
+    every = [(chapter, each, row) for chapter, found in done.items() for each in found for row in each.rows]
     failed = [
         {**dict(zip(HEADINGS, map(escaped, cells(row)), strict=True)), "name": each.name, "table": each.table}
-        for each in problems for row in each.rows if not row.passed
+        for _, each, row in every if not row.passed
     ]  # fmt: skip
-    chapters = []
-    for name, found in done.items():
-        rows = [row for each in found for row in each.rows]
-        largest = max(row.ratio for row in rows)
-        counts = (len(found), len(rows), sum(not row.passed for row in rows))
-        chapters.append((name, *map(str, counts), f"{largest:.2g}" if math.isfinite(largest) else NOTHING))
-    headings = ("chapter", "problems", "rows", "failed", "largest error / tolerance")
-    figures = {"overview": drawn("verification-overview", partial(overview, problems)), **drawn_before}
+    lines = DataFrame(
+        [(chapter, each.name, not row.passed, row.ratio) for chapter, each, row in every],
+        columns=["chapter", "problems", "failed", _LARGEST],
+    )
+    counts = {"problems": "nunique", "rows": "size", "failed": "sum", _LARGEST: "max"}
+    chapters = lines.assign(rows=1).groupby("chapter", sort=False).agg(counts).reset_index()
+    tables = {each.table: DataFrame([cells(row) for row in each.rows], columns=HEADINGS)
+              for each in chain(*done.values())}  # fmt: skip
     values = {
-        "quick": quick, "only": only, "rows": sum(len(each.rows) for each in problems), "failed": failed,
+        "quick": quick, "only": only, "rows": len(every), "failed": failed, "figures": figures, "machine": machine(),
         "chapters": {chapter: [each._replace(about=escaped(each.about)) for each in found]
                      for chapter, found in done.items()},
-        "figures": figures, "machine": machine(),
         "versions": {name: version for name, version in versions().items() if version},
         "tolerances": {"exact": exact.TOLERANCE, "friction": exact.TOLERANCE_WITH_FRICTION, "touching": exact.TOUCHING,
                        "balance": benchmarks.BALANCE},
     }  # fmt: skip
-    return render("comparisons.verification", "verification", values,
-                  {**tables, "chapters": DataFrame(chapters, columns=headings)}, figures,
-                  failed=bool(failed) or not problems)  # fmt: skip
+    return render("comparisons.verification", "verification", values, {**tables, "chapters": chapters}, figures,
+                  forms={_LARGEST: fixed(".2g")}, failed=bool(failed) or not every)  # fmt: skip
 
 
 def cells(row: Row) -> tuple[str, ...]:

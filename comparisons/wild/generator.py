@@ -1,29 +1,294 @@
-"""The generator: a family and a number make a problem, always the same.
+"""The generator: a family and a number make a problem, always the same: a body, and what happens on its boundary.
 
 Each family is wild in one way, and now and then in another one as well; "everything" in half of them at once.
 """
 
-from collections.abc import Callable, Mapping
+import random
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, NamedTuple
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 
-from comparisons.wild.bodies import Dice, Part, body, with_parts
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Material,
-    Polynomial,
-    Region,
-    RigidPlate,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-)
-from qvi_contact.basics.checks import Field
-from qvi_contact.problem.conditions import Condition
+from qvi_contact import InputError, Polynomial, Region, TriangleMesh
+from qvi_contact.gallery import arc, fan
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
+from qvi_contact.types import BoolArray, Condition, Field, FloatArray, IntArray
+
+T = TypeVar("T")
+SIDES: Final = ("bottom", "right", "top", "left")
+_DISTORTION: Final = 0.2  # of the size of a cell
+_NEAR: Final = 1e-9  # of a line, relative
+
+
+class Dice:
+    """Choices that are the same on every machine and under every version of the libraries.
+
+    They are made by `random.Random.random` alone, whose sequence Python guarantees for a seed.
+    """
+
+    def __init__(self, *seed: object) -> None:
+        self._random = random.Random(" ".join(map(str, seed)))  # nothing secret
+
+    def between(self, low: float, high: float) -> float:
+        """A number, all alike probable."""
+        return low + (high - low) * self._random.random()
+
+    def magnitude(self, low: float, high: float) -> float:
+        """10 to the power of a number between low and high."""
+        return float(10.0 ** self.between(low, high))
+
+    def whole(self, low: int, high: int) -> int:
+        """A whole number from low to high, both included."""
+        return low + int((high + 1 - low) * self._random.random())
+
+    def chance(self, probability: float) -> bool:
+        """Whether something of this probability happens."""
+        return self._random.random() < probability
+
+    def pick(self, values: Sequence[T]) -> T:
+        """One of the values."""
+        return values[self.whole(0, len(values) - 1)]
+
+
+@dataclass(frozen=True)
+class Part:
+    """A named part of the boundary that faces one of `SIDES` best; `straight` if it is parallel to an axis."""
+
+    name: str
+    side: str
+    is_hole: bool
+    straight: bool
+
+
+def body(dice: Dice, length: float, traits: frozenset[str]) -> TriangleMesh:
+    """A mesh of a few cells; raises `InputError` where the mask of a grid is none that a mesh may have.
+
+    "polygons", "arcs" and "bodies" are other bodies than grids, "thin" ones 1e-3 to 1e3 times as high as wide; "masks"
+    leaves cells out, "joints" adds joints, "files" sends the mesh through a file.
+    """
+    if "arcs" in traits or "bodies" in traits:
+        mesh = _round(dice, length, "bodies" in traits)
+    elif "polygons" in traits:
+        mesh = (
+            _star(dice, length) if dice.chance(0.5) else quadrilateral(dice, length * dice.magnitude(-0.2, 0.5), length)
+        )
+        if dice.chance(0.5):
+            angle = dice.between(0.1, 6.2)
+            turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+            mesh = TriangleMesh(mesh.vertices @ turn.T, mesh.cells, mesh.edge_sets, mesh.regions)
+    else:
+        mesh = _grid(dice, length, traits)
+    if "joints" in traits:
+        mesh = _with_joints(dice, mesh, dice.whole(1, 4))
+    return _through_a_file(mesh, dice.pick(("msh", "inp", "med"))) if "files" in traits else mesh
+
+
+def _grid(dice: Dice, length: float, traits: frozenset[str]) -> TriangleMesh:
+    """1 to 6 cells each way, uniform, graded, or of any sizes."""
+    least = 3 if traits & {"masks", "joints"} else 1
+    columns, rows = dice.whole(least, 5), dice.whole(least, 5)
+    thin = "thin" in traits
+    aspect = dice.magnitude(-3.0, 3.0) if thin else dice.magnitude(-0.5, 0.5)
+    width, height = length / max(1.0, aspect), length * min(1.0, aspect)
+    start = dice.pick((0.0, 0.0, 0.0, -0.5, 1.0, 100.0))
+    x, y = (_lines(dice, n, size, thin, start) for n, size in ((columns, width), (rows, height)))
+    active = np.ones((rows, columns), dtype=bool)
+    if "masks" in traits:
+        _leave_out(dice, active)
+    return TriangleMesh.grid(x, y, active)
+
+
+def _lines(dice: Dice, number: int, length: float, wild: bool, start: float) -> FloatArray:
+    kind = dice.pick(("uniform", "uniform", "graded", "any"))
+    steps = np.ones(number)
+    if kind == "graded":
+        steps = (dice.magnitude(-0.7, 0.7) if wild else dice.between(0.6, 1.6)) ** np.arange(float(number))
+    elif kind == "any":
+        reach = 1.5 if wild else 0.4
+        steps = np.array([dice.magnitude(-reach, reach) for _ in range(number)])
+    return np.asarray(start * length + np.concatenate([[0.0], np.cumsum(steps)]) * length / steps.sum())
+
+
+def quadrilateral(dice: Dice, width: float, height: float) -> TriangleMesh:
+    """A rectangle, trapezoid, parallelogram, L, or a distorted mesh, with its base on y = 0."""
+    cells = (dice.whole(2, 5), dice.whole(2, 4))
+    mesh = TriangleMesh.rectangle(cells, width, height)
+    kind = dice.pick(("rectangle", "trapezoid", "skew", "step", "any"))
+    x, y = mesh.vertices.T
+    if kind == "step":  # without what lies right of a line and above another one
+        at, above = width * dice.whole(1, cells[0] - 1) / cells[0], height * (1 - 1 / cells[1])
+        centre = mesh.corners.mean(axis=1)
+        whole = mesh.part(np.flatnonzero((centre[:, 0] < at) | (centre[:, 1] < above)), {})
+        low, high = mesh.vertices.min(axis=0) + _NEAR, mesh.vertices.max(axis=0) - _NEAR
+        whole = whole.with_edges("bottom", lambda _, y: y < low[1])
+        whole = whole.with_edges("left", lambda x, y: (x < low[0]) & (y > low[1]))
+        whole = whole.with_edges("top", lambda _, y: y > high[1])
+        whole = whole.with_edges("right", lambda x, _: x > high[0])
+        return whole.with_edges("step", lambda x, y: (x > low[0]) & (y > low[1]) & (y < high[1]) & (x < high[0]))
+    if kind == "trapezoid":
+        x = x + dice.between(-0.3, 0.5) * (x / width - 0.5) * (y / height) * width
+    elif kind == "skew":
+        x = x + dice.between(-0.6, 0.6) * y
+    elif kind == "any":  # interior vertices anywhere near
+        inside = (x > 0.0) & (x < width) & (y > 0.0) & (y < height)
+        moves = np.array(
+            [[dice.between(-_DISTORTION, _DISTORTION), dice.between(-_DISTORTION, _DISTORTION)] for _ in x]
+        )
+        x = x + inside * moves[:, 0] * width / cells[0]
+        y = y + inside * moves[:, 1] * height / cells[1]
+    return TriangleMesh(np.column_stack([x, y]), mesh.cells, mesh.edge_sets)
+
+
+def _star(dice: Dice, length: float) -> TriangleMesh:
+    """A polygon of any corners around a point, convex or not, sometimes with a hole of its shape."""
+    corners = dice.whole(5, 10)
+    angles = 2.0 * np.pi * (np.arange(corners) + [dice.between(-0.3, 0.3) for _ in range(corners)]) / corners
+    radii = np.array([dice.between(0.5, 1.0) for _ in range(corners)])
+    outline = length / 2.0 * radii[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+    layers = dice.whole(2, 3)
+    lines = [outline * share for share in np.linspace(0.4, 1.0, layers)]
+    return fan(lines, closed=True, centre=None if dice.chance(0.3) else (0.0, 0.0))
+
+
+def _round(dice: Dice, length: float, nested: bool) -> TriangleMesh:
+    """A disc or a ring, whole or half; nested: with a joint all round between an inner and an outer part."""
+    sectors, whole = dice.pick((12, 16, 20)), dice.chance(0.6)
+    angles = (
+        2.0 * np.pi * np.arange(sectors) / sectors if whole else np.pi * np.arange(sectors // 2 + 1) / (sectors // 2)
+    )
+    hollow = dice.chance(0.5)
+    radii = np.array([0.3, 0.6, 1.0]) * length / 2.0
+    lines = [arc(radius, angles) for radius in radii]
+    names = ["outer", *(["joint"] if nested else []), *(["inner"] if hollow and whole else [])]
+    return fan(
+        lines, closed=whole, centre=None if hollow else (0.0, 0.0), joints={"joint": 1} if nested else None,
+        arcs=names if dice.chance(0.8) else (),
+    )  # fmt: skip
+
+
+def _with_joints(dice: Dice, mesh: TriangleMesh, number: int) -> TriangleMesh:
+    """Joints along lines of vertices inside the body, whole or in part, that may cross each other."""
+    size = float(np.ptp(mesh.vertices, axis=0).max())
+    for index in range(number):
+        axis = dice.whole(0, 1)
+        along, across = (np.unique(np.round(mesh.vertices[:, i], 14)) for i in (axis, 1 - axis))
+        if len(across) < 3:
+            continue
+        at = float(dice.pick(across[1:-1].tolist()))
+        start = float(dice.pick(along[:-1].tolist())) if dice.chance(0.25) else -np.inf
+
+        def on_it(x: FloatArray, y: FloatArray, axis: int = axis, at: float = at, start: float = start) -> BoolArray:
+            run, off = (x, y) if axis == 0 else (y, x)
+            return np.asarray((np.abs(off - at) <= _NEAR * size) & (run > start))
+
+        try:
+            mesh = mesh.with_joint(f"joint {index}", on_it)
+        except InputError:  # no two cells meet there
+            continue
+    return mesh
+
+
+def _through_a_file(mesh: TriangleMesh, ending: str) -> TriangleMesh:
+    """The mesh as a file of this ending gives it back: arcs are chords then, and names those of joints."""
+    import meshio
+
+    points = np.column_stack([mesh.vertices, np.zeros(len(mesh.vertices))])
+    blocks: list[tuple[str, IntArray]] = [("triangle", mesh.cells)]
+    blocks += [("line", mesh.edge_sets[name]) for name in mesh.joint_names]
+    tags = [np.full(len(cells), number) for number, (_, cells) in enumerate(blocks, start=1)]
+    if ending == "med" and len(blocks) > 2:  # all lines in one section
+        blocks = [blocks[0], ("line", np.concatenate([pairs for _, pairs in blocks[1:]]))]
+        tags = [tags[0], np.concatenate(tags[1:])]
+    names = ["body", *(name.replace(" ", "_") for name in mesh.joint_names)]
+    more: dict[str, Any] = {}
+    if ending == "msh":
+        more["cell_data"] = {"gmsh:physical": tags, "gmsh:geometrical": tags}
+        more["field_data"] = {name: np.array([n, 2 if n == 1 else 1]) for n, name in enumerate(names, start=1)}
+    elif ending == "med":
+        more["cell_data"] = {"cell_tags": [-tag for tag in tags]}
+    found: Any = meshio.Mesh(points, list[Any](blocks), **more)
+    if ending == "med":
+        found.cell_tags = {-n: [name] for n, name in enumerate(names, start=1)}
+    elif ending == "inp":
+        found.cell_sets = {
+            name: [np.arange(len(cells)) if k == n else np.zeros(0, dtype=int) for k, (_, cells) in enumerate(blocks)]
+            for n, name in enumerate(names)
+        }
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / f"mesh.{ending}"
+        options: dict[str, Any] = {"file_format": "gmsh22", "binary": False} if ending == "msh" else {}
+        found.write(path, **options)
+        return TriangleMesh.load(path)
+
+
+def with_parts(dice: Dice, mesh: TriangleMesh) -> tuple[TriangleMesh, list[Part]]:
+    """The boundary cut into parts: by the way edges face, by the line they lie on, or somewhere along it."""
+    edges, holes = mesh.boundary, mesh.hole_edges
+    middle = mesh.points_along(edges, np.array([0.5]))
+    middles = np.column_stack([each[:, 0] for each in middle])
+    turned = np.floor(np.arctan2(edges.normal[:, 1], edges.normal[:, 0]) / (np.pi / 2.0) + 2.5 - 1e-9).astype(int) % 4
+    side = np.array([3, 0, 1, 2])[turned]  # numbers in SIDES
+    axial = (np.abs(edges.normal).max(axis=1) > 1.0 - 1e-12) & ~edges.bent
+    sets = {name: mesh.edge_sets[name] for name in mesh.joint_names}
+    parts = []
+    for number, hole in ((number, hole) for hole in (False, True) for number in range(4)):
+        chosen = np.flatnonzero((side == number) & (holes == hole))
+        if not len(chosen):
+            continue
+        run = 0 if SIDES[number] in ("bottom", "top") else 1
+        name, groups = f"{SIDES[number]}{' of a hole' if hole else ''}", [chosen]
+        at = np.unique(np.round(middles[chosen, 1 - run], 12))
+        if axial[chosen].all() and len(at) > 1 and (holes.any() or dice.chance(0.5)):
+            groups = [chosen[np.isclose(middles[chosen, 1 - run], each, rtol=1e-9, atol=1e-11)] for each in at]
+        elif len(chosen) > 1 and dice.chance(0.15):
+            cut = float(dice.pick(sorted(middles[chosen, run].tolist())[:-1]))
+            groups = [chosen[middles[chosen, run] <= cut], chosen[middles[chosen, run] > cut]]
+        for count, group in enumerate(each for each in groups if len(each)):
+            own = name if len(groups) == 1 else f"{name} {count}"
+            sets[own] = np.column_stack([edges.first[group], edges.second[group]])
+            parts.append(Part(own, SIDES[number], hole, bool(axial[group].all())))
+    return replace(mesh, edge_sets=sets), parts
+
+
+def _leave_out(dice: Dice, active: BoolArray) -> None:  # noqa: C901 - a case each
+    """Cells left out of a grid, in one way or another."""
+    rows, columns = active.shape
+    twice = ("comb", "comb", "slit", "slit")
+    kinds = (*twice, "checkerboard", "touching", "corner", "stairs", "waist", "window", "window", "any")
+    match dice.pick(kinds):
+        case "comb":  # teeth that hang down, or stand up
+            active[: dice.whole(1, rows - 1), dice.whole(0, 1) :: 2] = False
+            if dice.chance(0.5):
+                active[:] = active[::-1].copy()
+        case "slit":  # a row or column cut out from one end, not to the other
+            if dice.chance(0.5):
+                active[dice.whole(0, rows - 1), : dice.whole(1, columns - 1)] = False
+            else:
+                active[: dice.whole(1, rows - 1), dice.whole(0, columns - 1)] = False
+        case "checkerboard":  # cells that meet in corners only, held together by a row and a column
+            row, column = np.indices(active.shape)
+            active[(row + column) % 2 == 1] = False
+            active[-1] = active[:, 0] = True
+        case "touching":  # two cells missing that meet in a corner
+            across, up = dice.whole(0, rows - 2), dice.whole(0, columns - 2)
+            active[across, up] = active[across + 1, up + 1] = False
+        case "corner":  # an L
+            active[dice.whole(1, rows - 1) :, dice.whole(1, columns - 1) :] = False
+        case "stairs":  # every row shorter than the one below
+            for above in range(rows):
+                active[above, max(1, columns - above) :] = False
+        case "waist":  # cut in from both sides
+            across = dice.whole(1, max(1, rows - 2))
+            active[across, : dice.whole(0, 1)] = active[across, 2 + dice.whole(0, 1) :] = False
+        case "window":  # a hole
+            active[1 : dice.whole(2, rows - 1), 1 : dice.whole(2, columns - 1)] = False
+        case _:
+            for place in np.ndindex(active.shape):
+                active[place] = not dice.chance(0.15)
+
 
 FAMILIES: Final = (
     "thin", "units", "friction", "poisson", "masks", "joints", "gaps", "laws", "plates", "fluids", "incompressible",
@@ -38,7 +303,7 @@ _TRAITS: Final = tuple(name for name in FAMILIES if name not in ("everything", "
 _STRAY: Final = 0.04
 """Probability of a trait that is not the family's own."""
 
-_NEAR: Final = (0.5, 0.499999, 0.4999, 0.49, -0.9, -0.99, -0.9999, -0.999999)
+_RATIOS: Final = (0.5, 0.499999, 0.4999, 0.49, -0.9, -0.99, -0.9999, -0.999999)
 """Poisson's ratios at the ends; 0.5 itself in plane stress alone, see "incompressible" for plane strain."""
 
 
@@ -67,7 +332,7 @@ def wild_problem(family: str, number: int) -> Wild:
 def _material(dice: Dice, young: float, traits: frozenset[str], plane: Any) -> Material:
     poisson = dice.pick((0.0, 0.2, 0.3, 0.45))
     if "poisson" in traits:
-        poisson = dice.pick([value for value in _NEAR if value < 0.5 or plane == "stress"])
+        poisson = dice.pick([value for value in _RATIOS if value < 0.5 or plane == "stress"])
     return Material(young, 0.5 if "incompressible" in traits else poisson, plane)
 
 
@@ -205,7 +470,7 @@ class Maker:
             given = dict.fromkeys(given, 0.0)
         far = dice.magnitude(0.0, 4.0) if "plates" in self.traits and dice.chance(0.3) else dice.between(0.0, 1.0)
         near = (float(self.mesh.vertices[:, 0].mean()), float(self.mesh.vertices[:, 1].mean()))
-        pivot = (near[0] + far * extent * dice.sign(), near[1] + extent * dice.between(-1.0, 1.0))
+        pivot = (near[0] + far * extent * dice.pick((-1.0, 1.0)), near[1] + extent * dice.between(-1.0, 1.0))
         if "moment" in given and dice.chance(0.7):  # the moment of a force at the middle, plus a little
             arms = (near[0] - pivot[0]) * given.get("force_y", 0.0) - (near[1] - pivot[1]) * given.get("force_x", 0.0)
             given["moment"] = arms + 0.1 * given["moment"]

@@ -15,27 +15,13 @@ from pandas import DataFrame
 
 from comparisons.lab.reports import Report, render
 from comparisons.lab.studies import Row, Study, frame_of
-from comparisons.wild.bodies import Dice, quadrilateral
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Material,
-    Mises,
-    MohrCoulomb,
-    NoTension,
-    Polynomial,
-    QVIError,
-    Region,
-    Traction,
-    Tresca,
-    limit_load_factor,
-    limit_proof,
-)
+from comparisons.wild.generator import Dice, quadrilateral
+from qvi_contact import QVIError, limit_load_factor, limit_proof
 from qvi_contact.limit import check
 from qvi_contact.limit.load_factor import LimitProblem
-from qvi_contact.limit.stresses import StressProgram
-from qvi_contact.problem.conditions import Condition, Law
-from qvi_contact.problem.material import Plane, Strength
+from qvi_contact.problem import Contact, ContactProblem, Material, Polynomial, Region, Traction
+from qvi_contact.problem.material import Mises, MohrCoulomb, NoTension, Strength, Tresca
+from qvi_contact.types import Condition, Law, Plane
 
 ROUNDING: Final = 1e-7
 """Relative difference by which sides that meet may be in the wrong order."""
@@ -93,10 +79,6 @@ def _strength(dice: Dice) -> Strength | None:
 
 def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
     """The task of the study: "strengths", "lower" and "upper", the proved ones, and why a side has no proof."""
-
-    def number(value: float) -> float | str:  # rows are JSON, which has no infinity
-        return float(value) if np.isfinite(value) else str(value)
-
     problem, load, degree = stated(case["number"])
     strengths = " and ".join(dict.fromkeys("rigid" if each.strength is None else each.strength.kind
                                            for each in problem.materials))  # fmt: skip
@@ -106,7 +88,7 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
         limit = limit_load_factor(problem, [load], degree=degree)
     except QVIError as error:
         return {**asked, "status": type(error).__name__, "message": str(error)}
-    found = {**asked, "status": "solved", "lower": number(limit.lower), "upper": number(limit.upper)}
+    found = {**asked, "status": "solved", "lower": limit.lower, "upper": limit.upper}
     if limit.lower == -np.inf:
         found["nothing"] = _why_nothing(problem, load, degree, limit.upper)
     try:
@@ -114,7 +96,7 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
         *proved, _ = check(json.loads(json.dumps(proof)))
     except QVIError as error:
         return {**found, "missing_lower": str(error), "missing_upper": str(error)}
-    sides = {f"proved_{side}": None if value is None else number(float(value))
+    sides = {f"proved_{side}": None if value is None else float(value)
              for side, value in zip(("lower", "upper"), proved, strict=True)}  # fmt: skip
     return {**found, **sides, **{f"missing_{side}": reason for side, reason in proof["missing"].items()}}
 
@@ -130,7 +112,7 @@ def _why_nothing(problem: ContactProblem, load: str, degree: int, upper: float) 
     lacking = []
     for each in (problem, fine):
         posed = LimitProblem.of(each, (load,), degree=min(degree, 4))
-        lacking.append(-StressProgram(posed.low, posed.high).room())
+        lacking.append(-posed.stresses.room())
     if lacking[0] < ROUNDING:
         return "rounding: limits leave no room"
     if lacking[1] < LASTING * lacking[0]:

@@ -1,17 +1,9 @@
 """Problems of every family, built, solved and judged; where there is no answer, whether there is one; and the report.
 
-| outcome    | meaning                                                                                              |
-|------------|------------------------------------------------------------------------------------------------------|
-| refused    | `InputError`, when the problem is made or solved                                                     |
-| solved     | certified, and the independent check of `judge` found nothing                                        |
-| wrong      | certified, and that check found something                                                            |
-| infeasible | proved to have no solution, by a mechanism on any mesh or by multipliers on this one                 |
-| open       | any other status                                                                                     |
-| foreign    | an exception that is not the package's own                                                           |
-
-An open problem counts as solvable where another method has a certified answer, or `judge.enumerated` finds that there
-is a solution. Whether any traction is admissible is asked as well: without one there is no solution, with one there
-need not be any, as friction takes the pressure that the body has and not the one it would need.
+What outcomes mean is said in `report.md`. An open problem counts as solvable where another method has a certified
+answer, or `judge.enumerated` finds that there is a solution. Whether any traction is admissible is asked as well:
+without one there is no solution, with one there need not be any, as friction takes the pressure that the body has and
+not the one it would need.
 """
 
 import time
@@ -29,7 +21,7 @@ from comparisons.wild.generator import FAMILIES, wild_problem
 from comparisons.wild.judge import EXISTS, NONE, UNDECIDED, compare, enumerated, wrong
 from qvi_contact import ContactResult, InputError, QVIError, solve
 from solvers import Status
-from solvers.basics.names import known_name
+from solvers.basics.checks import known_name
 from solvers.certificate.feasibility import check_feasibility
 from solvers.factorisation import FactorisationError
 

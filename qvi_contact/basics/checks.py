@@ -45,24 +45,9 @@ def check_field(field: str, value: object, *, minimum: float | None = None) -> N
 
 
 def evaluate(name: str, field: Field, x: FloatArray, y: FloatArray, *, minimum: float | None = None) -> FloatArray:
-    """Values of `field` at the points (x, y), checked.
+    """Values of `field`, which messages call by that name, at points (x, y) of any shape [length].
 
-    Parameters
-    ----------
-    name : str
-        What to call the field in an error message.
-    field : float or callable
-        The number, or the function of (x, y) [length].
-    x, y : (...) arrays
-        Coordinates [length].
-    minimum : float, optional
-        Smallest admissible value.
-
-    Raises
-    ------
-    InputError
-        If the function fails, or its values have another shape, are not finite, or are below `minimum`.
-
+    `InputError` if the function fails, or its values have another shape, are not finite, or are below `minimum`.
     """
     if not callable(field):
         check_field(name, field, minimum=minimum)

@@ -34,7 +34,7 @@ from typing import (
 )
 
 from qvi_contact.errors import InputError
-from solvers.basics.names import closest
+from solvers.basics.checks import closest
 from solvers.basics.records import dataclass
 
 LARGEST: Final = 1e60
@@ -247,7 +247,7 @@ class Listed(Kind):
         if not isinstance(value, list):
             raise InputError("", value, "give a list, in [ ]")
         if len(value) < self.least:
-            raise InputError("", value, f"give a list of {self.least} entries")
+            raise InputError("", value, f"give a list of at least {self.least} entries")
         if self.most is not None and len(value) > self.most:
             raise InputError("", value, f"give a list of at most {self.most} entries")
         index = 0
@@ -359,29 +359,20 @@ class Tagged(Kind):
 
 
 class Key(NamedTuple):
-    """What there is to say of a datum beside its name, default and meaning.
-
-    Attributes
-    ----------
-    kind : Kind
-        Its values.
-    needed : bool or None
-        Whether a file must have it; by default where the field has no default.
-    like : str
-        Name of the key whose value it has by default.
-    tied : bool
-        Whether a tied contact can have it.
-    symbol, unit : str
-        What pictures call it, and the quantity whose unit it has: "stress", "length", "force", "moment"; "rad" or none.
-
-    """
+    """What there is to say of a datum beside its name, default and meaning."""
 
     kind: Kind
+    """Its values."""
     needed: bool | None = None
+    """Whether a file must have it; by default where the field has no default."""
     like: str = ""
+    """Name of the key whose value it has by default."""
     tied: bool = True
+    """Whether a tied contact can have it."""
     symbol: str = ""
+    """What pictures call it."""
     unit: str = ""
+    """The quantity whose unit it has: "stress", "length", "force", "moment"; "rad" or none."""
 
 
 def key(**said: Any) -> dict[str, Any]:
@@ -454,11 +445,7 @@ def is_needed(kind: type, name: str) -> bool:
 def read_values(kind: type, data: Any, reader: Reader, also: tuple[str, ...] = (), partly: bool = False) -> Any:
     """The values of a table by name; keys in `also` have been read, and `partly` needs none.
 
-    Raises
-    ------
-    InputError
-        If it is no table, has a key that is not known or a bad value, or lacks a key.
-
+    `InputError` if it is no table, has a key that is not known or a bad value, or lacks a key.
     """
     known = file_keys(kind)
     if not isinstance(data, dict):

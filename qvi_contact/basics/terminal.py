@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import TYPE_CHECKING, Any, Final, NoReturn, Protocol, TextIO, cast
@@ -153,10 +153,6 @@ class _Output:
     def write(self, text: str) -> int:
         with self._remembering():
             return self._stream.write(text)
-
-    def writelines(self, lines: Iterable[str]) -> None:
-        with self._remembering():
-            self._stream.writelines(lines)
 
     def flush(self) -> None:
         with self._remembering():

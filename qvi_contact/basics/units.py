@@ -24,33 +24,17 @@ _NUMBER: Final = re.compile(r"(?<=\d )\[(length|stress|stress × length)\]")
 class Units:
     """What the user's numbers are measured in: labels for pictures and files.
 
-    Parameters
-    ----------
-    length : str
-        Unit of coordinates and displacements, such as "m" or "mm": `length = "mm"`.
-    stress : str
-        Unit of stresses and moduli, such as "Pa" or "MPa": `stress = "MPa"`.
-
-    Raises
-    ------
-    InputError
-        If a label is not a non-empty text of one line.
-
+    `InputError` if a label is not a non-empty text of one line.
     """
 
     length: Name = "length"
+    """Unit of coordinates and displacements, such as "m" or "mm": `length = "mm"`."""
     stress: Name = "stress"
+    """Unit of stresses and moduli, such as "Pa" or "MPa": `stress = "MPa"`."""
 
     @classmethod
     def labels(cls, units: object, quantities: Mapping[str, str]) -> dict[str, str]:
-        """Name → unit, of names and the quantity that each is; none where no units are given.
-
-        Raises
-        ------
-        InputError
-            If `units` are neither `Units` nor None.
-
-        """
+        """Name → unit, of names and the quantity that each is; none where no units are given."""
         if units is None:
             return {}
         if not isinstance(units, cls):
@@ -126,22 +110,8 @@ def shown(value: float, least: float = 0.0, digits: int = 6) -> str:
 class Rounding:
     """Sizes up to which numbers of a result are rounding: 1e-9 of units of its problem or result, or another share.
 
-    With S, D and L the units of stress, displacement and length, those of forces, moments, rotations and energies are
-    S L, S L², D/L and S D L.
-
-    Attributes
-    ----------
-    stress : float
-        1e-9 S [stress].
-    displacement : float
-        1e-9 D, for displacements, gaps and slips [length].
-    force, moment : float
-        1e-9 S L and 1e-9 S L², a unit of thickness [stress × length, stress × length²].
-    rotation : float
-        1e-9 D/L [rad].
-    energy : float
-        1e-9 S D L, a unit of thickness [stress × length²].
-
+    With S, D and L the units of stress, displacement and length, those of forces and moments a unit of thickness,
+    rotations [rad] and energies are S L, S L², D/L and S D L.
     """
 
     stress: float = 0.0

@@ -37,13 +37,8 @@ def given_path(field: str, value: object) -> Path:
 def replacing(path: str | Path) -> Iterator[Path]:
     """Give a temporary name to write to; when the block ends well, what was written becomes the contents of `path`.
 
-    An earlier file of that name survives any failure of the block, and keeps its mode after it.
-
-    Raises
-    ------
-    InputError
-        If the folder or file cannot be written.
-
+    An earlier file of that name survives any failure of the block, and keeps its mode after it. `InputError` if the
+    folder or file cannot be written.
     """
     path = given_path("output", path)
     try:
@@ -64,14 +59,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 
 def check_writable(path: str | Path, field: str = "output") -> None:
-    """Find out before any work is done whether `replacing` can write a file.
-
-    Raises
-    ------
-    InputError
-        If it cannot; about `field`, the option that named it.
-
-    """
+    """Find out before any work is done whether `replacing` can write a file; `InputError` about `field` if not."""
     path = given_path(field, path)
     try:
         target, earlier = _followed(path)
@@ -155,11 +143,7 @@ def check_suffix(option: str, path: str | Path, suffix: str) -> None:
 def writable_folder(path: str | Path, field: str = "output") -> Path:
     """Make the folder if it is missing, and find out before any work is done whether it can be written.
 
-    Raises
-    ------
-    InputError
-        If it cannot, or is a file; about `field`, the option that named it.
-
+    `InputError` if it cannot, or is a file; about `field`, the option that named it.
     """
     folder = given_path(field, path)
     try:
@@ -208,14 +192,8 @@ def open_regular(path: str | Path) -> BinaryIO:
 def read_arrays(field: str, path: str, stream: BinaryIO) -> dict[str, NDArray[Any]]:
     """All entries of an open .npz file, each read to its end so that nothing truncated goes unnoticed.
 
-    Raises
-    ------
-    InputError
-        About `field`, if the entries have more than `LARGEST` bytes in all; nothing is read then.
-    Exception
-        Of many kinds (of zip, zlib, NumPy) for what is no such file, is broken, names two entries alike, or holds
-        pickles.
-
+    `InputError` about `field` if the entries have more than `LARGEST` bytes in all; nothing is read then. Exceptions of
+    many kinds (of zip, zlib, NumPy) for what is no such file, is broken, names two entries alike, or holds pickles.
     """
     import numpy as np  # commands that only write files, or show their help, need none
 

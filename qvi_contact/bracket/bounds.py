@@ -2,7 +2,7 @@
 
 What is bracketed is a convex problem, its friction bounds held fixed; its stress obeys the law on whole edges. Bounds
 need data that are the same in both models. Functions are looked at in `bernstein.SAMPLES` of every edge and 169 points
-of every cell; what happens between those nobody sees.
+of every cell.
 
 If the only datum that is not zero is a displacement a of one support or obstacle, constant along it, and no energy is
 lost in friction, all equations and inequalities are homogeneous. Then ∫ σ : ε(u) dx = a R with R the resultant that
@@ -15,10 +15,10 @@ In `docs/theory.md`: (D19), (D20), (D21).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import combinations
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -39,10 +39,10 @@ from qvi_contact.bracket.parts import (
     initial_work,
     strain_energy,
 )
-from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_shares
+from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_contacts, with_shares
 from qvi_contact.companion import CompanionResult, solve_companion, solve_companions
 from qvi_contact.companion.body import PARALLEL
-from qvi_contact.companion.model import check_scope
+from qvi_contact.companion.model import checked
 from qvi_contact.companion.space import HIGHEST, triangle
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import is_polynomial, physical, scaled_stress_at_rest, spanned
@@ -54,11 +54,10 @@ from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import allowed_misfit, obstacle_work, rest_on_arcs, support_work
 from qvi_contact.version import __version__
-from solvers import Iteration, Status, solve_qvi
+from solvers import Status, solve_qvi
 from solvers.basics.progress import Log, deadline
 from solvers.basics.records import dataclass
 from solvers.factorisation import FactorisationError
-from solvers.settings import Settings
 from solvers.solution import WHAT_TO_DO
 from solvers.solve import followed_solutions, traction_difference
 
@@ -90,14 +89,7 @@ class EarlierSlip:
 def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str, ...]]:
     """A step of a history as the result of one problem, with the slip computed before in its offsets, and a reason.
 
-    Where edges go on straight that slip is made continuous, as displacements are. Other results stay as they are,
-    without a reason.
-
-    Raises
-    ------
-    InputError
-        If a contact has slipped before along arcs.
-
+    Where edges go on straight that slip is made continuous, as displacements are; along arcs it is an `InputError`.
     """
     known, changed, mesh = result.discretization, dict[str, Contact](), result.problem.mesh
     for rows, contact in zip(known.contacts, result.problem.contacts, strict=True):
@@ -121,24 +113,18 @@ def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str,
         changed[contact.name] = replace(contact, offset=EarlierSlip(contact.offset, first, second - first, slip))
     if not changed:
         return result, ()
-    conditions = [
-        changed.get(each.name, each) if isinstance(each, Contact) else each for each in result.problem.conditions
-    ]
-    step = known.with_data(replace(result.problem, conditions=conditions), known.scales)
+    step = known.with_data(with_contacts(result.problem, changed), known.scales)
     names = ", ".join(map(repr, changed))
-    reason = (
-        f"The slip of {names} in the steps before is taken as it was computed: bounds are those of this step alone."
-    )
+    reason = f"The slip of {names} in the steps before is taken as computed: bounds are those of this step alone."
     return ContactResult(step, result.solution), (reason,)
 
 
 def admissible_stress(
-    discretization: Discretization, bound: FloatArray, result: ContactResult, tolerance: float, **options: Any
+    discretization: Discretization, bound: FloatArray, result: ContactResult, tolerance: float
 ) -> tuple[ContactResult, str]:
     """The stress of the result where it is admissible for a bound (e, q) up to the tolerance, else the best that is.
 
-    The tolerance is relative to the largest contact traction; options of the solve are those of `solve_qvi`. The
-    message says why there is no such stress, and is empty if there is.
+    The tolerance is relative to the largest contact traction. The message says why there is no such stress.
     """
 
     def violation(result: ContactResult) -> float:
@@ -150,7 +136,7 @@ def admissible_stress(
     if violation(result) <= tolerance:
         return result, ""
     qvi = discretization.qvi  # with m > 0, as something is violated
-    solution = solve_qvi(qvi.with_bound(np.maximum(bound.ravel(), 0.0)), tolerance=tolerance, **options)
+    solution = solve_qvi(qvi.with_bound(np.maximum(bound.ravel(), 0.0)), tolerance=tolerance)
     strict = ContactResult(discretization, solution)
     message = f"No strictly admissible stress was found: {solution.message}"
     if solution.status in (Status.INFEASIBLE, Status.INNER_INFEASIBLE):
@@ -170,9 +156,8 @@ _CROSSED = 1e-9  # of the strain energy: lower − upper that is more than round
 def data_reasons(discretization: Discretization) -> tuple[str, ...]:
     """Which data are no polynomials of the degree that the stress holds exactly, one sentence each.
 
-    Tractions and friction bounds c and t_max are held up to the degree of tractions along an edge, p − 2, a body
-    potential up to 5 on cells, and up to p − 2 along contacts. Springs have one stiffness on an edge. What of supports,
-    gaps and offsets displacements do not hold says `CompanionResult.reasons`.
+    Tractions and friction bounds c and t_max are held up to the degree p − 2 of tractions along an edge, a body
+    potential up to 5 on cells, and up to p − 2 along contacts. Springs have one stiffness on an edge.
     """
     problem, space, found = discretization.problem, discretization.space, list[str]()
     most = space.traction_degree
@@ -252,8 +237,6 @@ def bracket(
     tolerance: float = 1e-8,
     *,
     time_limit: float | None = None,
-    max_iterations: int | None = None,
-    callback: Callable[[Iteration], object] | None = None,
     verbose: bool = False,
 ) -> Bracket:
     """Bounds of the energy of the problem that a result belongs to, and an error indicator for each cell.
@@ -269,17 +252,15 @@ def bracket(
         J(v) + J*(τ) ≥ ½ ∫ ε(u − v) : C : ε(u − v) + ½ ∫ (σ − τ) : c : (σ − τ).
 
     The stress τ is that of the result, if it obeys the contact law on whole edges, else it is computed anew for the
-    same bound; v are displacement elements on the same mesh (`solve_companion`). Which problem is bracketed says
-    `Bracket.kind`: for laws without Coulomb friction the one stated; else s = μ|σ_N| is held fixed, and the gap is an
-    indicator, as it is without the part that comes from s itself, which `Bracket.outer` measures. The errors under
-    Coulomb's law itself are bounded by `Bracket.coulomb`. A step of a history is bracketed as the problem that it is
-    when the slip of the steps before is what was computed: what that slip is off by is not counted, and the bounds are
-    called estimates.
+    same bound; v are displacement elements on the same mesh (`solve_companion`). Without Coulomb friction the problem
+    stated is bracketed; else s = μ|σ_N| is held fixed, and the gap is an indicator without the part that comes from s
+    itself: `Bracket.coulomb` bounds the errors under Coulomb's law. In a step of a history the slip of the steps before
+    is taken as computed, and bounds are called estimates.
 
     Parameters
     ----------
     result : ContactResult
-        A result with a stress state, from any method, collocated or strict.
+        A result with a stress state.
     degree : int, optional
         Of the displacement elements, see `solve_companion`; by default that of Φ, at most 5.
     tolerance : float
@@ -287,8 +268,6 @@ def bracket(
         stress, counts as admissible; what that may cost is estimated and taken off the lower bound (`Bracket.slack`).
     time_limit : float, optional
         Seconds for the two solves together; a bound that is not found in time is infinite.
-    max_iterations, callback
-        Iterations of each solve at most, and who is called with each iteration, as for `solve`.
     verbose : bool
         Print a header, a line for each iteration of the solves, and a footer with what is bounded and the time.
 
@@ -306,22 +285,16 @@ def bracket(
     -----
     Theory: W. Prager, J. L. Synge, Approximations in elasticity based on the concept of function space, Quart. Appl.
     Math. 5 (1947); P. Ladevèze, D. Leguillon, Error estimate procedure in the finite element method and applications,
-    SIAM J. Numer. Anal. 20 (1983). Integrals are by Gauss quadrature, exact for polynomial data, the friction work by
-    pieces between the zeros of the slip. "Guaranteed" holds up to rounding and the tolerance, and as far as the points
-    show at which data given as functions are looked at (`data_reasons`).
+    SIAM J. Numer. Anal. 20 (1983). "Guaranteed" holds up to rounding and the tolerance, and as far as the points show
+    at which data given as functions are looked at (`data_reasons`).
 
     """
     if not isinstance(result, ContactResult):
         raise InputError("result", result, "give a ContactResult")
     if not 0.0 < finite_number("tolerance", tolerance) <= LOOSEST:
         raise InputError("tolerance", tolerance, f"give a number above 0, at most {LOOSEST:g}")
-    check_scope(result.problem)
     beside = min(result.discretization.space.degree, HIGHEST)  # one less has the same order, but half of the gap
-    degree = triangle(beside if degree is None else degree).degree
-    options: dict[str, Any] = {"callback": callback}
-    if max_iterations is not None:
-        options["max_iterations"] = max_iterations
-    _ = Settings.of(None, options)
+    degree = checked(result.problem, beside if degree is None else degree, tolerance).degree
     result, earlier = after_earlier_slip(result)
     rough = ", ".join(repr(contact.name) for contact in result.problem.contacts if has_coulomb(contact))
     kind = BracketKind.GIVEN_BOUND if rough else BracketKind.PROBLEM
@@ -330,15 +303,15 @@ def bracket(
     reasons = (*earlier, *([f"The friction bound on {rough} was taken from the computed pressure."] if rough else []))
     with deadline(time_limit), Log(f"qvi_contact {__version__}: bracket", verbose) as log:
         log.begin({"what": kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
-        stress, refused = admissible_stress(known, given.bound, result, tolerance, **options)
-        shared: SharedStress | str = with_shares(result, tolerance, **options) if rough else ""
+        stress, refused = admissible_stress(known, given.bound, result, tolerance)
+        shared: SharedStress | str = with_shares(result, tolerance) if rough else ""
         slip: list[Mapping[str, FloatArray]] = [{}]
         if isinstance(shared, SharedStress):  # a displacement for Coulomb's law, too
             slip.append({name: share.slipping for name, share in shared.shares.items()})
         bound = given.bound * known.scales.stress
         law = {rows.name: bound[rows.edges] for rows in known.contacts if rows.law != "tied"}
         first, *more = solve_companions(
-            known.problem, [law] * len(slip), degree=degree, tolerance=tolerance, slip_directions=slip, **options
+            known.problem, [law] * len(slip), degree=degree, tolerance=tolerance, slip_directions=slip
         )
         found = _assemble(known, kind, given, reasons, stress, refused, first)
         bounds: CoulombBounds | str = shared if isinstance(shared, str) else "No admissible displacement was found."
@@ -367,12 +340,11 @@ def _assemble(
     complementary += work
     size = max(strain, abs(complementary), held, 1e-300)
     inside, moved = np.zeros(mesh.cell_count), companion.has_state
-    contacts, slack, outer = dict[str, EdgeParts](), 0.0, 0.0
+    contacts, slack = dict[str, EdgeParts](), 0.0
     if moved:
         inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
-        contacts, slack, outer = edge_parts(
-            fields, discretization, EdgeTractions.of(discretization, u), given.bound, companion
-        )
+        own = EdgeTractions.of(discretization, u)
+        contacts, slack = edge_parts(fields, discretization, own, given.bound, companion)
     lower = -complementary - slack if not refused else -np.inf
     upper = companion.energy if moved else np.inf
     parts = inside + by_cell(problem, {name: each.total for name, each in contacts.items()})
@@ -411,17 +383,11 @@ def _assemble(
         bulk=inside,
         contacts=contacts,
         cell_gaps=np.maximum(parts, 0.0),
-        outer=outer if kind is BracketKind.GIVEN_BOUND else 0.0,
         slack=slack,
         driven=force_bounds(discretization, not given.bound.any(), lower, upper),
         result=stress,
         companion=companion,
     )
-
-
-# Several solutions of one discrete problem. They are compared with the displacement model on the same mesh, under the
-# same friction law, by the energy of what the strains differ. Displacements may have several solutions too: the
-# comparison is an indication of the branch, and no proof.
 
 
 @dataclass(frozen=True, eq=False)
@@ -434,7 +400,7 @@ class Branches:
         All that were found, the one nearest to the displacement model first. If there are several, a remark of each
         says so.
     distances : tuple of float
-        d of each, see `other_solutions`; NaN without a displacement model.
+        d of each, see `other_solutions`: an indication, no proof. NaN without a displacement model.
     companion : CompanionResult or None
         The displacement model; None if there is nothing to choose from, or it cannot represent the problem.
     message : str
@@ -464,25 +430,8 @@ def other_solutions(result: ContactResult, *, time_limit: float | None = None) -
 
     U the largest strain energy of the solutions. A v that is a rigid motion confirms one without stress.
 
-    That no other solution was found does not prove that there is none.
-
-    Parameters
-    ----------
-    result : ContactResult
-        Solved.
-    time_limit : float, optional
-        Seconds for following the friction.
-
-    Returns
-    -------
-    Branches
-        At least with the result given.
-
-    Raises
-    ------
-    InputError
-        If the result is not solved, or belongs to a step of a history.
-
+    That no other solution was found does not prove that there is none. `time_limit` are the seconds for following the
+    friction. `InputError` if the result is not solved, or belongs to a step of a history.
     """
     if not isinstance(result, ContactResult) or result.status is not Status.SOLVED:
         raise InputError("result", result, "give a result whose status is solved")
@@ -493,35 +442,31 @@ def other_solutions(result: ContactResult, *, time_limit: float | None = None) -
     found = followed_solutions(result.solution, time_limit=time_limit)
     if len(found) == 1:
         return Branches((result,), (np.nan,), None, "No other solution was found by following the friction.")
-    results = [ContactResult(result.discretization, solution) for solution in found]
-    companion, unknown = None, "No displacement model on this mesh confirms one of them"
+    results, companion = [ContactResult(known, solution) for solution in found], None
     try:
         model = solve_companion(result.problem)
-        companion = model if model.status is Status.SOLVED else None
-        unknown = f"{unknown}: {model.message}"
+        companion, reason = (model if model.status is Status.SOLVED else None), model.message
     except InputError as error:
-        unknown = f"{unknown}: {error}."
+        reason = f"{error}."
+    compared = f"No displacement model on this mesh confirms one of them: {reason}"
     distances, largest = np.full(len(results), np.nan), max(each.energies.strain for each in results)
-    for i, each in enumerate(results if companion is not None else ()):
-        assert companion is not None
-        fields = CellFields.of(each.discretization, each.dofs, companion.degree)
-        strain: FloatArray = companion.cell_strain(*fields.t[:, -2:].T)
-        distances[i] = np.sqrt(bulk(fields, each.problem.compliances, strain).sum() / largest)
-    order = np.argsort(distances, kind="stable")  # as they are, without a companion
-    results, distances = [results[i] for i in order], distances[order]
-    message = f"{_several(results)} {unknown}"
     if companion is not None:
-        shares = ", ".join(f"{100.0 * distance:.3g} %" for distance in distances)
-        message = (
-            f"{_several(results)} Their strains differ from those of the displacement model on the same mesh by "
-            f"{shares} of the largest, in the energy norm."
+        for i, each in enumerate(results):
+            fields = CellFields.of(known, each.dofs, companion.degree)
+            strain = companion.cell_strain(*fields.t[:, -2:].T)
+            distances[i] = np.sqrt(bulk(fields, result.problem.compliances, strain).sum() / largest)
+        compared = (
+            "Their strains differ from those of the displacement model on the same mesh by "
+            f"{', '.join(f'{100.0 * distance:.3g} %' for distance in np.sort(distances))} of the largest, in the "
+            "energy norm."
         )
-    told = []
-    for i, each in enumerate(results):  # in place of what its own solve had suspected
-        place = f" This one is {'the' if i == 0 else 'not the'} nearest." if companion is not None else ""
-        solution = replace(each.solution, remarks=(f"{message}{place} {WHAT_TO_DO}",))
-        told.append(ContactResult(result.discretization, solution))
-    return Branches(tuple(told), tuple(distances.tolist()), companion, message)
+    message, told = f"{_several(results)} {compared}", list[ContactResult]()
+    order = np.argsort(distances, kind="stable")  # as they are, without a companion
+    for i in order.tolist():  # in place of what its own solve had suspected
+        place = "" if companion is None else f" This one is {'not ' if told else ''}the nearest."
+        remarks = (f"{message}{place} {WHAT_TO_DO}",)
+        told.append(ContactResult(known, replace(found[i], remarks=remarks)))
+    return Branches(tuple(told), tuple(distances[order].tolist()), companion, message)
 
 
 def _several(results: list[ContactResult]) -> str:

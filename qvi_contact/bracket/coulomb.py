@@ -11,10 +11,10 @@ In `docs/theory.md`: (D26), (D27), (D28), (D31).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -43,10 +43,8 @@ from qvi_contact.bracket.parts import (
 )
 from qvi_contact.bracket.share import LeastChange, Share, SharedStress
 from qvi_contact.companion import CompanionResult
-from qvi_contact.companion.contact import DisplacementContact
 from qvi_contact.companion.model import MOST, BodyAtRest, solutions
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.loads import ContactRows
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.problem.conditions import bears_shear, has_coulomb
@@ -187,7 +185,7 @@ def coulomb_bounds(
         return companion.state.contradiction
     problem = known.problem
     fields, before = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
-    edges, slack, _ = edge_parts(fields, known, own, own.bound, companion)
+    edges, slack = edge_parts(fields, known, own, own.bound, companion)
     inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
     inside += by_cell(problem, {name: part.springs for name, part in edges.items()})
     missed = {name: np.maximum(part.contact, 0.0) + np.maximum(part.friction, 0.0) for name, part in edges.items()}
@@ -236,14 +234,45 @@ _ROUNDED: Final = 1e-12  # of a force: rounding of its sums
 _ROUNDING: Final = 1e-9  # of the largest: what is left where the dual pair must vanish
 
 
-@dataclass(frozen=True, eq=False)
-class _Line:
-    """One contact that is not tied: what of it is open, slips and presses; 0 where that counts as none."""
+def coulomb_force_bounds(errors: CoulombBounds, defect: float) -> dict[str, Bounds]:
+    """T3: bounds of "NAME.normal_force" and "NAME.tangential_force" [stress × length] of contacts that are not tied.
 
-    trace: DisplacementContact
-    rows: ContactRows
-    share: Share | None  # s; None without Coulomb friction
-    slipping: FloatArray  # (n,): 1 or −1 where v may slip along the tangent or against it, else 0
+    Those are left out of which no dual pair is found: the resultant of friction on a contact that ends where a support
+    holds its tangential displacement, or whose tangents turn back, and all where a contact has Tresca's law. Σ is at
+    most `defect` [stress × length²]. Where the norm for s is proved, those of the dual problems must be, too.
+    """
+    stress, companion = errors.stress, errors.displacement
+    problem, known, found = stress.problem, stress.discretization, dict[str, Bounds]()
+    if not np.isfinite(errors.within) or any(bears_shear(each) and not has_coulomb(each) for each in problem.contacts):
+        return {}
+    assert companion.state is not None
+    if 2 * companion.state.contacts.count > MOST:
+        return {}
+    fields = CellFields.of(known, stress.dofs, companion.degree)
+    body = BodyAtRest.of(problem, companion.degree)
+    changes = LeastChange.of(known.qvi, sparse.csr_array(sparse.vstack([known.qvi.N, known.qvi.T, known.qvi.A])))
+    for cut in _CUTS:
+        pairs = _Pairs(errors, defect, body, fields, changes, cut)
+        for trace in body.contacts.traces:
+            targets = {"normal_force": (-1.0, 0.0)} if trace.contact.law != "tied" else {}
+            if trace.name in errors.shares and leads_one_way(problem.mesh.vertices, trace.edges):
+                targets["tangential_force"] = (0.0, 1.0)
+            for name, (a, b) in targets.items():
+                goal = np.zeros((2, body.contacts.count))
+                goal[:, trace.here] = [[a], [b]]
+                bounds = pairs.bounds(goal)
+                if bounds is not None:
+                    lower, upper = found.get(f"{trace.name}.{name}", (-np.inf, np.inf))
+                    found[f"{trace.name}.{name}"] = Bounds(max(lower, bounds.lower), min(upper, bounds.upper))
+    return found
+
+
+class _Zones(NamedTuple):
+    """Where contacts are open, slip and press; 0 where that is less than a cut, infinite where nothing is asked.
+
+    By coefficient (n,), or of edges (e, q) and (e,) of contacts that are not tied.
+    """
+
     opening: FloatArray  # (n,): coefficients of g − v_N ≥ 0 [length]
     slip: FloatArray  # (n,): of |v_T − w| ≥ 0 [length]
     pressure: FloatArray  # (e, q): of |τ_N| ≥ 0 [stress]
@@ -256,55 +285,17 @@ class _Line:
     loose: BoolArray
     sliding: BoolArray
 
-    @property
-    def friction(self) -> float:
-        """Coulomb's coefficient μ."""
-        return 0.0 if self.share is None else self.share.friction
-
-
-def coulomb_force_bounds(errors: CoulombBounds, defect: float) -> dict[str, Bounds]:
-    """T3: bounds of "NAME.normal_force" and "NAME.tangential_force" [stress × length] of contacts that are not tied.
-
-    Those are left out of which no dual pair is found: the resultant of friction on a contact that ends where a support
-    holds its tangential displacement, or whose tangents turn back, and all where a contact has Tresca's law. Σ is at
-    most `defect` [stress × length²]. Where the norm for s is proved, those of the dual problems must be, too.
-    """
-    stress, companion = errors.stress, errors.displacement
-    contacts = stress.problem.contacts
-    if not np.isfinite(errors.within) or any(bears_shear(each) and not has_coulomb(each) for each in contacts):
-        return {}
-    assert companion.state is not None
-    if 2 * companion.state.contacts.count > MOST:
-        return {}
-    qvi, mesh, found = stress.discretization.qvi, stress.problem.mesh, dict[str, Bounds]()
-    fields = CellFields.of(stress.discretization, stress.dofs, companion.degree)
-    body = BodyAtRest.of(stress.problem, companion.degree)
-    changes = LeastChange.of(qvi, sparse.csr_array(sparse.vstack([qvi.N, qvi.T, qvi.A])))
-    for cut in _CUTS:
-        pairs = _Pairs(errors, defect, body, fields, changes, list(_lines(errors, cut)))
-        for line in pairs.lines:
-            targets = {"normal_force": (-1.0, 0.0)}
-            if line.share and leads_one_way(mesh.vertices, mesh.edges(line.trace.contact.edges)):
-                targets["tangential_force"] = (0.0, 1.0)
-            for name, (a, b) in targets.items():
-                bounds = pairs.bounds(line, a, b)
-                if bounds is not None:
-                    key = f"{line.trace.name}.{name}"
-                    lower, upper = found.get(key, (-np.inf, np.inf))
-                    found[key] = Bounds(max(lower, bounds.lower), min(upper, bounds.upper))
-    return found
-
 
 @dataclass(frozen=True, eq=False)
 class _Pairs:
-    """Dual pairs z, ζ on the mesh of a result: displacements at rest, τ, and changes of all its tractions."""
+    """Dual pairs z, ζ on the mesh of a result, for goals (2, n): a and b at the coefficients of contacts."""
 
     errors: CoulombBounds
     defect: float
-    body: BodyAtRest
-    fields: CellFields
-    changes: LeastChange
-    lines: list[_Line]
+    body: BodyAtRest  # displacements at rest
+    fields: CellFields  # τ
+    changes: LeastChange  # of all tractions
+    cut: float
 
     @property
     def known(self) -> Discretization:
@@ -316,73 +307,98 @@ class _Pairs:
         """D: z is that large where its dimensionless coefficients are 1 [length]."""
         return self.known.scales.displacement
 
-    def bounds(self, line: _Line, a: float, b: float) -> Bounds | None:
-        """Bounds of ∫ a σ_N + b σ_T ds on one contact; None if no z meets the conditions of (D31)."""
-        goals = {each.trace.name: (a, b) if each is line else (0.0, 0.0) for each in self.lines}
-        c, z, plates = self._displacement(goals)
+    def bounds(self, goal: FloatArray) -> Bounds | None:
+        """Bounds of ∫ a σ_N + b σ_T ds; None if no z meets the conditions of (D31)."""
+        c, z, plates = self._displacement(goal)
         change, parts = self._continuous(self._stress(c))
-        ratio = self._ratio(goals, c, change)
+        ratio = self._ratio(goal, c, change)
         if ratio is None:
             return None
-        error = self.errors.within
+        error, scales = self.errors.within, self.known.scales
         second = self.errors.norm.work(self.known.problem, parts, error, self.defect)
         if not np.isfinite(second):
             return None
-        middle, residual = self._value(goals, c, z, plates, change)
-        middle -= (
-            a
-            * float(self.body.contacts.fluid[line.trace.here].sum())
-            * self.known.scales.stress
-            * self.known.scales.length
-        )
-        rest = (error * residual + ratio * self.defect + second) / self.unit
-        rest += _ROUNDED * abs(middle)
+        middle, residual = self._value(goal, c, z, plates, change)
+        middle -= float(goal.ravel() @ self.body.contacts.fluid) * scales.stress * scales.length
+        rest = (error * residual + ratio * self.defect + second) / self.unit + _ROUNDED * abs(middle)
         return Bounds(float(middle - rest), float(middle + rest))
 
     @cached_property
-    def _spaces(self) -> tuple[list[tuple[FloatArray, int]], FloatArray, FloatArray, FloatArray]:
-        """Where z and its tests may move, whatever a and b: held, P, Z, and the energies with the tests as rows.
+    def _zones(self) -> _Zones:
+        state, known, stress = self.errors.displacement.state, self.known, self.errors.stress
+        assert state is not None
+        n, unit, own = state.contacts.count, known.scales.stress, EdgeTractions.of(known, stress.dofs)
+        moved, beyond = state.c.reshape(2, n), (state.c - state.contacts.obstacle).reshape(2, n)
+        pressure, room = np.empty_like(own.normal), np.full_like(own.normal, np.inf)
+        away, held = np.full((2, n), np.inf), np.zeros((2, n), dtype=bool)
+        # where all of a contact is closed and sticks its displacements are the rounding of those of the body
+        least = _MOVED * float(np.abs(state.v).max(initial=0.0))
 
-        By contact `held` has μ s where conditions hold z as it is closed, and how many hold it as it sticks. All w of
-        the interface that meet them with right-hand side d are P d + Z y.
+        def shown(values: FloatArray, whole: FloatArray, least: float = 0.0) -> FloatArray:
+            """The values, 0 where they count as none beside what they are part of."""
+            size = max(float(np.abs(whole).max(initial=0.0)), least)
+            return np.where(values > max(self.cut * float(values.max(initial=0.0)), _NOISE * size), values, 0.0)
+
+        for trace, rows in zip(state.contacts.traces, known.contacts, strict=True):
+            if trace.contact.law == "tied":
+                continue
+            here, e, share, parts = trace.here, rows.edges, self.errors.shares.get(trace.name), [-beyond[0, trace.here]]
+            pressure[e] = shown(-unit * own.normal[e], unit * own.normal[e])
+            if share is not None:
+                room[e] = shown(unit * own.bound[e] * share.room, unit * own.normal[e])
+                parts.append(self._senses[here] * beyond[1, here])
+            on_edges = trace.start + trace.columns
+            for half, part in enumerate(parts):
+                away[half, here] = shown(part, moved[:, here], least)
+                held[half, on_edges[(away[half, on_edges] == 0.0).any(axis=1)]] = True
+        loose, sliding = (np.asarray(part.any(axis=1)) for part in (pressure == 0.0, (room == 0.0) | np.isinf(room)))
+        opening, slip = self.unit * away
+        return _Zones(opening, slip, pressure, room, held[0], held[1], loose, sliding)
+
+    @cached_property
+    def _senses(self) -> FloatArray:
+        """1 or −1 where v may slip along the tangent or against it, else 0 (n,)."""
+        state = self.errors.displacement.state
+        assert state is not None
+        return np.nan_to_num(state.contacts.slipping)
+
+    @cached_property
+    def _turned(self) -> FloatArray:
+        """Of coefficients (n,): μ s where v slips, else 0."""
+        return np.asarray(self.body.contacts.law[0] * self._senses)
+
+    @cached_property
+    def _spaces(self) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
+        """Where z and its tests may move, whatever a and b: closed, stuck, P, Z, and the energies with tests as rows.
+
+        At closed coefficients z_N + μ s z_T is given, at stuck ones z_T. All w of the interface that meet these
+        conditions with right-hand side d, and 0 where contacts are tied, are P d + Z y.
         """
         body, n = self.body, self.body.contacts.count
-        tied = body.B[np.tile(body.contacts.tied, 2) & body.live]
-        held, trial, test = [], [tied], [tied]
-        for line in self.lines:
-            closed, stuck = (line.trace.start + np.flatnonzero(part) for part in (line.closed, line.stuck))
-            closed, stuck = closed[body.live[closed]], stuck[body.live[n + stuck]]
-            normal, shear = body.B[closed], body.B[n + stuck]
-            turned = line.friction * line.slipping[closed - line.trace.start]
-            trial += [normal + turned[:, None] * body.B[n + closed], shear]
-            test += [normal, shear]
-            held.append((turned, len(stuck)))
-        return held, *solutions(np.vstack(trial)), solutions(np.vstack(test))[1].T @ body.S
+        closed = np.flatnonzero(self._zones.closed & body.live[:n])
+        stuck = np.flatnonzero(self._zones.stuck & body.live[n:])
+        normal, shear, tied = body.B[closed], body.B[n + stuck], body.B[np.tile(body.contacts.tied, 2) & body.live]
+        trial = np.vstack([normal + self._turned[closed, None] * body.B[n + closed], shear, tied])
+        return closed, stuck, *solutions(trial), solutions(np.vstack([normal, shear, tied]))[1].T @ body.S
 
-    def _displacement(self, goals: Mapping[str, tuple[float, float]]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _displacement(self, goal: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Coefficients c (2, n) of z on the contacts, z (size,) and its plates, dimensionless: a and b of length 1."""
-        body, (held, particular, free, energies) = self.body, self._spaces
-        wanted = [np.zeros(len(particular.T) - sum(len(closed) + stuck for closed, stuck in held))]  # of tied ones
-        for line, (closed, stuck) in zip(self.lines, held, strict=True):
-            a, b = goals[line.trace.name]
-            wanted += [a + closed * b, np.full(stuck, b)]
-        start = particular @ np.concatenate(wanted)
+        body, (closed, stuck, particular, free, energies) = self.body, self._spaces
+        wanted = np.concatenate([goal[0, closed] + self._turned[closed] * goal[1, closed], goal[1, stuck]])
+        start = particular[:, : len(wanted)] @ wanted
         w = start - free @ np.linalg.lstsq(energies @ free, energies @ start, rcond=1e-13)[0]
         z, plates = body.expand(w)
-        c = body.contacts.rows @ z - body.contacts.motions @ plates
-        return c.reshape(2, body.contacts.count), z, plates
+        return (body.contacts.rows @ z - body.contacts.motions @ plates).reshape(goal.shape), z, plates
 
     def _stress(self, c: FloatArray) -> FloatArray:
         """ζ, as a change of the unknowns of the stress: the nearest to Cε(z), with no traction where none may be."""
-        qvi, q = self.known.qvi, self.known.rule.count
-        work = np.zeros((2, qvi.m))
-        products = bernstein.product_integrals(q - 1, self.errors.displacement.degree)
-        for line in self.lines:
-            local = np.stack(line.trace.on_edges(*c[:, line.trace.here]))
-            work[:, line.rows.rows] = (line.trace.lengths[:, None] * (local @ products.T)).reshape(2, -1)
-        rows, changes = self._held
-        none = np.zeros(rows.shape[0])
-        x = changes.solved(none, qvi.N.T @ work[0] + qvi.T.T @ work[1])
+        qvi, work, (rows, changes) = self.known.qvi, np.zeros((2, self.known.qvi.m)), self._held
+        products = bernstein.product_integrals(self.known.rule.count - 1, self.errors.displacement.degree)
+        for trace, own in zip(self.body.contacts.traces, self.known.contacts, strict=True):
+            if trace.contact.law != "tied":
+                local = np.stack(trace.on_edges(*c[:, trace.here]))
+                work[:, own.rows] = (trace.lengths[:, None] * (local @ products.T)).reshape(2, -1)
+        x = changes.solved(np.zeros(rows.shape[0]), qvi.N.T @ work[0] + qvi.T.T @ work[1])
         for _ in range(2):  # what is left of the rows is rounding, which must not count
             x = x - changes.solved(rows @ x)
         return x
@@ -390,136 +406,81 @@ class _Pairs:
     @cached_property
     def _held(self) -> tuple[sparse.csr_array, LeastChange]:
         """Rows of tractions that are to vanish, and changes that leave them as they are told."""
-        qvi, q = self.known.qvi, self.known.rule.count
-        held = np.zeros((2, qvi.m), dtype=bool)
-        for line in self.lines:
-            held[0, line.rows.rows] = np.repeat(line.loose, q)
-            held[1, line.rows.rows] = np.repeat(line.loose | line.sliding, q)
+        qvi, q, zones = self.known.qvi, self.known.rule.count, self._zones
+        held = (np.repeat(edges, q) for edges in (zones.loose, zones.loose | zones.sliding))
         parts = [sparse.csr_array(part)[chosen] for part, chosen in zip((qvi.N, qvi.T), held, strict=True)]
         rows = sparse.csr_array(sparse.vstack([*parts, qvi.A]))
         return rows, LeastChange.of(qvi, rows)
 
     def _continuous(self, change: FloatArray) -> tuple[FloatArray, dict[str, Share]]:
         """ζ with a ζ_T whose share of the bound is continuous, by the least change, and these shares."""
-        qvi, q = self.known.qvi, self.known.rule.count
-        shear, wanted, parts = qvi.T @ change, np.zeros(qvi.m), dict[str, Share]()
-        rough = [line for line in self.lines if line.share is not None]
+        qvi, zones, parts = self.known.qvi, self._zones, dict[str, Share]()
+        shear, wanted = (qvi.T @ change).reshape(zones.room.shape), np.zeros(zones.room.shape)
         total, mass, still = np.zeros((3, len(self.known.problem.mesh.vertices)))
-        for line in rough:
-            assert line.share is not None
-            held, edges = line.sliding | line.loose, line.trace.edges
-            bound = np.where(held[:, None], 1.0, line.share.weights)
-            values = np.where(held[:, None], 0.0, shear[line.rows.rows].reshape(-1, q) / bound)
+        rough = [rows for rows in self.known.contacts if rows.name in self.errors.shares]
+        for rows in rough:
+            share, edges, held = (
+                self.errors.shares[rows.name],
+                rows.points.edges,
+                (zones.sliding | zones.loose)[rows.edges],
+            )
+            bound = np.where(held[:, None], 1.0, share.weights)
+            values = np.where(held[:, None], 0.0, shear[rows.edges] / bound)
             for end, vertices in enumerate((edges.first, edges.second)):
                 np.add.at(total, vertices, (values * bound)[:, -end])
                 np.add.at(mass, vertices, bound[:, -end])
                 np.add.at(still, vertices, held)
-            parts[line.trace.name] = replace(
-                line.share, values=values, weights=bound, slipping=np.zeros(len(edges.first))
-            )
+            parts[rows.name] = replace(share, values=values, weights=bound, slipping=np.zeros(len(edges)))
         common = np.where(still > 0.0, 0.0, total / np.maximum(mass, 1e-300))
-        for line in rough:
-            share, edges = parts[line.trace.name], line.trace.edges
-            own = share.values * share.weights
-            share.values[:, 0], share.values[:, -1] = common[edges.first], common[edges.second]
-            wanted[line.rows.rows] = (share.values * share.weights - own).ravel()
+        for rows in rough:
+            part, edges = parts[rows.name], rows.points.edges
+            own = part.values * part.weights
+            part.values[:, 0], part.values[:, -1] = common[edges.first], common[edges.second]
+            wanted[rows.edges] = part.values * part.weights - own
         if wanted.any():
-            right = np.concatenate([np.zeros(qvi.m), wanted, np.zeros(qvi.A.shape[0])])
+            right = np.concatenate([np.zeros(qvi.m), wanted.ravel(), np.zeros(qvi.A.shape[0])])
             change = change + self.changes.solved(right)
         return change, parts
 
-    def _ratio(self, goals: Mapping[str, tuple[float, float]], c: FloatArray, change: FloatArray) -> float | None:
+    def _ratio(self, goal: FloatArray, c: FloatArray, change: FloatArray) -> float | None:
         """The largest of m₁ to m₄; None if there is none."""
-        stress, q, found = self.known.scales.stress, self.known.rule.count, 0.0
-        normal, shear = (stress * (rows @ change) for rows in (self.known.qvi.N, self.known.qvi.T))
+        stress, zones, found = self.known.scales.stress, self._zones, 0.0
+        normal, shear = (
+            stress * (rows @ change).reshape(zones.room.shape) for rows in (self.known.qvi.N, self.known.qvi.T)
+        )
+        across, slip = c - goal
+        across = across + self._turned * slip
         size = float(np.abs(normal).max())
-        for line in self.lines:
-            (a, b), here = goals[line.trace.name], line.trace.here
-            slip = c[1, here] - b if line.share else 0.0 * c[1, here]
-            across = c[0, here] - a + line.friction * line.slipping * slip
-            pairs = [(self.unit * slip, line.slip, self.unit), (self.unit * across, line.opening, self.unit)]
-            pairs.append((normal[line.rows.rows].reshape(-1, q), line.pressure, size))
-            if line.share:
-                pairs.append((shear[line.rows.rows].reshape(-1, q), line.room, size))
-            for part, whole, unit in pairs:
-                none = whole == 0.0
-                if np.abs(part[none]).max(initial=0.0) > _ROUNDING * unit:
-                    return None
-                found = max(found, float((np.abs(part[~none]) / whole[~none]).max(initial=0.0)))
+        pairs = [(self.unit * slip, zones.slip, self.unit), (self.unit * across, zones.opening, self.unit)]
+        for part, whole, unit in (*pairs, (normal, zones.pressure, size), (shear, zones.room, size)):
+            none = whole == 0.0
+            if np.abs(part[none]).max(initial=0.0) > _ROUNDING * unit:
+                return None
+            found = max(found, float((np.abs(part[~none]) / whole[~none]).max(initial=0.0)))
         return found
 
     def _value(
-        self,
-        goals: Mapping[str, tuple[float, float]],
-        c: FloatArray,
-        z: FloatArray,
-        plates: FloatArray,
-        change: FloatArray,
+        self, goal: FloatArray, c: FloatArray, z: FloatArray, plates: FloatArray, change: FloatArray
     ) -> tuple[float, float]:
         """The resultant as far as it is known [stress × length], and |ε(z) − cζ| of z with the unit of length D."""
-        known, scales, companion = self.known, self.known.scales, self.errors.displacement
+        known, scales, companion, contacts = self.known, self.known.scales, self.errors.displacement, self.body.contacts
         assert companion.state is not None
-        u = self.errors.stress.dofs
+        u, fields, compliance = self.errors.stress.dofs, self.fields, known.problem.compliances
         other = u + known.basis @ change
-        fields = self.fields
         dual = CellFields.of(known, other, companion.degree).less(fields)
         strain = self.body.body.body.strain(z, slice(None), fields.t[:, -2:]) * (self.unit / scales.length)
-        compliance = known.problem.compliances
         apart = strain - np.einsum("ckl,cgl->cgk", compliance, dual.stress)
         size = float(np.einsum("cg,cgk,ckl,cgl->", fields.weights, apart, np.linalg.inv(compliance), apart))
-        inside = float(np.einsum("cg,cgk,cgk->", fields.weights, fields.stress, apart))
-        inside += float(np.einsum("cg,cgk,ckl,cgl->", fields.weights, dual.stress, compliance, fields.at_rest))  # ε⁰
-        stretched, t = self.body.contacts.stretched(z), gauss_legendre(EDGE_POINTS)[0]
+        work = float(np.einsum("cg,cgk,cgk->", fields.weights, fields.stress, apart))
+        work += float(np.einsum("cg,cgk,ckl,cgl->", fields.weights, dual.stress, compliance, fields.at_rest))  # ε⁰
+        stretched, t = contacts.stretched(z), gauss_legendre(EDGE_POINTS)[0]
         for own, each in zip(fields.springs, dual.springs, strict=True):
             missed = each.missed(companion.along(each.name, stretched, t))  # k (d + ζ/k): springs bear −τ and −ζ
             size += float((each.weights * missed**2).sum())
-            inside -= float((each.weights * own.traction * missed).sum())
-        loads = float(companion.state.load @ z + self.body.contacts.resultants @ plates)
-        work = inside - loads * scales.energy
+            work -= float((each.weights * own.traction * missed).sum())
+        work -= scales.energy * float(companion.state.load @ z + contacts.resultants @ plates)
         for along in (support_work, obstacle_work):
             work += along(known, other) - along(known, u)
-        for line in self.lines:
-            if line.share:
-                b, here = goals[line.trace.name][1], line.trace.here
-                assert not callable(line.trace.contact.cohesion)
-                slipped = float(line.trace.weights @ (line.slipping * (c[1, here] - b))) * self.unit * scales.length
-                work += line.trace.contact.cohesion * slipped
+        adhesion = contacts.weights[: contacts.count] * contacts.law[1] * self._senses  # of cohesion, where v slips
+        work += scales.energy * float(adhesion @ (c - goal)[1])
         return work / self.unit, float(np.sqrt(size))
-
-
-def _lines(errors: CoulombBounds, cut: float) -> Iterator[_Line]:
-    stress, shares, state = errors.stress, errors.shares, errors.displacement.state
-    known = stress.discretization
-    assert state is not None
-    beyond = (state.c - state.contacts.obstacle).reshape(2, -1)
-    length, unit, tractions = known.scales.displacement, known.scales.stress, EdgeTractions.of(known, stress.dofs)
-    # where all of a contact is closed and sticks its displacements are the rounding of those of the body
-    least = _MOVED * float(np.abs(state.v).max(initial=0.0))
-
-    def shown(values: FloatArray, size: float) -> FloatArray:
-        """The values, 0 where they count as none beside the size of what they are part of."""
-        return np.where(values > max(cut * float(values.max(initial=0.0)), _NOISE * size), values, 0.0)
-
-    def spread(chosen: BoolArray, columns: IntArray) -> BoolArray:
-        """All coefficients of edges of which some are chosen."""
-        found = np.zeros_like(chosen)
-        found[columns[chosen[columns].any(axis=1)]] = True
-        return found
-
-    for trace, rows in zip(state.contacts.traces, known.contacts, strict=True):
-        if trace.contact.law == "tied":
-            continue
-        share, own = shares.get(trace.name), beyond[:, trace.here]
-        slipping = np.zeros(trace.count) if share is None else trace.slipping_on(share.slipping)
-        normal, bound = unit * tractions.normal[rows.edges], unit * tractions.bound[rows.edges]
-        moved = max(float(np.abs(state.c.reshape(2, -1)[:, trace.here]).max(initial=0.0)), least)
-        pressed = float(np.abs(normal).max(initial=0.0))
-        opening, slip = (length * shown(part, moved) for part in (-own[0], slipping * own[1]))
-        pressure, room = shown(-normal, pressed), shown(0.0 * bound if share is None else share.room * bound, pressed)
-        yield _Line(
-            trace, rows, share, slipping, opening, slip, pressure, room,
-            closed=spread(opening == 0.0, trace.columns),
-            stuck=spread(slip == 0.0, trace.columns) & (share is not None),
-            loose=np.asarray((pressure == 0.0).any(axis=1)),
-            sliding=np.asarray((room == 0.0).any(axis=1)),
-        )  # fmt: skip

@@ -56,37 +56,32 @@ def one_ratio(problem: ContactProblem) -> float | None:
     return -float(problem.compliances[0][0, 1] / problem.compliances[0][0, 0])
 
 
-def proved_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> tuple[float, str]:
-    """The least proved norm, infinity where there is none, and the bodies that it is proved for.
+def proved_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
+    """The least proved norm, of several bodies the largest of theirs; infinity where there is none.
 
     Nothing is proved of bodies with arcs, of cracks, of plates that forces drive, of bodies on beds of springs, and of
     springs along a contact with friction. Other springs only make the norm less: displacements without stretch are
     images, and |v| is larger than without springs.
     """
-    yields = (
-        each.tangential_stiffness is not None if has_coulomb(each) else each.law == "tied" and each.has_springs
-        for each in problem.contacts
-    )
-    if any(yields):
-        return np.inf, "bodies on springs"
-    if any(has_coulomb(each) and each.plate is not None and each.plate.driven for each in problem.contacts):
-        return np.inf, "plates that forces drive"
+    for each in problem.contacts:
+        yields = each.tangential_stiffness is not None if has_coulomb(each) else each.law == "tied" and each.has_springs
+        if yields or (has_coulomb(each) and each.plate is not None and each.plate.driven):
+            return np.inf
     try:
         bodies = bodies_of(problem)
     except InputError:
-        return np.inf, "cracks"
-    known, ways = [(0.0, "this body")], {"this rectangle": rectangle_norm, "this star-shaped body": star_norm}
+        return np.inf
+    largest = 0.0
     for body in bodies:
         if any(map(has_coulomb, body.problem.contacts)):
             own, straight = shares_on(body, problem, shares), not body.problem.mesh.sides.any()
-            found = ((norm(body.problem, own), kind) for kind, norm in ways.items() if straight)
-            known.append(min(((norm, kind) for norm, kind in found if norm is not None), default=(np.inf, "this body")))
-    largest, kind = max(known)
-    return largest, kind if len(known) < 3 else "each of the bodies"
+            found = min(rectangle_norm(body.problem, own), star_norm(body.problem, own)) if straight else np.inf
+            largest = max(largest, found)
+    return largest
 
 
-def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float | None:
-    """The norm of Rv = θ v_a e_b on a rectangle with its contacts across the axis b; None for problems of another kind.
+def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
+    """The norm of Rv = θ v_a e_b on a rectangle with its contacts across the axis b; else infinity.
 
     The body is a rectangle of one material, its contacts with Coulomb friction lie on one side or on two opposite ones,
     and along one whole side at right angles to these v_a = 0. θ is ±μ s on the contacts, and linear along b, see (D29).
@@ -100,37 +95,34 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
     vectors = np.concatenate([boundary.normal, *directions])
     slanted = not np.allclose(np.abs(vectors).max(axis=1), 1.0, rtol=0.0, atol=_PLACE)
     if ratio is None or slanted or away.max() > _PLACE * (high - low).max():
-        return None
+        return np.inf
     held = np.array([[spans(each, unit) for unit in np.eye(2)] for each in directions])
     pressed, rough, rubs = np.zeros((3, len(boundary)), dtype=bool)  # where (Rv)_N = 0, (Rv)_T = 0, and with friction
-    known: dict[int, tuple[FloatArray, FloatArray]] = {}  # θ at coefficients, and no less than its steps on equal parts
+    theta, steps = np.zeros((len(axis), 3)), np.zeros((len(axis), 16))  # at both ends and at most; see `Share.steepest`
     for contact in problem.contacts:
         index = mesh.edge_set(contact.edges)
         if has_coulomb(contact):
             share = shares[contact.name]
-            factors = np.where(end[index], share.friction, -share.friction)[:, None]
-            pairs = zip(factors * share.values, share.friction * share.steepest(), strict=True)
-            known |= zip(index.tolist(), pairs, strict=True)
-            rubs[index] = True
+            theta[index, :2] = np.where(end[index], share.friction, -share.friction)[:, None] * share.values[:, [0, -1]]
+            theta[index, 2] = share.friction * np.abs(share.values).max(axis=1)
+            rubs[index], steps[index] = True, share.friction * share.steepest()
         elif contact.law != "tied":
             pressed[index], rough[index] = True, bears_shear(contact)
     if len(set(axis[rubs])) != 1:
-        return None
+        return np.inf
     b = int(axis[rubs][0])
     a, extent = 1 - b, high - low
     mirrors = [[held[(axis == k) & (end == side), k].all() for side in (False, True)] for k in (0, 1)]
     beside = axis == a
     if not any(mirrors[a]) or not (held[:, a] | ~(held[:, b] | rough))[beside].all():
-        return None
+        return np.inf
     demanded, profiles = (axis == b) & (rubs | ((held[:, b] | pressed) & ~held[:, a])), []
     for side in (False, True):
         chosen = np.flatnonzero(demanded & (end == side))
-        places = np.sort(ends[chosen, :, a], axis=1)
-        order = np.argsort(places[:, 0])
-        if len(order):
-            nothing = np.zeros(1), np.zeros(1)
-            profiles.append(_profile(places[order], [known.get(edge, nothing) for edge in chosen[order].tolist()]))
-    largest, parts = zip(*profiles, strict=True)
+        chosen = chosen[np.argsort(ends[chosen, :, a].min(axis=1))]
+        if len(chosen):
+            profiles.append(_profile(np.sort(ends[chosen, :, a], axis=1), theta[chosen], steps[chosen]))
+    largest = [float(theta[demanded & (end == side), 2].max(initial=0.0)) for side in (False, True)]
     steep = 0.0 if len(profiles) == 1 else sum(largest) / extent[b]
     half = extent[b] if any(mirrors[b]) else extent[b] / 2.0
     inf_sup = float(np.sin(0.5 * np.arctan2(*np.sort([extent[a], half]))))
@@ -139,28 +131,22 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
     H = min(
         max(
             float(np.sqrt((d**2 * np.abs((start + stop) / 2.0 - place) * (stop - start)).sum()))
-            for start, stop, d in parts
+            for start, stop, d in profiles
         )
         for place, mirror in zip((low[a], high[a]), mirrors[a], strict=True)
         if mirror
     )
-    found = rectangle_constant(ratio, inf_sup, max(largest), steep * 2.0 * extent[a] / np.pi, H)
-    return found if np.isfinite(found) else None
+    return rectangle_constant(ratio, inf_sup, max(largest), steep * 2.0 * extent[a] / np.pi, H)
 
 
-def _profile(places: FloatArray, known: list[tuple[FloatArray, FloatArray]]) -> tuple[float, FloatArray]:
-    """θ along one side, continuous, linear where nothing is demanded: max |θ|, and parts: (start, stop, steepest).
-
-    Places (e, 2) are those of edges, in order; known are coefficients of θ, and no less than its steps on equal parts.
-    """
-    parts, largest, last = list[FloatArray](), 0.0, (np.inf, 0.0)
-    for (start, stop), (values, steps) in zip(places, known, strict=True):
-        if start > last[0]:
-            parts.append(np.array([[last[0]], [start], [abs(values[0] - last[1]) / (start - last[0])]]))
-        ends = np.linspace(start, stop, len(steps) + 1)
-        parts.append(np.stack([ends[:-1], ends[1:], steps * len(steps) / (stop - start)]))
-        largest, last = max(largest, float(np.abs(values).max())), (stop, values[-1])
-    return largest, np.concatenate(parts, axis=1)
+def _profile(places: FloatArray, theta: FloatArray, steps: FloatArray) -> FloatArray:
+    """Parts (start, stop, steepest) of θ along one side, by its edges in order, linear between them."""
+    grid = np.linspace(places[:, 0], places[:, 1], steps.shape[1] + 1)
+    parts = np.stack([grid[:-1], grid[1:], steps.T / np.diff(grid, axis=0)]).reshape(3, -1)
+    between = np.stack([places[:-1, 1], places[1:, 0], np.abs(theta[1:, 0] - theta[:-1, 1])])
+    between = between[:, between[1] > between[0]]
+    between[2] /= between[1] - between[0]
+    return np.concatenate([parts, between], axis=1)
 
 
 def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: float, turned: float = 0.0) -> float:
@@ -182,56 +168,51 @@ def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: f
     return float(np.sqrt(square.max()) * ROUNDED)
 
 
-def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float | None:
-    """A number that |R| does not exceed, or None where the body or its contacts are of another kind.
+def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
+    """A number that |R| does not exceed, infinite where the body or its contacts are of another kind.
 
     The body has one material, no holes, and is star-shaped with respect to a disc. All contacts with Coulomb friction
     are parallel and slip one way, with the same η = ±μ across. Elsewhere nothing is demanded of displacements along n
     where v_t ≠ 0.
     """
-    senses = {name: share.slipping[0] for name, share in shares.items()}
-    if any(senses[name] == 0.0 or (share.slipping != senses[name]).any() for name, share in shares.items()):
-        return None
     boundary, sides = problem.mesh.boundary, held_directions(problem)
     weights = np.zeros(len(boundary))  # ±μ of each edge
-    for name, share in shares.items():
-        weights[problem.mesh.edge_set(share.contact.edges)] = senses[name] * share.friction
+    for share in shares.values():
+        if not share.slipping.all() or np.ptp(share.slipping) > 0.0:
+            return np.inf
+        weights[problem.mesh.edge_set(share.contact.edges)] = share.slipping[0] * share.friction
     chosen = np.flatnonzero(weights != 0.0)
     normal = boundary.normal[chosen[0]]
     tangent = np.array([-normal[1], normal[0]])
     slopes = weights[chosen] * (boundary.normal[chosen] @ normal)
     parallel = np.abs(boundary.normal[chosen] @ tangent).max() <= PARALLEL
     if not parallel or np.ptp(slopes) > PARALLEL * np.abs(slopes).max():
-        return None
+        return np.inf
     if any(not spans(held, tangent) and (np.abs(held @ normal) > PARALLEL).any() for held in sides):
-        return None
+        return np.inf
     for contact in problem.contacts:
         index = problem.mesh.edge_set(contact.edges)
         beside = contact.law != "tied" and not weights[index].any()
         if beside and (bears_shear(contact) or np.abs(boundary.normal[index] @ normal).max() > PARALLEL):
-            return None
+            return np.inf
     ratio = one_ratio(problem)
     if ratio is None:
-        return None
-    inf_sup = _inf_sup(problem)
-    gain = None if inf_sup is None else _gain(problem, sides, inf_sup)
-    if gain is None:
-        return None
-    soft = 1.0 - ratio  # the norm of v ↦ v_t n, by the rotation and the strains of v
+        return np.inf
+    gain, soft = _gain(problem, sides), 1.0 - ratio  # the norm of v ↦ v_t n, by the rotation and the strains of v
     across, along = np.cos(ANGLES), np.sqrt(soft / 2.0) * np.sin(ANGLES)
     rotation = np.sqrt((gain - 0.5) / min(soft, 1.0 + ratio))
     strains = np.sqrt(across**2 / (2.0 * soft) + along**2 / (1.0 - ratio**2))
     return float(np.abs(slopes).max()) * float((across * rotation + strains).max() * ROUNDED)
 
 
-def _inf_sup(problem: ContactProblem) -> float | None:
-    """sin(½ arcsin(r/R)) ≤ β: r the distance of a point from the lines of all edges, R that of the farthest vertex."""
+def _inf_sup(problem: ContactProblem) -> float:
+    """sin(½ arcsin(r/R)) ≤ β: r the distance of a point from the lines of all edges, R of the farthest vertex; or 0."""
     from scipy.optimize import minimize  # slow to import, and few bodies need it
 
     mesh = problem.mesh
     corners, boundary = mesh.vertices[np.unique(mesh.cells)], mesh.boundary
     if mesh.hole_edges.any():
-        return None
+        return 0.0
 
     def negative(centre: FloatArray) -> float:
         inside = ((mesh.vertices[boundary.first] - centre) * boundary.normal).sum(axis=1).min()
@@ -239,14 +220,15 @@ def _inf_sup(problem: ContactProblem) -> float | None:
 
     found = minimize(negative, np.asarray(corners.mean(axis=0), dtype=float), method="Nelder-Mead")
     best = -negative(np.asarray(found.x))
-    return float(np.sin(0.5 * np.arcsin(best))) if best > 0.0 else None
+    return float(np.sin(0.5 * np.arcsin(max(best, 0.0))))
 
 
-def _gain(problem: ContactProblem, sides: list[FloatArray], inf_sup: float) -> float | None:
-    """G with ‖∇ψ‖² ≤ G ‖ω‖² for a field ψ of divergence ω, the rotation of any displacement, zero where these are free.
-
-    It comes from a field of mean divergence 1 where supports are, and from β for what is left.
-    """
+def _gain(problem: ContactProblem, sides: list[FloatArray]) -> float:
+    """G with ‖∇ψ‖² ≤ G ‖ω‖² for a ψ of divergence ω, the rotation of any displacement, zero where these are free."""
+    inf_sup = _inf_sup(problem)
+    if inf_sup == 0.0:
+        return np.inf
+    # by a field of mean divergence 1 where supports are, and by β for what is left
     space = DisplacementSpace.of(problem, triangle(_FIELD_DEGREE), problem.mesh.length)
     n, numbers = len(space.cell.places), space.along(problem.mesh.boundary)
     unknown = np.ones((space.size // 2, 2), dtype=bool)  # components that vanish on edges that leave them free
@@ -261,13 +243,13 @@ def _gain(problem: ContactProblem, sides: list[FloatArray], inf_sup: float) -> f
     blocks = np.einsum("c,cax,cbx,abij,kl->cikjl", *matrices, optimize=True)
     laplace = space.assembled(blocks.reshape(-1, 2 * n, 2 * n))  # ‖∇ψ‖²
     matrix, right = laplace + squared / inf_sup**2, mean / inf_sup**2
-    if not np.abs(right[free]).max(initial=0.0) > 0.0:
-        return None
+    if not right[free].any():
+        return np.inf
     field = np.zeros(space.size)
     field[free] = spsolve(sparse.csc_array(matrix[free][:, free]), right[free])
     flux = float(mean @ field)
     if not flux > 1e-9 * area:
-        return None
+        return np.inf
     field *= area / flux
     size = np.sqrt(max(float(field @ (laplace @ field)), 0.0) / area)
     left = np.sqrt(max(float(field @ (squared @ field)) / area - 1.0, 0.0))
@@ -343,7 +325,7 @@ class FrictionNorm:
         if not any(share.values.any() for share in shares.values()):
             return 0.0
         if self.proved:
-            return float(proved_norm(problem, shares)[0] * error**2)
+            return proved_norm(problem, shares) * error**2
         moved = 0.0 if self.stopped is None else self.stopped.work(shares, error, defect)
         return computed_norm(problem, shares, self.stopped) * error**2 + moved
 
@@ -353,9 +335,9 @@ def friction_norm(problem: ContactProblem, shares: Mapping[str, Share], unit: fl
 
     Of several bodies it is the largest of the norms that each has alone. Weights of shares have the unit [stress].
     """
-    value, bodies = proved_norm(problem, shares)
+    value = proved_norm(problem, shares)
     if value < _USEFUL:
-        return FrictionNorm(value, True, f"The norm of the friction operator is at most {value:.4g} on {bodies}.")
+        return FrictionNorm(value, True, f"The norm of the friction operator is at most {value:.4g}.")
     value, stopped = computed_norm(problem, shares), None
     if value == np.inf:
         found = _ENERGIES[problem].stopped(problem, shares, unit)
@@ -380,7 +362,12 @@ def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], stopped:
     """
     if problem not in _ENERGIES:
         _ENERGIES[problem] = _Energies.of(problem)
-    return _ENERGIES[problem].norm(shares, None if stopped is None else stopped.others)
+    known = _ENERGIES[problem]
+    if not len(known.below):
+        return float("nan") if known.slips.any() else 0.0
+    if stopped is None and known.unstrained.shape[1]:
+        return float("inf")
+    return known.norm(known.image(shares), np.eye(len(known.below)) if stopped is None else stopped.others)
 
 
 @dataclass(frozen=True, eq=False)
@@ -442,15 +429,7 @@ class _Energies:
         values, vectors = np.linalg.eigh(below)
         return cls(traces, slips, presses, below, part, vectors[:, values <= SINGULAR * values[-1:]])
 
-    def norm(self, shares: Mapping[str, Share], others: FloatArray | None = None) -> float:
-        """The norm for shares s, of all slips or of those with a basis."""
-        if not len(self.below):
-            return float("nan") if self.slips.any() else 0.0
-        if others is None and self.unstrained.shape[1]:
-            return float("inf")
-        return self._norm(self._image(shares), np.eye(len(self.below)) if others is None else others)
-
-    def _norm(self, image: FloatArray, basis: FloatArray) -> float:
+    def norm(self, image: FloatArray, basis: FloatArray) -> float:
         """The norm on slips with a basis of what turns slips into normal parts."""
         if not image.any():
             return 0.0
@@ -460,10 +439,10 @@ class _Energies:
 
     def sizes(self, slips: FloatArray, shares: Mapping[str, Share]) -> FloatArray:
         """|Rv| of slips (n, j), dimensionless."""
-        images = self._image(shares) @ slips
+        images = self.image(shares) @ slips
         return np.asarray(np.sqrt(np.maximum((images * (self.part @ images)).sum(axis=0), 0.0)))
 
-    def _image(self, shares: Mapping[str, Share]) -> FloatArray:
+    def image(self, shares: Mapping[str, Share]) -> FloatArray:
         """Normal parts from slips, μ s x."""
         turned = np.zeros((len(self.slips),) * 2)
         for trace in self.traces:
@@ -478,15 +457,14 @@ class _Energies:
 
     def stopped(self, problem: ContactProblem, shares: Mapping[str, Share], unit: float) -> Stopped | str:
         """What stops the motions without strain, or why nothing does. Weights of shares have the unit [stress]."""
-        scales, count, moved = Scales.of(problem), self.unstrained.shape[1], np.zeros(len(self.slips))
+        scales, count, moved = Scales.of(problem), self.unstrained.shape[1], np.zeros((len(self.slips), 1))
         motions = self.unstrained / np.abs(self.unstrained).max()
-        moved[self.slips] = np.abs(motions).max(axis=1)
+        moved[self.slips] = np.abs(motions).max(axis=1, keepdims=True)
         moving = [each for each in self.traces if each.name in shares and moved[each.here].max() > _ALIKE]
         curved = [repr(trace.name) for trace in moving if trace.edges.curved]
         if curved:
             return f"it touches along the arcs of {' and '.join(curved)}"
-        groups = self._groups(shares, unit / scales.stress)
-        keys, means = (np.array(part) for part in zip(*((each.key, each.mean) for each in groups), strict=True))
+        keys, means, ways = self._groups(motions, shares, unit / scales.stress)
         masses = (means * (motions @ keys.T).T).sum(axis=1) / np.maximum((keys**2).sum(axis=1), _ALIKE**2)
         _, size, order = qr((masses[:, None] * keys).T, pivoting=True)
         if len(keys) < count or not abs(size[count - 1, count - 1]) > _STOPS * abs(size[0, 0]):
@@ -495,65 +473,58 @@ class _Energies:
             return f"no part of {' and '.join(names)} sticks that would stop it"
         chosen = order[:count]
         means, d = means[chosen], motions @ np.linalg.inv(keys[chosen])
-        masses, others, image = np.diag(means @ d), null_space(means), self._image(shares)
-        turned = [  # what friction left on each group turns into
-            self._image(
-                {name: replace(shares[name], values=way * shares[name].room) for name, way in groups[k].ways.items()}
-            )
-            for k in chosen
-        ]
+        masses, others, image = np.diag(means @ d), null_space(means), self.image(shares)
+        turned = []  # what friction left on each group turns into
+        for k in chosen:
+            left = {name: replace(share, values=ways[name][k, :, None] * share.room) for name, share in shares.items()}
+            turned.append(self.image(left))
 
         def sizes(part: float) -> FloatArray:
             """The larger |R d_k| of both senses of d_k, dimensionless: the other groups it does not move."""
             both = ((image + sense * part * own) @ d[:, k] for k, own in enumerate(turned) for sense in (1.0, -1.0))
-            found = [float(np.sqrt(max(v @ self.part @ v, 0.0))) for v in both]
-            return np.maximum(found[::2], found[1::2])
+            found = np.array([np.sqrt(max(v @ self.part @ v, 0.0)) for v in both])
+            return np.asarray(np.maximum(found[::2], found[1::2]))
 
         reaches = {part: float((part * masses / np.maximum(sizes(part), 1e-300)).min()) for part in _PARTS}
         part = min(part for part in _PARTS if reaches[part] >= _NEARLY * max(reaches.values()))
         if count <= _MOTIONS:
             senses = product((part, -part), repeat=count)
-            norm = max(
-                self._norm(image + sum(sense * own for sense, own in zip(each, turned, strict=True)), others)
-                for each in senses
-            )
+            norm = max(self.norm(image + np.tensordot(each, turned, axes=1), others) for each in senses)
         else:  # |Σ ± R_k v| ≤ √j (Σ |R_k v|²)^½
             work = sum(own.T @ self.part @ own for own in turned)
             largest = eigh(others.T @ work @ others, others.T @ self.below @ others, eigvals_only=True)[-1]
-            norm = self._norm(image, others) + part * float(np.sqrt(count * largest))
+            norm = self.norm(image, others) + part * float(np.sqrt(count * largest))
         energy = scales.energy
         return Stopped(norm, others, d, part * energy * masses, np.sqrt(energy) * sizes(part), self, energy)
 
-    def _groups(self, shares: Mapping[str, Share], unit: float) -> list[_Group]:
-        """Edges that the motions without strain move alike, or against each other."""
-        motions = np.zeros((len(self.slips), self.unstrained.shape[1]))
-        motions[self.slips] = self.unstrained / np.abs(self.unstrained).max()
-        found = list[_Group]()
-        for trace in (trace for trace in self.traces if trace.name in shares):
+    def _groups(
+        self, motions: FloatArray, shares: Mapping[str, Share], unit: float
+    ) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+        """Groups of edges that motions (n, j) move alike, or against each other.
+
+        What these do to each group (g, j), the functionals ∫ ± ω x_T ds (g, n), and ±1 on its edges by contact, else 0.
+        """
+        traces = [each for each in self.traces if each.name in shares]
+        keys, means = list[FloatArray](), list[FloatArray]()
+        moved = np.zeros((len(self.slips), motions.shape[1]))
+        moved[self.slips] = motions
+        for trace in traces:
             share, columns = shares[trace.name], trace.start + trace.columns
             products = bernstein.product_integrals(share.values.shape[1] - 1, columns.shape[1] - 1)
-            means = np.zeros((len(columns), len(self.slips)))  # ∫ ω x_T ds on each edge
             works = unit * trace.lengths[:, None] * trace.turned * (share.room * share.weights @ products)
-            np.add.at(means, (np.arange(len(columns))[:, None], columns), works)
-            for edge, key in enumerate((trace.turned[..., None] * motions[columns]).mean(axis=1)):
-                near = ((g, way) for g in found for way in (1, -1) if np.abs(key - way * g.key).max() < _ALIKE)
-                group, way = next(near, (None, 1))
-                if group is None:
-                    group = _Group(key, np.zeros(int(self.slips.sum())), {})
-                    found.append(group)
-                own = group.ways.setdefault(trace.name, np.zeros((len(columns), 1)))
-                own[edge] = way
-                group.mean[:] += way * means[edge, self.slips]
-        return found
-
-
-@dataclass(frozen=True, eq=False)
-class _Group:
-    """Edges that motions move alike: that slip (j,), the functional ∫ ± ω x_T ds (n,), and ±1 on them, else 0."""
-
-    key: FloatArray
-    mean: FloatArray
-    ways: dict[str, FloatArray]
+            own = np.zeros((len(columns), len(self.slips)))  # ∫ ω x_T ds on each edge
+            np.add.at(own, (np.arange(len(columns))[:, None], columns), works)
+            means.append(own[:, self.slips])
+            keys.append((trace.turned[..., None] * moved[columns]).mean(axis=1))
+        every = np.concatenate(keys)
+        alike, against = (np.abs(every[:, None] - way * every).max(axis=2) < _ALIKE for way in (1.0, -1.0))
+        first = (alike | against).argmax(axis=1)  # of its group
+        ways = np.where(np.take_along_axis(alike, first[:, None], axis=1)[:, 0], 1.0, -1.0)
+        groups = np.unique(first)
+        ways = np.where(first == groups[:, None], ways, 0.0)
+        ends = np.cumsum([len(part) for part in keys])[:-1]
+        by_name = {trace.name: part for trace, part in zip(traces, np.split(ways, ends, axis=1), strict=True)}
+        return every[groups], ways @ np.concatenate(means), by_name
 
 
 _ENERGIES: WeakKeyDictionary[ContactProblem, _Energies] = WeakKeyDictionary()

@@ -32,17 +32,9 @@ class BracketKind(Enum):
 class Uniqueness:
     """How far another solution of the exact problem can be.
 
-    Attributes
-    ----------
-    apart : float
-        The largest distance of two solutions in the energy norm of stresses, over that of the computed stress; 0 where
-        there is one only, infinite where nothing is known. Where friction alone holds a body the message says how near
-        to the computed one these solutions are.
-    certainty : Certainty
-        Whether that is proved.
-    message : str
-        The same in words.
-
+    `apart` is the largest distance of two solutions in the energy norm of stresses, over that of the computed stress: 0
+    where there is one only, infinite where nothing is known. `certainty` says whether that is proved, `message` how
+    near to the computed one these solutions are where friction alone holds a body.
     """
 
     apart: float
@@ -76,9 +68,6 @@ class Bracket:
         The parts on the edges of each contact that is not tied; tied ones have only those of springs.
     cell_gaps : (cells,) array
         All parts by cell, ≥ 0: those of an edge go to its cell, on a joint to both halves; 0 without a displacement.
-    outer : float
-        ∫ |s − μ|τ_N|| |v_T − w| ds: what the bound s held fixed may still be off, 0 for other laws. Not part of the
-        gap; zero for the solution of the quasi-variational inequality.
     slack : float
         How much the lower bound was lowered for what the solver left of violations of the contact law: twice their
         work with v in the place of u, an estimate.
@@ -102,7 +91,6 @@ class Bracket:
     bulk: FloatArray
     contacts: Mapping[str, EdgeParts]
     cell_gaps: FloatArray
-    outer: float
     slack: float
     driven: Mapping[str, Bounds]
     result: ContactResult
@@ -218,7 +206,7 @@ def document(bracket: Bracket, units: Units | None = None) -> dict[str, Any]:
     Energies and their parts are ``{"value": …, "unit": …}``, forces ``{"lower": …, "upper": …, "unit": …}``.
     """
     units = units or Units()
-    energy = {"lower": bracket.lower, "upper": bracket.upper, "strain": bracket.strain, "outer": bracket.outer}
+    energy = {"lower": bracket.lower, "upper": bracket.upper, "strain": bracket.strain}
     found, companion, coulomb = bracket.coulomb, bracket.companion, None
 
     def finite(value: float) -> float | None:
@@ -258,8 +246,6 @@ def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
     parts = ", ".join(f"{name} {value:.3g}" for name, value in bracket.parts.items())
     if parts:
         yield f"duality gap [{units.engineering_energy}]: {parts}"
-    if parts and bracket.outer > 0.0:
-        yield f"error from fixing the friction bound: up to {bracket.outer:.3g} {units.engineering_energy}"
     for name, bounds in bracket.forces.items():
         kind = "" if bracket.coulomb is None else f", {bracket.coulomb.kind}"
         yield f"{name} between {bounds.lower:.9g} and {bounds.upper:.9g} {units.engineering_force}{kind}"

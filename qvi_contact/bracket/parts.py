@@ -51,19 +51,11 @@ class Bounds(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class EdgeParts:
-    """Shares of the gap on the edges of one contact, (edges,) each, ≥ 0 [stress × length²].
+    """Shares of the gap on the edges of one contact, (edges,) each, ≥ 0 [stress × length²]."""
 
-    Attributes
-    ----------
-    contact : ∫ −τ_N (g − v_N) ds: pressure where the displacement leaves a gap
-    friction : ∫ s |v_T − w| + τ_T (v_T − w) ds: slip where the stress does not reach the bound, or against it
-    springs : ½ ∫ (τ + k d)²/k ds: what springs bear and what they stretch by, 0 without springs
-
-    """
-
-    contact: FloatArray
-    friction: FloatArray
-    springs: FloatArray
+    contact: FloatArray  # ∫ −τ_N (g − v_N) ds: pressure where the displacement leaves a gap
+    friction: FloatArray  # ∫ s |v_T − w| + τ_T (v_T − w) ds: slip where the stress is not at the bound, or against it
+    springs: FloatArray  # ½ ∫ (τ + k d)²/k ds: what springs bear and what they stretch by, 0 without springs
 
     @property
     def total(self) -> FloatArray:
@@ -236,15 +228,15 @@ def edge_parts(
     own: EdgeTractions,
     bound: FloatArray,
     companion: CompanionResult,
-) -> tuple[dict[str, EdgeParts], float, float]:
-    """Parts of the gap by contact that is not tied or has springs, for a friction bound s (e, q); and two works.
+) -> tuple[dict[str, EdgeParts], float]:
+    """Parts of the gap by contact that is not tied or has springs, for a friction bound s (e, q); and a slack.
 
-    What violations cost that a solver left, see `EdgeTractions.violations`, is estimated by twice their work with v in
-    the place of u. The other is ∫ |s − s_τ||v_T − w| ds with the bound s_τ of the stress.
+    That is what violations cost that a solver left, see `EdgeTractions.violations`: an estimate by twice their work
+    with v in the place of u.
     """
     problem, unit, (t, weights) = discretization.problem, discretization.scales.stress, gauss_legendre(EDGE_POINTS)
     nodes, back = bernstein.nodes(companion.degree), bernstein.from_values(companion.degree)
-    found, slack, outer, (excess, tension) = dict[str, EdgeParts](), 0.0, 0.0, own.violations(bound)
+    found, slack, (excess, tension) = dict[str, EdgeParts](), 0.0, own.violations(bound)
     for rows, contact in zip(discretization.contacts, problem.contacts, strict=True):
         e, edges = rows.edges, problem.mesh.edges(contact.edges)
         sprung = np.zeros(len(edges))
@@ -265,8 +257,7 @@ def edge_parts(
         found[rows.name] = EdgeParts(lengths * ((pressure * opening) @ weights), friction, sprung)
         moved = lengths * slip_work(slip, nothing, nothing + 1.0)
         slack += _OUTWARD * unit * float(tension[e] @ (lengths * (np.abs(opening) @ weights)) + excess[e] @ moved)
-        outer += unit * float(np.abs(own.bound - bound)[e].max(axis=1) @ moved)
-    return found, slack, outer
+    return found, slack
 
 
 def slip_work(slip: FloatArray, shear: FloatArray, bound: FloatArray) -> FloatArray:

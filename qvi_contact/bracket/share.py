@@ -13,7 +13,7 @@ sides, [Rv]_N = (R₁v₁)_N − (R₂v₂)_N = μ s [v]_T. Its norm is the larg
 In `docs/theory.md`: (D26), (D27).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import comb
 from typing import Any
@@ -57,13 +57,7 @@ class Body:
 def bodies_of(problem: ContactProblem) -> tuple[Body, ...]:
     """Each body alone, a joint that parts it from another one being a contact with an obstacle; tied joints part none.
 
-    The same problem gives the same bodies again, with what they have computed.
-
-    Raises
-    ------
-    InputError
-        If a joint that is not tied has the same body on both sides, or a body is no mesh of its own.
-
+    The same problem gives the same bodies again. `InputError` if a joint that is not tied has one body on both sides.
     """
     joints = tuple(joint for joint in problem.joints if joint.law != "tied")
     if not joints:
@@ -196,6 +190,12 @@ class SharedStress:
     before: ContactResult  # it carries τ
 
 
+def with_contacts(problem: ContactProblem, changed: Mapping[str, Contact]) -> ContactProblem:
+    """The problem with other contacts of these names; the same one if there are none."""
+    conditions = [changed.get(each.name, each) if isinstance(each, Contact) else each for each in problem.conditions]
+    return replace(problem, conditions=conditions) if changed else problem
+
+
 def with_numbers(problem: ContactProblem) -> ContactProblem:
     """The problem with friction and cohesion as numbers where functions have one value on all of a contact."""
     changed: dict[str, Contact] = {}
@@ -208,10 +208,7 @@ def with_numbers(problem: ContactProblem) -> ContactProblem:
                 if np.ptp(values) <= _SAME * np.abs(values).max():
                     number: dict[str, Any] = {name: float(values.flat[0])}
                     changed[contact.name] = replace(changed.get(contact.name, contact), **number)
-    if not changed:
-        return problem
-    conditions = [changed.get(each.name, each) if isinstance(each, Contact) else each for each in problem.conditions]
-    return replace(problem, conditions=conditions)
+    return with_contacts(problem, changed)
 
 
 def outside_scope(problem: ContactProblem) -> str:
@@ -239,14 +236,12 @@ def with_bernstein_rows(known: Discretization) -> Discretization:
     return discretize(known.problem, degree=known.space.degree, law_on="edges", scales=known.scales)
 
 
-def with_shares(result: ContactResult, tolerance: float, **options: Any) -> SharedStress | str:
+def with_shares(result: ContactResult, tolerance: float) -> SharedStress | str:
     """(H4): a stress with continuous shares near that of a result, or why nothing is known of its errors.
 
-    It obeys Coulomb's law on whole edges: a result with other rows is solved anew, with options of `solve_qvi`.
-
-    At a vertex between edges of which one slips, s is 1 or −1 as there; where nothing slips it is the mean, weighted
-    by the bounds; where no R of (D26) exists else, it is 0. Of each edge only the first and the last coefficient of the
-    shear that counts are changed.
+    A result with rows that do not hold Coulomb's law on whole edges is solved anew. At a vertex between edges of which
+    one slips, s is 1 or −1 as there; where nothing slips it is the mean, weighted by the bounds; where no R of (D26)
+    exists else, it is 0. Of each edge only the first and the last coefficient of the shear that counts are changed.
     """
     problem, found = with_numbers(result.problem), dict[str, Share]()
     reason = outside_scope(problem)
@@ -255,9 +250,8 @@ def with_shares(result: ContactResult, tolerance: float, **options: Any) -> Shar
     given = result.discretization if problem is result.problem else replace(result.discretization, problem=problem)
     known, solution = with_bernstein_rows(given), result.solution
     if known is not given:
-        solution = solve_qvi(known.qvi, tolerance=tolerance, **options)
-    if known is not result.discretization:
-        result = ContactResult(known, solution)
+        solution = solve_qvi(known.qvi, tolerance=tolerance)
+    result = ContactResult(known, solution)
     if not result.has_state:
         return f"No stress that obeys the contact law on whole edges was found: {solution.message}"
     own = EdgeTractions.of(known, result.dofs)
@@ -291,8 +285,7 @@ def _raw(contact: Contact, bound: FloatArray, shear: FloatArray, slip: FloatArra
 
 def _joined(problem: ContactProblem, raw: Mapping[str, Share]) -> tuple[dict[str, Share], tuple[str, ...]]:
     """The same made continuous at vertices, and where that costs much."""
-    zeros = {name: _vanishing(problem, name) for name in raw}
-    at: dict[int, list[tuple[str, int, int]]] = {}
+    zeros, at = _vanishing(problem), dict[int, list[tuple[str, int, int]]]()
     for name, share in raw.items():
         edges = problem.mesh.edges(share.contact.edges)
         for end, vertices in enumerate((edges.first, edges.second)):
@@ -301,7 +294,7 @@ def _joined(problem: ContactProblem, raw: Mapping[str, Share]) -> tuple[dict[str
     found, places = {name: replace(share, values=share.values.copy(), slipping=share.slipping.copy(),
         room=np.ones_like(share.values)) for name, share in raw.items()}, list[str]()  # fmt: skip
     for vertex, ends in at.items():
-        vanishes = any(vertex in zeros[name] for name, _, _ in ends)
+        vanishes = vertex in zeros
         wanted = 0.0 if vanishes else _common([(raw[name], edge, end) for name, edge, end in ends])
         for name, edge, end in ends:
             share, slips = found[name], raw[name].slipping[edge]
@@ -407,10 +400,10 @@ class LeastChange:
         R = sparse.csr_array(rows @ sparse.diags_array(scale))
         lengths = np.sqrt(np.maximum(np.asarray(R.multiply(R).sum(axis=1)).ravel(), 1e-300))
         R = sparse.csr_array(sparse.diags_array(1.0 / lengths) @ R)
-        S, slightly = sparse.diags_array(scale) @ K @ sparse.diags_array(scale), 1e-9 * sparse.eye_array(len(lengths))
-        nothing = sparse.csr_array((len(lengths), len(lengths)))
-        matrices = [sparse.csc_array(sparse.block_array([[S, R.T], [R, part]])) for part in (nothing, -slightly)]
-        return cls((scale, lengths), matrices[0], splu(matrices[1]))
+        S, number = sparse.diags_array(scale) @ K @ sparse.diags_array(scale), len(lengths)
+        matrix = sparse.csc_array(sparse.block_array([[S, R.T], [R, sparse.csr_array((number, number))]]))
+        slightly = sparse.diags_array(np.append(np.zeros(len(scale)), np.full(number, 1e-9)))
+        return cls((scale, lengths), matrix, splu(sparse.csc_array(matrix - slightly)))
 
     def solved(self, right: FloatArray, load: FloatArray | float = 0.0) -> FloatArray:
         """The x with rows · x = right, as nearly as there is one."""
@@ -445,28 +438,25 @@ def spans(directions: FloatArray, wanted: FloatArray) -> bool:
     return bool(np.abs(known - wanted).max() <= PARALLEL)
 
 
-def _vanishing(problem: ContactProblem, name: str) -> set[int]:
-    """Vertices where s of a contact must be 0: kinks, and where what meets it holds the normal part of R v.
+def _vanishing(problem: ContactProblem) -> set[int]:
+    """Vertices where s must be 0: kinks, and where what meets a contact holds the normal part of R v.
 
     There are none where springs across the contact take μ s v_T upon themselves.
     """
-    if any(contact.name == name and contact.normal_stiffness is not None for contact in problem.contacts):
-        return set()
     places = {tuple(place): vertex for vertex, place in enumerate(problem.mesh.vertices.tolist())}
-    found: set[int] = set()
+    rough = {each.name for each in problem.contacts if has_coulomb(each) and each.normal_stiffness is None}
     try:
         bodies = bodies_of(problem)
     except InputError:  # a crack, with one body on both sides
         bodies = (Body(problem, {}),)
+    found: set[int] = set()
     for body in bodies:
-        names = {name} | {seen for seen, joint in body.beyond.items() if joint == name}
-        for contact in body.problem.contacts:
-            if contact.name in names:
-                found |= {places[tuple(place)] for place in _unfit(body, contact)}
+        chosen = [each for each in body.problem.contacts if body.beyond.get(each.name, each.name) in rough]
+        found.update(places[place] for contact in chosen for place in _unfit(body, contact))
     return found
 
 
-def _unfit(body: Body, contact: Contact) -> list[list[float]]:
+def _unfit(body: Body, contact: Contact) -> Iterator[tuple[float, ...]]:
     """Places of vertices of a contact where what edges there demand of v and w = R v leaves none but s = 0.
 
     With rows C w = D v of laws, for s = 1, and h · v = h · w = 0 of what is held, there is a w for every such v where
@@ -497,10 +487,8 @@ def _unfit(body: Body, contact: Contact) -> list[list[float]]:
                     assert not callable(friction)
                     sense = -friction if law.name in body.beyond else friction
                     rows += [np.append(normal, -sense * tangent)] + [np.append(tangent, none)] * bears_shear(law)
-    found = []
     for vertex, (fixed, rows) in at_vertex.items():
         both = [*rows, *(np.append(none, each) for each in fixed)]
         ranks = (int(np.linalg.matrix_rank(part, PARALLEL)) for part in (both, np.array(rows)[:, :2], fixed))
         if next(ranks) > sum(ranks):
-            found.append(mesh.vertices[vertex].tolist())
-    return found
+            yield tuple(mesh.vertices[vertex].tolist())

@@ -17,7 +17,7 @@ from qvi_contact.command.cli import TARGETS
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.solution.result import ContactResult
-from solvers.basics.names import known_name
+from solvers.basics.checks import known_name
 
 if TYPE_CHECKING:
     from qvi_contact.bracket import Bracket

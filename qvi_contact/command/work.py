@@ -31,7 +31,7 @@ from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.settings import RefineOptions, Settings
 from qvi_contact.solution.solver import solve as solve_one
 from solvers import available
-from solvers.basics.names import known_name
+from solvers.basics.checks import known_name
 from solvers.basics.progress import deadline
 from solvers.factorisation import available_backends, missing_backends
 from solvers.factorisation.base import DENSE
@@ -245,8 +245,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
 def _write_proof(path: str, problem: ContactProblem, loads: Iterable[str], degree: int | None) -> list[str]:
     """Write a proof file; what people read of it."""
     from qvi_contact.limit import check_proof as proofs
-    from qvi_contact.limit.load_factor import limit_proof
-    from qvi_contact.limit.proof import save_proof
+    from qvi_contact.limit.proof import limit_proof, save_proof
 
     proof = limit_proof(problem, list(loads), degree=degree)
     save_proof(path, proof)
@@ -300,7 +299,7 @@ def keys(name: str) -> None:
 
 def methods(as_json: bool) -> None:
     """List methods, inner solvers and factorisations."""
-    factorisations = {DENSE: "up to 500 unknowns", **available_backends()}
+    factorisations = {DENSE: "up to 400 unknowns", **available_backends()}
     if as_json:
         document = {"methods": list(METHODS), "inner": list(available()), "factorisation": factorisations}
         click.echo(json_text(document))

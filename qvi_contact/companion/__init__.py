@@ -9,7 +9,6 @@ Conforming elements on the mesh of the problem; the contact problem is solved in
 
 from qvi_contact.companion.model import (
     CompanionContact,
-    CompanionParts,
     CompanionResult,
     CompanionState,
     solve_companion,
@@ -19,7 +18,6 @@ from solvers.basics.front import front
 
 __all__ = [
     "CompanionContact",
-    "CompanionParts",
     "CompanionResult",
     "CompanionState",
     "solve_companion",

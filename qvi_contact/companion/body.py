@@ -51,6 +51,7 @@ MISFIT = 1e-10
 
 PARALLEL = 1e-8
 """Sine of the angle between two directions that is the rounding of coordinates."""
+_ALIKE = 1e-14  # square of a sine that is the rounding of squares
 
 
 def load_points(degree: int) -> int:
@@ -78,10 +79,7 @@ def edge_data(
 
 
 def along_arcs(arcs: Edges, vectors: FloatArray, degree: int) -> FloatArray:
-    """Inner coefficients of d·v along arcs from all coefficients of v, (n, p − 1, p + 1, 2), for d (n, 2) that turns.
-
-    They are those of the polynomial that is d(t)·v(t) at p + 1 nodes, both ends among them.
-    """
+    """Inner coefficients of the polynomial d(t)·v(t) at p + 1 nodes of arcs, from those of v (n, p − 1, p + 1, 2)."""
     nodes = bernstein.nodes(degree)
     project, values = bernstein.from_values(degree)[1:-1], bernstein.basis(degree, nodes)
     return np.asarray(np.einsum("ki,eia,ij->ekja", project, vectors_along(arcs, vectors, nodes), values))
@@ -102,6 +100,13 @@ class Supports:
     inverse: sparse.csr_array
     slanted: bool  # whether Q is not the identity
     reasons: tuple[str, ...]  # why they do not meet the data exactly; nothing if they do
+
+    @property
+    def fixed(self) -> FloatArray:
+        """The values as degrees of freedom w (size,), zero elsewhere."""
+        w = np.zeros(self.axes.shape[0])
+        w[self.index] = self.values
+        return w
 
     def with_springs(self, count: int) -> "Supports":
         """The same, with as many degrees of freedom more that nothing prescribes."""
@@ -137,27 +142,22 @@ def supports(problem: ContactProblem, space: DisplacementSpace, scales: Scales) 
         )
 
     coefficient, direction, value = (np.concatenate(part) for part in zip(*conditions, strict=True))
-    known, group, count = np.unique(coefficient, return_inverse=True, return_counts=True)
-    order = np.argsort(group, kind="stable")
-    place = group[order], np.arange(len(order)) - np.repeat(np.cumsum(count) - count, count)
-    D = np.zeros((len(known), max(2, *count.tolist(), 0), 2))
-    wanted = np.zeros(D.shape[:2])
-    D[place], wanted[place] = direction[order], value[order]  # those of one coefficient in a row, zeros after them
-    U, size, V = np.linalg.svd(D, full_matrices=False)
-    both, first = size[:, 1] > PARALLEL, D[:, 0]
-    solved = np.einsum("kmi,km,ki,kij->kj", U, wanted, 1.0 / np.where(both[:, None], size, 1.0), V)
-    mean = (np.sign(np.einsum("kmi,ki->km", D, first)) * wanted).sum(axis=1) / count
-    found = np.where(both[:, None], solved, mean[:, None] * first)
-    wrong = np.abs(np.einsum("kmi,ki->km", D, found) - wanted).max(axis=1) > MISFIT * max(
-        1.0, np.abs(value).max(initial=0.0)
-    )
+    known, start, group = np.unique(coefficient, return_index=True, return_inverse=True)
+    first, square, right = direction[start], np.zeros((len(known), 2, 2)), np.zeros((len(known), 2))
+    np.add.at(square, group, direction[:, :, None] * direction[:, None, :])
+    np.add.at(right, group, direction * value[:, None])
+    found = (np.linalg.pinv(square, _ALIKE, hermitian=True) @ right[:, :, None])[..., 0]  # of the least squares
+    sizes = np.linalg.eigvalsh(square)
+    both = sizes[:, 0] > _ALIKE * sizes[:, 1]
+    missed = np.abs((direction * found[group]).sum(axis=1) - value)
+    wrong = missed > MISFIT * max(1.0, np.abs(value).max(initial=0.0))
     if wrong.any():
-        x, y = problem.mesh.origin + scales.length * space.places[known[wrong].min()]
+        x, y = problem.mesh.origin + scales.length * space.places[coefficient[wrong].min()]
         reasons.append(f"Prescribed displacements disagree at ({x:.6g}, {y:.6g}). Their mean is used.")
     along, slanted = np.argmax(np.abs(first), axis=1), ~both & (np.abs(first).max(axis=1) < 1.0)
-    one = np.where(slanted, mean, np.take_along_axis(found, along[:, None], axis=1)[:, 0])
+    one = np.where(slanted, (found * first).sum(axis=1), np.take_along_axis(found, along[:, None], axis=1)[:, 0])
     fixed.append(((2 * known + np.where(slanted, 0, along))[~both], one[~both]))
-    fixed.append(((2 * known[both, None] + np.arange(2)).ravel(), solved[both].ravel()))
+    fixed.append(((2 * known[both, None] + np.arange(2)).ravel(), found[both].ravel()))
 
     frames = np.tile(np.eye(2), (space.size // 2, 1, 1))
     frames[known[slanted]] = np.stack([first, np.stack([-first[:, 1], first[:, 0]], axis=1)], axis=2)[slanted]
@@ -306,11 +306,7 @@ class Elasticity:
 
 
 def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tuple[FloatArray, tuple[str, ...]]:
-    """∫ b·v + ∫_{Γσ} T·v as a vector (size,), and what is wrong with it.
-
-    That is a difference of the body force's from a finer quadrature, or what is left of tractions that no quadrature
-    can follow. Of a body potential only the points of the two quadratures are seen, 541 or more a cell.
-    """
+    """∫ b·v + ∫_{Γσ} T·v as a vector (size,), and what quadrature leaves of it; a body potential is seen by two."""
     space, tractions, found = body.space, np.zeros(body.size), list[str]()
     for given in problem.prescribed(Traction):
         edges, count = given.edges, load_points(space.degree)
@@ -390,11 +386,7 @@ class CondensedBody:
     def of(cls, body: Elasticity, load: FloatArray, supports: Supports, rows: sparse.csr_array) -> "CondensedBody":
         """Condense on the degrees of freedom that rows (n, size) of v touch, prescribed ones among them left out.
 
-        Raises
-        ------
-        FactorisationError
-            If the stiffness matrix cannot be factorised.
-
+        `FactorisationError` if the stiffness matrix cannot be factorised.
         """
         size, Q = body.space.size, supports.axes
         free = np.setdiff1d(np.arange(size), supports.index)
@@ -409,9 +401,7 @@ class CondensedBody:
         held[place] = shift  # back ends want a positive definite matrix; S has it on its diagonal and is freed of it
         factor = factorise(sparse.csc_array(K + sparse.diags_array(held)), place)
         S = factor.schur - shift * np.eye(len(place))
-        fixed = np.zeros(body.size)
-        fixed[supports.index] = supports.values
-        r, _ = factor.reduce((Q.T @ (load - body.force(Q @ fixed)))[free])
+        r, _ = factor.reduce((Q.T @ (load - body.force(Q @ supports.fixed)))[free])
         motions = (rigid @ _unheld(rigid[supports.index]))[interface]
         R = np.asarray(np.linalg.qr(motions)[0]) if motions.size else np.zeros((len(motions), 0))
         if body.springs is not None:
@@ -434,20 +424,13 @@ class CondensedBody:
 
     def expand(self, values: FloatArray) -> FloatArray:
         """V (size,) from w_Γ, the rest in equilibrium: defect corrections remove rounding."""
-        w, Q = self.fixed, self.supports.axes
+        w, Q = self.supports.fixed, self.supports.axes
         w[self.interface] = values
         held = np.zeros(len(self.interface) - (self.body.size - self.body.space.size))
         for _ in range(_CORRECTIONS):
             _, state = self.factor.reduce((Q.T @ (self.load - self.body.force(Q @ w)))[self.free])
             w[self.free] += self.factor.expand(state, held)
         return np.asarray(Q @ w)
-
-    @property
-    def fixed(self) -> FloatArray:
-        """W (size,) with the prescribed values, zero elsewhere."""
-        w = np.zeros(self.body.size)
-        w[self.supports.index] = self.supports.values
-        return w
 
 
 def _pins(body: Elasticity, rigid: FloatArray, fixed: IntArray, interface: IntArray) -> IntArray:

@@ -2,10 +2,9 @@
 
 On an edge the relative displacement is Σ c_i B_i. Each c is a coefficient of the body, or the difference of two on
 a joint, along the edge's normal or tangent; in a corner of the line, between edges of two directions, one for each.
-Tangents point to the right: where an arc goes straight up, those of its two edges lead against each other. c_T is one
-number there, along one of them, and counts with the other sign on the other edge. On a joint normals and sides of the
-edges change there as well, and c_T does not.
-A plate driven by force adds its motion: then c is what the body moves beyond it. Forces z conjugate to c are
+Tangents point to the right: where an arc goes straight up, those of its two edges lead against each other, and c_T
+counts with the other sign on one of them. On a joint normals and sides of the edges change there as well, and c_T does
+not. A plate driven by force adds its motion: then c is what the body moves beyond it. Forces z conjugate to c are
 
     z_i = ∫ σ B_i ds = W_i τ_i,   W_i = ∫ B_i ds,
 
@@ -25,11 +24,10 @@ over the mean tractions τ = z / W that the laws admit, a `FrictionQVI`, subject
     Rᵀ Bᵀ W τ = −Rᵀ r        equilibrium of what floats, with the rigid motions a as multiplier
     Mᵀ W τ = F               resultants of plates, with −q as multiplier; M is what c of the plate itself does.
 
-The multipliers of its rows are W (g − c_N) ≥ 0 and −W (c_T − w): the conditions of (D2) are then those of the
-displacement model. Unknowns come as all normal tractions, then all tangential ones. Those whose c nothing can change
-(supports prescribe it, or the tip of a joint) get a compliance of their own and stay zero; so do those whose c follows
-from others: in a corner where two contact lines end, or where joints cross, several forces act on one displacement, and
-friction there is left to the other line.
+The multipliers of its rows are W (g − c_N) ≥ 0 and −W (c_T − w). Unknowns come as all normal tractions, then all
+tangential ones. Those whose c nothing can change (supports prescribe it, or the tip of a joint) get a compliance of
+their own and stay zero; so do those whose c follows from others, in a corner where two contact lines end, or where
+joints cross: friction there is left to the other line.
 
 A solution meets the contact conditions to a tolerance. Where a coefficient presses or sticks beyond doubt its
 displacement is set to the obstacle's, an open one is kept at or below the gap, and one that must not slip, or slips
@@ -190,10 +188,7 @@ class DisplacementContact:
         return found
 
     def motions(self) -> Iterator[tuple[FloatArray, float]]:
-        """For each force or moment on a plate what c (2, n) of the plate is when it moves by 1, and that force.
-
-        Moments count from `RigidPlate.reference`.
-        """
+        """For each force or moment on a plate what c (2, n) of the plate is when it moves by 1, and that force."""
         plate, centre = self.contact.plate, centre_of(self.mesh, self.edges)
         for component in COMPONENTS if plate is not None else ():
             if plate is not None and getattr(plate, component) is not None:
@@ -389,16 +384,9 @@ class DualProblem:
 
 
 def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
-    """Pose the problem.
-
-    Raises
-    ------
-    InputError
-        If loads, or resultants of plates, contradict equilibrium.
-
-    """
+    """Pose the problem; `InputError` if loads, or resultants of plates, contradict equilibrium."""
     W, touched = contacts.weights, contacts.rows @ body.supports.axes
-    constant = touched @ body.fixed - contacts.moved
+    constant = touched @ body.supports.fixed - contacts.moved
     B = touched[:, body.interface].toarray()
     movable = np.abs(B).sum(axis=1) > PARALLEL
     B[~movable] = 0.0
@@ -439,21 +427,13 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
 
 def _determined(B: FloatArray, contacts: Contacts) -> IntArray:
     """Rows that follow from others: what is tied comes first, then what must not pass an obstacle, then friction."""
-    n, found = contacts.count, list[int]()
-    tied = np.tile(contacts.tied, 2)
-    rank = np.where(tied, 0, np.where(np.arange(2 * n) < n, 1, 2))
+    found, rank = list[int](), np.where(np.tile(contacts.tied, 2), 0, np.repeat([1, 2], contacts.count))
     for rows in groups(sparse.csr_array(B)):
-        columns = np.flatnonzero((B[rows] != 0.0).any(axis=0))
-        base = np.zeros((0, len(columns)))
-        for row in rows[np.argsort(rank[rows], kind="stable")].tolist():
-            rest = B[row, columns]
-            for _ in range(2):  # once more for orthogonality to rounding
-                rest = rest - (base @ rest) @ base
-            length = float(np.linalg.norm(rest))
-            if length > _DEPENDENT:
-                base = np.vstack([base, rest / length])
-            else:
-                found.append(row)
+        ordered = rows[np.argsort(rank[rows], kind="stable")]
+        part = B[ordered]
+        part = part[:, part.any(axis=0)]
+        _, others = independent_rows(part, np.full(len(part), _DEPENDENT))
+        found += ordered[list(others)].tolist()
     return np.array(found, dtype=np.int64)
 
 
@@ -475,16 +455,15 @@ def _independent(A: FloatArray, b: FloatArray, rigid: int) -> IntArray:
     for index, combination in combinations.items():
         contradiction = float(b[index] - combination @ b[kept[: len(combination)]])
         if abs(contradiction) > _BALANCED * max(1.0, float(np.abs(b).max())):
-            if index >= rigid:
-                remedy = (
-                    "contradicts equilibrium with the other loads by this, dimensionless: correct it, or leave it out"
-                )
-                raise InputError("RigidPlate", contradiction, remedy)
+            field = "ContactProblem.conditions"
             remedy = (
                 "the loads on a body that nothing holds are out of balance by this, dimensionless: correct them, or "
-                "support the body by a Displacement or Contact"
             )
-            raise InputError("ContactProblem.conditions", contradiction, remedy)
+            remedy += "support the body by a Displacement or Contact"
+            if index >= rigid:
+                field = "RigidPlate"
+                remedy = "contradicts the other loads by this, dimensionless: correct it, or leave it out"
+            raise InputError(field, contradiction, remedy)
     return np.array(kept, dtype=np.int64)
 
 
@@ -546,10 +525,9 @@ def admissible(
 
 def _excess(problem: DualProblem, c: FloatArray) -> FloatArray:
     """By how much c_N exceeds the gap (2 n,), or differs where the contact keeps its distance, and c_T its offset."""
-    contacts, n = problem.contacts, problem.contacts.count
-    difference = c - contacts.obstacle
-    bilateral, tied = contacts.bilateral, contacts.tied
-    normal = np.where(bilateral, np.abs(difference[:n]), np.maximum(difference[:n], 0.0))
-    slipping = contacts.slipping
-    backwards = np.where(np.isnan(slipping), 0.0, np.maximum(-slipping * difference[n:], 0.0))
-    return np.concatenate([normal, np.where(tied | (slipping == 0.0), np.abs(difference[n:]), backwards)])
+    contacts = problem.contacts
+    normal, shear = (c - contacts.obstacle).reshape(2, contacts.count)
+    backwards = np.nan_to_num(np.maximum(-contacts.slipping * shear, 0.0))
+    held = contacts.tied | (contacts.slipping == 0.0)
+    across = np.where(contacts.bilateral, np.abs(normal), np.maximum(normal, 0.0))
+    return np.concatenate([across, np.where(held, np.abs(shear), backwards)])

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
-from itertools import zip_longest
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number
 from qvi_contact.companion.body import PARALLEL, CondensedBody, Elasticity, Supports, load_vector, supports
-from qvi_contact.companion.contact import Contacts, DisplacementContact, DualProblem, admissible, dual_problem
+from qvi_contact.companion.contact import Contacts, DisplacementContact, admissible, dual_problem
 from qvi_contact.companion.space import DisplacementSpace, Triangle, triangle
 from qvi_contact.discretization.loads import scaled_stress_at_rest
 from qvi_contact.discretization.plates import COMPONENTS, centre_of
@@ -28,9 +27,9 @@ from qvi_contact.solution.contact_line import contact_states, turning_senses
 from qvi_contact.solution.result import PlateMotion, plate_motion
 from qvi_contact.solution.stress import given_points, mean_at
 from qvi_contact.version import __version__
-from solvers import Certificate, Iteration, QVISolution, Status, solve_qvi
-from solvers.basics.names import Named, known_name
-from solvers.basics.progress import Log
+from solvers import Certificate, QVISolution, Status, solve_qvi
+from solvers.basics.checks import Named, known_name
+from solvers.basics.progress import Log, deadline
 from solvers.basics.records import dataclass
 from solvers.basics.types import PicklesFields
 from solvers.certificate.certificate import EXPONENTS
@@ -47,32 +46,9 @@ _DEPENDENT = 1e-9  # singular value of rows, relative, that counts as zero
 _DIGITS = 12  # of coordinates over the body's length: more is rounding
 
 
-@dataclass(frozen=True)
-class CompanionParts:
-    """Parts of the energy J(v) = strain − load + friction, a unit of thickness [stress × length²].
-
-    Attributes
-    ----------
-    strain : float
-        ½ ∫ (ε − ε⁰):C:(ε − ε⁰), the elastic energy, and that of springs; ε⁰ is an initial strain.
-    load : float
-        ∫ b·v + ∫_{Γσ} T·v + Σ F·q, q the motions of plates under the forces F.
-    friction : float
-        Σ ∫ s |v_T − w| ds ≥ 0 for given bounds; under the contacts' own laws Σ W_i s_i |c_i − w_i|, no less than that.
-
-    """
-
-    strain: float
-    load: float
-    friction: float
-
-
 @dataclass(frozen=True, eq=False)
 class CompanionContact:
-    """One contact in the displacement model; arrays over the n Bernstein coefficients of its trace.
-
-    Coefficients come in order along the line: by x, and by y where x is the same. Several lines of one contact mix if
-    they overlap in x.
+    """One contact in the displacement model; arrays over the n Bernstein coefficients of its trace, by x, then by y.
 
     A quantity at a coefficient is no value at a point: a displacement is the coefficient itself, a traction the mean
     weighted by B_i. Coefficients whose displacement supports prescribe carry no traction here; it is the support's.
@@ -142,8 +118,7 @@ class CompanionState:
 class CompanionResult(PicklesFields):
     """A displacement model solved, or not: check `status`.
 
-    Without a state (loads that cannot be carried, failed back end) everything but status, certificate, message, problem
-    and `unknowns` raises `InputError`.
+    Without a state (loads that cannot be carried, failed back end) fields, energies and forces raise `InputError`.
 
     Attributes
     ----------
@@ -205,26 +180,19 @@ class CompanionResult(PicklesFields):
     def displacement(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Displacement (u_x, u_y) at points of the body, (...) to (..., 2) [length]; on joints the mean of all sides.
 
-        Raises
-        ------
-        InputError
-            If a point lies outside the body.
-
+        `InputError` if a point lies outside the body.
         """
         return np.asarray(self._mean(x, y, self._displacement_in) * self.scales.displacement)
 
     def stress(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
-        """Stress (σ_xx, σ_yy, σ_xy) = C (ε − ε⁰) at points of the body, (...) to (..., 3) [stress].
-
-        On edges the mean of the adjacent cells.
-        """
-        return self._mean(x, y, self._stress_in) * self.scales.stress
+        """Stress (σ_xx, σ_yy, σ_xy) = C (ε − ε⁰) at points, (...) to (..., 3) [stress]; on edges the mean of cells."""
+        stress = self._mean(x, y, lambda cells, t: self.body.stress(self._v, cells, self.space.own(cells, t)))
+        return stress * self.scales.stress
 
     def cell_strain(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
-        """Strains (ε_xx, ε_yy, 2ε_xy) at reference points (k,) of every cell, (cells, k, 3).
+        """Strains (ε_xx, ε_yy, 2ε_xy) at reference points (k,) of every cell of the mesh, (cells, k, 3).
 
-        The point (t_x, t_y) has these barycentric coordinates of the second and third corner. Cells come in the order
-        of the mesh.
+        These are barycentric coordinates of the second and third corner.
         """
         strain = self.body.strain(self._v, slice(None), self.space.own(slice(None), np.column_stack([tx, ty])))
         return np.asarray(strain * (self.scales.displacement / self.scales.length))
@@ -232,15 +200,6 @@ class CompanionResult(PicklesFields):
     def cell_displacement(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
         """Displacements at such points of every cell, (cells, k, 2) [length]."""
         return np.asarray(self._displacement_in(slice(None), np.column_stack([tx, ty])) * self.scales.displacement)
-
-    def cell_stress(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
-        """Stresses (σ_xx, σ_yy, σ_xy) at such points of every cell, (cells, k, 3) [stress]."""
-        return self._stress_in(slice(None), np.column_stack([tx, ty])) * self.scales.stress
-
-    def cell_points(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
-        """Coordinates x, y of such points of every cell, (cells, k, 2) [length]."""
-        place = self.space.points(slice(None), self.space.own(slice(None), np.column_stack([tx, ty])))
-        return np.asarray(self.problem.mesh.origin + self.scales.length * place)
 
     def displacement_in(self, cells: IntArray, t: FloatArray) -> FloatArray:
         """Displacements at one such point each, (n, 2), of cells given by number (n,), shape (n, 2) [length]."""
@@ -267,11 +226,14 @@ class CompanionResult(PicklesFields):
         return normal @ shape.T, tangential @ shape.T
 
     @cached_property
-    def parts(self) -> CompanionParts:
-        """The parts of the energy [stress × length²]."""
-        state, unit = self._state, self.scales.energy
-        load = float(state.load @ state.v + state.contacts.resultants @ state.plates)
-        friction = 0.0  # ∫ s |v_T − w| ds; under Coulomb's law the sum over coefficients that was minimised
+    def parts(self) -> dict[str, float]:
+        """Parts of the energy J(v) = strain − load + friction [stress × length²].
+
+        "strain" is ½ ∫ (ε − ε⁰):C:(ε − ε⁰), with the energy of springs; "load" ∫ b·v + ∫_{Γσ} T·v + Σ F·q, q the
+        motions of plates under the forces F; "friction" Σ ∫ s |v_T − w| ds ≥ 0 for given bounds, under the contacts'
+        own laws Σ W_i s_i |c_i − w_i|, no less than that.
+        """
+        state, friction = self._state, 0.0
         for trace in state.contacts.traces:
             slip = self._beyond[1, trace.here]
             if trace.contact.law == "tied":
@@ -281,13 +243,14 @@ class CompanionResult(PicklesFields):
             else:
                 along = trace.on_edges(slip, slip)[1]
                 friction += float(trace.lengths @ bernstein.absolute_integrals(trace.bound, along))
-        return CompanionParts(self.body.energy(state.v) * unit, load * unit, friction * unit)
+        load = float(state.load @ state.v + state.contacts.resultants @ state.plates)
+        found = {"strain": self.body.energy(state.v), "load": load, "friction": friction}
+        return {name: part * self.scales.energy for name, part in found.items()}
 
     @property
     def energy(self) -> float:
         """J(v) for the bound s that was used [stress × length²]: an upper bound if `reasons` is empty."""
-        parts = self.parts
-        return parts.strain - parts.load + parts.friction
+        return self.parts["strain"] - self.parts["load"] + self.parts["friction"]
 
     @cached_property
     def contacts(self) -> Mapping[str, CompanionContact]:
@@ -349,9 +312,6 @@ class CompanionResult(PicklesFields):
         local = self._v.reshape(-1, 2)[self.space.table[cells]]
         return np.asarray(self.space.cell.values(self.space.own(cells, t)) @ local)
 
-    def _stress_in(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
-        return self.body.stress(self._v, cells, self.space.own(cells, t))
-
     def _mean(self, x: ArrayLike, y: ArrayLike, values: Callable[[IntArray, FloatArray], FloatArray]) -> FloatArray:
         """Mean of what the cells that hold a point say."""
         mesh, points, _ = self.problem.mesh, given_points("x, y", x, y), self._state
@@ -364,8 +324,6 @@ def solve_companion(
     degree: int | None = None,
     tolerance: float = 1e-8,
     time_limit: float | None = None,
-    max_iterations: int | None = None,
-    callback: Callable[[Iteration], object] | None = None,
     verbose: bool = False,
 ) -> CompanionResult:
     """Displacements of a contact problem, by conforming elements P_p on its mesh.
@@ -390,41 +348,48 @@ def solve_companion(
         Accuracy that the certificate of the contact forces must confirm.
     time_limit : float, optional
         Seconds for the contact forces.
-    max_iterations, callback
-        Iterations for the contact forces at most, and who is called with each, as for `solve`.
     verbose : bool
         Print a header, a line an iteration, and a footer with status and times.
-
-    Returns
-    -------
-    CompanionResult
-        With a status; a failure to solve does not raise.
 
     Raises
     ------
     InputError
-        If the problem or an argument is wrong, or loads on a body that nothing holds are out of balance.
+        If the problem or an argument is wrong, or loads on a body that nothing holds are out of balance. A failure to
+        solve does not raise: check `status`.
 
     Notes
     -----
     ∫ s |v_T − w| is bounded from above by Σ |c_i − w_i| ∫ s B_i, in which s is bounded from above by the smaller of the
-    means of c and t_max. The laws hold for the coefficients' forces ∫ σ B_i, not for stresses at points.
-
-    Data given as functions are looked at in 99 points of every edge (`bernstein.SAMPLES`), a body potential in those of
-    two quadratures. `CompanionResult.reasons` names those that are no polynomials there; what happens between these
-    points cannot be seen.
+    means of c and t_max. The laws hold for the coefficients' forces ∫ σ B_i, not for stresses at points. Data given as
+    functions are looked at in 99 points of every edge (`bernstein.SAMPLES`), a body potential in those of two
+    quadratures. `CompanionResult.reasons` names those that are no polynomials there.
 
     """
-    cell = _checked(problem, degree, tolerance)
-    options: dict[str, Any] = {"callback": callback, "time_limit": time_limit}
-    if max_iterations is not None:
-        options["max_iterations"] = max_iterations
-    with Log(f"qvi_contact {__version__}: solve_companion", verbose) as log:
+    cell = checked(problem, degree, tolerance)
+    with deadline(time_limit), Log(f"qvi_contact {__version__}: solve_companion", verbose) as log:
         log.begin({"cells": problem.mesh.cell_count, "degree": cell.degree, "tolerance": f"{tolerance:g}"})
-        found = solve_companions(problem, [None], degree=degree, tolerance=tolerance, **options)[0]
+        (found,) = solve_companions(problem, [None], degree=degree, tolerance=tolerance)
         timings = {} if found.solution is None else found.solution.timings
         log.end(str(found.status), found.message, timings, found.status is Status.SOLVED)
     return found
+
+
+def checked(problem: ContactProblem, degree: int | None, tolerance: float) -> Triangle:
+    """The element, if arguments and problem are what the model takes."""
+    if not isinstance(problem, ContactProblem):
+        raise InputError("problem", problem, "give a ContactProblem")
+    cell = triangle(degree)
+    if not 0.0 < finite_number("tolerance", tolerance) < 1.0:
+        raise InputError("tolerance", tolerance, "give a number between 0 and 1")
+    # an incompressible material has no stiffness: displacements would have to keep every area
+    if any(problem.materials[number].incompressible for number in np.unique(problem.cell_materials)):
+        remedy = (
+            "the displacement companion, and the bracket that needs it, have no displacements for incompressible "
+            "materials: take a number below 0.5, or leave them out, and judge the result by its certificate and a "
+            "finer mesh"
+        )
+        raise InputError("Material.poisson", 0.5, remedy)
+    return cell
 
 
 def solve_companions(
@@ -434,101 +399,55 @@ def solve_companions(
     degree: int | None = None,
     tolerance: float = 1e-8,
     slip_directions: Sequence[Mapping[str, FloatArray]] = (),
-    **options: Any,
 ) -> tuple[CompanionResult, ...]:
     """The same under several friction laws with one factorisation: None for the contacts' own, or given bounds s ≥ 0.
 
     These are Bernstein coefficients (edges, q) [stress] for every contact that is not tied, along the tangents of edges
-    in the order of the mesh; the energy then has ∫ s |v_T − w| itself. Options are those of `solve_qvi`. On contacts
-    named in the law's entry of `slip_directions` displacements slip along the tangent of an edge where that says 1,
-    against it where −1, and not at all where 0.
+    in the order of the mesh; the energy then has ∫ s |v_T − w| itself. On contacts named in the law's entry of
+    `slip_directions` displacements slip along the tangent of an edge where that says 1, against it where −1, and not at
+    all where 0.
     """
-    cell = _checked(problem, degree, tolerance)
-    model = _Model.of(problem, cell)
-    nothing = MappingProxyType[str, FloatArray]({})
-    both = zip_longest(laws, slip_directions, fillvalue=nothing)
-    contacts = [Contacts.of(problem, model.body.space, model.scales, law, slips) for law, slips in both]
+    scales, body, held = _body(problem, checked(problem, degree, tolerance))
+    (acting, remarks), found = load_vector(problem, body, scales), list[CompanionResult]()
+    both = zip(laws, slip_directions or [MappingProxyType[str, FloatArray]({})] * len(laws), strict=True)
+    contacts = [Contacts.of(problem, body.space, scales, law, slips) for law, slips in both]
     with limited_blas(1):
         try:
-            load, size = model.load + model.body.initial_load, model.body.space.size
+            load, size = acting + body.initial_load, body.space.size
             load[:size] -= contacts[0].rows[:, :size].T @ contacts[0].fluid  # on the body, not on its springs
-            condensed = CondensedBody.of(model.body, load, model.held, contacts[0].rows)
+            condensed = CondensedBody.of(body, load, held, contacts[0].rows)
             duals = [dual_problem(each, condensed) for each in contacts]
         except (FactorisationError, MemoryError) as error:
-            return tuple(model.failed(error, tolerance) for _ in laws)
-        solutions = [solve_qvi(dual.qvi, tolerance=tolerance, **options) for dual in duals]
-        return tuple(model.result(dual, solution) for dual, solution in zip(duals, solutions, strict=True))
+            status = _FAILURES.get(getattr(error, "reason", "memory"), Status.BACKEND_FAILED)
+            message = f"{status}: {error or 'out of memory'}"
+            said = status, Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance), message, None, (message,), None
+            return (CompanionResult(problem, scales, body, *said),) * len(laws)
+        for dual in duals:
+            solution, own, state = solve_qvi(dual.qvi, tolerance=tolerance), dual.contacts, None
+            reasons = held.reasons + remarks + own.reasons
+            if solution.status is not Status.INFEASIBLE and np.isfinite(solution.z).all():
+                bound = np.full(own.count, np.inf)
+                bound[~own.tied] = dual.qvi.threshold(np.abs(dual.qvi.normal(solution.z)))
+                values, plates = dual.displacements(solution)
+                v, c, wrong = admissible(dual, values, plates, solution.z, bound)
+                tractions = np.where(dual.live, solution.z, 0.0)
+                state = CompanionState(own, v, c, plates, tractions, dual.live, bound, load - body.initial_load, wrong)
+                reasons += (wrong,) if wrong else ()
+            told = solution.status, solution.certificate, solution.message, state, reasons, solution
+            found.append(CompanionResult(problem, scales, body, *told))
+    return tuple(found)
 
 
-def _checked(problem: ContactProblem, degree: int | None, tolerance: float) -> Triangle:
-    """The element, if arguments and problem are what the model takes."""
-    if not isinstance(problem, ContactProblem):
-        raise InputError("problem", problem, "give a ContactProblem")
-    cell = triangle(degree)
-    if not 0.0 < finite_number("tolerance", tolerance) < 1.0:
-        raise InputError("tolerance", tolerance, "give a number between 0 and 1")
-    check_scope(problem)
-    return cell
-
-
-def check_scope(problem: ContactProblem) -> None:
-    """`InputError` for a problem that displacements of this room do not model.
-
-    An incompressible material has no stiffness: displacements would have to keep every area.
-    """
-    if any(problem.materials[number].incompressible for number in np.unique(problem.cell_materials)):
-        remedy = (
-            "the displacement companion, and the bracket that needs it, have no displacements for incompressible "
-            "materials: take a number below 0.5, or leave them out, and judge the result by its certificate and a "
-            "finer mesh"
-        )
-        raise InputError("Material.poisson", 0.5, remedy)
-
-
-@dataclass(frozen=True, eq=False)
-class _Model:
-    """A problem on its elements, its contacts' laws left open."""
-
-    problem: ContactProblem
-    scales: Scales
-    body: Elasticity
-    held: Supports
-    load: FloatArray
-    remarks: tuple[str, ...]
-
-    @classmethod
-    def of(cls, problem: ContactProblem, cell: Triangle) -> _Model:
-        """Loads and supports."""
-        scales = Scales.of(problem)
-        space = DisplacementSpace.of(problem, cell, scales.length)
-        at_rest = partial(scaled_stress_at_rest, problem, scales) if is_strained(problem) else None
-        body, held = Elasticity(space, moduli(problem, scales), at_rest), supports(problem, space, scales)
-        if any(contact.has_springs for contact in problem.contacts):
-            springs = Contacts.of(problem, space, scales).springs
-            body, held = replace(body, springs=springs), held.with_springs(springs.shape[0])
-        return cls(problem, scales, body, held, *load_vector(problem, body, scales))
-
-    def result(self, dual: DualProblem, solution: QVISolution) -> CompanionResult:
-        """What a solution of the contact problem says."""
-        state, contacts = None, dual.contacts
-        reasons = self.held.reasons + self.remarks + contacts.reasons
-        if solution.status is not Status.INFEASIBLE and np.isfinite(solution.z).all():
-            bound = np.full(contacts.count, np.inf)
-            bound[~contacts.tied] = dual.qvi.threshold(np.abs(dual.qvi.normal(solution.z)))
-            values, plates = dual.displacements(solution)
-            v, c, wrong = admissible(dual, values, plates, solution.z, bound)
-            tractions, load = np.where(dual.live, solution.z, 0.0), dual.body.load - dual.body.body.initial_load
-            state = CompanionState(contacts, v, c, plates, tractions, dual.live, bound, load, wrong)
-            reasons += (wrong,) if wrong else ()
-        said = solution.status, solution.certificate, solution.message, state, reasons, solution
-        return CompanionResult(self.problem, self.scales, self.body, *said)
-
-    def failed(self, error: FactorisationError | MemoryError, tolerance: float) -> CompanionResult:
-        """Where the body could not be condensed."""
-        status = _FAILURES.get(getattr(error, "reason", "memory"), Status.BACKEND_FAILED)
-        message = f"{status}: {error or 'out of memory'}"
-        said = status, Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance), message, None, (message,), None
-        return CompanionResult(self.problem, self.scales, self.body, *said)
+def _body(problem: ContactProblem, cell: Triangle) -> tuple[Scales, Elasticity, Supports]:
+    """A problem on its elements: units, the body with its springs, what holds it."""
+    scales = Scales.of(problem)
+    space = DisplacementSpace.of(problem, cell, scales.length)
+    at_rest = partial(scaled_stress_at_rest, problem, scales) if is_strained(problem) else None
+    body, held = Elasticity(space, moduli(problem, scales), at_rest), supports(problem, space, scales)
+    if any(contact.has_springs for contact in problem.contacts):
+        springs = Contacts.of(problem, space, scales).springs
+        body, held = replace(body, springs=springs), held.with_springs(springs.shape[0])
+    return scales, body, held
 
 
 def moduli(problem: ContactProblem, scales: Scales) -> FloatArray:
@@ -548,21 +467,11 @@ class BodyAtRest:
 
     @classmethod
     def of(cls, problem: ContactProblem, degree: int) -> BodyAtRest:
-        """Displacements of a degree on the mesh of a problem.
-
-        Raises
-        ------
-        InputError
-            If the problem or the degree is wrong.
-        FactorisationError
-            If the stiffness matrix cannot be factorised.
-
-        """
-        model = _Model.of(problem, triangle(degree))
-        contacts = Contacts.of(problem, model.body.space, model.scales)
-        held = replace(model.held, values=np.zeros_like(model.held.values))
+        """Displacements of a degree on the mesh of a problem; `FactorisationError` where K cannot be factorised."""
+        scales, moving, held = _body(problem, triangle(degree))
+        contacts, held = Contacts.of(problem, moving.space, scales), replace(held, values=np.zeros_like(held.values))
         with limited_blas(1):
-            body = CondensedBody.of(model.body, np.zeros_like(model.load), held, contacts.rows)
+            body = CondensedBody.of(moving, np.zeros(moving.size), held, contacts.rows)
         moved, driven = (contacts.rows @ body.supports.axes)[:, body.interface].toarray(), contacts.motions
         B = np.hstack([moved, -driven])
         live = np.abs(moved).sum(axis=1) > PARALLEL

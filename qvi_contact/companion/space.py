@@ -15,8 +15,8 @@ corner a to b,
     x(λ) = Σ λ_i X_i + Σ_sides λ_a λ_b q(λ_b − λ_a),   τ (1 − τ) q(2τ − 1) = γ(τ) − (1 − τ) X_a − τ X_b
 
 which is γ on the side, the straight line on the others, and smooth, so that displacements that are polynomials of λ are
-of full order. (The map of the mesh, seen from barycentres, is not: it bends between the thirds of a cell.) Neighbours
-agree on every side. q is a polynomial that differs from its definition by rounding.
+of full order. (The map of the mesh, seen from barycentres, is not: it bends between the thirds of a cell.) q is a
+polynomial that differs from its definition by rounding.
 """
 
 from functools import cache, cached_property, lru_cache
@@ -158,35 +158,19 @@ class CurvedCells:
             found[s] = from_values(len(t) - 1, len(t)) @ (bulge / (t * (1.0 - t))[:, None])
         return found
 
-    def points(self, which: IntArray, t: FloatArray) -> FloatArray:
-        """Points (k, q, 2) at reference points t, (q, 2) or (k, q, 2), of some of the cells (k,)."""
-        barycentric = _barycentric(t, len(which))
-        found = barycentric @ self.corners[which]
+    def mapped(self, which: IntArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points x (k, q, 2) and ∂x_b/∂t_a (k, q, b, a) at reference points t, (q, 2) or (k, q, 2), of cells (k,)."""
+        corners, places = self.corners[which], barycentric(np.broadcast_to(t, (len(which), *np.shape(t)[-2:])))
+        points = places @ corners
+        slopes = np.repeat((corners.swapaxes(1, 2) @ _SLOPES)[:, None], places.shape[1], axis=1)
         for s, (a, b) in enumerate(EDGES):
-            bent = self._bent(which, s)
-            first, second = barycentric[bent, :, a], barycentric[bent, :, b]
-            found[bent] += (first * second)[..., None] * _sum(self._bulges[s, which[bent]], second - first)
-        return np.asarray(found)
-
-    def jacobians(self, which: IntArray, t: FloatArray) -> FloatArray:
-        """∂x_b/∂t_a as [cell, point, b, a], shape (k, q, 2, 2)."""
-        barycentric = _barycentric(t, len(which))
-        found = np.broadcast_to(
-            (self.corners[which].swapaxes(1, 2) @ _SLOPES)[:, None], (*barycentric.shape[:2], 2, 2)
-        ).copy()
-        for s, (a, b) in enumerate(EDGES):
-            bent = self._bent(which, s)
-            first, second = barycentric[bent, :, a], barycentric[bent, :, b]
-            q = self._bulges[s, which[bent]]
-            product = first[..., None] * _SLOPES[b] + second[..., None] * _SLOPES[a]
-            slope = (first * second)[..., None] * _sum(legder(q, axis=1), second - first)
-            found[bent] += _sum(q, second - first)[..., None] * product[..., None, :]
-            found[bent] += slope[..., None] * (_SLOPES[b] - _SLOPES[a])
-        return np.asarray(found)
-
-    def _bent(self, which: IntArray, side: int) -> IntArray:
-        """Places in `which` of the cells whose side of this number is an arc: mostly one of three is."""
-        return np.flatnonzero(self.bends[which, side].any(axis=1))
+            bent = np.flatnonzero(self.bends[which, s].any(axis=1))  # mostly one side of three is an arc
+            first, second, q = places[bent, :, a, None], places[bent, :, b, None], self._bulges[s, which[bent]]
+            value, steep = (legvander((second - first)[..., 0], c.shape[1] - 1) @ c for c in (q, legder(q, axis=1)))
+            points[bent] += first * second * value
+            slopes[bent] += value[..., None] * (first * _SLOPES[b] + second * _SLOPES[a])[..., None, :]
+            slopes[bent] += (first * second * steep)[..., None] * (_SLOPES[b] - _SLOPES[a])
+        return points, slopes
 
     def reference(self, which: IntArray, points: FloatArray) -> FloatArray:
         """Reference points t (k, q, 2) of points (k, q, 2) in some of the cells (k,)."""
@@ -194,18 +178,9 @@ class CurvedCells:
         straight = np.linalg.inv(corners.swapaxes(1, 2) @ _SLOPES)
         t = (points - corners[:, :1]) @ straight.swapaxes(1, 2)
         for _ in range(_STEPS):
-            miss = points - self.points(which, t)
-            t = t + np.linalg.solve(self.jacobians(which, t), miss[..., None])[..., 0]
+            found, slopes = self.mapped(which, t)
+            t = t + np.linalg.solve(slopes, (points - found)[..., None])[..., 0]
         return np.asarray(t)
-
-
-def _barycentric(t: FloatArray, count: int) -> FloatArray:
-    return barycentric(np.broadcast_to(t, (count, *np.shape(t)[-2:])))
-
-
-def _sum(coefficients: FloatArray, at: FloatArray) -> FloatArray:
-    """Σ c_k P_k of coefficients (n, terms, 2) at places (n, q), shape (n, q, 2)."""
-    return np.asarray(legvander(at, coefficients.shape[1] - 1) @ coefficients)
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,7 +231,7 @@ class DisplacementSpace:
         at, which = self.curved.among(cells, len(self.table))
         if len(at):
             found = np.repeat(found, np.shape(t)[-2], axis=1)
-            found[at] = np.linalg.inv(self.curved.jacobians(which, t if np.ndim(t) == 2 else t[at]))
+            found[at] = np.linalg.inv(self.curved.mapped(which, t if np.ndim(t) == 2 else t[at])[1])
         return np.asarray(found)
 
     @cached_property
@@ -278,7 +253,7 @@ class DisplacementSpace:
         found = np.asarray(self.origins[cells][:, None] + t @ self.frames[cells].swapaxes(1, 2))
         if len(self.curved):
             at, which = self.curved.among(cells, len(self.table))
-            found[at] = self.curved.points(which, t if np.ndim(t) == 2 else t[at])
+            found[at] = self.curved.mapped(which, t if np.ndim(t) == 2 else t[at])[0]
         return found
 
     def own(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
@@ -296,7 +271,7 @@ class DisplacementSpace:
         found = self.areas[:, None] * weights
         if len(self.curved):
             every = np.arange(len(self.curved))
-            found[self.curved.numbers] = np.abs(np.linalg.det(self.curved.jacobians(every, t))) * weights
+            found[self.curved.numbers] = np.abs(np.linalg.det(self.curved.mapped(every, t)[1])) * weights
         return np.asarray(found)
 
     @cached_property

@@ -14,7 +14,6 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, whole_number
-from qvi_contact.basics.kept import Kept, read_only
 from qvi_contact.discretization.energy import BodyStiffness, Root, Springs
 from qvi_contact.discretization.loads import (
     ContactRows,
@@ -37,7 +36,7 @@ from qvi_contact.errors import InputError, refuse_arguments
 from qvi_contact.problem.conditions import Traction
 from qvi_contact.problem.problem import ContactProblem
 from solvers import ContactMatrices, FrictionQVI, Law, Loads, TractionFactor
-from solvers.basics.types import PicklesFields
+from solvers.basics.types import Kept, PicklesFields, read_only
 from solvers.inequality.rows import are_few
 
 DEFAULT_DEGREE: Final = 4
@@ -164,19 +163,6 @@ class Discretization(PicklesFields):
                 )
         return tuple(found)
 
-    def slipped(self, slip: Sequence[FloatArray]) -> Discretization:
-        """The same problem after earlier slip (m,) at the points of each contact, dimensionless: w grows by it."""
-        contacts = tuple(replace(rows, slip=more) for rows, more in zip(self.contacts, slip, strict=True))
-        change = [
-            rows.rule.multipliers_of_rows(rows.points.weights * more)
-            for rows, more in zip(contacts, slip, strict=True)
-            if rows.law != "tied"
-        ]
-        load = self.qvi.T.T @ joined(change)
-        assert self.qvi.load is not None
-        qvi = self.qvi.with_loads(f=self.qvi.f + load, load=self.qvi.load + load)
-        return replace(self, contacts=contacts, qvi=qvi)
-
     def with_law(self, problem: ContactProblem) -> Discretization:
         """Another problem, in these units, that differs in friction, cohesion and caps of contacts only."""
         pairs = zip(self.contacts, problem.contacts, strict=True)
@@ -189,12 +175,15 @@ class Discretization(PicklesFields):
 
     def with_far_obstacles(self) -> Discretization:
         """The same problem, after the same slip, with all obstacles where they stand, however far."""
-        fresh = _discretized(self.problem, self.space, self.rule, replace(self.scales, reach=np.inf))
-        return fresh.slipped([rows.slip for rows in self.contacts])
+        scales, slip = replace(self.scales, reach=np.inf), [rows.slip for rows in self.contacts]
+        return _discretized(self.problem, self.space, self.rule, scales, slip)
 
-    def with_data(self, problem: ContactProblem, scales: Scales | None = None) -> Discretization:
+    def with_data(
+        self, problem: ContactProblem, scales: Scales | None = None, slip: Sequence[FloatArray] | None = None
+    ) -> Discretization:
         """Another problem, in units `scales` or its own, on the same mesh, by the same element and rows of contacts.
 
+        After earlier `slip` (m,) at the points of each contact, dimensionless, by which w grows, or none.
         Where it differs in loads and in data of contacts only, it has the same matrices, and the same factorisation.
         `InputError` if its mesh is another, but for the names of edge sets.
         """
@@ -204,7 +193,7 @@ class Discretization(PicklesFields):
             remedy = "it is on another mesh than the problem discretised before: give both the same mesh"
             raise InputError("ContactProblem.mesh", type(problem.mesh).__name__, remedy)
         vars(problem.mesh)["kept"] = self.problem.mesh.kept  # equal meshes have one
-        return _discretized(problem, self.space, self.rule, scales or Scales.of(problem))
+        return _discretized(problem, self.space, self.rule, scales or Scales.of(problem), slip)
 
     def rescaled(self) -> Discretization:
         """The same problem in units of the stress it would have without contact laws, if its own are far too large.
@@ -287,7 +276,13 @@ def discretize(
     return _discretized(problem, space, rule, scales or Scales.of(problem))
 
 
-def _discretized(problem: ContactProblem, space: StressSpace, rule: EdgeRule, scales: Scales) -> Discretization:
+def _discretized(
+    problem: ContactProblem,
+    space: StressSpace,
+    rule: EdgeRule,
+    scales: Scales,
+    slip: Sequence[FloatArray] | None = None,
+) -> Discretization:
     """Discretise: matrices that the mesh keeps for all problems, and the vectors of this one."""
     prescribed, kept = problem.prescribed(Traction), problem.mesh.kept
     supports = Supports.on(space, prescribed, kept)
@@ -300,7 +295,7 @@ def _discretized(problem: ContactProblem, space: StressSpace, rule: EdgeRule, sc
         )
         raise InputError("ContactProblem.conditions", imbalance * scales.stress * scales.length, remedy)
     compliances = np.stack([material.compliance / scales.compliance for material in problem.materials])
-    contacts = contact_rows(problem, space, rule, scales)
+    contacts = contact_rows(problem, space, rule, scales, slip)
     springs = Springs.of(problem, space, scales, contacts)
     stiffness = BodyStiffness.on(supports, problem.cell_materials, compliances, springs, kept)
     stress = cell_stress(problem, space, scales)

@@ -36,7 +36,6 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
-from qvi_contact.basics.kept import Kept, read_only
 from qvi_contact.discretization.loads import ContactRows, EdgePoints, physical, potential_at
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import StressSpace
@@ -44,7 +43,7 @@ from qvi_contact.discretization.supports import Supports
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import SPRINGS
 from qvi_contact.problem.problem import ContactProblem
-from solvers.basics.types import PicklesFields
+from solvers.basics.types import Kept, PicklesFields, read_only
 from solvers.inequality.body import Stiffness
 
 _LONGEST: Final = 1e3  # longest side over height of a triangle: beyond, too many digits are lost

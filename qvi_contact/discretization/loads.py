@@ -245,17 +245,21 @@ class ContactRows:
         return np.outer(self.points.lengths, self.rule.shares).ravel()
 
     def work(self) -> FloatArray:
-        """∫ g τ_N + w τ_T ds as a vector over all degrees of freedom, the last term of (D1); g within reach."""
+        """∫ g τ_N + w τ_T ds as a vector over all degrees of freedom, the last term of (D1); g within reach.
+
+        A tied contact has not slipped.
+        """
         weights, (across, along) = self.points.weights, self.motion
-        return self.points.load(weights * (self.gap - self.beyond + across), weights * (self.offset + along))
+        w = self.offset + along if self.law == "tied" else self.offset + along + self.slip
+        return self.points.load(weights * (self.gap - self.beyond + across), weights * w)
 
 
 def contact_rows(
-    problem: ContactProblem, space: StressSpace, rule: EdgeRule, scales: Scales
+    problem: ContactProblem, space: StressSpace, rule: EdgeRule, scales: Scales, slip: Sequence[FloatArray] | None
 ) -> tuple[ContactRows, ...]:
-    """All contacts in the order of the problem; `InputError` where a field gives bad values."""
+    """All contacts in the order of the problem, after earlier slip; `InputError` where a field gives bad values."""
     found, start = [], 0
-    for contact in problem.contacts:
+    for number, contact in enumerate(problem.contacts):
         points = EdgePoints(space, problem.mesh.edges(contact.edges), rule.count)
         stop = start if contact.law == "tied" else start + len(points.weights)
         x, y = physical(problem, scales, points.coordinates)
@@ -287,7 +291,7 @@ def contact_rows(
             misfit / scales.stress,
             motion,
             scales.reach,
-            np.zeros(len(x)),
+            np.zeros(len(x)) if slip is None else slip[number],
         )
         found.append(rows)
         start = stop
@@ -321,12 +325,15 @@ def limits_of(
     problem: ContactProblem, contact: Contact, scales: Scales, rule: EdgeRule, points: EdgePoints
 ) -> tuple[Limits, Limits]:
     """What bounds the rows of a contact, and the shear at its points."""
+    fields = [getattr(contact, name) for name in SHEAR_LAW]
 
     def at(places: FloatArray) -> Limits:
-        x, y = physical(problem, scales, points_along(points.space.vertices, points.edges, places).reshape(-1, 2))
+        x = y = np.empty(len(points.edges) * len(places))
+        if any(map(callable, fields)):
+            x, y = physical(problem, scales, points_along(points.space.vertices, points.edges, places).reshape(-1, 2))
         found = []
-        for name in SHEAR_LAW:
-            field, unit = getattr(contact, name), 1.0 if name == "friction" else scales.stress
+        for name, field in zip(SHEAR_LAW, fields, strict=True):
+            unit = 1.0 if name == "friction" else scales.stress
             values = np.inf if field is None else evaluate(f"Contact.{name}", field, x, y, minimum=0.0)
             found.append(np.broadcast_to(values, x.shape) / unit)
         return Limits(*found)

@@ -393,7 +393,7 @@ class StressSpace(PicklesFields):
     @cached_property
     def cell_quadrature(self) -> tuple[FloatArray, FloatArray]:
         """Points and weights for energies; arcs, which are no polynomials, take more of them."""
-        return split_points(2 * self.degree + (_ARCS if len(self.curved) else _STRAIGHT))
+        return split_points(2 * self.degree + (_ARCS if self.mesh.curved.any() else _STRAIGHT))
 
     def tractions(self, u: FloatArray, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """σ_N without φ and σ_T of u (N,) at the points t (q,) along each of n edges, edge by edge, (n q,) each."""

@@ -32,7 +32,6 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.basics.kept import Kept, read_only
 from qvi_contact.discretization.curved import resultant_shapes
 from qvi_contact.discretization.space import Functionals, StressSpace, frame
 from qvi_contact.element import legendre
@@ -40,7 +39,7 @@ from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.quadrature import EdgeQuadrature
 from qvi_contact.mesh.edges import Edges, frames_along, vectors_along
 from qvi_contact.problem.problem import Prescribed
-from solvers.basics.types import PicklesFields
+from solvers.basics.types import Kept, PicklesFields, read_only
 from solvers.inequality.rows import are_few
 
 _POINTS: Final = 6  # Gauss points beside the degree of Φ, of edges and their parts for data given as functions

@@ -5,10 +5,9 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "archive": ("FORMAT_VERSION", "OWN", "Archive", "digest", "load_result", "write_archive"),
+        "archive": ("FORMAT_VERSION", "OWN", "Archive", "digest", "json_ready", "load_result", "write_archive"),
         "export": (
             "element_of",
-            "json_ready",
             "summary",
             "write_collapse_vtu",
             "write_contacts_vtu",

@@ -10,7 +10,6 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import NoneType
 from typing import Any, Final
 from zipfile import BadZipFile
 
@@ -68,6 +67,19 @@ def write_archive(path: str | Path, arrays: Mapping[str, Any]) -> None:
     entries["digest"] = np.array(digest(entries))
     with replacing(path) as temporary:
         np.savez_compressed(temporary, **entries)  # type: ignore[arg-type]  # names are entries, not options
+
+
+def json_ready(value: Any) -> Any:
+    """The same for JSON, in mappings and lists too: Python's own numbers, and None for those that JSON has not."""
+    if isinstance(value, Mapping):
+        return {str(key): json_ready(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [json_ready(entry) for entry in value]
+    if isinstance(value, (float, np.floating)):
+        return float(value) if np.isfinite(value) else None
+    if isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    return int(value) if isinstance(value, np.integer) else value
 
 
 class Archive:
@@ -152,19 +164,15 @@ class Archive:
         except ValueError as error:
             raise InputError("result", self.path, f"names a status {word!r} that does not exist") from error
 
-    def array(self, name: str) -> NDArray[Any]:
-        """An entry of any kind."""
-        if name not in self.arrays:
-            raise InputError("result", self.path, f"has no entry {name!r}: {_REMEDY}")
-        return self.arrays[name]
-
     def refused(self, name: str, told: str) -> InputError:
         """The error about an entry."""
         return InputError("result", self.path, f"entry {name!r} {told}")
 
     def _entry(self, name: str, kinds: str, dimensions: int, wanted: str) -> NDArray[Any]:
         """An entry of a kind; arrays of numbers have 64 bits."""
-        found = self.array(name)
+        if name not in self.arrays:
+            raise InputError("result", self.path, f"has no entry {name!r}: {_REMEDY}")
+        found = self.arrays[name]
         short = dimensions > 0 and kinds in "fi" and found.dtype.itemsize != 8
         if found.dtype.kind not in kinds or found.ndim != dimensions or short or not found.dtype.isnative:
             raise self.refused(name, f"is {found.dtype}{list(found.shape)}, not {wanted}")
@@ -194,12 +202,6 @@ def solution_names(result: ContactResult) -> set[str]:
 def answer_arrays(result: ContactResult) -> dict[str, Any]:
     """The algebraic solution alone, from which `answer_from_archive` makes the result again beside the problem."""
     solution, known, certificate = result.solution, result.discretization, result.solution.certificate
-    plain = {  # infinity as null
-        group: {
-            name: float(value) if np.isfinite(value) else None for name, value in getattr(certificate, group).items()
-        }
-        for group in _GROUPS
-    }
     history = [
         [e.number, e.residual, e.energy, e.normal_resultant, e.inner_iterations, e.seconds] for e in solution.history
     ]
@@ -218,7 +220,7 @@ def answer_arrays(result: ContactResult) -> dict[str, Any]:
         **{name: np.asarray(getattr(solution, name), dtype=np.float64) for name in _VECTORS},
         **{name: getattr(solution, name) for name in _TEXTS},
         "tolerance": certificate.tolerance,
-        "certificate": json.dumps(plain),
+        "certificate": json.dumps(json_ready({group: getattr(certificate, group) for group in _GROUPS})),
         "iterations": solution.iterations,
         "corrections": np.array(solution.corrections, dtype=np.float64),
         "remarks": np.array(solution.remarks, dtype=np.str_),
@@ -314,22 +316,22 @@ def _discretization(archive: Archive, discretized: Callable[[Scales], Discretiza
             raise archive.refused("z", remedy)
     counts = [len(rows.gap) for rows in fresh.contacts]
     slip = archive.floats("earlier_slip", size=sum(counts))
-    return fresh.slipped(np.split(slip, np.cumsum(counts)[:-1])) if slip.any() else fresh
+    if not slip.any():
+        return fresh
+    return fresh.with_data(fresh.problem, fresh.scales, np.split(slip, np.cumsum(counts)[:-1]))
 
 
 def _certificate(archive: Archive) -> Certificate:
     tolerance, groups = archive.number("tolerance"), archive.mapping("certificate")
     if not 0.0 < tolerance < 1.0:
         raise archive.refused("tolerance", "is not between 0 and 1")
-    found = []
-    for group in map(groups.get, _GROUPS):
-        if not isinstance(group, dict) or any(type(value) not in (int, float, NoneType) for value in group.values()):
-            raise archive.refused("certificate", "holds entries that are not numbers")
-        try:
-            found.append({name: np.inf if value is None else float(value) for name, value in group.items()})
-        except OverflowError as error:
-            raise archive.refused("certificate", "holds numbers too large for a float") from error
-    if any(value < 0.0 for value in found[0].values()):
+    try:
+        measures, scales, signed = (
+            {name: np.inf if value is None else float(value) for name, value in groups[group].items()}
+            for group in _GROUPS
+        )
+    except (KeyError, AttributeError, TypeError, ValueError, OverflowError) as error:
+        raise archive.refused("certificate", "holds entries that are no numbers, or too large for a float") from error
+    if any(value < 0.0 for value in measures.values()):
         raise archive.refused("certificate", "holds measures below zero")
-    measures = dict.fromkeys(EXPONENTS, np.inf) | found[0]  # what is not claimed does not pass
-    return Certificate(measures, tolerance, found[1], found[2])
+    return Certificate(dict.fromkeys(EXPONENTS, np.inf) | measures, tolerance, scales, signed)  # others do not pass

@@ -4,15 +4,16 @@ Every file is either written whole or not at all.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from html import escape
 from importlib.util import find_spec
 from math import isqrt
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from qvi_contact.basics.checks import FloatArray, IntArray, whole_number
 from qvi_contact.basics.units import Units
@@ -22,7 +23,7 @@ from qvi_contact.discretization.loads import physical
 from qvi_contact.discretization.space import FAMILY
 from qvi_contact.element.triangle import bernstein, triangle_lattice
 from qvi_contact.errors import InputError
-from qvi_contact.files.archive import solution_arrays, write_archive
+from qvi_contact.files.archive import json_ready, solution_arrays, write_archive
 from qvi_contact.mesh.edges import cross
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine
 from qvi_contact.solution.result import ContactResult, Energies
@@ -128,11 +129,6 @@ def field_arrays(result: ContactResult) -> dict[str, Any]:
 
 def _state(result: ContactResult, units: Units) -> dict[str, Any]:
     """The part of the summary that needs a stress state."""
-    energies = result.energies
-
-    def pair(found: Any, prefix: str, unit: str) -> dict[str, Any]:
-        return {f"{prefix}{axis}": _quantity(getattr(found, axis), unit) for axis in "xy"}
-
     contacts, plates = {}, {}
     for name, line in result.contacts.items():
         numbers, unit = line.summary(), {key: kind.removeprefix("engineering_") for key, kind in SUMMARY.items()}
@@ -143,23 +139,16 @@ def _state(result: ContactResult, units: Units) -> dict[str, Any]:
             "length": {state: _quantity(length, units.length) for state, length in line.lengths.items()},
             "points": len(line.x),
         }
+    pushed = {"x": units.force, "y": units.force, "moment": units.moment}
     for name, motion in result.plates.items():
-        pushed = result.plate_force(name)
-        plates[name] = {
-            **pair(motion, "", units.displacement),
-            "rotation": _quantity(motion.rotation, "rad"),
-            **pair(pushed, "force_", units.force),
-            "moment": _quantity(pushed.moment, units.moment),
-        }
-    resultants = {name: result.resultant(name) for name in result.problem.mesh.edge_names}
+        moved = _quantities(motion, {"x": units.displacement, "y": units.displacement, "rotation": "rad"})
+        force = _quantities(result.plate_force(name), pushed)
+        plates[name] = moved | {"force_x": force["x"], "force_y": force["y"], "moment": force["moment"]}
     return {
         "contacts": contacts,
         "plates": plates,
-        "energies": {field.name: _quantity(getattr(energies, field.name), units.energy) for field in fields(energies)},
-        "resultants": {
-            name: {**pair(force, "", units.force), "moment": _quantity(force.moment, units.moment)}
-            for name, force in resultants.items()
-        },
+        "energies": _quantities(result.energies, {field.name: units.energy for field in fields(Energies)}),
+        "resultants": {name: _quantities(result.resultant(name), pushed) for name in result.problem.mesh.edge_names},
         "traction_misfit": _quantity(result.traction_misfit, units.stress),
     }
 
@@ -174,19 +163,12 @@ def _quantity(value: float | np.floating[Any], unit: str) -> dict[str, Any]:
     return {"value": float(value), "unit": unit}
 
 
-def json_ready(value: Any) -> Any:
-    """The same for JSON, in mappings and lists too: Python's own numbers, and None for those that JSON has not."""
-    if isinstance(value, Mapping):
-        return {str(key): json_ready(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [json_ready(entry) for entry in value]
-    if isinstance(value, (float, np.floating)):
-        return float(value) if np.isfinite(value) else None
-    if isinstance(value, (bool, np.bool_)):
-        return bool(value)
-    return int(value) if isinstance(value, np.integer) else value
+def _quantities(found: object, units: Mapping[str, str]) -> dict[str, Any]:
+    """Attributes with their units."""
+    return {name: _quantity(getattr(found, name), unit) for name, unit in units.items()}
 
 
+_Data: TypeAlias = dict[str, dict[str, NDArray[Any]]]  # fields by name, by the quantity whose unit they have
 _CHUNK: Final = 4096  # cells at a time: their tables stay small
 _SINGLE_VALUED: Final = 1e-9  # jump of the dimensionless Airy function that is rounding
 _DIVIDED: Final = 3  # parts along each side of a part of a triangle, in files of limit loads
@@ -230,18 +212,18 @@ def write_vtu(
     factor, zero = np.repeat(cell_factors(problem), len(t)), np.zeros(len(stress))
     held = held_along_z(problem, np.repeat(np.arange(count), len(t)), x, y)
     first, second, _ = principal_stresses(stress)
-    fields = {
+    stresses = {
         "stress": np.column_stack([xx, yy, factor * (xx + yy) + held, xy, zero, zero]),
         "von Mises": von_mises(stress, factor, held),
         "principal 1": first,
         "principal 2": second,
     }
-    point_data = {_named(name, "stress", units): values for name, values in fields.items()}
+    point_data: _Data = {"stress": stresses}
     if np.abs(known.space.jumps(result.dofs)).max(initial=0.0) <= _SINGLE_VALUED:
         airy = np.concatenate([known.space.airy(coefficients, cells, t) for cells in chunks])
-        point_data[_named("Airy function", "moment", units)] = airy.ravel() * known.scales.airy
+        point_data["moment"] = {"Airy function": airy.ravel() * known.scales.airy}
     number = np.repeat(np.arange(count), len(corners))
-    cell_data: dict[str, FloatArray | IntArray] = {"material": problem.cell_materials[number], "cell": number}
+    cell_data: _Data = {"": {"material": problem.cell_materials[number], "cell": number}}
     if bracket is not None:
         mesh, companion = bracket.problem.mesh, bracket.companion
         if not mesh.same_as(problem.mesh):
@@ -249,10 +231,10 @@ def write_vtu(
         if not companion.has_state:
             raise InputError("bracket", bracket.message, "there is no displacement in it to write")
         moved = companion.cell_displacement(*t[:, -2:].T).reshape(-1, 2)
-        point_data[_named("displacement", "displacement", units)] = _vectors(moved)
-        cell_data[_named("energy gap", "energy", units)] = bracket.cell_gaps[number]
+        point_data["displacement"] = {"displacement": moved}
+        cell_data["energy"] = {"energy gap": bracket.cell_gaps[number]}
     cells = (len(t) * np.arange(count)[:, None, None] + corners).reshape(-1, corners.shape[1])
-    _write_grid(path, np.column_stack([x, y]), cells, point_data, cell_data)
+    _write_grid(path, np.column_stack([x, y]), cells, point_data, cell_data, units)
 
 
 def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | None = None) -> None:
@@ -280,20 +262,23 @@ def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | N
                 "fluid pressure": line.pore_pressure,
                 "shear": line.tangential_stress,
                 "friction bound": bound,
-                "traction": _vectors(traction),
+                "traction": traction,
             },
             "displacement": {"gap": line.gap, "slip": line.slip},
+            "": {"state": line.state.astype(np.float64), "normal": normal},
         }
-        named = {_named(name, unit, units): each for unit, own in fields.items() for name, each in own.items()}
-        parts.append(named | {"state": line.state.astype(np.float64), "normal": _vectors(normal)})
+        parts.append(fields)
         order, goes_on = line.path.points(line.points_per_edge), np.diff(line.path.line) == 0
         joints.append(count + np.column_stack([order[:, :-1].ravel(), order[:, 1:].ravel()]))
         joints.append(count + np.column_stack([order[:-1, -1][goes_on], order[1:, 0][goes_on]]))
         number.append(np.full(len(joints[-2]) + len(joints[-1]), index))
         count += len(line.x)
     points = np.concatenate([np.column_stack([line.x, line.y]) for line in result.contacts.values()])
-    data = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    _write_grid(path, points, np.concatenate(joints), data, {"contact": np.concatenate(number)})
+    data: _Data = {
+        quantity: {name: np.concatenate([part[quantity][name] for part in parts]) for name in named}
+        for quantity, named in parts[0].items()
+    }
+    _write_grid(path, points, np.concatenate(joints), data, {"": {"contact": np.concatenate(number)}}, units)
 
 
 def write_collapse_vtu(
@@ -322,21 +307,21 @@ def write_collapse_vtu(
     points = (places @ part_corners(mesh.corners)).reshape(-1, 2)
     xx, yy, xy = (bernstein(k, places) @ collapse.stress).reshape(-1, 3).T
     v = (bernstein(k + 1, places) @ collapse.motion.velocities[:, nodes]).reshape(-1, 2)
-    point_data = {
-        _named("stress", "stress", units): np.column_stack([xx, yy, 0 * xx, xy, 0 * xx, 0 * xx]),
-        "velocity": _vectors(v / np.abs(collapse.motion.velocities).max()),
+    point_data: _Data = {
+        "stress": {"stress": np.column_stack([xx, yy, 0 * xx, xy, 0 * xx, 0 * xx])},
+        "": {"velocity": v / np.abs(collapse.motion.velocities).max()},
     }
     a, b, c = mesh.corners.swapaxes(0, 1)
     density = collapse.motion.dissipation / np.abs(cross(b - a, c - a))
     number = np.repeat(np.arange(mesh.cell_count), 3 * len(corners))
-    cell_data: dict[str, FloatArray | IntArray] = {
+    cells = {
         "dissipation": density[number] / max(float(density.max()), 1e-300),
         "gap": collapse.gap[number],
         "material": problem.cell_materials[number],
         "cell": number,
     }
     triangles = (len(places) * np.arange(3 * mesh.cell_count)[:, None, None] + corners).reshape(-1, 3)
-    _write_grid(path, points, triangles, point_data, cell_data)
+    _write_grid(path, points, triangles, point_data, {"": cells}, units)
 
 
 def _check_vtu(path: str | Path) -> None:
@@ -347,39 +332,25 @@ def _check_vtu(path: str | Path) -> None:
 
 
 def _write_grid(
-    path: str | Path,
-    points: FloatArray,
-    parts: IntArray,
-    point_data: Mapping[str, FloatArray],
-    cell_data: Mapping[str, FloatArray | IntArray],
+    path: str | Path, points: FloatArray, parts: IntArray, point_data: _Data, cell_data: _Data, units: Units | None
 ) -> None:
-    """Write points (n, 2), lines or triangles by their corners (c, s), and data of both; whole or not at all.
-
-    Triangles are turned counterclockwise, so that all face the same way. Names of fields are escaped, as a unit may be
-    called anything and meshio writes them as they are.
-    """
+    """Write points (n, 2), lines or triangles by their corners (c, s), and data of both; whole or not at all."""
     kind = "line"
-    if parts.shape[1] == 3:
+    if parts.shape[1] == 3:  # turned counterclockwise, so that all face the same way
         kind, (a, b, c) = "triangle", points[parts].swapaxes(0, 1)
         parts = np.where((cross(b - a, c - a) < 0.0)[:, None], parts[:, ::-1], parts)
-    blocks: list[Any] = [(kind, parts)]
-    flat = np.column_stack([points, np.zeros(len(points))])
-    grid = load("meshio").Mesh(
-        flat,
-        blocks,
-        point_data={escape(name): values for name, values in point_data.items()},
-        cell_data={escape(name): [values] for name, values in cell_data.items()},
-    )
+    labels = Units.labels(units, {quantity: quantity for quantity in (*point_data, *cell_data) if quantity})
+
+    def named(data: _Data) -> Iterator[tuple[str, NDArray[Any]]]:
+        for quantity, own in data.items():
+            for name, values in own.items():
+                title = f"{name} [{labels[quantity]}]" if quantity in labels else name
+                vectors = values.ndim == 2 and values.shape[1] == 2
+                # a unit may be called anything, and meshio writes names as they are
+                yield escape(title), np.column_stack([values, np.zeros(len(values))]) if vectors else values
+
+    flat, blocks = np.column_stack([points, np.zeros(len(points))]), [(kind, parts)]
+    cells = {name: [values] for name, values in named(cell_data)}
+    grid = load("meshio").Mesh(flat, blocks, point_data=dict(named(point_data)), cell_data=cells)
     with replacing(path) as temporary:
         grid.write(temporary, file_format="vtu")
-
-
-def _named(name: str, unit: str, units: Units | None) -> str:
-    """The name of a field, with the unit it has among the user's, such as "stress"."""
-    label = Units.labels(units, {name: unit})
-    return f"{name} [{label[name]}]" if label else name
-
-
-def _vectors(values: FloatArray) -> FloatArray:
-    """Plane vectors (n, 2) as VTK has them, with z = 0."""
-    return np.column_stack([values, np.zeros(len(values))])

@@ -17,7 +17,7 @@ from qvi_contact.basics.schema import file_keys
 from qvi_contact.basics.units import Units
 from qvi_contact.files.mesh_tables import Axis
 from qvi_contact.files.problem_file import Document, PointDataTable, PolynomialTable, Values
-from solvers.basics.names import closest
+from solvers.basics.checks import closest
 from solvers.errors import UnknownNameError
 
 TABLES: Final[dict[str, type]] = {

@@ -105,12 +105,8 @@ class Rectangle:
         """Rows and columns of its cells."""
         found = []
         for name, across in (("y", lines[1]), ("x", lines[0])):
-            bounds = getattr(self, name)
-            if bounds is None:
-                found.append(slice(None))
-                continue
-            with schema.located(name):
-                first, last = (int(np.searchsorted(across, on_line("", bound, across))) for bound in bounds)
+            bounds = getattr(self, name) or (across[0], across[-1])
+            first, last = (int(np.searchsorted(across, on_line(name, bound, across))) for bound in bounds)
             if first >= last:
                 raise InputError(name, bounds, "give the smaller end first")
             found.append(slice(first, last))
@@ -146,32 +142,24 @@ class RefineTable:
                 edges = mesh.edges(name)
             vertex, count = np.unique(np.concatenate([edges.first, edges.second]), return_counts=True)
             critical.append(mesh.vertices[vertex[count == 1]])
-        with schema.located("", schema.keys_of(RefineTable)):
-            largest = positive_number("largest", self.largest)
-            smallest = largest if self.smallest is None else positive_number("smallest", self.smallest)
-            length = max(float(across[-1] - across[0]) for across in lines)
-            if smallest > largest:
-                raise InputError("smallest", smallest, f"give at most largest = {largest:g}")
-            growth, wanted = -float(np.log(self.ratio)), 1.0
-            for across in lines:  # about how many cells: 2 log(1 + growth largest/smallest)/growth at a line
-                extent = float(across[-1] - across[0])
-                graded = extent / largest + len(across) * (1.0 + 2.0 * np.log1p(growth * largest / smallest) / growth)
-                wanted *= min(graded, len(across) + extent / smallest)
-            if wanted > _MOST_CELLS:
-                raise InputError("largest", self.largest, f"give more: this makes some {wanted:.0e} cells in all")
-            if smallest < _FINEST * length:
-                raise InputError("smallest", smallest, f"give at least {_FINEST:g} of the body, {_FINEST * length:g}")
-        places = np.concatenate(critical)
+        largest = positive_number("largest", self.largest)
+        smallest = largest if self.smallest is None else positive_number("smallest", self.smallest)
+        if smallest > largest:
+            raise InputError("smallest", smallest, f"give at most largest = {largest:g}")
+        places, growth = np.concatenate(critical), -float(np.log(self.ratio))
         x, y = (
             _subdivided(across, np.unique(places[:, axis]), largest, smallest, growth)
             for axis, across in enumerate(lines)
         )
+        least = _FINEST * max(np.ptp(x), np.ptp(y))
+        if smallest < least:
+            raise InputError("smallest", smallest, f"give at least {_FINEST:g} of the body, {least:g}")
         return x, y
 
 
 def _subdivided(lines: FloatArray, critical: FloatArray, largest: float, smallest: float, growth: float) -> FloatArray:
     """Lines added so that cells are about h(x) = min(largest, smallest + growth · distance to `critical`)."""
-    pieces = [lines[:1]]
+    pieces, total = [lines[:1]], 0
     for start, stop in pairwise(lines.tolist()):
         t = np.linspace(0.0, 1.0, _SAMPLES)
         x = start + (stop - start) * np.concatenate([t**3 / 2, 1.0 - t[-2::-1] ** 3 / 2])  # dense at both ends
@@ -179,6 +167,9 @@ def _subdivided(lines: FloatArray, critical: FloatArray, largest: float, smalles
         size = np.minimum(largest, smallest + growth * distance)
         cells = np.concatenate([[0.0], np.cumsum(np.diff(x) * (1.0 / size[1:] + 1.0 / size[:-1]) / 2.0)])
         count = max(1, int(np.ceil(cells[-1] - 1e-3)))
+        total += count
+        if total > _MOST_CELLS:
+            raise InputError("largest", largest, "give more: this makes too many cells in all")
         pieces.append(np.append(np.interp(np.arange(1, count) * cells[-1] / count, cells, x), stop))
     return np.concatenate(pieces)
 
@@ -248,22 +239,20 @@ class OutlineTable:
 
     def mesh(self) -> TriangleMesh:
         """The body divided into triangles."""
-        lines: dict[str, list[Any]] = {"holes": [], "joints": [], "regions": []}
-        names: dict[str, list[str]] = {kind: [] for kind in lines}
+        lines: dict[str, dict[Any, Sequence[Corner]]] = {"holes": {}, "joints": {}, "regions": {}}
         for kind, found in lines.items():
             for index, table in enumerate(getattr(self, kind)):
                 with schema.located(f"{kind}[{index}]", schema.keys_of(LineTable)):
-                    found.append(table.line(kind, names[kind]))
-                names[kind].append(table.name)
-        named = {kind: dict(zip(names[kind], lines[kind], strict=True)) for kind in ("joints", "regions")}
-        sizes = {entry.at: entry.size for entry in self.sizes}
+                    line = table.line(kind, found)
+                found[index if kind == "holes" else table.name] = line
+        holes, sizes = list(lines.pop("holes").values()), {entry.at: entry.size for entry in self.sizes}
         try:
-            return TriangleMesh.outline(self.corners, self.size, holes=lines["holes"], sizes=sizes, **named)
+            return TriangleMesh.outline(self.corners, self.size, holes=holes, sizes=sizes, **lines)
         except InputError as error:
             kind, _, name = error.field.partition(".")
             place = error.field if error.field.split("[")[0] in schema.keys_of(OutlineTable) else ""
-            if name in named.get(kind, ()):
-                place = f"{kind}[{list(named[kind]).index(name)}]"
+            if name in lines.get(kind, ()):
+                place = f"{kind}[{list(lines[kind]).index(name)}]"
             raise type(error)(place, error.value, error.remedy) from error
 
 
@@ -387,14 +376,20 @@ class MeshTable:
             raise type(error)("remove", shown, error.remedy) from error
 
 
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class _Place:
     """Edges that are given in one way: by a line of a grid, or by a segment or box of any mesh."""
 
-    name: str
-    start: float | None
-    stop: float | None
-    at: float | None
-    segment: tuple[Point, Point] | None
+    name: schema.Name
+    """What conditions call it: `name = "base"`."""
+    start: float | None = None
+    """Where it begins along its line of a grid: `start = 0.5`."""
+    stop: float | None = None
+    """Where it ends: `stop = 1.5`."""
+    at: float | None = None
+    """Coordinate across that line; a side needs it only if it has several: `at = 0.0`."""
+    segment: tuple[Point, Point] | None = None
+    """What lies between two points: `segment = [[0.0, 0.0], [2.0, 0.0]]`."""
 
     def pairs(self, mesh: TriangleMesh, lines: Lines | None) -> IntArray:
         """The edges (k, 2) by their vertices; `lines` are those of a grid."""
@@ -428,18 +423,8 @@ class _Place:
 class EdgesTable(_Place):
     """A named part of the boundary: by side and range on a grid, by segment or box on any mesh."""
 
-    name: schema.Name
-    """What conditions call this part of the boundary: `name = "base"`."""
     side: Literal["bottom", "right", "top", "left"] | None = None
     """Side of a grid: bottom, right, top or left: `side = "bottom"`."""
-    start: float | None = None
-    """Where the part of the side begins: `start = 0.5`."""
-    stop: float | None = None
-    """Where it ends: `stop = 1.5`."""
-    at: float | None = None
-    """Which of several lines of the side, by the coordinate across it: `at = 0.0`."""
-    segment: tuple[Point, Point] | None = None
-    """What lies between two points: `segment = [[0.0, 0.0], [2.0, 0.0]]`."""
     box: Rectangle | None = None
     """What lies inside a box: `box = { y = [0.9, 1.1] }`."""
 
@@ -451,18 +436,8 @@ class EdgesTable(_Place):
 class JointTable(_Place):
     """A named line inside the body: by direction and range on a grid, by segment on any mesh."""
 
-    name: schema.Name
-    """What the contact calls this line: `name = "joint"`."""
     direction: Literal["horizontal", "vertical"] | None = None
     """Direction on a grid: horizontal or vertical: `direction = "horizontal"`."""
-    at: float | None = None
-    """Coordinate across the line: `at = 1.0`."""
-    start: float | None = None
-    """Where the line begins: `start = 0.0`."""
-    stop: float | None = None
-    """Where the line ends: `stop = 2.0`."""
-    segment: tuple[Point, Point] | None = None
-    """The line between two points: `segment = [[0.0, 1.0], [2.0, 1.0]]`."""
 
     def __post_init__(self) -> None:
         _one_way(self, {("direction", "at"): ("start", "stop"), ("segment",): ()})

@@ -77,11 +77,9 @@ class TimeRange:
     """Number of steps: `steps = 20`."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Values(schema.Kind):
     """Numbers, at least one, as a list or a range."""
 
-    what: str
     of = TimeRange
 
     def read(self, value: Any, reader: schema.Reader) -> tuple[float, ...]:
@@ -90,10 +88,8 @@ class Values(schema.Kind):
             given = schema.read_table(TimeRange, value, reader)
             return tuple(np.linspace(given.start, given.stop, given.steps + 1).tolist())
         if not isinstance(value, list):
-            raise InputError("", value, f"give a list of {self.what}s, or {{ start = 0.0, stop = 1.0, steps = 10 }}")
-        if not value:
-            raise InputError("", value, f"give at least one {self.what}")
-        return schema.Listed(schema.FINITE, 0, _MOST_STEPS).read(value, reader)
+            raise InputError("", value, "give a list of numbers, or { start = 0.0, stop = 1.0, steps = 10 }")
+        return schema.Listed(schema.FINITE, 1, _MOST_STEPS).read(value, reader)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -118,7 +114,7 @@ class PointDataTable:
 class HistoryTable:
     """Load steps: the values that t takes."""
 
-    times: Annotated[tuple[float, ...], Values("time")]
+    times: Annotated[tuple[float, ...], Values()]
     """Values that t takes, a list or a range; friction remembers from step to step: `times = [0.0, 0.5, 1.0]`."""
 
 
@@ -129,7 +125,7 @@ class SweepPlan:
     parameter: Annotated[Any, schema.Choice(("friction", "load", "gap", "offset"))]  # checked by solve_sweep too
     """friction: μ of contacts; load: a factor of loads; gap, offset: what is added to these of contacts [length]:
     `parameter = "friction"`."""
-    values: Annotated[tuple[float, ...], Values("value")]
+    values: Annotated[tuple[float, ...], Values()]
     """Its values, a list or a range: `values = { start = 0.1, stop = 0.5, steps = 4 }`."""
     of: Annotated[tuple[str, ...], schema.Listed(schema.TEXT, 0, schema.MOST)] | None = None
     """Names of the contacts, or of the loads, that are changed; all by default: `of = ["base"]`."""
@@ -195,11 +191,8 @@ class Document:
         arcs = {f"mesh.arcs[{index}]": arc for index, arc in enumerate(table.arcs)}
         with schema.within("mesh"):
             if table.file is not None:
-                if folder is None:
-                    remedy = "the place of the mesh file is not known for a text: read the problem file by load_problem"
-                    raise InputError("file", table.file, remedy)
                 try:
-                    parts = read_mesh(folder / table.file)
+                    parts = read_mesh(_beside(folder, table.file))
                     if table.join is not None:
                         before = {path: arc for path, arc in arcs.items() if arc.name in parts.edge_sets}
                         arcs = {path: arc for path, arc in arcs.items() if path not in before}
@@ -220,9 +213,8 @@ class Document:
         mesh = self._named(mesh, lines, arcs)
         if table.refine is None or lines is None:
             return mesh
-        with schema.within("mesh"):
-            with schema.within("refine"):
-                lines = table.refine.lines(mesh, table.body(lines), lines)
+        with schema.within("mesh.refine"):
+            lines = table.refine.lines(mesh, table.body(lines), lines)
             mesh = table.grid(lines)
         return self._named(mesh, lines, arcs)
 
@@ -279,6 +271,13 @@ class Document:
         return problem
 
 
+def _beside(folder: Path | None, file: str) -> Path:
+    """A file that is named in a problem file."""
+    if folder is None:
+        raise InputError("file", file, "its place is not known for a text: read the problem file by load_problem")
+    return folder / file
+
+
 def _check_values(placed: Iterable[tuple[str, Condition]], mesh: TriangleMesh) -> None:
     """Evaluate functions where the discretisation will, so that errors name the place in the file."""
     for path, condition in placed:
@@ -311,10 +310,7 @@ class FileReader:
         if isinstance(value, dict) and "file" in value:
             data = schema.read_table(PointDataTable, value, self)
             with schema.located("", schema.keys_of(PointDataTable)):
-                if self.folder is None:
-                    remedy = "the place of this file is not known for a text: read the problem file by load_problem"
-                    raise InputError("file", data.file, remedy)
-                return PointData.load(self.folder / data.file, data.data)
+                return PointData.load(_beside(self.folder, data.file), data.data)
         if isinstance(value, dict):
             table = schema.read_table(PolynomialTable, value, self)
             with schema.located(""):
@@ -338,11 +334,11 @@ class FileReader:
 
     def _expression(self, text: str) -> Expression:
         """The expression with the constants that it names, at the time if it names that."""
-        t = self.t if Expression(text, self.constants).uses_time else 0.0  # an error of it names all constants
+        found = Expression(text, self.constants)  # an error of it names all constants
+        t = self.t if "t" in found.names else 0.0
         if t is None:
             raise InputError("", text, "t changes in a history only: add [history] with times, or do without t")
-        words = set("".join(c if c.isalnum() or c == "_" else " " for c in text).split())
-        return Expression(text, {name: value for name, value in self.constants.items() if name in words}, t)
+        return Expression(text, {name: value for name, value in self.constants.items() if name in found.names}, t)
 
 
 @dataclass(frozen=True, eq=False)
@@ -488,13 +484,10 @@ def _from_tables(
     changed: Mapping[str, float] = MappingProxyType({}),
 ) -> ProblemFile:
     """What the tables of a file say, on a mesh that was made already, or with other values of some constants."""
-    keys, plain = schema.keys_of(Document), FileReader(data, {})
-    first: dict[str, Any] = {}
-    for name in ("constants", "history"):  # what expressions mean depends on them
-        with schema.within(name):
-            first[name] = keys[name].kind.read(data[name], plain) if name in data else None
-    constants = {**(first["constants"] or {}), **changed}
-    times = () if first["history"] is None else first["history"].times
+    given = {name: data[name] for name in ("constants", "history") if name in data}  # what expressions mean
+    first = schema.read_values(Document, given, FileReader(data, {}), partly=True)
+    constants = {**first.get("constants", {}), **changed}
+    times = first["history"].times if "history" in first else ()
     for name, value in constants.items():
         with schema.located(f"constants.{schema.quoted(name)}"):
             if not name.isidentifier() or not unicodedata.is_normalized("NFKC", name):

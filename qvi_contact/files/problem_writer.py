@@ -1,14 +1,12 @@
 """From a `ContactProblem` to the TOML text of a problem file."""
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import real_array
 from qvi_contact.basics.schema import write_table
 from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import write_text
@@ -28,55 +26,27 @@ def save_problem(path: str | Path, problem: ContactProblem, **details: Any) -> N
 
 
 def problem_to_toml(
-    problem: ContactProblem,
-    *,
-    title: str = "",
-    description: str = "",
-    units: Units | None = None,
-    solve_options: Mapping[str, Any] | None = None,
-    refine_options: Mapping[str, Any] | None = None,
-    times: Sequence[float] = (),
+    problem: ContactProblem, *, title: str = "", description: str = "", units: Units | None = None
 ) -> str:
     """A problem as the text of a problem file, from which `problem_from_toml` makes the same problem.
 
     Numbers are kept to the last digit, the mesh triangle by triangle. Conditions get ordered by kind, which has no
-    meaning. `InputError` if a function is one of Python, which a file cannot hold, or expressions disagree about
-    constants or time.
-
-    Title and description say what to call it, units are labels of numbers. Options are arguments for `solve` and
-    `refine` (target, quantity, max_unknowns, max_rounds, guaranteed) to be taken by default. The problem is the first
-    of the load steps at the times, by default the one of expressions in t.
+    meaning. Title and description say what to call it, units are labels of numbers. `InputError` if a function is one
+    of Python, which a file cannot hold, or expressions disagree about constants or time.
     """
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
-    if not isinstance(title, str):
-        raise InputError("title", title, "give a text")
+    for name, value in (("title", title), ("description", description)):
+        if not isinstance(value, str):
+            raise InputError(name, value, "give a text")
     if units is not None and not isinstance(units, Units):
         raise InputError("units", units, "give Units, or nothing")
-    if real_array("times", times, "give a list of numbers").ndim != 1:
-        raise InputError("times", times, "give a list of numbers")
-    options = {"solve": solve_options, "refine": refine_options}
-    for field, given in options.items():
-        if not isinstance(given, Mapping | None):
-            raise InputError(f"{field}_options", given, "give a mapping from names to values")
-        for name, value in (given or {}).items():
-            if not isinstance(name, str):
-                raise InputError(f"{field}_options", name, "give texts as names of options")
-            if not isinstance(value, str | int | float | np.generic):
-                raise InputError(f"{field}_options.{name}", value, "give a number or a text: a file holds nothing else")
-    text = unread_toml(problem, title, description, units, options, times)
+    text = unread_toml(problem, title, description, units)
     problem_from_toml(text)  # refuses what Python takes and a file does not, such as names of several lines
     return text
 
 
-def unread_toml(
-    problem: ContactProblem,
-    title: str = "",
-    description: str = "",
-    units: Units | None = None,
-    options: Mapping[str, Mapping[str, Any] | None] = MappingProxyType({}),
-    times: Sequence[float] = (),
-) -> str:
+def unread_toml(problem: ContactProblem, title: str = "", description: str = "", units: Units | None = None) -> str:
     """The same without the look whether a file may say all of it, which takes most of the time."""
     writer, mesh = _Writer(), problem.mesh
     document: dict[str, Any] = {"version": VERSION, "title": title, "description": description}
@@ -99,9 +69,8 @@ def unread_toml(
     stated |= {name: [each for each in problem.conditions if isinstance(each, kind)] for name, kind in TABLES.items()}
     for name, parts in stated.items():
         document[name] = [write_table(f"{name}[{i}]", part, writer) for i, part in enumerate(parts)]
-    document |= {name: dict(given or {}) for name, given in options.items()}
-    if len(times) or writer.time is not None:
-        document["history"] = {"times": list(times) if len(times) else [writer.time]}
+    if writer.time is not None:
+        document["history"] = {"times": [writer.time]}
     document = {name: value for name, value in document.items() if value not in ({}, [], "")}
     blocks = [("", {key: value for key, value in document.items() if not isinstance(value, dict | list)})]
     for key, value in document.items():  # as people write it: one [table] or [[table]] after the other
@@ -134,7 +103,7 @@ class _Writer:
             if self.constants.setdefault(name, number) != number:
                 remedy = f"the constant {name} is {self.constants[name]!r} elsewhere, and a file has one value for it"
                 raise InputError(path, value.text, f"{remedy}: rename one of them")
-        if value.uses_time:
+        if "t" in value.names:
             if self.time not in (None, value.t):
                 raise InputError(path, value.text, f"t is {plain(self.time)} elsewhere: give all expressions one time")
             self.time = value.t

@@ -257,7 +257,7 @@ def writing(path: str | Path, fingerprint: str, parameter: Parameter, values: Se
 
     with _DATABASE.writing(place, declare) as connection:
         stored, found, planned = _plan(connection, place)
-        if found.partition(":")[0] != fingerprint:
+        if found != fingerprint:
             remedy = f"holds another sweep, of {len(planned)} values: problem or options differ. Give another file"
             raise InputError("store", str(path), remedy)
         if (stored, planned) != (parameter, tuple(values)):
@@ -266,19 +266,18 @@ def writing(path: str | Path, fingerprint: str, parameter: Parameter, values: Se
 
 
 def _plan(connection: sqlite3.Connection, path: Path) -> tuple[Parameter, str, tuple[float, ...]]:
-    """Parameter, fingerprint and values of a store."""
-    found = connection.execute("SELECT parameter, fingerprint FROM sweep").fetchall()
-    if len(found) != 1 or found[0][0] not in get_args(Parameter):
-        raise _DATABASE.damaged(path)
-    parameter, fingerprint = found[0]
-    planned = connection.execute("SELECT number, value FROM planned ORDER BY number").fetchall()
+    """Parameter, fingerprint of problem and options, and values of a store."""
     with _sound(path):
+        ((parameter, marked),) = connection.execute("SELECT parameter, fingerprint FROM sweep")
+        planned = connection.execute("SELECT number, value FROM planned ORDER BY number").fetchall()
         values = tuple(_of(float, value) for _, value in planned)
-        run, _, digest = _of(str, fingerprint).partition(":")
+        run, _, digest = _of(str, marked).partition(":")
+        if parameter not in get_args(Parameter):
+            raise ValueError(parameter)
     numbered = [number for number, _ in planned] == list(range(1, len(planned) + 1))
-    if not numbered or (digest and digest != _digest(run, parameter, values)):
+    if not numbered or digest not in ("", _digest(run, parameter, values)):
         raise _changed(path)
-    return parameter, fingerprint, values
+    return parameter, run, values
 
 
 def _changed(path: Path) -> InputError:

@@ -424,36 +424,31 @@ def fan(
     circles around the origin. The outermost line is called "outer", that around the hole "inner"; the two ends of open
     lines are "start" and "end". What lies inside a joint is the region of its name, as far as the joint before it.
     """
-    count, steps = len(lines[0]), len(lines[0]) if closed else len(lines[0]) - 1
-    first = np.arange(steps)
-    following = (first + 1) % count
-    vertices, cells, regions = np.concatenate(lines), list[IntArray](), list[IntArray]()
-    for k in range(len(lines) - 1):
-        a, b, c, d = (
-            line * count + place for line, place in ((k, first), (k, following), (k + 1, following), (k + 1, first))
-        )
-        even = (first % 2 == 0)[:, None]
-        cells.append(np.where(even, np.column_stack([a, b, c]), np.column_stack([a, b, d])))
-        cells.append(np.where(even, np.column_stack([a, c, d]), np.column_stack([b, c, d])))
-        regions += [np.full(2 * steps, k + 1)]
-    if centre is not None:
-        cells.append(np.column_stack([np.full(steps, len(vertices)), first, following]))
-        regions.append(np.zeros(steps, dtype=np.int64))
-        vertices = np.vstack([vertices, centre])
-    edges = {name: _along(line, first, following, count) for name, line in (joints or {}).items()}
-    edges["outer"] = _along(len(lines) - 1, first, following, count)
-    if centre is None:
-        edges["inner"] = _along(0, first, following, count)
+    vertices, numbers = np.concatenate(lines), np.arange(len(lines) * len(lines[0])).reshape(len(lines), -1)
+    first, second = numbers, np.roll(numbers, -1, axis=1)
     if not closed:
-        for name, place in (("start", 0), ("end", count - 1)):
-            radial = np.arange(len(lines)) * count + place
-            radial = radial if centre is None else np.concatenate([[len(vertices) - 1], radial])
-            edges[name] = np.column_stack([radial[:-1], radial[1:]])
-    layer, inside, named = np.concatenate(regions), 0, dict[str, IntArray]()
+        first, second = first[:, :-1], second[:, :-1]
+    a, b, c, d = first[:-1], second[:-1], second[1:], first[1:]
+    even = np.arange(first.shape[1]) % 2 == 0
+    halves = np.stack([a, b, np.where(even, c, d)], axis=-1), np.stack([np.where(even, a, b), c, d], axis=-1)
+    cells, layer = np.stack(halves, axis=1).reshape(-1, 3), np.repeat(np.arange(1, len(lines)), 2 * first.shape[1])
+    named_lines = {**(joints or {}), "outer": len(lines) - 1}
+    if centre is None:
+        named_lines["inner"] = 0
+    else:
+        hub = np.full(first.shape[1], len(vertices))
+        cells, layer = np.vstack([cells, np.column_stack([hub, first[0], second[0]])]), np.append(layer, 0 * hub)
+        vertices = np.vstack([vertices, centre])
+    edges = {name: np.column_stack([first[line], second[line]]) for name, line in named_lines.items()}
+    if not closed:
+        for name, radial in (("start", numbers[:, 0]), ("end", numbers[:, -1])):
+            out = radial if centre is None else np.append(len(vertices) - 1, radial)
+            edges[name] = np.column_stack([out[:-1], out[1:]])
+    inside, named = 0, dict[str, IntArray]()
     for name, line in sorted((joints or {}).items(), key=lambda item: item[1]):
         named[name] = np.flatnonzero((layer >= inside) & (layer <= line))
         inside = line + 1
-    mesh = TriangleMesh(vertices, np.concatenate(cells), edges, named)
+    mesh = TriangleMesh(vertices, cells, edges, named)
     for name in arcs:
         mesh = mesh.with_arc(name, (0.0, 0.0), float(np.hypot(*vertices[edges[name][0, 0]])))
     return mesh
@@ -473,7 +468,3 @@ def radii_between(first: float, last: float, sectors: int) -> FloatArray:
 def steps_between(first: float, last: float, sectors: int) -> int:
     """How many steps from one radius to another make triangles about as long as wide."""
     return round(float(np.log(last / first)) * sectors / (0.5 * np.pi))
-
-
-def _along(line: int, first: IntArray, following: IntArray, count: int) -> IntArray:
-    return np.column_stack([line * count + first, line * count + following])

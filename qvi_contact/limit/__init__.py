@@ -7,7 +7,7 @@
 | `flow`        | from above: velocities, with jumps on contacts; where to refine                |
 | `split`       | polynomials on split triangles                                                 |
 | `conic`       | cone programs by Clarabel, and answers made to hold                            |
-| `proof`       | proof files of both sides                                                      |
+| `proof`       | `limit_proof`: files that prove both sides                                     |
 | `rational`    | smooth functions and linear equations in rational numbers                      |
 | `check_proof` | a script that checks them, by Python's standard library alone                  |
 """
@@ -19,13 +19,7 @@ __getattr__ = front(
     {
         "flow": ("BodyMotion", "ContactFlow"),
         "check_proof": ("check",),
-        "load_factor": (
-            "Collapse",
-            "LimitLoad",
-            "StrengthReduction",
-            "limit_load_factor",
-            "limit_proof",
-            "strength_reduction_factor",
-        ),
+        "load_factor": ("Collapse", "LimitLoad", "StrengthReduction", "limit_load_factor", "strength_reduction_factor"),
+        "proof": ("limit_proof",),
     },
 )

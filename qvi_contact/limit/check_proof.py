@@ -116,11 +116,11 @@ def triangles(proof: dict[str, Any], field: dict[str, Any]) -> Iterator[tuple[in
     demand(field["degree"] > 0, "a degree is not positive")
     for t, (names, values) in enumerate(zip(proof["triangles"], field["ordinates"], strict=True)):
         a, b, c = (proof["vertices"][n] for n in names)
-        area = cross(less(b, a), less(c, a)) / 2
-        demand(area > 0, f"triangle {t} is not counterclockwise")
-        slopes = [(-y / (2 * area), x / (2 * area)) for x, y in (less(c, b), less(a, c), less(b, a))]
+        twice = cross(less(b, a), less(c, a))
+        demand(twice != 0, f"triangle {t} has no area")
+        slopes = [(-y / twice, x / twice) for x, y in (less(c, b), less(a, c), less(b, a))]
         ordinates = dict(zip(exponents(field["degree"]), map(tuple, values), strict=True))
-        yield t, proof["strengths"][proof["strength_of"][t]], area, slopes, ordinates
+        yield t, proof["strengths"][proof["strength_of"][t]], abs(twice) / 2, slopes, ordinates
 
 
 def edges(proof: dict[str, Any], field: dict[str, Any]) -> Iterator[tuple[Any, Any, Any, Any, Any, Any]]:
@@ -132,12 +132,12 @@ def edges(proof: dict[str, Any], field: dict[str, Any]) -> Iterator[tuple[Any, A
     for contact in proof["contacts"]:
         known += [(edge, (contact, p, ())) for edge, p in zip(contact["edges"], contact["pressures"], strict=True)]
     given, found = {tuple(edge): each for edge, each in known}, dict[Any, list[Any]]()
-    for (t, *_, values), (i, j) in product(triangles(proof, field), ((0, 1), (1, 2), (2, 0))):
-        ends = [proof["vertices"][n] for n in proof["triangles"][t]]
-        low, high = sorted((i, j), key=lambda n: ends[n])
-        e, along = less(ends[j], ends[i]), sorted((alpha[high], alpha) for alpha in values if alpha[3 - i - j] == 0)
-        edge = proof["triangles"][t][low], proof["triangles"][t][high]
-        found.setdefault(edge, []).append(((e[1], -e[0]), [values[alpha] for _, alpha in along]))
+    for (t, _, area, slopes, values), opposite in product(triangles(proof, field), range(3)):
+        names, points = proof["triangles"][t], proof["vertices"]
+        low, high = sorted({0, 1, 2} - {opposite}, key=lambda n: points[names[n]])
+        along = sorted((alpha[high], alpha) for alpha in values if alpha[opposite] == 0)
+        normal = tuple(-2 * area * part for part in slopes[opposite])
+        found.setdefault((names[low], names[high]), []).append((normal, [values[alpha] for _, alpha in along]))
     demand(len(given) == len(known), "an edge has more than one load or contact")
     demand(given.keys() <= found.keys(), "there are loads or contacts where there is no edge")
     for edge, both in found.items():

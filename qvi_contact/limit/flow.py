@@ -30,11 +30,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg import null_space
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
 from qvi_contact.discretization.discretization import Discretization
@@ -49,13 +48,10 @@ from qvi_contact.limit.stresses import ALONG, Carried, YieldCones, edge_coeffici
 from qvi_contact.mechanism import RigidMotion
 from qvi_contact.mechanism.bodies import FLUID
 from qvi_contact.mesh.edges import Edges, linked
-from qvi_contact.problem.conditions import SHEAR_LAW, Contact, Displacement, Traction, components
+from qvi_contact.problem.conditions import DRIVES, SHEAR_LAW, Contact, Displacement, Traction, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
 from solvers.basics.records import dataclass
-
-_FREE: Final = 1e-12  # of squared unit vectors, in which nothing is prescribed
-_NULL: Final = 1e-10  # of the largest singular value of conditions on rigid parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +114,7 @@ class ContactFlow:
 
 
 class Velocities:
-    """The velocities that supports and rigid parts leave free, v = P q; lengths over that of the mesh.
+    """The velocities that rigid parts leave free, v = P q; lengths over that of the mesh.
 
     Attributes
     ----------
@@ -175,40 +171,29 @@ class Velocities:
             found.append(sparse.csr_array(rows))
         return found[0], found[1]
 
-    def _basis(self) -> sparse.csr_array:
-        """P, from supports at single coefficients, and from rigid parts."""
-        held, conditions, rigid = list[tuple[IntArray, FloatArray]](), np.zeros((self.count, 2, 2)), self.rigid
+    def held(self) -> sparse.csr_array:
+        """Velocities that supports and what is tied rule out, as such rows."""
+        found = [sparse.csr_array((0, self.size))]
         for given in self.problem.prescribed(Displacement):
             nodes = self.along(given.edges)
-            held.append((nodes.ravel(), np.repeat(given.direction, nodes.shape[1], axis=0)))
+            found.append(self.rows(nodes.ravel(), np.repeat(given.direction, nodes.shape[1], axis=0)))
         for contact in self.problem.contacts:
-            if contact.law == "tied" and contact not in self.problem.joints and contact not in self.plates:
-                nodes = self.along(self.mesh.edges(contact.edges)).ravel()
-                held += [(nodes, np.tile(axis, (len(nodes), 1))) for axis in np.eye(2)]
-        for nodes, direction in held:
-            np.add.at(conditions, nodes, direction[:, :, None] * direction[:, None, :])
-        free = np.flatnonzero(rigid < 0)
-        values, vectors = np.linalg.eigh(conditions[free])
-        node, which = np.nonzero(values <= _FREE)
-        blocks: list[Any] = [self.rows(free[node], vectors[node, :, which]).T]
-        stiff = np.flatnonzero(rigid >= 0)
-        if len(stiff):
-            part, parts = rigid[stiff], int(rigid.max()) + 1
-            sums = np.stack([np.bincount(part, self.points[stiff, i]) for i in (0, 1)], axis=1)
-            arm = self.points[stiff] - (sums / np.bincount(part)[:, None])[part]
-            axes = [np.tile(axis, (len(stiff), 1)) for axis in np.eye(2)]
-            motions = sum(self.rows(stiff, axis).T @ _rigid_rows(part, arm, axis, parts) for axis in axes)
-            C = [np.zeros((3 * parts, 3 * parts))]
-            for nodes, direction in held:
-                chosen = rigid[nodes] >= 0
-                C.append(np.unique((self.rows(nodes[chosen], direction[chosen]) @ motions).toarray(), axis=0))
-            left = null_space(np.linalg.qr(np.concatenate(C), mode="r"), rcond=_NULL)
-            blocks.append(sparse.csr_array(motions @ np.where(np.abs(left) > 1e-15, left, 0.0)))
-        for index, contact in enumerate(self.plates):
-            forces = [getattr(contact.plate, name) for name in ("force_x", "force_y", "moment")]
-            moves = 2 * self.count + 3 * index + np.flatnonzero([part is not None for part in forces])
-            blocks.append(sparse.eye_array(self.size, format="csc")[:, moves])
-        return sparse.csr_array(sparse.hstack(blocks))
+            if contact.law == "tied" and contact not in self.problem.joints:
+                found += self.jumps(contact)
+        return sparse.csr_array(sparse.vstack(found))
+
+    def _basis(self) -> sparse.csr_array:
+        """P: the nodes of no rigid part, plates, and rigid parts about their middles."""
+        loose, stiff = np.flatnonzero(self.rigid < 0), np.flatnonzero(self.rigid >= 0)
+        part, parts = self.rigid[stiff], int(self.rigid.max()) + 1
+        sums = np.stack([np.bincount(part, self.points[stiff, i], parts) for i in (0, 1)], axis=1)
+        arm = self.points[stiff] - (sums / np.bincount(part, minlength=parts)[:, None])[part]
+        axes = [np.tile(axis, (len(stiff), 1)) for axis in np.eye(2)]
+        motions = sum(self.rows(stiff, axis).T @ _rigid_rows(part, arm, axis, parts) for axis in axes)
+        forces = [getattr(contact.plate, name) for contact in self.plates for name in DRIVES]
+        driven = 2 * self.count + np.flatnonzero([force is not None for force in forces])
+        single = np.concatenate([2 * loose, 2 * loose + 1, driven])
+        return sparse.csr_array(sparse.hstack([sparse.eye_array(self.size, format="csc")[:, single], motions]))
 
 
 def _rigid_rows(body: IntArray, arm: FloatArray, direction: FloatArray, bodies: int) -> sparse.csr_array:
@@ -297,11 +282,8 @@ class FlowProgram:
         )
         parts = [-S, -(first @ (xx - yy) + own @ R1), -(first @ xy + own @ R2)]
         parts += [-(mean_ones @ RHO)] if len(mean) else []
-        tied = [rows @ self.space.basis for contact in self.space.plates if contact.law == "tied"
-                for rows in self.space.jumps(contact)]  # fmt: skip
-        E = sparse.vstack(
-            [xx + yy - traces, sparse.csr_array(live[None]) @ Q, *(part @ Q for part in (*tied, slips.E))]
-        )
+        held = self.space.held() @ self.space.basis
+        E = sparse.vstack([xx + yy - traces, sparse.csr_array(live[None]) @ Q, held @ Q, slips.E @ Q])
         e = np.zeros(E.shape[0])
         e[len(at)] = 1.0
         L = slips.L @ Q + slips.own @ Y

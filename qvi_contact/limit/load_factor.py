@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -15,17 +16,16 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
 from qvi_contact.limit.flow import BodyMotion, FlowProgram
-from qvi_contact.limit.proof import Proof, carried, exceeded, exceeded_by_blocks, proof_of
 from qvi_contact.limit.split import coefficients_of
 from qvi_contact.limit.stresses import CERTIFIED, Carried, StressProgram
-from qvi_contact.mechanism import Mechanism, find_mechanism, upper_bound
+from qvi_contact.mechanism import Mechanism, upper_bound
 from qvi_contact.mechanism.bodies import BODY, FLUID
-from qvi_contact.problem.conditions import SHEAR_LAW, Condition, Contact, Traction, components
+from qvi_contact.problem.conditions import DRIVES, SHEAR_LAW, Condition, Contact, Traction, components
 from qvi_contact.problem.fields import BodyForces
-from qvi_contact.problem.material import Material
+from qvi_contact.problem.material import Material, MohrCoulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.version import __version__
-from solvers.basics.names import known_name
+from solvers.basics.checks import known_name
 from solvers.basics.progress import Log, deadline
 from solvers.basics.records import dataclass
 from solvers.basics.types import frame
@@ -161,7 +161,7 @@ def limit_load_factor(
     with deadline(time_limit), Log(f"qvi_contact {__version__}: limit_load_factor", verbose, {}) as log:
         posed = LimitProblem.of(problem, checked_loads(problem, loads), degree=degree, law_on=law_on)
         log.begin({"loads": ", ".join(posed.names), "unknowns": posed.unknowns})
-        limit = posed.solved().limit
+        limit = posed.limit
         gap = limit.bound - limit.lower
         agree = problem.yields or gap <= CERTIFIED * (1.0 + abs(limit))
         if np.isfinite(limit.lower) and not (agree and limit.violation <= CERTIFIED):
@@ -172,58 +172,6 @@ def limit_load_factor(
         sides = f"this mesh carries {limit.lower:.9g} times the loads, no stress more than {limit.upper:.9g} times"
         log.end("solved", sides, {}, solved=True)
     return limit
-
-
-def limit_proof(
-    problem: ContactProblem,
-    loads: Sequence[str],
-    *,
-    degree: int | None = None,
-    time_limit: float | None = None,
-) -> dict[str, Any]:
-    """A proof in rational numbers of both sides of `limit_load_factor`, or that the loads cannot be carried.
-
-    It holds loads, strengths and laws; stresses that carry the named loads times a factor just below
-    `LimitLoad.lower`; and velocities which show that none carries more than a factor just above `LimitLoad.upper`.
-    Without names of loads it has only velocities, of rigid blocks, which show that no stress carries all loads as they
-    are. `qvi_contact/limit/check_proof.py`, a script that needs Python's standard library alone, checks it exactly.
-
-    Parameters
-    ----------
-    problem : ContactProblem
-        The problem: straight triangles; friction, strengths and caps that are numbers.
-    loads : sequence of str
-        Names of the loads to multiply, see `limit_load_factor`.
-    degree, time_limit
-        As for `limit_load_factor`.
-
-    Returns
-    -------
-    dict
-        To be saved as JSON. A side that cannot be proved is left out; "missing" says why.
-
-    Raises
-    ------
-    InputError
-        If the problem has something that proof files do not hold.
-    SolveError
-        If there is no finite bound, or no proof holds in exact arithmetic.
-
-    """
-    with deadline(time_limit):
-        posed = LimitProblem.of(problem, checked_loads(problem, loads) if len(loads) else (), degree=degree)
-        low, names = posed.low, posed.names
-        k = low.space.traction_degree
-
-        def of_blocks() -> Mechanism | None:
-            return upper_bound(problem, names)[1] if names else find_mechanism(problem)
-
-        ways: list[tuple[str, Proof]] = [("upper", lambda stated: exceeded_by_blocks(stated, of_blocks()))]
-        if names and problem.yields:
-            ways = [("upper", lambda stated: exceeded(stated, FlowProgram(problem, names, k, low.scales))), *ways]
-        if names:
-            ways = [("lower", lambda stated: carried(stated, StressProgram(low, posed.high))), *ways]
-        return proof_of(problem, names, k, ways)
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,26 +196,37 @@ class LimitProblem:
         """Unknowns of the algebraic problem."""
         return int(self.low.qvi.n)
 
-    def solved(self) -> LimitAnalysis:
-        """Both sides."""
-        upper, mechanism = upper_bound(self.problem, self.names)
-        if upper == -np.inf:  # what no stress carries no mesh does, although its program may not tell from rounding
-            return LimitAnalysis(self, LimitLoad(upper, upper, mechanism, upper, 0.0), None)
-        if self.problem.yields:
-            return self._yielding(upper, mechanism)
-        carried = StressProgram(self.low, self.high).carried_by_contacts()
-        limit = LimitLoad(carried.factor, upper, mechanism, carried.bound, carried.violation)
-        return LimitAnalysis(self, limit, carried)
+    @property
+    def stresses(self) -> StressProgram:
+        """The program from below."""
+        return StressProgram(self.low, self.high)
 
-    def _yielding(self, of_blocks: float, mechanism: Mechanism | None) -> LimitAnalysis:
-        """Both sides of a body that yields: rigid blocks are one way of giving way, and others may be easier."""
-        degree = self.low.space.traction_degree
-        carried = StressProgram(self.low, self.high).carried()
-        program = FlowProgram(self.problem, self.names, degree, self.low.scales)
+    @property
+    def flow(self) -> FlowProgram:
+        """The program from above of a body that yields."""
+        return FlowProgram(self.problem, self.names, self.low.space.traction_degree, self.low.scales)
+
+    @cached_property
+    def of_blocks(self) -> tuple[float, Mechanism | None]:
+        """The upper bound of rigid blocks."""
+        return upper_bound(self.problem, self.names)
+
+    @cached_property
+    def carried(self) -> Carried:
+        """What carries the lower bound."""
+        if self.of_blocks[0] == -np.inf:  # what no stress carries no mesh does, although rounding may hide it
+            return Carried(-np.inf, bound=-np.inf)
+        return self.stresses.carried() if self.problem.yields else self.stresses.carried_by_contacts()
+
+    @cached_property
+    def limit(self) -> LimitLoad:
+        """Both sides. Rigid blocks are one way in which a body gives way; where it yields others may be easier."""
+        carried, low, (of_blocks, mechanism) = self.carried, self.low, self.of_blocks
+        if of_blocks == -np.inf or not self.problem.yields:
+            return LimitLoad(carried.factor, of_blocks, mechanism, carried.bound, carried.violation)
+        program = self.flow
         flow = program.solved()
         upper = min(flow.bound, of_blocks)
-        if of_blocks > flow.bound:
-            mechanism = None
         straight, collapse = not self.problem.mesh.curved.any(), None
         if straight and carried.factor > upper and not carried.factor - upper <= CERTIFIED * (1.0 + abs(upper)):
             raise SolveError(
@@ -275,14 +234,13 @@ class LimitProblem:
                 f"{upper:.9g}: use another degree, or a mesh that is less graded"
             )
         if carried.stress is not None and flow.motion is not None:
-            force, cells = self.problem.body_potential, np.arange(self.problem.mesh.cell_count)
-            missed = coefficients_of(self.problem, cells, degree, "ContactProblem.body_potential", force)[1]
-            parts = program.gap_in_cells(self.low, carried, flow.motion)
-            stress = carried.stress * self.low.scales.stress
+            datum = "ContactProblem.body_potential", self.problem.body_potential
+            cells = np.arange(self.problem.mesh.cell_count)
+            missed = coefficients_of(self.problem, cells, low.space.traction_degree, *datum)[1]
+            parts, stress = program.gap_in_cells(low, carried, flow.motion), carried.stress * low.scales.stress
             collapse = Collapse(flow.motion, stress, parts, straight and missed <= _FOLLOWED)
-        violation = max(carried.violation, flow.violation)
-        limit = LimitLoad(carried.factor, upper, mechanism, upper, violation, collapse)
-        return LimitAnalysis(self, limit, None)
+        violation, of_blocks_only = max(carried.violation, flow.violation), of_blocks <= flow.bound
+        return LimitLoad(carried.factor, upper, mechanism if of_blocks_only else None, upper, violation, collapse)
 
 
 @dataclass(frozen=True, eq=False)
@@ -308,15 +266,6 @@ class Collapse:
     guaranteed: bool
 
 
-@dataclass(frozen=True, eq=False)
-class LimitAnalysis:
-    """A limit load with the tractions that carry it."""
-
-    posed: LimitProblem  # what was asked for
-    limit: LimitLoad  # both sides
-    carried: Carried | None  # what carries `LimitLoad.lower` where nothing yields; None where something does
-
-
 def loads_of(problem: ContactProblem) -> list[str]:
     """The names of loads that can be multiplied."""
     known = list(dict.fromkeys([BODY, *problem.body_forces]))
@@ -340,31 +289,27 @@ def checked_loads(problem: ContactProblem, loads: Sequence[str], field: str = "l
 
 def multiplied(problem: ContactProblem, names: Sequence[str], factor: float) -> ContactProblem:
     """The problem with the named loads times a factor."""
-    conditions = [_scaled(condition, names, factor) for condition in problem.conditions]
-    potential = problem.body_potential
-    if isinstance(potential, BodyForces):
-        parts = {
-            name: times(part, factor) if name in names or BODY in names else part
-            for name, part in potential.parts.items()
-        }
-        potential = BodyForces(parts)
-    elif BODY in names:
-        potential = times(potential, factor)
-    return replace(problem, conditions=conditions, body_potential=potential)
 
-
-def _scaled(condition: Condition, names: Sequence[str], factor: float) -> Condition:
-    """A named traction, a named plate's forces, or what fluids press with, times the factor."""
-    if isinstance(condition, Contact) and FLUID in names:
-        condition = replace(condition, pore_pressure=times(condition.pore_pressure, factor))
-    if not isinstance(condition, (Traction, Contact)) or condition.name not in names:
+    def scaled(condition: Condition) -> Any:
+        """A named traction, a named plate's forces, or what fluids press with, times the factor."""
+        if isinstance(condition, Contact) and FLUID in names:
+            condition = _with_times(condition, ["pore_pressure"], factor)
+        if isinstance(condition, Traction) and condition.name in names:
+            return _with_times(condition, components(condition), factor)
+        if isinstance(condition, Contact) and condition.name in names and condition.plate is not None:
+            return replace(condition, plate=_with_times(condition.plate, DRIVES, factor))
         return condition
-    if isinstance(condition, Traction):
-        scaled: dict[str, Any] = {name: times(value, factor) for name, value in components(condition).items()}
-        return replace(condition, **scaled)
-    forces = {name: getattr(condition.plate, name, None) for name in ("force_x", "force_y", "moment")}
-    larger = {name: factor * value for name, value in forces.items() if value is not None}
-    return replace(condition, plate=replace(condition.plate, **larger)) if condition.plate else condition
+
+    parts = {name: times(part, factor) if {name, BODY} & {*names} else part
+             for name, part in problem.body_forces.items()}  # fmt: skip
+    potential = BodyForces(parts) if isinstance(problem.body_potential, BodyForces) else parts[BODY]
+    return replace(problem, conditions=[scaled(each) for each in problem.conditions], body_potential=potential)
+
+
+def _with_times(owner: Any, names: Iterable[str], factor: float) -> Any:
+    """A condition or a strength with those of these fields that are given times the factor."""
+    given = {name: getattr(owner, name) for name in names}
+    return replace(owner, **{name: times(value, factor) for name, value in given.items() if value is not None})
 
 
 def times(field: Field, factor: float) -> Field:
@@ -445,7 +390,7 @@ def strength_reduction_factor(
     def spare(u: float, side: int) -> float:
         """The logarithm of the share of the loads that is carried with strengths over e^u, and never zero."""
         if u not in known:
-            limit = LimitProblem.of(_reduced(problem, chosen, math.exp(u)), names, **space).solved().limit
+            limit = LimitProblem.of(_reduced(problem, chosen, math.exp(u)), names, **space).limit
             known[u] = limit.lower, limit.upper
         share = known[u][side]
         return max(math.log(min(share, _MOST)), _LEAST) if share >= 1.0 else math.log(max(share, 1.0 / _MOST))
@@ -474,28 +419,26 @@ def strength_reduction_factor(
 def _reduced(problem: ContactProblem, chosen: frozenset[str], factor: float) -> ContactProblem:
     """The problem with strengths of what is chosen over the factor; regions without a name count as the body."""
 
-    def weaker(owner: Any, names: Sequence[str]) -> Any:
-        """A contact or a strength with these of its fields over the factor; of an angle of friction the tangent is."""
-        less: dict[str, Any] = {}
-        for name, value in ((name, getattr(owner, name)) for name in names):
-            if name == "phi" and callable(value):
-                less[name] = lambda x, y, phi=value: np.arctan(np.tan(phi(x, y)) / factor)
-            elif value is not None:
-                less[name] = math.atan(math.tan(value) / factor) if name == "phi" else times(value, 1.0 / factor)
-        return replace(owner, **less)
+    def flatter(angle: Any) -> Any:
+        """The angle with a tangent that is less."""
+        return np.arctan(np.tan(angle) / factor)
 
     def weakened(material: Material) -> Material:
-        strength = material.strength
-        if strength is None:
+        law = material.strength
+        if law is None:
             return material
-        return replace(material, strength=weaker(strength, [each.name for each in fields(strength)]))
+        weaker = _with_times(law, (each.name for each in fields(law) if each.name != "phi"), 1.0 / factor)
+        if isinstance(law, MohrCoulomb):
+            phi = law.phi
+            weaker = replace(weaker, phi=(lambda x, y: flatter(phi(x, y))) if callable(phi) else float(flatter(phi)))
+        return replace(material, strength=weaker)
 
     regions = [
         replace(region, material=weakened(region.material)) if (region.name or BODY) in chosen else region
         for region in problem.regions
     ]
     conditions = [
-        weaker(each, SHEAR_LAW) if isinstance(each, Contact) and each.name in chosen and each.law != "tied" else each
+        _with_times(each, SHEAR_LAW, 1.0 / factor) if isinstance(each, Contact) and each.name in chosen else each
         for each in problem.conditions
     ]
     material = weakened(problem.material) if BODY in chosen else problem.material

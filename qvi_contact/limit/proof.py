@@ -30,9 +30,10 @@ from qvi_contact.basics.writing import write_text
 from qvi_contact.element import legendre
 from qvi_contact.element.triangle import EDGES
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.limit.check_proof import FORMAT, at_factor, check, cross, dissipated, dot, gradient, less, triangles
+from qvi_contact.limit.check_proof import FORMAT, at_factor, check, dissipated, dot, gradient, less, triangles
 from qvi_contact.limit.check_proof import exponents as _exponents
 from qvi_contact.limit.flow import FlowProgram, Velocities
+from qvi_contact.limit.load_factor import LimitProblem, checked_loads
 from qvi_contact.limit.rational import (
     ONE,
     ZERO,
@@ -47,15 +48,13 @@ from qvi_contact.limit.rational import (
 )
 from qvi_contact.limit.split import lattice, part_corners
 from qvi_contact.limit.stresses import StressProgram
-from qvi_contact.mechanism import Mechanism, RigidMotion
+from qvi_contact.mechanism import RigidMotion, find_mechanism
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import CARTESIAN, SHEAR_LAW, Contact, Symmetry, Traction, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.material import MohrCoulomb, Strength
 from qvi_contact.problem.problem import ContactProblem
-
-Proof: TypeAlias = Callable[["Statement"], dict[str, Any]]
-"""A way to prove a side."""
+from solvers.basics.progress import deadline
 
 _KEPT_BACK: Final = 1e-6  # share of the way to a state inside that a proof keeps back for rounding
 _KEPT_BACK_ABOVE: Final = 1e-9  # the same of flows: those inside may dissipate much more
@@ -68,42 +67,71 @@ _Edge: TypeAlias = tuple[int, int]
 _Load: TypeAlias = tuple[Vector, list[list[Fraction]]]  # d, and ordinates of d·σn that stay and that are multiplied
 
 
-def proof_of(
-    problem: ContactProblem, names: Sequence[str], degree: int, ways: Sequence[tuple[str, Proof]]
+def limit_proof(
+    problem: ContactProblem,
+    loads: Sequence[str],
+    *,
+    degree: int | None = None,
+    time_limit: float | None = None,
 ) -> dict[str, Any]:
-    """A proof as `check_proof.check` reads it, of the sides that can be proved; "missing" says why others are not.
+    """A proof in rational numbers of both sides of `limit_load_factor`, or that the loads cannot be carried.
 
-    Of several ways to prove a side that with the lowest bound is taken. Tractions are stated by polynomials of the
-    degree.
+    It holds loads, strengths and laws; stresses that carry the named loads times a factor just below
+    `LimitLoad.lower`; and velocities which show that none carries more than a factor just above `LimitLoad.upper`.
+    Without names of loads it has only velocities, of rigid blocks, which show that no stress carries all loads as they
+    are. `qvi_contact/limit/check_proof.py`, a script that needs Python's standard library alone, checks it exactly.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        The problem: straight triangles; friction, strengths and caps that are numbers.
+    loads : sequence of str
+        Names of the loads to multiply, see `limit_load_factor`.
+    degree, time_limit
+        As for `limit_load_factor`.
+
+    Returns
+    -------
+    dict
+        To be saved as JSON. A side that cannot be proved is left out; "missing" says why.
 
     Raises
     ------
-    InputError, SolveError
-        What the first of the sides raises, if none is proved.
+    InputError
+        If the problem has something that proof files do not hold.
+    SolveError
+        If there is no finite bound, or no proof holds in exact arithmetic.
 
     """
-    stated = Statement(problem, names, degree)
-    about, found = _written(stated.about), dict[str, tuple[Any, dict[str, Any]]]()
-    errors: dict[str, InputError | SolveError] = {}
-    for side, prove in ways:
-        try:
-            part = _written(prove(stated))
-            lower, upper, _ = check(about | part)
-        except (InputError, SolveError) as error:
-            errors.setdefault(side, error)
-        except (ValueError, OutOfBalanceError) as error:
-            remedy = "take a mesh that is less graded, or change the loads that are not multiplied by a millionth"
-            errors.setdefault(side, SolveError(f"proof: in exact arithmetic {error}: {remedy}"))
-        else:
-            bound = lower if side == "lower" else upper
-            if side not in found or bound < found[side][0]:
-                found[side] = bound, part
-    if not found:
-        raise next(iter(errors.values()))
-    proof: dict[str, Any] = about | {"missing": {side: str(errors[side]) for side in errors if side not in found}}
-    for _, part in found.values():
-        proof |= part
-    return proof
+    with deadline(time_limit):
+        posed = LimitProblem.of(problem, checked_loads(problem, loads) if len(loads) else (), degree=degree)
+        stated = Statement(problem, posed.names, posed.low.space.traction_degree)
+        ways: dict[Callable[[], dict[str, Any]], str] = {lambda: exceeded_by_blocks(stated, posed): "upper"}
+        if posed.names and problem.yields:
+            ways = {lambda: exceeded(stated, posed.flow): "upper", **ways}
+        if posed.names:
+            ways = {lambda: carried(stated, posed.stresses): "lower", **ways}
+        about, found = _written(stated.about), dict[str, tuple[Any, dict[str, Any]]]()
+        errors: dict[str, InputError | SolveError] = {}
+        for prove, side in ways.items():  # of several ways to prove a side that with the lowest bound is taken
+            try:
+                part = _written(prove())
+                lower, upper, _ = check(about | part)
+            except (InputError, SolveError) as error:
+                errors.setdefault(side, error)
+            except (ValueError, OutOfBalanceError) as error:
+                remedy = "take a mesh that is less graded, or change the loads that are not multiplied by a millionth"
+                errors.setdefault(side, SolveError(f"proof: in exact arithmetic {error}: {remedy}"))
+            else:
+                bound = lower if side == "lower" else upper
+                if side not in found or bound < found[side][0]:
+                    found[side] = bound, part
+        if not found:
+            raise next(iter(errors.values()))
+        proof: dict[str, Any] = about | {"missing": {side: str(errors[side]) for side in errors if side not in found}}
+        for _, part in found.values():
+            proof |= part
+        return proof
 
 
 def save_proof(path: str | Path, proof: dict[str, Any]) -> None:
@@ -152,23 +180,20 @@ class Statement:
             into = self.potentials[name in names]
             into[:] = map(add, into, self._affine(field))
         laws, plane = [material.strength for material in problem.materials], problem.material.plane
-        self.contacts = [contact for contact in problem.contacts if contact.law != "tied" or _is_driven(contact)]
+        self.contacts = [each for each in problem.contacts
+                         if each.law != "tied" or (each.plate is not None and each.plate.driven)]  # fmt: skip
         self.loads = dict[_Edge, list[_Load]]()
         for pair, load in self._loads(names):
             self.loads.setdefault(pair, []).append(load)
         self.cells: list[list[int]] = self.mesh.cells.tolist()
         parts = [[cell[a], cell[b], len(self.points) + n] for n, cell in enumerate(self.cells) for a, b in EDGES]
         centres = [middle([self.points[v] for v in cell]) for cell in self.cells]
-        # parts of triangles have their corners counterclockwise, if need be with the first two in the other order
-        self.turned = [cross(self.edge((i, j)), less(centres[n // 3], self.points[i])) < 0
-                       for n, (i, j, _) in enumerate(parts)]  # fmt: skip
         self.about: dict[str, Any] = {
             "format": FORMAT,
             "about": "bounds of a limit load; check_proof.py says what this means, and checks it",
             "multiplied": list(names),
             "vertices": self.points + centres,
-            "triangles": [[j, i, c] if turned else [i, j, c]
-                          for turned, (i, j, c) in zip(self.turned, parts, strict=True)],
+            "triangles": parts,
             "body_force": [[-c for c in potential[1:]] for potential in self.potentials],
             "strengths": [[] if law is None else list(self._cones(law, plane)) for law in laws],
             "strength_of": np.repeat(problem.cell_materials, 3).tolist(),
@@ -275,11 +300,6 @@ def _along(loads: list[_Load]) -> list[Any]:
     return [*loads, *([((-y, x), None)] if len(loads) == 1 else [])]
 
 
-def _is_driven(contact: Contact) -> bool:
-    """Whether forces drive the plate of a contact."""
-    return contact.plate is not None and contact.plate.driven
-
-
 def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
     """The part of a proof that says what stresses of the program carry."""
     found = program.carried(_KEPT_BACK)
@@ -295,25 +315,16 @@ def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
             return {"stress": {"factor": factor, "degree": p - 2, "ordinates": _stresses(stated, p, factor, airy)}}
         except OutOfBalanceError as error:
             amounts.append(error.amount)
-            if len(amounts) > 2 or (len(amounts) == 2 and amounts[0] == amounts[1]):
-                remedy = "they cannot be stated exactly"
-                raise SolveError(f"proof: the loads are in balance up to rounding only: {remedy}") from error
+            if amounts[-2:-1] == amounts[-1:] or len(amounts) > 2:
+                raise
             # loads may be in balance at one factor only: the amount is affine in it
             factor += amounts[1] / (amounts[0] - amounts[1]) if len(amounts) == 2 else ONE
-
-
-def _in_file(stated: Statement, degree: int, cells: Iterable[Sequence[Any]]) -> list[list[Any]]:
-    """Ordinates (3, count) on the parts of cells in the order of the file."""
-    number = {alpha: n for n, alpha in enumerate(_exponents(degree))}
-    swapped = [number[j, i, k] for i, j, k in number]
-    return [[part[n] for n in swapped] if turned else list(part)
-            for turned, part in zip(stated.turned, (part for cell in cells for part in cell), strict=True)]  # fmt: skip
 
 
 def _stresses(stated: Statement, p: int, factor: Fraction, airy: Iterable[Sequence[Any]]) -> list[list[Any]]:
     """σ = (Φ_yy + φ, Φ_xx + φ, −Φ_xy) of ordinates of Φ."""
     found, c = [], stated.potential(factor)
-    ordinates = _in_file(stated, p, [[[(value,) for value in part] for part in cell] for cell in airy])
+    ordinates = [[(value,) for value in part] for cell in airy for part in cell]
     for t, _, _, slopes, values in triangles(stated.about, {"degree": p, "ordinates": ordinates}):
         first = dict(zip(_exponents(p - 1), (slope for (slope,) in gradient(values, slopes)), strict=True))
         corners, stress = [stated.about["vertices"][n] for n in stated.about["triangles"][t]], []
@@ -379,60 +390,62 @@ def _rounded_airy(program: StressProgram, unknowns: FloatArray) -> FloatArray:
     return np.asarray(ordinates * low.scales.airy)
 
 
-def exceeded_by_blocks(stated: Statement, mechanism: Mechanism | None) -> dict[str, Any]:
+def exceeded_by_blocks(stated: Statement, posed: LimitProblem) -> dict[str, Any]:
     """The part of a proof that says what no stress carries, from velocities of rigid blocks."""
+    mechanism = posed.of_blocks[1] if posed.names else find_mechanism(posed.problem)
     if mechanism is None:
         raise SolveError("proof: no motion of rigid blocks bounds the loads")
-    strong = np.ones(len(mechanism.blocks), dtype=bool)
-    space = Velocities(stated.problem, 1, strong)
+    keeps = np.zeros(len(mechanism.blocks), dtype=bool)
+    space = Velocities(stated.problem, 1, ~keeps)
     places = zip(mechanism.blocks, space.nodes.places @ stated.mesh.corners, strict=True)
     rough = np.array([mechanism.motions[block].at(points) for block, points in places])
-    return _flow(stated, 1, _exactly(stated, space, rough, mechanism.plates, strong, ~strong), {})
+    return _flow(stated, space, rough, mechanism.plates, keeps, {})
 
 
 def exceeded(stated: Statement, program: FlowProgram) -> dict[str, Any]:
     """The same from velocities of the program."""
     flow = program.solved(_KEPT_BACK_ABOVE)
-    if flow.motion is None:
+    if flow.motion is None or flow.shares is None:
         raise SolveError("proof: the loads have no finite bound from above")
     cones, keeps = program.cones, ~program.cones.strong
     changes = (cones.pressure != 0.0) | (cones.mean != 0.0)
     keeps[cones.cell[changes]] = False
-    motion = flow.motion
-    velocities = _exactly(stated, program.space, motion.velocities, motion.plates, cones.strong, keeps)
-    assert flow.shares is not None
     # what cones but the first have of (tr ε, ε_xx − ε_yy, 2 ε_xy), by the number of its coefficient
     strain, shares = flow.shares / stated.mesh.length, dict[int, FloatArray]()
     order = np.lexsort((~changes, cones.coefficient))
     for rows in np.split(order, np.flatnonzero(np.diff(cones.coefficient[order])) + 1):
         if len(rows) > 1:
             shares[int(cones.coefficient[rows[0]])] = strain[rows[1:]]
-    return _flow(stated, cones.degree + 1, velocities, shares)
+    return _flow(stated, program.space, flow.motion.velocities, flow.motion.plates, keeps, shares)
 
 
-def _flow(stated: Statement, degree: int, moved: dict[str, Any], shares: Mapping[int, FloatArray]) -> dict[str, Any]:
+def _flow(
+    stated: Statement, space: Velocities, velocities: FloatArray, plates: Mapping[str, RigidMotion], keeps: BoolArray,
+    shares: Mapping[int, FloatArray],
+) -> dict[str, Any]:  # fmt: skip
     """The part of a proof about velocities, with what all cones dissipate: one of them, or shares of all, if given."""
-    field, rates = {"degree": degree, "ordinates": _in_file(stated, degree, moved["velocities"])}, []
-    alphas, zero = _exponents(degree - 1), [ZERO] * 3
+    parts, moved = _exactly(stated, space, velocities, plates, keeps)
+    field, rates = {"degree": space.degree, "ordinates": parts}, list[Any]()
+    zero = [ZERO] * 3
     for t, laws, _, slopes, v in triangles(stated.about, field):
         own = list[Any]()
-        for (i, j, k), ((u_x, u_y), (v_x, v_y)) in zip(alphas, gradient(v, slopes), strict=True):
-            strain = [u_x + v_y, u_x - v_y, u_y + v_x]
-            number = t * len(alphas) + alphas.index((j, i, k) if stated.turned[t] else (i, j, k))
+        strains = [[u_x + v_y, u_x - v_y, u_y + v_x] for (u_x, u_y), (v_x, v_y) in gradient(v, slopes)]
+        for number, strain in enumerate(strains, t * len(strains)):
             others = [[strain if n == m else zero for n in range(1, len(laws))] for m in range(len(laws))]
             if number in shares:
                 others.append([[Fraction(x) for x in share] for share in shares[number].tolist()])
             choices = [_shared(laws, strain, each) for each in others]
             own.append(min(choices, key=partial(_cost, laws, strain), default=[]))
         rates.append(own)
-    return {"flow": {**field, "rates": rates, "plates": moved["plates"]}}
+    return {"flow": {**field, "rates": rates, "plates": moved}}
 
 
 def _shared(laws: list[Any], strain: Sequence[Fraction], others: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
     """S of every cone, with its share of a strain rate, but for the first, which has the rest."""
     found, first = list[list[Fraction]](), [whole - sum(parts) for whole, *parts in zip(strain, *others, strict=True)]
     for (_, beta, gamma2), (trace, *d) in zip(laws, [first, *others], strict=True):
-        s = trace / beta if beta else _root(dot(d, d) + (trace**2 / gamma2 if gamma2 else 0))
+        square = dot(d, d) + (trace**2 / gamma2 if gamma2 else 0)
+        s = trace / beta if beta else Fraction(math.sqrt(square) * (1.0 + 1e-15))  # not below the root
         found.append([s, trace, *d] if found else [s])
     return found
 
@@ -443,11 +456,6 @@ def _cost(laws: list[Any], strain: Sequence[Fraction], shares: list[Any]) -> flo
         return float(dissipated(0, list(strain), laws, shares))
     except ValueError:
         return np.inf
-
-
-def _root(x: Fraction) -> Fraction:
-    """A number not below √x."""
-    return Fraction(math.sqrt(x) * (1.0 + 1e-15))
 
 
 def _held(stated: Statement, space: Velocities) -> Iterator[tuple[int, Vector, int]]:
@@ -471,11 +479,6 @@ def _held(stated: Statement, space: Velocities) -> Iterator[tuple[int, Vector, i
 def _sticks(known: dict[str, Any]) -> bool:
     """Whether a contact whose bodies do not part carries any shear."""
     return bool(known["law"] == "tied" or (known["friction"] > 0 and known["shear_limit"] is None))
-
-
-def _rigid(motion: Sequence[Fraction], at: Vector) -> Vector:
-    """The velocity (a − θ y, b + θ x) of a motion (a, b, θ)."""
-    return motion[0] - motion[2] * at[1], motion[1] + motion[2] * at[0]
 
 
 def _rigid_row(body: int, d: Vector, at: Vector) -> Terms:
@@ -517,9 +520,8 @@ def _value(terms: Terms, values: Sequence[Fraction]) -> Fraction:
 
 
 def _exactly(
-    stated: Statement, space: Velocities, velocities: FloatArray, plates: Mapping[str, RigidMotion], strong: BoolArray,
-    keeps: BoolArray,
-) -> dict[str, Any]:  # fmt: skip
+    stated: Statement, space: Velocities, velocities: FloatArray, plates: Mapping[str, RigidMotion], keeps: BoolArray
+) -> tuple[list[Any], dict[str, Any]]:
     """Ordinates of velocities, and motions of plates about their pivots, that keep exactly what is held.
 
     They are near those in floating point. Unknown are the motions (a − θ y, b + θ x) of rigid parts and plates, stream
@@ -535,12 +537,15 @@ def _exactly(
         one, none = np.ones(len(own)), np.zeros(len(own))
         A = np.concatenate([np.column_stack([one, none, -y]), np.column_stack([none, one, x])])
         values += map(Fraction, np.linalg.lstsq(A, rounded[own].T.ravel(), rcond=None)[0].tolist())
-    bodies = {name: parts + n for n, name in enumerate(stated.plates)}
+    bodies, pivots = {name: parts + n for n, name in enumerate(stated.plates)}, dict[str, list[Terms]]()
     for name, known in stated.plates.items():
         values += [Fraction(x) for x in (*plates[name].at(np.zeros(2)).tolist(), plates[name].rotation)]
-        pivot = [*(_rigid_row(bodies[name], axis, known["pivot"]) for axis in _AXES), {3 * bodies[name] + 2: ONE}]
-        rows += [row for row, force in zip(pivot, known["forces"], strict=True) if force is None]
-    blocks = np.where(strong, space.rigid[space.global_[:, 0]], -1)
+        pivots[name] = [_rigid_row(bodies[name], axis, known["pivot"]) for axis in _AXES] + [
+            {3 * bodies[name] + 2: ONE}
+        ]
+        rows += [row for row, force in zip(pivots[name], known["forces"], strict=True) if force is None]
+    of_cells = space.rigid[space.global_]
+    blocks = np.where((of_cells >= 0).all(axis=1), of_cells[:, 0], -1)
     for contact, known in zip(stated.contacts, stated.about["contacts"], strict=True):
         rows += _at_limits(stated, contact, known, blocks, bodies.get(contact.name, -1), values)
 
@@ -560,13 +565,8 @@ def _exactly(
     all_rows = [(row, ZERO) for row in rows]
     values = solved([*smooth.at_vertices(), *all_rows, *smooth.conditions()] if smooth else all_rows, values)
     found = [[_value(terms, values) for terms in moving[n]] for n in range(space.count)]
-    moved = {each.name: [ZERO] * 3 for each in stated.contacts}
-    for name, known in stated.plates.items():
-        motion = values[3 * bodies[name] :]
-        moved[name] = [*_rigid(motion, known["pivot"]), motion[2]]
-    exact = [[[found[cell[n]] for n in part] for part in space.nodes.of_parts.tolist()]
-             for cell in space.global_.tolist()]  # fmt: skip
-    return {"velocities": exact, "plates": moved}
+    moved = {each.name: [_value(row, values) for row in pivots.get(each.name, [{}] * 3)] for each in stated.contacts}
+    return [[found[cell[n]] for n in part] for cell in space.global_ for part in space.nodes.of_parts], moved
 
 
 def _places(stated: Statement, space: Velocities) -> list[Vector]:

@@ -49,7 +49,7 @@ from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.material import Material, MohrCoulomb, YieldCone
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.records import dataclass
-from solvers.inner.linear_program import INFEASIBLE, TIME_LIMIT, Answer, solved
+from solvers.inner.linear_program import INFEASIBLE, TIME_LIMIT, solved
 from solvers.inner.linear_program import UNBOUNDED as NO_LIMIT
 
 _Limits: TypeAlias = tuple[YieldCone, FloatArray, FloatArray | float]
@@ -363,31 +363,23 @@ class StressProgram:
         forces = np.tile(weights.max() / weights, 2)  # they do not grow where edges are short, as tractions do
         largest = abs(H @ sparse.diags_array(forces)).max(axis=1).toarray().ravel()
         H, limit = sparse.csr_array(sparse.diags_array(1.0 / largest) @ H), limit / largest
-        qvi, high = self.low.qvi, self.high.qvi
-        first, second = (np.concatenate([part.n0, part.t0]) for part in (qvi, high))
-        slope, b_slope = second - first, high.b - qvi.b
-        G, A = sparse.csr_array(H @ qvi.contact_rows), sparse.csr_array(qvi.A)
-        columns = np.sqrt(
-            np.asarray(G.multiply(G).sum(axis=0))
-        ).ravel()  # the solver's tolerances are for numbers near 1
-        units = sparse.diags_array(1.0 / np.where(columns > 0.0, columns, 1.0))
-        G, A = sparse.csr_array(G @ units), sparse.csr_array(A @ units)
-        h, h_slope, b = limit - H @ (first - slope), -(H @ slope), qvi.b - b_slope
-
-        def program(cost: FloatArray, relaxed: bool = False) -> Answer:
-            """Minimise over (z, α), or over (z, α, t ≥ 0) with G z ≤ h + α h' + t."""
-            more = [(G, np.column_stack([-h_slope, *(-np.ones(len(h)) for _ in range(relaxed))]))]
-            more += [(A, np.column_stack([-b_slope, *(np.zeros(len(b)) for _ in range(relaxed))]))]
-            wide = [sparse.csc_array(sparse.hstack([rows, sparse.csc_array(columns)])) for rows, columns in more]
-            equations: dict[str, Any] = {"A_eq": wide[1], "b_eq": b} if len(b) else {}
-            bounds = [(None, None)] * (G.shape[1] + 1) + [(0.0, None)] * relaxed
-            return solved(cost, A_ub=wide[0], b_ub=h, bounds=bounds, **equations)
-
-        answer = program(np.append(np.zeros(G.shape[1]), -_COST))
+        (N, n), (A, b), kept = self._tractions, self._equations, np.append(np.arange(self.low.qvi.n), -1)
+        N = N[:, kept]
+        rows, h = sparse.csr_array(H @ N), limit - H @ n
+        columns = np.sqrt(np.asarray(rows.multiply(rows).sum(axis=0))).ravel()
+        columns[columns == 0.0] = columns[-1] = 1.0
+        units = sparse.diags_array(1.0 / columns)  # tolerances are for numbers near 1
+        G, E = sparse.csc_array(rows @ units), sparse.csc_array(A[:, kept] @ units)
+        cost, free = np.append(np.zeros(G.shape[1] - 1), -_COST), [(None, None)] * G.shape[1]
+        equations: dict[str, Any] = {"A_eq": E, "b_eq": b} if len(b) else {}
+        answer = solved(cost, A_ub=G, b_ub=h, bounds=free, **equations)
         if answer.status == NO_LIMIT:
             return Carried(np.inf)
-        if answer.status == INFEASIBLE:
-            nearest = program(np.append(np.zeros(G.shape[1] + 1), 1.0), relaxed=True)
+        if answer.status == INFEASIBLE:  # the least t ≥ 0 with G x ≤ h + t says by how much
+            wide, equal = (sparse.csc_array(sparse.hstack([part, sparse.csc_array(np.full((part.shape[0], 1), t))]))
+                           for part, t in ((G, -1.0), (E, 0.0)))  # fmt: skip
+            equations |= {"A_eq": equal} if len(b) else {}
+            nearest = solved(np.append(0.0 * cost, 1.0), A_ub=wide, b_ub=h, bounds=[*free, (0.0, None)], **equations)
             if nearest.solved and nearest.x[-1] > CERTIFIED * max(1.0, float(np.abs(h).max())):
                 return Carried(-np.inf, bound=-np.inf)
             raise SolveError(_AT_LIMIT)
@@ -395,16 +387,14 @@ class StressProgram:
             raise SolveError("limit load: the time limit was reached: allow more (time_limit=…), or take fewer cells")
         if not answer.solved:
             raise SolveError(f"limit load: the linear program was not solved, use less grading ({answer.message})")
-        z, factor = answer.x[:-1], float(answer.x[-1])
-        size = max(float(np.abs(h).max()), abs(factor) * float(np.abs(h_slope).max()), 1e-300)
-        missed = np.abs(A @ z - b - factor * b_slope).max(initial=0.0)
-        violation = max(float(np.maximum(G @ z - h - factor * h_slope, 0.0).max()), float(missed)) / size
+        x, factor = answer.x, float(answer.x[-1])
+        size = max(float(np.abs(h).max()), abs(factor) * float(abs(G[:, [-1]]).max()), 1e-300)
+        missed = max(float(np.maximum(G @ x - h, 0.0).max()), float(np.abs(E @ x - b).max(initial=0.0)))
         d, nu = np.maximum(-answer.inequalities, 0.0) / _COST, -answer.equations / _COST
-        rate = -float(h_slope @ d + b_slope @ nu)
-        rounding = float(np.abs(G.T @ d + A.T @ nu) @ np.abs(z))
+        *rest, rate = (G.T @ d + E.T @ nu).tolist()
+        rounding = float(np.abs(rest) @ np.abs(x[:-1]))
         bound = (float(h @ d + b @ nu) + rounding) / rate if rate > 0.0 else np.inf
-        tractions = qvi.contact_rows @ (units @ z) + first - slope + factor * slope
-        return Carried(factor, violation, np.asarray(tractions), bound, np.asarray(H.T @ d))
+        return Carried(factor, missed / size, np.asarray(N @ (units @ x) + n), bound, np.asarray(H.T @ d))
 
     def room(self) -> float:
         """How much all limits, over the stress of the loads, may be lowered for the mesh to carry some multiple.
@@ -417,9 +407,6 @@ class StressProgram:
         """The cone program for signs (e,) of σ_N on contact edges, see `whole_edge_rows`; by default for none."""
         (N, n), (S, s) = self._tractions, self._stress
         H, limit = whole_edge_rows(self.low, np.full(len(both_signs(self.low)), EITHER) if signs is None else signs)
-        qvi, b_slope = self.low.qvi, self.high.qvi.b - self.low.qvi.b
-        inner = sparse.csr_array((qvi.p, S.shape[1] - 1 - qvi.n))
-        A = sparse.hstack([qvi.A, inner, sparse.csr_array(-b_slope[:, None])])
         cones, at = self.cones, 3 * self.cones.coefficient
         xx, yy, xy = (S[at + i] for i in range(3))
         c_xx, c_yy, c_xy = (s[at + i] for i in range(3))
@@ -432,16 +419,25 @@ class StressProgram:
         if cones.mean.any():
             parts.append((sparse.diags_array(-cones.mean) @ total, cones.mean * constant))
         q = np.append(np.zeros(S.shape[1] - 1), -1.0)
-        return ConicProgram.of(q, (A, qvi.b - b_slope), (H @ N, limit - H @ n), parts)
+        return ConicProgram.of(q, self._equations, (H @ N, limit - H @ n), parts)
 
-    @cached_property
+    @property
     def _tractions(self) -> tuple[sparse.csr_array, FloatArray]:
         """[σ_N; σ_T] as rows on (z, y, α), and what they are at zero; dimensionless."""
         first, second = (np.concatenate([part.qvi.n0, part.qvi.t0]) for part in (self.low, self.high))
-        matrix = sparse.csr_array(self.low.qvi.contact_rows)
-        inner = sparse.csr_array((len(first), self._stress[0].shape[1] - 1 - matrix.shape[1]))
-        rows = sparse.hstack([matrix, inner, sparse.csr_array((second - first)[:, None])])
-        return sparse.csr_array(rows), 2.0 * first - second
+        return self._wide(self.low.qvi.contact_rows, second - first), 2.0 * first - second
+
+    @property
+    def _equations(self) -> tuple[sparse.csr_array, FloatArray]:
+        """Rows A x = b on x = (z, y, α)."""
+        b, b_slope = self.low.qvi.b, self.high.qvi.b - self.low.qvi.b
+        return self._wide(self.low.qvi.A, -b_slope), b - b_slope
+
+    def _wide(self, matrix: Any, last: FloatArray) -> sparse.csr_array:
+        """Rows on z and, with the last column, on α."""
+        space = self.low.space
+        inner = sparse.csr_array((len(last), len(space.triangles) * space.element.interior))
+        return sparse.csr_array(sparse.hstack([matrix, inner, sparse.csr_array(last[:, None])]))
 
     @cached_property
     def _stress(self) -> tuple[sparse.csr_array, FloatArray]:

@@ -169,20 +169,12 @@ def _along(
     turns: bool = True,
 ) -> tuple[FloatArray, float]:
     """∫ f d·u ds of a field f on edges whose blocks are (n,), along d (n, 2), which turns along arcs or does not."""
-    mesh = problem.mesh
-    found = along_edges(mesh, edges, name, field)
-    size = np.abs(found.values * found.weights).sum(axis=1) @ edges.length[found.edge]
-    at_ends = found.integrals(np.stack([1.0 - found.t, found.t], axis=-1)) * edges.length[:, None]
-    row = np.zeros(3 * len(bodies))
-    bent = edges.bent[found.edge]
-    if bent.any():
-        at_ends[edges.bent] = 0.0
-        number, t = found.edge[bent], found.t[bent]
-        arcs = edges.take(number)
-        points = np.stack(mesh.points_along(arcs, t), axis=-1).reshape(-1, 2)
-        along = vectors_along(arcs, direction[number], t, turns=turns)
-        force = (found.values * found.weights)[bent] * edges.length[number, None]
-        row += force.ravel() @ bodies.rows(np.repeat(block[number], t.shape[1]), points, along.reshape(-1, 2))
-    for force, vertices in zip(at_ends.T, (edges.first, edges.second), strict=True):  # of the same force and moment
-        row += force @ bodies.rows(block, mesh.vertices[vertices], direction)
-    return row, float(size)
+    found = along_edges(problem.mesh, edges, name, field)
+    parts, weights = edges.take(found.edge), found.values * found.weights * edges.length[found.edge, None]
+    along = vectors_along(parts, direction[found.edge], found.t, turns=turns)
+    arms = np.stack(problem.mesh.points_along(parts, found.t), axis=-1) - bodies.centre[block[found.edge], None]
+    turning = (arms[..., 0] * along[..., 1] - arms[..., 1] * along[..., 0]) / bodies.size[block[found.edge], None]
+    work = (np.concatenate([along, turning[..., None]], axis=-1) * weights[..., None]).sum(axis=1)
+    row, known = np.zeros((len(bodies), 3)), block[found.edge] >= 0
+    np.add.at(row, block[found.edge][known], work[known])
+    return row.ravel(), float(np.abs(weights).sum())

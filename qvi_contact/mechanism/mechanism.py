@@ -17,11 +17,10 @@ In `docs/theory.md`: (D23).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
-from itertools import pairwise
 from types import MappingProxyType
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 from scipy import sparse
@@ -33,7 +32,7 @@ from qvi_contact.mechanism.lines import Line, lines
 from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Displacement
 from qvi_contact.problem.problem import ContactProblem
-from solvers.basics.names import Named
+from solvers.basics.checks import Named
 from solvers.basics.records import dataclass
 from solvers.basics.types import PicklesFields
 from solvers.inner.linear_program import INFEASIBLE, TIME_LIMIT, solved
@@ -46,6 +45,11 @@ _REACH: Final = 1e4
 
 _MOVES: Final = 1e-6
 """Share of the largest motion from which on a contact opens or slips."""
+
+_FARTHEST: Final = 1e5  # size of motions that do the work 1 with loads of the size 1: beyond, work is rounding
+_LEAST: Final = 1e-7  # work of loads of the size 1 on motions of the size 1, below which it may be rounding
+_ROUNDS: Final = 40  # at most, of placing the points where the cap sets in
+_SETTLED: Final = 1e-13
 
 
 @dataclass(frozen=True)
@@ -141,6 +145,16 @@ class Mechanism(PicklesFields):
         return sum(self.works.values())
 
     @property
+    def driving(self) -> float:
+        """Work of the loads that help the motion along [stress × length²]."""
+        return sum(work for work in self.works.values() if work > 0.0)
+
+    @property
+    def resisting(self) -> float:
+        """Work against the other loads, and what contacts take up at most [stress × length²]."""
+        return self.resistance + self.driving - self.work
+
+    @property
     def overload(self) -> float:
         """Work of the loads that drive the mechanism, over what the other loads and the contacts can take up.
 
@@ -150,9 +164,7 @@ class Mechanism(PicklesFields):
         sides and brings the factor nearer to 1. It is not the inverse of `limit_load_factor`, where the loads to
         multiply are chosen. Infinity if nothing resists.
         """
-        driving = sum(work for work in self.works.values() if work > 0.0)
-        resisting = self.resistance + driving - self.work
-        return driving / resisting if resisting > _CERTAIN * driving else math.inf
+        return self.driving / self.resisting if self.resisting > _CERTAIN * self.driving else math.inf
 
     @property
     def reason(self) -> str:
@@ -182,8 +194,7 @@ def find_mechanism(problem: ContactProblem) -> Mechanism | None:
 
     """
     rigid = Rigid(problem)
-    motion = rigid.strongest(list(rigid.works))
-    return _mechanism(problem, rigid, motion) if motion is not None and _proves(rigid, motion) else None
+    return rigid.proving(list(rigid.works))
 
 
 def upper_bound(problem: ContactProblem, loads: Sequence[str]) -> tuple[float, Mechanism | None]:
@@ -195,92 +206,18 @@ def upper_bound(problem: ContactProblem, loads: Sequence[str]) -> tuple[float, M
     rigid = Rigid(problem)
     named = [name for name in dict.fromkeys(loads) if name in rigid.works]
     others = [name for name in rigid.works if name not in named]
-    against = rigid.strongest(others, named)
-    if against is not None and _proves(rigid, against):
-        return -math.inf, _mechanism(problem, rigid, against)
-    motion = rigid.dearest(named, others)
-    if motion is None:
+    if (against := rigid.proving(others, named)) is not None:
+        return -math.inf, against
+    mechanism = rigid.dearest(named, others)
+    if mechanism is None:
         return math.inf, None
-    if motion.violation > _CERTAIN:
+    if mechanism.violation > _CERTAIN:
         raise SolveError(
-            f"limit load: the mechanism violates a contact law by {motion.violation:.1e}: leave out "
+            f"limit load: the mechanism violates a contact law by {mechanism.violation:.1e}: leave out "
             "tiny blocks or edges"
         )
-    driving = sum(motion.works[name] for name in named)
-    resisting = motion.resistance - sum(motion.works[name] for name in others)
-    return resisting / driving, _mechanism(problem, rigid, motion)
-
-
-def _proves(rigid: Rigid, motion: Motion) -> bool:
-    """Whether the loads do more work than rounding, or contact forces far beyond the loads, could explain."""
-    gain = motion.driving - motion.resisting
-    rounding = _CERTAIN * (motion.driving + motion.resisting)
-    return gain > rounding + _REACH * motion.violation * rigid.size
-
-
-def _mechanism(problem: ContactProblem, rigid: Rigid, motion: Motion) -> Mechanism:
-    """In the user's terms, scaled to the largest displacement 1."""
-    bodies, v = rigid.bodies, motion.v.reshape(-1, 3)
-    moved = [
-        RigidMotion(float(x), float(y), float(turn / size), (float(centre[0]), float(centre[1])))
-        for (x, y, turn), size, centre in zip(v, bodies.size, bodies.centre, strict=True)
-    ]
-    corners = problem.mesh.vertices[problem.mesh.cells]
-    largest = max(
-        float(np.hypot(*np.moveaxis(moved[block].at(corners[bodies.of_cells == block]), -1, 0)).max())
-        for block in range(bodies.blocks)
-    )
-    scale = 1.0 / (largest or float(np.abs(v).max()))  # plates alone may move
-    moved = [RigidMotion(scale * m.x, scale * m.y, scale * m.rotation, m.centre) for m in moved]
-    contacts = {}
-    for contact in problem.contacts:
-        chosen = [line for line in rigid.lines if line.contact is contact]
-        opening = [float((line.opening(bodies) @ motion.v).max()) for line in chosen]
-        slip = [line.slip(bodies, motion.v) for line in chosen]
-        contacts[contact.name] = ContactMotion(scale * max(opening, default=0.0), scale * max(slip, default=0.0))
-    plates = dict(zip(bodies.plates, moved[bodies.blocks :], strict=True))
-    return Mechanism(
-        bodies.of_cells,
-        tuple(moved[: bodies.blocks]),
-        MappingProxyType(Named("plates", "contacts with a plate or pin", plates)),
-        MappingProxyType(Named("works", "loads", {name: scale * work for name, work in motion.works.items()})),
-        scale * motion.resistance,
-        MappingProxyType(Named("contacts", "contacts", contacts)),
-        scale * motion.violation,
-    )
-
-
-# the linear programs, and what is checked of their answers
-
-_FARTHEST: Final = 1e5  # size of motions that do the work 1 with loads of the size 1: beyond, work is rounding
-_LEAST: Final = 1e-7  # work of loads of the size 1 on motions of the size 1, below which it may be rounding
-_ROUNDS: Final = 40  # at most, of placing the points where the cap sets in
-_SETTLED: Final = 1e-13
-_NEARER: Final = 0.25 ** np.arange(1.0, 7.0)  # shares of the way to the next place, where more are tried
-_NOTHING: Final = 1e-9  # share of speeds within which opening is just enough
-_BESIDE: Final = 1e-3  # share of an interval within which a place counts as its end
-
-_Equations: TypeAlias = Sequence[tuple[Any, float]]  # (row, value): row · v = value
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """Motions of all bodies and what they mean."""
-
-    v: FloatArray  # (3 k,): the motions, the largest of size 1
-    works: Mapping[str, float]  # work of each load [stress × length]
-    resistance: float  # R(v), what contacts can take up at most [stress × length]
-    violation: float  # largest speed at which a contact law or support forbids the motion; rounding
-
-    @property
-    def driving(self) -> float:
-        """Work of the loads that help the motion along [stress × length]."""
-        return sum(work for work in self.works.values() if work > 0.0)
-
-    @property
-    def resisting(self) -> float:
-        """Work against the other loads, and what contacts take up [stress × length]."""
-        return self.resistance - sum(work for work in self.works.values() if work < 0.0)
+    resisting = mechanism.resistance - sum(mechanism.works[name] for name in others)
+    return resisting / sum(mechanism.works[name] for name in named), mechanism
 
 
 class Rigid:
@@ -305,44 +242,62 @@ class Rigid:
         """What each load does on motions, by name."""
         return works(self.problem, self.bodies)
 
-    @property
-    def size(self) -> float:
-        """Largest work of all loads on motions of size 1, nothing cancelled [stress × length]."""
-        return sum(work.size for work in self.works.values())
+    def _size(self, names: Iterable[str]) -> float:
+        """Largest work of loads on motions of size 1, nothing cancelled [stress × length]."""
+        return sum(self.works[name].size for name in names)
 
-    def strongest(self, names: Sequence[str], idle: Sequence[str] = ()) -> Motion | None:
-        """The motion on which driving over resisting work of the named loads is largest; None if nothing moves.
+    def _row(self, names: Iterable[str], unit: float) -> FloatArray:
+        """Work of loads together, over a unit of it."""
+        return np.asarray(sum((self.works[name].row for name in names), np.zeros(len(self.free))) / unit)
 
-        Loads called idle, which one factor multiplies, do no work on it together, and are left out.
+    def proving(self, names: Sequence[str], idle: Sequence[str] = ()) -> Mechanism | None:
+        """The motion on which driving over resisting work of the named loads is largest, if it proves that they fall.
+
+        They must do more work than rounding, or contact forces far beyond the loads, could explain. Loads called idle,
+        which one factor multiplies, do no work on it together, and are left out.
         """
-        unit = sum(self.works[name].size for name in names)
+        unit, together = self._size(names), self._size(idle)
         if not self.free.shape[1] or unit == 0.0:
             return None
-        rows = np.array([self.works[name].row for name in names]) / unit
-        together = sum(self.works[name].size for name in idle)
-        none = [(sum(self.works[name].row for name in idle) / together, 0.0)] if together else []
-        motion = self._settled(lambda program: program.strongest(rows, unit, none))
-        return None if motion is None else self.motion(motion, names)
+        loads = np.array([self.works[name].row for name in names]) / unit
+        none = self._row(idle, together) if together else None
 
-    def dearest(self, names: Sequence[str], others: Sequence[str]) -> Motion | None:
+        def posed(program: _Program) -> tuple[FloatArray, float] | None:
+            """Max L − R  s.t.  Σ_j |L_j| + R ≤ 1: then (L⁺ − resisting)/(L⁺ + resisting) is largest."""
+            cost, works, sizes = program.cost / unit, program.on_unknowns(loads), np.ones(len(loads))
+            rows: Any = [[program.rows, None], [works, -np.diag(sizes)], [-works, -np.diag(sizes)]]
+            rows += [[cost[None], sizes[None]]]
+            matrix = sparse.block_array(rows)
+            limits = np.append(np.zeros(matrix.shape[0] - 1), 1.0)
+            return program.solved(np.append(cost - works.sum(axis=0), 0.0 * sizes), matrix, limits, none)
+
+        found = self._settled(posed, names)
+        if found is None:
+            return None
+        rounding = _CERTAIN * (found.driving + found.resisting) + _REACH * found.violation * self._size(self.works)
+        return found if found.driving - found.resisting > rounding else None
+
+    def dearest(self, names: Sequence[str], others: Sequence[str]) -> Mechanism | None:
         """The motion that gives the least R − L(others) for one work of the named loads; None if they can do none.
 
         Near a threshold at which they can do none the work is that of the motion on which they do most: motions of the
         work 1 would be too large to be told from rounding.
         """
-        unit, size = sum(self.works[name].size for name in names), self.size
+        unit, size = self._size(names), self._size(self.works)
         if not self.free.shape[1] or unit == 0.0:
             return None
-        row = sum(self.works[name].row for name in names) / unit
-        most = _Program(self, self.lines).most(np.asarray(row))
-        if most <= _LEAST:
+        row, start = self._row(names, unit), _Program(self, self.lines)
+        found = start.solved(-start.on_unknowns(row), start.rows, farthest=1.0)
+        if found is None or -found[1] <= _LEAST:
             return None
-        row = row / most
-        other = sum((self.works[name].row for name in others), np.zeros(len(self.free))) / size
-        motion = self._settled(lambda program: program.dearest(np.asarray(row), other, size))
-        return None if motion is None else self.motion(motion, [*names, *others])
+        row, other = row / -found[1], self._row(others, size)
+        return self._settled(lambda program: program.solved(
+            program.cost / size - program.on_unknowns(other), program.rows, 0.0, row, 1.0
+        ), [*names, *others])  # fmt: skip
 
-    def _settled(self, solve: Callable[[_Program], tuple[FloatArray, float] | None]) -> FloatArray | None:
+    def _settled(
+        self, solve: Callable[[_Program], tuple[FloatArray, float] | None], names: Iterable[str]
+    ) -> Mechanism | None:
         """Solve, and again with more places around that where the cap sets in, until they change nothing."""
         chosen, before, idle = self.lines, np.inf, 0
         for _ in range(_ROUNDS):
@@ -353,77 +308,38 @@ class Rigid:
             idle = 0 if before - value > _SETTLED * abs(value) else idle + 1
             if idle == 2:
                 break
-            chosen, before = tuple(surrounded(line, self.bodies, motion) for line in chosen), value
-        return None if found is None else found[0]
+            chosen, before = tuple(line.surrounded(self.bodies, motion) for line in chosen), value
+        return None if found is None or not found[0].any() else self._mechanism(found[0], names)
 
-    def resistance(self, v: FloatArray) -> float:
-        """R(v) [stress × length], exact up to the sampling of functions."""
-        return sum(resistance(line, self.bodies, v) for line in self.lines)
-
-    def motion(self, v: FloatArray, names: Sequence[str]) -> Motion | None:
-        """What a motion means, scaled to the size 1; None for rest."""
-        largest = float(np.abs(v).max())
-        if largest == 0.0:
-            return None
-        v = v / largest
-        missed = [0.0, *np.abs(self.held @ v)]
+    def _mechanism(self, v: FloatArray, names: Iterable[str]) -> Mechanism:
+        """A motion in the user's terms, scaled to the largest displacement 1."""
+        bodies = self.bodies
+        v = v / np.abs(v).max()
+        of_cells, scale = bodies.of_cells, np.insert(np.ones((len(bodies), 2)), 2, 1.0 / bodies.size, axis=1)
+        x, y, turn = (v.reshape(-1, 3) * scale)[of_cells, :, None].swapaxes(0, 1)
+        arm_x, arm_y = np.moveaxis(self.problem.mesh.corners - bodies.centre[of_cells, None], -1, 0)
+        v = v / (np.hypot(x - turn * arm_y, y + turn * arm_x).max() or 1.0)  # plates alone may move
+        missed = [0.0, *np.abs(self.held @ v).tolist()]
+        opening, slip = ({contact.name: 0.0 for contact in self.problem.contacts} for _ in range(2))
         for line in self.lines:
+            name, opens, slips = line.contact.name, line.opening(bodies) @ v, line.slip(bodies, v)
+            opening[name], slip[name] = max(opening[name], float(opens.max())), max(slip[name], slips)
             if not line.fixed:
-                slip = line.slip(self.bodies, v) if line.dilates and not line.capped else 0.0
-                missed += list(line.friction * slip - line.opening(self.bodies) @ v)
+                missed += list(line.friction * (slips if line.dilates and not line.capped else 0.0) - opens)
+        moved = np.column_stack([v.reshape(-1, 3) * scale, bodies.centre]).tolist()
+        motions = tuple(RigidMotion(a, b, rotation, (at_x, at_y)) for a, b, rotation, at_x, at_y in moved)
+        plates = dict(zip(bodies.plates, motions[bodies.blocks :], strict=True))
         found = {name: float(self.works[name].row @ v) for name in names}
-        return Motion(v, found, self.resistance(v), float(max(missed)))
-
-
-def divided(line: Line, bodies: Bodies, v: FloatArray) -> Line:
-    """The line with places where opening becomes too little for all of the slip to dilate."""
-    spare = line.opening(bodies) @ v - line.friction * line.slip(bodies, v)
-    for i in np.flatnonzero(spare[:-1] * spare[1:] < 0.0):
-        share = spare[i] / (spare[i] - spare[i + 1])
-        line = line.divided(float(line.places[i] + share * (line.places[i + 1] - line.places[i])))
-    return line
-
-
-def surrounded(line: Line, bodies: Bodies, v: FloatArray) -> Line:
-    """The line with places where opening becomes too little, or where there is one, around it."""
-    if not line.capped:
-        return line
-    places, slip = line.places, line.friction * line.slip(bodies, v)
-    opening = line.opening(bodies) @ v
-    spare = opening - slip
-    clear = np.flatnonzero(np.abs(spare) > _NOTHING * float((np.abs(opening) + slip).max()))
-    for i, j in pairwise(clear.tolist()):
-        if spare[i] * spare[j] > 0.0:
-            continue
-        share = spare[i] / (spare[i] - spare[j])
-        s = float(places[i] + share * (places[j] - places[i]))
-        new = [s] if j == i + 1 and _BESIDE < share < 1.0 - _BESIDE else _around(places, s)
-        for place in new:
-            line = line.divided(place)
-    return line
-
-
-def _around(places: FloatArray, s: float) -> list[float]:
-    """Places between the nearest one to s and its neighbours, closer and closer to it."""
-    at = int(np.argmin(np.abs(places - s)))
-    beside = [place for place in places[max(at - 1, 0) : at + 2] if place != places[at]]
-    near: list[float] = np.concatenate([places[at] + (place - places[at]) * _NEARER for place in beside]).tolist()
-    return near
-
-
-def resistance(line: Line, bodies: Bodies, v: FloatArray) -> float:
-    """∫ π ds of a line for a motion that it admits."""
-    slip = line.slip(bodies, v)
-    if line.held or slip == 0.0:
-        return 0.0
-    work = line.shear_work() * slip
-    if not line.capped:
-        return work
-    line = divided(line, bodies, v)
-    opening = np.maximum(line.opening(bodies) @ v, 0.0)
-    rough = line.friction > 0.0
-    dilatant = np.divide(opening, line.friction, out=np.full(len(opening), slip), where=rough)
-    return work - float(line.relief() @ np.minimum(dilatant, slip))
+        contacts = {name: ContactMotion(opening[name], slip[name]) for name in opening}
+        return Mechanism(
+            bodies.of_cells,
+            motions[: bodies.blocks],
+            MappingProxyType(Named("plates", "contacts with a plate or pin", plates)),
+            MappingProxyType(Named("works", "loads", found)),
+            sum(line.resistance(bodies, v) for line in self.lines),
+            MappingProxyType(Named("contacts", "contacts", contacts)),
+            float(max(missed)),
+        )
 
 
 class _Program:
@@ -431,14 +347,15 @@ class _Program:
 
     def __init__(self, rigid: Rigid, chosen: Sequence[Line]) -> None:
         self._basis, self._motions = rigid.free, rigid.free.shape[1]
-        self._cost, shared, own = np.zeros(self._motions), [sparse.csr_array((0, self._motions))], []
+        costs, shared, own = [np.zeros(self._motions)], [sparse.csr_array((0, self._motions))], []
         for line in chosen:
             if not line.held:
                 on_y, on_slips, cost = self._conditions(line, rigid.bodies)
                 shared.append(sparse.csr_array(on_y))
                 own.append(on_slips)
-                self._cost = np.append(self._cost, cost)
-        self._rows = sparse.hstack([sparse.vstack(shared), sparse.block_diag([np.zeros((0, 0)), *own])])
+                costs.append(cost)
+        self.cost = np.concatenate(costs)
+        self.rows = sparse.hstack([sparse.vstack(shared), sparse.block_diag([np.zeros((0, 0)), *own])])
 
     def _conditions(self, line: Line, bodies: Bodies) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rows of a line on y, and on its own slips, and the costs of these."""
@@ -460,45 +377,29 @@ class _Program:
         touched = np.flatnonzero(rows.any(axis=0))
         return np.asarray(rows[:, touched] @ self._basis[touched])
 
-    def _objective(self, row: FloatArray) -> FloatArray:
-        """−row · v."""
-        return np.append(-self._on_motions(row[None])[0], np.zeros(len(self._cost) - self._motions))
+    def on_unknowns(self, rows: FloatArray) -> FloatArray:
+        """Rows (..., 3 k) on motions as rows on x."""
+        found = np.zeros((*rows.shape[:-1], len(self.cost)))
+        found[..., : self._motions] = rows @ self._basis
+        return found
 
-    def strongest(self, loads: FloatArray, unit: float, equations: _Equations) -> tuple[FloatArray, float] | None:
-        """Max L − R  s.t.  Σ_j |L_j| + R ≤ 1: then (L⁺ − resisting)/(L⁺ + resisting) is largest."""
-        cost, sizes = self._cost / unit, np.zeros(len(loads))
-        works = np.array([-self._objective(load) for load in loads])
-        rows: Any = [[self._rows, None], [works, -np.eye(len(loads))], [-works, -np.eye(len(loads))]]
-        whole: Any = np.append(cost, sizes + 1.0)[None]
-        rows = sparse.vstack([sparse.block_array(rows), whole])
-        limits = np.append(np.zeros(rows.shape[0] - 1), 1.0)
-        return self._solve(np.append(cost - works.sum(axis=0), sizes), rows, equations, limits)
-
-    def most(self, row: FloatArray) -> float:
-        """Max row · v over motions of the size 1 at most."""
-        found = self._solve(self._objective(row), self._rows, (), farthest=1.0)
-        return 0.0 if found is None else -found[1]
-
-    def dearest(self, row: FloatArray, other: FloatArray, unit: float) -> tuple[FloatArray, float] | None:
-        """Min R − L(others)  s.t.  row · v = 1."""
-        return self._solve(self._cost / unit + self._objective(other), self._rows, [(row, 1.0)])
-
-    def _solve(
+    def solved(
         self,
         objective: FloatArray,
         rows: Any,
-        equations: _Equations,
         limits: FloatArray | float = 0.0,
+        equation: FloatArray | None = None,
+        value: float = 0.0,
         farthest: float = _FARTHEST,
     ) -> tuple[FloatArray, float] | None:
-        """The motion v and the least value, with rows not above limits; None if there is no motion."""
+        """The motion v and the least value, with rows not above limits, and of one on v its value; None if none has."""
         box = sparse.eye_array(self._motions, len(objective))  # as rows: variables with two bounds would stand at one
         limits = np.append(np.broadcast_to(limits, rows.shape[0]), np.full(2 * self._motions, farthest))
         known: Any = {}
-        if equations:
-            A = np.zeros((len(equations), len(objective)))
-            A[:, : self._motions] = self._on_motions(np.array([row for row, _ in equations]))
-            known = {"A_eq": sparse.csr_array(A), "b_eq": np.array([value for _, value in equations])}
+        if equation is not None:
+            A = np.zeros((1, len(objective)))
+            A[0, : self._motions] = equation @ self._basis
+            known = {"A_eq": sparse.csr_array(A), "b_eq": np.array([value])}
         bounds: Any = [(-np.inf if n < self._motions else 0.0, np.inf) for n in range(len(objective))]
         matrix = sparse.csr_array(sparse.vstack([rows, box, -box]))
         answer = solved(objective, A_ub=matrix, b_ub=limits, bounds=bounds, **known)

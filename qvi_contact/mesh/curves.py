@@ -21,8 +21,8 @@ from qvi_contact.mesh.edges import (
     angles,
     arc_offsets,
     cross,
-    halves,
     levelled,
+    part_of,
     polynomials,
     reversed_bends,
     stretches,
@@ -57,16 +57,16 @@ class Curve:
         own = self.coefficients[self._places(pairs)]
         return np.asarray(first + arc_offsets(second - first, own, np.array([0.5]))[:, 0])
 
-    def divided(self, pairs: IntArray, parents: IntArray) -> "Curve":
-        """The same by edges (n, 2) that are halves of edges (n, 2) of the curve, or these themselves.
+    def divided(self, pairs: IntArray, parents: IntArray, shares: FloatArray) -> "Curve":
+        """The same by edges (n, 2) that are parts of edges (n, 2) of the curve, divided at shares (n,), or these.
 
         New vertices have higher numbers than old ones.
         """
         whole = self.coefficients[self._places(parents)]
-        first, second = halves(whole)
         is_first, is_second = ((pairs[:, 0] == parents[:, k]) & (pairs[:, 1] != parents[:, 1]) for k in (0, 1))
-        found = np.where(is_first[:, None], first, np.where(is_second[:, None], reversed_bends(second), whole))
-        return Curve(pairs, found)
+        found = part_of(whole, np.where(is_second, shares, 0.0), np.where(is_first, shares, 1.0))
+        found = np.where(is_second[:, None], reversed_bends(found), found)
+        return Curve(pairs, np.where((is_first | is_second)[:, None], found, whole))
 
     def checked(self, name: str, vertices: FloatArray, topology: Topology) -> "Curve":
         """The same, with edges in the order of the topology, from the lower number to the higher one.
@@ -154,16 +154,17 @@ def refuse_bad_arcs(
 ) -> None:
     """`InputError` where an edge is on two arcs, turns too far for one, or bends too far for its triangle."""
     numbers = np.sort(np.concatenate([topology.number(arc.edges) for arc in arcs]))
-    twice = np.flatnonzero(np.bincount(numbers, minlength=len(bends)) > 1)
-    if len(twice):
-        _refuse(vertices, topology, int(twice[0]), "lies on two arcs: give it one")
+    twice = np.flatnonzero(np.bincount(numbers) > 1)
     long = numbers[np.ptp(angles(bends[numbers], _PLACES), axis=1) > _WIDEST]
-    if len(long):
-        _refuse(vertices, topology, int(long[0]), "turns by more than 90°: divide the triangles there")
-    bent = np.argwhere(bent_too_far(bends, vertices, cells, topology))
-    if len(bent):
-        remedy = "bends too far for the triangle at it: divide the triangles there"
-        _refuse(vertices, topology, int(topology.of_cells[tuple(bent[0])]), remedy)
+    bent = topology.of_cells[bent_too_far(bends, vertices, cells, topology)]
+    for wrong, remedy in (
+        (twice, "lies on two arcs: give it one"),
+        (long, "turns by more than 90°: divide the triangles there"),
+        (bent, "bends too far for the triangle at it: divide the triangles there"),
+    ):
+        if len(wrong):
+            x, y = vertices[topology.ends[wrong[0]]].mean(axis=0)
+            raise InputError("TriangleMesh.arcs", f"({x:.6g}, {y:.6g})", f"the edge around this point {remedy}")
 
 
 def bent_too_far(bends: FloatArray, vertices: FloatArray, cells: IntArray, topology: Topology) -> BoolArray:
@@ -185,11 +186,6 @@ def bent_too_far(bends: FloatArray, vertices: FloatArray, cells: IntArray, topol
         areas = cross(first[:, None] + offsets, slope) / straight
         bent[cell, s] = (outwards.max(axis=1) > _HIGHEST) | (areas.min(axis=1) < _LEAST)
     return bent
-
-
-def _refuse(vertices: FloatArray, topology: Topology, edge: int, remedy: str) -> None:
-    x, y = vertices[topology.ends[edge]].mean(axis=0)
-    raise InputError("TriangleMesh.arcs", f"({x:.6g}, {y:.6g})", f"the edge around this point {remedy}")
 
 
 CurveFunction: TypeAlias = Callable[[FloatArray], object]

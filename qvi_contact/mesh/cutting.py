@@ -1,24 +1,175 @@
-"""Triangles cut into smaller ones, with the names of edges and regions: bisected, in fans, or where bodies are joined.
+"""What a mesh of triangles must be, and triangles cut into smaller ones, with the names of edges and regions.
 
-Bodies meshed apart that touch along straight lines, or arcs that both declare, are joined by putting nodes of either
-into the other. A triangle whose side has nodes of the other body in it is cut into triangles from the corner
-opposite. So both sides have the same nodes and edges afterwards, and everything on the line is as exact as on one mesh.
+Checks name the place of the first fault. Triangles are bisected, in fans, or where bodies are joined: bodies meshed
+apart that touch along straight lines, or arcs that both declare, are joined by putting nodes of either into the other.
+So both sides have the same nodes and edges afterwards, and everything on the line is as exact as on one mesh.
 """
 
-from collections.abc import Mapping, Sequence
-from itertools import pairwise
-from operator import itemgetter
-from typing import Final
+from collections.abc import Sequence
+from typing import Final, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, real_array
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.curves import Curve, MeshParts, bends_of, bent_too_far
-from qvi_contact.mesh.edges import Topology, cross, linked, part_of
-from qvi_contact.mesh.flaws import hanging_vertices, pieces, same_places
-from qvi_contact.mesh.selection import new_name
+from qvi_contact.mesh.curves import ROUNDING, Curve, MeshParts, bends_of, bent_too_far
+from qvi_contact.mesh.edges import Topology, angles, arc_offsets, cross, linked
+from qvi_contact.mesh.selection import new_name, numbers_of
+
+LARGEST: Final = 1e100  # of a coordinate: squares and areas of larger ones are beyond floating-point numbers
+_FLAT: Final = 1e-8  # height over longest side below which a triangle is none
+_SAME: Final = 1e-10  # distance of vertices over the body's length below which they are in one place
+_ASLANT: Final = (np.cos(1.0), np.sin(1.0))
+_ON_EDGE: Final = 1e-9  # distance from an edge over its length below which a vertex lies on it
+_FARTHEST: Final = 1e-3  # the same of arcs at most
+_HALVINGS: Final = 60
+
+
+def checked_triangles(vertices: ArrayLike, cells: ArrayLike) -> tuple[FloatArray, IntArray]:
+    """Finite coordinates (n, 2), and three vertices a triangle, in ascending order, (m, 3); both are read only."""
+    points = np.array(numbers_of("TriangleMesh.vertices", vertices, float))
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 3:
+        raise InputError("TriangleMesh.vertices", f"shape {points.shape}", "give an array (n, 2), n ≥ 3")
+    bad = ~(np.abs(points) <= LARGEST).all(axis=1)
+    if bad.any():
+        remedy = f"this vertex has no finite coordinates of at most {LARGEST:.0e}: correct it, or take other units"
+        raise InputError("TriangleMesh.vertices", int(np.argmax(bad)), remedy)
+    corners = numbers_of("TriangleMesh.cells", cells, int)
+    if corners.ndim != 2 or corners.shape[1] != 3 or not len(corners):
+        raise InputError("TriangleMesh.cells", f"shape {corners.shape}", "give an array (m, 3), m ≥ 1")
+    wrong = (corners < 0) | (corners >= len(points))
+    if wrong.any():
+        remedy = f"give numbers of vertices, 0 to {len(points) - 1}"
+        raise InputError("TriangleMesh.cells", int(corners[wrong][0]), remedy)
+    corners = np.sort(corners, axis=1)
+    points.flags.writeable = corners.flags.writeable = False
+    return points, corners
+
+
+def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> None:
+    """`InputError` unless triangles are a mesh of one piece."""
+    a, b, c = vertices[cells].swapaxes(0, 1)
+    sides = np.stack([b - a, c - b, a - c])
+    flat = np.abs(cross(sides[0], sides[1])) <= _FLAT * np.square(sides).sum(axis=2).max(axis=0)
+    _refuse(flat, cells, "the triangle of these vertices at {} has no area: leave it out", a)
+    all_vertices = np.arange(len(vertices))
+    unused = np.bincount(cells.ravel(), minlength=len(vertices)) == 0
+    _refuse(unused, all_vertices, "this vertex at {} belongs to no triangle: leave it out", vertices)
+    first, second = vertices[topology.ends].swapaxes(0, 1)
+    middles = (first + second) / 2.0
+    shared = "more than two triangles share the edge of these vertices around {}: leave out the others"
+    _refuse(topology.count > 2, topology.ends, shared, middles)
+    centres = (a + b + c)[topology.cells] / 3.0
+    one, other = (cross(second - first, centres[:, side] - first) for side in (0, 1))
+    folded = (topology.count == 2) & (one * other > 0.0)
+    overlap = "the triangles at the edge of these vertices around {} lie on one side of it and overlap: correct one"
+    _refuse(folded, topology.ends, overlap, middles)
+    hanging = hanging_vertices(vertices, topology)[0]
+    inside = (
+        "the first of these vertices, at {}, lies inside the edge of the others: divide the triangle there. Two bodies "
+        "whose vertices do not match along a line are meshed as one with common nodes (BooleanFragments in Gmsh), or "
+        "`join` with a name for the line does so; a Contact along it separates them"
+    )
+    named = np.column_stack([hanging[:, 0], topology.ends[hanging[:, 1]]])
+    _refuse(np.ones(len(named), dtype=bool), named, inside, vertices[named[:, 0]])
+    same = same_places(vertices)
+    twins = (
+        "these vertices lie in the same place {}: merge them (Coherence Mesh in Gmsh), and name the line if two bodies "
+        "touch there; a Contact along it separates them"
+    )
+    _refuse(np.ones(len(same), dtype=bool), same, twins, vertices[same[:, 0]])
+    pinched = np.bincount(topology.ends[topology.boundary].ravel(), minlength=len(vertices)) > 2
+    alone = "this vertex at {} alone connects two parts of the body: fill or cut there"
+    _refuse(pinched, all_vertices, alone, vertices)
+    piece = pieces(topology, len(cells))
+    if piece.any():
+        _refuse_pieces(vertices, cells, piece)
+
+
+def _refuse(wrong: BoolArray, given: IntArray, remedy: str, places: FloatArray) -> None:
+    """`InputError` about the first of some things (k,) that is wrong, if any is, at its place, (k, 2)."""
+    if wrong.any():
+        number = int(np.argmax(wrong))
+        x, y = places[number]
+        raise InputError("TriangleMesh", given[number].tolist(), remedy.format(f"({x:.6g}, {y:.6g})"))
+
+
+def _refuse_pieces(vertices: FloatArray, cells: IntArray, piece: IntArray) -> NoReturn:
+    from scipy.spatial import cKDTree  # slow to import, and few meshes need it
+
+    apart, others = (vertices[np.unique(cells[chosen])] for chosen in (piece == 1, piece != 1))
+    distances, nearest = map(np.asarray, cKDTree(others).query(apart))
+    at = int(np.argmin(distances))
+    x, y = (apart[at] + others[nearest[at]]) / 2.0
+    remedy = (
+        f"the body consists of this many pieces; the nearest vertices of two are {distances[at]:.3g} apart around "
+        f"({x:.6g}, {y:.6g}): give one piece. Bodies that touch across a space are meshed without it, with common "
+        "nodes along a joint whose Contact has that gap; nodes of one body are merged with a larger tolerance "
+        "(Geometry.Tolerance in Gmsh)"
+    )
+    raise InputError("TriangleMesh", int(piece.max()) + 1, remedy)
+
+
+def pieces(topology: Topology, count: int) -> IntArray:
+    """The number of the piece of each of so many triangles (m,): those joined by edges are one."""
+    first, second = topology.cells[topology.count == 2].T
+    return linked(first, second, count)
+
+
+def same_places(vertices: FloatArray) -> IntArray:
+    """Pairs (k, 2) of vertices too near each other to be told apart, in order."""
+    reach = np.full(len(vertices), _SAME * float(np.ptp(vertices, axis=0).max()))
+    pairs = np.column_stack(_near(vertices, vertices, reach))
+    return pairs[pairs[:, 0] < pairs[:, 1]]
+
+
+def hanging_vertices(
+    vertices: FloatArray, topology: Topology, bends: FloatArray | None = None
+) -> tuple[IntArray, FloatArray]:
+    """Pairs (k, 2) of a vertex and an edge of the boundary it lies inside: two triangles meet one along its side.
+
+    And the shares (k,) of the edges' lengths at which they do. Edges follow their arcs where `bends` are given.
+    """
+    outer = np.flatnonzero(topology.boundary)
+    first, second = vertices[topology.ends[outer]].swapaxes(0, 1)
+    along = second - first
+    lengths = np.hypot(*along.T)
+    candidates = np.unique(topology.ends[outer])
+    edge, vertex = _near(vertices[candidates], (first + second) / 2.0, lengths * (0.5 - 1e-6))
+    vertex = candidates[vertex]
+    offset, chord = vertices[vertex] - first[edge], along[edge]
+    straight = (offset * chord).sum(axis=1) / lengths[edge] ** 2
+    bend = np.zeros((len(edge), 2)) if bends is None else bends[outer[edge]]
+    low, high = np.zeros(len(edge)), np.ones(len(edge))
+    for _ in range(_HALVINGS if bend.any() else 0):  # an arc of less than 180° goes on along its chord
+        middle = (low + high) / 2.0
+        ahead = (arc_offsets(chord, bend, middle[:, None])[:, 0] * chord).sum(axis=1) > straight * lengths[edge] ** 2
+        low, high = np.where(ahead, low, middle), np.where(ahead, middle, high)
+    arc = bend.any(axis=1)
+    share = np.where(arc, (low + high) / 2.0, straight)
+    distance = np.hypot(*(arc_offsets(chord, bend, share[:, None])[:, 0] - offset).T) / lengths[edge]
+    # data of an arc are rounded by a share of its radius, which is about the edge's length over the angle it turns by
+    turn = np.ptp(angles(bend, np.array([0.0, 1.0])), axis=1)
+    rounding = np.where(arc, np.minimum(ROUNDING / np.where(arc, turn, 1.0), _FARTHEST), _ON_EDGE)
+    hanging = distance <= rounding
+    return np.column_stack([vertex[hanging], outer[edge[hanging]]]), share[hanging]
+
+
+def _near(points: FloatArray, centres: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
+    """Pairs of a circle and a point in it, in order; looked for along a direction that lines of a mesh seldom have."""
+    place, centre = ((at - points[0]) @ _ASLANT for at in (points, centres))
+    order = np.argsort(place)
+    start = np.searchsorted(place[order], centre - radius, "left")
+    stop = np.searchsorted(place[order], centre + radius, "right")
+    count = stop - start
+    circle = np.repeat(np.arange(len(centres)), count)
+    point = order[np.arange(len(circle)) - np.repeat(np.cumsum(count) - stop, count)]
+    inside = np.hypot(*(points[point] - centres[circle]).T) <= radius[circle]
+    return np.divmod(np.sort(circle[inside] * len(points) + point[inside]), len(points))
+
+
+# triangles cut
 
 _DIVISIONS: Final = 6  # halvings of an arc until its triangle is high enough
 _ROUNDING: Final = 1e-9  # of angles, as a share
@@ -72,6 +223,14 @@ def fanned(mesh: MeshParts, vertices: IntArray, angle: float, layers: int) -> Me
     return divided_at_arcs(mesh)
 
 
+def layered(mesh: MeshParts, vertex: int, ratio: float) -> MeshParts:
+    """The triangles at a vertex where no arc ends cut across, at a share `ratio` of their edges there from it."""
+    topology, old = Topology.of(np.sort(mesh.cells, axis=1), len(mesh.vertices)), len(mesh.vertices)
+    fine = _halved(mesh, topology, np.flatnonzero((topology.ends == vertex).any(axis=1)))
+    fine.vertices[old:] += (1.0 - 2.0 * ratio) * (fine.vertices[vertex] - fine.vertices[old:])
+    return fine
+
+
 def _angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
     """The opposite edges (k, 2) of the triangles at a vertex, and their angles there (k,) [rad]."""
     cells = mesh.cells[(mesh.cells == vertex).any(axis=1)]
@@ -100,19 +259,23 @@ def _longest(mesh: MeshParts, topology: Topology, among: BoolArray) -> IntArray:
     return np.asarray(order[np.argmax(lengths[:, order], axis=1)])
 
 
-def _halved(mesh: MeshParts, topology: Topology, number: IntArray) -> MeshParts:
+def _halved(
+    mesh: MeshParts, topology: Topology, number: IntArray, at: tuple[FloatArray, FloatArray] | None = None
+) -> MeshParts:
     """The mesh with these edges (k,) of its topology halved, and the triangles beside them divided; no others.
 
-    A triangle with one such edge is cut in two, with two in three, from the middle of the longer one, with three in
-    four. Names are carried over. `InputError` where triangles are too small for the coordinates to tell their vertices
-    apart.
+    Or divided at points (k, 2), which are at shares (k,) of their lengths. A triangle with one such edge is cut in two,
+    with two in three, from the point in the longer one, with three in four. Names are carried over. `InputError` where
+    triangles are too small for the coordinates to tell their vertices apart.
     """
     old = len(mesh.vertices)
     middle = np.full(len(topology.ends), -1)
     middle[number] = old + np.arange(len(number))
-    vertices = np.concatenate([mesh.vertices, mesh.vertices[topology.ends[number]].mean(axis=1)])
-    same = same_places(vertices)
-    if len(same):
+    points = mesh.vertices[topology.ends[number]].mean(axis=1) if at is None else at[0]
+    shares = np.full(len(topology.ends), 0.5)
+    shares[number] = 0.5 if at is None else at[1]
+    vertices = np.concatenate([mesh.vertices, points])
+    if at is None and len(same := same_places(vertices)):
         x, y = vertices[same[0, 0]].tolist()
         raise InputError("marked", (x, y), "triangles here are too small to be halved: leave them out of `marked`")
     cells, sides = np.sort(mesh.cells, axis=1), middle[topology.of_cells]  # sides opposite to the corners
@@ -155,8 +318,9 @@ def _halved(mesh: MeshParts, topology: Topology, number: IntArray) -> MeshParts:
         part = parts_of(arc.edges)
         pairs, whole_edges = ends[part], topology.ends[origin[part]]
         halves = pairs[:, 1] >= old
-        vertices[pairs[halves, 1]] = arc.middles(whole_edges[halves], mesh.vertices)
-        arcs.append(arc.divided(pairs, whole_edges))
+        if at is None:
+            vertices[pairs[halves, 1]] = arc.middles(whole_edges[halves], mesh.vertices)
+        arcs.append(arc.divided(pairs, whole_edges, shares[origin[part]]))
     return MeshParts(vertices, fine, edge_sets, regions, arcs)
 
 
@@ -187,77 +351,36 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     if name in mesh.edge_sets:
         raise InputError("join", name, "this edge set exists already: choose another name")
     new_name(name)
-    vertices, cells = mesh.vertices, np.sort(mesh.cells, axis=1)
-    topology = Topology.of(cells, len(vertices))
-    piece = pieces(topology, len(cells))
-    of_vertex = np.empty(len(vertices), dtype=np.int64)
-    of_vertex[cells] = piece[:, None]
-    hanging, shares = hanging_vertices(vertices, topology, bends_of(mesh.arcs, topology) if mesh.arcs else None)
-    inside: dict[tuple[int, int], list[int]] = {}  # of an edge the vertices of other pieces in it, in order
-    share_of = dict[tuple[int, int, int], float]()  # of an edge and a vertex in it
-    for (vertex, edge), share in sorted(zip(hanging.tolist(), shares.tolist(), strict=True), key=itemgetter(1)):
-        if of_vertex[vertex] != piece[topology.cells[edge, 0]]:
-            low, high = topology.ends[edge].tolist()
-            inside.setdefault((low, high), []).append(vertex)
-            share_of[low, high, vertex] = share
-    cut = [_cut(corners, inside) for corners in cells.tolist()]
-    parent = np.repeat(np.arange(len(cells)), [len(parts) for parts in cut])
+    while True:  # until no vertex lies in an edge of another piece; one in each edge at a time
+        vertices, cells = mesh.vertices, np.sort(mesh.cells, axis=1)
+        topology = Topology.of(cells, len(vertices))
+        piece = pieces(topology, len(cells))
+        of_vertex = np.empty(len(vertices), dtype=np.int64)
+        of_vertex[cells] = piece[:, None]
+        hanging, shares = hanging_vertices(vertices, topology, bends_of(mesh.arcs, topology) if mesh.arcs else None)
+        apart = np.flatnonzero(of_vertex[hanging[:, 0]] != piece[topology.cells[hanging[:, 1], 0]])
+        if not len(apart):
+            break
+        edges, first = np.unique(hanging[apart, 1], return_index=True)
+        inside = apart[first]
+        mesh = _halved(mesh, topology, edges, (vertices[hanging[inside, 0]], shares[inside]))
     twins = same_places(vertices)
     twins = twins[of_vertex[twins[:, 0]] != of_vertex[twins[:, 1]]]
     _, first, place = np.unique(linked(twins[:, 0], twins[:, 1], len(vertices)), return_index=True, return_inverse=True)
-    new_cells = np.sort(place[np.concatenate([np.array(parts) for parts in cut])], axis=1)
-    fine = Topology.of(new_cells, len(first))
-    across = (fine.count == 2) & (piece[parent[fine.cells[:, 0]]] != piece[parent[fine.cells[:, 1]]])
+    glued = np.sort(place[cells], axis=1)
+    fine = Topology.of(glued, len(first))
+    across = (fine.count == 2) & (piece[fine.cells[:, 0]] != piece[fine.cells[:, 1]])
     if not across.any():
-        raise InputError(
-            "join", name, "no pieces of this mesh touch along straight lines or declared arcs: leave it out"
-        )
+        remedy = "no pieces of this mesh touch along straight lines or declared arcs: leave it out"
+        raise InputError("join", name, remedy)
     edge_sets = {name: fine.ends[across]}
     for other, pairs in mesh.edge_sets.items():
-        chains = [[a, *_between(a, b, inside), b] for a, b in pairs.tolist()]
-        found = place[np.array([step for chain in chains for step in pairwise(chain)])]
-        in_joint = across[fine.number(found)]
-        edge_sets[other] = found if in_joint.all() else found[~in_joint]
-    regions = {other: np.flatnonzero(np.isin(parent, chosen)) for other, chosen in mesh.regions.items()}
-    parts = _arcs_in_parts(mesh.arcs, inside, share_of, place)
-    arcs = [part.checked("", vertices[first], fine) for part in parts]
-    return divided_at_arcs(MeshParts(vertices[first], new_cells, edge_sets, regions, arcs))
-
-
-def _arcs_in_parts(
-    arcs: Sequence[Curve],
-    inside: Mapping[tuple[int, int], list[int]],
-    share_of: Mapping[tuple[int, int, int], float],
-    place: IntArray,
-) -> list[Curve]:
-    """Arcs with edges cut at the vertices inside them, by new numbers of vertices; an edge of two bodies once."""
-    found, seen = list[Curve](), set[tuple[int, int]]()
-    for arc in arcs:
-        kept, bends = list[tuple[int, int]](), list[FloatArray]()
-        for (low, high), bend in zip(arc.edges.tolist(), arc.coefficients, strict=True):
-            between = inside.get((low, high), [])
-            ends = np.array([0.0, *(share_of[low, high, vertex] for vertex in between), 1.0])
-            parts = part_of(np.broadcast_to(bend, (len(ends) - 1, len(bend))), ends[:-1], ends[1:])
-            for (a, b), part in zip(pairwise(place[[low, *between, high]].tolist()), parts, strict=True):
-                if (min(a, b), max(a, b)) not in seen:
-                    seen.add((min(a, b), max(a, b)))
-                    kept.append((a, b))
-                    bends.append(part)
-        if kept:
-            found.append(Curve(np.array(kept), np.array(bends)))
-    return found
-
-
-def _between(a: int, b: int, inside: Mapping[tuple[int, int], list[int]]) -> list[int]:
-    """The vertices in the edge from a to b, in this order."""
-    return inside.get((a, b), []) if a < b else inside.get((b, a), [])[::-1]
-
-
-def _cut(corners: list[int], inside: Mapping[tuple[int, int], list[int]]) -> list[list[int]]:
-    """The triangles of a triangle whose sides have vertices in them: side by side, from the corner opposite."""
-    for s in range(3):
-        tip, a, b = corners[s], corners[s - 2], corners[s - 1]
-        between = _between(a, b, inside)
-        if between:
-            return [part for p, q in pairwise([a, *between, b]) for part in _cut([tip, p, q], inside)]
-    return [corners]
+        in_joint = across[fine.number(place[pairs])]
+        edge_sets[other] = place[pairs] if in_joint.all() else place[pairs][~in_joint]
+    arcs, taken = list[Curve](), np.zeros(len(fine.ends), dtype=bool)
+    for arc in mesh.arcs:  # both bodies may have declared an edge
+        new = ~taken[fine.number(place[arc.edges])]
+        taken[fine.number(place[arc.edges])] = True
+        if new.any():
+            arcs.append(Curve(place[arc.edges[new]], arc.coefficients[new]).checked("", vertices[first], fine))
+    return divided_at_arcs(MeshParts(vertices[first], glued, edge_sets, mesh.regions, arcs))

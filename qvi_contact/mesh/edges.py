@@ -164,12 +164,6 @@ def reversed_bends(bend: FloatArray) -> FloatArray:
     return np.asarray(bend * (-1.0) ** np.arange(bend.shape[1]))
 
 
-def halves(bend: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The bends of both halves of edges, (n, k) each."""
-    ends = np.broadcast_to([0.0, 0.5, 1.0], (len(bend), 3))
-    return part_of(bend, ends[:, 0], ends[:, 1]), part_of(bend, ends[:, 1], ends[:, 2])
-
-
 def part_of(bend: FloatArray, start: FloatArray, stop: FloatArray) -> FloatArray:
     """The bends (n, k) of parts of edges, from shares (n,) to shares (n,) of their lengths."""
     count = bend.shape[1]

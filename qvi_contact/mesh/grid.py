@@ -18,7 +18,7 @@ from qvi_contact.basics.checks import (
 )
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts
-from qvi_contact.mesh.flaws import LARGEST
+from qvi_contact.mesh.cutting import LARGEST
 
 LONGEST: Final = 500.0
 """Length over width of a cell, beyond which it is cut along its length: thinner triangles lose too many digits."""
@@ -81,10 +81,8 @@ def checked_lines(name: str, lines: ArrayLike) -> FloatArray:
     values = real_array(name, lines, "give a sequence of real numbers")
     if values.ndim != 1 or len(values) < 2:
         raise InputError(name, lines, "give a sequence of at least two grid lines")
-    if not np.isfinite(values).all():
-        raise InputError(name, lines, "give finite numbers")
-    if np.abs(values).max() > LARGEST:
-        raise InputError(name, float(np.abs(values).max()), f"give at most {LARGEST:.0e}: take other units")
+    if not (np.abs(values) <= LARGEST).all():
+        raise InputError(name, lines, f"give finite numbers, at most {LARGEST:.0e}: take other units")
     steps = np.diff(values)
     if (steps <= 0).any():
         raise InputError(name, lines, "give strictly increasing grid lines")
@@ -153,17 +151,14 @@ def _without_long_cells(x: FloatArray, y: FloatArray, active: BoolArray) -> tupl
     for axis in (0, 1):
         own, other = np.diff(lines[axis]), np.diff(lines[1 - axis])
         thinnest = np.where(active if axis == 0 else active.T, other[:, None], np.inf).min(axis=0)
-        pieces = np.maximum(np.ceil(own / (LONGEST * thinnest) - 1e-9), 1.0)
-        if pieces.max() == 1.0:
-            continue
-        if pieces.sum() * active.shape[axis] > most:
+        count = np.maximum(np.ceil(own / (LONGEST * thinnest) - 1e-9), 1.0)
+        if count.sum() * active.shape[axis] > most:
             break
-        count = pieces.astype(np.int64)
-        place, start = np.repeat(np.arange(len(count)), count), lines[axis][:-1]
-        step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-        lines[axis] = checked_lines(
-            "lines", np.append(start[place] + own[place] * (step / count[place]), lines[axis][-1])
-        )
+        count = count.astype(np.int64)
+        place = np.repeat(np.arange(len(count)), count)
+        step = np.arange(len(place)) - np.repeat(np.cumsum(count) - count, count)
+        places = np.append(place + step / count[place], len(count))
+        lines[axis] = checked_lines("lines", np.interp(places, np.arange(len(count) + 1), lines[axis]))
         active = np.repeat(active, count, axis=1 - axis)
     x, y = lines
     width, height = np.diff(x), np.diff(y)[:, None]

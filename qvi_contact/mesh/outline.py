@@ -11,9 +11,10 @@ without a word, handlers of SIGTERM and of crashes would be lost. They are kept.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import pairwise
 from threading import Lock
 from typing import Any, Final, NamedTuple, TypeAlias
 
@@ -22,9 +23,9 @@ import numpy as np
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, positive_number, true_or_false
 from qvi_contact.basics.schema import Name
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.curves import Curve, MeshParts, circle
+from qvi_contact.mesh.curves import MeshParts, circle
+from qvi_contact.mesh.cutting import LARGEST
 from qvi_contact.mesh.edges import Topology, cross
-from qvi_contact.mesh.flaws import LARGEST
 from qvi_contact.mesh.selection import point
 from solvers.basics.foreign import foreign_code, handlers_kept
 from solvers.basics.records import dataclass
@@ -85,26 +86,18 @@ class Polygon:
     """A line of an outline as straight pieces."""
 
     points: FloatArray
-    """Ends of the pieces [length]; of a closed line each once, shape (n, 2)."""
+    """Ends of the pieces [length], of a closed line the last one is the first, shape (k + 1, 2)."""
     names: list[str]
-    """What edges on each piece are called, or ""; n of a closed line, n − 1 of an open one, shape (k,)."""
+    """What edges on each piece are called, or "", shape (k,)."""
     sizes: FloatArray
-    """Sizes of triangles at the points [length], shape (n,)."""
+    """Sizes of triangles at the points [length], shape (k + 1,)."""
     centres: FloatArray
     """Centre of the circle that each piece is a chord of [length]; not a number where it is straight, shape (k, 2)."""
 
     @property
     def pieces(self) -> FloatArray:
         """Both ends of each piece, shape (k, 2, 2) [length]."""
-        following = np.roll(self.points, -1, axis=0)
-        return np.stack([self.points, following], axis=1)[: len(self.names)]
-
-    def distances(self, points: FloatArray) -> FloatArray:
-        """Distances of points (m, 2) from each piece, shape (m, k) [length]."""
-        along = self.pieces[:, 1] - self.pieces[:, 0]
-        offset = points[:, None] - self.pieces[:, 0]
-        t = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
-        return np.asarray(np.hypot(*np.moveaxis(offset - t[:, :, None] * along, 2, 0)))
+        return np.stack([self.points[:-1], self.points[1:]], axis=1)
 
     def holds(self, points: FloatArray) -> BoolArray:
         """Whether points (m, 2) lie inside this closed polygon."""
@@ -175,8 +168,8 @@ def polygons(
     own = np.array([positive_number(f"sizes[{place}]", given) for place, given in places.items()])
     outline = Polygons(outer, inner, seams, areas, at, own, size)
     _check_sizes(outline)
-    _check_boundary(outline)
-    _check_gaps(outline)
+    _check_lines(outline)
+    _check_inside(outline)
     return outline
 
 
@@ -184,23 +177,16 @@ def _polygon(name: str, line: Line, size: float, *, closed: bool) -> Polygon:
     corners = [corner if isinstance(corner, Corner) else Corner(corner) for corner in _listed(line)]
     if len(corners) < 2:
         raise InputError(name, len(corners), "give two or more corners")
-    points: list[FloatArray] = []
-    names: list[str] = []
-    sizes: list[float] = []
-    centres: list[FloatArray] = []
-    for corner, following in zip(corners, [*corners[1:], corners[0]] if closed else corners[1:], strict=closed):
-        own = corner.size or size
-        points.append(_steps(name, corner, following, own))
-        names += [corner.name] * len(points[-1])
-        sizes += [own] * len(points[-1])
-        centre = (np.nan, np.nan) if corner.centre is None else corner.centre
-        centres.append(np.tile(centre, (len(points[-1]), 1)))
-    if not closed:
-        points.append(np.array([corners[-1].at]))
-        sizes.append(corners[-1].size or size)
+    corners += corners[:1] if closed else []
+    own = [corner.size or size for corner in corners]
+    steps = [_steps(name, *each) for each in zip(corners, corners[1:], own, strict=False)]
+    counts = [len(points) for points in steps]
+    names = [corner.name for corner, count in zip(corners, counts, strict=False) for _ in range(count)]
     if closed and len(names) < 3:
-        raise InputError(name, len(corners), "give three or more corners of a closed line, or arcs between two")
-    return Polygon(np.concatenate(points), names, np.array(sizes), np.concatenate(centres))
+        raise InputError(name, len(corners) - 1, "give three or more corners of a closed line, or arcs between two")
+    centres = [(np.nan, np.nan) if corner.centre is None else corner.centre for corner in corners[:-1]]
+    points = np.concatenate([*steps, [corners[-1].at]])
+    return Polygon(points, names, np.repeat(own, [*counts, 1]), np.repeat(centres, counts, axis=0))
 
 
 def _steps(name: str, corner: Corner, following: Corner, size: float) -> FloatArray:
@@ -245,79 +231,59 @@ def _check_sizes(found: Polygons) -> None:
         raise InputError("size", found.largest, remedy)
 
 
-def _check_gaps(found: Polygons) -> None:
-    """Lines meet, or keep a distance: what lies between them is divided into triangles too."""
-    least = _APART * found.length
-    for polygon in found.every:
-        lengths = np.hypot(*(polygon.pieces[:, 1] - polygon.pieces[:, 0]).T)
-        if lengths.min() < least:
-            place = polygon.pieces[int(np.argmin(lengths)), 0]
-            raise InputError(
-                "outline", tuple(place.tolist()), "two corners lie here one after the other: leave one out"
-            )
-    for points in (*(polygon.points for polygon in found.every), found.points):
-        for chosen in np.array_split(points, 1 + len(points) // _CHUNK):
-            for polygon in found.every:
-                distances = polygon.distances(chosen)
-                close = (distances > found.rounding) & (distances < least)
-                if close.any():
-                    place = chosen[np.argwhere(close)[0, 0]]
-                    remedy = "this point nearly lies on another line or point: let them meet, or move them apart"
-                    raise InputError("outline", tuple(place.tolist()), remedy)
-
-
-def _check_boundary(found: Polygons) -> None:
-    """Boundary lines must not cross or touch, holes and places with sizes of their own lie in the body."""
-    lines = [("corners", found.outer), *((f"holes[{k}]", hole) for k, hole in enumerate(found.holes))]
-    pieces = np.concatenate([polygon.pieces for _, polygon in lines])
+def _check_lines(found: Polygons) -> None:
+    """Lines meet, or keep a distance, as what lies between them is divided too; those of the boundary do not meet."""
+    least, pieces = _APART * found.length, np.concatenate([polygon.pieces for polygon in found.every])
     if len(pieces) > _MOST_LINES:
         raise InputError("outline", len(pieces), f"has more than {_MOST_LINES} lines and chords: give larger sizes")
-    crossing = _crossing(pieces, [len(polygon.names) for _, polygon in lines])
-    if crossing is not None:
-        x, y = pieces[crossing].mean(axis=0)
-        raise InputError("outline", (float(x), float(y)), "two lines of the boundary cross or touch around this point")
+    lengths = np.hypot(*(pieces[:, 1] - pieces[:, 0]).T)
+    if lengths.min() < least:
+        place = tuple(pieces[np.argmin(lengths), 0].tolist())
+        raise InputError("outline", place, "two corners lie here one after the other: leave one out")
+    points = np.concatenate([pieces[:, 0], pieces[:, 1], found.points])
+    touching, sides = list[BoolArray](), list[IntArray]()
+    for chosen in np.array_split(points, 1 + len(points) // _CHUNK):
+        distances = _distances(chosen, pieces)
+        close = (distances > found.rounding) & (distances < least)
+        if close.any():
+            place = tuple(chosen[np.argwhere(close)[0, 0]].tolist())
+            remedy = "this point nearly lies on another line or point: let them meet, or move them apart"
+            raise InputError("outline", place, remedy)
+        touching.append(distances <= found.rounding)
+        offset = cross(pieces[:, 1] - pieces[:, 0], chosen[:, None] - pieces[:, 0]) / lengths  # left of the piece
+        sides.append(np.where(np.abs(offset) > found.rounding, np.sign(offset), 0.0).astype(np.int8))
+    counts = [len(polygon.names) for polygon in (found.outer, *found.holes)]
+    own = np.arange(sum(counts))  # pieces of the boundary, and the points that they begin at
+    following = np.concatenate([np.roll(part, -1) for part in np.split(own, np.cumsum(counts)[:-1])])
+    touch, side = (np.concatenate(each)[np.ix_(own, own)] for each in (touching, sides))
+    touch[own, own] = touch[following, own] = False
+    apart = side * side[following] < 0  # whether a piece has its ends on both sides of another
+    wrong = (touch | (apart & apart.T)).any(axis=0)
+    if wrong.any():
+        x, y = pieces[np.argmax(wrong)].mean(axis=0).tolist()
+        raise InputError("outline", (x, y), "two lines of the boundary cross or touch around this point")
+
+
+def _check_inside(found: Polygons) -> None:
+    """Holes, and places with sizes of their own, lie in the body."""
     for k, hole in enumerate(found.holes):
-        others = [other for other in found.holes if other is not hole]
-        start = hole.points[:1]
+        start, others = hole.points[:1], [other for other in found.holes if other is not hole]
         if not found.outer.holds(start)[0] or any(other.holds(start)[0] for other in others):
             raise InputError(f"holes[{k}]", tuple(start[0].tolist()), "this hole is not inside the body: move it")
     inside = found.outer.holds(found.points)
     for hole in found.holes:
         inside &= ~hole.holds(found.points)
     for polygon in (found.outer, *found.holes):
-        inside |= (polygon.distances(found.points) <= found.rounding).any(axis=1)
+        inside |= (_distances(found.points, polygon.pieces) <= found.rounding).any(axis=1)
     if not inside.all():
         raise InputError("sizes", tuple(found.points[np.argmin(inside)].tolist()), "give points of the body")
 
 
-def _crossing(pieces: FloatArray, counts: Sequence[int]) -> int | None:
-    """A piece (k, 2, 2) that meets another one elsewhere than at the end they share as neighbours; None if none does.
-
-    Pieces come as closed lines one after the other, of so many pieces each.
-    """
-    following = np.concatenate([np.roll(part, -1) for part in np.split(np.arange(len(pieces)), np.cumsum(counts)[:-1])])
-    low, high = pieces.min(axis=1), pieces.max(axis=1)
-    order = np.argsort(low[:, 0], kind="stable")
-    ends = np.searchsorted(low[order, 0], high[order, 0], side="right")
-    for place, (k, end) in enumerate(zip(order.tolist(), ends.tolist(), strict=True)):
-        others = order[place + 1 : end]  # those that begin before this one ends, from left to right
-        others = others[(low[others, 1] <= high[k, 1]) & (high[others, 1] >= low[k, 1])]
-        neighbours = (following[others] == k) | (others == following[k])
-        (a, b), (c, d) = pieces[k], pieces[others].swapaxes(0, 1)
-        of_c, of_d = _side(a, b, c), _side(a, b, d)
-        meet = (of_c * of_d <= 0) & (_side(c, d, a) * _side(c, d, b) <= 0)
-        back = (of_c == 0) & (of_d == 0) & ((d - c) @ (b - a) < 0.0)  # a neighbour that lies on the piece
-        if np.where(neighbours, back, meet).any():
-            return int(k)
-    return None
-
-
-def _side(a: FloatArray, b: FloatArray, p: FloatArray) -> IntArray:
-    """On which side of the line from a to b points lie: 1 to the left, −1 to the right, 0 on it but for rounding."""
-    along, offset = b - a, p - a
-    first, second = along[..., 0] * offset[..., 1], along[..., 1] * offset[..., 0]
-    sure = np.abs(first - second) > 1e-14 * (np.abs(first) + np.abs(second))
-    return np.where(sure, np.sign(first - second), 0.0).astype(np.int64)
+def _distances(points: FloatArray, pieces: FloatArray) -> FloatArray:
+    """Distances of points (m, 2) from each of some pieces (k, 2, 2), shape (m, k) [length]."""
+    along, offset = pieces[:, 1] - pieces[:, 0], points[:, None] - pieces[:, 0]
+    t = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
+    return np.asarray(np.hypot(*np.moveaxis(offset - t[:, :, None] * along, 2, 0)))
 
 
 def _listed(line: object) -> Sequence[Any]:
@@ -365,7 +331,7 @@ def meshed(shape: Polygons) -> MeshParts:
         raise InputError("outline", "gmsh", remedy) from error
     with _LOCK, foreign_code(), _session(gmsh):
         try:
-            return _Drawing(gmsh, shape).meshed()
+            return _divided(gmsh, shape)
         except Exception as error:
             if type(error) is not Exception:  # gmsh raises bare ones with a text
                 raise
@@ -397,109 +363,91 @@ def _session(gmsh: Any) -> Iterator[None]:
             gmsh.finalize()
 
 
-class _Drawing:
-    """An outline in gmsh.
+def _divided(gmsh: Any, shape: Polygons) -> MeshParts:
+    """See `meshed`.
 
     gmsh has absolute tolerances, so the body is about one unit long there: a power of two changes no digit.
     """
+    occ, unit = gmsh.model.occ, 2.0 ** -round(np.log2(shape.length))
+    outer = [_drawn(occ, polygon, unit) for polygon in (shape.outer, *shape.holes)]
+    surfaces = [(2, occ.addPlaneSurface([occ.addCurveLoop(lines) for lines in outer]))]
+    inner = [_drawn(occ, polygon, unit) for polygon in (*shape.joints.values(), *shape.regions.values())]
+    cuts = [(1, line) for lines in inner for line in lines]
+    cuts += [(0, occ.addPoint(*place, 0.0)) for place in (unit * shape.points).tolist()]
+    if cuts:
+        surfaces = [part for part in occ.fragment(surfaces, cuts)[1][0] if part[0] == 2]
+    occ.synchronize()
+    _set_sizes(gmsh, shape, unit)
+    gmsh.model.mesh.generate(2)
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
 
-    def __init__(self, gmsh: Any, shape: Polygons) -> None:
-        self._gmsh, self._shape, self._unit = gmsh, shape, 2.0 ** -round(np.log2(shape.length))
-
-    def meshed(self) -> MeshParts:
-        """Vertices, triangles, edges by name, triangles by region."""
-        gmsh, shape, occ = self._gmsh, self._shape, self._gmsh.model.occ
-        drawn = [self._drawn(polygon) for polygon in (shape.outer, *shape.holes)]
-        body = (2, occ.addPlaneSurface([occ.addCurveLoop(lines) for lines in drawn]))
-        lines = [self._drawn(polygon) for polygon in (*shape.joints.values(), *shape.regions.values())]
-        inner = [(1, line) for each in lines for line in each]
-        inner += [(0, occ.addPoint(*place, 0.0)) for place in (self._unit * shape.points).tolist()]
-        surfaces = [body[1]]
-        if inner:  # the surface is cut along lines
-            surfaces = [tag for dimension, tag in occ.fragment([body], inner)[1][0] if dimension == 2]
-        occ.synchronize()
-        self._set_sizes()
-        gmsh.model.mesh.generate(2)
-        tags, coordinates, _ = gmsh.model.mesh.getNodes()
-        points = np.asarray(coordinates, dtype=float).reshape(-1, 3)[:, :2] / self._unit
-        cells = np.concatenate([self._elements(2, tag) for tag in sorted(surfaces)])
-        used = np.flatnonzero(np.isin(tags, cells))
-        vertex = np.full(int(tags.max()) + 1, -1)
-        vertex[tags[used].astype(np.int64)] = np.arange(len(used))
-        vertices, cells = points[used], vertex[cells]
-        ends, pairs = dict[int, FloatArray](), dict[int, IntArray]()  # of each curve of gmsh
-        for _, tag in gmsh.model.getEntities(1):
-            both = [abs(point) for _, point in gmsh.model.getBoundary([(1, tag)])]
-            ends[tag] = np.array([gmsh.model.getValue(0, point, [])[:2] for point in both]) / self._unit
-            pairs[tag] = vertex[self._elements(1, tag)]
-        edge_sets, arcs = self._known(ends, pairs, vertices)
-        for name, found in edge_sets.items():
-            if (found < 0).any():
-                remedy = "this inner line leaves the body: end it on the boundary or inside"
-                raise InputError(f"joints.{name}", name, remedy)
-        cells = divided_corners(vertices, cells, np.concatenate(list(pairs.values())))
-        centres = vertices[cells].mean(axis=1)
-        regions = {name: np.flatnonzero(polygon.holds(centres)) for name, polygon in shape.regions.items()}
-        for name, chosen in regions.items():
-            if not len(chosen):
-                raise InputError(f"regions.{name}", name, "no part of the body lies in this region: move it")
-        return MeshParts(vertices, cells, edge_sets, regions, arcs)
-
-    def _drawn(self, polygon: Polygon) -> list[int]:
-        """The polygon's pieces as lines and arcs."""
-        occ = self._gmsh.model.occ
-        tags = [occ.addPoint(x, y, 0.0) for x, y in (self._unit * polygon.points).tolist()]
-        ends, drawn, middles = zip(tags, [*tags[1:], tags[0]], strict=True), [], []
-        for (first, second), (x, y) in zip(ends, (self._unit * polygon.centres).tolist(), strict=False):
-            if np.isnan(x):
-                drawn.append(occ.addLine(first, second))
-            else:
-                middles.append(occ.addPoint(x, y, 0.0))
-                drawn.append(occ.addCircleArc(first, middles[-1], second))
-        occ.remove([(0, tag) for tag in middles])
-        return drawn
-
-    def _set_sizes(self) -> None:
-        """Sizes at all points, the smallest where several are given at one place."""
-        gmsh, shape, unit = self._gmsh, self._shape, self._unit
-        places = np.concatenate([*(polygon.points for polygon in shape.every), shape.points])
-        sizes = np.concatenate([*(polygon.sizes for polygon in shape.every), shape.sizes])
-        gmsh.option.setNumber("Mesh.MeshSizeMax", unit * float(sizes.max()))
-        for entity in gmsh.model.getEntities(0):
-            at = np.array(gmsh.model.getValue(*entity, [])[:2]) / unit
-            here = np.hypot(*(places - at).T) <= shape.rounding
-            gmsh.model.mesh.setSize([entity], unit * float(sizes[here].min() if here.any() else shape.largest))
-
-    def _elements(self, dimension: int, tag: int) -> IntArray:
-        """Tags of nodes (k, 2) or (k, 3) of the lines or triangles of a curve or surface, kinds 1 and 2 of gmsh."""
-        nodes = self._gmsh.model.mesh.getElementsByType(dimension, tag)[1]
+    def elements(dimension: int, tag: int) -> IntArray:
+        """Nodes (k, 2) or (k, 3) of the lines or triangles of a curve or surface, kinds 1 and 2 of gmsh."""
+        nodes = gmsh.model.mesh.getElementsByType(dimension, tag)[1]
         return np.asarray(nodes, dtype=np.int64).reshape(-1, dimension + 1)
 
-    def _known(
-        self, ends: Mapping[int, FloatArray], pairs: Mapping[int, IntArray], vertices: FloatArray
-    ) -> tuple[dict[str, IntArray], list[Curve]]:
-        """Edges by name, and edges on circles: of curves that have both ends on one piece of a line of the outline."""
-        shape = self._shape
-        named, circles = dict[str, list[IntArray]](), dict[tuple[float, float, float], list[IntArray]]()
-        for tag, both in ends.items():
-            names, around = set[str](), None
-            for polygon in shape.every:
-                for k in np.flatnonzero((polygon.distances(both) <= shape.rounding).all(axis=0)).tolist():
-                    names.add(polygon.names[k])
-                    if around is None and np.isfinite(polygon.centres[k]).all():
-                        x, y = polygon.centres[k].tolist()
-                        radius = float(np.hypot(*(polygon.pieces[k, 0] - polygon.centres[k])))
-                        around = x, y, float(np.round(self._unit * radius, 12)) / self._unit
-            for name in names - {""}:
-                named.setdefault(name, []).append(pairs[tag])
-            if around is not None and (pairs[tag] >= 0).all():
-                circles.setdefault(around, []).append(pairs[tag])
-        arcs = [
-            circle((x, y), radius, np.concatenate(found), vertices, "TriangleMesh.arcs.")
-            for (x, y, radius), found in circles.items()
-        ]
-        order = dict.fromkeys(name for polygon in shape.every for name in polygon.names)
-        return {name: np.concatenate(named[name]) for name in order if name in named}, arcs
+    cells = np.concatenate([elements(2, tag) for _, tag in sorted(surfaces)])
+    used = np.flatnonzero(np.isin(tags, cells))
+    vertex = np.full(int(tags.max()) + 1, -1)
+    vertex[tags[used].astype(np.int64)] = np.arange(len(used))
+    vertices = np.asarray(coordinates, dtype=float).reshape(-1, 3)[used, :2] / unit
+    pieces, centres = (np.concatenate([getattr(line, of) for line in shape.every]) for of in ("pieces", "centres"))
+    names, radii = [name for line in shape.every for name in line.names], np.hypot(*(pieces[:, 0] - centres).T)
+    named = {name: list[IntArray]() for name in names if name}
+    circles, fixed = dict[tuple[float, float, float], list[IntArray]](), list[IntArray]()
+    for _, tag in gmsh.model.getEntities(1):  # each is on those pieces that both of its ends are on
+        ends = [gmsh.model.getValue(0, abs(end), [])[:2] for _, end in gmsh.model.getBoundary([(1, tag)])]
+        on = np.flatnonzero((_distances(np.array(ends) / unit, pieces) <= shape.rounding).all(axis=0))
+        pairs = vertex[elements(1, tag)]
+        fixed.append(pairs)
+        for name in {names[k] for k in on} - {""}:
+            named[name].append(pairs)
+        bent = on[np.isfinite(radii[on])]
+        if len(bent) and (pairs >= 0).all():
+            around = *centres[bent[0]].tolist(), float(np.round(unit * radii[bent[0]], 12)) / unit
+            circles.setdefault(around, []).append(pairs)
+    edge_sets = {name: np.concatenate(found) for name, found in named.items() if found}
+    for name, found in edge_sets.items():
+        if (found < 0).any():
+            remedy = "this inner line leaves the body: end it on the boundary or inside"
+            raise InputError(f"joints.{name}", name, remedy)
+    arcs = [
+        circle((x, y), radius, np.concatenate(found), vertices, "TriangleMesh.arcs.")
+        for (x, y, radius), found in circles.items()
+    ]
+    cells = divided_corners(vertices, vertex[cells], np.concatenate(fixed))
+    middles = vertices[cells].mean(axis=1)
+    regions = {name: np.flatnonzero(polygon.holds(middles)) for name, polygon in shape.regions.items()}
+    for name, chosen in regions.items():
+        if not len(chosen):
+            raise InputError(f"regions.{name}", name, "no part of the body lies in this region: move it")
+    return MeshParts(vertices, cells, edge_sets, regions, arcs)
+
+
+def _drawn(occ: Any, polygon: Polygon, unit: float) -> list[int]:
+    """The polygon's pieces as lines and arcs of gmsh."""
+    places = list(map(tuple, (unit * polygon.points).tolist()))
+    tags, drawn, middles = {place: occ.addPoint(*place, 0.0) for place in dict.fromkeys(places)}, [], []
+    ends = ((tags[first], tags[second]) for first, second in pairwise(places))
+    for (first, second), (x, y) in zip(ends, (unit * polygon.centres).tolist(), strict=True):
+        if np.isnan(x):
+            drawn.append(occ.addLine(first, second))
+        else:
+            middles.append(occ.addPoint(x, y, 0.0))
+            drawn.append(occ.addCircleArc(first, middles[-1], second))
+    occ.remove([(0, tag) for tag in middles])
+    return drawn
+
+
+def _set_sizes(gmsh: Any, shape: Polygons, unit: float) -> None:
+    """Sizes at all points, the smallest where several are given at one place."""
+    places = np.concatenate([*(polygon.points for polygon in shape.every), shape.points])
+    sizes = np.concatenate([*(polygon.sizes for polygon in shape.every), shape.sizes])
+    gmsh.option.setNumber("Mesh.MeshSizeMax", unit * float(sizes.max()))
+    for entity in gmsh.model.getEntities(0):
+        at = np.array(gmsh.model.getValue(*entity, [])[:2]) / unit
+        here = np.hypot(*(places - at).T) <= shape.rounding
+        gmsh.model.mesh.setSize([entity], unit * float(sizes[here].min() if here.any() else shape.largest))
 
 
 def divided_corners(vertices: FloatArray, cells: IntArray, fixed: IntArray) -> IntArray:
@@ -510,26 +458,22 @@ def divided_corners(vertices: FloatArray, cells: IntArray, fixed: IntArray) -> I
     """
     cells = np.sort(cells, axis=1)
     topology = Topology.of(cells, len(vertices))
-    kept = np.zeros(len(topology.ends), dtype=bool)
-    known = topology.number(fixed[(fixed >= 0).all(axis=1)])
-    kept[known[known >= 0]] = True
+    kept = np.isin(np.arange(len(topology.ends)), topology.number(fixed))
+    inner = ~topology.boundary[topology.of_cells]
     changed, touched = cells.copy(), np.zeros(len(cells), dtype=bool)
-    in_corners = np.flatnonzero(topology.boundary[topology.of_cells].sum(axis=1) == 2)
-    for cell in in_corners.tolist():
-        edges = topology.of_cells[cell]
-        opposite = int(edges[~topology.boundary[edges]][0])
-        pair = topology.cells[opposite]
+    for cell in np.flatnonzero(inner.sum(axis=1) == 1).tolist():
+        opposite = int(topology.of_cells[cell, np.argmax(inner[cell])])
+        pair = [cell, int(topology.cells[opposite].sum()) - cell]
         if kept[opposite] or touched[pair].any():
             continue
         b, c = topology.ends[opposite].tolist()
-        other = int(pair[pair != cell][0])
-        a, d = (int(np.setdiff1d(cells[each], (b, c))[0]) for each in (cell, other))
+        a, d = (cells[pair].sum(axis=1) - (b + c)).tolist()
         turned = np.array([[a, b, d], [a, d, c]])
         sides = np.roll(vertices[turned], -1, axis=1) - vertices[turned]
         before = -np.roll(sides, 1, axis=1)
         lengths = np.hypot(*np.moveaxis(sides, 2, 0)) * np.hypot(*np.moveaxis(before, 2, 0))
         sines = cross(sides, before) / lengths  # of another sign in a triangle that is turned over
         if (sines * np.sign(sines[0, 0])).min() > _SHARPEST:
-            changed[[cell, other]] = turned
+            changed[pair] = turned
             touched[pair] = True
     return changed

@@ -84,8 +84,6 @@ def chosen_edges(name: str, where: Where, inside: bool, topology: Topology, vert
 
     `InputError` unless all lie on the boundary, or inside the body.
     """
-    if isinstance(where, str):  # a side of the grids of version 0.1
-        raise InputError(name, where, "give a function of (x, y), or the edges by their vertices")
     among = topology.boundary != inside
     if callable(where):
         candidates: IntArray = topology.ends[among]
@@ -214,41 +212,37 @@ class PointSearch:
         return cKDTree(self.corners.mean(axis=1))
 
     @cached_property
-    def _neighbours(self) -> list[IntArray]:
-        """The triangles that share a vertex with each, itself among them."""
+    def _neighbours(self) -> Any:
+        """Which triangles share a vertex, each with itself too, as a sparse matrix."""
         ones = np.ones(self.cells.size)
         at = (np.repeat(np.arange(len(self.cells)), 3), self.cells.ravel())
-        touching = sparse.csr_array((ones, at), shape=(len(self.cells), int(self.cells.max()) + 1))
-        shared = sparse.csr_array(touching @ touching.T)
-        shared.sort_indices()
-        return np.split(shared.indices.astype(np.int64), shared.indptr[1:-1])
+        touching = sparse.csr_array((ones, at))
+        found = sparse.csr_array(touching @ touching.T)
+        found.sort_indices()
+        return found
 
     def locate(self, points: FloatArray) -> IntArray:
         """The triangle of lowest number that holds each of the points (k, 2), −1 if none does."""
+        from scipy.spatial import cKDTree
+
         count = min(_NEIGHBOURS, len(self.cells))
         near = self._centres.query(points, count)[1].reshape(-1, count)
         found = self._lowest(points, np.repeat(np.arange(len(points)), count), near.ravel())
         missing = np.flatnonzero(found < 0)  # in or beside long triangles, or outside
         for start in range(0, len(missing), _TOGETHER):
             some = missing[start : start + _TOGETHER]
-            found[some] = self._lowest(points[some], *self._in_reach(points[some]))
+            held = cKDTree(points[some]).query_ball_point(self._centres.data, self.reach)
+            cell = np.repeat(np.arange(len(self.cells)), [len(own) for own in held])
+            found[some] = self._lowest(points[some], np.concatenate(held).astype(np.int64), cell)
         return found
 
     def around(self, points: FloatArray, first: IntArray) -> tuple[IntArray, IntArray]:
         """All pairs (point (l,), triangle (l,)) of points and triangles that hold them, from one triangle of each."""
         inside = np.flatnonzero(first >= 0)
-        near = [self._neighbours[cell] for cell in first[inside].tolist()]
-        point = np.repeat(inside, [len(own) for own in near])
-        cell = np.concatenate([np.zeros(0, dtype=np.int64), *near])
+        near = self._neighbours[first[inside]]
+        point, cell = np.repeat(inside, np.diff(near.indptr)), near.indices.astype(np.int64)
         held = self._holds(cell, points[point])
         return point[held], cell[held]
-
-    def touching(self, points: FloatArray) -> BoolArray:
-        """Triangles (m,) that hold any of the points (k, 2), on their border too."""
-        found = np.zeros(len(self.cells), dtype=bool)
-        point, cell = self._in_reach(points)
-        found[cell[self._holds(cell, points[point])]] = True
-        return found
 
     def reference(self, cells: IntArray, points: FloatArray) -> FloatArray:
         """Barycentric coordinates (l, 3) of points (l, 2) in the triangles (l,), see `TriangleMesh.reference`."""
@@ -272,11 +266,3 @@ class PointSearch:
     def _holds(self, cells: IntArray, points: FloatArray) -> BoolArray:
         """Whether triangles (l,) hold points (l, 2), on their border too."""
         return np.asarray(self.reference(cells, points).min(axis=1) >= _INSIDE)
-
-    def _in_reach(self, points: FloatArray) -> tuple[IntArray, IntArray]:
-        """Pairs (point (l,), triangle (l,)): all whose triangle may hold the point, by a circle around its centre."""
-        from scipy.spatial import cKDTree
-
-        found = cKDTree(points).query_ball_point(self._centres.data, self.reach)
-        cell = np.repeat(np.arange(len(self.cells)), [len(own) for own in found])
-        return np.concatenate([np.zeros(0), *found]).astype(np.int64), cell

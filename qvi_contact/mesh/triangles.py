@@ -12,14 +12,21 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, real_array
-from qvi_contact.basics.kept import Kept
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, positive_number, real_array
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import Curve, CurveFunction, MeshParts, bends_of, circle, fitted, refuse_bad_arcs
-from qvi_contact.mesh.cutting import bisected, divided_at_arcs, fanned, joined, stacked
+from qvi_contact.mesh.cutting import (
+    bisected,
+    checked_triangles,
+    divided_at_arcs,
+    fanned,
+    joined,
+    layered,
+    refuse_flaws,
+    stacked,
+)
 from qvi_contact.mesh.edges import Edges, Topology, barycentric_of, chains, edges_of, points_along, stretches
 from qvi_contact.mesh.files import read_mesh
-from qvi_contact.mesh.flaws import checked_cells, checked_vertices, refuse_flaws
 from qvi_contact.mesh.grid import grid_parts, rectangle_lines
 from qvi_contact.mesh.outline import Line, Point, meshed, polygons
 from qvi_contact.mesh.selection import (
@@ -34,8 +41,8 @@ from qvi_contact.mesh.selection import (
     selected,
     triangles_in_box,
 )
-from solvers.basics.names import known_name
-from solvers.basics.types import PicklesFields, load
+from solvers.basics.checks import known_name
+from solvers.basics.types import Kept, PicklesFields, load
 
 Place: TypeAlias = tuple[Point, Point] | Callable[[FloatArray, FloatArray], ArrayLike]
 """A segment between two points ((x, y), (x, y)), or a function of the coordinates (x, y) of midpoints of edges."""
@@ -45,6 +52,7 @@ _OF_NAMES: Final = ("edge_names", "joint_names", "kept", "_numbers", "_taken")  
 _LISTED: Final = 8  # names in one line
 _FAR: Final = 1e3  # times the body's length: points farther from its corner are outside
 _DEEPEST: Final = 100
+_AT_VERTEX: Final = 1e-9  # distance over the body's length
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -68,8 +76,8 @@ class TriangleMesh(PicklesFields):
     """Edges that are arcs rather than their chords; see `with_arc` and `with_curve`."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vertices", checked_vertices(self.vertices))
-        object.__setattr__(self, "cells", checked_cells(self.cells, self.vertices))
+        for name, found in zip(("vertices", "cells"), checked_triangles(self.vertices, self.cells), strict=True):
+            object.__setattr__(self, name, found)
         refuse_flaws(self.vertices, self.cells, self.topology)
         edge_sets = mapping("TriangleMesh.edge_sets", self.edge_sets, _EDGE_SETS)
         pairs = {name: checked_pairs(name, given, self.topology, self.vertices) for name, given in edge_sets.items()}
@@ -445,8 +453,8 @@ class TriangleMesh(PicklesFields):
                 raise InputError(f"edge_sets[{name!r}]", pairs, f"give a mapping of {_EDGE_SETS}")
         sets = {name: place[found] for name, pairs in named_edges.items() if len(found := here(pairs))}
         regions = {name: np.flatnonzero(np.isin(taken, found)) for name, found in self.regions.items()}
-        kept_arcs = [arc.divided(found, found) for arc in self.arcs if len(found := here(arc.edges))]
-        arcs = [replace(arc, edges=place[arc.edges]) for arc in kept_arcs]
+        kept_arcs = ((arc, inside[self.topology.number(arc.edges)]) for arc in self.arcs)
+        arcs = [Curve(place[arc.edges[own]], arc.coefficients[own]) for arc, own in kept_arcs if own.any()]
         named = {name: found for name, found in regions.items() if len(found)}
         return TriangleMesh(self.vertices[kept], place[self.cells[taken]], sets, named, arcs)
 
@@ -546,12 +554,28 @@ class TriangleMesh(PicklesFields):
     def _parts(self) -> MeshParts:
         return MeshParts(self.vertices, self.cells, self.edge_sets, self.regions, self.arcs)
 
-    def graded(self, points: ArrayLike, depth: int | Sequence[int]) -> TriangleMesh:
-        """The same body with the triangles at points (k, 2) halved in size `depth` times, a number or one for each.
+    def _vertices_at(self, places: FloatArray) -> IntArray:
+        """The vertices at places (k, 2); `InputError` if there is none, or an arc ends there."""
+        distance = np.hypot(*(places[:, None] - self.vertices).T)  # (n, k)
+        found = np.asarray(np.argmin(distance, axis=0), dtype=np.int64)
+        bent = np.isin(found, self.topology.ends[self.bends.any(axis=1)])
+        wrong = bent | (distance.min(axis=0) > _AT_VERTEX * np.ptp(self.vertices, axis=0).max())
+        if wrong.any():
+            x, y = places[np.argmax(wrong)].tolist()
+            raise InputError("points", (x, y), "give vertices of the mesh where no arc ends, or leave out `ratio`")
+        return found
+
+    def graded(self, points: ArrayLike, depth: int | Sequence[int], *, ratio: float | None = None) -> TriangleMesh:
+        """The same body with smaller triangles at points (k, 2), in `depth` steps, a number or one for each point.
 
         This is for points where stresses are singular or change their kind: corners, ends of contacts, of loads, of
-        stick zones. Names are carried over. `InputError` if a point is outside the body, or triangles would become too
-        small to tell their vertices apart.
+        stick zones. A step halves the size of the triangles at a point, and of their neighbours as far as needed. With
+        a ratio below 1 the points are vertices, and a step cuts only the triangles that meet there, across, at that
+        share of their edges from the point. Such layers are few triangles for much depth. With stresses of a high
+        degree and a ratio of 0.15 to 0.25 the error falls fastest for the number of unknowns. Names are carried over.
+
+        `InputError` if a point is outside the body, or with a ratio no vertex or the end of an arc, or if triangles
+        would become too small to tell their vertices apart.
         """
         places = real_array("points", points, "give an array (k, 2) of coordinates")
         if places.ndim != 2 or places.shape[1] != 2 or not np.isfinite(places).all():
@@ -566,10 +590,20 @@ class TriangleMesh(PicklesFields):
         if outside.any():
             x, y = places[np.argmax(outside)].tolist()
             raise InputError("points", (x, y), "give points of the body")
-        mesh = self
+        mesh, at = self, np.empty(0, dtype=np.int64)
+        if ratio is not None:
+            if positive_number("ratio", ratio) >= 1.0:
+                raise InputError("ratio", ratio, "give a number below 1")
+            at = self._vertices_at(places)
         for level in range(int(depths.max(initial=0))):
             try:
-                mesh = mesh.refined(mesh._search.touching(places[depths > level]))
+                if ratio is None:
+                    mesh = mesh.refined(np.unique(mesh.around(places[depths > level])[1]))
+                    continue
+                parts = mesh._parts
+                for vertex in at[depths > level].tolist():
+                    parts = layered(parts, vertex, ratio)
+                mesh = TriangleMesh(*parts)
             except InputError as error:
                 remedy = f"give at most {level}: triangles would become too small to tell their vertices apart"
                 raise InputError("depth", depth, remedy) from error

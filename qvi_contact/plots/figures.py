@@ -25,7 +25,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
-from solvers.basics.names import known_name
+from solvers.basics.checks import known_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -82,50 +82,34 @@ class Traction(_ByComponents):
     projected so that the resultant force and moment of every cell edge are kept. They are integrated where the function
     jumps, bends or peaks inside an edge too, if that shows at 99 points of it: what is narrower than a hundredth of an
     edge may be missed.
-
-    Parameters
-    ----------
-    edges : str
-        Name of an edge set of the mesh: `edges = "right"`.
-    x, y : float or function of (x, y), optional
-        Cartesian component of the traction that acts on the body [stress]; without it another condition has to give
-        the component: `x = 0.0`.
-    name : str, optional
-        What a limit analysis calls this load; the edge set's name by default: `name = "thrust"`.
-    normal, tangential : float or function of (x, y), optional
-        Component σ_N or σ_T instead [stress], where a pressure p is normal = −p: `normal = -10.0`.
-
     """
 
     edges: str
+    """Name of an edge set of the mesh: `edges = "right"`."""
     x: Field | None = None
     y: Field | None = None
+    """Cartesian component of the traction that acts on the body [stress]; without it another condition has to give the
+    component: `x = 0.0`."""
     name: Name = field(default="", metadata=key(like="edges"))
+    """What a limit analysis calls this load; the edge set's name by default: `name = "thrust"`."""
     normal: Field | None = field(default=None, kw_only=True)
     tangential: Field | None = field(default=None, kw_only=True)
+    """Component σ_N or σ_T instead [stress], where a pressure p is normal = −p: `normal = -10.0`."""
 
 
 @dataclass(frozen=True)
 class Displacement(_ByComponents):
-    """Prescribed displacement (1.4).
-
-    Parameters
-    ----------
-    edges : str
-        Name of an edge set of the mesh: `edges = "top"`.
-    x, y : float or function of (x, y), optional
-        Cartesian component of the displacement [length]; without it another condition has to give the component:
-        `x = "-1e-3 * t"`.
-    normal, tangential : float or function of (x, y), optional
-        Component u_N or u_T instead [length]: `normal = 0.0`.
-
-    """
+    """Prescribed displacement (1.4)."""
 
     edges: str
+    """Name of an edge set of the mesh: `edges = "top"`."""
     x: Field | None = None
     y: Field | None = None
+    """Cartesian component of the displacement [length]; without it another condition has to give the component:
+    `x = "-1e-3 * t"`."""
     normal: Field | None = field(default=None, kw_only=True)
     tangential: Field | None = field(default=None, kw_only=True)
+    """Component u_N or u_T instead [length]: `normal = 0.0`."""
 
 
 @dataclass(frozen=True)
@@ -158,30 +142,21 @@ class RigidPlate:
 
     and the motion in that component is unknown: the multiplier of the equation. In a component with neither force nor
     motion the plate stands still.
-
-    Parameters
-    ----------
-    force_x, force_y : float, optional
-        Force on the body along x or y a unit of thickness [stress × length]; what presses down has force_y < 0:
-        `force_x = -10.0`.
-    moment : float, optional
-        Moment on the body about the pivot, counterclockwise [stress × length²]: `moment = 0.0`.
-    pivot : (float, float)
-        The point (x₀, y₀) that the moment and the plate's rotation refer to [length]: `pivot = [0.5, 2.0]`.
-    x, y : float, optional
-        Displacement of the pivot along x or y [length], instead of the force: `x = "1e-3 * t"`.
-    rotation : float, optional
-        Rotation about the pivot, counterclockwise [rad], instead of the moment: `rotation = 0.0`.
-
     """
 
     force_x: Driven | None = field(default=None, metadata=key(symbol="F_x", unit="force"))
     force_y: Driven | None = field(default=None, metadata=key(symbol="F_y", unit="force"))
+    """Force on the body along x or y a unit of thickness [stress × length]; what presses down has force_y < 0:
+    `force_x = -10.0`."""
     moment: Driven | None = field(default=None, metadata=key(symbol="M", unit="moment"))
+    """Moment on the body about the pivot, counterclockwise [stress × length²]: `moment = 0.0`."""
     pivot: tuple[float, float] = (0.0, 0.0)
+    """The point (x₀, y₀) that the moment and the plate's rotation refer to [length]: `pivot = [0.5, 2.0]`."""
     x: Driven | None = field(default=None, kw_only=True, metadata=key(symbol="u_x", unit="length"))
     y: Driven | None = field(default=None, kw_only=True, metadata=key(symbol="u_y", unit="length"))
+    """Displacement of the pivot along x or y [length], instead of the force: `x = "1e-3 * t"`."""
     rotation: Driven | None = field(default=None, kw_only=True, metadata=key(symbol="θ", unit="rad"))
+    """Rotation about the pivot, counterclockwise [rad], instead of the moment: `rotation = 0.0`."""
 
     def __post_init__(self) -> None:
         names = [name for pair in DRIVES.items() for name in pair if getattr(self, name) is not None]
@@ -254,54 +229,39 @@ class Contact:
     On a joint (an edge set made by `with_joint` of the mesh) u stands for the displacement of the lower or left block
     less that of the upper or right one, n points from the former to the latter, and g is how far the joint stands open
     without load.
-
-    Parameters
-    ----------
-    edges : str
-        Name of an edge set or joint of the mesh: `edges = "bottom"`.
-    friction : float or function of (x, y)
-        Coefficient of friction μ ≥ 0, which files may leave out of tied contacts. With μ = 0 and a cohesion the law is
-        Tresca's: `friction = 0.3`.
-    gap : float or function of (x, y)
-        Position g of the obstacle along the outward normal [length]: positive where it stands away from the body,
-        negative where a rigid plate is pushed into it: `gap = -1e-3`.
-    offset : float or function of (x, y)
-        Tangential displacement w of the obstacle along the tangent [length]: `offset = "1e-3 * sin(t)"`.
-    name : str, optional
-        Key of this contact in the result; the edge set's name by default: `name = "base"`.
-    cohesion : float or function of (x, y)
-        Cohesion c ≥ 0 [stress]. It acts wherever the law does, also where the contact is open: `cohesion = 0.1`.
-    shear_limit : float or function of (x, y), optional
-        Largest shear stress t_max ≥ 0 [stress]: `shear_limit = 5.0`.
-    law : "unilateral", "bilateral" or "tied"
-        Whether the contact may open and slip, slip only, or neither. A tied contact takes no friction, cohesion or
-        limit: `law = "bilateral"`.
-    plate : RigidPlate, optional
-        Moves the obstacle as a rigid body, by force and moment or by a motion; not on joints. Forces are the resultants
-        of the total stress, of the obstacle's own pressure and the fluid's: `plate = { force_y = -10.0 }`.
-    pore_pressure : float or function of (x, y)
-        Pressure p_w ≥ 0 of a fluid in the contact [stress], such as uplift under a dam. It is given, not computed, and
-        acts whether the contact is open or closed. A tied contact takes none: `pore_pressure = "0.01 * (40 - y)"`.
-    normal_stiffness, tangential_stiffness : float or function of (x, y), optional
-        Stiffness k_N or k_T of springs along the edges [stress/length], such as a bed or a compliant joint. The law
-        holds for u_N + σ_N/k_N and u_T + σ_T/k_T, of which gap and slip are: `normal_stiffness = 50.0`.
-
     """
 
     edges: str
+    """Name of an edge set or joint of the mesh: `edges = "bottom"`."""
     friction: Field = field(metadata=key(kind=Varying(0.0), needed=False, tied=False, symbol="μ"))
+    """Coefficient of friction μ ≥ 0, which files may leave out of tied contacts. With μ = 0 and a cohesion the law is
+    Tresca's: `friction = 0.3`."""
     gap: Field = field(default=0.0, metadata=key(symbol="gap", unit="length"))
+    """Position g of the obstacle along the outward normal [length]: positive where it stands away from the body,
+    negative where a rigid plate is pushed into it: `gap = -1e-3`."""
     offset: Field = field(default=0.0, metadata=key(symbol="offset", unit="length"))
+    """Tangential displacement w of the obstacle along the tangent [length]: `offset = "1e-3 * sin(t)"`."""
     name: Name = field(default="", metadata=key(like="edges"))
+    """Key of this contact in the result; the edge set's name by default: `name = "base"`."""
     cohesion: Field = field(default=0.0, metadata=key(kind=Varying(0.0), tied=False, symbol="c", unit="stress"))
+    """Cohesion c ≥ 0 [stress]. It acts wherever the law does, also where the contact is open: `cohesion = 0.1`."""
     shear_limit: Field | None = field(
         default=None, metadata=key(kind=Varying(0.0), tied=False, symbol="t_max", unit="stress")
     )
+    """Largest shear stress t_max ≥ 0 [stress]: `shear_limit = 5.0`."""
     law: Law = "unilateral"
+    """Whether the contact may open and slip, slip only, or neither. A tied contact takes no friction, cohesion or
+    limit: `law = "bilateral"`."""
     plate: RigidPlate | None = None
+    """Moves the obstacle as a rigid body, by force and moment or by a motion; not on joints. Forces are the resultants
+    of the total stress, of the obstacle's own pressure and the fluid's: `plate = { force_y = -10.0 }`."""
     pore_pressure: Field = field(default=0.0, metadata=key(kind=Varying(0.0), tied=False, symbol="p_w", unit="stress"))
+    """Pressure p_w ≥ 0 of a fluid in the contact [stress], such as uplift under a dam. It is given, not computed, and
+    acts whether the contact is open or closed. A tied contact takes none: `pore_pressure = "0.01 * (40 - y)"`."""
     normal_stiffness: Field | None = field(default=None, metadata=key(kind=_STIFF, symbol="k_N"))
     tangential_stiffness: Field | None = field(default=None, metadata=key(kind=_STIFF, symbol="k_T"))
+    """Stiffness k_N or k_T of springs along the edges [stress/length], such as a bed or a compliant joint. The law
+    holds for u_N + σ_N/k_N and u_T + σ_T/k_T, of which gap and slip are: `normal_stiffness = 50.0`."""
 
     in_files: ClassVar[dict[str, Key]] = {"pin": Key(Table(Pin), needed=False)}
     """Rigid pin, see `pin`, instead of gap and plate: `pin = { centre = [0, 0], radius = 9.95, force_x = 10.0 }`."""
@@ -346,26 +306,14 @@ class Contact:
 
     @classmethod
     def pin(
-        cls,
-        edges: str,
-        friction: Field,
-        centre: tuple[float, float],
-        radius: float,
-        *,
-        name: str = "",
-        force_x: float | None = None,
-        force_y: float | None = None,
-        moment: float | None = None,
-        x: float | None = None,
-        y: float | None = None,
-        rotation: float | None = None,
+        cls, edges: str, friction: Field, centre: tuple[float, float], radius: float, *, name: str = "", **drives: Any
     ) -> Contact:
         """A rigid round pin or disc of this centre and radius, that moves as `RigidPlate` does about its centre.
 
-        The gap is the distance from the body to the disc, √((x − x₀)² + (y − y₀)²) − radius; negative where the disc is
-        larger than its hole. Motions are small.
+        `drives` are force_x, force_y, moment, x, y or rotation of that. The gap is the distance from the body to the
+        disc, √((x − x₀)² + (y − y₀)²) − radius; negative where the disc is larger than its hole. Motions are small.
         """
-        plate = RigidPlate(force_x, force_y, moment, centre, x=x, y=y, rotation=rotation)
+        plate = RigidPlate(**drives, pivot=centre)
         return cls(edges, friction, disc_gap(plate.pivot, radius), name=name, plate=plate)
 
     @classmethod

@@ -9,6 +9,7 @@ from contextlib import redirect_stderr
 from dataclasses import field
 from functools import cached_property
 from io import StringIO
+from itertools import zip_longest
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -22,7 +23,7 @@ from qvi_contact.element.quadrature import EdgeQuadrature, adapted, constant
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, rounding_along
 from qvi_contact.mesh.triangles import TriangleMesh
-from solvers.basics.names import known_name
+from solvers.basics.checks import known_name
 from solvers.basics.records import dataclass
 from solvers.basics.types import PicklesFields, load
 
@@ -47,7 +48,6 @@ _OPERATORS: Final = {
     ast.USub: np.negative, ast.UAdd: np.positive,
     ast.Lt: np.less, ast.LtE: np.less_equal, ast.Gt: np.greater, ast.GtE: np.greater_equal,
 }  # fmt: skip
-_NODES: Final = (ast.Expression, ast.BinOp, ast.UnaryOp, ast.Compare, ast.Call, ast.Name, ast.Load, ast.Constant)
 
 
 @dataclass(frozen=True)
@@ -60,25 +60,21 @@ class Polynomial:
     coefficients: Sequence[Sequence[float]]
 
     def __post_init__(self) -> None:
-        remedy = "give rows of real numbers, [i][j] for xⁱ yʲ"
+        remedy = "give rows of finite real numbers, [i][j] for xⁱ yʲ, at least one"
         try:
             table = [real_array("Polynomial", row, remedy) for row in self.coefficients]
         except TypeError as error:
             raise InputError("Polynomial", self.coefficients, remedy) from error
-        if any(row.ndim != 1 for row in table):
+        if any(row.ndim != 1 or not np.isfinite(row).all() for row in table) or not any(row.size for row in table):
             raise InputError("Polynomial", self.coefficients, remedy)
         if max([len(table), *map(len, table)]) > _MOST_POWERS:
             raise InputError("Polynomial", self.coefficients, f"give powers of x and y below {_MOST_POWERS}")
         rows = tuple(tuple(row.tolist()) for row in table)
-        if not any(rows) or not all(np.isfinite(value) for row in rows for value in row):
-            raise InputError("Polynomial", self.coefficients, "give finite coefficients, at least one")
         object.__setattr__(self, "coefficients", rows)
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y)."""
-        table = np.zeros((len(self.coefficients), max(map(len, self.coefficients))))
-        for i, row in enumerate(self.coefficients):
-            table[i, : len(row)] = row
+        table = np.array(list(zip_longest(*self.coefficients, fillvalue=0.0))).T
         return np.asarray(polynomial.polyval2d(x, y, table))
 
 
@@ -113,9 +109,8 @@ class Expression:
     """A function written as text, such as ``"1e6 * where(x < 0.5, x, 0.5) * sin(pi * t)"``.
 
     It is in x, y [length], t (pseudo-time of a load history), constants by name, and ``pi``, which is always there.
-    The text is parsed by `simpleeval` into a tree of numbers, the names below, + - * / **, comparisons and the
-    `FUNCTIONS`; anything else is refused, so an expression can never run code. `InputError` if the text is no such
-    expression, naming the part that is wrong.
+    Its tree has numbers, these names, + - * / **, comparisons and the `FUNCTIONS` alone; anything else is refused, so
+    an expression can never run code. `InputError` if the text is no such expression, naming the part that is wrong.
     """
 
     text: str
@@ -130,11 +125,9 @@ class Expression:
             if name in (*_VARIABLES, "pi", *FUNCTIONS):
                 raise InputError(f"constants.{name}", value, "this name means something already: choose another one")
             finite_number(f"constants.{name}", value)
-        _ = self._tree  # parsed now, so that a bad text is refused here
+        _ = self._tree
         try:
-            self(np.array([0.25, 0.75]), np.array([0.25, 0.75]))
-        except ArithmeticError:
-            pass  # at that point; where it counts the values are checked
+            self(np.array([0.25, 0.75]), np.array([0.25, 0.75]))  # all of it, so that a bad text is refused here
         except Exception as error:
             raise InputError("expression", self.text, f"cannot be evaluated: {error}") from error
 
@@ -149,48 +142,46 @@ class Expression:
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             told = getattr(error, "msg", str(error))
             raise InputError("expression", self.text, f"is not an expression in x, y and t ({told})") from error
-        called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
-        for node in ast.walk(tree):
-            if id(node) not in called:
-                _check_node(self.text, node, (*_VARIABLES, "pi", *self.constants))
         return tree.body
 
     @property
-    def uses_time(self) -> bool:
-        """Whether t occurs."""
-        return any(isinstance(node, ast.Name) and node.id == "t" for node in ast.walk(self._tree))
+    def names(self) -> set[str]:
+        """All names that occur: of coordinates, t, constants and functions."""
+        return {node.id for node in ast.walk(self._tree) if isinstance(node, ast.Name)}
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y)."""
-        names = {**self.constants, "pi": np.pi, "x": np.asarray(x, float), "y": np.asarray(y, float), "t": self.t}
-        evaluator = load("simpleeval").SimpleEval(operators=_OPERATORS, functions=dict(FUNCTIONS), names=names)
+        names = {"x": np.asarray(x, float), "y": np.asarray(y, float), "t": self.t, "pi": np.pi, **self.constants}
         with np.errstate(all="ignore"):  # what is not finite is refused where it is used
-            value = evaluator.eval(self.text, previously_parsed=self._tree)
+            value = _value(self._tree, names)
         return np.array(np.broadcast_to(np.asarray(value, dtype=float), np.shape(x)))
 
 
-def _check_node(text: str, node: ast.AST, names: Sequence[str]) -> None:
-    """Refuse whatever is not arithmetic, naming it."""
-    if isinstance(node, ast.Constant):
-        if isinstance(node.value, bool) or not isinstance(node.value, (int, float)):
-            raise InputError("expression", text, f"{node.value!r} is not a number")
-        node.value = float(node.value)  # arithmetic of whole numbers has no limit
-    elif isinstance(node, ast.Call):
-        if not isinstance(node.func, ast.Name) or node.func.id not in FUNCTIONS or node.keywords:
-            called = ast.unparse(node.func)
-            raise InputError("expression", text, f"{called} is not a known function; there are {', '.join(FUNCTIONS)}")
-        wanted = _ARGUMENTS.get(node.func.id, 1)  # more would be taken for the place to write the result to
-        if len(node.args) != wanted:
-            raise InputError("expression", text, f"{node.func.id} takes {wanted} argument{'s' if wanted > 1 else ''}")
-    elif isinstance(node, ast.Name):
-        if node.id not in names:
-            raise InputError("expression", text, f"{node.id} is not a known name; there are {', '.join(names)}")
-    elif not isinstance(node, (*_NODES, *_OPERATORS)):
-        part = ast.unparse(node) if isinstance(node, ast.expr) else type(node).__name__
-        hint = {ast.BitXor: "write ** for powers", ast.IfExp: "write where(condition, then, else)"}.get(type(node))
-        if hint is not None:
-            raise InputError("expression", text, hint)
-        raise InputError("expression", text, f"{part} is not allowed: use numbers, x, y, t, + - * / ** and functions")
+def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
+    """The value of a part of an expression; `ValueError`, naming it, for whatever is not arithmetic."""
+    match node:
+        case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+            return float(number)  # arithmetic of whole numbers has no limit
+        case ast.Name(id=name) if name in names:
+            return names[name]
+        case ast.UnaryOp(op=op, operand=operand) if type(op) in _OPERATORS:
+            return _OPERATORS[type(op)](_value(operand, names))
+        case ast.BinOp(left=left, op=op, right=right) | ast.Compare(left=left, ops=[op], comparators=[right]) if (
+            type(op) in _OPERATORS
+        ):
+            return _OPERATORS[type(op)](_value(left, names), _value(right, names))
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:
+            wanted = _ARGUMENTS.get(name, 1)  # more would be taken for the place to write the result to
+            if len(arguments) != wanted:
+                raise ValueError(f"{name} takes {wanted} argument{'s' if wanted > 1 else ''}")
+            return FUNCTIONS[name](*(_value(each, names) for each in arguments))
+        case ast.Call(func=function):
+            raise ValueError(f"{ast.unparse(function)} is not a known function; there are {', '.join(FUNCTIONS)}")
+        case ast.Name(id=name):
+            raise ValueError(f"{name} is not a known name; there are {', '.join(names)}")
+    hints = {ast.BitXor: "write ** for powers", ast.IfExp: "write where(condition, then, else)"}
+    refused = f"{ast.unparse(node)} is not allowed: use numbers, x, y, t, + - * / ** and functions"
+    raise ValueError(hints.get(type(getattr(node, "op", node)), refused))
 
 
 def along_edges(

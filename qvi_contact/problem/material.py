@@ -175,37 +175,25 @@ STRENGTHS: Final[tuple[type, ...]] = (Tresca, Mises, MohrCoulomb, NoTension)
 
 @dataclass(frozen=True)
 class Material:
-    """Isotropic linear elastic material.
-
-    Parameters
-    ----------
-    young : float
-        Young's modulus E > 0 [stress]: `young = 2.1e5`.
-    poisson : float
-        Poisson's ratio ν: −1 < ν ≤ 0.5. In plane strain ν = 0.5 is an incompressible material: its compliance is
-        singular, and a constant pressure must be determined by tractions, see `ContactProblem`: `poisson = 0.3`.
-    plane : "stress" or "strain"
-        Plane stress or plane strain, κ = 0 or 1 in the compliance: `plane = "strain"`.
-    strength : Tresca, Mises, MohrCoulomb or NoTension, optional
-        What the material can carry in a limit analysis; without it any stress. `solve` stays elastic: `strength = { law
-        = "tresca", c = 1.0 }`.
-    expansion : float
-        Coefficient of thermal expansion α [1/temperature], see `ContactProblem.temperature`: `expansion = 1.2e-5`.
-    shrinkage : float or function of (x, y)
-        Strain by which a free piece contracts in all directions, such as that of concrete as it dries: `shrinkage =
-        3e-4`.
-    prestress : three floats or functions of (x, y), optional
-        Stress (xx, yy, xy) of the body where it is not strained [stress]: `prestress = [-2.0, 0.0, 0.0]`.
-
-    """
+    """Isotropic linear elastic material."""
 
     young: Positive
+    """Young's modulus E > 0 [stress]: `young = 2.1e5`."""
     poisson: float
+    """Poisson's ratio ν: −1 < ν ≤ 0.5. In plane strain ν = 0.5 is an incompressible material: its compliance is
+    singular, and a constant pressure must be determined by tractions, see `ContactProblem`: `poisson = 0.3`."""
     plane: Plane = "stress"
+    """Plane stress or plane strain, κ = 0 or 1 in the compliance: `plane = "strain"`."""
     strength: Annotated[Strength, Tagged(STRENGTHS)] | None = None
+    """What the material can carry in a limit analysis; without it any stress. `solve` stays elastic: `strength = { law
+    = "tresca", c = 1.0 }`."""
     expansion: Annotated[float, Scalar()] = 0.0
+    """Coefficient of thermal expansion α [1/temperature], see `ContactProblem.temperature`: `expansion = 1.2e-5`."""
     shrinkage: Field = 0.0
+    """Strain by which a free piece contracts in all directions, such as that of concrete as it dries: `shrinkage =
+    3e-4`."""
     prestress: tuple[Field, Field, Field] | None = None
+    """Stress (xx, yy, xy) of the body where it is not strained [stress]: `prestress = [-2.0, 0.0, 0.0]`."""
 
     def __post_init__(self) -> None:
         check_keys(self)

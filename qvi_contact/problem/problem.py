@@ -115,21 +115,17 @@ class ContactProblem(PicklesFields):
         return cell_materials(self.mesh, self.regions)
 
     def __getstate__(self) -> dict[str, Any]:
-        functions: list[tuple[str, object]] = [("ContactProblem.temperature", self.temperature)]
-        kind = "BodyForces" if isinstance(self.body_potential, BodyForces) else "ContactProblem.body_potential"
-        functions += [(f"{kind}.{name}".removesuffix(".body"), part) for name, part in self.body_forces.items()]
         strengths = [material.strength for material in self.materials if material.strength is not None]
-        for stated in (*strengths, *self.materials, *self.regions, *self.conditions):
-            for field in fields(stated):
-                value = getattr(stated, field.name)
-                for part in value if isinstance(value, tuple) else (value,):
-                    functions.append((f"{type(stated).__name__}.{field.name}", part))
-        for name, value in functions:
-            try:
-                pickle.dumps(value if callable(value) else None)
-            except Exception as error:
-                remedy = "this function cannot be pickled: take an Expression, a Polynomial, or a function of a module"
-                raise InputError(name, value, remedy) from error
+        named = [(f"BodyForces.{name}", part) for name, part in self.body_forces.items() if name != "body"]
+        for stated in (*strengths, *self.materials, *self.regions, *self.conditions, self):
+            named += [(f"{type(stated).__name__}.{each.name}", getattr(stated, each.name)) for each in fields(stated)]
+        for name, value in named:
+            for part in value if isinstance(value, tuple) else (value,):
+                try:
+                    pickle.dumps(part if callable(part) else None)
+                except Exception as error:
+                    remedy = "this function cannot be pickled: take an Expression, a Polynomial, or one of a module"
+                    raise InputError(name, part, remedy) from error
         return super().__getstate__()
 
     if not TYPE_CHECKING:  # unknown names stay errors to type checkers
@@ -182,22 +178,15 @@ class ContactProblem(PicklesFields):
         found = list[Condition]()
         for condition in self.conditions:
             edges = self.mesh.edges(condition.edges)
-            aligned = (
-                not edges.curved and len(np.unique(edges.normal, axis=0)) == 1 and np.abs(edges.normal).max() >= 1.0
-            )
-            if (
-                isinstance(condition, (Symmetry, Contact))
-                or not aligned
-                or components(condition).keys() & set(CARTESIAN)
-            ):
-                found.append(condition)
-                continue
-            given: Any = dict.fromkeys(LOCAL)
-            for name, value in components(condition).items():
-                direction = direction_of(name, edges)[0]
-                axis = int(np.argmax(np.abs(direction)))
-                given[CARTESIAN[axis]] = value if direction[axis] > 0.0 else opposite(value)
-            found.append(replace(condition, **given))
+            straight = not edges.curved and np.ptp(edges.normal, axis=0).max() == 0.0
+            aligned = straight and np.abs(edges.normal[0]).max() >= 1.0
+            changed: dict[str, Any] = {}
+            if aligned and isinstance(condition, (Traction, Displacement)):
+                for name in components(condition).keys() & set(LOCAL):
+                    value, direction = getattr(condition, name), direction_of(name, edges)[0]
+                    axis = int(np.argmax(np.abs(direction)))
+                    changed |= {name: None, CARTESIAN[axis]: value if direction[axis] > 0.0 else opposite(value)}
+            found.append(replace(condition, **changed) if changed else condition)
         return tuple(found)
 
     @cached_property
@@ -250,32 +239,25 @@ def opposite(value: Field) -> Field:
 
 
 def _check_parts(problem: ContactProblem) -> None:
-    """Conditions and regions are lists of such, and are kept as tuples; contacts have names of their own."""
-    conditions: Any = problem.conditions
-    regions: Any = problem.regions
-    if not isinstance(conditions, Sequence) or isinstance(conditions, str):
-        raise InputError("ContactProblem.conditions", conditions, "give a list of boundary conditions")
-    for condition in conditions:
-        if not isinstance(condition, (Traction, Displacement, Symmetry, Contact)):
-            remedy = "each entry must be a Traction, Displacement, Symmetry or Contact"
-            raise InputError("ContactProblem.conditions", condition, remedy)
-    if not isinstance(regions, Sequence) or not all(isinstance(region, Region) for region in regions):
-        raise InputError("ContactProblem.regions", regions, "give a list of Region")
-    for material in (region.material for region in regions):
+    """Conditions and regions are lists, kept as tuples; contacts have own names, and joints own edges and no plate."""
+    kinds = (Traction, Displacement, Symmetry, Contact)
+    for name, kind, what in (
+        ("conditions", kinds, "Traction, Displacement, Symmetry or Contact"),
+        ("regions", Region, "Region"),
+    ):
+        given = getattr(problem, name)
+        wrong = [each for each in given if not isinstance(each, kind)] if isinstance(given, Sequence) else [given]
+        if wrong:
+            raise InputError(f"ContactProblem.{name}", wrong[0], f"give a list: each entry must be a {what}")
+        object.__setattr__(problem, name, tuple(given))
+    for material in (region.material for region in problem.regions):
         if material.plane != problem.material.plane:
             remedy = f"give a material in plane {problem.material.plane}, as the body"
             raise InputError("Region.material", material, remedy)
-    object.__setattr__(problem, "conditions", tuple(conditions))
-    object.__setattr__(problem, "regions", tuple(regions))
     names = [contact.name for contact in problem.contacts]
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise InputError("Contact.name", twice[0], "give each contact a name of its own")
-    _check_joints(problem)
-
-
-def _check_joints(problem: ContactProblem) -> None:
-    """Joints must not share edges, and are driven by no plate."""
     taken: dict[int, str] = {}
     for joint in problem.joints:
         if joint.plate is not None:
@@ -325,7 +307,6 @@ def _ruled(problem: ContactProblem) -> IntArray:
                 remedy = f"already has the condition {type(earlier).__name__}({earlier.edges!r}): {_OVERLAP}"
                 refuse(condition.edges, int(slot[at]), int(chosen[at]), remedy)
             owner[slot, chosen] = number
-    owner.setflags(write=False)
     if (owner < 0).any():
         component, edge = np.argwhere(owner < 0)[0].tolist()
         named = [name for name in mesh.edge_names if edge in mesh.edge_set(name)]

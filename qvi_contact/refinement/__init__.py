@@ -1,7 +1,8 @@
 """Meshes that a computation refines by itself until a number is as accurate as asked for."""
 
 from qvi_contact.refinement.adaptive import refine
-from qvi_contact.refinement.outcome import LimitFactor, LimitRefinement, Refinement, RefinementRound, RefinementStatus
+from qvi_contact.refinement.measure import LimitFactor
+from qvi_contact.refinement.outcome import LimitRefinement, Refinement, RefinementRound, RefinementStatus
 from solvers.basics.front import front
 
 __all__ = ["LimitFactor", "LimitRefinement", "Refinement", "RefinementRound", "RefinementStatus", "refine"]

@@ -14,9 +14,8 @@ from qvi_contact.limit.load_factor import checked_loads
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement.bisection import LimitStrategy, TriangleRefinement, steps_of
-from qvi_contact.refinement.measure import Measure, Quantity
+from qvi_contact.refinement.measure import LimitFactor, Measure, Quantity
 from qvi_contact.refinement.outcome import (
-    LimitFactor,
     LimitRefinement,
     Refinement,
     RefinementRound,
@@ -38,7 +37,6 @@ _COLUMNS = {
 }  # fmt: skip
 
 _ROUNDS: Final = 60
-_THINNEST: Final = 1e-9
 
 RoundCallback: TypeAlias = Callable[[RefinementRound], object]
 """Called with the record of a round."""
@@ -53,7 +51,6 @@ def refine(
     *,
     max_unknowns: int = 20_000,
     max_rounds: int | None = None,
-    thinnest: float | None = None,
     time_limit: float | None = None,
     guaranteed: bool = False,
     callback: RoundCallback | None = None,
@@ -71,7 +68,6 @@ def refine(
     quantity: LimitFactor,
     max_unknowns: int = 20_000,
     max_rounds: int | None = None,
-    thinnest: float | None = None,
     time_limit: float | None = None,
     guaranteed: bool = False,
     callback: RoundCallback | None = None,
@@ -88,7 +84,6 @@ def refine(
     *,
     max_unknowns: int = 20_000,
     max_rounds: int | None = None,
-    thinnest: float | None = None,
     time_limit: float | None = None,
     guaranteed: bool = False,
     callback: RoundCallback | None = None,
@@ -138,8 +133,6 @@ def refine(
         Largest number of unknowns of an answer. The reference solution has up to about three times as many.
     max_rounds : int, optional
         Largest number of rounds; 60 by default.
-    thinnest : float, optional
-        Smallest edge that is made, as a share of the body's length; 1e-9 by default.
     time_limit : float, optional
         Seconds for all rounds together; the answer is that of the last round done in time.
     guaranteed : bool
@@ -159,15 +152,9 @@ def refine(
     -------
     Refinement or LimitRefinement
         The last answer, the estimate with its status, and the error indicator of every cell; `Refinement.certainty`
-        says whether the estimate is a bound. A failure does not raise. For a `LimitFactor` the answer is a limit load,
-        `LimitRefinement.limit`.
-
-    Raises
-    ------
-    InputError
-        If an argument is wrong, or the problem on its first mesh.
-    SolveError
-        If a linear program of a limit load is not solved on the first mesh.
+        says whether the estimate is a bound. For a `LimitFactor` the answer is a limit load, `LimitRefinement.limit`.
+        A failure does not raise, but on the first mesh: `InputError` if an argument or the problem is wrong,
+        `SolveError` if a linear program of a limit load is not solved.
 
     Notes
     -----
@@ -194,7 +181,6 @@ def refine(
         float(target),
         whole_number("max_unknowns", max_unknowns),
         _ROUNDS if max_rounds is None else whole_number("max_rounds", max_rounds),
-        positive_number("thinnest", _THINNEST if thinnest is None else thinnest) * problem.mesh.length,
         options,
         true_or_false("guaranteed", guaranteed),
     )
@@ -238,7 +224,7 @@ def _refined(
     if last is None:
         raise SolveError(f"limit load: {stop.reason}: use a coarser or less graded mesh")
     name = f"limit load factor of {', '.join(strategy.names)}"
-    return LimitRefinement(quantity=name, limit=answer.limit, problem=answer.posed.problem, **said)
+    return LimitRefinement(quantity=name, limit=answer.limit, problem=answer.problem, **said)
 
 
 def _in_rounds(
@@ -264,10 +250,7 @@ def _in_rounds(
                 raise StopError(RefinementStatus.TIME_LIMIT)
             if len(rounds) >= settings.max_rounds:
                 raise StopError(RefinementStatus.ROUNDS)
-            finer = last.finer()
-            if finer is None:
-                raise StopError(RefinementStatus.THIN_CELLS)
-            mesh = finer
+            mesh = last.finer()
             try:
                 answer = strategy.answer(mesh)
             except QVIError as error:  # the same data were taken on the mesh before

@@ -1,18 +1,10 @@
 """Where triangles are bisected: where answers differ from a companion or a reference solution, and for limit loads.
 
-How far off an answer is says what it is compared with: bounds where the laws allow them, else a reference solution. The
-reference is one degree more, on a mesh bisected where one degree more says little. The difference of the two is
-what an answer of degree p is off by, as far as the reference is better by a factor. For smooth stresses a degree is
-enough. It is not
+An answer is compared with bounds where the laws allow them, else with a reference solution: one degree more, on a mesh
+bisected where one degree more says little. That is where contacts change their state, and in corners, where stresses
+may be singular, or zones of stick or slip too small for the mesh.
 
-* where a contact changes its state inside an edge. The law binds tractions between stick and slip only as far as
-  polynomials on one edge can follow both, with any degree: edges that hold a change, and the two that meet in one, are
-  bisected twice, which takes a factor of about 16 off this part of a force;
-* in corners, where stresses may behave like r^(λ−1): triangles at vertices where the conditions on the boundary change,
-  at re-entrant corners and at the ends of joints are bisected twice, which takes 4^(2λ) off. A zone of stick or slip
-  that is too small for the mesh hides there too.
-
-In `docs/theory.md`: (D22), for limit loads (D25).
+In `docs/theory.md`: (D22) with why and how often, for limit loads (D25).
 """
 
 from __future__ import annotations
@@ -29,7 +21,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate,
 from qvi_contact.basics.units import Certainty
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError, QVIError
-from qvi_contact.limit.load_factor import LimitAnalysis, LimitProblem
+from qvi_contact.limit.load_factor import LimitProblem
 from qvi_contact.mesh.edges import Edges, cross, frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import SPRINGS, has_coulomb
@@ -52,6 +44,7 @@ _FACTOR: Final = 0.4  # by which a bisection reduces what a corner holds, 2^(−
 _MARGIN: Final = 0.9  # share of the target below which a corner need not be bisected again
 _ABOVE: Final = 4.0  # what a triangle in a corner may hold, over the least that is bisected elsewhere
 _DEEPEST: Final = 3  # bisections in a corner in one round
+_THINNEST: Final = 1e-9  # smallest edge that is made, over the body's length
 _SAFETY: Final = 1.5  # by which an estimate is more than a difference: the reference may be off by a third as much
 _NEAR: Final = 0.1  # accuracy of a reference solution over the error that is told from it
 _QUICK: Final = MappingProxyType({"method": "condensed"})  # no other methods, no second opinion: it is no answer
@@ -87,12 +80,7 @@ class TriangleRefinement:
     def degree(self) -> int:
         """Degree of the answers."""
         degree = self.settings.options.get("degree")
-        if degree is None:
-            return _DEGREE
-        if whole_number("degree", degree) > _HIGHEST:
-            remedy = f"give at most {_HIGHEST}: answers are compared with those of one degree more"
-            raise InputError("degree", degree, remedy)
-        return int(degree)
+        return _DEGREE if degree is None else whole_number("degree", degree, _HIGHEST)
 
     def answer(self, mesh: TriangleMesh) -> ContactResult | History:
         """The result on the mesh."""
@@ -138,22 +126,9 @@ class TriangleRefinement:
         record = RefinementRound(mesh.cell_count, unknowns, value, estimate, found.certainty)
         return Round(
             answer=answer, record=record, unit=unit, parts=parts,
-            finer=partial(self._finer, mesh, marked, deeper), reference=found.reference,
+            finer=partial(_finer, mesh, marked, deeper), reference=found.reference,
             hopeless=hopeless or (tried and bounds is None),
         )  # fmt: skip
-
-    def _finer(self, mesh: TriangleMesh, marked: BoolArray, deeper: tuple[IntArray, ...]) -> TriangleMesh | None:
-        """Marked triangles bisected, but for those that are as small as allowed, then those at vertices once more."""
-        fine = self._bisected(mesh, marked)
-        if fine is not None:
-            for vertices in deeper:  # old vertices keep their numbers
-                fine = self._bisected(fine, np.asarray(np.isin(fine.cells, vertices).any(axis=1))) or fine
-        return fine
-
-    def _bisected(self, mesh: TriangleMesh, marked: BoolArray) -> TriangleMesh | None:
-        """The mesh with those marked triangles bisected that may be; None if there are none."""
-        chosen = marked & (mesh.finest[mesh.cells].min(axis=1) >= 2.0 * self.settings.thinnest)
-        return mesh.refined(chosen) if chosen.any() else None
 
     def _compared(self, answer: ContactResult | History, value: float, unit: float, at: Places) -> Comparison | None:
         """The answer beside a reference solution; where that fails, beside one degree more on the same mesh."""
@@ -200,6 +175,19 @@ class TriangleRefinement:
 def steps_of(answer: ContactResult | History) -> Sequence[ContactResult]:
     """The results of all load steps."""
     return answer.steps if isinstance(answer, History) else (answer,)
+
+
+def _finer(mesh: TriangleMesh, marked: BoolArray, deeper: tuple[IntArray, ...]) -> TriangleMesh:
+    """Marked triangles bisected, then those at vertices once more; but for such as are too small."""
+    fine = mesh
+    for vertices in (None, *deeper):  # old vertices keep their numbers
+        chosen = marked if vertices is None else np.isin(fine.cells, vertices).any(axis=1)
+        chosen = chosen & (fine.finest[fine.cells].min(axis=1) >= 2.0 * _THINNEST * mesh.length)
+        if chosen.any():
+            fine = fine.refined(chosen)
+        elif vertices is None:
+            raise StopError(RefinementStatus.THIN_CELLS)
+    return fine
 
 
 def _deeper(mesh: TriangleMesh, corners: IntArray, parts: FloatArray, goal: float) -> tuple[IntArray, ...]:
@@ -265,12 +253,10 @@ def places(result: ContactResult) -> Places:
         edges, line = mesh.edges(contact.edges), result.contacts[contact.name]
         leftward = (line.state == ContactState.SLIP) & (line.counted_shear < -_NOISE * unit)
         state = np.where(leftward, _LEFTWARD, line.state).reshape(len(edges), -1)
-        at_ends = np.concatenate([state[:, 0], state[:, -1]])
-        vertex, inverse = np.unique(np.concatenate([edges.first, edges.second]), return_inverse=True)
-        lowest, highest = np.full(len(vertex), _LEFTWARD), np.zeros(len(vertex), dtype=np.int64)
-        np.minimum.at(lowest, inverse, at_ends)
-        np.maximum.at(highest, inverse, at_ends)
-        meets = (lowest != highest)[inverse].reshape(2, -1).any(axis=0)
+        ends = np.stack([edges.first, edges.second])
+        at_ends = np.unique([ends.ravel(), np.concatenate([state[:, 0], state[:, -1]])], axis=1)
+        vertex, states = np.unique(at_ends[0], return_counts=True)
+        meets = np.isin(ends, vertex[states > 1]).any(axis=0)
         chosen = edges.cells[(state != state[:, :1]).any(axis=1) | meets]
         cells.append(chosen[chosen >= 0])
     vertices, angle, changes, _ = outline_vertices(problem)
@@ -364,19 +350,8 @@ def energies_between(answer: ContactResult, reference: ContactResult) -> FloatAr
     return np.asarray(np.bincount(parents, 0.5 * work, mesh.cell_count), float)
 
 
-# limit loads: bisected is where the mesh gives way in another manner than the body would.
-#
-# At the limit a mesh gives way by a motion with the opening w and the slip s against the shear: the multipliers of its
-# rows. It obeys the law in the sense of the rows. At points the body may enter the obstacle, or slip without the
-# opening that friction asks for. The part of an edge is the work that the law gives the motion, made admissible at
-# points, less that of the tractions:
-#
-#     w' = max(w, μ|s|)   (w' = max(w, 0) under a cap),     ∫ (π(w', s) − |σ_N| w' − σ_T s) ds ≥ 0,
-#
-# for unilateral contacts, with π of (D23). It is zero on all edges if the mesh gives way as the body would, and of the
-# size of pressure times motion on the edge in which the body turns, or where slip ends. The mechanism of the body alone
-# does not say where to refine: where another one is near its limit too, the mesh may lack stresses for both.
-
+# limit loads: bisected is where the mesh gives way in another manner than the body would, by (D25). The mechanism of
+# the body alone does not say where: where another one is near its limit too, the mesh may lack stresses for both.
 
 _SPACE: Final = ("degree", "law_on")  # options of a limit load
 _SMALL: Final = 1e-6  # factors below count as this for relative errors
@@ -404,15 +379,16 @@ class LimitStrategy:
             if name not in _SPACE:
                 raise InputError(name, value, "is not for limit loads: give degree or law_on")
 
-    def answer(self, mesh: TriangleMesh) -> LimitAnalysis:
+    def answer(self, mesh: TriangleMesh) -> LimitProblem:
         """Both sides on the mesh."""
         problem = self.problem if self.problem.mesh is mesh else replace(self.problem, mesh=mesh)
         posed = LimitProblem.of(problem, self.names, **self.settings.options)
         if posed.unknowns > self.settings.max_unknowns:
             raise StopError(RefinementStatus.UNKNOWNS, f"a mesh of {posed.unknowns} unknowns is needed")
-        return posed.solved()
+        _ = posed.limit  # errors belong to this mesh
+        return posed
 
-    def assessed(self, mesh: TriangleMesh, answer: LimitAnalysis, _earlier: Sequence[Round], /) -> Round:
+    def assessed(self, mesh: TriangleMesh, answer: LimitProblem, _earlier: Sequence[Round], /) -> Round:
         """How far apart both sides are; and on which edges, or of a body that yields in which triangles."""
         limit = answer.limit
         if limit.violation > _VIOLATED:
@@ -421,7 +397,7 @@ class LimitStrategy:
         same = limit.lower == limit.upper  # both may be infinite
         unit = max(abs(limit.upper), _SMALL) if np.isfinite(limit.upper) else 1.0
         estimate = 0.0 if same else max(limit.upper - limit.lower, 0.0) / unit
-        exact = np.isfinite(estimate) and loads_followed(answer.posed.low) and loads_followed(answer.posed.high)
+        exact = np.isfinite(estimate) and loads_followed(answer.low) and loads_followed(answer.high)
         if self.problem.yields:
             parts = np.ones(mesh.cell_count) if limit.collapse is None else limit.collapse.gap
             needed = (1.0 - _INSIDE * self.settings.target / max(estimate, self.settings.target)) / _REMOVED
@@ -429,33 +405,33 @@ class LimitStrategy:
             exact &= not mesh.curved.any()  # strengths hold on the straight triangles
         else:
             on_edges, parts = list(_edge_gaps(answer)), np.zeros(mesh.cell_count)
-            for edges, part in zip(_limited_edges(answer.posed.problem), on_edges, strict=True):
+            for edges, part in zip(_limited_edges(answer.problem), on_edges, strict=True):
                 inside = edges.cells >= 0
                 for side in (0, 1):  # in equal shares for the cells beside an edge
                     np.add.at(parts, edges.cells[inside[:, side], side], (part / inside.sum(axis=1))[inside[:, side]])
             finer = partial(self._finer_at_contacts, mesh, on_edges)
         certainty = Certainty.GUARANTEED if exact else Certainty.ESTIMATE
-        record = RefinementRound(mesh.cell_count, answer.posed.unknowns, limit.lower, estimate, certainty)
+        record = RefinementRound(mesh.cell_count, answer.unknowns, limit.lower, estimate, certainty)
         return Round(answer=answer, record=record, unit=unit, parts=parts, finer=finer)
 
-    def _finer_at_contacts(self, mesh: TriangleMesh, parts: Sequence[FloatArray]) -> TriangleMesh | None:
+    def _finer_at_contacts(self, mesh: TriangleMesh, parts: Sequence[FloatArray]) -> TriangleMesh:
         """Triangles beside the edges that have most of the distance bisected twice."""
         joined = np.concatenate([np.empty(0), *parts])
         if not joined.size:
             raise StopError(RefinementStatus.UNSOLVED, "there is no contact that limits tractions")
         problem = replace(self.problem, mesh=mesh)
-        long = np.concatenate([edges.length for edges in _limited_edges(problem)]) >= 2.0 * self.settings.thinnest
+        long = np.concatenate([edges.length for edges in _limited_edges(problem)]) >= 2.0 * _THINNEST * mesh.length
         beside = np.concatenate([edges.cells for edges in _limited_edges(problem)])
         cells = np.unique(beside[bulk(joined) & long])
         cells = cells[cells >= 0]
         if not len(cells):
-            return None
+            raise StopError(RefinementStatus.THIN_CELLS)
         fine = mesh
         for _ in range(_TWICE):
             fine = fine.refined(at_contacts(problem, mesh, fine, cells))
         return fine
 
-    def _finer_where_it_yields(self, mesh: TriangleMesh, parts: FloatArray, share: float) -> TriangleMesh | None:
+    def _finer_where_it_yields(self, mesh: TriangleMesh, parts: FloatArray, share: float) -> TriangleMesh:
         """Triangles with a share of the gap divided; where they meet a singular vertex its fan becomes finer."""
         marked = bulk(parts, share)
         vertices, angle, changes, bent = outline_vertices(replace(self.problem, mesh=mesh))
@@ -465,9 +441,9 @@ class LimitStrategy:
         around = np.isin(mesh.cells, at).any(axis=1)
         one, other = (mesh.corners[:, corner] - mesh.corners[:, 0] for corner in (1, 2))
         areas = np.abs(cross(one, other)) / 2.0
-        chosen = np.flatnonzero(marked & ~around & (np.sqrt(areas) >= 2.0 * self.settings.thinnest))
+        chosen = np.flatnonzero(marked & ~around & (np.sqrt(areas) >= 2.0 * _THINNEST * mesh.length))
         if not len(chosen) and not len(at):
-            return None
+            raise StopError(RefinementStatus.THIN_CELLS)
         fine = mesh.refined(chosen) if len(chosen) else mesh
         for vertex in at.tolist():
             one, other = (np.roll(fine.corners, -shift, axis=1) - fine.corners for shift in (1, 2))  # of all corners
@@ -484,16 +460,16 @@ def _limited_edges(problem: ContactProblem) -> Iterator[Edges]:
             yield problem.mesh.edges(contact.edges)
 
 
-def _edge_gaps(answer: LimitAnalysis) -> Iterator[FloatArray]:
-    """Part (n,) of the edges of each contact in what the mesh falls short of; 1 for all where there is no state."""
-    posed, carried = answer.posed, answer.carried
-    if carried is None or carried.tractions is None or carried.motion is None:
-        yield from (np.ones(len(edges)) for edges in _limited_edges(posed.problem))
+def _edge_gaps(answer: LimitProblem) -> Iterator[FloatArray]:
+    """∫ (π(w', s) − |σ_N| w' − σ_T s) ds of edges (n,) of each contact, (D25); 1 for all where there is no state."""
+    carried = answer.carried
+    if carried.tractions is None or carried.motion is None:
+        yield from (np.ones(len(edges)) for edges in _limited_edges(answer.problem))
         return
-    rule = posed.low.rule
+    rule = answer.low.rule
     normal, shear = (rule.at_points(half) for half in np.split(carried.tractions, 2))
     opening, slip = (rule.multipliers_at_points(half) for half in np.split(carried.motion, 2))
-    for rows in posed.low.contacts:
+    for rows in answer.low.contacts:
         if rows.law != "tied":
             N, T, w, s = (part[rows.rows] for part in (normal, shear, opening, slip))
             size, friction, unilateral = np.abs(s), rows.limits.friction, ~rows.bilateral

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields, replace
 from functools import partial
-from typing import Any, Final, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -34,9 +34,12 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import COMPONENTS, cell_factors, held_along_z, stress_component, stress_in_cells
 from solvers import QVISolution
-from solvers.basics.names import known_name
+from solvers.basics.checks import known_name
 from solvers.basics.records import dataclass
 from solvers.derivative import Change, change
+
+if TYPE_CHECKING:
+    from qvi_contact.discretization.space import LawOn
 
 Quantity: TypeAlias = str | Callable[[ContactResult], float]
 
@@ -286,49 +289,36 @@ _Path: TypeAlias = tuple[str | int, ...]
 """Fields and places in lists that lead from a problem to a datum; ("load", NAME) to the factor of a load."""
 
 
-def _paths(problem: ContactProblem) -> Iterator[tuple[str, _Path]]:
-    """All data by name."""
+def _paths(problem: ContactProblem, *, limit: bool = False) -> Iterator[tuple[str, _Path]]:
+    """All data by name, or those of limit loads."""
     for number, condition in enumerate(problem.conditions):
         at = "conditions", number
         if isinstance(condition, Contact):
-            names = [name for name in SPRINGS if not callable(getattr(condition, name))]
-            names += ["gap", "offset", *(() if condition.law == "tied" else SHEAR_LAW)]
+            names = [] if condition.law == "tied" else [*SHEAR_LAW]
+            driven: list[str] = []
+            if not limit:
+                names += ["gap", "offset", *(name for name in SPRINGS if not callable(getattr(condition, name)))]
+                driven += [*_MOTIONS, *_PLATE_FORCES]
             known: list[_Path] = [(name,) for name in names if getattr(condition, name) is not None]
-            driven = (*_MOTIONS, *_PLATE_FORCES)
             known += [("plate", name) for name in driven if getattr(condition.plate, name, None) is not None]
             yield from ((f"{condition.name}.{path[-1]}", (*at, *path)) for path in known)
-        elif isinstance(condition, Displacement):
+        elif isinstance(condition, Displacement) and not limit:
             yield from ((f"{condition.edges}.{name}", (*at, name)) for name in components(condition))
     yield from ((f"load.{name}", ("load", name)) for name in loads_of(problem))
-    if any(material.expansion for material in problem.materials):
+    if any(material.expansion for material in problem.materials) and not limit:
         yield "temperature", ("temperature",)
         for number, region in enumerate(problem.regions):
             if region.name is not None and region.temperature is not None:
                 yield f"{region.name}.temperature", ("regions", number, "temperature")
-    yield from ((f"{name}.young", (*path, "young")) for name, path in _materials(problem))
-
-
-def _limit_paths(problem: ContactProblem) -> Iterator[tuple[str, _Path]]:
-    """Data of limit loads by name."""
-    for number, contact in enumerate(problem.conditions):
-        if isinstance(contact, Contact) and contact.law != "tied":
-            known = (name for name in SHEAR_LAW if getattr(contact, name) is not None)
-            yield from ((f"{contact.name}.{name}", ("conditions", number, name)) for name in known)
-    yield from ((f"load.{name}", ("load", name)) for name in loads_of(problem))
-    for title, path in _materials(problem):
-        strength = _at(problem, path).strength
-        known = (each.name for each in (() if strength is None else fields(strength)))
-        yield from (
-            (f"{title}.{name}", (*path, "strength", name)) for name in known if getattr(strength, name) is not None
-        )
-
-
-def _materials(problem: ContactProblem) -> Iterator[tuple[str, _Path]]:
-    """That of the body, and those of regions that have a name."""
-    yield "material", ("material",)
-    for number, region in enumerate(problem.regions):
-        if region.name is not None:
-            yield region.name, ("regions", number, "material")
+    materials: list[tuple[str, _Path]] = [("material", ("material",))]  # of the body, and of regions with a name
+    materials += [(each.name, ("regions", k, "material")) for k, each in enumerate(problem.regions) if each.name]
+    for title, where in materials:
+        inner: list[_Path] = [("young",)]
+        if limit:
+            strength = _at(problem, where).strength
+            held = () if strength is None else (each.name for each in fields(strength))
+            inner = [("strength", name) for name in held if getattr(strength, name) is not None]
+        yield from ((f"{title}.{path[-1]}", (*where, *path)) for path in inner)
 
 
 def _at(part: Any, path: _Path) -> Any:
@@ -398,45 +388,75 @@ def _plus(field: Field, step: float) -> Field:
     return larger
 
 
-def limit_derivative(
-    problem: ContactProblem, loads: Sequence[str], parameter: str, side: Side | None = None, **space: Any
-) -> float:
-    """See `LimitFactor.derivative`.
+@dataclass(frozen=True)
+class LimitFactor:
+    """The quantity of a limit analysis: the largest multiple of loads that the contacts can carry."""
 
-    With the rows A x ≤ b of the cone program of stresses and their multipliers y the derivative is y·(b' − A' x), where
-    b' and A' are those of the rows in x (envelope theorem). Where several mechanisms have one limit, derivatives from
-    both sides differ. They are those a little to either side, extrapolated.
-    """
-    posed = LimitProblem.of(problem, checked_loads(problem, loads), **space)
-    if both_signs(posed.low).any():
-        raise InputError("problem", "bilateral", "bilateral contacts with friction have no derivative: give none")
-    if side not in (None, "above", "below"):
-        raise InputError("side", side, "give 'above' or 'below', or leave it out")
-    datum = _datum(problem, posed.low.scales, parameter, dict(_limit_paths(problem)), relative=True)
-    unit = datum.unit
+    loads: Sequence[str]
+    """Names of the loads to multiply, see `limit_load_factor`."""
 
-    def program(step: float) -> ConicProgram:
-        low, high = (multiplied(datum.moved(step), posed.names, factor) for factor in (1.0, 2.0))
-        first = posed.low.with_data(low, posed.low.scales)
-        return StressProgram(first, first.with_data(high, posed.low.scales)).program()
+    def derivative(
+        self,
+        problem: ContactProblem,
+        parameter: str,
+        side: Side | None = None,
+        *,
+        degree: int | None = None,
+        law_on: LawOn | None = None,
+    ) -> float:
+        """By how much the factor grows with a datum of the problem [1/unit of the datum].
 
-    def at(step: float) -> float:
-        base, further = program(step), program(step + _NEXT)
-        found = base.solve()
-        if isinstance(found, str):
-            raise InputError(
-                "loads", ", ".join(posed.names), "there is no finite limit load here: it has no derivative"
-            )
-        moved = further.b - base.b - (further.A @ found.x - base.A @ found.x)
-        return float(found.multipliers @ moved) / (_NEXT * unit)
+            LimitFactor(["drag"]).derivative(problem, "ground.friction")
 
-    above = 2.0 * at(_NEAR) - at(2.0 * _NEAR)
-    if datum.least or side == "above":
-        return above
-    below = 2.0 * at(-_NEAR) - at(-2.0 * _NEAR)
-    if side == "below":
-        return below
-    if abs(above - below) <= _SAME * max(abs(above), abs(below), 1e-3 / unit):
-        return at(0.0)
-    remedy = f"another mechanism begins here: the derivative is {below:.6g} from below and {above:.6g} from above; "
-    raise InputError("side", None, remedy + "ask for one of them")
+        It is that of `LimitLoad.lower`, the factor of the mesh, which is that of the body where both sides agree, from
+        the multipliers of its program. `InputError` if there is no such name, no finite factor, derivatives from both
+        sides differ, or bilateral contacts have friction.
+
+        Parameters
+        ----------
+        problem : ContactProblem
+            The problem.
+        parameter : str
+            "NAME.friction" and the like of a contact, what bounds its shear; "load.NAME", a factor of a load; of
+            strengths "material.c" and the like, "NAME.phi" of a region. A function counts as larger by the same number
+            everywhere.
+        side : "above" or "below", optional
+            Needed where another mechanism begins at this value, to within 0.2 %, so that the derivatives from both
+            sides differ; such values are good to about five digits. What is zero has only the one from above.
+        degree, law_on
+            As for `limit_load_factor`.
+
+        """
+        posed = LimitProblem.of(problem, checked_loads(problem, self.loads), degree=degree, law_on=law_on)
+        if both_signs(posed.low).any():
+            raise InputError("problem", "bilateral", "bilateral contacts with friction have no derivative: give none")
+        if side not in (None, "above", "below"):
+            raise InputError("side", side, "give 'above' or 'below', or leave it out")
+        datum = _datum(problem, posed.low.scales, parameter, dict(_paths(problem, limit=True)), relative=True)
+        unit = datum.unit
+
+        def program(step: float) -> ConicProgram:
+            low, high = (multiplied(datum.moved(step), posed.names, factor) for factor in (1.0, 2.0))
+            first = posed.low.with_data(low, posed.low.scales)
+            return StressProgram(first, first.with_data(high, posed.low.scales)).program()
+
+        def at(step: float) -> float:
+            base, further = program(step), program(step + _NEXT)
+            found = base.solve()
+            if isinstance(found, str):
+                raise InputError(
+                    "loads", ", ".join(posed.names), "there is no finite limit load here: it has no derivative"
+                )
+            moved = further.b - base.b - (further.A @ found.x - base.A @ found.x)
+            return float(found.multipliers @ moved) / (_NEXT * unit)
+
+        above = 2.0 * at(_NEAR) - at(2.0 * _NEAR)
+        if datum.least or side == "above":
+            return above
+        below = 2.0 * at(-_NEAR) - at(-2.0 * _NEAR)
+        if side == "below":
+            return below
+        if abs(above - below) <= _SAME * max(abs(above), abs(below), 1e-3 / unit):
+            return at(0.0)
+        remedy = f"another mechanism begins here: the derivative is {below:.6g} from below and {above:.6g} from above; "
+        raise InputError("side", None, remedy + "ask for one of them")

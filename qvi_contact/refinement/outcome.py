@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Final
@@ -17,71 +17,10 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from solvers.basics.records import dataclass
-from solvers.basics.types import columns_of, frame, load
+from solvers.basics.types import columns_of, frame
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-    from qvi_contact.discretization.space import LawOn
-    from qvi_contact.refinement.measure import Side
-
-
-@dataclass(frozen=True)
-class LimitFactor:
-    """The quantity of a limit analysis: the largest multiple of loads that the contacts can carry.
-
-    Attributes
-    ----------
-    loads : sequence of str
-        Names of the loads to multiply, see `limit_load_factor`.
-
-    """
-
-    loads: Sequence[str]
-
-    def derivative(
-        self,
-        problem: ContactProblem,
-        parameter: str,
-        side: Side | None = None,
-        *,
-        degree: int | None = None,
-        law_on: LawOn | None = None,
-    ) -> float:
-        """By how much the factor grows with a datum of the problem, from the multipliers of its program.
-
-            LimitFactor(["drag"]).derivative(problem, "ground.friction")
-
-        It is that of `LimitLoad.lower`, the factor of the mesh, which is that of the body where both sides agree.
-
-        Parameters
-        ----------
-        problem : ContactProblem
-            The problem.
-        parameter : str
-            "NAME.friction" and the like of a contact, what bounds its shear; "load.NAME", a factor of a load; of
-            strengths "material.c" and the like, "NAME.phi" of a region. A function counts as larger by the same number
-            everywhere.
-        side : "above" or "below", optional
-            Needed where another mechanism begins at this value, to within 0.2 %, so that the derivatives from both
-            sides differ; such values are good to about five digits. What is zero has only the one from above.
-        degree, law_on
-            As for `limit_load_factor`.
-
-        Returns
-        -------
-        float
-            The derivative [1/unit of the parameter].
-
-        Raises
-        ------
-        InputError
-            If there is no such name, no finite factor, the derivatives from both sides differ, or bilateral contacts
-            have friction.
-
-        """
-        found = load("qvi_contact.refinement.measure").limit_derivative
-        return float(found(problem, self.loads, parameter, side, degree=degree, law_on=law_on))
 
 
 class RefinementStatus(StrEnum):
@@ -108,8 +47,8 @@ _ADVICE = {
     RefinementStatus.UNKNOWNS: "The next mesh would have more unknowns than allowed: raise max_unknowns, or accept the "
     "estimate.",
     RefinementStatus.ROUNDS: "The rounds are used up: raise max_rounds, or accept the estimate.",
-    RefinementStatus.THIN_CELLS: "The cells with the largest error are as thin as double precision, or `thinnest`, "
-    "allows: accept the estimate.",
+    RefinementStatus.THIN_CELLS: "The cells with the largest error are as thin as double precision allows: accept the "
+    "estimate.",
     RefinementStatus.UNSOLVED: "A problem of the refinement was not solved. Its message says what to do.",
     RefinementStatus.TIME_LIMIT: "The time limit was reached: allow more time (time_limit), or accept the estimate "
     "of the last round.",
@@ -118,28 +57,18 @@ _ADVICE = {
 
 @dataclass(frozen=True)
 class RefinementRound:
-    """One round of a refinement.
-
-    Attributes
-    ----------
-    cells : int
-        Number of triangles.
-    unknowns : int
-        Unknowns of the problem on it.
-    value : float
-        The quantity.
-    estimate : float
-        Its estimated relative error; infinity if there is none.
-    certainty : Certainty
-        Whether the estimate is a bound of the error.
-
-    """
+    """One round of a refinement."""
 
     cells: int
+    """Number of triangles."""
     unknowns: int
+    """Unknowns of the problem on them."""
     value: float
+    """The quantity."""
     estimate: float
+    """Its estimated relative error; infinity if there is none."""
     certainty: Certainty = Certainty.ESTIMATE
+    """Whether the estimate is a bound of the error."""
 
     @property
     def guaranteed(self) -> bool:
@@ -149,49 +78,31 @@ class RefinementRound:
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Outcome:
-    """What a refinement says of its quantity, whatever that is.
-
-    Attributes
-    ----------
-    status : RefinementStatus
-        Only `RefinementStatus.REACHED` means that the estimate is within the target, and guaranteed if that was asked
-        for.
-    quantity : str
-        Name of the quantity.
-    target : float
-        Relative error asked for.
-    unit : float
-        What errors are relative to, see `refine`; NaN if no mesh was solved.
-    indicator : (cells,) array
-        Contribution of each cell of the last mesh; they are ≥ 0 and add up to the estimate.
-    rounds : tuple of RefinementRound
-        One for each mesh solved.
-    reason : str
-        Why the refinement stopped before the target, if a solve or a mesh failed.
-
-    """
+    """What a refinement says of its quantity, whatever that is."""
 
     status: RefinementStatus
+    """Only `RefinementStatus.REACHED` means that the estimate is within the target, and guaranteed if that was asked
+    for."""
     quantity: str
+    """Name of the quantity."""
     target: float
+    """Relative error asked for."""
     unit: float
+    """What errors are relative to, see `refine`; NaN if no mesh was solved."""
     indicator: FloatArray
+    """Contribution of each cell of the last mesh, (cells,); they are ≥ 0 and add up to the estimate."""
     rounds: tuple[RefinementRound, ...]
+    """One for each mesh solved."""
     reason: str = ""
+    """Why the refinement stopped before the target, if a solve or a mesh failed."""
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.message}>"
 
     def to_frame(self) -> DataFrame:
-        """One row a round as a pandas table; needs the extra ``frame`` (pandas).
+        """One row a round as a pandas table: "round" (from 1), and the fields of `RefinementRound`.
 
-        Columns are "round" (from 1), and the fields of `RefinementRound`.
-
-        Raises
-        ------
-        InputError
-            If pandas is missing.
-
+        `InputError` without pandas (extra ``frame``).
         """
         rows = [{"round": number, **asdict(record)} for number, record in enumerate(self.rounds, 1)]
         return frame(columns_of(rows))
@@ -224,6 +135,8 @@ class Outcome:
     @property
     def message(self) -> str:
         """One sentence about the outcome."""
+        if not self.rounds:
+            return f"{self.status.value}: no mesh was solved; {self.reason}"
         last = self.rounds[-1]
         sure = self.certainty is not Certainty.ESTIMATE
         error = f"relative error ({self.certainty})" if sure else "estimated relative error"
@@ -238,31 +151,17 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Refinement(Outcome):
-    """A problem solved on a mesh refined for one quantity, with an estimate of the quantity's error.
-
-    Attributes
-    ----------
-    result : ContactResult
-        On the last mesh that was solved; if there is none, the failed one on the first. Of load steps the last one.
-    history : History or None
-        All load steps on that mesh, if these were refined.
-
-    """
+    """A problem solved on a mesh refined for one quantity, with an estimate of the quantity's error."""
 
     result: ContactResult
+    """On the last mesh that was solved; if there is none, the failed one on the first. Of load steps the last one."""
     history: History | None = None
+    """All load steps on that mesh, if these were refined."""
 
     @property
     def problem(self) -> ContactProblem:
         """The problem on the last mesh."""
         return self.result.problem
-
-    @property
-    def message(self) -> str:
-        """One sentence about the outcome."""
-        if not self.rounds:
-            return f"{self.status.value}: no mesh was solved; {self.reason or self.result.message}"
-        return super().message
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -271,18 +170,12 @@ class LimitRefinement(Outcome):
 
     It is not guaranteed where tractions, or what enters them along contacts, are no polynomials that the mesh can
     follow: loads are then met in their resultants on every edge.
-
-    Attributes
-    ----------
-    limit : LimitLoad
-        Both sides on the last mesh. `Outcome.value` is the lower one, `Outcome.estimate` is (upper − lower)/upper.
-    problem : ContactProblem
-        The problem on the last mesh.
-
     """
 
     limit: LimitLoad
+    """Both sides on the last mesh. `Outcome.value` is the lower one, `Outcome.estimate` is (upper − lower)/upper."""
     problem: ContactProblem
+    """The problem on the last mesh."""
 
 
 _BULK: Final = 0.6  # Dörfler's share of the difference that is marked
@@ -304,7 +197,6 @@ class Settings:
     target: float
     max_unknowns: int
     max_rounds: int
-    thinnest: float  # smallest edge that is made [length]
     options: Mapping[str, Any]
     guaranteed: bool = False
 
@@ -313,11 +205,11 @@ class Settings:
 class Round:
     """An answer and how far it is off."""
 
-    answer: Any  # a ContactResult, History or LimitAnalysis
+    answer: Any  # a ContactResult, History or LimitProblem
     record: RefinementRound  # what is kept of the round
     unit: float  # what the error of the quantity is relative to
     parts: FloatArray  # (cells,): in which proportion cells have a share in it
-    finer: Callable[[], TriangleMesh | None]  # makes the mesh of the next round; None if there is none
+    finer: Callable[[], TriangleMesh]  # makes the mesh of the next round, or stops
     reference: float = np.nan  # the quantity of the reference solution; NaN where there was none
     hopeless: bool = False  # whether bounds need not be tried again
 

@@ -35,8 +35,7 @@ from qvi_contact.solution.settings import Settings
 from qvi_contact.solution.solver import solved
 from qvi_contact.version import __version__
 from solvers import Status
-from solvers.basics.checks import function_or_none, true_or_false
-from solvers.basics.names import known_name
+from solvers.basics.checks import function_or_none, known_name, true_or_false
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import frame, load, pandas
 
@@ -262,8 +261,7 @@ def solve_history(
             elif deadline.over:
                 break
             else:
-                discretization = before.discretization.with_data(steps[number - 1], scales)
-                discretization = discretization.slipped(_slip_after(before))
+                discretization = before.discretization.with_data(steps[number - 1], scales, _slip_after(before))
             result = solved(discretization, settings, before if warm else None)
             results.append(result)
             accuracy = result.certificate.accuracy

@@ -31,7 +31,7 @@ from qvi_contact.solution.stress import (
     traction,
 )
 from solvers import Certificate, Iteration, QVISolution, Status
-from solvers.basics.names import Named, known_name
+from solvers.basics.checks import Named, known_name
 from solvers.basics.types import PicklesFields, frame, load, pandas
 from solvers.certificate.feasibility import AdmissibleRows
 

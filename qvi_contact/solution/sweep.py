@@ -33,8 +33,7 @@ from qvi_contact.solution.settings import Settings
 from qvi_contact.solution.solver import discretized, fitted, solved
 from qvi_contact.version import __version__
 from solvers import Status
-from solvers.basics.checks import function_or_none
-from solvers.basics.names import known_name
+from solvers.basics.checks import function_or_none, known_name
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import frame, load, pandas
 

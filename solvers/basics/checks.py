@@ -1,12 +1,14 @@
-"""Checks of what callers hand in: numbers, arrays of real numbers, names."""
+"""Checks of what callers hand in: numbers, arrays of real numbers, names of which it says which one was meant."""
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.errors import InputError
+from solvers.errors import InputError, UnknownNameError
+
+_Value = TypeVar("_Value")
 
 
 def finite_number(field: str, value: object) -> float:
@@ -84,3 +86,71 @@ def real_array(field: str, value: object, remedy: str = "give real numbers") -> 
 def _is_no_number(entry: object) -> bool:
     """Whether Python would make a number of it that is not the one given."""
     return entry is None or isinstance(entry, complex | np.complexfloating | str | bytes)
+
+
+def closest(word: object, words: Iterable[str]) -> str | None:
+    """The one of `words` that is most like a mistyped word, capitals aside; None if none is."""
+    if not isinstance(word, str):
+        return None
+    import difflib  # slow to import, and only mistakes need it
+
+    lowered = {known.lower(): known for known in words}
+    found = difflib.get_close_matches(word.lower(), lowered, n=1)
+    return lowered[found[0]] if found else None
+
+
+def known_name(field: str, name: object, known: Mapping[str, Iterable[str]], otherwise: str = "") -> str:
+    """The name if it is one of those known.
+
+    Parameters
+    ----------
+    field : str
+        The argument that holds it, for the error.
+    name : object
+        What was given.
+    known : mapping
+        The names that fit, by what they are names of, in the plural: ``{"edge sets": ("top", "left")}``.
+    otherwise : str
+        What else could be done, such as "add it by with_edges()".
+
+    Raises
+    ------
+    UnknownNameError
+        If it is none of them. The remedy lists all of them, the closest one first.
+
+    """
+    names = {kind: tuple(each) for kind, each in known.items()}
+    every = [one for each in names.values() for one in each]
+    if isinstance(name, str) and name in every:
+        return name
+    near = closest(name, every)
+    listed = " or of the ".join(f"{kind} ({', '.join(each) or 'there are none'})" for kind, each in names.items())
+    remedy = f"name one of the {listed}" + (f", or {otherwise}" if otherwise else "")
+    raise UnknownNameError(field, name, remedy if near is None else f"did you mean {near!r}? Otherwise {remedy}")
+
+
+class Named(dict[str, _Value]):
+    """A mapping by name that answers an unknown one with those there are.
+
+    Parameters
+    ----------
+    field : str
+        What the mapping is called, for the error.
+    kind : str
+        What its keys are names of, in the plural.
+    values : mapping
+        The values by name.
+
+    Raises
+    ------
+    UnknownNameError
+        On ``mapping[name]``, a `KeyError` too: ``name in mapping`` and ``mapping.get(name)`` are as usual.
+
+    """
+
+    def __init__(self, field: str, kind: str, values: Mapping[str, _Value]) -> None:
+        super().__init__(values)
+        self._field, self._kind = field, kind
+
+    def __missing__(self, name: object) -> _Value:
+        return self[known_name(self._field, name, {self._kind: self})]  # which raises

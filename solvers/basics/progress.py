@@ -11,16 +11,14 @@ import logging
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from contextvars import ContextVar
-from numbers import Real
 from string import ascii_letters
 from textwrap import wrap
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self, TypeAlias
 
-from solvers.basics.checks import true_or_false
-from solvers.errors import InputError
+from solvers.basics.checks import positive_number, true_or_false
 
 if TYPE_CHECKING:
     from solvers.solution import Iteration
@@ -108,15 +106,7 @@ def report(progress: Progress) -> None:
 
 def checked_limit(value: object) -> float:
     """Seconds of a time limit, infinity where there is none; `InputError` unless it is a finite number above 0."""
-    if value is None:
-        return math.inf
-    seconds = math.nan
-    if not isinstance(value, bool) and isinstance(value, Real):
-        with suppress(OverflowError):
-            seconds = float(value)
-    if not 0.0 < seconds < math.inf:
-        raise InputError("time_limit", value, "give a number of seconds above 0")
-    return seconds
+    return math.inf if value is None else positive_number("time_limit", value)
 
 
 # What a solve says while it runs: printed with ``verbose=True``, and logged under the name "qvi_contact".

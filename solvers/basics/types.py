@@ -1,14 +1,15 @@
 """Names for the arrays of (D2): dense vectors, and matrices in compressed columns or rows, all float64.
 
-Also what all rooms do with such data: what a pickle holds of an object, and tables in pandas.
+Also what all rooms do with such data: what a pickle holds of an object, what is made once, and tables in pandas.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import fields
 from importlib import import_module
 from importlib.util import find_spec
+from threading import Lock
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +82,49 @@ def _fixed(value: Any) -> Any:
         return MappingProxyType(value)
     value.flags.writeable = False
     return value
+
+
+# What is made once for several uses.
+
+
+_Made = TypeVar("_Made")
+
+_MOST: Final = 4  # of one kind
+
+
+def read_only(*matrices: Any) -> None:
+    """Arrays and sparse matrices that several problems share cannot be written to any more."""
+    for matrix in matrices:
+        if not isinstance(matrix, np.ndarray):
+            matrix.sum_duplicates()  # which sorts entries too: SciPy would do so in place when it likes
+        for part in (matrix,) if isinstance(matrix, np.ndarray) else (matrix.data, matrix.indices, matrix.indptr):
+            part.flags.writeable = False
+
+
+class Kept:
+    """The latest objects that were made of something, of each kind a few.
+
+    What is kept must not refer to its owner: memory, such as that of a large factorisation, is then freed at once with
+    the owner, and not when the garbage is collected next.
+    """
+
+    def __init__(self) -> None:
+        self._found: dict[type, dict[Hashable, Any]] = {}
+        self._lock = Lock()
+
+    def __call__(self, kind: type[_Made], key: Hashable, make: Callable[[], _Made]) -> _Made:
+        """The object of a kind for a key, made if there is none; several threads get the same."""
+        with self._lock:
+            known = self._found.setdefault(kind, {})
+            if key in known:
+                known[key] = known.pop(key)  # the latest comes last
+                return known[key]  # type: ignore[no-any-return]  # of its kind
+        made = make()
+        with self._lock:
+            made = known.setdefault(key, made)
+            if len(known) > _MOST:
+                del known[next(iter(known))]
+        return made
 
 
 # Results as pandas tables, which need the extra ``frame``.

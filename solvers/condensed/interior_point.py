@@ -20,10 +20,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from solvers.basics.records import dataclass
 from solvers.basics.types import Vector
 from solvers.condensed.complementarity import Complementarity
-from solvers.condensed.systems import Saddle, Solve
+from solvers.condensed.systems import Saddle
 from solvers.inequality.rows import largest
 from solvers.solution import Start
 
@@ -181,7 +180,7 @@ class InteriorPoint:
     def iterate(self, residuals: Residuals) -> float:
         """One iteration; returns the length of its step."""
         point = self.point
-        newton = Newton.at(self.problem, point, residuals, accurate=self.accurate)
+        newton = Newton(self.problem, point, residuals, accurate=self.accurate)
         products, work = point.products, self._work(point)
         tau = self.parameter()
         affine = newton.step(-products)
@@ -248,24 +247,14 @@ class InteriorPoint:
         return float(np.minimum.reduce(products / (max(tau, _LEAST) * self.shares), initial=np.inf))
 
 
-@dataclass(frozen=True, eq=False)
 class Newton:
-    """The factorised Newton matrix at a point."""
+    """The factorised Newton matrix at a point; `accurate`: as in `Saddle`."""
 
-    point: Point
-    problem: Complementarity
-    residuals: Residuals
-    slope: Vector
-    solve: Solve | None
-    saddle: Saddle | None = None
-
-    @classmethod
-    def at(cls, problem: Complementarity, point: Point, residuals: Residuals, *, accurate: bool = False) -> "Newton":
-        """Assemble and factorise; `accurate`: as in `Saddle`."""
-        slope = (point.pull - point.push) / (point.pull + point.push)
-        if accurate:
-            return cls(point, problem, residuals, slope, None, Saddle(problem, point.s, point.lam, slope))
-        return cls(point, problem, residuals, slope, problem.system.factorised(problem, point.lam / point.s, slope))
+    def __init__(self, problem: Complementarity, point: Point, residuals: Residuals, *, accurate: bool = False) -> None:
+        self.point, self.problem, self.residuals = point, problem, residuals
+        self.slope = slope = (point.pull - point.push) / (point.pull + point.push)
+        self._saddle = Saddle(problem, point.s, point.lam, slope) if accurate else None
+        self.solve = None if accurate else problem.system.factorised(problem, point.lam / point.s, slope)
 
     def step(self, comp: Vector, *, only: bool = False) -> Point:
         """The change that makes the products grow by comp (q + b,); `only`: without reducing the residuals."""
@@ -286,12 +275,12 @@ class Newton:
 
     def _bounds(self, force: Vector, slack: Vector, comp: Vector) -> tuple[Vector, Vector, Vector]:
         """Changes of y, s and λ for the residuals of y and of the slacks, and the wanted change of s λ."""
-        if self.saddle is not None:
-            return self.saddle.solve(force, slack, comp)
+        if self._saddle is not None:
+            return self._saddle.solve(force, slack, comp)
         assert self.solve is not None
-        problem = self.problem
+        problem, solve = self.problem, self.solve
         lam = (comp + self.point.lam * slack) / self.point.s
-        y = self.solve(-force - problem.force(lam))
+        y = solve(-force - problem.force(lam))
         s = -slack - problem.change(y, self.slope)
         lam = (comp - self.point.lam * s) / self.point.s
         for enough in _ENOUGH:  # the elimination of s and λ loses digits where s is small
@@ -299,7 +288,7 @@ class Newton:
             left = -force - terms[0] - terms[1]
             if largest(left) <= enough * largest(np.concatenate(terms)):
                 break
-            more = self.solve(left)
+            more = solve(left)
             moved = problem.change(more, self.slope)
             # Added up, not computed from y: λ/s times the rounding of C y would put forces out of balance again.
             y, s, lam = y + more, s - moved, lam + self.point.lam / self.point.s * moved
@@ -433,7 +422,7 @@ class CentralPath:
         self._steps += 1
         point, residuals = method.point, method.residuals()
         target = np.exp(self._log) * method.shares
-        newton = Newton.at(method.problem, point, residuals)
+        newton = Newton(method.problem, point, residuals)
         along = newton.step(target, only=True)
         back = newton.step(target - point.products)
         tangent, change = self._relative(1.0, along), self._relative(0.0, back)

@@ -27,20 +27,18 @@ In `docs/theory.md`: (D8).
 """
 
 import time
-from dataclasses import field
 from functools import cached_property
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.linalg import LinAlgError
 
 from solvers.basics.progress import Progress, deadline, report
-from solvers.basics.records import dataclass
 from solvers.basics.status import Status
 from solvers.condensed.complementarity import Complementarity
 from solvers.condensed.coordinates import Coordinates, DenseCoordinates, SparseCoordinates
 from solvers.condensed.interior_point import CentralPath, InteriorPoint, Measures, Point, Residuals, start_near
-from solvers.condensed.systems import Expansion, PathWeights
+from solvers.condensed.systems import PathWeights
 from solvers.inequality.body import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import largest
@@ -75,36 +73,47 @@ _FITTED = 1e-7  # slack residual from which on friction has its own share, see `
 _ON_PATH = 1e-4  # slack residual below which stalling means a turn of the path
 
 
-@dataclass(eq=False)
 class CondensedRun:
-    """One start of the method: what it iterates on, and everything that changes."""
+    """One start of the method, about z = 0 and from where the contact would be bonded; what an iteration changes.
 
-    qvi: FrictionQVI
-    space: Coordinates
-    base: Expansion
-    problem: Complementarity
-    interior: InteriorPoint
-    options: CondensedOptions
-    history: list[Iteration] = field(default_factory=list)
-    ended: Status | None = None
-    message: str = ""
-    best: tuple[float, int] = (np.inf, 0)
-    path: CentralPath | None = None
-    clear: Point | None = None  # the last point from which a step was long
-    force: float = np.inf  # residual of the iteration before
-    last_gap: float = np.inf  # gap of the iteration before
-    kept: tuple[float, Point | None] = (np.inf, None)  # the best point, see `_worst`
-    unsettled: float = np.inf  # energy norm of the residual of y when last all else was reached
-    before: int = 0  # iterations of earlier starts
-    elsewhere: bool = False  # whether the path of an earlier start, with other shares, had to turn
-    warm: bool = False  # whether it began near the answer to a problem before
-    near: bool | None = None  # whether the state given was near; None without one
-    setup: float = 0.0  # seconds before the first iteration
-    turns: int = 0
-    began: float = 0.0
-    scale: float = 0.0  # energy norm of the first step
-    steps: list[float] = field(default_factory=list)  # relative lengths of the steps between corrections
-    sizes: list[float] = field(default_factory=list)  # relative sizes of the corrections
+    `history` is that of earlier starts, to which iterations are added; `elsewhere`: the path of one of them, with other
+    shares of friction, had to turn; `near`: whether the state given was near, None without one.
+    """
+
+    def __init__(
+        self, qvi: FrictionQVI, space: Coordinates, options: CondensedOptions, shares: PathWeights, *, setup: float,
+        near: bool | None = None, history: list[Iteration] | None = None, elsewhere: bool = False,
+    ) -> None:  # fmt: skip
+        self.qvi, self.space, self.options, self.setup = qvi, space, options, setup
+        self.near, self.elsewhere = near, elsewhere
+        self.history = [] if history is None else history
+        self.before = len(self.history)  # iterations of earlier starts
+        self.best = (np.inf, self.before)  # the least distance, and after how many iterations
+        self.ended: Status | None = None
+        self.message = ""
+        self.warm = False  # whether it began near the answer to a problem before
+        self.turns, self.scale = 0, 0.0  # of the path; energy norm of the first step
+        self.steps: list[float] = []  # relative lengths of the steps between corrections
+        self.sizes: list[float] = []  # relative sizes of the corrections
+        self.base = space.base(np.zeros(qvi.n))
+        bonded = space.bonded(self.base)
+        stress = max(1e-300, *(largest(part) for part in space.tractions(self.base, bonded)))
+        self.problem = Complementarity(qvi, space, self.base, stress, shares)
+        stiffness = qvi.contact_stiffness
+        self.interior = InteriorPoint(self.problem, stress / stiffness if stiffness > 0.0 else 1.0)
+        self.interior.start_at(self.problem.restricted(bonded))
+        if not self.problem.system.last_digits:
+            self.interior.finest = max(self.interior.finest, _FINER * self.final_gap)
+        self._renew()
+        self.began = time.perf_counter()
+
+    def _renew(self) -> None:
+        """Forget all iterates but the last."""
+        self.last_gap = self.force = np.inf  # gap, and residual of the iteration before
+        self.unsettled = np.inf  # energy norm of the residual of y when last all else was reached
+        self.path: CentralPath | None = None
+        self.clear: Point | None = None  # the last point from which a step was long
+        self.kept = (np.inf, self.interior.point)  # the best point, see `_worst`
 
     @classmethod
     def of(cls, qvi: FrictionQVI, options: CondensedOptions) -> "CondensedRun":
@@ -114,39 +123,20 @@ class CondensedRun:
         if wanted == "auto":
             wanted = "dense" if qvi.stiffness.condensing_pays(qvi.contact) else "sparse"
         space = SparseCoordinates(qvi) if wanted == "sparse" else DenseCoordinates(qvi)
-        setup = time.perf_counter() - began
-        return cls._starting(qvi, space, options, space.shares[0], setup=setup)
-
-    @classmethod
-    def _starting(
-        cls, qvi: FrictionQVI, space: Coordinates, options: CondensedOptions, shares: PathWeights, **kept: Any
-    ) -> "CondensedRun":
-        """Reduce about z = 0, and begin where the contact would be bonded."""
-        base = space.base(np.zeros(qvi.n))
-        bonded = space.bonded(base)
-        stress = max(1e-300, *(largest(part) for part in space.tractions(base, bonded)))
-        problem = Complementarity(qvi, space, base, stress, shares)
-        stiffness = qvi.contact_stiffness
-        interior = InteriorPoint(problem, stress / stiffness if stiffness > 0.0 else 1.0)
-        interior.start_at(problem.restricted(bonded))
-        run = cls(qvi, space, base, problem, interior, options, began=time.perf_counter(), **kept)
-        if not problem.system.last_digits:
-            interior.finest = max(interior.finest, _FINER * run.final_gap)
-        return run
+        return cls(qvi, space, options, space.shares[0], setup=time.perf_counter() - began)
 
     def by_root(self) -> "CondensedRun":
         """The usual start by the factorisation of R."""
         space = DenseCoordinates(self.qvi)
-        kept = {"near": self.near, "setup": self.setup}
-        return self._starting(self.qvi, space, self.options, space.shares[0], **kept)
+        return CondensedRun(self.qvi, space, self.options, space.shares[0], setup=self.setup, near=self.near)
 
     def again(self, shares: PathWeights, *, turned: bool) -> "CondensedRun":
         """Another start with these shares of friction; `turned`: a turn of the path so far is of interest."""
-        kept = {"near": self.near, "setup": self.setup, "history": self.history}
-        count, elsewhere = len(self.history), turned and (self.elsewhere or self.turns > 0)
-        return self._starting(
-            self.qvi, self.space, self.options, shares, before=count, best=(np.inf, count), elsewhere=elsewhere, **kept
-        )
+        elsewhere = turned and (self.elsewhere or self.turns > 0)
+        return CondensedRun(
+            self.qvi, self.space, self.options, shares, setup=self.setup, near=self.near, history=self.history,
+            elsewhere=elsewhere,
+        )  # fmt: skip
 
     @property
     def reason(self) -> Status:
@@ -238,9 +228,7 @@ class CondensedRun:
 
     def _reach(self, gap: float) -> None:
         """Iterate to a gap, around turns of the central path; ends at the best point on the way."""
-        self.last_gap = np.inf
-        self.path, self.clear, self.force, self.unsettled = None, None, np.inf, np.inf
-        self.kept = (np.inf, self.interior.point)
+        self._renew()
         while True:
             residuals = self.interior.residuals()
             measures = self.interior.measures(residuals)
@@ -259,7 +247,7 @@ class CondensedRun:
             if self.ended is not None:
                 break
             self._record(measures)
-        self.interior.point = self.kept[1] or self.interior.point
+        self.interior.point = self.kept[1]
 
     def _limit(self, measures: Measures) -> Status | None:
         """What ends the iteration whatever its progress."""
@@ -273,10 +261,7 @@ class CondensedRun:
         return Status.STALLED if count - self.before >= _ONE_START else None
 
     def _prepare(self, measures: Measures) -> None:
-        """Friction's own share once slacks fit; a sharper kink where it lags behind; the larger matrix where it is due.
-
-        The larger Newton matrix is taken once the smaller one spoils multipliers.
-        """
+        """Friction's own share once slacks fit, a sharper kink where it lags, and `Saddle` once multipliers spoil."""
         self.force, self.last_gap = measures.force, measures.gap
         problem, interior = self.problem, self.interior
         if self.path is None and measures.slack <= _FITTED:
@@ -298,10 +283,7 @@ class CondensedRun:
         return measures.gap <= gap and max(measures.slack, measures.kink) <= _SLACK and (balanced or stalled)
 
     def _settled(self, residuals: Residuals) -> bool:
-        """Whether the residual of y moves nothing any more, in the energy norm, or does not shrink any more.
-
-        What is little beside the largest force may be much in a direction in which the body is soft.
-        """
+        """Whether the residual of y moves nothing, however soft the body is there, or does not shrink any more."""
         if self.scale == 0.0:  # before the first defect correction digits do not count
             return True
         before, self.unsettled = self.unsettled, self.residual(residuals)
@@ -315,8 +297,7 @@ class CondensedRun:
     def _worst(self, measures: Measures, residuals: Residuals) -> float:
         """What the best point is chosen by; forces count like the gap where their last digits are within reach.
 
-        Else they count by the error of the stress that they make: the stiffer the bounds, the more digits they lose,
-        and where the body is soft, as at joints that open, little force is much stress.
+        Else they count by the error of the stress: where the body is soft, as at open joints, a little force is much.
         """
         if self.problem.system.last_digits:
             return measures.worst
@@ -326,10 +307,7 @@ class CondensedRun:
         return max(worst, self._unbalanced(residuals) / _UNBALANCED)
 
     def _unbalanced(self, residuals: Residuals) -> float:
-        """The error of the stress that forces out of balance make, in the energy norm, relative; not of dense systems.
-
-        Those reach the last digits of forces, and their norm is 0 where S is no longer definite to rounding.
-        """
+        """The error of the stress, in the energy norm, relative, that forces out of balance make in sparse systems."""
         if self.problem.system.last_digits or not self.base.strain_energy > 0.0:
             return np.inf
         return self.problem.system.norm(residuals.force) / float(np.sqrt(2.0 * self.base.strain_energy))
@@ -346,10 +324,9 @@ class CondensedRun:
         return count - self.best[1] >= self.problem.system.patience
 
     def _turn(self, measures: Measures) -> None:
-        """Follow the central path from here on, if there is one.
+        """Follow the central path, if there is one, from the last point from which a step was long.
 
-        It is looked for from the last point from which a step was long: where steps have become short, before the turn,
-        the iterate is far off the path, and Newton's matrix nearly singular there.
+        Where steps have become short the iterate is far off the path, and Newton's matrix nearly singular.
         """
         if measures.slack > _ON_PATH:
             self.ended, self.message = Status.INNER_INFEASIBLE, f"bounds are violated by {measures.slack:.1e}"

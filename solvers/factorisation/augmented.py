@@ -2,14 +2,14 @@
 
 The augmented system [−1 R; Rᵀ 0] of the rows r = R x and the unknowns x has the condition of R, the square root of
 that of K = RᵀR. Its stable elimination is the orthogonal one: multifrontal QR by nested dissection with dense fronts.
-Rows are split by a binary tree of places. At each node the factors of its two halves are stacked, and
+A row comes in with the first of its unknowns, and at each front
 
-    Q [rows] = [U₁₁ U₁₂]    with the unknowns whose rows all lie below the node first.
+    Q [rows] = [U₁₁ U₁₂]    with the unknowns of the front first.
                [ 0  U₂₂]
 
-U₁₁ and U₁₂ stay, U₂₂ goes up. What arrives at the top is the triangular factor U of the Schur complement S = UᵀU on
-the interface. The relative error of S is of order ε cond(R), with the columns of R scaled to length one; that of a
-factorised K is ε cond(R)².
+U₁₁ and U₁₂ stay, U₂₂ goes on as rows of a later front. What arrives at the last one is the triangular factor U of the
+Schur complement S = UᵀU on the interface. The relative error of S is of order ε cond(R), with the columns of R scaled
+to length one; that of a factorised K is ε cond(R)².
 
 Sources: J. Liu, On general row merging schemes for sparse Givens transformations, SIAM J. Sci. Stat. Comput. 7 (1986);
 Å. Björck, Numerical Methods for Least Squares Problems (1996), sections 2.5 and 6.6.
@@ -18,23 +18,22 @@ In `docs/theory.md`: (D9).
 """
 
 from functools import cached_property
+from itertools import pairwise
 from time import perf_counter
 from typing import Final
 
 import numpy as np
 from scipy import __version__ as scipy_version
 from scipy.linalg import lapack
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import csc_array, csr_array, diags_array
 
-from solvers.basics.types import BoolVector, IntVector, Matrix, SparseRows, Vector
+from solvers.basics.types import IntVector, Matrix, SparseRows, Vector
 from solvers.errors import InputError
 from solvers.factorisation.base import FactorisationError, Front, Fronts, limited_blas
+from solvers.factorisation.dissection import interface_last
 
 ORTHOGONAL: Final = "qr"
 """Name of this back end."""
-
-LEAF_ROWS: Final = 256
-"""Rows that are no longer split."""
 
 _EPSILON: Final = float(np.finfo(np.float64).eps) / 2.0
 _BLOCK: Final = 32  # of LAPACK's QR
@@ -66,16 +65,17 @@ class OrthogonalFactor(Fronts):
         self._scale = np.sqrt(np.asarray(R.multiply(R).sum(axis=0)).ravel())
         if not np.all(self._scale > 0.0):
             raise FactorisationError("singular", self.backend, f"column {int(np.argmin(self._scale))} of R is zero")
-        tree = _Tree(csr_array(R @ diags_array(1.0 / self._scale)), interface, places)
+        R = csr_array(R @ diags_array(1.0 / self._scale))
+        rows = np.diff(R.indptr) > 0
+        R, places = R[rows], places[rows]
+        pattern = csr_array((np.ones(R.nnz), R.indices, R.indptr), R.shape)
+        middles = (pattern.T @ places) / pattern.sum(axis=0)[:, None] if places.shape[1] else None
+        order, starts = interface_last(csc_array(pattern.T @ pattern), interface, middles)
         analysed = perf_counter()
         with limited_blas(1):
-            fronts, columns, top = tree.eliminated()
-            root = _triangle(top[:, np.argsort(columns)])
-        _check(root, self.backend)
+            fronts, root = _eliminated(R, order, starts, self.backend)
         self._fronts = [
-            Front(
-                own, others, np.asfortranarray(head * self._scale[own]), np.asfortranarray(tail * self._scale[others])
-            )
+            Front(own, others, head * self._scale[own], np.asfortranarray(tail * self._scale[others]))
             for own, others, head, tail in fronts
         ]
         self.schur_root = np.asarray(root * self._scale[interface])
@@ -115,8 +115,8 @@ def factorise_root(R: SparseRows, interface: IntVector, places: Matrix) -> Ortho
     interface : IntVector (k,)
         Γ: indices of unknowns in increasing order, none twice.
     places : (m, d) array
-        Where each row lies: rows with equal places are kept together, and only those with places side by side should
-        share unknowns, a few unknowns excepted. For cells of a grid: their column and row.
+        Where each row lies: only those with places side by side should share unknowns, a few unknowns excepted. For
+        cells of a grid: their column and row.
 
     Raises
     ------
@@ -140,91 +140,35 @@ def factorise_root(R: SparseRows, interface: IntVector, places: Matrix) -> Ortho
     return OrthogonalFactor(R, indices, points)
 
 
-class _Tree:
-    """Rows split by place, and the unknowns eliminated where the last of their rows comes in."""
-
-    def __init__(self, R: SparseRows, interface: IntVector, places: Matrix) -> None:
-        self._R = R
-        self._places = places
-        self._entries = np.bincount(R.indices, minlength=R.shape[1])
-        self._stays: BoolVector = np.zeros(R.shape[1], dtype=np.bool_)
-        self._stays[interface] = True
-        self._fronts: list[Front] = []
-
-    def eliminated(self) -> tuple[list[Front], IntVector, Matrix]:
-        """Fronts, parts before wholes; the interface in the order of the columns of the factor left for it."""
-        columns, _, factor = self._subtree(np.arange(self._R.shape[0]))
-        return self._fronts, columns, factor
-
-    def _subtree(self, rows: IntVector) -> tuple[IntVector, IntVector, Matrix]:
-        """Eliminate all that lies within the rows: columns that stay, their entries so far, and U₂₂."""
-        halves = self._halves(rows) if rows.size > LEAF_ROWS else None
-        if halves is None:
-            columns, found, stacked = self._leaf(rows)
-        else:
-            first, second = (self._subtree(half) for half in halves)
-            columns = np.union1d(first[0], second[0])
-            found = np.zeros(columns.size, dtype=np.int64)
-            stacked = np.zeros((len(first[2]) + len(second[2]), columns.size), order="F")
-            start = 0
-            for part, count, factor in (first, second):
-                local = np.searchsorted(columns, part)
-                found[local] += count
-                stacked[start : start + len(factor), local] = factor
-                start += len(factor)
-        return self._eliminate(columns, found, stacked)
-
-    def _leaf(self, rows: IntVector) -> tuple[IntVector, IntVector, Matrix]:
-        """Columns of the rows, entries in each, and the rows as a dense matrix."""
-        part = self._R[rows]
-        columns, local, found = np.unique(part.indices, return_inverse=True, return_counts=True)
-        dense = np.zeros((rows.size, columns.size), order="F")
-        dense[np.repeat(np.arange(rows.size), np.diff(part.indptr)), local] = part.data
-        return columns.astype(np.int64), found, dense
-
-    def _eliminate(self, columns: IntVector, found: IntVector, stacked: Matrix) -> tuple[IntVector, IntVector, Matrix]:
-        done = (found == self._entries[columns]) & ~self._stays[columns]
-        order = np.concatenate([np.flatnonzero(done), np.flatnonzero(~done)])
-        columns, found, count = columns[order], found[order], int(done.sum())
-        upper = _triangle(stacked[:, order])
-        head = np.asfortranarray(upper[:count, :count])
-        _check(head, OrthogonalFactor.backend)
-        if count:
-            tail = np.asfortranarray(upper[:count, count:])
-            self._fronts.append(Front(columns[:count], columns[count:], head, tail))
-        return columns[count:], found[count:], upper[count:, count:]
-
-    def _halves(self, rows: IntVector) -> tuple[IntVector, IntVector] | None:
-        """The rows cut near the middle, across the direction with the most different places; None if all are alike."""
-        if not self._places.shape[1]:
-            return None
-        steps = [np.unique(self._places[rows, d], return_counts=True) for d in range(self._places.shape[1])]
-        direction = int(np.argmax([values.size for values, _ in steps]))
-        values, counts = steps[direction]
-        if values.size < 2:
-            return None
-        before = np.cumsum(counts)[:-1]
-        last = values[int(np.argmin(np.abs(before - rows.size / 2.0)))]
-        low = self._places[rows, direction] <= last
-        return rows[low], rows[~low]
-
-
-def _triangle(matrix: Matrix) -> Matrix:
-    """The factor U (min(m, n), n) of matrix = Q U."""
-    m, n = matrix.shape
-    if not (m and n):
-        return np.zeros((0, n))
-    packed = lapack.dgeqrf(np.asfortranarray(matrix), lwork=_BLOCK * n, overwrite_a=1)[0]
-    return np.triu(packed[: min(m, n)])
-
-
-def _check(upper: Matrix, backend: str) -> None:
-    """`FactorisationError` if there are fewer rows than columns or a pivot is rounding; columns had length one.
-
-    Only what would divide by nothing is caught here: whether columns are dependent, no single pivot tells.
-    """
-    if not upper.shape[1]:
-        return
-    least = float(np.abs(upper.diagonal()).min()) if upper.shape[0] == upper.shape[1] else 0.0
-    if not least > _EPSILON:
-        raise FactorisationError("singular", backend, f"pivot {least:.1e} of its column of R")
+def _eliminated(R: SparseRows, order: IntVector, starts: IntVector, backend: str) -> tuple[list[Front], Matrix]:
+    """Fronts of the unknowns order[starts[i] : starts[i + 1]], and U (k, k) of those from the last start on."""
+    n = len(order)
+    position = np.empty(n, dtype=np.int64)
+    position[order] = np.arange(n)
+    number = np.repeat(np.arange(len(starts)), np.diff(starts, append=n))
+    front = number[np.minimum.reduceat(position[R.indices], R.indptr[:-1])] if R.nnz else number[:0]
+    R = R[np.argsort(front, kind="stable")]
+    begins = np.concatenate([[0], np.cumsum(np.bincount(front, minlength=len(starts)))])  # of rows
+    waiting: list[list[tuple[IntVector, Matrix]]] = [[] for _ in starts]
+    fronts: list[Front] = []
+    for i, (first, end) in enumerate(pairwise([*starts.tolist(), n])):
+        entries, lengths = slice(*R.indptr[begins[i : i + 2]]), np.diff(R.indptr[begins[i] : begins[i + 1] + 1])
+        own, arrived, waiting[i] = position[R.indices[entries]], waiting[i], []
+        columns = np.unique(np.concatenate([np.arange(first, end), own, *(places for places, _ in arrived)]))
+        row = len(lengths)
+        stacked = np.zeros((row + sum(len(upper) for _, upper in arrived), len(columns)), order="F")
+        stacked[np.repeat(np.arange(row), lengths), np.searchsorted(columns, own)] = R.data[entries]
+        for places, upper in arrived:
+            stacked[row : row + len(upper), np.searchsorted(columns, places)] = upper
+            row += len(upper)
+        packed = lapack.dgeqrf(stacked, lwork=_BLOCK * len(columns), overwrite_a=1)[0] if stacked.size else stacked
+        upper, count = np.triu(packed[: min(stacked.shape)]), end - first
+        head, tail, later = np.asfortranarray(upper[:count, :count]), upper[:count, count:], columns[count:]
+        # Only what would divide by nothing is refused here: whether columns are dependent, no single pivot tells.
+        least = float(np.abs(head.diagonal()).min(initial=1.0)) if len(head) == count else 0.0
+        if not least > _EPSILON:
+            raise FactorisationError("singular", backend, f"pivot {least:.1e} of its column of R")
+        fronts.append(Front(order[first:end], order[later], head, tail))
+        if len(later):
+            waiting[number[later[0]]].append((later, upper[count:, count:]))
+    return fronts[:-1], fronts[-1].head

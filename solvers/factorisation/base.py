@@ -261,7 +261,7 @@ def blas_libraries(modules: int) -> list[Module]:  # noqa: ARG001  # it is the k
 DENSE: Final = "dense"
 """Name of the back end with one front, for matrices so small that an ordering costs more than it saves."""
 
-SMALL: Final = 500
+SMALL: Final = 400
 """Unknowns up to which no sparse back end is faster, its ordering included."""
 
 

@@ -47,7 +47,7 @@ def factorise(
         Γ: indices in increasing order, none twice. With k = 0 this is the plain factorisation, and nothing more.
     backend : str
         A name in `BACKENDS`, "dense", or "auto": the one in the environment variable QVI_CONTACT_FACTORISATION, else
-        "dense" for up to 500 unknowns, else the first that is installed.
+        "dense" for up to 400 unknowns, else the first that is installed.
     threads : int, optional
         Threads to use; one below 50 000 unknowns if not given, and above what OMP_NUM_THREADS or MKL_NUM_THREADS say,
         or all cores this process may run on. "multifrontal" always has one.

@@ -189,10 +189,7 @@ def nested_dissection(places: Matrix | None, starts: IntVector, columns: IntVect
 
 
 def _distances(starts: IntVector, columns: IntVector) -> Matrix:
-    """(n, 4) distances from three unknowns that are far from each other; where they are equal, numbers decide.
-
-    Unknowns that many others know do not count as links. Parts without a link are joined, one to the next.
-    """
+    """(n, 4) distances from three unknowns far from each other, and numbers; those that many know are no links."""
     from scipy.sparse.csgraph import connected_components, dijkstra  # what few solves need is not loaded at the start
 
     n, counts = len(starts) - 1, np.diff(starts)
@@ -201,6 +198,7 @@ def _distances(starts: IntVector, columns: IntVector) -> Matrix:
     links.eliminate_zeros()
     part = connected_components(links, directed=False)[1]
     ends = np.unique(part, return_index=True)[1]
+    # Parts without a link are joined, one to the next.
     links = links + csr_array((np.ones(len(ends) - 1), (ends[:-1], ends[1:])), (n, n))
     found = np.empty((n, 0))
     for _ in range(3):

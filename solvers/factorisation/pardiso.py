@@ -11,13 +11,12 @@ import sys
 import weakref
 from collections.abc import Iterator
 from contextlib import suppress
-from enum import IntEnum
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from threading import RLock
 from time import perf_counter
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,7 +108,24 @@ def thread_count(threads: int | None) -> int:
 # PARDISO.
 
 
-_PERTURBATION: Final = 16  # digits after which a pivot is nothing; the usual 13 lose soft directions beside stiff ones
+STRUCTURALLY_SYMMETRIC, POSITIVE_DEFINITE = 1, 2  # argument `mtype`: what a real matrix is
+ANALYSIS, NUMERIC, SOLVE, RELEASE = 11, 22, 33, -1  # argument `phase`
+FORWARD, BACKWARD = 331, 333  # (g_I, g_Γ) → (L⁻¹ g_I, g_Γ − M L⁻¹ g_I), and (y_I, x_Γ) → (L⁻ᵀ (y_I − Mᵀ x_Γ), x_Γ)
+
+_SETTINGS: Final = {  # of `iparm`, by their positions
+    0: 1,  # no defaults are filled in
+    1: 2,  # METIS orders
+    9: 16,  # pivots below 10⁻¹⁶ |A| are made as large; the usual 13 lose soft directions beside stiff ones
+    23: 1,  # two-level factorisation, in which S costs next to nothing
+    34: 1,  # indices count from 0
+}
+_SCHUR: Final = {35: 2}  # dense S into x in the numeric phase, factors of K_II kept
+_REASONS: Final[dict[int, tuple[Reason, str]]] = {
+    -2: ("memory", "out of memory"),
+    -4: ("singular", "a pivot is zero or negative"),
+    -7: ("singular", "a diagonal block is singular"),
+    -8: ("memory", "32-bit integers overflow"),
+}
 _MATRIX: Final = 1  # mnum: number of the matrix of a handle, here the only one
 _PHASE, _COLUMNS, _ERROR = 3, 5, 7  # among the integer arguments
 _WIDE_FROM: Final = int(np.iinfo(np.int32).max)  # entries of K that need 64-bit integers
@@ -118,47 +134,6 @@ _SINGULAR: Final = 0.1 / float(np.finfo(np.float64).eps)
 
 _ONE_AT_A_TIME: Final = RLock()  # two threads in PARDISO end the process, even with matrices of their own
 _UNNEEDED: "Final[list[_Handle]]" = []  # what is to be freed as soon as no other thread is inside
-
-
-class Kind(IntEnum):
-    """Argument `mtype`: what a real matrix is."""
-
-    STRUCTURALLY_SYMMETRIC = 1
-    POSITIVE_DEFINITE = 2
-
-
-class Phase(IntEnum):
-    """Argument `phase`."""
-
-    ANALYSIS = 11
-    NUMERIC = 22
-    SOLVE = 33
-    FORWARD = 331  # (g_I, g_Γ) → (L⁻¹ g_I, g_Γ − M L⁻¹ g_I)
-    BACKWARD = 333  # (y_I, x_Γ) → (L⁻ᵀ (y_I − Mᵀ x_Γ), x_Γ)
-    RELEASE = -1
-
-
-class Setting(IntEnum):
-    """Positions in `iparm`."""
-
-    OWN_VALUES = 0  # 1: do not fill in defaults
-    ORDERING = 1  # 2: METIS, 3: its parallel version
-    PERTURBATION = 9  # p: pivots below 10⁻ᵖ |A| are made as large
-    TWO_LEVEL = 23  # 1: two-level factorisation, in which S costs next to nothing
-    ZERO_BASED = 34  # 1: indices from 0
-    SCHUR = 35  # 2: dense S into x in the numeric phase, factors of K_II kept
-
-
-_REASONS: Final[dict[int, tuple[Reason, str]]] = {
-    -1: ("backend", "the input is inconsistent"),
-    -2: ("memory", "out of memory"),
-    -3: ("backend", "the ordering failed"),
-    -4: ("singular", "a pivot is zero or negative"),
-    -5: ("backend", "unclassified internal error"),
-    -6: ("backend", "the ordering failed"),
-    -7: ("singular", "a diagonal block is singular"),
-    -8: ("memory", "32-bit integers overflow"),
-}
 
 
 class Pardiso(Factorisation):
@@ -175,32 +150,28 @@ class Pardiso(Factorisation):
         # Upper triangle of K = Kᵀ in compressed rows: the lower triangle of its columns.
         keep = K.indices >= np.repeat(np.arange(self.size, dtype=K.indices.dtype), np.diff(K.indptr))
         starts = np.concatenate([[0], np.cumsum(keep)])[K.indptr]
-        upper = (starts, K.indices[keep], K.data[keep])
-        self._handle = handle = _Handle(Kind.POSITIVE_DEFINITE, upper, interface, threads, self)
-        handle.call(Phase.ANALYSIS)
+        upper = starts, K.indices[keep], K.data[keep]
+        self._handle = handle = _Handle(POSITIVE_DEFINITE, *upper, threads, self, interface)
+        handle.call(ANALYSIS)
         analysed = perf_counter()
         schur = np.zeros((interface.size, interface.size))
-        handle.call(Phase.NUMERIC, x=schur)
+        handle.call(NUMERIC, x=schur)
         self.schur = symmetrised(schur) if schur.size else schur
         factorised = perf_counter()
         diagonal = K.diagonal()
         self._diagonal = diagonal[interface]
         self._check_interior(diagonal)
-        self.seconds = {
-            "analysis": analysed - start,
-            "numeric": factorised - analysed,
-            "check": perf_counter() - factorised,
-        }
+        self.seconds = {"analysis": analysed - start, "numeric": factorised - analysed}
+        self.seconds["check"] = perf_counter() - factorised
 
     def _check_interior(self, diagonal: Vector) -> None:
         """`FactorisationError` if K_II is singular up to rounding, which PARDISO tells of exact zeros only.
 
-        For g = D^½ ξ, D the diagonal of K_II and ξ of random signs, gᵀ K_II⁻¹ g = ‖L⁻¹ g‖² has the expectation
-        tr (D^-½ K_II D^-½)⁻¹, about 1/λ with the smallest eigenvalue λ of the matrix scaled to unit diagonal. MKL
-        would give pivots (iparm[55]), but without the two-level factorisation: 15 % dearer, this 2 %.
+        With random signs ξ and g = D^½ ξ, D the diagonal of K_II, ‖L⁻¹ g‖² is about 1/λ, λ the smallest eigenvalue of
+        D^-½ K_II D^-½. Pivots (iparm[55]) are not to be had with the two-level factorisation.
         """
         signs = np.random.default_rng(0).integers(2, size=(diagonal.size, _PROBES)) * 2.0 - 1.0
-        y = self._phase(Phase.FORWARD, np.asarray(signs * np.sqrt(diagonal)[:, None], dtype=np.float64))
+        y = self._phase(FORWARD, np.asarray(signs * np.sqrt(diagonal)[:, None], dtype=np.float64))
         y[self.interface] = 0.0
         energy = float(np.max(np.sum(y * y, axis=0)))
         if not energy < _SINGULAR:
@@ -208,12 +179,12 @@ class Pardiso(Factorisation):
             raise FactorisationError("singular", self.backend, detail)
 
     def _forward(self, right: Matrix) -> State:
-        return self._phase(Phase.FORWARD, right)
+        return self._phase(FORWARD, right)
 
     def _backward(self, state: State, values: Matrix) -> Matrix:
-        return self._phase(Phase.BACKWARD, self._with_values(state, values))
+        return self._phase(BACKWARD, self._with_values(state, values))
 
-    def _phase(self, phase: Phase, b: Matrix) -> Matrix:
+    def _phase(self, phase: int, b: Matrix) -> Matrix:
         b = np.asfortranarray(b)
         x = np.zeros(b.shape, order="F")
         if b.size:
@@ -230,9 +201,7 @@ class RefactorisedByPardiso:
     backend = "pardiso"
 
     def __init__(self, starts: IntVector, columns: IntVector, threads: int) -> None:
-        self.version, rows = version() or "", (starts, columns, np.zeros(len(columns)))
-        interface = np.zeros(0, dtype=np.int64)
-        self._handle = _Handle(Kind.STRUCTURALLY_SYMMETRIC, rows, interface, threads, self)
+        self._handle = _Handle(STRUCTURALLY_SYMMETRIC, starts, columns, np.zeros(len(columns)), threads, self)
         self._analysed = False
 
     def factorise(self, values: Vector) -> None:
@@ -240,19 +209,15 @@ class RefactorisedByPardiso:
         handle = self._handle
         handle.values[:] = values
         if not self._analysed:
-            handle.call(Phase.ANALYSIS)
+            handle.call(ANALYSIS)
             self._analysed = True
-        handle.call(Phase.NUMERIC)
+        handle.call(NUMERIC)
 
     def solve(self, right: Vector) -> Vector:
         """H⁻¹ right (n,)."""
         x = np.zeros_like(right)
-        self._handle.call(Phase.SOLVE, np.array(right)[:, None], x[:, None])
+        self._handle.call(SOLVE, np.array(right)[:, None], x[:, None])
         return x
-
-
-_Rows: TypeAlias = tuple[NDArray[Any], NDArray[Any], Vector]
-"""A matrix in compressed rows: row starts, columns, values."""
 
 
 class _Handle:
@@ -261,46 +226,44 @@ class _Handle:
     What MKL holds is freed when the owner goes.
     """
 
-    def __init__(self, kind: Kind, rows: _Rows, interface: IntVector, threads: int, owner: object) -> None:
+    def __init__(
+        self, kind: int, starts: NDArray[Any], columns: NDArray[Any], values: Vector, threads: int, owner: object,
+        interface: IntVector | None = None,
+    ) -> None:  # fmt: skip
         mkl = library()
         if mkl is None:
             raise FactorisationError("backend", "pardiso", "MKL does not load")
-        self.mkl = mkl
-        self.threads = threads
-        self.kind = kind
-        self.size = len(rows[0]) - 1
-        self.integer: type[np.signedinteger[Any]] = np.int32 if len(rows[1]) < _WIDE_FROM else np.int64
-        self.rows, self.columns = (np.ascontiguousarray(part, dtype=self.integer) for part in rows[:2])
-        self.values = np.ascontiguousarray(rows[2])
-        self.pt = np.zeros(64, dtype=np.int64)
-        self.iparm = np.zeros(64, dtype=self.integer)
-        self.iparm[[Setting.OWN_VALUES, Setting.ZERO_BASED, Setting.TWO_LEVEL]] = 1
-        self.iparm[Setting.ORDERING] = 2
-        self.iparm[Setting.PERTURBATION] = _PERTURBATION
-        self.perm = np.zeros(self.size, dtype=self.integer)  # 1 on the interface
-        if interface.size:
-            self.iparm[Setting.SCHUR] = 2
-            self.perm[interface] = 1
-        # Addresses of all arguments but b and x, which stay where they are, in the order of `pardiso`.
-        numbers = [1, _MATRIX, self.kind, 0, self.size, 0, 0, 0]
-        self._integers = np.array(numbers, dtype=self.integer)
-        maxfct, mnum, mtype, number, n, nrhs, msglvl, self._error = (_address(self._integers[i:]) for i in range(8))
-        self._dummy = np.zeros(1)
-        self._nothing = _address(self._dummy)
-        self._arguments = (
-            _address(self.pt), maxfct, mnum, mtype, number, n,
-            _address(self.values), _address(self.rows), _address(self.columns), _address(self.perm),
-            nrhs, _address(self.iparm), msglvl,
-        )  # fmt: skip
-        self._pardiso = self.mkl.pardiso_64 if self.integer is np.int64 else self.mkl.pardiso
+        size, wide = len(starts) - 1, len(columns) >= _WIDE_FROM
+        integer: type[np.signedinteger[Any]] = np.int64 if wide else np.int32
+        self._mkl, self._threads, self._pardiso = mkl, threads, mkl.pardiso_64 if wide else mkl.pardiso
+        self.values = np.ascontiguousarray(values)
+        pt, iparm, perm = np.zeros(64, dtype=np.int64), np.zeros(64, dtype=integer), np.zeros(size, dtype=integer)
+        settings = _SETTINGS
+        if interface is not None and interface.size:
+            settings = {**_SETTINGS, **_SCHUR}
+            perm[interface] = 1
+        iparm[list(settings)] = list(settings.values())
+        rows = (np.ascontiguousarray(part, dtype=integer) for part in (starts, columns))
+        self._arrays = pt, self.values, *rows, perm, iparm, np.zeros(1)  # which stay where they are
+        self._integers = np.array([1, _MATRIX, kind, 0, size, 0, 0, 0], dtype=integer)
+        # Addresses of all arguments but b and x, in the order of `pardiso`.
+        handle, *matrix, parameters, self._nothing = map(_address, self._arrays)
+        maxfct, mnum, mtype, phase, n, nrhs, msglvl, self._error = (_address(self._integers[i:]) for i in range(8))
+        self._arguments = (handle, maxfct, mnum, mtype, phase, n, *matrix, nrhs, parameters, msglvl)
         weakref.finalize(owner, self.release).atexit = False
 
-    def call(self, phase: Phase, b: Matrix | None = None, x: Matrix | None = None) -> None:
+    def call(self, phase: int, b: Matrix | None = None, x: Matrix | None = None) -> None:
         """One call of `pardiso`; `FactorisationError` for its error codes."""
-        code = self._call(phase, b, x)
+        right, left = (self._nothing if array is None else _address(array) for array in (b, x))
+        with foreign_code(), _ONE_AT_A_TIME:
+            threads = self._mkl.MKL_Set_Num_Threads_Local(self._threads)  # of this Python thread
+            self._integers[[_PHASE, _COLUMNS, _ERROR]] = phase, 1 if b is None else b.shape[1], 0
+            self._pardiso(*self._arguments, right, left, self._error)
+            self._mkl.MKL_Set_Num_Threads_Local(threads)
+            code = int(self._integers[_ERROR])
         if code:
-            reason, detail = _REASONS.get(code, ("backend", "unknown error"))
-            raise FactorisationError(reason, "pardiso", f"{detail} (code {code} in phase {phase.name.lower()})")
+            reason, detail = _REASONS.get(code, ("backend", "an internal error"))
+            raise FactorisationError(reason, "pardiso", f"{detail} (code {code} in phase {phase})")
 
     def release(self) -> None:
         """Free everything that MKL holds for this matrix, now or when the next one goes."""
@@ -308,19 +271,10 @@ class _Handle:
         if _ONE_AT_A_TIME.acquire(blocking=False):  # the garbage collector must not wait: it may run inside any lock
             try:
                 while _UNNEEDED:
-                    _UNNEEDED.pop()._call(Phase.RELEASE, None, None)
+                    with suppress(FactorisationError):
+                        _UNNEEDED.pop().call(RELEASE)
             finally:
                 _ONE_AT_A_TIME.release()
-
-    def _call(self, phase: Phase, b: Matrix | None, x: Matrix | None) -> int:
-        right = self._nothing if b is None else _address(b)
-        left = self._nothing if x is None else _address(x)
-        with foreign_code(), _ONE_AT_A_TIME:
-            threads = self.mkl.MKL_Set_Num_Threads_Local(self.threads)  # of this Python thread
-            self._integers[[_PHASE, _COLUMNS, _ERROR]] = phase, 1 if b is None else b.shape[1], 0
-            self._pardiso(*self._arguments, right, left, self._error)
-            self.mkl.MKL_Set_Num_Threads_Local(threads)
-            return int(self._integers[_ERROR])
 
 
 def _address(array: NDArray[Any]) -> ctypes.c_void_p:

@@ -20,7 +20,7 @@ from solvers.errors import InputError
 Columns: TypeAlias = Sparse | Matrix
 Rows: TypeAlias = SparseRows | Matrix
 
-_DENSE = 60_000  # entries up to which a matrix is dense
+_DENSE = 100_000  # entries up to which a matrix is dense
 
 
 def are_few(rows: int, columns: int) -> bool:

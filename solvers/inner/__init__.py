@@ -6,7 +6,7 @@ __getattr__ = front(
     __name__,
     {
         "linear_program": ("solved", "BackendFailure", "attempt", "within_time"),
-        "problem": ("Centre", "InnerProblem", "InnerSolution", "no_result"),
+        "problem": ("Centre", "InnerSolution", "no_result"),
         "registry": ("make_inner",),
         "socp": ("SOCPSolver",),
     },

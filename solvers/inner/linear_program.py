@@ -4,15 +4,14 @@ import math
 import time
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import field, replace
-from typing import Any, Final, TypeVar
+from dataclasses import replace
+from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.exceptions import ComplexWarning
 
 from solvers.basics.foreign import foreign_code
 from solvers.basics.progress import deadline
-from solvers.basics.records import dataclass
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
 from solvers.inequality.problem import FrictionQVI
@@ -22,25 +21,20 @@ TIME_LIMIT, INFEASIBLE, UNBOUNDED = 1, 2, 3
 """Status numbers of `linprog`; the first is that of a limit of steps too."""
 
 _SOLVED, _FAILED = 0, 4
+_NOTHING: Vector = np.zeros(0)
 _LONGEST: Final = 300.0  # seconds
 _LARGE: Final = 4000  # rows from which on the simplex method is slower, by more and more
 _STEPS: Final = 2000  # of the interior point method with what follows it; usual are 11 to 250, and cycling has no end
 
 
-def _none() -> Vector:
-    return np.zeros(0)
+class Answer(NamedTuple):
+    """What `linprog` answered, in the form that it promises; without a solution vectors are empty."""
 
-
-@dataclass(frozen=True, eq=False)
-class Answer:
-    """What `linprog` answered, in the form that it promises."""
-
-    status: int  # int 0 if solved, else `TIME_LIMIT`, `INFEASIBLE`, `UNBOUNDED`, or 4: nothing is known.
-    message: str  # str What is said about it.
-    x: Vector = field(default_factory=_none)  # (n,) array The solution, finite; empty without one.
-    # (rows,) array Derivatives of the least cost by b_ub, ≤ 0, and by b_eq; empty without a solution.
-    inequalities: Vector = field(default_factory=_none)
-    equations: Vector = field(default_factory=_none)
+    status: int  # 0 if solved, else `TIME_LIMIT`, `INFEASIBLE`, `UNBOUNDED`, or 4: nothing is known
+    message: str
+    x: Vector = _NOTHING  # (n,), finite
+    inequalities: Vector = _NOTHING  # (rows,) derivatives of the least cost by b_ub, ≤ 0
+    equations: Vector = _NOTHING  # and by b_eq
 
     @property
     def solved(self) -> bool:
@@ -88,7 +82,7 @@ def _answer(cost: Vector, program: dict[str, Any]) -> Answer:
         parts = (
             real_vector("x", found.x, len(cost)),
             real_vector("ineqlin.marginals", found.ineqlin.marginals, rows[0]),
-            real_vector("eqlin.marginals", found.eqlin.marginals, rows[1]) if rows[1] else _none(),
+            real_vector("eqlin.marginals", found.eqlin.marginals, rows[1]) if rows[1] else _NOTHING,
         )
         if not all(np.isfinite(part).all() for part in parts):
             return Answer(_FAILED, "the solution is not finite")

@@ -1,6 +1,5 @@
 """The inner problem, friction bound given, and what every back end for it provides."""
 
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -35,27 +34,21 @@ class Centre:
         return np.concatenate([-self.n0, threshold - self.t0, threshold + self.t0])
 
 
-@dataclass(frozen=True, eq=False)
-class InnerProblem:
-    """The strictly convex quadratic program that (D2) becomes for a given bound thr = mu s.
+# The strictly convex quadratic program that (D2) becomes for a given bound thr = mu s, for the increment x about a
+# `Centre`:
+#
+#     min ½ xᵀPx + qᵀx   s.t.  G x ≤ h(thr),  A x = b,      P = K,  G = [N; T; −T],  q = −f
 
-        min ½ xᵀPx + qᵀx   s.t.  G x ≤ h(thr),  A x = b,      P = K,  G = [N; T; −T],  q = −f
 
-    for the increment x about a `Centre`, which gives f, h and b. With multipliers y = (y_N, y_+, y_−) ≥ 0 of
-    G x ≤ h, m_N = y_N and m_T = y_+ − y_−.
-    """
+def limited_rows(qvi: FrictionQVI) -> Sparse:
+    """G = [N; T; −T] (3m, n)."""
+    return csc_array(vstack([qvi.N, qvi.T, -qvi.T]))
 
-    qvi: FrictionQVI
 
-    @cached_property
-    def G(self) -> Sparse:  # noqa: N802
-        """[N; T; −T] (3m, n)."""
-        return csc_array(vstack([self.qvi.N, self.qvi.T, -self.qvi.T]))
-
-    def multipliers(self, y: Vector) -> tuple[Vector, Vector]:
-        """(m_N, m_T) of the multipliers y ≥ 0 (3m,) of G z ≤ h."""
-        y_N, y_plus, y_minus = np.split(y, 3)
-        return y_N, y_plus - y_minus
+def row_multipliers(y: Vector) -> tuple[Vector, Vector]:
+    """(m_N, m_T) of the multipliers y = (y_N, y_+, y_−) ≥ 0 (3m,) of G x ≤ h: y_N, and y_+ − y_−."""
+    y_N, y_plus, y_minus = np.split(y, 3)
+    return y_N, y_plus - y_minus
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,13 +20,9 @@ _FREE = frozenset(
 """Modules that a package index has under the same name, free of charge."""
 
 
-def available(kind: str | None = None) -> tuple[str, ...]:
-    """Names of the inner solvers that can be used now, ``"kind:name"``, found without importing them.
-
-    `kind` restricts to "qp", "direct" or "socp". Sorted within each kind.
-    """
-    names = tuple(name for name, modules in _catalogue().items() if all(map(_installed, modules)))
-    return tuple(name for name in names if kind is None or name.split(":")[0] == kind)
+def available() -> tuple[str, ...]:
+    """Names of the inner solvers that can be used now, ``"kind:name"``, found without importing them."""
+    return tuple(name for name, modules in _catalogue().items() if all(map(find_spec, modules)))
 
 
 def make_inner(name: str, qvi: FrictionQVI, tolerance: float, options: Mapping[str, Any] | None = None) -> InnerSolver:
@@ -50,13 +46,13 @@ def check_name(name: object) -> str:
     """Return the name in lower case if it can be used now, else `SolverUnavailableError`."""
     canonical = name.lower() if isinstance(name, str) else ""
     modules = _catalogue().get(canonical)
-    if modules is None:
-        raise SolverUnavailableError("inner", name, f"there is no such inner solver; {_choices()}")
-    missing = [module for module in modules if not _installed(module)]
+    missing = [module for module in modules or () if not find_spec(module)]
+    if modules is not None and not missing:
+        return canonical
+    why = "there is no such inner solver"
     if missing:
-        remedy = f"module {', '.join(missing)} is not installed ({how_to_install(canonical)}); {_choices()}"
-        raise SolverUnavailableError("inner", name, remedy)
-    return canonical
+        why = f"module {', '.join(missing)} is not installed ({how_to_install(canonical)})"
+    raise SolverUnavailableError("inner", name, f"{why}; choose one of {', '.join(available())}")
 
 
 def how_to_install(name: str) -> str:
@@ -81,10 +77,6 @@ def _version(package: str) -> str:
         return "unknown"
 
 
-def _choices() -> str:
-    return f"choose one of {', '.join(available())}"
-
-
 def _catalogue() -> dict[str, tuple[str, ...]]:
     """Name → modules it needs."""
     return {
@@ -92,7 +84,3 @@ def _catalogue() -> dict[str, tuple[str, ...]]:
         "direct:clarabel": ("clarabel",),
         **{f"socp:{name}": ("cvxpy", entry.module) for name, entry in sorted(socp.BACKENDS.items())},
     }
-
-
-def _installed(module: str) -> bool:
-    return find_spec(module) is not None

@@ -33,20 +33,6 @@ BACKENDS: Mapping[str, QPBackend] = MappingProxyType(
 )
 """Lower-case name in cvxpy → how it is used: settings are called as in `qpsolvers`."""
 
-WORDS: Mapping[str, Status] = MappingProxyType(
-    {
-        "optimal": Status.SOLVED,
-        "optimal_inaccurate": Status.INACCURATE,
-        "infeasible": Status.INFEASIBLE,
-        "infeasible_inaccurate": Status.INFEASIBLE,
-        "infeasible_or_unbounded": Status.INFEASIBLE,
-        "unbounded": Status.UNBOUNDED,
-        "unbounded_inaccurate": Status.UNBOUNDED,
-        "user_limit": Status.MAX_ITERATIONS,
-    }
-)
-"""Status words of cvxpy."""
-
 
 class SOCPSolver:
     """One cvxpy problem for one QVI; `solve` only sets the parameters."""
@@ -70,12 +56,7 @@ class SOCPSolver:
         self.problem = cp.Problem(cp.Minimize(energy), [self._normal, self._friction, *self._equality])
         assert self.problem.is_dpp()
 
-    def solve(
-        self,
-        threshold: Vector,
-        centre: Centre,
-        start: InnerSolution | None,  # noqa: ARG002
-    ) -> InnerSolution:
+    def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:  # noqa: ARG002
         """Solve for the bound threshold (m,); cvxpy does not pass a start on."""
         began = time.perf_counter()
         self.threshold.value = np.maximum(threshold, 0.0)
@@ -88,7 +69,7 @@ class SOCPSolver:
             self.problem.solve(solver=self._name.upper(), **settings)
         word, seconds = str(self.problem.status), time.perf_counter() - began
         message = "; ".join([f"{self._name}: {word}", *(str(warning.message) for warning in caught)])
-        status = WORDS.get(word, Status.BACKEND_FAILED)
+        status = qp.meaning(word)
         # cvxpy's Lagrangian subtracts (u, v)·(thr, T x + t0) for the cone, hence m_T = −v.
         qvi, duals = self._qvi, self._friction.dual_variables
         parts = [self._x.value, self._normal.dual_value, duals[1].value]

@@ -5,10 +5,8 @@ from importlib.util import find_spec
 
 import pytest
 
-from comparisons.bounds import problems
-from comparisons.bounds import report as bounds_report
 from comparisons.bounds import study as bounds
-from comparisons.wild import bodies, generator, judge, limits
+from comparisons.wild import generator, judge, limits
 from comparisons.wild import study as wild
 from qvi_contact import ContactResult, InputError, TriangleMesh, discretize, solve
 from qvi_contact.gallery import compressed_plate
@@ -52,7 +50,7 @@ class TestGenerator:
         assert len(set(first)) == 3
 
     def test_dice_do_not_depend_on_versions(self):
-        dice = bodies.Dice("thin", 3)
+        dice = generator.Dice("thin", 3)
         assert [dice.whole(0, 999) for _ in range(4)] == [74, 198, 372, 275]
 
 
@@ -61,7 +59,7 @@ class TestBoundsProblems:
 
     @staticmethod
     def stated():
-        return [problems.stated("polygons", number)[0] for number in range(40)]
+        return [bounds.stated("polygons", number)[0] for number in range(40)]
 
     def test_sides_that_move_press_on_the_obstacle(self):
         for problem in self.stated():
@@ -223,7 +221,7 @@ class TestBounds:
     @pytest.mark.skipif(find_spec("ngsolve") is None, reason="NGSolve is not installed")
     def test_a_reference_is_inside(self):
         cases = [{"family": "springs", "number": 0}]
-        runs = bounds_report.runs_of(rows_of(replace(bounds.declared(1), cases=cases)))
+        runs = bounds.runs_of(rows_of(replace(bounds.declared(1), cases=cases)))
         assert runs.judged.all()
         assert runs.inside.all()
         assert (runs.ratio < 1.3).all()
@@ -231,8 +229,8 @@ class TestBounds:
     def test_the_committed_rows(self):
         rows = committed("bounds")
         assert [dict(row.case) for row in rows] == [*bounds.declared(len(rows) // 6).cases]
-        runs = bounds_report.runs_of(rows)
-        values = bounds_report.values_of(runs, bounds_report.forces_of(runs))
+        runs = bounds.runs_of(rows)
+        values = bounds.values_of(runs, bounds.forces_of(runs))
         assert values["outside"] == values["forces_outside"] == 0
         assert values["judged"] > 0.7 * len(rows)
 
@@ -240,19 +238,19 @@ class TestBounds:
         row = next(each for each in committed("bounds") if each.result["status"] == "bounded" and each.result["forces"])
         for name, error in (("bound", "stress"), ("moved", "displacement")):
             worse = replace(row, result={**row.result, name: 0.8 * row.result[error]})
-            assert bounds_report.runs_of([worse]).outside.all()
+            assert bounds.runs_of([worse]).outside.all()
         name, lower, upper, _, doubt = row.result["forces"][0]
         worse = replace(row, result={**row.result, "forces": [[name, lower, upper, 2.0 * upper - lower, doubt]]})
-        assert bounds_report.report([worse], committed("bounds-refined")).failed
+        assert bounds.report([worse], committed("bounds-refined")).failed
 
     def test_polygons_that_slip(self):
         """Nine of ten have a bound, and nearly all of these a force to 1 % within seconds; one is computed again."""
         rows = committed("bounds-refined")
-        found = bounds_report.polygons_of(rows)
+        found = bounds.polygons_of(rows)
         assert found["slipping"] >= 300
         assert found["slipping_bounded"] > 0.9 * found["slipping"]
         assert found["quick"] > 0.98 * found["slipping_bounded"]
         slipping = next(row for row in rows if row.result["status"] == "slips" and row.result["guaranteed"])
         again = bounds.refine_case(slipping.case)
         assert again["guaranteed"]
-        assert again["error"] <= bounds_report.TARGET
+        assert again["error"] <= bounds.TARGET

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from comparisons.solvers import accuracies, problems, study
+from comparisons.solvers import accuracies, study
 from comparisons.solvers import report as room
 from solvers import Status, available, solve_qvi
 from solvers.inner import BackendFailure, attempt, make_inner
@@ -52,7 +52,7 @@ def said(answer, **more):
 
 def asked_of(solver, tolerance, given, problem="plate_4"):
     """The answer of an inner solver with these options."""
-    posed = problems.instance(problem)
+    posed = study.instance(problem)
     form = posed.form("condensed")
     inner = make_inner(solver, form.problem, tolerance, given)
     return inner.solve(form.threshold(posed.bound), form.centre(None, None), None)
@@ -88,7 +88,7 @@ class TestAccuracies:
         given = {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 1, "polishing": False}
         found = asked_of("qp:osqp", 1e-3, given)
         assert (found.status, found.iterations) == (Status.MAX_ITERATIONS, 1)
-        qvi = problems.instance("plate_4").qvi
+        qvi = study.instance("plate_4").qvi
         whole = solve_qvi(qvi, method="fixed-point", inner="qp:osqp", inner_options=given, max_iterations=2)
         assert {entry.inner_iterations for entry in whole.history} == {1}
 
@@ -97,32 +97,32 @@ class TestProblems:
     """What they are given."""
 
     def test_doubled_points_leave_the_solution_as_it_was(self):
-        one, two = problems.instance("plate_8"), problems.instance("doubled_rows")
+        one, two = study.instance("plate_8"), study.instance("doubled_rows")
         assert two.reference.solved
         assert np.allclose(one.reference.z, two.reference.z, atol=1e-8 * np.abs(one.reference.z).max())
         assert two.qvi.W.sum() == pytest.approx(one.qvi.W.sum())
         assert two.qvi.m == 2 * one.qvi.m
 
     def test_problems_without_a_solution_are_proved_to_have_none(self):
-        for name in (name for name, each in problems.PROBLEMS.items() if not each.feasible):
-            assert problems.instance(name).reference.status is Status.INFEASIBLE
+        for name in (name for name, each in study.PROBLEMS.items() if not each.feasible):
+            assert study.instance(name).reference.status is Status.INFEASIBLE
 
     def test_bounds_of_a_sequence_approach_that_of_the_solution(self):
-        problem = problems.instance("plate_8")
+        problem = study.instance("plate_8")
         distances = [np.abs(bound - problem.bound).max() for bound in problem.bounds]
         assert len(distances) >= 5
         assert distances[-1] < 1e-2 * distances[0]
 
     def test_a_sequence_begins_after_the_step_that_it_is_posed_at(self):
-        problem = problems.instance("graded_8")
+        problem = study.instance("graded_8")
         centre, full = problem.centre("condensed"), problem.centre("full")
         after = problem.qvi.threshold(np.maximum(-centre.n0, 0.0))
         assert problem.bounds[0] == pytest.approx(after, rel=1e-6, abs=1e-6 * after.max())
         assert full.n0 == pytest.approx(centre.n0, abs=1e-6 * np.abs(centre.n0).max())
 
     def test_the_certificate_is_that_of_the_friction_bound_given(self):
-        problem = problems.Instance(problems.Described(problems.PROBLEMS["plate_4"].build, "well conditioned"))
-        given = problem.given(problem.bounds[0])
+        problem = study.Instance(study.Described(study.PROBLEMS["plate_4"].build, "well conditioned"))
+        given = problem.qvi.with_bound(problem.bounds[0])
         assert np.array_equal(given.threshold(np.ones(given.m)), problem.bounds[0])
 
 
@@ -173,14 +173,14 @@ class TestTasks:
     def test_sequences_are_judged_step_by_step(self):
         """One wrong step fails a sequence."""
         lie = said(lambda found, call: doubled(found) if call == 4 else found, task="cold")
-        assert lie.result["steps"] == len(problems.instance("plate_4").bounds)
+        assert lie.result["steps"] == len(study.instance("plate_4").bounds)
         assert lie.result["outcomes"] == {study.RIGHT: lie.result["steps"] - 1, study.UNTRUE: 1}
         assert not lie.certificate["passed"]
         assert said(doubled, task="cold").result["outcomes"] == {study.UNTRUE: lie.result["steps"]}
 
     @pytest.mark.parametrize("solver", ["qp:proxqp", "socp:scs"])
     def test_a_start_saves_iterations(self, solver):
-        problem = problems.instance("plate_4")
+        problem = study.instance("plate_4")
         form, centre, options = (
             problem.form("condensed"),
             problem.centre("condensed"),

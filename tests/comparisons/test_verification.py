@@ -185,13 +185,8 @@ class TestPictures:
         assert own == set(room.POSED)
         assert max(posed().mesh.cell_count for posed, _ in room.POSED.values()) <= 140
 
-    def test_pictures_are_of_all_problems_and_of_their_bodies(self, quick, manual):
-        problems = [problem for problems in quick.values() for problem in problems]
-        labels = [label.get_text() for label in room.overview(problems).axes[0].get_yticklabels()]
-        assert labels == [problem.name for problem in problems]
-        every, *others = manual.pictures.values()
-        assert "error / tolerance" in every
-        assert all(unit in problem for unit, problem in zip(SHOWN.values(), others, strict=True))
+    def test_pictures_are_of_bodies(self, manual):
+        assert all(unit in body for unit, body in zip(SHOWN.values(), manual.pictures.values(), strict=True))
 
 
 class TestRows:

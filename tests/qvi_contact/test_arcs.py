@@ -258,7 +258,7 @@ def test_a_shaft_turns_in_a_rough_bore(angle):
     slip = bound * 0.75 * (1.0 + NU) - rotation  # held outside, twisted by friction
     t = np.linspace(0.0, 1.0, 5)
     np.testing.assert_allclose(senses[:, None] * companion.trace("hole", t)[1], slip, rtol=1e-3)
-    assert companion.parts.friction == pytest.approx(-2.0 * np.pi * bound * slip, rel=1e-4)
+    assert companion.parts["friction"] == pytest.approx(-2.0 * np.pi * bound * slip, rel=1e-4)
     assert companion.contacts["hole"].tangential_force == pytest.approx(2.0 * np.pi * bound, rel=1e-9)
 
 

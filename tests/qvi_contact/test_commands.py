@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 
 from qvi_contact import TriangleMesh, load_problem, refine, save_problem, solve
 from qvi_contact.bracket import document, lines
@@ -29,13 +30,15 @@ def answered(ending):
 
 
 def plate_file(folder, friction, **details):
-    """Quarter of the plate on 2 × 2 cells; tied instead of rough where there is no friction coefficient."""
+    """Quarter of the plate on 2 × 2 cells; tied instead of rough without a friction coefficient; with these tables."""
     problem = compressed_plate(friction or 0.2, cells=(2, 2))
     if friction is None:
         tied = Contact.tied("top", gap=-1e-3, name="plate")
         problem = replace(problem, conditions=[*problem.conditions[:-1], tied])
     path = folder / "plate.toml"
-    save_problem(path, problem, title="The plate", units=Units("mm", "MPa"), **details)
+    save_problem(path, problem, title="The plate", units=Units("mm", "MPa"))
+    with path.open("a", encoding="utf-8") as file:
+        file.writelines(f"[{name}]\n{tomli_w.dumps(table)}" for name, table in details.items())
     return path
 
 
@@ -106,7 +109,7 @@ class TestVerify:
 
     def test_a_tolerance_of_the_file_that_is_too_loose_is_status_1(self, shell, tmp_path):
         """The certificate of the solve is not what decides: here the verification disagrees."""
-        path = plate_file(tmp_path, 0.2, solve_options={"tolerance": 1e-3})
+        path = plate_file(tmp_path, 0.2, solve={"tolerance": 1e-3})
         assert shell("solve", path, "--npz", tmp_path / "a.npz")[0] == 0
         status, out, _ = shell("verify", tmp_path / "a.npz")
         assert (status, out.splitlines()[-1]) == (1, "not verified: tolerance")
@@ -146,7 +149,7 @@ class TestHistory:
         refused(shell("solve", cycle, "--set", "friction=0.1"), "[history]")
         cycle.write_text(cycle.read_text(encoding="utf-8") + '\n[sweep]\nparameter = "gap"\nvalues = [0.0]\n')
         refused(shell("solve", cycle))
-        refused(shell("refine", plate_file(tmp_path, 0.2, times=[0.0, 1.0])), "history")
+        refused(shell("refine", plate_file(tmp_path, 0.2, history={"times": [0.0, 1.0]})), "history")
 
 
 class TestCheck:
@@ -249,15 +252,15 @@ class TestRefine:
             return [each["guaranteed"] for each in found["rounds"]]
 
         asked = {"target": 0.02, "quantity": FORCE, "max_rounds": 1}
-        path = plate_file(tmp_path, 0.2, solve_options={"degree": 3}, refine_options=asked)
+        path = plate_file(tmp_path, 0.2, solve={"degree": 3}, refine=asked)
         assert guaranteed(path, "--guaranteed") == [True]
-        path = plate_file(tmp_path, 0.2, solve_options={"degree": 3}, refine_options=asked | {"guaranteed": True})
+        path = plate_file(tmp_path, 0.2, solve={"degree": 3}, refine=asked | {"guaranteed": True})
         assert dict(load_problem(path).refine_options) == asked | {"guaranteed": True}
         assert (guaranteed(path), guaranteed(path, "--estimated")) == ([True], [False])
 
     def test_the_file_is_overridden(self, shell, tmp_path):
         asked = {"target": 0.05, "quantity": FORCE, "max_rounds": 1, "max_unknowns": 5000}
-        path = plate_file(tmp_path, 0.2, solve_options={"degree": 3}, refine_options=asked)
+        path = plate_file(tmp_path, 0.2, solve={"degree": 3}, refine=asked)
         assert dict(load_problem(path).refine_options) == asked
         others = ("--target", 0.5, "--quantity", "energy", "--degree", 4)
         for words, expected in (((), (FORCE, 0.05, 3)), (others, ("energy", 0.5, 4))):
@@ -266,7 +269,7 @@ class TestRefine:
             assert (refinement["quantity"], refinement["target"], found["element"]["degree"]) == expected
 
     def test_what_is_wrong_is_named_by_its_path(self, shell, tmp_path):
-        path = plate_file(tmp_path, 0.2, refine_options={"quantity": "plate.force"})
+        path = plate_file(tmp_path, 0.2, refine={"quantity": "plate.force"})
         refused(shell("refine", path), "refine.quantity: ")
         assert "refine: quantity = plate.force" in shell("check", path)[1]
         refused(shell("refine", path, "--quantity", "energy", "--degree", 12), "degree")

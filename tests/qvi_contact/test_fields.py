@@ -76,8 +76,8 @@ class TestExpression:
 
     def test_time(self):
         load = Expression("x * t")
-        assert load.uses_time
-        assert not Expression("x").uses_time
+        assert load.names == {"x", "t"}
+        assert Expression("sin(pi * x)").names == {"sin", "pi", "x"}
         assert Expression("x * t", t=3.0)(np.array([2.0]), np.array([0.0])) == [6.0]
         assert load(np.array([2.0]), np.array([0.0])) == [0.0]
 

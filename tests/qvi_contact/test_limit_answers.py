@@ -246,7 +246,6 @@ def test_any_multiple_and_none():
     [
         ({"max_rounds": 2}, RefinementStatus.ROUNDS),
         ({"max_unknowns": 300}, RefinementStatus.UNKNOWNS),
-        ({"thinnest": 0.05}, RefinementStatus.THIN_CELLS),
     ],
 )
 def test_ends(options, status):

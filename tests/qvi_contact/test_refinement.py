@@ -227,11 +227,6 @@ class TestEnds:
         assert caught.value.field == "max_unknowns"
         assert "48 unknowns" in str(caught.value)
 
-    def test_thin_cells(self):
-        outcome = refine(plate(1.0), None, 1e-9, thinnest=0.1, degree=3)
-        assert outcome.status is RefinementStatus.THIN_CELLS
-        assert outcome.problem.mesh.cell_range[0] >= 0.1
-
     def test_cells_too_thin_for_double_precision(self):
         """Triangles a hundred times as long as high: rounding keeps their stresses from 1e-12."""
         conditions = [Symmetry("left"), Symmetry("bottom"), Traction("right", 0.0, 0.0), Contact("top", 0.3, gap=-1e-3)]
@@ -363,7 +358,7 @@ class TestStressesAndSlip:
         *(("quantity", value) for value in ("plate", "base.normal_force", 3, "plate.x", "left.largest_pressure")),
         *(("quantity", value) for value in ("xx(1, a)", "xx(0.5)", "xx(9, 0)", "zz(0, 0)", "plate.slip(0.5, 0.5)")),
         *(("max_unknowns", value) for value in (0, 63)),
-        *(("max_rounds", 0), ("thinnest", -1.0), ("throw", True), ("initial", None), ("degree", 12)),
+        *(("max_rounds", 0), ("throw", True), ("initial", None), ("degree", 12)),
     ],
 )
 def test_bad_input(field, value):

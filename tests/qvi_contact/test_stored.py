@@ -278,7 +278,8 @@ class TestForged:
     @pytest.mark.parametrize("name", ["certificate", "digest", "z", "plate.slip"])
     def test_an_entry_missing(self, name, entries, tmp_path):
         without = {key: value for key, value in entries.items() if key != name}
-        assert name in fails(stored(tmp_path / "a.npz", without, forged=name != "digest"))
+        found = fails(stored(tmp_path / "a.npz", without, forged=name != "digest"))
+        assert found == {"entries"} if name == "plate.slip" else name in found
 
     @pytest.mark.parametrize(
         ("old", "new"),

@@ -10,23 +10,11 @@ import numpy as np
 
 from comparisons.verification.measures import point_states, runs, scattered, stress_error
 from comparisons.verification.rows import Chapter, Check, Kind, Row, certified
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    ContactResult,
-    Displacement,
-    Expression,
-    Material,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    solve,
-)
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact import ContactResult, TriangleMesh, solve
 from qvi_contact.gallery import compressed_plate, sliding_block, stick_slip_block
 from qvi_contact.gallery.exact import ExactState, cantilever, gravity_column, problem_from_state, pure_bending, uniform
-from qvi_contact.problem.conditions import Condition
-from qvi_contact.problem.material import Plane
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, Symmetry, Traction
+from qvi_contact.types import Condition, FloatArray, Plane
 
 EXACT, FRICTION, INVARIANCE = Chapter(), Chapter(), Chapter()
 
@@ -76,52 +64,40 @@ def side_traction_stops_slip(p: int, quick: bool) -> Iterator[Row]:
 @EXACT("pure-bending", 4)
 def bending(p: int, quick: bool) -> Iterator[Row]:
     """Pure bending by end tractions, σ_xx = m y: end moment m h³/12 and strain energy c11 m² h³ w / 24."""
-    moment = 7.0
-    for result, row, c, rows in _states(
-        p, quick, lambda m: pure_bending(m, moment), "σ_xx = m y", "tt", "tt", "tt", "uu"
-    ):
-        yield row
-        ours, end = result.resultant("right").moment, -moment * _HEIGHT**3 / 12.0
-        yield rows.relative("moment on the right end [stress length²]", ours, end, "−m h³/12")
-        energy = c[0, 0] * moment**2 * _HEIGHT**3 * _WIDTH / 24.0
-        yield rows.relative(_ENERGY, result.energies.strain, energy, "c11 m² h³ w / 24")
+    moment = ("moment on the right end [stress length²]", "right", "moment", -7.0 * _HEIGHT**3 / 12.0, "−m h³/12")
+    energy = (lambda c: c[0, 0] * 49.0 * _HEIGHT**3 * _WIDTH / 24.0, "c11 m² h³ w / 24")
+    yield from _states(p, quick, lambda m: pure_bending(m, 7.0), "σ_xx = m y", "tt tt tt uu", moment, energy)
 
 
 @EXACT("cantilever", 4)
 def timoshenko_cantilever(p: int, quick: bool) -> Iterator[Row]:
     """Cantilever loaded at its end with its exact end displacements, free at y = ±h/2: Timoshenko's solution."""
     slope, shear, book = 3.0, -3.0 * _HEIGHT**2 / 8.0, "Timoshenko and Goodier, Theory of Elasticity, art. 21"
-    states = _states(p, quick, lambda m: cantilever(m, slope, shear), book, "tt", "uu", "tt", "uu")
-    for result, row, c, rows in states:
-        yield row
-        force = -shear * _HEIGHT - slope * _HEIGHT**3 / 24.0
-        yield rows.relative("end force [stress length]", result.resultant("right").y, force, "k h³/12")
+    end = ("end force [stress length]", "right", "y", -shear * _HEIGHT - slope * _HEIGHT**3 / 24.0, "k h³/12")
+
+    def energy(c: FloatArray) -> float:
         bent = c[0, 0] * slope**2 * _HEIGHT**3 * _WIDTH**3 / 72.0
-        sheared = c[2, 2] * slope**2 * _HEIGHT**5 * _WIDTH / 240.0
-        yield rows.relative(_ENERGY, result.energies.strain, bent + sheared, "c11 k² h³ w³/72 + c33 k² h⁵ w/240")
+        return float(bent + c[2, 2] * slope**2 * _HEIGHT**5 * _WIDTH / 240.0)
+
+    yield from _states(p, quick, lambda m: cantilever(m, slope, shear), book, "tt uu tt uu", end,
+                       (energy, "c11 k² h³ w³/72 + c33 k² h⁵ w/240"))  # fmt: skip
 
 
 @EXACT("simple-shear", 4)
 def simple_shear(p: int, quick: bool) -> Iterator[Row]:
     """Uniform shear τ by displacements of all sides: shear force τ w and strain energy c33 τ² h w / 2."""
-    for result, row, c, rows in _states(p, quick, lambda m: uniform(m, xy=5.0), "σ_xy = τ", "uu", "uu", "uu", "uu"):
-        yield row
-        yield rows.relative("shear force on the top [stress length]", result.resultant("top").x, 10.0, "τ w")
-        energy = c[2, 2] * 25.0 * _HEIGHT * _WIDTH / 2.0
-        yield rows.relative(_ENERGY, result.energies.strain, energy, "c33 τ² h w / 2")
+    force = ("shear force on the top [stress length]", "top", "x", 10.0, "τ w")
+    energy = (lambda c: c[2, 2] * 25.0 * _HEIGHT * _WIDTH / 2.0, "c33 τ² h w / 2")
+    yield from _states(p, quick, lambda m: uniform(m, xy=5.0), "σ_xy = τ", "uu uu uu uu", force, energy)
 
 
 @EXACT("column", 4)
 def column(p: int, quick: bool) -> Iterator[Row]:
     """Column under its own weight, φ = ρ g y, held at the base: σ_yy = ρ g (y − h)."""
-    weight, form = 4.0, "σ_yy = ρ g (y − h)"
-    states = _states(p, quick, lambda m: gravity_column(m, weight, _LOW + _HEIGHT), form, "uu", "tt", "tt", "tt")
-    for result, row, c, rows in states:
-        yield row
-        total = weight * _WIDTH * _HEIGHT
-        yield rows.relative("weight on the base [stress length]", result.resultant("bottom").y, total, "ρ g h w")
-        energy = c[0, 0] * weight**2 * _HEIGHT**3 * _WIDTH / 6.0
-        yield rows.relative(_ENERGY, result.energies.strain, energy, "c11 (ρ g)² h³ w / 6")
+    weight = ("weight on the base [stress length]", "bottom", "y", 4.0 * _WIDTH * _HEIGHT, "ρ g h w")
+    energy = (lambda c: c[0, 0] * 16.0 * _HEIGHT**3 * _WIDTH / 6.0, "c11 (ρ g)² h³ w / 6")
+    yield from _states(p, quick, lambda m: gravity_column(m, 4.0, _LOW + _HEIGHT), "σ_yy = ρ g (y − h)", "uu tt tt tt",
+                       weight, energy)  # fmt: skip
 
 
 @EXACT("incompressible", 4)
@@ -139,20 +115,16 @@ def incompressible(p: int, _: bool) -> Iterator[Row]:
     mesh, water = TriangleMesh.rectangle((3, 3)), Material(1000.0, 0.5, "strain")
     sides.append(Contact("bottom", 0.3, name="floor"))
     box = solve(ContactProblem(mesh, water, sides, body_potential=Expression("3 * y")), degree=p)
-    yield _rows(box).relative(
-        "force on the wall [stress length]", box.contacts["wall"].normal_force, 3.5, "p h + ρ g h²/2"
-    )
+    force = box.contacts["wall"].normal_force
+    yield _rows(box).relative("force on the wall [stress length]", force, 3.5, "p h + ρ g h²/2")
     results = [pressed(0.2, 0.5 - step) for step in (0.0, 2e-4, 1e-4)]
     force, *forces = (result.contacts["plate"].normal_force for result in results)
     rows = Check(certified(*results), "2 P(½ − δ) − P(½ − 2δ), δ = 1e-4", 1e-6, Kind.METHODS)
     yield rows.relative("force at μ = 0.2 [stress length]", force, 2.0 * forces[1] - forces[0])
 
 
-_ENERGY: Final = "strain energy [stress length²]"
-
-
-def _rows(result: ContactResult, where: str = "") -> Check:
-    return Check(certified(result), where, TOLERANCE)
+def _rows(result: ContactResult, where: str = "", tolerance: float = TOLERANCE) -> Check:
+    return Check(certified(result), where, tolerance)
 
 
 def _cases(quick: bool) -> Iterator[tuple[str, tuple[int, int], float, Plane]]:
@@ -163,20 +135,24 @@ def _cases(quick: bool) -> Iterator[tuple[str, tuple[int, int], float, Plane]]:
 
 
 def _states(
-    p: int, quick: bool, state_of: Callable[[Material], ExactState], form: str, *kinds: str
-) -> Iterator[tuple[ContactResult, Row, FloatArray, Check]]:
-    """Results on [0, 2] × [−½, ½], the row of their stress, their compliances, and what makes further rows.
+    p: int, quick: bool, state_of: Callable[[Material], ExactState], form: str, kinds: str,
+    force: tuple[str, str, str, float, str], energy: tuple[Callable[[FloatArray], float], str],
+) -> Iterator[Row]:  # fmt: skip
+    """Stress, a resultant on a side, and energy on [0, 2] × [−½, ½], this by the compliances c.
 
     `kinds` say what of the state is given on bottom, right, top and left, see `problem_from_state`.
     """
-    given = dict(zip(("bottom", "right", "top", "left"), kinds, strict=True))
+    given = dict(zip(("bottom", "right", "top", "left"), kinds.split(), strict=True))
     for where, cells, grading, plane in _cases(quick):
         mesh = TriangleMesh.rectangle(cells, _WIDTH, _HEIGHT, origin=(0.0, _LOW), grading=grading)
         material = Material(1000.0, 0.3, plane)
         state = state_of(material)
         result = solve(problem_from_state(state, mesh, material, given), degree=p)
-        rows = _rows(result, where)
-        yield result, rows.absolute(_STRESS, stress_error(result, state), 0.0, form), material.compliance, rows
+        rows, (quantity, side, component, value, source) = _rows(result, where), force
+        yield rows.absolute(_STRESS, stress_error(result, state), 0.0, form)
+        yield rows.relative(quantity, getattr(result.resultant(side), component), value, source)
+        known = energy[0](material.compliance)
+        yield rows.relative("strain energy [stress length²]", result.energies.strain, known, energy[1])
 
 
 _FORMULA: Final = "docstring of gallery.stick_slip_block"
@@ -192,8 +168,8 @@ def full_slip(p: int, quick: bool) -> Iterator[Row]:
     for (name, (cells, grading)), plane in product(list(_CELLS.items())[: 1 if quick else 3], planes):
         problem, state = sliding_block(cells, plane=plane, grading=grading)
         result = solve(problem, degree=p, tolerance=1e-9)
-        rows, formula = _friction(result, f"{name}, plane {plane}"), "docstring of gallery.sliding_block"
-        base = result.contacts["base"]
+        base, formula = result.contacts["base"], "docstring of gallery.sliding_block"
+        rows = _rows(result, f"{name}, plane {plane}", TOLERANCE_WITH_FRICTION)
         yield rows.absolute(_STRESS, stress_error(result, state), 0.0, formula)
         yield rows.relative("N [stress length]", base.normal_force, 200.0, "p a")
         yield rows.relative("T [stress length]", base.tangential_force, -60.0, "−μ p a")
@@ -209,7 +185,7 @@ def transition_on_a_node(p: int, quick: bool) -> Iterator[Row]:
     for name, cells in (("4 × 3 cells", (4, 3)), ("16 × 8 cells", (16, 8)))[: 1 if quick else 2]:
         result, state = _stick_slip(p, cells, 1.0, 1.0)
         yield from _sticking(result, state, f"x_t = 1, {name}", TOLERANCE_WITH_FRICTION)
-        rows = _friction(result, f"u_T − w = −A (x − x_t)², {_FORMULA}; x_t = 1, {name}")
+        rows = _rows(result, f"u_T − w = −A (x − x_t)², {_FORMULA}; x_t = 1, {name}", TOLERANCE_WITH_FRICTION)
         yield rows.absolute(_SLIP, _missed_slip(result, 1.0), 0.0, tolerance=1e-6)
         yield rows.word("states along the base", runs(point_states(result.contacts["base"])), "stick, slip")
 
@@ -228,13 +204,9 @@ def quadratic_pressure(p: int, quick: bool) -> Iterator[Row]:
     """The same under a pressure that is quadratic along the base: triangles contain that stress and its slip too."""
     for name, (cells, grading) in list(_CELLS.items())[: 1 if quick else 3]:
         result, state = _stick_slip(p, cells, 0.77, grading, pressure_drop=40.0)
-        rows = _friction(result, f"{_FORMULA}; x_t = 0.77, {name}")
+        rows = _rows(result, f"{_FORMULA}; x_t = 0.77, {name}", TOLERANCE_WITH_FRICTION)
         yield rows.absolute(_STRESS, stress_error(result, state), 0.0, tolerance=TOUCHING)
         yield rows.absolute(_SLIP, _missed_slip(result, 0.77), 0.0, tolerance=1e-6)
-
-
-def _friction(result: ContactResult, where: str) -> Check:
-    return Check(certified(result), where, TOLERANCE_WITH_FRICTION)
 
 
 def _stick_slip(
@@ -245,7 +217,7 @@ def _stick_slip(
 
 
 def _sticking(result: ContactResult, state: ExactState, where: str, tolerance: float) -> Iterator[Row]:
-    base, rows = result.contacts["base"], _friction(result, where)
+    base, rows = result.contacts["base"], _rows(result, where, TOLERANCE_WITH_FRICTION)
     yield rows.absolute(_STRESS, stress_error(result, state), 0.0, "Φ = −p x²/2 + a x³ y", tolerance=tolerance)
     yield rows.relative("N [stress length]", base.normal_force, 200.0, "∫ p dx")
     yield rows.relative("T [stress length]", base.tangential_force, 20.0, "∫ 3a x² dx", tolerance=tolerance)

@@ -2,26 +2,17 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from comparisons.verification.measures import two_models
 from comparisons.verification.rows import Chapter, Check, Row, bounded, by_hand, certified, infeasible
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Expression,
-    InputError,
-    Material,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    solve,
-)
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact import InputError, TriangleMesh, solve
 from qvi_contact.limit.load_factor import LimitLoad, limit_load_factor
-from qvi_contact.problem.conditions import Condition
+from qvi_contact.problem import Contact, ContactProblem, Expression, Material, Symmetry, Traction
+from qvi_contact.types import Condition
 
 LIMITS: Final = Chapter()
 
@@ -55,11 +46,9 @@ def dragged_block(p: int, quick: bool) -> Iterator[Row]:
         limit, rows = _factor(p, _dragged(mesh, 2.0), "shear")
         yield rows.relative("limit load factor", limit.lower, 1.5, f"μp/T; {name}")
         below, above = (solve(_dragged(mesh, share * 3.0), degree=p) for share in (0.99, 1.01))
-        rows, force = (
-            Check(certified(below), f"−0.99 μ p w, balance; {name}", 1e-8),
-            below.contacts["base"].tangential_force,
-        )
-        yield rows.relative("T at 0.99 of the limit [stress length]", force, -0.99 * 6.0)
+        rows, force = Check(certified(below), tolerance=1e-8), below.contacts["base"].tangential_force
+        source = f"−0.99 μ p w, balance; {name}"
+        yield rows.relative("T at 0.99 of the limit [stress length]", force, -0.99 * 6.0, source)
         rows = Check(infeasible(above), f"T > μp; {name}")
         yield rows.word("status at 1.01 of the limit", above.status.value, "infeasible")
 
@@ -159,7 +148,8 @@ def unbalanced(_: bool) -> Iterator[Row]:
 def oblique(share: float) -> ContactProblem:
     """Uniform pressure and this share of the shear that friction carries, all around the block."""
     cosine, sine = math.sqrt(0.75), 0.5
-    mesh = _moved(TriangleMesh.rectangle((4, 2), 40.0, 20.0), np.array([[cosine, -sine], [sine, cosine]]))
+    mesh = TriangleMesh.rectangle((4, 2), 40.0, 20.0)
+    mesh = replace(mesh, vertices=mesh.vertices @ np.array([[cosine, sine], [-sine, cosine]]))
     shear, pressure = share * 0.3 * 300.0, Traction("top", normal=-300.0)
     drag = [
         Traction(side, tangential=sign * shear, name="drag")
@@ -167,8 +157,3 @@ def oblique(share: float) -> ContactProblem:
     ]
     free = [Traction(side, normal=0.0) for side in ("right", "left")]
     return ContactProblem(mesh, _STEEL, [Contact("bottom", 0.3, name="plane"), pressure, *drag, *free])
-
-
-def _moved(mesh: TriangleMesh, matrix: FloatArray) -> TriangleMesh:
-    """The mesh with its points x at A x."""
-    return TriangleMesh(mesh.vertices @ matrix.T, mesh.cells, mesh.edge_sets)

@@ -9,24 +9,10 @@ import numpy as np
 from comparisons.verification.chapters.curves import kirsch, lame, ring, sheet, stretched
 from comparisons.verification.known import CYLINDER, HALF_DISCS
 from comparisons.verification.rows import Chapter, Check, Kind, Row, certified
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    ContactResult,
-    Displacement,
-    Material,
-    Polynomial,
-    Region,
-    RigidPlate,
-    Symmetry,
-    Traction,
-    TriangleMesh,
-    refine,
-    solve,
-)
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact import ContactResult, Polynomial, Region, TriangleMesh, refine, solve
 from qvi_contact.gallery import cylinder_on_block, half_discs
-from qvi_contact.problem.conditions import Condition
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
+from qvi_contact.types import Condition, FloatArray
 
 NUMBERS: Final = Chapter()
 

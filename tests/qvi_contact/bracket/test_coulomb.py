@@ -237,6 +237,12 @@ def with_law(problem, **law):
 class TestScope:
     """What has bounds under friction."""
 
+    def test_friction_may_be_a_function_of_one_value(self):
+        """As formulas of constants are in files."""
+        problem = compressed_plate(0.2, (2, 2))
+        found = solve(with_law(problem, friction=lambda x, _: 0.2 + 0.0 * x)).bracket.coulomb
+        assert found.error == pytest.approx(solve(problem).bracket.coulomb.error, rel=1e-6)
+
     def test_shares_are_continuous_where_a_contact_begins_to_open(self):
         """On the last edge that touches pressure falls to nothing: what bears nothing there must not carry a jump."""
         mesh = TriangleMesh.rectangle((12, 4), 2.0, 1.0)
@@ -272,6 +278,12 @@ def test_forces_of_the_plate_on_every_mesh(friction, limit):
         assert force.lower < limit < force.upper
         widths.append(force.upper - force.lower)
     assert widths[-1] < 0.25 * widths[0]
+
+
+def test_cohesion_counts_where_it_slips():
+    problem = with_law(compressed_plate(0.1, (4, 4)), cohesion=8.0)
+    force = solve(problem, degree=4).bracket.coulomb.forces["plate.normal_force"]
+    assert force.lower < solve(problem, degree=6).contacts["plate"].normal_force < force.upper
 
 
 class TestOtherBodies:
