@@ -1,7 +1,6 @@
 """What is refused of problems, options, numbers and names; problems with the same K share its factorisation."""
 
 import copy
-import dataclasses
 import gc
 import pickle
 from dataclasses import replace
@@ -16,7 +15,6 @@ from scipy.sparse import csc_array, csc_matrix, csr_array
 
 from solvers import FrictionQVI, InputError, SolverUnavailableError, Status, certify, solve_qvi
 from solvers.basics import real_array
-from solvers.basics.records import dataclass as record
 from tests.cases import examples
 from tests.solvers.conftest import one_contact, random_problem
 
@@ -248,38 +246,3 @@ def test_one_line_of_limited_length(text, count):
         message = str(InputError("field", value, "remedy"))
         assert len(message.splitlines()) == 1
         assert len(message) <= len("field: : remedy") + 120
-
-
-@pytest.mark.parametrize("options", [{}, {"eq": False}, {"kw_only": True, "repr": False}])
-def test_records_are_frozen_dataclasses(options):
-    """What a class of `solvers.basics.records` does is what the standard library's does."""
-    made = []
-    for decorate in (dataclasses.dataclass, record):
-
-        class Point:
-            x: float
-            name: str = dataclasses.field(default="p", compare=False)
-            tags: list[str] = dataclasses.field(default_factory=list, repr=False, compare=False)
-
-            def __post_init__(self):
-                object.__setattr__(self, "x", float(self.x))
-
-        point = decorate(frozen=True, **options)(Point)
-        one, other = point(x=1), point(x=1, name="q")
-        for change in (lambda p: setattr(p, "x", 2.0), lambda p: setattr(p, "new", 2.0), lambda p: delattr(p, "x")):
-            with pytest.raises(dataclasses.FrozenInstanceError):
-                change(one)
-        moved = replace(one, x=2)
-        shown = repr(one).split(" object")[0]
-        made.append(
-            (
-                one == other,
-                one == moved,
-                len({one, other}),
-                dataclasses.asdict(moved),
-                shown,
-                copy.copy(one).x,
-                one == 1,
-            )
-        )
-    assert made[0] == made[1]
