@@ -25,6 +25,7 @@ one at the line x_i, with I = 2i + 1 it has a slope there, and both are zero on 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
@@ -38,7 +39,6 @@ from qvi_contact.mesh.grid import rectangle_lines
 from qvi_contact.problem.material import Material, Plane
 from qvi_contact.solution.stress import principal_stresses
 from solvers import FrictionQVI
-from solvers.basics.records import dataclass
 from solvers.inequality.traces import TractionFactor
 
 __all__ = ["QuarterPlate", "plate"]

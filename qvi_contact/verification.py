@@ -11,7 +11,7 @@ says of itself counts, and nothing that a back end said.
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -32,7 +32,6 @@ from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import prescribed_and_computed
 from solvers import Certificate, FrictionQVI, Status, certify
-from solvers.basics.records import dataclass
 from solvers.certificate.certificate import EXPONENTS
 from solvers.certificate.feasibility import is_farkas
 from solvers.factorisation import FactorisationError

@@ -13,12 +13,12 @@ In `docs/theory.md`: (D34).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.linalg import lstsq
 
-from solvers.basics.records import dataclass
 from solvers.basics.types import BoolVector, IntVector, Matrix, Vector
 from solvers.errors import InputError
 from solvers.inequality.problem import FrictionQVI

@@ -16,7 +16,7 @@ The last two rows of (D2) hold at z for the bound mu s to the inner accuracy; so
 
 import time
 from collections import deque
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import ClassVar, TypeAlias
 
 import numpy as np
@@ -24,7 +24,6 @@ from scipy.sparse import csc_array, diags_array, eye_array, vstack
 
 from solvers.basics.checks import real_array
 from solvers.basics.progress import Progress, deadline, report
-from solvers.basics.records import dataclass
 from solvers.basics.status import Status
 from solvers.basics.types import Matrix, Vector
 from solvers.certificate.certificate import certify, scales_at

@@ -15,7 +15,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, dataclass, fields
 from functools import cache
 from types import NoneType, UnionType
 from typing import (
@@ -35,7 +35,6 @@ from typing import (
 
 from qvi_contact.errors import InputError
 from solvers.basics.checks import closest
-from solvers.basics.records import dataclass
 
 LARGEST: Final = 1e60
 """Numbers beyond it overflow when they are squared and multiplied."""

@@ -2,12 +2,12 @@
 
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
 from qvi_contact.basics.schema import Name
 from qvi_contact.errors import InputError
-from solvers.basics.records import dataclass
 
 _FORCES: Final = {
     ("Pa", "m"): "N/m", ("N/m²", "m"): "N/m", ("kPa", "m"): "kN/m", ("kN/m²", "m"): "kN/m", ("MPa", "m"): "MN/m",

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Final
 
@@ -56,7 +56,6 @@ from qvi_contact.solution.stress import allowed_misfit, obstacle_work, rest_on_a
 from qvi_contact.version import __version__
 from solvers import Status, solve_qvi
 from solvers.basics.progress import Log, deadline
-from solvers.basics.records import dataclass
 from solvers.factorisation import FactorisationError
 from solvers.solution import WHAT_TO_DO
 from solvers.solve import followed_solutions, traction_difference

@@ -12,7 +12,7 @@ In `docs/theory.md`: (D26), (D27), (D28), (D31).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final, NamedTuple
 
@@ -51,7 +51,6 @@ from qvi_contact.problem.conditions import bears_shear, has_coulomb
 from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import obstacle_work, rest_on_arcs, support_work
-from solvers.basics.records import dataclass
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -18,7 +18,7 @@ In `docs/theory.md`: (D26), (D28), (D29), (D30), (D32), (D39).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Final
 from weakref import WeakKeyDictionary
@@ -39,7 +39,6 @@ from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
-from solvers.basics.records import dataclass
 
 ANGLES: Final = np.linspace(0.0, np.pi / 2.0, 4097)
 """Angles at which a smooth function is compared for its maximum."""

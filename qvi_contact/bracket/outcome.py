@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
@@ -15,7 +16,6 @@ from qvi_contact.bracket.parts import Bounds, EdgeParts
 from qvi_contact.companion import CompanionResult
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
-from solvers.basics.records import dataclass
 
 _ROUNDING = 1e-9  # of the strain energy
 _NOTHING = 1e-14  # of the strain energy: parts of the gap that are rounding

@@ -14,7 +14,7 @@ In `docs/theory.md`: (D20), (D40).
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -30,7 +30,6 @@ from qvi_contact.problem.conditions import SPRINGS
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.stress import cell_stresses, normal_and_shear
-from solvers.basics.records import dataclass
 
 _OUTWARD = 2.0  # safety of the work of violations that are left
 _BELOW_ZERO = 1e-10  # of a field's values: a coefficient below zero that is none

@@ -14,7 +14,7 @@ In `docs/theory.md`: (D26), (D27).
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import comb
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -36,7 +36,6 @@ from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, h
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from solvers import FrictionQVI, solve_qvi
-from solvers.basics.records import dataclass
 
 _OPEN = 1e-6  # of the largest bound on a contact: an edge where it is nowhere above that bears nothing
 _BEARS = 0.02  # of the largest bound on an edge: coefficients below that do not count for the value of s at an end

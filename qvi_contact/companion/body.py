@@ -20,7 +20,7 @@ are.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
@@ -40,7 +40,6 @@ from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Displacement, Traction
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem
-from solvers.basics.records import dataclass
 from solvers.factorisation import Factorisation, FactorisationError, factorise
 
 LOAD_POINTS = 10

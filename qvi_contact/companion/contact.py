@@ -37,6 +37,7 @@ In `docs/theory.md`: (D18), (D40).
 """
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
 
@@ -57,7 +58,6 @@ from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, RigidPlate
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem
 from solvers import FrictionQVI, QVISolution
-from solvers.basics.records import dataclass
 
 _DEPENDENT = 1e-9  # length of an equality row, relative, left after those before it, that counts as nothing
 _BALANCED = 1e-9

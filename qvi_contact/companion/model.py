@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from types import MappingProxyType
 from typing import Final
@@ -30,7 +30,6 @@ from qvi_contact.version import __version__
 from solvers import Certificate, QVISolution, Status, solve_qvi
 from solvers.basics.checks import Named, known_name
 from solvers.basics.progress import Log, deadline
-from solvers.basics.records import dataclass
 from solvers.basics.types import PicklesFields
 from solvers.certificate.certificate import EXPONENTS
 from solvers.factorisation import FactorisationError

@@ -19,6 +19,7 @@ of full order. (The map of the mesh, seen from barycentres, is not: it bends bet
 polynomial that differs from its definition by rounding.
 """
 
+from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
 from typing import Final
 
@@ -32,7 +33,6 @@ from qvi_contact.element.triangle import EDGES, bernstein, exponents, gradient, 
 from qvi_contact.mesh.edges import Edges, arc_offsets, linked
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
-from solvers.basics.records import dataclass
 
 _SLOPES: Final = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])  # of λ
 

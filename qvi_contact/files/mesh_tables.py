@@ -6,7 +6,7 @@ Each table is declared by its keys, and makes its part of the mesh. Errors have 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 from typing import Annotated, Any, Final, Literal
 
@@ -21,7 +21,6 @@ from qvi_contact.mesh.outline import Corner, Point
 from qvi_contact.mesh.selection import checked_pairs, edges_in_box, edges_on_segment
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.material import Plane, Region
-from solvers.basics.records import dataclass
 
 _MOST_IN_A_ROW: Final = 10_000  # cells of a piece of grid lines
 _MOST_CELLS: Final = 1_000_000  # of a grid

@@ -8,7 +8,7 @@ import tomllib
 import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -34,7 +34,6 @@ from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polyno
 from qvi_contact.problem.material import Material, cell_materials
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.settings import RefineOptions, SolveOptions
-from solvers.basics.records import dataclass
 
 VERSION: Final = 1
 

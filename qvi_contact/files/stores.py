@@ -19,6 +19,7 @@ import sqlite3
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final, TypeVar, get_args
@@ -35,7 +36,6 @@ from qvi_contact.solution.history import CONTINUES
 from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult
 from qvi_contact.solution.sweep import Parameter, SweepRow, SweepRows
 from solvers import Status
-from solvers.basics.records import dataclass
 
 # steps of a history
 

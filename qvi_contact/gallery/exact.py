@@ -5,6 +5,7 @@ must be the exact one up to round-off.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -16,7 +17,6 @@ from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, Traction
 from qvi_contact.problem.material import Material, Plane
 from qvi_contact.problem.problem import ContactProblem
-from solvers.basics.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ min q·x   s.t.   s = b − A x:   s = 0 in the first rows,   s ≥ 0 in those a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final, NamedTuple, TypeAlias
 
@@ -17,7 +17,6 @@ from scipy.sparse import linalg
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import SolveError
 from solvers.basics.progress import deadline
-from solvers.basics.records import dataclass
 from solvers.basics.types import load
 
 _TOLERANCE: Final = 1e-9  # of the solver

@@ -28,6 +28,7 @@ In `docs/theory.md`: (D37), (D38).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -51,7 +52,6 @@ from qvi_contact.mesh.edges import Edges, linked
 from qvi_contact.problem.conditions import DRIVES, SHEAR_LAW, Contact, Displacement, Traction, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
-from solvers.basics.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

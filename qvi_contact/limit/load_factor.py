@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
@@ -27,7 +27,6 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.version import __version__
 from solvers.basics.checks import known_name
 from solvers.basics.progress import Log, deadline
-from solvers.basics.records import dataclass
 from solvers.basics.types import frame
 
 if TYPE_CHECKING:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
@@ -10,7 +12,6 @@ from qvi_contact.mechanism.bodies import whole_edges
 from qvi_contact.mesh.edges import Edges, linked
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
-from solvers.basics.records import dataclass
 
 SAMPLES = 6
 """Degree of the lattice at which fields are looked at."""

@@ -30,6 +30,7 @@ In `docs/theory.md`: (D24), (D36).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, TypeAlias
 
@@ -48,7 +49,6 @@ from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.material import Material, MohrCoulomb, YieldCone
 from qvi_contact.problem.problem import ContactProblem
-from solvers.basics.records import dataclass
 from solvers.inner.linear_program import INFEASIBLE, TIME_LIMIT, solved
 from solvers.inner.linear_program import UNBOUNDED as NO_LIMIT
 

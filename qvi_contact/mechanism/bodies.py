@@ -7,6 +7,7 @@ is the rest, σ_N' = σ_N + p_w. Integrals are those that stresses take of the s
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -16,7 +17,6 @@ from qvi_contact.mesh.edges import Edges, linked, vectors_along
 from qvi_contact.problem.conditions import LOCAL, Contact, Traction, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
-from solvers.basics.records import dataclass
 
 BODY = "body"
 """What the body force is called among the loads; of several, all of them together."""

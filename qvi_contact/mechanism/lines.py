@@ -27,7 +27,7 @@ In `docs/theory.md`: (D23).
 
 import math
 from collections.abc import Iterator
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -39,7 +39,6 @@ from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mesh.edges import Edges, angles, points_along, vectors_along
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem
-from solvers.basics.records import dataclass
 
 _PIECES: Final = 8  # of an edge, where friction is a function
 _SAMPLES: Final = 8  # steps in each of them

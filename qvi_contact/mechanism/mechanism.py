@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Final
@@ -33,7 +34,6 @@ from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Displacement
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.checks import Named
-from solvers.basics.records import dataclass
 from solvers.basics.types import PicklesFields
 from solvers.inner.linear_program import INFEASIBLE, TIME_LIMIT, solved
 

@@ -5,6 +5,7 @@ parameter; derivatives are those of the polynomial through these points, and its
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, NamedTuple, TypeAlias
 
@@ -29,7 +30,6 @@ from qvi_contact.mesh.edges import (
     turned,
 )
 from qvi_contact.mesh.selection import checked_pairs, point
-from solvers.basics.records import dataclass
 
 ROUNDING: Final = 1.5e-6
 """Distance of a vertex from its circle over the radius, or from another curve over its size, that is taken as rounding

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from threading import Lock
 from typing import Any, Final, NamedTuple, TypeAlias
@@ -28,7 +28,6 @@ from qvi_contact.mesh.cutting import LARGEST
 from qvi_contact.mesh.edges import Topology, cross
 from qvi_contact.mesh.selection import point
 from solvers.basics.foreign import foreign_code, handlers_kept
-from solvers.basics.records import dataclass
 from solvers.basics.types import load
 
 Point: TypeAlias = tuple[float, float]

@@ -1,6 +1,7 @@
 """Which edges and triangles are meant: by number, function, segment or box; and those that hold a point."""
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, TypeAlias
 
@@ -11,7 +12,6 @@ from scipy import sparse
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, real_array
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Topology, reference_of
-from solvers.basics.records import dataclass
 
 Point: TypeAlias = Sequence[float]
 Range: TypeAlias = Sequence[float] | None

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -16,7 +17,6 @@ from qvi_contact.plots.symbols import Written, alignment, beside, between, groun
 from qvi_contact.plots.tractions import pieces_along
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import cell_factors, held_along_z, sample_body, stress_component
-from solvers.basics.records import dataclass
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

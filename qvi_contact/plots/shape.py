@@ -11,6 +11,7 @@ takes one linear solve, and there is one for every stress state: for steps of a 
 energy.
 """
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -27,7 +28,6 @@ from qvi_contact.problem.conditions import Displacement
 from qvi_contact.problem.material import stress_at_rest
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import stress_in_cells
-from solvers.basics.records import dataclass
 
 _DEGREE: Final = 2
 _KNOWN: Final = 100.0  # α: what is known of displacements outweighs strains

@@ -5,6 +5,7 @@ polynomials of the element do beyond their points, teeth and jumps where edges m
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
@@ -15,7 +16,6 @@ from qvi_contact.basics.units import Units
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.plots.style import BLUE, VERMILLION, plain_units
 from qvi_contact.solution.contact_line import ContactLine, ContactState
-from solvers.basics.records import dataclass
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,7 +13,7 @@ the tangential component of the traction σn, u_N and u_T are the components of 
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
 
 import numpy as np
@@ -34,7 +34,6 @@ from qvi_contact.basics.schema import (
 )
 from qvi_contact.errors import InputError
 from qvi_contact.problem.fields import Expression
-from solvers.basics.records import dataclass
 
 Law: TypeAlias = Literal["unilateral", "bilateral", "tied"]
 """What a contact does across its line: it may open, it keeps its distance, or it does not move at all."""

@@ -6,7 +6,7 @@ import ast
 import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 from io import StringIO
 from itertools import zip_longest
@@ -24,7 +24,6 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, rounding_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from solvers.basics.checks import known_name
-from solvers.basics.records import dataclass
 from solvers.basics.types import PicklesFields, load
 
 _LONGEST: Final = 2000  # characters of an expression

@@ -34,6 +34,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, NamedTuple, TypeAlias, cast
 
 import numpy as np
@@ -43,7 +44,6 @@ from qvi_contact.basics.schema import Angle, Inline, Name, Positive, Scalar, Tag
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.selection import triangles_in_box
 from qvi_contact.mesh.triangles import TriangleMesh
-from solvers.basics.records import dataclass
 
 if TYPE_CHECKING:
     from qvi_contact.problem.problem import ContactProblem

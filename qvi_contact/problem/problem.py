@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import pickle
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
@@ -34,7 +34,6 @@ from qvi_contact.problem.material import (
     is_strained,
     stress_at_rest,
 )
-from solvers.basics.records import dataclass
 from solvers.basics.types import PicklesFields, load
 
 _OVERLAP: Final = "drop one, or name parts of the side by with_edges()"

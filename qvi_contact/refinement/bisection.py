@@ -10,7 +10,7 @@ In `docs/theory.md`: (D22) with why and how often, for limit loads (D25).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
 from typing import Any, Final
@@ -35,7 +35,6 @@ from qvi_contact.solution.solver import discretized, solve
 from qvi_contact.solution.stress import loads_followed
 from solvers import Status
 from solvers.basics.progress import deadline
-from solvers.basics.records import dataclass
 
 _DEGREE: Final = 5  # where none is given
 

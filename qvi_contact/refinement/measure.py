@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias
 
@@ -35,7 +35,6 @@ from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import COMPONENTS, cell_factors, held_along_z, stress_component, stress_in_cells
 from solvers import QVISolution
 from solvers.basics.checks import known_name
-from solvers.basics.records import dataclass
 from solvers.derivative import Change, change
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Final
 
@@ -16,7 +16,6 @@ from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
-from solvers.basics.records import dataclass
 from solvers.basics.types import columns_of, frame
 
 if TYPE_CHECKING:

@@ -12,12 +12,12 @@ just opened it, and two would write. It may be deleted when no run is at work.
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from qvi_contact.basics.writing import replacing, writable_folder
 from qvi_contact.errors import InputError
-from solvers.basics.records import dataclass
 
 SETTINGS: Final[tuple[str, ...]] = (
     "trusted_schema = OFF",

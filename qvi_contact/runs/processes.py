@@ -26,6 +26,7 @@ import time
 from collections import defaultdict, deque
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass
 from multiprocessing.connection import wait
 from queue import Empty, SimpleQueue
 from threading import Event, Lock, get_ident
@@ -35,7 +36,6 @@ from uuid import uuid4
 from qvi_contact.basics.checks import whole_number
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.runs.worker import IDLE, names_shortage, one_line
-from solvers.basics.records import dataclass
 
 if TYPE_CHECKING:
     from distributed import Client, Future

@@ -8,6 +8,7 @@ In `docs/theory.md`: (D6).
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
@@ -15,7 +16,6 @@ import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.linalg.lapack import dgetrf, dgetrs, dpotrf, dpotrs
 
-from solvers.basics.records import dataclass
 from solvers.basics.types import Matrix, Vector
 from solvers.factorisation.base import State
 

@@ -1,12 +1,12 @@
 """The inner problem, friction bound given, and what every back end for it provides."""
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array, vstack
 
-from solvers.basics.records import dataclass
 from solvers.basics.status import Status
 from solvers.basics.types import Sparse, Vector
 from solvers.inequality.problem import FrictionQVI

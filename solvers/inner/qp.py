@@ -9,7 +9,7 @@ import re
 import time
 import warnings
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -17,7 +17,6 @@ import numpy as np
 from scipy.sparse import csc_array, csc_matrix, triu, vstack
 
 from solvers.basics.progress import deadline
-from solvers.basics.records import dataclass
 from solvers.basics.status import Status
 from solvers.basics.types import Sparse, Vector, load
 from solvers.inequality.problem import FrictionQVI

@@ -9,6 +9,7 @@ import platform
 import sys
 import tomllib
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
@@ -40,7 +41,6 @@ from qvi_contact.solution.contact_line import SUMMARY, ContactLine, ContactState
 from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, plate_numbers
 from qvi_contact.solution.stress import held_along_z, out_of_plane_factors, sample_body
 from qvi_contact.version import __version__
-from solvers.basics.records import dataclass
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
