@@ -19,7 +19,7 @@ from qvi_contact.errors import InputError
 
 if TYPE_CHECKING:
     from qvi_contact.files.problem_file import ProblemFile
-    from qvi_contact.result import ContactResult
+    from qvi_contact.solution.result import ContactResult
 
 _NEEDED: Final = {"markdown-it-py": "markdown_it", "matplotlib": "matplotlib", "pandas": "pandas"}
 """Distributions that every report needs → their modules."""

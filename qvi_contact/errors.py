@@ -34,6 +34,7 @@ RETIRED: Final = {
     "contact_rows": "was renamed in version 0.2: give law_on='edges' for 'bernstein', 'points' for 'gauss'",
     "refined_where_apart": "was retired in version 0.2: call refine(problem, quantity='energy'), or bisect what holds "
     "most of result.bracket.cell_gaps by the mesh's own refined",
+    "exact": "was retired in version 0.2: its states are in qvi_contact.gallery",
     "stream_sweep": "was retired in version 0.2: call solve_sweep(problem, parameter, values, of, store=FILE)",
 }
 """By name of what could be imported, called or given."""

@@ -8,8 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from qvi_contact.plots import BLUE, GREEN, GREY, ORANGE, VERMILLION
-from qvi_contact.plots.style import PURPLE, SKY, new_figure, settings, svg_text
+from qvi_contact.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, new_figure, settings, svg_text
 
 LOOKS: Final = (
     (BLUE, "o", "-"), (VERMILLION, "s", "--"), (GREEN, "^", "-."), (ORANGE, "D", ":"), (PURPLE, "v", "-"),

@@ -18,8 +18,7 @@ from comparisons.paper.reference import Reference, load
 from qvi_contact.basics.terminal import Advance
 from qvi_contact.basics.writing import write_text
 from qvi_contact.paper import QuarterPlate
-from qvi_contact.plots import BLUE, VERMILLION
-from qvi_contact.plots.style import lines, new_figure
+from qvi_contact.plots.style import BLUE, VERMILLION, lines, new_figure
 from solvers import QVISolution, Status, available, solve_qvi
 
 SHRINKING: Final = 100.0

@@ -27,7 +27,7 @@ from comparisons.lab.studies import Row, frame_of
 from comparisons.peers.meshes import FAMILIES
 from comparisons.peers.study import BRACKET, CODES, MODELS, TRIANGLES
 from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE, UNCERTAINTY
-from qvi_contact.plots import BLUE, GREEN, GREY, VERMILLION
+from qvi_contact.plots.style import BLUE, GREEN, GREY, VERMILLION
 
 INVERTED: Final = "inverted"
 """Status of a bracket whose lower end is above its upper one by more than twice `RESOLUTION`: it proves nothing."""

@@ -11,8 +11,7 @@ from qvi_contact import Contact, ContactLine, ContactProblem, ContactResult, Con
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.companion import solve_companion
 from qvi_contact.discretization.loads import EdgePoints
-from qvi_contact.exact import ExactState
-from qvi_contact.gallery import compressed_plate
+from qvi_contact.gallery import ExactState, compressed_plate
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mesh.edges import cross
 from qvi_contact.solution.stress import traction

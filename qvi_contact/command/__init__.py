@@ -6,8 +6,9 @@ __getattr__ = front(
     __name__,
     {
         "cli": ("group",),
+        "outputs": ("SecondModel",),
         "page": ("Request", "number", "result_page", "result_tables"),
-        "report": ("result_lines", "series_lines", "series_tables"),
+        "report": ("result_lines",),
         "progress_line": ("solving",),
     },
 )

@@ -1,8 +1,10 @@
 """The command `qvi-contact`: its options and help. What it does is in `work`, which is loaded when it is needed."""
 
+import sys
 from collections.abc import Callable, Iterable
 from functools import wraps
 from importlib import import_module
+from importlib.util import LazyLoader, find_spec, module_from_spec
 from typing import Any, Final, NamedTuple
 
 import click
@@ -122,6 +124,7 @@ def _command(summary: str, *options: Callable[[_Command], _Command]) -> Callable
     def decorated(function: _Command) -> click.Command:
         @wraps(function)
         def done(**given: Any) -> Any:
+            _put_off("f2py", "testing")
             return getattr(import_module("qvi_contact.command.work"), function.__name__)(**given)
 
         command: _Command = done
@@ -130,6 +133,18 @@ def _command(summary: str, *options: Callable[[_Command], _Command]) -> Callable
         return group.command(short_help=summary)(command)
 
     return decorated
+
+
+def _put_off(*names: str) -> None:
+    """Load parts of NumPy on first use: SciPy asks for each name of NumPy, and these take a tenth of a small solve."""
+    import numpy as np
+
+    for spec in (find_spec(f"numpy.{name}") for name in names):
+        if spec is not None and spec.loader is not None and spec.name not in sys.modules:
+            spec.loader = LazyLoader(spec.loader)
+            sys.modules[spec.name] = module = module_from_spec(spec)
+            spec.loader.exec_module(module)
+            setattr(np, spec.name.rpartition(".")[2], module)
 
 
 @_command(

@@ -21,7 +21,6 @@ from solvers.errors import known_name
 
 if TYPE_CHECKING:
     from qvi_contact.bracket import Bracket
-    from qvi_contact.companion import CompanionResult
 
 
 def checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
@@ -31,7 +30,7 @@ def checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
     """
     taken = {identity(source): "the problem file"}
     for option, path in given.items():
-        name = f"--{option.replace('_', '-')}"
+        name = option_name(option)
         if not path or os.path.isdir(path):  # Path's raises for names that no file can have
             raise InputError(name, path, "give the name of a file")
         check_writable(path, name)
@@ -47,21 +46,17 @@ def checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
         if target.library == "matplotlib":
             from qvi_contact.plots.style import picture_suffix, require_matplotlib
 
+            require_matplotlib()
             if option == "plot":
                 picture_suffix(path)
-            require_matplotlib()
     return dict(given)
 
 
 class SecondModel:
-    """The bracket of a result and its displacement, computed when first asked for, in at most so many seconds.
-
-    `missing` says why there is no bracket, or no displacement in it, once one of them was asked for.
-    """
+    """The bracket of a result, computed when first asked for, in at most so many seconds; `missing` says why not."""
 
     def __init__(self, result: ContactResult, time_limit: float | None = None, known: "Bracket | None" = None) -> None:
-        self.result, self.missing = result, ""
-        self._time_limit = time_limit
+        self.result, self.missing, self._time_limit = result, "", time_limit
         if known is not None:
             self.bracket = known
 
@@ -70,29 +65,22 @@ class SecondModel:
         """The bracket; None without a stress state, for incompressible materials, and after earlier slip along arcs."""
         from qvi_contact.bracket import bracket
 
-        if not self.result.has_state:
-            self.missing = "there is no stress state"
-            return None
         try:
-            return bracket(self.result, time_limit=self._time_limit)
+            if self.result.has_state:
+                return bracket(self.result, time_limit=self._time_limit)
+            self.missing = "there is no stress state"
         except InputError as error:
             self.missing = error.remedy
-            return None
+        return None
 
-    @cached_property
-    def companion(self) -> "CompanionResult | None":
-        """The result of the displacement model that has a displacement."""
-        if self.bracket is None:
-            return None
-        found = self.bracket.companion
-        if not found.has_state:
-            self.missing = self.bracket.message
-            return None
-        return found
+    @property
+    def displaced(self) -> "Bracket | None":
+        """The bracket, if the displacement model in it has an answer."""
+        return self.bracket if self.bracket is not None and self.bracket.companion.has_state else None
 
     def write(self, path: str, units: Units) -> None:
         """Write the fields of the body, with the displacement if there is one, and those of contacts beside them."""
-        files.write_vtu(path, self.result, units, bracket=None if self.companion is None else self.bracket)
+        files.write_vtu(path, self.result, units, bracket=self.displaced)
         if self.result.contacts:
             whole = Path(path)
             files.write_contacts_vtu(whole.with_name(f"{whole.stem}_contacts{whole.suffix}"), self.result, units)
@@ -108,62 +96,71 @@ def asked_panels(file: ProblemFile, panels: str | None) -> list[str] | None:
 
 
 def write_all(
+    source: str,
     targets: Mapping[str, str],
     file: ProblemFile,
     second: SecondModel,
     document: dict[str, Any],
-    page: Callable[[], str] = str,
-    several: Any = None,
     panels: Sequence[str] | None = None,
+    **more: Any,
 ) -> bool:
     """Write the files asked for, as many as can be; whether all could be, and a line for each that could not.
 
-    The displacement model has the result. The picture is that of the result, or of a history.
+    The displacement model has the result. The picture is that of the result, or of a history. Other arguments are those
+    of `result_page`.
     """
     result, units = second.result, file.units
+    series: Any = more.get("series")
 
     def plot(path: str) -> None:
         from qvi_contact import plots
 
-        if file.times and several is not None and several.steps[0].has_state and result.problem.contacts:
-            plots.save_figure(path, plots.history_figure(several, units, file.times, file.title))
+        if file.times and series.results.steps[0].has_state and result.problem.contacts:
+            plots.save_figure(path, plots.history_figure(series.results, units, file.times, file.title))
         else:
             plots.save_figure(path, plots.result_figure(result, units, file.title, panels))
+
+    def page(path: str) -> None:
+        from qvi_contact.command.page import Request, result_page
+
+        write_text(path, result_page(Request.read(source, file), second, panels=panels, **more))
 
     writers: dict[str, Callable[[str], None]] = {
         "save_json": lambda path: write_text(path, json_text(document) + "\n"),
         "plot": plot,
         "npz": lambda path: files.write_npz(path, result, units, file.title),
-        "report": lambda path: write_text(path, page()),
+        "report": page,
         "vtk": lambda path: second.write(path, units),
     }
-    of_state = () if result.has_state else ("vtk", "npz")
-    missing = [path for option, path in targets.items() if option in of_state]
-    if missing:
-        click.echo(f"qvi-contact: there is no stress state to write to {', '.join(missing)}", err=True)
+    stateless = {} if result.has_state else dict.fromkeys(("vtk", "npz"), "there is no stress state to write to")
+    return written(targets, writers, stateless)
+
+
+def written(
+    targets: Mapping[str, str], writers: Mapping[str, Callable[[str], None]], missing: Mapping[str, str]
+) -> bool:
+    """Write files by option, as many as can be, with a line for each that is not; whether none failed.
+
+    Words for what there is nothing to write to stand in `missing`.
+    """
     complete = True
     for option, path in targets.items():
-        if option in of_state:
-            continue
         try:
-            writers[option](path)
+            if option in missing:
+                click.echo(f"qvi-contact: {missing[option]} {path}", err=True)
+            else:
+                writers[option](path)
         except InputError as error:
-            name = f"--{option.replace('_', '-')}" if error.field == "output" else error.field
+            name = option_name(option) if error.field == "output" else error.field
             failure = InputError(name, error.value, error.remedy)
             click.echo(f"qvi-contact: {' '.join(str(failure).split())}", err=True)
             complete = False
     return complete
 
 
-def page_of(path: str, file: ProblemFile, *found: Any, **more: Any) -> Callable[[], str]:
-    """What makes the page of --report about a problem file; other arguments are those of `result_page`."""
-
-    def made() -> str:
-        from qvi_contact.command.page import Request, result_page
-
-        return result_page(Request.read(path, file), *found, **more)
-
-    return made
+def option_name(name: str) -> str:
+    """How an option is typed."""
+    return f"--{name.replace('_', '-')}"
 
 
 def json_text(document: object) -> str:

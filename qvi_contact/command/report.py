@@ -61,6 +61,10 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
         yield f"obstacle {name} pushes with ({across}, {up}) {force}, moment {moment} {units.engineering_moment}"
 
 
+Titled: TypeAlias = tuple[str, list[str], list[list[str]]]
+"""A table: title, headings, rows."""
+
+
 class Series(NamedTuple):
     """Several results of one file: "t" for a history, or the parameter of a sweep, and all its values."""
 
@@ -79,37 +83,31 @@ class Series(NamedTuple):
         }
         return {"times": list(self.values), "dissipated": dissipated, "steps": list(summaries)}
 
+    def lines(self, units: Units) -> Iterator[str]:
+        """The tables, each remark once, then what became of it all."""
+        steps = self.results.steps
+        yield from _in_lines(self.tables(units))
+        if self.label == "t":
+            least = Rounding.largest(step.rounding for step in steps)
+            lost = shown(float(self.results.dissipated.sum()), least.energy)
+            yield f"energy lost in friction: {lost} {units.engineering_energy}"
+        remarks = dict.fromkeys(remark for step in steps for remark in step.remarks)
+        yield from (f"remark: {units.filled(remark)}" for remark in remarks)
+        yield self.results.message
 
-def series_lines(results: Any, label: str, values: Sequence[float], units: Units) -> Iterator[str]:
-    """The tables of load steps or of a sweep, each remark once, then what became of it all."""
-    steps = results.steps
-    yield from _in_lines(series_tables(steps, label, values, units))
-    if label == "t":
-        least = Rounding.largest(step.rounding for step in steps)
-        lost = shown(float(results.dissipated.sum()), least.energy)
-        yield f"energy lost in friction: {lost} {units.engineering_energy}"
-    remarks = dict.fromkeys(remark for step in steps for remark in step.remarks)
-    yield from (f"remark: {units.filled(remark)}" for remark in remarks)
-    yield results.message
+    def tables(self, units: Units) -> Iterator[Titled]:
+        """One table for each contact and each plate: a row for each time "t", or value of a sweep."""
+        length = f"[{units.displacement}]"
+        swept = {"load": "load factor", "gap": f"added gap {length}", "offset": f"added offset {length}"}
 
+        def first(number: int, step: ContactResult) -> list[str]:
+            value, status = f"{self.values[number]:.6g}", str(step.status)
+            return [str(number + 1), value, status] if self.label == "t" else [value, status, str(step.iterations)]
 
-Titled: TypeAlias = tuple[str, list[str], list[list[str]]]
-"""A table: title, headings, rows."""
-
-
-def series_tables(
-    steps: Sequence[ContactResult], label: str, values: Sequence[float], units: Units
-) -> Iterator[Titled]:
-    """One table for each contact and each plate of several results: a row for each time "t", or value of a sweep."""
-    length = f"[{units.displacement}]"
-    swept = {"load": "load factor", "gap": f"added gap {length}", "offset": f"added offset {length}"}
-
-    def first(number: int, step: ContactResult) -> list[str]:
-        value, status = f"{values[number]:.6g}", str(step.status)
-        return [str(number + 1), value, status] if label == "t" else [value, status, str(step.iterations)]
-
-    headings = ["step", "t", "status"] if label == "t" else [swept.get(label, label), "status", "iterations"]
-    return _contact_tables(steps, headings, first, units)
+        swept_by = [swept.get(self.label, self.label), "status", "iterations"]
+        return _contact_tables(
+            self.results.steps, ["step", "t", "status"] if self.label == "t" else swept_by, first, units
+        )
 
 
 def _contact_tables(
@@ -119,10 +117,8 @@ def _contact_tables(
     units: Units,
 ) -> Iterator[Titled]:
     """One table for each contact and each plate: of each result, by its number from 0, the first columns and more."""
-    contacts, driven = (
-        steps[0].problem.contacts,
-        [each.name for each in steps[0].problem.contacts if each.plate is not None],
-    )
+    contacts = steps[0].problem.contacts
+    driven = [each.name for each in contacts if each.plate is not None]
     begun, known, moved, roundings = [], list[Mapping[str, Any]](), list[Mapping[str, Any]](), []
     for number, step in enumerate(steps):  # each is read once: those of a store are files
         lines = step.contacts if step.has_state else {}
@@ -280,7 +276,7 @@ def refinement_document(found: Outcome, units: Units) -> dict[str, Any]:
 def refinement_lines(found: Refinement, units: Units) -> Iterator[str]:
     """The rounds as a table, then how it ended and how far the number can be trusted."""
     if found.rounds:
-        yield from table(refinement_headings(found, units), refinement_rows(found))
+        yield from table(*refinement_table(found, units))
         yield ""
     yield found.message
     if found.rounds:
@@ -289,14 +285,10 @@ def refinement_lines(found: Refinement, units: Units) -> Iterator[str]:
         yield found.status.advice
 
 
-def refinement_headings(found: Refinement, units: Units) -> list[str]:
-    """Headings of `refinement_rows`."""
-    return ["round", "cells", "unknowns", f"{found.quantity} [{_unit(found, units)}]", "relative error", ""]
-
-
-def refinement_rows(found: Refinement) -> list[list[str]]:
-    """Cells, unknowns, value and relative error of each round, and what the error is."""
-    return [
+def refinement_table(found: Refinement, units: Units) -> tuple[list[str], list[list[str]]]:
+    """Headings, and of each round cells, unknowns, value and relative error, and what the error is."""
+    headings = ["round", "cells", "unknowns", f"{found.quantity} [{_unit(found, units)}]", "relative error", ""]
+    return headings, [
         [str(number), str(each.cells), str(each.unknowns), f"{each.value:.9g}", *_error(each)]
         for number, each in enumerate(found.rounds, 1)
     ]

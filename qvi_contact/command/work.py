@@ -22,7 +22,7 @@ from qvi_contact.basics.schema import keys_of
 from qvi_contact.basics.writing import write_text
 from qvi_contact.command import report
 from qvi_contact.command.cli import TARGETS
-from qvi_contact.command.outputs import SecondModel, asked_panels, checked_targets, json_text, page_of, write_all
+from qvi_contact.command.outputs import SecondModel, asked_panels, checked_targets, json_text, write_all, written
 from qvi_contact.command.progress_line import solving
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ProblemFile, SweepPlan, load_problem
@@ -102,9 +102,8 @@ def solve(
             found = [files.summary(step, units) for step in steps]
             document |= found[0] if series is None else series.document(found, units)
         second = SecondModel(steps[-1], options.get("time_limit"))
-        page = page_of(file, problem_file, steps, second, series=series, panels=charts)
-        complete = write_all(targets, problem_file, second, document, page, series and series.results, charts)
-    lines = report.result_lines(steps[0], units) if series is None else report.series_lines(*series, units)
+        complete = write_all(file, targets, problem_file, second, document, charts, series=series)
+    lines = report.result_lines(steps[0], units) if series is None else series.lines(units)
     _show(problem_file, document if as_json else lines)
     return 2 if not complete else 0 if solved else 1
 
@@ -144,7 +143,7 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
             advance("energy bounded, contact forces follow")
             if found is not None:
                 _ = found.forces  # takes longest on large meshes: here, where progress is shown
-        complete = write_all(targets, problem_file, SecondModel(result, known=found), {})
+        complete = write_all(file, targets, problem_file, SecondModel(result, known=found), {})
     if as_json:
         document = {"title": problem_file.title, **files.summary(result, units)}
         _show(problem_file, document | {"bracket": None if found is None else outcome.document(found, units)})
@@ -167,7 +166,7 @@ def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
             found = other_solutions(result) if result.status == "solved" else None
         document = {"title": problem_file.title, **report.branches_document(result, found, units)}
         second = SecondModel(result if found is None else found.preferred, given["time_limit"])
-        complete = write_all(targets, problem_file, second, document)
+        complete = write_all(file, targets, problem_file, second, document)
     _show(problem_file, document if as_json else report.branches_lines(result, found, units))
     return 2 if not complete else 0 if result.status == "solved" else 1
 
@@ -187,8 +186,7 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
         document = {"title": problem_file.title, **files.summary(found.result, units)}
         document["refinement"] = report.refinement_document(found, units)
         second = SecondModel(found.result, options.get("time_limit"))
-        page = page_of(file, problem_file, (found.result,), second, refinement=found)
-        complete = write_all(targets, problem_file, second, document, page)
+        complete = write_all(file, targets, problem_file, second, document, refinement=found)
     last = [line for line in report.result_lines(found.result, units) if not line or line not in found.message]
     _show(
         problem_file, document if as_json else (*report.refinement_lines(found, units), *([""] if last else []), *last)
@@ -198,8 +196,6 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
 
 def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool, as_json: bool, **given: Any) -> int:
     """Bound the largest multiple of loads."""
-    from qvi_contact import plots
-    from qvi_contact.command.page import Request, limit_page
     from qvi_contact.limit.load_factor import limit_load_factor
     from qvi_contact.refinement import LimitFactor
     from qvi_contact.refinement import refine as refined
@@ -210,39 +206,40 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     ):
         space = _space(options)
         told: dict[str, Any] = {**space, "time_limit": given["time_limit"], "verbose": verbose}
-        problem, refinement, degree = problem_file.problem, None, space.get("degree")
-        if not loads and "proof" in targets:
-            click.echo("\n".join(_write_proof(targets["proof"], problem, (), degree)))
+        problem, refinement, proof = problem_file.problem, None, targets.pop("proof", None)
+        if proof is not None and not loads:
+            click.echo("\n".join(_write_proof(proof, problem, (), space.get("degree"))))
             return 0
         if target is None:
             found = limit_load_factor(problem, loads=list(loads), **told)
         else:
             refinement = refined(problem, target=target, quantity=LimitFactor(list(loads)), **told)
             found, problem = refinement.limit, refinement.problem
-        proved = _write_proof(targets["proof"], problem, loads, degree) if "proof" in targets else []
-    said, units, missing = report.limit_lines(loads, found, refinement), problem_file.units, []
-    if "plot" in targets:
-        if found.mechanism is None and found.collapse is None:
-            missing.append(f"there is no mechanism to draw in {targets['plot']}")
-        else:
-            figure = plots.limit_figure(problem, found, units, problem_file.title, f"{said[0]}.")
-            plots.save_figure(targets["plot"], figure)
-    if "vtk" in targets:
-        if found.collapse is None:
-            reason = "no part of the body yields, or it has no largest load"
-            missing.append(f"there is no flow to write to {targets['vtk']}: {reason}")
-        else:
-            files.write_collapse_vtu(targets["vtk"], problem, found, units)
-    if "report" in targets:
-        write_text(targets["report"], limit_page(Request.read(file, problem_file), problem, found, said))
-    for line in missing:
-        click.echo(f"qvi-contact: {line}", err=True)
+        proved = [] if proof is None else _write_proof(proof, problem, loads, space.get("degree"))
+    said, units, missing = report.limit_lines(loads, found, refinement), problem_file.units, {}
+    if found.mechanism is None and found.collapse is None:
+        missing["plot"] = "there is no mechanism to draw in"
+    if found.collapse is None:
+        missing["vtk"] = "no part of the body yields, or it has no largest load: there is no flow to write to"
+
+    def plot(path: str) -> None:
+        from qvi_contact import plots
+
+        plots.save_figure(path, plots.limit_figure(problem, found, units, problem_file.title, f"{said[0]}."))
+
+    def page(path: str) -> None:
+        from qvi_contact.command.page import Request, limit_page
+
+        write_text(path, limit_page(Request.read(file, problem_file), problem, found, said))
+
+    writers = {"plot": plot, "vtk": lambda path: files.write_collapse_vtu(path, problem, found, units), "report": page}
+    complete = written(targets, writers, missing)
     if as_json:
         _show(problem_file, {"loads": list(loads), **report.limit_document(found, refinement)})
     else:
         click.echo("\n".join([*said, *proved]))
     missed = refinement is not None and refinement.status != "reached"
-    return 1 if missed or found == -math.inf else 0
+    return 2 if not complete else 1 if missed or found == -math.inf else 0
 
 
 def _write_proof(path: str, problem: ContactProblem, loads: Iterable[str], degree: int | None) -> list[str]:
@@ -285,10 +282,8 @@ def check_proof(file: str) -> int:
         *proved, counted = proofs.check(json.loads(Path(file).read_text(encoding="utf-8")))
     except OSError as error:
         raise InputError("file", file, f"cannot be read ({error.strerror}): {remedy}") from error
-    except (KeyError, TypeError, IndexError, AttributeError, ArithmeticError, UnicodeDecodeError) as error:
+    except (LookupError, TypeError, AttributeError, ArithmeticError, UnicodeError, json.JSONDecodeError) as error:
         raise InputError("file", file, f"is no proof file of this version: {remedy}") from error
-    except json.JSONDecodeError as error:
-        raise InputError("file", file, f"is no JSON ({error}): {remedy}") from error
     except ValueError as error:
         click.echo(f"not proved: {error}")
         return 1
@@ -325,36 +320,31 @@ def _solved_series(
     if store is not None and not file.times:
         remedy = "keeps steps of a history or rows of a sweep: give --set, or a file with a [history] or a [sweep]"
         raise InputError("--store", store, remedy)
-    if plan is not None and plan.parameter in _PARAMETERS:
-        sweep = _swept(file, plan, options, verbose)
+    if plan is not None:
+        swept = _swept if plan.parameter in _PARAMETERS else _swept_constant
+        sweep = swept(file, plan, options, verbose)
         return report.Series(sweep, plan.parameter, plan.values), sweep.steps
-    values = file.times if plan is None else plan.values
-    title = file.title or ("sweep" if plan is not None else "history" if values else "solve")
-    with solving(title, max(len(values), 1), verbose=verbose) as advance:
-        if plan is not None:  # of a constant: each value is a problem of its own
-            limit = options.pop("time_limit", None)
-            steps: list[ContactResult] = []
-            with deadline(limit):
-                for value in values:
-                    if steps and deadline.over:
-                        break
-                    steps.append(
-                        solve_one(file.with_constants({plan.parameter: value}).problem, **options, verbose=verbose)
-                    )
-                    advance()
-            return report.Series(qvi_contact.Sweep(plan.parameter, values, tuple(steps)), plan.parameter, values), steps
-        if not values:
+    if not file.times:
+        with solving(file.title or "solve", verbose=verbose):
             return None, (solve_one(file.problem, **options, verbose=verbose),)
-        done = 0
+    with solving(file.title or "history", verbose=verbose) as advance:
+        history = qvi_contact.solve_history(
+            file.problems, lambda number, _: advance(f"step {number} of {len(file.times)} solved"), store=store,
+            **options, verbose=verbose,
+        )  # fmt: skip
+    return report.Series(history, "t", file.times), history.steps
 
-        def told(number: int, _result: ContactResult) -> None:
-            nonlocal done
-            while done < number:  # the first that is told need not be the first of all
+
+def _swept_constant(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool) -> qvi_contact.Sweep:
+    """The sweep of a constant: each value is a problem of its own."""
+    steps, limit = list[ContactResult](), options.pop("time_limit", None)
+    with solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance, deadline(limit):
+        for value in plan.values:
+            if not (steps and deadline.over):
+                problem = file.with_constants({plan.parameter: value}).problem
+                steps.append(solve_one(problem, **options, verbose=verbose))
                 advance()
-                done += 1
-
-        history = qvi_contact.solve_history(file.problems, told, store=store, **options, verbose=verbose)
-        return report.Series(history, "t", values), history.steps
+    return qvi_contact.Sweep(plan.parameter, plan.values, tuple(steps))
 
 
 def _swept(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool, **stored: Any) -> Any:

@@ -7,53 +7,25 @@ Nothing here needs a screen, keeps state or changes matplotlib's settings. Colou
 and nothing depends on colour alone.
 """
 
-from qvi_contact.plots.body import COMPONENT_LABELS, Drawn, Scales, draw_body
+from qvi_contact.plots.body import Drawn, Scales, draw_body
 from qvi_contact.plots.figures import draw_mechanism, history_figure, limit_figure, problem_figure, result_figure
 from qvi_contact.plots.problem import draw_problem
-from qvi_contact.plots.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    VERMILLION,
-    has_matplotlib,
-    picture_suffix,
-    require_matplotlib,
-    save_figure,
-)
+from qvi_contact.plots.style import save_figure
 from qvi_contact.plots.tractions import contact_tractions
 from solvers.basics.front import front
 
 __all__ = [
-    "BLUE",
-    "COMPONENT_LABELS",
-    "GREEN",
-    "GREY",
-    "ORANGE",
-    "VERMILLION",
-    "Drawn",
-    "Scales",
-    "contact_tractions",
-    "draw_body",
-    "draw_mechanism",
-    "draw_problem",
-    "has_matplotlib",
-    "history_figure",
-    "limit_figure",
-    "picture_suffix",
-    "problem_figure",
-    "require_matplotlib",
-    "result_figure",
-    "save_figure",
-]
+    "Drawn", "Scales", "contact_tractions", "draw_body", "draw_mechanism", "draw_problem", "history_figure",
+    "limit_figure", "problem_figure", "result_figure", "save_figure",
+]  # fmt: skip
 
 __getattr__ = front(
     __name__,
     {
         "body": ("draw_contours",),
-        "figures": ("block_outlines", "mesh_figure"),
+        "figures": ("mesh_figure",),
         "shape": ("Shape",),
-        "style": ("cell_outlines", "edge_lines", "new_figure"),
+        "style": ("cell_outlines", "edge_lines", "new_figure", "require_matplotlib"),
         "symbols": ("beside", "runs", "value_range"),
     },
 )

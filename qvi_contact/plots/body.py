@@ -3,17 +3,17 @@
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.units import Units
-from qvi_contact.mesh.edges import cross
+from qvi_contact.mesh.edges import Edges, cross
 from qvi_contact.plots import style
 from qvi_contact.plots.problem import SPRING, draw_symbols
 from qvi_contact.plots.shape import Shape, faces
-from qvi_contact.plots.symbols import Written, alignment, beside, ground, springs
+from qvi_contact.plots.symbols import Written, alignment, beside, between, ground, spaced, springs, write
 from qvi_contact.plots.tractions import pieces_along
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import cell_factors, held_along_z, sample_body, stress_component
@@ -39,34 +39,30 @@ _ARROW: Final[dict[str, Any]] = {"angles": "xy", "scale_units": "xy", "scale": 1
 _PRESSURE: Final[dict[str, Any]] = {"color": style.VERMILLION, "width": 0.007, "headwidth": 5.0, "headlength": 6.0}
 _FRICTION: Final[dict[str, Any]] = {"color": "black", "width": 0.011, "headwidth": 4.5, "headlength": 5.0}
 _RESULTANT: Final[dict[str, Any]] = {"color": "black", "width": 0.025, "headwidth": 4.0, "headlength": 4.5}
-THRUST: Final = ("black", (0, (6, 1.5, 1, 1.5)), 1.1)
-"""Colour, style and width of lines of thrust."""
+_THRUST: Final = ("black", (0, (6, 1.5, 1, 1.5)), 1.1)
 
 
 @dataclass(frozen=True, eq=False)
 class Carried:
-    """What one line of a contact carries, at its k points and both ends, where it is drawn."""
+    """What one line of a contact carries, at its k points and both ends, where it is drawn.
+
+    Places are those of the deformed face of the body and of the obstacle, the normal points outwards (k, 2). Pressure
+    −σ_N, shear σ_T and fluid p_w are stresses, weights those of integrals along the line, zero at the ends. Blocks are
+    that inside and that beyond, −1 on obstacles (k, 2).
+    """
 
     name: str
-    """The contact."""
     joint: bool
-    """Whether it lies inside the body."""
     s: FloatArray
-    """Length along the line [length]."""
     place: FloatArray
     obstacle: FloatArray
-    """The deformed face of the body, and that of the obstacle, as drawn [length], (k, 2)."""
     normal: FloatArray
     tangent: FloatArray
-    """Outward unit normal and unit tangent, (k, 2)."""
     pressure: FloatArray
     shear: FloatArray
     fluid: FloatArray
-    """−σ_N, σ_T and p_w [stress]."""
     weights: FloatArray
-    """Of integrals along the line, zero at the ends [length]."""
     blocks: IntArray
-    """The block inside and the one beyond, −1 on obstacles, (k, 2)."""
 
     def resultant(self, chosen: slice | FloatArray = slice(None)) -> tuple[FloatArray, FloatArray]:
         """Force of some points on the body inside [stress × length], and the centre of pressure [length].
@@ -146,10 +142,7 @@ class Drawn:
     box: FloatArray
     """Lower left and upper right corner of all that is drawn [length], (2, 2)."""
     pressure: float
-    friction: float
     """The largest on all contacts [stress]."""
-    thrust: bool
-    """Whether there is a line of thrust."""
     written: list[Written]
     """Numbers of resultants, each with other places that it may have, see `symbols.spread`."""
 
@@ -177,64 +170,63 @@ def draw_body(
 
     units, mesh, shape = style.plain_units(units), result.problem.mesh, Shape.of(result)
     scales = Scales.of([result], component) if scales is None else scales
-    factor = scales.factor
+    factor, length, t = scales.factor, mesh.length, np.linspace(0.0, 1.0, style.CHORDS + 1)
     samples = sample_body(result, _SAMPLES)
     held = held_along_z(result.problem, samples.cells, *samples.points.T)
     values = stress_component(samples.stress, component, cell_factors(result.problem)[samples.cells], held)
     places = samples.points + factor * shape.at(samples.cells, samples.reference[:, -2:])
-    part = shape.space.block + (shape.space.block.max() + 1) * result.problem.cell_materials
-    field = draw_contours(axes, samples.points, places, samples.triangles, values, part[samples.cells], scales.stress)
-    t = np.linspace(0.0, 1.0, style.CHORDS + 1)
-    before = np.stack(mesh.points_along(mesh.boundary, t), axis=-1)
-    after = before + factor * shape.along(mesh.boundary, t)
-    axes.add_collection(style.lines(style.edge_lines(mesh, mesh.boundary), style.GREY, (0, (4, 3)), 0.6))
+    part_of = shape.space.block + (shape.space.block.max() + 1) * result.problem.cell_materials
+    field = draw_contours(
+        axes, samples.points, places, samples.triangles, values, part_of[samples.cells], scales.stress
+    )
+
+    def face(edges: Edges, *, other: bool = False) -> FloatArray:
+        return np.stack(mesh.points_along(edges, t), axis=-1) + factor * shape.along(edges, t, other=other)
+
+    before, after = np.stack(mesh.points_along(mesh.boundary, t), axis=-1), face(mesh.boundary)
+    label = f"before; displacements × {factor:g}"
+    axes.add_collection(style.lines(style.edge_lines(mesh, mesh.boundary), style.GREY, (0, (4, 3)), 0.6, label))
     axes.add_collection(style.lines(after, "#333333", "solid", 0.8))
     for joint in result.problem.joints:
-        edges = mesh.edges(joint.edges)
-        middle = np.stack(mesh.points_along(edges, t), axis=-1)
         for other in (False, True):
-            face = middle + factor * shape.along(edges, t, other=other)
-            axes.add_collection(style.lines(face, "#333333", "solid", 0.6))
+            side = face(mesh.edges(joint.edges), other=other)
+            axes.add_collection(style.lines(side, "#333333", "solid", 0.6))
     carried = [part for name in result.contacts for part in _carried(result, name, shape, factor)]
     sprung = {contact.name for contact in result.problem.contacts if contact.has_springs}
     for part in carried:
-        away = SPRING * mesh.length * part.normal * (part.name in sprung)
-        if part.name in sprung:
-            count = max(1, round((part.s[-1] - part.s[0]) / (2.0 * _SPACING * mesh.length)))
-            at = part.s[0] + (np.arange(count) + 0.5) / count * (part.s[-1] - part.s[0])
-            ends = part.place - part.joint * away / 2.0, part.obstacle + away * (0.5 if part.joint else 1.0)
-            springs(axes, *(np.column_stack([np.interp(at, part.s, x) for x in end.T]) for end in ends))
-        if not part.joint:
-            ground(axes, part.obstacle + away, part.normal, _HATCH * mesh.length)
+        _obstacle(axes, part, length, SPRING * length * (part.name in sprung))
     extent = [before.reshape(-1, 2), after.reshape(-1, 2)]
     tree, moves = cKDTree(extent[0]), extent[1] - extent[0]  # beside the boundary all move as its nearest point does
     extent += draw_symbols(axes, result.problem, lambda points: np.asarray(points + moves[tree.query(points)[1]]))
-    pressure = max((float(np.abs(part.pressure).max()) for part in carried), default=0.0)
-    friction = max((float(np.abs(part.shear).max()) for part in carried), default=0.0)
+    pressure, friction = (
+        max((float(np.abs(each).max()) for each in found), default=0.0)
+        for found in ([part.pressure for part in carried], [part.shear for part in carried])
+    )
     if pressure < _NOTHING * float(np.abs(samples.stress).max()):
         pressure, friction, carried = 0.0, 0.0, []
-    height = _HEIGHT * mesh.length
+    height = _HEIGHT * length
     if result.problem.joints:
         areas = np.bincount(shape.space.block, shape.space.areas / 2.0) * result.discretization.scales.length**2
         height = min(height, _IN_BLOCKS * float(np.sqrt(np.median(areas))))
-    few = len(carried) <= _LABELLED
-    spacing = _SPACING * mesh.length
-    reach = 1.8 * spacing / max(scales.friction, _LEAST * scales.pressure, 1e-300)
+    few, most = len(carried) <= _LABELLED, beside([pressure, friction], 3)
+    reach = 1.8 * _SPACING * length / max(scales.friction, _LEAST * scales.pressure, 1e-300)
     for part in carried:
-        scale = height / max(scales.pressure, 1e-300)
-        extent.append(_tractions(axes, part, scale, reach, spacing if few else np.inf))
-    thrust = _thrust(axes, carried)
+        scale, spacing = height / max(scales.pressure, 1e-300), _SPACING * length if few else np.inf
+        extent.append(_tractions(axes, part, scale, reach, spacing, f"pressure, up to {most[0]} {units.stress}"))
+    if friction > 0.0 and most[1] != "0":
+        style.key(axes, f"friction, up to {most[1]} {units.stress}", marker=">", markersize=3, color="black")
+    _thrust(axes, carried)
     labelled = [part for part in carried if few or not part.joint]
     written: list[Written] = []
     if 0 < len(labelled) <= _LABELLED:
-        covered, written = _resultants(axes, labelled, mesh.length, units)
+        covered, written = _resultants(axes, labelled, length, units)
         extent.append(covered)
     box = style.show_all(axes, np.concatenate(extent), units)
     across, up = box[1] - box[0]
-    label = f"{COMPONENT_LABELS[component]} [{units.stress}]"
     width = 0.04 * max(1.0, float(up / across))
-    axes.figure.colorbar(field, cax=axes.inset_axes((1.0 + 0.8 * width, 0.0, width, 1.0)), label=label, extend=None)
-    return Drawn(factor, box, pressure, friction, thrust, written)
+    scale_of = axes.inset_axes((1.0 + 0.8 * width, 0.0, width, 1.0))
+    axes.figure.colorbar(field, cax=scale_of, label=f"{COMPONENT_LABELS[component]} [{units.stress}]", extend=None)
+    return Drawn(factor, box, pressure, written)
 
 
 def _separate(result: ContactResult, shape: Shape, factor: float) -> float:
@@ -295,32 +287,38 @@ def _carried(result: ContactResult, name: str, shape: Shape, factor: float) -> l
     ]
 
 
-def _tractions(axes: "Axes", part: Carried, scale: float, reach: float, spacing: float) -> FloatArray:
+def _obstacle(axes: "Axes", part: Carried, length: float, spring: float) -> None:
+    """An obstacle beside a line that is none of a joint, and springs of this length [length]."""
+    away = spring * part.normal
+    if spring > 0.0:
+        at = spaced(part.s, 2.0 * _SPACING * length)
+        ends = part.place - part.joint * away / 2.0, part.obstacle + away * (0.5 if part.joint else 1.0)
+        springs(axes, *(between(at, part.s, end) for end in ends))
+    if not part.joint:
+        ground(axes, part.obstacle + away, part.normal, _HATCH * length)
+
+
+def _tractions(axes: "Axes", part: Carried, scale: float, reach: float, spacing: float, label: str) -> FloatArray:
     """Pressure and friction of a line, drawn `scale` and `reach` [length / stress] long; what they cover (k, 2)."""
     from matplotlib.colors import to_rgba
     from matplotlib.patches import Polygon
 
     outer = part.place + scale * part.pressure[:, None] * part.normal
-    outline = np.concatenate([part.place, outer[::-1]])
-    axes.add_patch(Polygon(outline, facecolor=to_rgba(style.VERMILLION, 0.22), edgecolor="none", zorder=3))
-    axes.plot(
-        *np.concatenate([part.place[:1], outer, part.place[-1:]]).T, color=style.VERMILLION, linewidth=0.9, zorder=3.2
-    )
+    look: dict[str, Any] = {"facecolor": to_rgba(style.VERMILLION, 0.22), "edgecolor": "none", "label": label}
+    axes.add_patch(Polygon(np.concatenate([part.place, outer[::-1]]), zorder=3, **look))
+    border = np.concatenate([part.place[:1], outer, part.place[-1:]])
+    axes.plot(*border.T, color=style.VERMILLION, linewidth=0.9, zorder=3.2)
     if part.fluid.any():
         fluid = part.place + scale * part.fluid[:, None] * part.normal
-        axes.plot(*fluid.T, color=style.BLUE, linewidth=0.9, linestyle=(0, (4, 1.5)), zorder=3.3)
-    length = part.s[-1] - part.s[0]
-    count = int(length / spacing)  # none where there is no room for two
-    at = part.s[0] + (np.arange(count) + 0.5) * length / max(count, 1)
-    place, normal, tangent = (
-        np.column_stack([np.interp(at, part.s, values[:, k]) for k in (0, 1)])
-        for values in (part.place, part.normal, part.tangent)
-    )
+        dashed: dict[str, Any] = {"linestyle": (0, (4, 1.5)), "label": "of it the fluid's"}
+        axes.plot(*fluid.T, color=style.BLUE, linewidth=0.9, zorder=3.3, **dashed)
+    at = spaced(part.s, spacing, least=0)  # none where there is no room for one
+    place, normal, tangent = (between(at, part.s, values) for values in (part.place, part.normal, part.tangent))
     pressure, shear = (np.interp(at, part.s, values) for values in (part.pressure, part.shear))
     pushed, rubbed = -scale * pressure[:, None] * normal, reach * shear[:, None] * tangent
     drawn = scale * np.abs(pressure) > 0.35 * spacing
     axes.quiver(*(place - pushed)[drawn].T, *pushed[drawn].T, zorder=3.1, **_ARROW, **_PRESSURE)
-    drawn = (reach * np.abs(shear) > 0.3 * spacing) & (np.arange(count) % 2 == 0)
+    drawn = (reach * np.abs(shear) > 0.3 * spacing) & (np.arange(len(at)) % 2 == 0)
     tails = place - 0.55 * spacing * normal - rubbed / 2.0
     axes.quiver(*tails[drawn].T, *rubbed[drawn].T, zorder=4, **_ARROW, **_FRICTION)
     return outer
@@ -336,26 +334,20 @@ def _resultants(
     for part, (force, centre), size, number in zip(carried, found, sizes, names, strict=True):
         if size <= _LEAST * max(sizes):
             continue
-        arrow = force / size * length * max(_LONGEST * size / max(sizes), 0.3 * _LONGEST)
-        tail = centre - arrow
-        axes.quiver(*tail, *arrow, zorder=5, **_ARROW, **_RESULTANT)
+        way = -force / size
+        tail = centre + way * length * max(_LONGEST * size / max(sizes), 0.3 * _LONGEST)
+        axes.quiver(*tail, *(centre - tail), zorder=5, **_ARROW, **_RESULTANT)
         ends.append(np.array([tail, centre]))
         text = f"{part.name}: {number} {units.engineering_force}"
         if part.eccentricity > _CENTRAL * (part.s[-1] - part.s[0]):
             text += f"\ne = {part.eccentricity:.3g} {units.length}"
-        way = -force / size
         side = np.array([-way[1], way[0]])
-        off = 0.015 * length
-        spots = [(tail + off * way, alignment(way)), *((tail + off * k * side, alignment(k * side)) for k in (1, -1))]
-        box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
-        look: dict[str, Any] = {"fontsize": "small", "zorder": 6, "bbox": box}
-        (x, y), align = spots[0]
-        written.append((axes.text(x, y, style.plain_text(text), **look, **align), spots))
+        written.append(write(axes, text, [(tail + 0.015 * length * to, alignment(to)) for to in (way, side, -side)]))
     return np.concatenate(ends), written
 
 
-def _thrust(axes: "Axes", carried: Sequence[Carried]) -> bool:
-    """Draw lines of thrust; whether there are any.
+def _thrust(axes: "Axes", carried: Sequence[Carried]) -> None:
+    """Draw lines of thrust.
 
     What presses a block is parted into what pushes along the largest of its forces and what pushes against it; the line
     of thrust leads between the centres of the two.
@@ -371,13 +363,13 @@ def _thrust(axes: "Axes", carried: Sequence[Carried]) -> bool:
     drawn = []
     for found in pushing.values() if any(part.joint for part in carried) else ():
         forces, centres = (np.array(values) for values in zip(*found, strict=True))
-        along = forces @ forces[np.argmax(np.hypot(*forces.T))]
         weights = np.hypot(*forces.T)
+        along = forces @ forces[np.argmax(weights)]
         groups = [chosen for chosen in (along > 0.0, along < 0.0) if weights[chosen].sum() > _LEAST * largest]
         if len(groups) > 1:
             drawn.append([weights[chosen] @ centres[chosen] / weights[chosen].sum() for chosen in groups])
-    axes.add_collection(style.lines(np.array(drawn), *THRUST), autolim=False)
-    return bool(drawn)
+    if drawn:
+        axes.add_collection(style.lines(np.array(drawn), *_THRUST, "line of thrust"), autolim=False)
 
 
 COMPONENT_LABELS: Final = {
@@ -417,7 +409,6 @@ def draw_contours(
     `usual_range`. Values of both signs have a map that is white at zero.
     """
     from matplotlib import colormaps
-    from matplotlib.colors import BoundaryNorm, ListedColormap
     from matplotlib.ticker import MaxNLocator
     from matplotlib.tri import Triangulation
 
@@ -435,16 +426,13 @@ def draw_contours(
     low, high = (-end, end) if both else (low, high)
     levels = MaxNLocator(_LEVELS, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
     share = np.linspace(0.0, 1.0, len(levels) + 1)
-    colours = colormaps["PuOr_r" if both else "Blues"](
-        share if both else 0.04 + 0.62 * (share if high > -low else share[::-1])
-    )
-    beyond = (bool(means.min() < levels[0]), bool(means.max() > levels[-1]))
-    extend: Literal["neither", "min", "max", "both"] = (("neither", "max"), ("min", "both"))[beyond[0]][beyond[1]]
-    used = colours[0 if beyond[0] else 1 : len(colours) if beyond[1] else -1]
-    norm = BoundaryNorm(levels, len(used), extend=extend)
+    pale = 0.04 + 0.62 * (share if high > -low else share[::-1])
+    colours = colormaps["PuOr_r"](share) if both else colormaps["Blues"](pale)
+    below, above = int(means.min() < levels[0]), int(means.max() > levels[-1])
+    extend = ("neither", "max", "min", "both")[2 * below + above]
+    look: dict[str, Any] = {"colors": colours[1 - below : len(levels) + above], "extend": extend}
     shape = Triangulation(places[first, 0], places[first, 1], one[triangles])
-    look: dict[str, Any] = {"levels": levels, "norm": norm, "cmap": ListedColormap(used), "extend": extend}
-    bands: TriContourSet = axes.tricontourf(shape, means, zorder=0.5, **look)
+    bands: TriContourSet = axes.tricontourf(shape, means, levels, zorder=0.5, **look)
     with warnings.catch_warnings():  # Matplotlib 3.10 cannot, and says so
         warnings.filterwarnings("ignore", "Rasterization")
         bands.set_rasterized(True)

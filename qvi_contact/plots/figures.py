@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray, evaluate, real_array
+from qvi_contact.basics.checks import FloatArray, evaluate, real_array
 from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import Collapse, LimitLoad
 from qvi_contact.mechanism import Mechanism
-from qvi_contact.mesh.edges import cross, turned
+from qvi_contact.mesh.edges import Edges, cross, turned
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots import style
-from qvi_contact.plots.body import THRUST, Drawn, Scales, draw_body
+from qvi_contact.plots.body import Scales, draw_body
 from qvi_contact.plots.problem import draw_problem, draw_symbols
 from qvi_contact.plots.style import lines
 from qvi_contact.plots.symbols import Written, beside, spread
@@ -28,7 +28,6 @@ from solvers import Status
 from solvers.errors import known_name
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -70,20 +69,17 @@ def result_figure(
         figure = style.new_figure(_WIDTH, _WIDTH)
         body, *charts = figure.subplots(1 + len(panels), 1, squeeze=False)[:, 0]
         drawn = draw_body(body, result, component, units, scales)
-        _explained(body, drawn, result, units)
-        for number, (panel, name) in enumerate(zip(charts, panels, strict=True), 1):
+        if callable(result.problem.body_potential):
+            style.key(body, f"{_body_force(result.problem)} body force", linestyle="none")
+        style.legend_below(body, [body])
+        for panel, name in zip(charts, panels, strict=True):
             contact_tractions(panel, result.contacts[name], units)
             if drawn.pressure == 0.0:
                 panel.set_ylim(0.0, float(np.abs(result.gauss_stress()[2]).max()) or 1.0)  # rather than rounding
             if len(names) > 1:
                 panel.set_title(style.plain_text(name), loc="left", fontsize="medium")
-            if number == len(charts):
-                handles = {
-                    label: handle
-                    for chart in charts
-                    for handle, label in zip(*chart.get_legend_handles_labels(), strict=True)
-                }
-                style.legend_below(panel, list(handles.values()))
+        if charts:
+            style.legend_below(charts[-1], charts)
         _placed(figure, drawn.box, title, _answer(result, units), result.solution.message, drawn.written)
     return figure
 
@@ -150,35 +146,13 @@ def _reason(result: ContactResult) -> str:
     return f"{reason}. {result.status.advice}"
 
 
-def _explained(axes: "Axes", drawn: Drawn, result: ContactResult, units: Units) -> None:
-    """The legend of a drawing of the body."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    entries: list[Artist] = []
-    pressure, friction = beside([drawn.pressure, drawn.friction], 3)
-    if drawn.pressure > 0.0:
-        entries.append(Patch(color=style.VERMILLION, alpha=0.4, label=f"pressure, up to {pressure} {units.stress}"))
-    if any(line.has_fluid for line in result.contacts.values()):
-        entries.append(
-            Line2D([], [], color=style.BLUE, linestyle=(0, (4, 1.5)), linewidth=0.9, label="of it the fluid's")
-        )
-    if drawn.friction > 0.0 and friction != "0":
-        look: dict[str, Any] = {"marker": ">", "markersize": 3, "color": "black", "linewidth": 0.9}
-        entries.append(Line2D([], [], label=f"friction, up to {friction} {units.stress}", **look))
-    if drawn.thrust:
-        colour, dashes, width = THRUST
-        entries.append(Line2D([], [], color=colour, linestyle=dashes, linewidth=width, label="line of thrust"))
-    if callable(result.problem.body_potential):
-        mesh, field = result.problem.mesh, result.problem.body_potential
-        (x, y), edges = mesh.points_along(mesh.boundary, np.array([0.5])), mesh.boundary
-        values = evaluate("ContactProblem.body_potential", field, x[:, 0], y[:, 0])
-        force = -(values * edges.length) @ edges.normal  # ∫ −∇φ dx
-        sign = "→↗↑↖←↙↓↘"[round(float(np.arctan2(force[1], force[0])) / (np.pi / 4.0)) % 8]
-        entries.append(Line2D([], [], linestyle="none", label=f"{sign} body force"))
-    text = f"before; displacements × {drawn.factor:g}"
-    entries.append(Line2D([], [], color=style.GREY, linestyle=(0, (4, 3)), linewidth=0.6, label=text))
-    style.legend_below(axes, entries)
+def _body_force(problem: ContactProblem) -> str:
+    """Where the body force pulls, as an arrow."""
+    edges = problem.mesh.boundary
+    x, y = problem.mesh.points_along(edges, np.array([0.5]))
+    values = evaluate("ContactProblem.body_potential", problem.body_potential, x[:, 0], y[:, 0])
+    force = -(values * edges.length) @ edges.normal  # ∫ −∇φ dx
+    return "→↗↑↖←↙↓↘"[round(float(np.arctan2(force[1], force[0])) / (np.pi / 4.0)) % 8]
 
 
 def mesh_figure(mesh: TriangleMesh) -> "Figure":
@@ -212,15 +186,14 @@ def limit_figure(
 ) -> "Figure":
     """One picture of a limit load: how the body gives way, under its loads as small arrows.
 
-    A mechanism moves blocks; a body that yields flows, see `plots.figures.draw_collapse`. The problem is that on the
-    mesh of the analysis, such as `LimitRefinement.problem`; the limit is what `limit_load_factor` has found. The
-    problem's title and the answer, how much it carries, stand above. `InputError` if the limit load has no mechanism,
-    since there is no upper limit, or no multiple at all.
+    `draw_mechanism` says what is drawn. The problem is that on the mesh of the analysis, `LimitRefinement.problem`; the
+    limit is what `limit_load_factor` has found. The problem's title and the answer, how much it carries, stand above.
+    `InputError` if the limit load has no mechanism, since there is no upper limit, or no multiple at all.
     """
-    if limit.mechanism is None and limit.collapse is None:
+    motion = limit.mechanism or limit.collapse
+    if motion is None:
         raise InputError("limit", repr(limit), "there is no mechanism to draw: no load is the largest one")
-    found = limit.mechanism if limit.mechanism is not None else limit.collapse
-    return _motion_figure(problem, found, title, answer or repr(limit)[1:-1], "", style.plain_units(units))
+    return _motion_figure(problem, motion, title, answer or repr(limit), "", style.plain_units(units))
 
 
 def _motion_figure(
@@ -232,14 +205,12 @@ def _motion_figure(
         figure = style.new_figure(_WIDTH, _WIDTH)
         axes = figure.subplots()
         words, ends = "", [mesh.vertices]
-        if isinstance(motion, Mechanism):
-            ends.append(draw_mechanism(axes, mesh, motion))
-            words = "How the blocks move beyond that, magnified; dashed: where they are."
-        else:
+        if motion is None:
             style.draw_outline(axes, mesh)
-        if isinstance(motion, Collapse):
-            draw_collapse(axes, mesh, motion)
-            words = "Orange: where the body yields. Arrows: how it moves. Thick lines: contacts that slide."
+        else:
+            ends.append(draw_mechanism(axes, mesh, motion))
+            words = "How the body moves beyond that, magnified; dashed: where it is."
+            words += " Orange: where it yields." * isinstance(motion, Collapse)
         ends += draw_symbols(axes, problem, obstacles=True)
         axes.set_title(words, fontsize="small", loc="left")
         box = style.show_all(axes, np.concatenate(ends), units)
@@ -248,78 +219,47 @@ def _motion_figure(
 
 
 _DEEPEST: Final = 0.95  # share of the triangles that dissipate less than what has the deepest colour
-_STILL: Final = 0.02  # share of the largest velocity below which nothing is drawn
-_ARROW: Final = 0.002  # width of arrows, as a share of the picture's
+_APART: Final = 1e-6  # share of the body's length from which on sides of an edge are drawn apart
 
 
-def draw_mechanism(axes: "Axes", mesh: TriangleMesh, mechanism: Mechanism) -> FloatArray:
-    """Draw all blocks where a mechanism moves them, over dashed outlines of where they were; the corners (n, 2).
+def draw_mechanism(axes: "Axes", mesh: TriangleMesh, motion: Mechanism | Collapse) -> FloatArray:
+    """Draw a body where a motion takes it, over dashed outlines of where it was; the ends of both (n, 2).
 
-    Its motions are small; they are drawn so large that the largest displacement is 8 % of the body's length, and
-    rotations without the growth that comes with that. `ContactResult.mechanism` or `LimitLoad.mechanism` give it; axes
-    are in units of length.
+    Motions are small; they are drawn so large that the largest displacement is 8 % of the body's length, and rotations
+    of blocks without the growth that comes with that. Where a body yields it is orange, the deeper the more power it
+    dissipates for its area. `ContactResult.mechanism`, `LimitLoad.mechanism` and `LimitLoad.collapse` give motions, on
+    the mesh of the analysis; axes are in units of length.
     """
     from matplotlib.collections import PolyCollection
 
-    cells = _moved(mesh, mechanism, mesh.corners, mechanism.blocks)
-    look: dict[str, Any] = {"facecolors": "#d6e6f2", "edgecolors": "#d6e6f2", "linewidths": 0.3}
-    axes.add_collection(PolyCollection(list(cells), zorder=1.0, **look))
-    before, after = block_outlines(mesh, mechanism)
-    axes.add_collection(lines(before, style.GREY, (0, (4, 3)), 0.7))
-    axes.add_collection(lines(after, style.BLUE, "solid", 1.0, "mechanism"))
-    return np.concatenate([before.reshape(-1, 2), after.reshape(-1, 2)])
+    after, scale = mesh.corners.copy(), style.LONGEST * mesh.length
+    colours: str | FloatArray = "#d6e6f2"
+    if isinstance(motion, Mechanism):
+        for number, rigid in enumerate(motion.motions):
+            own = motion.blocks == number
+            arm = turned(after[own] - rigid.centre, np.arctan(scale * rigid.rotation))
+            after[own] = rigid.centre + arm + scale * np.array([rigid.x, rigid.y])
+    else:
+        flow, (a, b, c) = motion.motion, mesh.corners.swapaxes(0, 1)
+        velocity = flow.velocities[:, flow.places.argmax(axis=0)]  # at the corners
+        after += scale / max(float(np.hypot(*velocity.T).max()), 1e-300) * velocity
+        density = flow.dissipation / np.abs(cross(b - a, c - a))
+        shade = np.sqrt(np.minimum(density / max(float(np.quantile(density, _DEEPEST)), 1e-300), 1.0))
+        colours = np.column_stack([np.tile([0.9, 0.45, 0.0], (len(shade), 1)), 0.85 * shade])
 
+    def ends(edges: Edges, side: int) -> FloatArray:
+        cells = edges.cells[:, side]
+        corners = ((mesh.cells[cells] == nodes[:, None]).argmax(axis=1) for nodes in (edges.first, edges.second))
+        return np.stack([after[cells, corner] for corner in corners], axis=1)
 
-def draw_collapse(axes: "Axes", mesh: TriangleMesh, collapse: Collapse) -> None:
-    """Draw where a body yields, how it flows, and which contacts slide, over a picture of the problem.
-
-    The deeper the orange of a triangle, the more power it dissipates for its area; white ones dissipate none. Arrows
-    are velocities in the middle of triangles. Contacts that slide are thick blue lines. The mesh is that of the
-    analysis, and `LimitLoad.collapse` gives the flow; axes are in units of length.
-    """
-    from matplotlib.collections import PolyCollection
-
-    motion = collapse.motion
-    a, b, c = mesh.corners.swapaxes(0, 1)
-    density = motion.dissipation / np.abs(cross(b - a, c - a))
-    shade = np.sqrt(np.minimum(density / max(float(np.quantile(density, _DEEPEST)), 1e-300), 1.0))
-    colours = np.column_stack([np.tile([0.9, 0.45, 0.0], (len(shade), 1)), 0.85 * shade])
-    axes.add_collection(PolyCollection(list(mesh.corners), facecolors=colours, edgecolors="none", zorder=1.5))
-    speed = motion.velocities.mean(axis=1)
-    largest = float(np.hypot(*speed.T).max())
-    moving = np.hypot(*speed.T) > _STILL * largest
-    x, y = mesh.corners.mean(axis=1)[moving].T
-    u, v = speed[moving].T * (style.LONGEST * mesh.length / max(largest, 1e-300))
-    axes.quiver(x, y, u, v, angles="xy", scale_units="xy", scale=1.0, width=_ARROW, color=style.BLUE, zorder=4)
-    for name, moved in motion.contacts.items():
-        edges = mesh.edges(name) if name in (*mesh.edge_names, *mesh.joint_names) else None
-        sliding = np.abs(moved.slip).max(axis=1) > _STILL * largest
-        if edges is not None and sliding.any():
-            ends = mesh.vertices[np.stack([edges.first, edges.second], axis=1)][sliding]
-            axes.add_collection(lines(ends, style.BLUE, "solid", 3.0, f"sliding {name}"))
-
-
-def block_outlines(mesh: TriangleMesh, mechanism: Mechanism) -> tuple[FloatArray, FloatArray]:
-    """Ends (n, 2, 2) of the edges around all blocks, before a mechanism moves them and after [length]."""
-    boundary, interior = mesh.boundary, mesh.interior
-    beside = mechanism.blocks[interior.cells]
-    joints = interior.take(beside[:, 0] != beside[:, 1])
-    first = np.concatenate([boundary.first, joints.first, joints.first])
-    second = np.concatenate([boundary.second, joints.second, joints.second])
-    cells = np.concatenate([boundary.cells[:, 0], joints.cells[:, 0], joints.cells[:, 1]])
-    ends = mesh.vertices[np.stack([first, second], axis=1)]
-    return ends, _moved(mesh, mechanism, ends, mechanism.blocks[cells])
-
-
-def _moved(mesh: TriangleMesh, mechanism: Mechanism, points: FloatArray, blocks: IntArray) -> FloatArray:
-    """Points (n, k, 2) of blocks (n,) where they are drawn [length]."""
-    found, scale = np.array(points), style.LONGEST * mesh.length
-    for number, motion in enumerate(mechanism.motions):
-        chosen = blocks == number
-        arm = points[chosen] - motion.centre
-        turn = np.arctan(scale * motion.rotation)
-        found[chosen] = motion.centre + turned(arm, turn) + scale * np.array([motion.x, motion.y])
-    return found
+    axes.add_collection(PolyCollection(list(after), facecolors=colours, antialiased=False, zorder=1.0))
+    one, other = ends(mesh.interior, 0), ends(mesh.interior, 1)
+    apart = np.abs(one - other).max(axis=(1, 2)) > _APART * mesh.length
+    moved = np.concatenate([ends(mesh.boundary, 0), one[apart], other[apart]])
+    rest = np.concatenate([style.chords(mesh, each) for each in (mesh.boundary, mesh.interior.take(apart))])
+    axes.add_collection(lines(rest, style.GREY, (0, (4, 3)), 0.7))
+    axes.add_collection(lines(moved, style.BLUE, "solid", 1.0, "mechanism"))
+    return np.concatenate([rest.reshape(-1, 2), moved.reshape(-1, 2)])
 
 
 _ROOM: Final = 0.12  # for numbers around the body, as a share of its drawing
@@ -331,54 +271,46 @@ def history_figure(
     units: Units | None = None,
     times: Sequence[float] | None = None,
     title: str = "",
-    step: int | None = None,
 ) -> "Figure":
-    """The deformed body in one step, hysteresis loops of up to four contacts, and forces of contacts step by step.
+    """The deformed body in the last step, hysteresis loops of up to four contacts, and forces of contacts step by step.
 
     A loop needs something that moves, such as an obstacle or a prescribed displacement. Under loads alone there are
     forces only. Steps are read one by one. With `times`, the value of t in each step, forces are drawn over t instead
-    of the number of the step, a hollow square at the first one. The body is that of a `step`, from 1, by default of the
-    last one that has a state. The problem's title, and what the history says of itself, stand above.
+    of the number of the step, a hollow square at the first one. The body is that of the last step that has a state. The
+    problem's title, and what the history says of itself, stand above.
 
-    `InputError` if there is nothing to draw, no such step, or not a time for each step.
+    `InputError` if there is nothing to draw, or not a time for each step.
     """
     units = style.plain_units(units)
     abscissa = None if times is None else real_array("times", times)
     forces: dict[str, list[tuple[float, float]]] = {}
-    drawn = None
+    last = None
     for number, each in enumerate(history.steps, 1):
         if each.has_state:
-            drawn = (number, each) if step is None or number == step else drawn
+            last = number, each
             for name, line in each.contacts.items():
                 forces.setdefault(name, []).append((line.normal_force, line.tangential_force))
-    if drawn is None and step is not None:
-        raise InputError("step", step, "give the number of a step that has a state, the first is 1")
-    loops = {} if drawn is None else _loops(history, drawn[1].problem)
-    if drawn is None or not (forces or loops):
+    loops = {} if last is None else _loops(history, last[1].problem)
+    if last is None or not (forces or loops):
         raise InputError("history", history, "there is no contact whose loop or forces could be drawn")
     count = max(map(len, forces.values()), default=0)
     if abscissa is not None and (abscissa.ndim != 1 or len(abscissa) < count):
         raise InputError("times", times, f"give the times of all {count} steps")
-    rows = [names for names in (list(loops)[:_LOOPS], list(forces)[:_LOOPS]) if names]
+    known: Any = [(_draw_loop, loops, units.displacement), (_draw_forces, forces, abscissa)]
+    rows = [(draw, list(found.items())[:_LOOPS], more) for draw, found, more in known if found]
+    wide = 3.0 * max(len(row) for _, row, _ in rows)
     with style.settings():
-        figure = style.new_figure(3.8 + 3.0 * max(map(len, rows)), 0.4 + 3.0 * len(rows))
-        left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[3.8, 3.0 * max(map(len, rows))])[0]
-        body, (number, shown) = left.subplots(), drawn
+        figure = style.new_figure(3.8 + wide, 0.4 + 3.0 * len(rows))
+        left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[3.8, wide])[0]
+        body, (number, shown) = left.subplots(), last
         picture = draw_body(body, shown, units=units)
         low, high = picture.box + np.array([[-1.0], [1.0]]) * _ROOM * float(np.ptp(picture.box, axis=0).max())
         body.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), anchor="N")
         at = f"step {number}" if abscissa is None else f"t = {abscissa[number - 1]:g}"
         body.set_title(f"{at}; displacements × {picture.factor:g}", fontsize="medium")
-        parts = right.subfigures(len(rows), 1, squeeze=False)[:, 0]
-        for part, names in zip(parts, rows, strict=True):
-            for axes, name in zip(part.subplots(1, len(names), squeeze=False)[0], names, strict=True):
-                if part is parts[0] and loops:
-                    _draw_loop(axes, *loops[name])
-                    axes.set_title(style.plain_text(name), fontsize="medium")
-                    axes.set_xlabel(f"displacement [{units.displacement}]")
-                else:
-                    _draw_forces(axes, np.array(forces[name]), abscissa)
-                    axes.set_title(style.plain_text(f"{name}: forces"), fontsize="medium")
+        for part, (draw, row, more) in zip(right.subfigures(len(rows), 1, squeeze=False)[:, 0], rows, strict=True):
+            for axes, (name, values) in zip(part.subplots(1, len(row), squeeze=False)[0], row, strict=True):
+                draw(axes, style.plain_text(name), np.array(values), more)
                 axes.set_ylabel(f"force [{units.engineering_force}]")
         left_out = [f"loops not shown: {', '.join(list(loops)[_LOOPS:])}"] if len(loops) > _LOOPS else []
         said = "\n".join(filter(None, [title, history.message, *left_out]))
@@ -406,29 +338,30 @@ def _loops(history: History, problem: ContactProblem) -> dict[str, tuple[FloatAr
     return {name: loop for name, loop in loops.items() if np.ptp(loop[0]) > 0.0}
 
 
-def _draw_loop(axes: "Axes", moved: FloatArray, carried: FloatArray) -> None:
-    """Force over the displacement that drives it: a dot a step, the first in a square."""
+_FIRST: Final[dict[str, Any]] = {"color": style.GREY, "marker": "s", "markersize": 7, "fillstyle": "none"}
+
+
+def _draw_loop(axes: "Axes", name: str, loop: FloatArray, length: str) -> None:
+    """Force over the displacement that drives it (2, steps): a dot a step, the first in a square."""
     axes.axhline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
     axes.axvline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
-    axes.plot(moved, carried, color=style.BLUE, marker="o", markersize=3, linewidth=1.0)
+    axes.plot(*loop, color=style.BLUE, marker="o", markersize=3, linewidth=1.0)
+    axes.plot(*loop[:, :1], **_FIRST)
     axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
     axes.locator_params(axis="x", nbins=6)
-    axes.plot(moved[:1], carried[:1], color=style.GREY, marker="s", markersize=7, fillstyle="none", linestyle="none")
+    axes.set_title(name, fontsize="medium")
+    axes.set_xlabel(f"displacement [{length}]")
 
 
-def _draw_forces(axes: "Axes", forces: FloatArray, times: FloatArray | None) -> None:
+def _draw_forces(axes: "Axes", name: str, forces: FloatArray, times: FloatArray | None) -> None:
     """Normal and tangential force (steps, 2) of one contact step by step, over t where times are given."""
     place = np.arange(1, len(forces) + 1) if times is None else times[: len(forces)]
-    looks: dict[str, dict[str, Any]] = {
-        "N": {"color": style.GREY, "marker": "s"},
-        "T": {"color": style.BLUE, "marker": "o", "linestyle": "--"},
-    }
-    for (label, look), values in zip(looks.items(), forces.T, strict=True):
-        axes.plot(place, values, markersize=3, linewidth=1.0, label=label, **look)
+    looks = (("N", style.GREY, "s", "-"), ("T", style.BLUE, "o", "--"))
+    for (label, colour, marker, dashes), values in zip(looks, forces.T, strict=True):
+        axes.plot(place, values, dashes, color=colour, marker=marker, markersize=3, linewidth=1.0, label=label)
         if times is not None:
-            axes.plot(
-                place[:1], values[:1], color=style.GREY, marker="s", markersize=7, fillstyle="none", linestyle="none"
-            )
+            axes.plot(place[:1], values[:1], **_FIRST)
+    axes.set_title(f"{name}: forces", fontsize="medium")
     axes.set_xlabel("step [-]" if times is None else "t")
     axes.locator_params(axis="x", integer=times is None)
     axes.legend(frameon=False)

@@ -1,7 +1,6 @@
 """A problem before it is solved: body, materials, conditions, loads, contacts."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -40,12 +39,7 @@ _MATERIALS: Final = 8  # so many materials are explained in the legend
 
 _CENTRED: Final[dict[str, Any]] = {"ha": "center", "va": "center"}
 
-_SIGNS: Final[dict[type, dict[str, str]]] = {
-    Traction: {"x": "t_x", "y": "t_y", "normal": "σ_N", "tangential": "σ_T"},
-    Displacement: {"x": "u_x", "y": "u_y", "normal": "u_N", "tangential": "u_T"},
-}
-"""What components are called in the legend."""
-
+_INDEX: Final = {"x": "_x", "y": "_y", "normal": "_N", "tangential": "_T"}  # of t, σ and u in the legend
 _WORTH_A_NAME: Final = 0.4  # share of the longest side of a name above which the others are named too
 _NAMED: Final = 4  # sides of one name that are named at most
 _ALONG: Final = (0.5, 0.35, 0.65, 0.2, 0.8)  # shares of a side where its name may stand, the first one if there is room
@@ -74,7 +68,7 @@ def draw_symbols(
     Points (n, 2) of the boundary are drawn where `moved` takes them. Returns the ends of arrows (n, 2).
     """
     sketch = _Sketch(axes, problem, Units(), moved=moved, size=_SMALL)
-    for condition in symbols.merged(problem.conditions):
+    for condition in sketch.conditions:
         if not isinstance(condition, Contact):
             sketch.condition(condition)
         elif obstacles and condition not in problem.joints:
@@ -94,7 +88,7 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
     style.require_matplotlib()
     sketch = _Sketch(axes, problem, style.plain_units(units))
     sketch.body()
-    for condition in symbols.merged(problem.conditions):
+    for condition in sketch.conditions:
         sketch.condition(condition)
     sketch.names()
     sketch.legend()
@@ -105,30 +99,28 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
     symbols.spread(axes, sketch.written)
 
 
-@dataclass
 class _Sketch:
-    """A picture of a problem in the making."""
+    """A picture of a problem in the making.
 
-    axes: "Axes"
-    problem: ContactProblem
-    units: Units
-    """As in `draw_problem`."""
-    moved: Callable[[FloatArray], FloatArray] = np.asarray
-    """Takes points of the boundary to where they are drawn."""
-    size: float = 1.0
-    """Of arrows and symbols, as a share of the usual one; with less the lines of conditions are left out."""
-    ends: list[FloatArray] = field(default_factory=list)
-    """Ends of arrows [length], (n, 2)."""
-    entries: list[Any] = field(default_factory=list)
-    """What the legend shows, in the order of drawing."""
-    groups: dict[str, list[str]] = field(default_factory=lambda: {"free": [], "symmetry": []})
-    """Edge sets of conditions that need no entry of their own, by what they have in common."""
-    written: list[symbols.Written] = field(default_factory=list)
-    """Names in the picture, each with other places that it may have."""
+    Points of the boundary are drawn where `moved` takes them. The size is that of arrows and symbols, as a share of the
+    usual one; with less the lines of conditions are left out.
+    """
 
-    @property
-    def length(self) -> float:
-        return self.problem.mesh.length
+    def __init__(
+        self,
+        axes: "Axes",
+        problem: ContactProblem,
+        units: Units,
+        moved: Callable[[FloatArray], FloatArray] = np.asarray,
+        size: float = 1.0,
+    ) -> None:
+        self.axes, self.problem, self.units, self.moved, self.size = axes, problem, units, moved, size
+        self.length = problem.mesh.length
+        self.conditions = symbols.merged(problem.conditions)
+        self.ends: list[FloatArray] = []  # of arrows
+        self.entries: list[Any] = []  # what the legend shows
+        self.groups: dict[str, list[str]] = {"free": [], "symmetry": []}  # edge sets that share an entry
+        self.written: list[symbols.Written] = []
 
     def body(self) -> None:
         """Cells filled by material, grid, outline."""
@@ -173,34 +165,25 @@ class _Sketch:
         drawn(condition, self._runs(condition))
 
     def traction(self, condition: Traction, pieces: Sequence[symbols.Run]) -> None:
-        values = self._values(condition, pieces)
-        if not any(value.any() for value in values.values()):
-            if len(values) == 2:
-                self._line(pieces, _FREE)
-                self.groups["free"].append(condition.edges)
-            return
-        self._line(pieces, _LOADED)
-        self._arrows(condition, pieces, {"color": style.VERMILLION})
-        given = [
-            symbols.value_range(_SIGNS[Traction][name], value, self.units.stress) for name, value in values.items()
-        ]
-        self._entry(f"traction {condition.name}: {', '.join(given)}", _LOADED, marker=">", filled=True)
+        values, given = self._given(condition, pieces)
+        if any(value.any() for value in values.values()):
+            self._line(pieces, _LOADED)
+            self._arrows(condition, pieces, {"color": style.VERMILLION})
+            self._entry(f"traction {condition.name}: {given}", _LOADED, marker=">", filled=True)
+        elif len(values) == 2:
+            self._line(pieces, _FREE)
+            self.groups["free"].append(condition.edges)
 
     def displacement(self, condition: Displacement, pieces: Sequence[symbols.Run]) -> None:
-        values = self._values(condition, pieces)
+        values, given = self._given(condition, pieces)
         self._line(pieces, _HELD)
-        given = [
-            symbols.value_range(_SIGNS[Displacement][name], value, self.units.length) for name, value in values.items()
-        ]
         held = [name for name, value in values.items() if not value.any()]
         if held:
             self._supports(pieces, held)
         moved = len(held) < len(values)
         if moved:
             self._arrows(condition, pieces, {"facecolor": "white", "edgecolor": style.BLUE, "linewidth": 0.7})
-        self._entry(
-            f"{condition.edges}: {', '.join(given)}", _HELD, marker=">" if moved else "^", filled=len(held) == 2
-        )
+        self._entry(f"{condition.edges}: {given}", _HELD, marker=">" if moved else "^", filled=len(held) == 2)
 
     def symmetry(self, condition: Symmetry, pieces: Sequence[symbols.Run]) -> None:
         self._line(pieces, _MIRROR)
@@ -211,7 +194,8 @@ class _Sketch:
 
     def contact(self, contact: Contact, pieces: Sequence[symbols.Run]) -> None:
         joint = contact in self.problem.joints
-        self._line(pieces, _JOINT if joint else _TOUCHING)
+        look = _JOINT if joint else _TOUCHING
+        self._line(pieces, look)
         if not joint:
             self.obstacle(contact)
         elif contact.has_springs:
@@ -220,8 +204,7 @@ class _Sketch:
                 half = 0.5 * SPRING * self.length * places.normals
                 symbols.springs(self.axes, places.points - half, places.points + half)
         self._name(contact, pieces, joint)
-        text = f"{'joint' if joint else 'contact'} {contact.name}: {', '.join(self._law(contact, pieces))}"
-        self._entry(text, _JOINT if joint else _TOUCHING)
+        self._entry(f"{'joint' if joint else 'contact'} {contact.name}: {', '.join(self._law(contact, pieces))}", look)
 
     def names(self) -> None:
         """Names of edges without a contact inside the body beside them; joints without a contact."""
@@ -273,10 +256,19 @@ class _Sketch:
         points = np.concatenate([run.ends_and_points(self.length / _SAMPLES).points for run in pieces])
         return evaluate(name, value, *points.T)
 
-    def _values(self, condition: Traction | Displacement, pieces: Sequence[symbols.Run]) -> dict[str, FloatArray]:
-        """Values of the given components along the pieces, ends included."""
-        kind = type(condition).__name__
-        return {name: self._samples(f"{kind}.{name}", value, pieces) for name, value in components(condition).items()}
+    def _given(
+        self, condition: Traction | Displacement, pieces: Sequence[symbols.Run]
+    ) -> tuple[dict[str, FloatArray], str]:
+        """Values of the given components along the pieces, ends included, and their ranges in words."""
+        kind, signs, unit = (
+            ("Traction", ("t", "σ"), self.units.stress)
+            if isinstance(condition, Traction)
+            else ("Displacement", ("u", "u"), self.units.length)
+        )
+        given = components(condition)
+        values = {name: self._samples(f"{kind}.{name}", value, pieces) for name, value in given.items()}
+        words = [symbols.value_range(signs[name in LOCAL] + _INDEX[name], each, unit) for name, each in values.items()]
+        return values, ", ".join(words)
 
     def _vectors(self, condition: Traction | Displacement, places: symbols.Places) -> FloatArray:
         """The prescribed vectors (n, 2) at places; zero in components that are not given."""
@@ -288,15 +280,14 @@ class _Sketch:
 
     def _arrows(self, condition: Traction | Displacement, pieces: Sequence[symbols.Run], look: dict[str, Any]) -> None:
         """Arrows, the longest one of all conditions of a kind in full length."""
-        alike = [other for other in symbols.merged(self.problem.conditions) if isinstance(other, type(condition))]
-        largest = max(
-            float(np.hypot(*self._vectors(other, run.ends_and_points(self.length / _SAMPLES)).T).max())
-            for other in alike
-            for run in self._runs(other)
-        )
+
+        def most(condition: Traction | Displacement) -> float:
+            places = [run.ends_and_points(self.length / _SAMPLES) for run in self._runs(condition)]
+            return max(float(np.hypot(*self._vectors(condition, each).T).max()) for each in places)
+
+        largest = max(most(other) for other in self.conditions if isinstance(other, type(condition)))
         if self.size < 1.0:  # small loads are to be seen too
-            own = [np.hypot(*self._vectors(condition, run.ends_and_points(self.length / _SAMPLES)).T) for run in pieces]
-            largest = min(largest, float(np.concatenate(own).max()) / _VISIBLE)
+            largest = min(largest, most(condition) / _VISIBLE)
         for run in pieces:
             places = run.points(_SPACING * (1.0 + self.size) / 2.0 * self.length)
             vectors = self._vectors(condition, places) * (self.size * _ARROW * self.length / largest)
@@ -344,21 +335,18 @@ class _Sketch:
             distance = 0.5 * _AWAY * self.length + rise * (gap - least)
             if contact.has_springs:
                 distance += SPRING * self.size * self.length
-            line = places.points + distance[:, None] * places.normals
             if contact.has_springs:
                 few = run.points(_SPACING * self.length, least=1)
                 symbols.springs(self.axes, few.points, few.points + distance.mean() * few.normals)
+            line = places.points + distance[:, None] * places.normals
             symbols.ground(self.axes, line, places.normals, 0.025 * self.size * self.length)
         plate = contact.plate
-        if plate is not None:
-            force = np.array([[plate.force_x or 0.0, plate.force_y or 0.0]])
-            size = float(np.hypot(*force[0]))
-            middle = symbols.Places(*np.mean([run.at(0.5) for run in pieces], axis=0))
-            away = 2.0 * _AWAY * self.length
-            if size > 0.0:
-                vector = 1.2 * _ARROW * self.length * force / size
-                place = middle._replace(points=middle.points + away * middle.normals)
-                symbols.arrows(self.axes, place, vector, away, {"color": "black", "width": 0.012})
+        force = np.zeros((1, 2)) if plate is None else np.array([[plate.force_x or 0.0, plate.force_y or 0.0]])
+        if force.any():
+            middle, away = symbols.Places(*np.mean([run.at(0.5) for run in pieces], axis=0)), 2.0 * _AWAY * self.length
+            vector = 1.2 * _ARROW * self.length * force / np.hypot(*force[0])
+            place = middle._replace(points=middle.points + away * middle.normals)
+            symbols.arrows(self.axes, place, vector, away, {"color": "black", "width": 0.012})
 
     def _name(self, contact: Contact, pieces: Sequence[symbols.Run], joint: bool) -> None:
         """The contact's name: outside beside the obstacle, or on the line of a joint."""
@@ -381,11 +369,7 @@ class _Sketch:
         return [(run.at(share).points[0], _CENTRED) for share in _ON_LINE]
 
     def _write(self, text: str, spots: Sequence[symbols.Spot], colour: str) -> None:
-        """A name at the first of the spots; the others are taken where names would overlap."""
-        box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.8}
-        look: dict[str, Any] = {"fontsize": "small", "zorder": 6, "bbox": box, "color": colour}
-        place, align = spots[0]
-        self.written.append((self.axes.text(place[0], place[1], style.plain_text(text), **look, **align), spots))
+        self.written.append(symbols.write(self.axes, text, spots, colour))
 
     def _law(self, contact: Contact, pieces: Sequence[symbols.Run]) -> Iterator[str]:
         """The contact's data, without those that do nothing."""

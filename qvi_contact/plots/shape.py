@@ -83,18 +83,18 @@ class Shape:
 def _known(result: ContactResult, space: DisplacementSpace) -> tuple[sparse.csr_array, FloatArray]:
     """Rows (k, size) of what is known of displacements, and their values (k,) [length], both times √w."""
     problem, scales, mesh = result.problem, result.discretization.scales, result.problem.mesh
-    blocks, values = list[list[FloatArray]](), [np.empty(0)]
+    blocks, values = [sparse.csr_array((0, space.size))], [np.empty(0)]
 
     def add(edges: Edges, t: FloatArray, direction: FloatArray, known: FloatArray, joint: bool = False) -> None:
         """Rows for values (e, q) along directions (e, q, 2) at t (q,) of edges, of a joint those of the jump."""
         shape = bernstein.basis(space.degree, t)
         roots = np.sqrt(edges.length[:, None] / (scales.length * len(t)) * np.ones(len(t)))
-        first = sum(map(len, values))
+        entries = roots[..., None, None] * shape[:, :, None] * direction[:, :, None]
+        starts = np.arange(0, entries.size + 1, 2 * shape.shape[1])
         for other in (False, True) if joint else (False,):
-            entries = (-1.0 if other else 1.0) * roots[..., None, None] * shape[:, :, None] * direction[:, :, None]
-            columns = 2 * space.along(edges, other=other)[:, None, :, None] + np.arange(2)
-            rows = (first + np.arange(known.size)).reshape(*known.shape, 1, 1)
-            blocks.append([part.ravel() for part in np.broadcast_arrays(entries, rows, columns)])
+            columns = np.broadcast_to(2 * space.along(edges, other=other)[:, None, :, None] + [0, 1], entries.shape)
+            rows = sparse.csr_array((entries.ravel(), columns.ravel(), starts), shape=(known.size, space.size))
+            blocks.append(blocks.pop() - rows if other else rows)
         values.append((roots * known).ravel())
 
     t = gauss_legendre(_DEGREE + 1)[0]
@@ -109,12 +109,7 @@ def _known(result: ContactResult, space: DisplacementSpace) -> tuple[sparse.csr_
         for direction in (points.normals, points.tangents)[: 1 if line.frictionless else 2]:
             known = (body * direction).sum(axis=1).reshape(shaped)
             add(points.edges, points.reference, direction.reshape(*shaped, 2), known, rows.joint)
-    all_values = np.concatenate(values)
-    if not blocks:
-        return sparse.csr_array((0, space.size)), all_values
-    entries, row, column = (np.concatenate(part) for part in zip(*blocks, strict=True))
-    places_of = (row.astype(np.int64), column.astype(np.int64))
-    return sparse.csr_array(sparse.coo_array((entries, places_of), shape=(len(all_values), space.size))), all_values
+    return sparse.csr_array(sparse.vstack(blocks)), np.concatenate(values)
 
 
 def faces(result: ContactResult, name: str) -> tuple[FloatArray, FloatArray]:

@@ -26,7 +26,6 @@ from qvi_contact.mesh.triangles import TriangleMesh
 from solvers.basics.types import load
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
@@ -136,10 +135,14 @@ def cell_outlines(mesh: TriangleMesh) -> FloatArray:
 
 def edge_lines(mesh: TriangleMesh, edges: Edges) -> FloatArray:
     """Edges as lines (n, 2, 2) [length]; as `CHORDS` chords each where some are arcs."""
-    t = np.linspace(0.0, 1.0, (CHORDS if edges.curved else 1) + 1)
-    if edges.curved:
-        return np.stack(mesh.points_along(edges, t), axis=-1)
-    return np.stack([mesh.vertices[edges.first], mesh.vertices[edges.second]], axis=1)
+    if not edges.curved:
+        return chords(mesh, edges)
+    return np.stack(mesh.points_along(edges, np.linspace(0.0, 1.0, CHORDS + 1)), axis=-1)
+
+
+def chords(mesh: TriangleMesh, edges: Edges) -> FloatArray:
+    """Both ends of edges (n, 2, 2) [length]."""
+    return mesh.vertices[np.column_stack([edges.first, edges.second])]
 
 
 def draw_grid(axes: "Axes", mesh: TriangleMesh) -> None:
@@ -184,15 +187,24 @@ def lines(points: FloatArray, colour: str, style: object, width: float, label: s
     return LineCollection(list(points), colors=colour, linestyles=[style], linewidths=width, label=label)
 
 
-def legend_below(axes: "Axes", handles: "Sequence[Artist]") -> None:
-    """Add a legend under the label of the horizontal axis, in as many lines as a picture of a result has room for."""
-    widths = [len(re.sub(r"\\\\\w+|[${}_|]", "", str(handle.get_label()))) + _HANDLE for handle in handles]
+def key(axes: "Axes", label: str, **look: Any) -> None:
+    """A line that is seen in the legend only."""
+    axes.plot([], [], label=label, **{"linewidth": 0.9, **look})
+
+
+def legend_below(axes: "Axes", shown: "Sequence[Axes]") -> None:
+    """Add a legend of what axes show, each once, under the label of the horizontal axis of one of them.
+
+    It has as many lines as a picture of a result has room for.
+    """
+    handles = dict(pair[::-1] for each in shown for pair in zip(*each.get_legend_handles_labels(), strict=True))
+    widths = [len(re.sub(r"\\\\\w+|[${}_|]", "", label)) + _HANDLE for label in handles]
     columns = len(handles)
     while columns > 1 and sum(float(part.max()) for part in np.array_split(widths, columns)) > _LETTERS:
         columns -= 1
     place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.4}
     look: dict[str, Any] = {"frameon": False, "columnspacing": 1.2, "handlelength": 1.8, "fontsize": "small"}
-    axes.legend(handles=list(handles), ncols=columns, **look, **place)
+    axes.legend(handles=list(handles.values()), ncols=columns, **look, **place)
 
 
 _WIDTH: Final = re.compile(r'\swidth="([\d.]+)pt"')

@@ -2,8 +2,7 @@
 
 import textwrap
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -20,16 +19,7 @@ if TYPE_CHECKING:
 
 _OBLIQUE: Final = 0.05  # sine of the angle to a side below which an arrow counts as lying along it
 CORNER: Final = 0.64  # cosine of the angle, 50 degrees, by which edges of one run may turn
-_ZIGZAG: Final = (
-    (0.0, 0.0),
-    (0.15, 0.0),
-    (0.25, 0.3),
-    (0.42, -0.3),
-    (0.58, 0.3),
-    (0.75, -0.3),
-    (0.85, 0.0),
-    (1.0, 0.0),
-)
+_ZIGZAG: Final = np.array([[0.0, 0.15, 0.25, 0.42, 0.58, 0.75, 0.85, 1.0], [0.0, 0.0, 0.3, -0.3, 0.3, -0.3, 0.0, 0.0]])
 _STRAIGHT: Final = 1e-12  # 1 − cosine of the angle of edges that lie on one straight line
 
 
@@ -41,7 +31,18 @@ class Places(NamedTuple):
     tangents: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
+def between(at: FloatArray, s: FloatArray, values: FloatArray) -> FloatArray:
+    """Values (k, 2) at places s (k,) along a line, at other places (n, 2)."""
+    return np.column_stack([np.interp(at, s, each) for each in values.T])
+
+
+def spaced(s: FloatArray, distance: float, least: int = 1) -> FloatArray:
+    """Places about `distance` apart along a line from the first of s to the last, as far from them as half of that."""
+    length = float(s[-1] - s[0])
+    count = max(least, round(length / distance))
+    return np.asarray(s[0] + (np.arange(count) + 0.5) / max(count, 1) * length)
+
+
 class Run:
     """Adjoining edges without a corner between them: a straight side, or an arc as short pieces.
 
@@ -49,27 +50,13 @@ class Run:
     outwards. Edges turn by the angles (n,) [rad], 0 where they are straight, and are drawn as arcs of circles.
     """
 
-    line: FloatArray
-    normals: FloatArray
-    turns: FloatArray
-
-    @cached_property
-    def _steps(self) -> FloatArray:
-        return np.asarray(np.diff(self.line, axis=0))
-
-    @cached_property
-    def _lengths(self) -> FloatArray:
-        return np.asarray(np.hypot(*self._steps.T))
-
-    @cached_property
-    def _along(self) -> FloatArray:
-        """Distance of every end of an edge from the run's start."""
-        return np.concatenate([[0.0], np.cumsum(self._lengths)])
-
-    @property
-    def length(self) -> float:
-        """Its length [length]."""
-        return float(self._along[-1])
+    def __init__(self, line: FloatArray, normals: FloatArray, turns: FloatArray) -> None:
+        self.line, self.normals, self._turns = line, normals, turns
+        self._steps = np.diff(line, axis=0)
+        self._lengths = np.hypot(*self._steps.T)
+        self._tangents = self._steps / self._lengths[:, None]
+        self._along = np.concatenate([[0.0], np.cumsum(self._lengths)])
+        self.length = float(self._along[-1])
 
     def at(self, share: float) -> Places:
         """The place at a share of the length, 0 to 1."""
@@ -77,26 +64,22 @@ class Run:
 
     def points(self, distance: float, least: int = 2) -> Places:
         """Points about `distance` apart, as far from the ends as half of that, at least `least`."""
-        count = max(least, round(self.length / distance))
-        return self._places((np.arange(count) + 0.5) / count * self.length)
+        return self._places(spaced(self._along, distance, least))
 
     def ends_and_points(self, distance: float) -> Places:
         """Points about `distance` apart from end to end, at least both ends and those where the run turns."""
-        count = max(1, round(self.length / distance))
-        tangents = self._steps / self._lengths[:, None]
-        turns = (tangents[1:] * tangents[:-1]).sum(axis=1) < 1.0 - _STRAIGHT
-        kinks = self._along[1:-1][turns]
-        return self._places(np.sort(np.concatenate([np.arange(count + 1) / count * self.length, kinks])))
+        turns = (self._tangents[1:] * self._tangents[:-1]).sum(axis=1) < 1.0 - _STRAIGHT
+        even = np.linspace(0.0, self.length, max(1, round(self.length / distance)) + 1)
+        return self._places(np.sort(np.concatenate([even, self._along[1:-1][turns]])))
 
     def _places(self, s: FloatArray) -> Places:
         last = len(self._lengths) - 1
         before, after = (np.clip(np.searchsorted(self._along, s, side) - 1, 0, last) for side in ("left", "right"))
-        tangents = self._steps / self._lengths[:, None]
         shares = (s - self._along[after]) / self._lengths[after]
-        bends = np.column_stack([np.zeros(len(s)), self.turns[after] / 2.0])
+        bends = np.column_stack([np.zeros(len(s)), self._turns[after] / 2.0])
         points = self.line[after] + arc_offsets(self._steps[after], bends, shares[:, None])[:, 0]
-        between = (values[before] + values[after] for values in (self.normals, tangents))
-        return Places(points, *(vectors / np.hypot(*vectors.T)[:, None] for vectors in between))
+        middle = (values[before] + values[after] for values in (self.normals, self._tangents))
+        return Places(points, *(vectors / np.hypot(*vectors.T)[:, None] for vectors in middle))
 
 
 def runs(mesh: TriangleMesh, edges: Edges) -> list[Run]:
@@ -133,13 +116,10 @@ def _runs_of(mesh: TriangleMesh, edges: Edges) -> Iterator[Run]:
 def ground(axes: "Axes", line: FloatArray, normal: FloatArray, size: float) -> None:
     """Draw a rigid obstacle: a line of points (n, 2) and oblique strokes of a given size on its far side (n, 2)."""
     axes.plot(*line.T, color="black", linewidth=1.0)
-    steps = np.hypot(*np.diff(line, axis=0).T)
-    s = np.concatenate([[0.0], np.cumsum(steps)])
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
     if s[-1] <= 0.0:
         return
-    places = (np.arange(max(1, round(s[-1] / size))) + 0.5) * s[-1] / max(1, round(s[-1] / size))
-    begin = np.column_stack([np.interp(places, s, line[:, k]) for k in (0, 1)])
-    outward = np.column_stack([np.interp(places, s, normal[:, k]) for k in (0, 1)])
+    begin, outward = (between(spaced(s, size), s, values) for values in (line, normal))
     sideways = np.column_stack([outward[:, 1], -outward[:, 0]])
     strokes = np.stack([begin, begin + 0.7 * size * (outward + sideways)], axis=1)
     axes.add_collection(lines(strokes, "black", "solid", 0.6))
@@ -149,7 +129,7 @@ def springs(axes: "Axes", start: FloatArray, end: FloatArray) -> None:
     """Draw springs between points (n, 2) as zigzag lines."""
     along = end - start
     side = along[:, ::-1] * [-1.0, 1.0]
-    points = [start + share * along + across * side for share, across in _ZIGZAG]
+    points = [start + share * along + across * side for share, across in _ZIGZAG.T]
     axes.add_collection(lines(np.stack(points, axis=1), GREEN, "solid", 1.0), autolim=False)
 
 
@@ -162,10 +142,9 @@ def arrows(axes: "Axes", places: Places, vectors: FloatArray, away: float, look:
     size = np.hypot(*vectors.T)
     shown = size > 0.02 * size.max(initial=0.0)
     points, vectors, normals, size = places.points[shown], vectors[shown], places.normals[shown], size[shown]
-    outward = (vectors * normals).sum(axis=1) / size
-    tails = np.where((outward < -_OBLIQUE)[:, None], points - vectors, points)
-    along = points - vectors / 2.0 + away * normals
-    tails = np.where((np.abs(outward) <= _OBLIQUE)[:, None], along, tails)
+    outward = ((vectors * normals).sum(axis=1) / size)[:, None]
+    tails = np.where(outward < -_OBLIQUE, points - vectors, points)
+    tails = np.where(np.abs(outward) <= _OBLIQUE, points - vectors / 2.0 + away * normals, tails)
     settings = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.005, "headwidth": 4.0, "zorder": 5}
     axes.quiver(*tails.T, *vectors.T, **{**settings, **look})
     return np.concatenate([tails, tails + vectors])
@@ -236,6 +215,14 @@ def beside(values: Sequence[float], digits: int = 4) -> list[str]:
 def wrapped(text: str) -> str:
     """The text in lines short enough for a legend."""
     return plain_text(textwrap.fill(text, _WRAP, subsequent_indent="   ", break_on_hyphens=False))
+
+
+def write(axes: "Axes", text: str, spots: Sequence[Spot], colour: str = "black") -> Written:
+    """Write a text at the first of the spots; the others are taken where texts would overlap, see `spread`."""
+    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.7}
+    look: dict[str, Any] = {"fontsize": "small", "zorder": 6, "bbox": box, "color": colour}
+    (x, y), align = spots[0]
+    return axes.text(x, y, plain_text(text), **look, **align), spots
 
 
 def spread(axes: "Axes", written: Sequence[Written]) -> None:

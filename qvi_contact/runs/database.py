@@ -1,15 +1,12 @@
 """SQLite files that keep rows: each is on disk before the next one is begun, and one run at a time writes.
 
-The journal is SQLite's rollback journal, not its write-ahead log. Both survive SIGKILL and power failure, but the log
-needs memory shared by all that read or write, which network folders do not offer, keeps the last rows in a second file
-that is left behind when somebody copies the first, and cannot be read in a folder that is read-only. Its advantage,
-readers that do not wait for the writer, is worth nothing at a few rows a second. A row is on disk, and its
-place in the folder too (synchronous = EXTRA), when its transaction ends.
+The journal is the rollback journal. The write-ahead log would need memory shared by all that read or write, which
+network folders do not offer, keep the last rows in a second file, and forbid reading in a folder that is read-only. A
+row is on disk, and its place in the folder too (synchronous = EXTRA), when its transaction ends.
 
-A run that writes holds a lock on an empty database beside the file, through the locks of SQLite that every system has
-and that go with the process, however it dies. Reading is possible meanwhile. That database, the file .lock, stays: a
-run that removed it could take it from under another one that has just opened it, and a third would then make a new one,
-so that two of them would write. It may be deleted when no run is at work.
+A run that writes holds a lock on an empty database beside the file, which goes with the process, however it dies.
+Others can read meanwhile. The file .lock stays: a run that removed it could take it from under another one that has
+just opened it, and two would write. It may be deleted when no run is at work.
 """
 
 import sqlite3
@@ -30,13 +27,15 @@ SETTINGS: Final[tuple[str, ...]] = (
 )
 _PATIENCE: Final = 30.0  # seconds that a reader is waited for
 
+_OPEN: Final = "cannot be opened or written: give another place, or the right to write there"
+_BUSY: Final = "another run is at work on it: wait until it has ended, or give another file"
 _REMEDIES: Final = {
     sqlite3.SQLITE_FULL: "there is no room left: make room and give the same command again; finished rows are kept",
-    sqlite3.SQLITE_READONLY: "cannot be written: give another place, or the right to write there",
-    sqlite3.SQLITE_CANTOPEN: "cannot be opened: give another place, or the right to write there",
-    sqlite3.SQLITE_PERM: "cannot be opened: give another place, or the right to write there",
-    sqlite3.SQLITE_BUSY: "in use by another process: wait until it has ended, or give another file",
-    sqlite3.SQLITE_LOCKED: "in use by another process: wait until it has ended, or give another file",
+    sqlite3.SQLITE_READONLY: _OPEN,
+    sqlite3.SQLITE_CANTOPEN: _OPEN,
+    sqlite3.SQLITE_PERM: _OPEN,
+    sqlite3.SQLITE_BUSY: _BUSY,
+    sqlite3.SQLITE_LOCKED: _BUSY,
     sqlite3.SQLITE_CORRUPT: "is damaged: give another file, and save what the sqlite3 shell's .recover finds in it",
     sqlite3.SQLITE_CONSTRAINT: "has been written to by another process: end it, and give the same command again",
     sqlite3.SQLITE_IOERR: "the disk or network does not answer as it should: give the same command again later",
@@ -130,7 +129,9 @@ class Database:
         try:
             yield
         except sqlite3.Error as error:
-            raise self._explanation(path, error) from error
+            code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF  # without the extension
+            known = {**_REMEDIES, sqlite3.SQLITE_NOTADB: self._not_one}
+            raise InputError("store", str(path), known.get(code, f"SQLite says: {error}")) from error
 
     def damaged(self, path: Path) -> InputError:
         """The error about a file that holds nonsense."""
@@ -141,21 +142,13 @@ class Database:
         """Keep all other runs away from a file, which need not be there yet."""
         target = path.resolve()
         lock = target.with_name(f"{target.name}.lock")
-        try:
-            with closing(sqlite3.connect(lock, timeout=0.0, isolation_level=None)) as connection:
-                connection.execute("PRAGMA journal_mode = MEMORY")  # in a file, SIGKILL would leave it behind
-                connection.execute("BEGIN EXCLUSIVE")
-                yield
-        except sqlite3.OperationalError as error:
-            if error.sqlite_errorcode & 0xFF == sqlite3.SQLITE_BUSY:
-                remedy = "another run is at work on it: wait until it has ended, or give another file"
-                raise InputError("store", str(path), remedy) from error
-            raise self._explanation(path, error) from error
-
-    def _explanation(self, path: Path, error: sqlite3.Error) -> InputError:
-        code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF  # without the extension
-        known = {**_REMEDIES, sqlite3.SQLITE_NOTADB: self._not_one}
-        return InputError("store", str(path), known.get(code, f"SQLite says: {error}"))
+        with (
+            self.explained(path),
+            closing(sqlite3.connect(lock, timeout=0.0, isolation_level=None)) as connection,
+        ):
+            connection.execute("PRAGMA journal_mode = MEMORY")  # in a file, SIGKILL would leave it behind
+            connection.execute("BEGIN EXCLUSIVE")
+            yield
 
     @property
     def _not_one(self) -> str:

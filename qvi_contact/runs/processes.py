@@ -17,12 +17,13 @@ import logging
 import multiprocessing
 import os
 import pickle
+import re
 import signal
 import subprocess
 import sys
 import tempfile
 import time
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
@@ -260,7 +261,7 @@ PATIENCE = 10.0  # seconds for whoever listens at an address
 _JOINING: Final = 10.0  # seconds until a cluster has a worker
 _FETCHING: Final = 30.0  # seconds for one outcome
 _LOOK: Final = 0.5  # seconds between two looks at a cluster
-_WITHOUT_PORT: Final = ("inproc", "ucx")  # schemes whose addresses `distributed` itself does not take apart
+_ADDRESS: Final = re.compile(r"(tcp|tls|wss?|ucxx?)://.+:\d+|inproc://.+")
 _REMEDY: Final = "give the address that dask scheduler prints, as tcp://host:8786"
 _LOST: Final = "the scheduler was lost: give the same command again when it is back"
 
@@ -359,28 +360,20 @@ def _unpacking() -> Callable[[bytes], Outcome]:
     return unpacked
 
 
-class _Held:
-    """The processes of a run in a worker of the cluster, one for each thread."""
-
-    def __init__(self) -> None:
-        self.processes: dict[int, tuple[Lock, Process]] = {}
-        self.over = Event()
-
-
-_HELD: Final[dict[str, _Held]] = {}
-"""By run; those of a run that is over refuse what comes too late."""
+_HELD: Final = defaultdict[str, tuple[dict[int, tuple[Lock, Process]], Event]](lambda: ({}, Event()))
+"""By run its processes in a worker of the cluster, one for each thread; whether it is over and refuses what is late."""
 
 
 def do_there(run: str, job: bytes, limits: Limits, order: object) -> Outcome:
     """Do an order in a process of this run; called by a worker of the cluster."""
-    held = _HELD.setdefault(run, _Held())
-    if get_ident() not in held.processes:
-        held.processes[get_ident()] = Lock(), Process(job, limits)
-    turn, process = held.processes[get_ident()]
+    processes, over = _HELD[run]
+    if get_ident() not in processes:
+        processes[get_ident()] = Lock(), Process(job, limits)
+    turn, process = processes[get_ident()]
     with turn:
-        if not held.over.is_set():
+        if not over.is_set():
             process.give(order)
-        while not held.over.is_set():
+        while not over.is_set():
             outcome = process.hear()
             if outcome is not None:
                 return outcome
@@ -392,33 +385,23 @@ def do_there(run: str, job: bytes, limits: Limits, order: object) -> Outcome:
 
 def forget(run: str) -> None:
     """End the processes of a run; called by a worker of the cluster."""
-    held = _HELD.setdefault(run, _Held())
-    held.over.set()
-    for turn, process in list(held.processes.values()):
+    processes, over = _HELD[run]
+    over.set()
+    for turn, process in list(processes.values()):
         with turn:
             process.close()
-    held.processes.clear()
+    processes.clear()
 
 
 def _check_address(address: str) -> None:
-    """Refuse an address that cannot be a scheduler's, as `distributed` reads it, before anything is done."""
-    if not isinstance(address, str):
-        raise InputError("dask", address, _REMEDY)
+    """Refuse an address that cannot be a scheduler's before anything is done."""
+    if not (isinstance(address, str) and _ADDRESS.fullmatch(address)):
+        raise InputError("dask", address, f"is not scheme://host:port with a known scheme: {_REMEDY}")
     try:
         import distributed  # noqa: F401 - logging is set up when it is loaded
     except ImportError as error:
         remedy = "needs the package distributed: python -m pip install distributed"
         raise InputError("dask", address, remedy) from error
-    from distributed.comm.addressing import get_address_host_port, parse_address
-    from distributed.comm.registry import get_backend
-
-    try:
-        scheme, _ = parse_address(address, strict=True)
-        get_backend(scheme)
-        if scheme not in _WITHOUT_PORT:
-            get_address_host_port(address, strict=True)
-    except (ValueError, ImportError) as error:
-        raise InputError("dask", address, f"is not scheme://host:port with a known scheme: {_REMEDY}") from error
 
 
 @contextmanager

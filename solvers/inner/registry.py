@@ -1,5 +1,6 @@
 """Names of inner solvers: what exists, what is installed, and how one is built."""
 
+import sys
 from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -68,9 +69,10 @@ def versions(packages: Iterable[str]) -> dict[str, str]:
 
 @cache
 def _version(package: str) -> str:
-    """Read once: looking through the metadata of all packages takes longer than a small solve."""
+    """As the loaded module has it: looking through the metadata of all packages takes longer than a small solve."""
+    told = getattr(sys.modules.get(package), "__version__", None)
     try:
-        return version(package)
+        return told if isinstance(told, str) else version(package)
     except PackageNotFoundError:
         return "unknown"
 

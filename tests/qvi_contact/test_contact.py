@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from qvi_contact import Contact, ContactState, InputError, Material, TriangleMesh, exact, solve
-from qvi_contact.gallery import stick_slip_block
+from qvi_contact import Contact, ContactState, InputError, Material, TriangleMesh, solve
+from qvi_contact.gallery import exact, stick_slip_block
 from qvi_contact.solution import STATE_TOLERANCE, contact_states
 from solvers import Status
 

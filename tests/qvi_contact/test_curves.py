@@ -7,12 +7,12 @@ import pytest
 from numpy.polynomial.legendre import poly2leg
 
 from comparisons.verification.chapters.curves import NU, OUTER, M, ellipse, sheet, stretched, zeta_of
-from qvi_contact import InputError, TriangleMesh, discretize, exact, load_result, solve
+from qvi_contact import InputError, TriangleMesh, discretize, load_result, solve
 from qvi_contact.bracket import bracket
 from qvi_contact.discretization import shortest_cuts
 from qvi_contact.export import write_npz, write_vtu
 from qvi_contact.files import problem_from_toml, problem_to_toml
-from qvi_contact.gallery import fan
+from qvi_contact.gallery import exact, fan
 from qvi_contact.mechanism import Rigid
 from qvi_contact.mesh import Curve, arc_offsets, curves, frames_along
 from qvi_contact.plots import cell_outlines, edge_lines, runs

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qvi_contact import Expression, InputError, discretize, exact, solve, verify_result
+from qvi_contact import Expression, InputError, discretize, solve, verify_result
+from qvi_contact.gallery import exact
 from qvi_contact.mesh import TriangleMesh, graded_lines
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from solvers import Status

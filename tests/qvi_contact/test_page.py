@@ -17,6 +17,7 @@ from qvi_contact import ContactState, InputError, TriangleMesh, solve
 from qvi_contact.basics import Rounding
 from qvi_contact.command import (
     Request,
+    SecondModel,
     number,
     result_lines,
     result_page,
@@ -41,7 +42,7 @@ def answer():
 @cache
 def page():
     files = (("meshes/a_mesh_with_a_long_name.msh", sha256(b"").hexdigest()),)
-    return result_page(Request(problem_from_toml(TEXT), TEXT, "qvi-contact solve a.toml", files), [answer()])
+    return result_page(Request(problem_from_toml(TEXT), TEXT, "qvi-contact solve a.toml", files), SecondModel(answer()))
 
 
 def words(text):

@@ -21,18 +21,16 @@ from qvi_contact import (
     InputError,
     LimitLoad,
     TriangleMesh,
-    exact,
     limit_load_factor,
     principal_stresses,
     solve,
 )
 from qvi_contact.element import gauss_legendre
-from qvi_contact.gallery import compressed_plate, half_discs
+from qvi_contact.gallery import compressed_plate, exact, half_discs
 from qvi_contact.plots import (
     Scales,
     Shape,
     beside,
-    block_outlines,
     contact_tractions,
     draw_body,
     draw_contours,
@@ -339,11 +337,10 @@ class TestBody:
 
     def test_eccentricity_and_line_of_thrust_of_joints(self):
         axes = new_axes()
-        drawn = draw_body(axes, leaning())
+        draw_body(axes, leaning())
         texts = {text.get_text().split(":")[0]: text.get_text().splitlines()[-1] for text in axes.texts}
         assert texts == dict.fromkeys(("bed", "bottom"), "e = 0.0833 length")
-        assert drawn.thrust
-        (thrust,) = (c for c in axes.collections if isinstance(c, LineCollection) and c.get_linewidth()[0] == 1.1)
+        (thrust,) = (each for each in axes.collections if each.get_label() == "line of thrust")
         ((start, end),) = thrust.get_segments()  # the lower block is pressed from both sides
         assert [start[0], end[0]] == pytest.approx([7 / 12] * 2, abs=0.05)
         assert abs(end[1] - start[1]) == pytest.approx(1.0, rel=0.1)
@@ -407,9 +404,11 @@ class TestFigures:
         assert answer.count(result.status.advice) == 1
         assert "infeasible" not in answer
         (moved,) = [line for line in figure.axes[0].collections if line.get_label() == "mechanism"]
-        before, ends = block_outlines(result.problem.mesh, result.mechanism)
-        assert np.array(moved.get_segments()) == pytest.approx(ends)
-        assert np.hypot(*(ends - before).T).max() == pytest.approx(0.08 * result.problem.mesh.length, rel=0.05)
+        edges, mesh = result.problem.mesh.boundary, result.problem.mesh
+        before = mesh.vertices[np.stack([edges.first, edges.second], axis=1)]
+        shift = np.array(moved.get_segments()) - before
+        assert np.hypot(*shift.T).max() == pytest.approx(0.08 * mesh.length, rel=0.05)
+        assert shift[..., 1].mean() > 0.0
 
     def test_a_limit_load_is_drawn_with_its_mechanism(self):
         problem = lifted()
@@ -418,7 +417,7 @@ class TestFigures:
         assert self.misplaced(figure) == NOTHING
         assert said(figure) == ["title", "no load", ""]
         (moved,) = [line for line in figure.axes[0].collections if line.get_label() == "mechanism"]
-        assert np.array(moved.get_segments()) == pytest.approx(block_outlines(problem.mesh, limit.mechanism)[1])
+        assert len(moved.get_segments()) == len(problem.mesh.boundary)
         with pytest.raises(InputError, match="no mechanism"):
             limit_figure(problem, LimitLoad(np.inf, np.inf, None, np.inf, 0.0))
 

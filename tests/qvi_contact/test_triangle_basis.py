@@ -7,10 +7,10 @@ import pytest
 from numpy.polynomial.polynomial import polyder, polyval2d
 from scipy.special import comb
 
-from qvi_contact import Material, TriangleMesh, exact, solve
+from qvi_contact import Material, TriangleMesh, solve
 from qvi_contact.discretization import BodyStiffness, Root, StressSpace, Supports, edge_rule
 from qvi_contact.element import from_values, gauss_legendre
-from qvi_contact.gallery import compressed_plate
+from qvi_contact.gallery import compressed_plate, exact
 from solvers import Status
 from solvers.basics import Kept
 from tests.qvi_contact.test_triangles import moved

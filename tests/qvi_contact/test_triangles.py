@@ -5,8 +5,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, TriangleMesh, exact, limit_load_factor, solve
-from qvi_contact.gallery import compressed_plate
+from qvi_contact import InputError, TriangleMesh, limit_load_factor, solve
+from qvi_contact.gallery import compressed_plate, exact
 from qvi_contact.problem import Contact, ContactProblem, Material, Symmetry, Traction
 from tests.cases import thinned
 from tests.qvi_contact.builders import solved

@@ -11,8 +11,8 @@ import numpy as np
 from comparisons.verification.measures import point_states, runs, scattered, stress_error
 from comparisons.verification.rows import Chapter, Check, Kind, Row, certified
 from qvi_contact import ContactResult, TriangleMesh, solve
-from qvi_contact.exact import ExactState, cantilever, gravity_column, problem_from_state, pure_bending, uniform
 from qvi_contact.gallery import compressed_plate, sliding_block, stick_slip_block
+from qvi_contact.gallery.exact import ExactState, cantilever, gravity_column, problem_from_state, pure_bending, uniform
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, Symmetry, Traction
 from qvi_contact.types import Condition, FloatArray, Plane
 

@@ -25,8 +25,8 @@ from comparisons.verification.rows import (
 from qvi_contact import Contact, ContactProblem, Displacement, Material, Symmetry, Traction, TriangleMesh, refine, solve
 from qvi_contact.bracket import Bounds, Bracket, bracket
 from qvi_contact.companion import solve_companion
-from qvi_contact.exact import cantilever, gravity_column, problem_from_state, pure_bending, uniform
 from qvi_contact.gallery import compressed_plate, ssnv128
+from qvi_contact.gallery.exact import cantilever, gravity_column, problem_from_state, pure_bending, uniform
 from qvi_contact.problem.conditions import Condition
 from qvi_contact.refinement.outcome import Refinement
 from solvers import QVISolution

@@ -76,25 +76,24 @@ class Request:
 
 def result_page(
     request: Request,
-    steps: Sequence[ContactResult],
-    second: SecondModel | None = None,
+    second: SecondModel,
     refinement: Refinement | None = None,
     series: report.Series | None = None,
     panels: Sequence[str] | None = None,
 ) -> str:
     """The page about the result of a solve, of a refinement, or of the last of several in a series.
 
-    The bracket of a single result is that of the second model, which is computed for it. Contacts in `panels` have
-    charts, all of them by default.
+    The second model has the result. Of a single one its bracket is computed. Contacts in `panels` have charts, all of
+    them by default.
     """
-    file, result = request.file, steps[-1]
-    second = second or SecondModel(result)
+    file, result = request.file, second.result
+    steps = (result,) if series is None else series.results.steps
     bracket, missing = (
         (second.bracket, second.missing)
         if len(steps) == 1
         else (None, "bounds are computed for a single solve only, and this is one of several results")
     )
-    companion = bracket.companion if bracket is not None and bracket.companion.has_state else None
+    companion = bracket.companion if bracket is not None and second.displaced is not None else None
     contacts = [
         _contact(line, f"contact-{number}", file.units)
         for number, line in enumerate(result.contacts.values() if result.has_state else (), 1)
@@ -104,7 +103,7 @@ def result_page(
     if series is not None and len(steps) > 1:
         several = [
             (title, headings, [[cell.replace("-", "−") for cell in row] for row in rows])
-            for title, headings, rows in report.series_tables(steps, series.label, series.values, file.units)
+            for title, headings, rows in series.tables(file.units)
         ]
     text: str = page_template("qvi_contact.command.page").render(
         **_frame(request, result.problem, "Contact problem"),
@@ -113,9 +112,7 @@ def result_page(
         bracket=bracket,
         missing=missing,
         refinement=refinement,
-        refinement_table=(report.refinement_headings(refinement, file.units), report.refinement_rows(refinement))
-        if refinement
-        else None,
+        refinement_table=report.refinement_table(refinement, file.units) if refinement else None,
         trust=report.trust(refinement, file.units) if refinement else "",
         several=several,
         step_label="t" if series is None else series.label,

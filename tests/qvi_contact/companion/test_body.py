@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, TriangleMesh, exact
+from qvi_contact import InputError, TriangleMesh
 from qvi_contact.companion import (
     DisplacementSpace,
     Elasticity,
@@ -14,6 +14,7 @@ from qvi_contact.companion import (
     solve_companion,
 )
 from qvi_contact.discretization import Scales
+from qvi_contact.gallery import exact
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
 from tests.cases import every_pair
 from tests.qvi_contact.builders import bernstein, companion_of

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qvi_contact import ContactState, InputError, TriangleMesh, exact
+from qvi_contact import ContactState, InputError, TriangleMesh
 from qvi_contact.companion import DualProblem, solve_companion
-from qvi_contact.gallery import compressed_plate, ssnv128
+from qvi_contact.gallery import compressed_plate, exact, ssnv128
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from solvers import Status
 from tests.cases import every_pair
