@@ -2,22 +2,25 @@
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout, suppress
-from shutil import get_terminal_size
-from threading import Event, Thread
+from contextlib import contextmanager, redirect_stdout
+from threading import Event, Lock, Thread, Timer
 from time import monotonic
+from typing import TYPE_CHECKING
 
+from qvi_contact.basics import terminal
 from qvi_contact.basics.terminal import Advance
 from solvers.basics.progress import Progress, listening
 
-_PATIENCE = 2.0  # seconds of silence on a terminal
-_AGAIN = 0.2  # seconds until the line there is written anew
+if TYPE_CHECKING:
+    from rich.progress import Progress as Bar
+
+_PATIENCE = 2.0  # seconds of silence
 _OFF_TERMINALS = 30.0  # where there is no terminal; then twice as many, and so on
 
 
 @contextmanager
 def solving(title: str, steps: int = 1, *, verbose: bool = False, silence: float = _OFF_TERMINALS) -> Iterator[Advance]:
-    """Show on standard error how far the solves inside are, once they take two seconds; of several steps how many.
+    """Show on standard error how far the solves inside are, once they take two seconds; of several steps with a bar.
 
     With `verbose` no line is shown, and what the solves inside print goes there too: standard output is for answers.
 
@@ -31,23 +34,28 @@ def solving(title: str, steps: int = 1, *, verbose: bool = False, silence: float
             yield lambda _="": None
         return
     line = _Line(title, steps)
-    thread = Thread(target=line.show, args=(silence,), daemon=True)
-    thread.start()
+    timer = Timer(_PATIENCE, line.show)
+    timer.daemon = True
+    timer.start()
+    Thread(target=line.speak, args=(silence,), daemon=True).start()
     try:
         with listening(line.report):
             yield line.advance
     finally:
-        line.ended.set()
-        thread.join()
+        timer.cancel()
+        line.close()
 
 
 class _Line:
-    """The line: solves say what they do, a thread of its own shows it."""
+    """The line, shown by the thread of the timer."""
 
     def __init__(self, title: str, steps: int) -> None:
-        self._title, self._steps, self._done, self._so_far, self._state = title, steps, 0, "", ""
-        self._stream, self._began, self.ended = sys.stderr, monotonic(), Event()
-        self._terminal = self._stream is not None and self._stream.isatty()
+        self._title, self._steps, self._done, self._state = title, steps, 0, ""
+        self._so_far = ""
+        self._lock = Lock()
+        self._bar: Bar | None = None
+        self._ended = Event()
+        self._began = monotonic()
 
     def report(self, progress: Progress) -> None:
         """What a solve says: method, iteration, residual."""
@@ -56,33 +64,61 @@ class _Line:
         if entry is not None and not progress.stage:
             what = f"iteration {entry.number}, residual {entry.residual:.1e}"
         self._state = f"{progress.method}: {what}"
-        if progress.stage and not self._terminal:
-            self._write(f"{self._title}: {self._state}", "\n")
-        if progress.remark and self._terminal:
-            self._write(f"{self._title}: {progress.remark}; next method: {progress.method}", "\n")
+        self._update()
+        if progress.stage:
+            self._say(self._state)
+        if progress.remark:
+            console = terminal.error_console() if self._bar is None else self._bar.console
+            said = f"{self._title}: {progress.remark}; next method: {progress.method}"
+            if console.is_terminal:
+                console.print(said, markup=False, highlight=False)
 
     def advance(self, description: str = "") -> None:
         """One more step is done."""
         self._done, self._so_far, self._state = self._done + 1, description, ""
+        self._update()
 
-    def show(self, silence: float) -> None:
-        """Say how far all is, until the end: over and over in one line of a terminal, else now and then."""
-        pause = min(silence, _PATIENCE) if self._terminal else silence
-        shown = False
-        while not self.ended.wait(pause):
-            text = "; ".join(filter(None, [self._so_far, self._state])) or "setting up"
-            text = f"{text}; {monotonic() - self._began:.0f} s"
-            count = f"{self._done}/{self._steps}: " if self._terminal and self._steps > 1 else ""
-            self._write(f"{self._title}: {count}{text}", "" if self._terminal else "\n")
-            shown, pause = True, _AGAIN if self._terminal else 2.0 * pause
-        if shown and self._terminal:
-            self._write("", "\r")
+    def show(self) -> None:
+        """Begin: Rich's own line, with a bar where there are several steps."""
+        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+        from rich.progress import Progress as Bar
 
-    def _write(self, words: str, end: str) -> None:
-        """In one go; on a terminal over the line that is there, and without an end in no more than one line."""
-        if self._terminal:
-            width = get_terminal_size().columns - 1
-            words = "\r" + (words if end == "\n" else words[:width]).ljust(width)
-        with suppress(OSError, ValueError):  # nobody listens any more
-            self._stream.write(words + end)
-            self._stream.flush()
+        console = terminal.error_console()
+        if not console.is_terminal:
+            return
+        title, state = (TextColumn(f"{{task.{name}}}", markup=False) for name in ("description", "fields[state]"))
+        columns = (title, *((BarColumn(), MofNCompleteColumn()) if self._steps > 1 else ()), state, TimeElapsedColumn())
+        with self._lock:
+            if not self._ended.is_set():
+                self._bar = Bar(*columns, console=console, transient=True)
+                task = self._bar.add_task(self._title, total=self._steps, completed=self._done, state=self._text)
+                self._bar.tasks[task].start_time = self._bar.get_time() - _PATIENCE
+                self._bar.start()
+
+    def speak(self, pause: float) -> None:
+        """Say how far all is where there is no terminal, until the end."""
+        while not self._ended.wait(pause):
+            self._say(f"{self._text or 'setting up'}; {monotonic() - self._began:.0f} s")
+            pause *= 2.0
+
+    def _say(self, words: str) -> None:
+        """A plain line, unless a terminal shows the same."""
+        console = terminal.error_console()
+        if not console.is_terminal:
+            console.print(f"{self._title}: {words}", markup=False, highlight=False, soft_wrap=True)
+
+    def close(self) -> None:
+        """End."""
+        with self._lock:
+            self._ended.set()
+            if self._bar is not None:
+                self._bar.stop()
+
+    def _update(self) -> None:
+        with self._lock:
+            if self._bar is not None:
+                self._bar.update(self._bar.task_ids[0], completed=self._done, state=self._text)
+
+    @property
+    def _text(self) -> str:
+        return "; ".join(filter(None, [self._so_far, self._state]))

@@ -153,29 +153,33 @@ def test_a_terminal_without_greek_gets_question_marks(shell):
     assert b"? = 0.3" in screen.getvalue()
 
 
-class Screen(io.StringIO):
-    """A terminal."""
+@pytest.fixture
+def at_once(monkeypatch):
+    """A timer that does not wait."""
+    monkeypatch.setattr("threading.Timer.start", lambda timer: timer.function())
 
-    def isatty(self):
-        return True
 
-
-def test_a_solve_under_way_is_shown_on_a_terminal(environ):
-    """Method, iteration and residual beside the last round; that one method takes the place of another one stays."""
-    environ(COLUMNS=160)
-    with redirect_stderr(Screen()) as screen, solving("[plate]", 3, silence=0.0) as advance:
+def shown(environ, title, steps=1, **look):
+    """What a terminal shows of a method, a round, and another solve."""
+    environ(FORCE_COLOR=1, COLUMNS=160)
+    with redirect_stderr(io.StringIO()) as screen, solving(title, steps, **look) as advance:
         advance("216 unknowns")
         report(Progress("fixed-point", remark="the condensed method ended stalled"))
         solve(compressed_plate(0.2, (3, 3)))
-        found = ""
-        while "residual" not in found:
-            found = screen.getvalue()
-    assert re.search(r"\[plate\]: 1/3: 216 unknowns; pivoting: iteration \d+, residual \d\.\de-\d+; \d+ s +", found)
-    assert re.search(r"the condensed method ended stalled; next method: fixed-point *\n", found)
-    assert screen.getvalue().endswith("\r" + 159 * " " + "\r")
-    assert {len(line) for line in found.strip("\r").replace("\n", "").split("\r")} == {159}
+    return screen.getvalue()
 
 
+@pytest.mark.usefixtures("at_once")
+def test_a_solve_under_way_is_shown_on_a_terminal(environ):
+    """Method, iteration and residual beside the last round; that one method takes the place of another one stays."""
+    found = shown(environ, "[plate]", 3)
+    assert "[plate]" in found
+    assert "1/3" in found
+    assert re.search(r"216 unknowns; pivoting: iteration \d+, residual \d\.\de-", found)
+    assert "the condensed method ended stalled; next method: fixed-point\n" in found
+
+
+@pytest.mark.usefixtures("at_once")
 def test_off_a_terminal_it_is_silent(capfd):
     with solving("plate") as advance:
         solve(compressed_plate(0.2, (3, 3)))
