@@ -1,14 +1,15 @@
 """Meshes of triangles: what is accepted and refused, names, refinement."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from qvi_contact import Contact, ContactProblem, InputError, Material, Region, Symmetry, Traction, solve
-from qvi_contact.gallery import fan
+from qvi_contact.gallery import compressed_plate, fan
 from qvi_contact.mesh import TriangleMesh, edges_on_segment, outward_normals
-from tests.qvi_contact.builders import area
+from tests.qvi_contact.builders import area, quarter
 from tests.qvi_contact.test_triangles import turned
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
@@ -192,10 +193,11 @@ class TestRefined:
         mesh = l_shape()
         fine = mesh.graded([(1.0, 1.0), (0.0, 0.0)], [4, 2], ratio=0.2)
         for place, depth in (((1.0, 1.0), 4), ((0.0, 0.0), 2)):
-            coarse, found = (
-                np.abs(m.corners[(m.corners == place).all(axis=2).any(axis=1)] - place) for m in (mesh, fine)
-            )
-            assert found == pytest.approx(coarse * 0.2**depth)
+            sizes = []
+            for each in (mesh, fine):
+                own = each.corners[(each.corners == place).all(axis=2).any(axis=1)] - place
+                sizes.append(np.abs(own).max(axis=(1, 2)))
+            assert sizes[1] == pytest.approx(sizes[0] * 0.2**depth)
         assert area(fine) == pytest.approx(area(mesh))
         assert fine.edges("notch").length.sum() == pytest.approx(1.0)
         assert fine.corners[fine.region("foot")].max(axis=(0, 1)) == pytest.approx(
@@ -210,9 +212,19 @@ class TestRefined:
     def test_layers_begin_at_vertices_without_arcs(self):
         with pytest.raises(InputError, match="vertices"):
             square().graded([(0.123, 0.4)], 1, ratio=0.2)
-        ring = TriangleMesh.rectangle((2, 2)).with_arc("top", (0.5, -1.0), 2.0)
+        ring = quarter(1, 2)
         with pytest.raises(InputError, match="arc"):
-            ring.graded([ring.vertices[ring.edges("top").first[0]]], 1, ratio=0.2)
+            ring.graded([ring.vertices[ring.edges("inner").first[0]]], 1, ratio=0.2)
+
+    def test_layers_follow_the_singular_stress_of_a_corner(self):
+        """The force of the plate that sticks, of which other codes say 214.367658387 ± 2e-7 (`comparisons.settled`)."""
+        errors = []
+        for layers in (1, 2, 3, 4):
+            mesh = TriangleMesh.grid([0.0, 1.0], [0.0, 1.0]).graded([(1.0, 1.0)], layers, ratio=0.15)
+            result = solve(replace(compressed_plate(1.0), mesh=mesh), degree=9)
+            errors.append(abs(result.resultant("plate").y / 214.367658387 + 1.0))
+        assert errors[-1] < 2e-8  # with 378 unknowns
+        assert (np.divide(errors[1:], errors[:-1]) < 0.3).all()
 
     @pytest.mark.parametrize(("angle", "layers", "longest"), [(0.3, 1, 0.25), (np.pi, 2, 0.125)])
     def test_fans_are_as_narrow_and_as_short_as_asked_for(self, angle, layers, longest):
