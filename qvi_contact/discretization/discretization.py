@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple, get_args
 import numpy as np
 from scipy import sparse
 
-from qvi_contact.basics.checks import FloatArray, whole_number
+from qvi_contact.basics.checks import FloatArray, acts, whole_number
 from qvi_contact.discretization.energy import BodyStiffness, Root, Springs
 from qvi_contact.discretization.loads import (
     ContactRows,
@@ -286,7 +286,8 @@ def _discretized(
     """Discretise: matrices that the mesh keeps for all problems, and the vectors of this one."""
     prescribed, kept = problem.prescribed(Traction), problem.mesh.kept
     supports = Supports.on(space, prescribed, kept)
-    given = [traction_data(problem, scales, part, supports.points) for part in prescribed]
+    pulled = has_body_force(problem) or any(acts(part.value) for part in prescribed)
+    given = [traction_data(problem, scales, part, supports.points) for part in prescribed] if pulled else []
     particular, imbalance = supports.particular(given)
     if imbalance > 0.0:
         remedy = (

@@ -119,10 +119,9 @@ class TriangleEnergy(PicklesFields):
         for start in range(0, len(space.triangles), step):
             block = slice(start, start + step)
             yield block, element.roots(space.triangles.take(block), self.compliances[self.materials[block]])
-        curved = space.curved
-        for block in curved.blocks(len(space.cell_weights)) if len(curved) else ():
-            cells = curved.numbers[block]
-            rows = curved.stress_rows(block, self.compliances[self.materials[cells]], space.cell_quadrature)
+        for block in space.curved.blocks(len(space.cell_weights)) if space.mesh.curved.any() else ():
+            cells = space.curved.numbers[block]
+            rows = space.curved.stress_rows(block, self.compliances[self.materials[cells]], space.cell_quadrature)
             yield cells, np.asarray(np.linalg.qr(rows[:, :, element.interior_first], mode="r"))
 
     def loaded(self, stress: FloatArray) -> BodyLoad:

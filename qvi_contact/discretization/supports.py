@@ -106,7 +106,7 @@ class Supports(PicklesFields):
     def particular(self, given: Sequence[EdgeQuadrature]) -> tuple[FloatArray, float]:
         """The u₀ (N,), zero for unknowns, and the force (or moment over the length) out of balance.
 
-        Of what Φ has to make up of each component, dimensionless, see `loads.traction_data`.
+        Of what Φ has to make up of each component, dimensionless, see `loads.traction_data`; none if that is nothing.
         """
         if not any(part.values.any() for part in given):
             return np.zeros(self.space.size), 0.0

@@ -337,8 +337,9 @@ class TriangleMesh(PicklesFields):
 
     def edge_set(self, name: str) -> IntArray:
         """Indices into `boundary` of the edges called `name`; `InputError` lists the names there are."""
-        known = known_name("edges", name, {"edge sets": self.edge_names}, "add it by with_edges()")
-        return np.searchsorted(self.topology.outer, self._numbers[known])
+        if not isinstance(name, str) or name not in self.edge_names:
+            known_name("edges", name, {"edge sets": self.edge_names}, "add it by with_edges()")
+        return np.searchsorted(self.topology.outer, self._numbers[name])
 
     def joint_set(self, name: str) -> IntArray:
         """Indices into `interior` of the joint called `name`; `InputError` lists the names there are."""
@@ -349,11 +350,11 @@ class TriangleMesh(PicklesFields):
         """The edges called `name`, on the boundary or in a joint."""
         if isinstance(name, str) and name in self._taken:
             return self._taken[name]
-        known = {"edge sets": self.edge_names, "joints": self.joint_names}
-        if known_name("edges", name, known, "add it by with_edges() or with_joint()") in self.joint_names:
-            found = self.interior.take(self.joint_set(name))
-        else:
-            found = self.boundary.take(self.edge_set(name))
+        if not isinstance(name, str) or name not in (*self.edge_names, *self.joint_names):
+            known = {"edge sets": self.edge_names, "joints": self.joint_names}
+            known_name("edges", name, known, "add it by with_edges() or with_joint()")
+        inside = name in self.joint_names
+        found = self.interior.take(self.joint_set(name)) if inside else self.boundary.take(self.edge_set(name))
         for part in vars(found).values():
             if isinstance(part, np.ndarray):
                 part.setflags(write=False)  # all who ask share it
