@@ -198,6 +198,7 @@ def test_limit(shell, sliding):
     assert "0.99009901 times" in shell("limit", sliding, *loads, "--plot", picture)[1]
     assert picture.stat().st_size > 1000
     refused(shell("limit", sliding, "--load", "nonsense"), "drag")
+    refused(shell("limit", sliding), "--load")
     found = answered(shell("limit", sliding, *loads, "--target", "1e-4", "--json"))["refinement"]
     assert (found["status"], found["guaranteed"], found["rounds"]) == ("reached", True, 1)
     assert 0.0 <= found["estimate"] <= 1e-4
