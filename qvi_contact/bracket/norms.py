@@ -75,6 +75,8 @@ def proved_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
         if any(map(has_coulomb, body.problem.contacts)):
             own, straight = shares_on(body, problem, shares), not body.problem.mesh.sides.any()
             found = min(rectangle_norm(body.problem, own), star_norm(body.problem, own)) if straight else np.inf
+            if not found < np.inf:  # NaN proves nothing either
+                return np.inf
             largest = max(largest, found)
     return largest
 
