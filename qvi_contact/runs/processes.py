@@ -23,7 +23,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import defaultdict, deque
+from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
@@ -360,13 +360,13 @@ def _unpacking() -> Callable[[bytes], Outcome]:
     return unpacked
 
 
-_HELD: Final = defaultdict[str, tuple[dict[int, tuple[Lock, Process]], Event]](lambda: ({}, Event()))
+_HELD: Final[dict[str, tuple[dict[int, tuple[Lock, Process]], Event]]] = {}
 """By run its processes in a worker of the cluster, one for each thread; whether it is over and refuses what is late."""
 
 
 def do_there(run: str, job: bytes, limits: Limits, order: object) -> Outcome:
     """Do an order in a process of this run; called by a worker of the cluster."""
-    processes, over = _HELD[run]
+    processes, over = _HELD.setdefault(run, ({}, Event()))
     if get_ident() not in processes:
         processes[get_ident()] = Lock(), Process(job, limits)
     turn, process = processes[get_ident()]
@@ -385,7 +385,7 @@ def do_there(run: str, job: bytes, limits: Limits, order: object) -> Outcome:
 
 def forget(run: str) -> None:
     """End the processes of a run; called by a worker of the cluster."""
-    processes, over = _HELD[run]
+    processes, over = _HELD.setdefault(run, ({}, Event()))
     over.set()
     for turn, process in list(processes.values()):
         with turn:
