@@ -269,7 +269,7 @@ class Verification:
             limit = "" if row.limit is None else f"{row.limit:.1e}"
             verdict = {None: "", True: "passed", False: "FAILED"}[row.passed]
             lines.append(f"{row.name:<{width}}  {value:>8}  {limit:>8}  {verdict}".rstrip())
-            lines += [f"    {text}" for text in (row.meaning, "" if row.passed else row.worry) if text]
+            lines += [f"    {text}" for text in (row.meaning, row.worry if row.passed is False else "") if text]
         return "\n".join([*lines, self.summary()])
 
     def document(self) -> dict[str, Any]:
@@ -351,7 +351,8 @@ def _verification(
     first: Check, result: ContactResult, again: ContactResult, claims: Mapping[str, Any] | None, given: float | None
 ) -> Verification:
     """All rows about a result, made again, and the fields it claims; `first` says whether it is of this problem."""
-    rows = (first, _status(result, again), *_rows(result, again, claims, given), *_facts(again))
+    facts = () if result.status.impossible else _facts(again)
+    rows = (first, _status(result, again), *_rows(result, again, claims, given), *facts)
     return Verification(rows, result.status, again.certificate.tolerance)
 
 

@@ -449,8 +449,8 @@ def other_solutions(result: ContactResult, *, time_limit: float | None = None) -
             f"{', '.join(f'{100.0 * distance:.3g} %' for distance in np.sort(distances))} of the largest, in the "
             "energy norm."
         )
-    message, told = f"{_several(results)} {compared}", list[ContactResult]()
     order = np.argsort(distances, kind="stable")  # as they are, without a companion
+    message, told = f"{_several([results[i] for i in order])} {compared}", list[ContactResult]()
     for i in order.tolist():  # in place of what its own solve had suspected
         place = "" if companion is None else f" This one is {'not ' if told else ''}the nearest."
         remarks = (f"{message}{place} {WHAT_TO_DO}",)

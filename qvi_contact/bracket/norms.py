@@ -179,7 +179,7 @@ def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
     boundary, sides = problem.mesh.boundary, held_directions(problem)
     weights = np.zeros(len(boundary))  # ±μ of each edge
     for share in shares.values():
-        if not share.slipping.all() or np.ptp(share.slipping) > 0.0:
+        if not share.slipping.all() or np.ptp(share.slipping) != 0.0:
             return np.inf
         weights[problem.mesh.edge_set(share.contact.edges)] = share.slipping[0] * share.friction
     chosen = np.flatnonzero(weights != 0.0)

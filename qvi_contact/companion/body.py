@@ -50,7 +50,6 @@ MISFIT = 1e-10
 
 PARALLEL = 1e-8
 """Sine of the angle between two directions that is the rounding of coordinates."""
-_ALIKE = 1e-14  # square of a sine that is the rounding of squares
 
 
 def load_points(degree: int) -> int:
@@ -141,22 +140,27 @@ def supports(problem: ContactProblem, space: DisplacementSpace, scales: Scales) 
         )
 
     coefficient, direction, value = (np.concatenate(part) for part in zip(*conditions, strict=True))
-    known, start, group = np.unique(coefficient, return_index=True, return_inverse=True)
-    first, square, right = direction[start], np.zeros((len(known), 2, 2)), np.zeros((len(known), 2))
-    np.add.at(square, group, direction[:, :, None] * direction[:, None, :])
-    np.add.at(right, group, direction * value[:, None])
-    found = (np.linalg.pinv(square, _ALIKE, hermitian=True) @ right[:, :, None])[..., 0]  # of the least squares
-    sizes = np.linalg.eigvalsh(square)
-    both = sizes[:, 0] > _ALIKE * sizes[:, 1]
-    missed = np.abs((direction * found[group]).sum(axis=1) - value)
-    wrong = missed > MISFIT * max(1.0, np.abs(value).max(initial=0.0))
+    known, group, count = np.unique(coefficient, return_inverse=True, return_counts=True)
+    order = np.argsort(group, kind="stable")
+    place = group[order], np.arange(len(order)) - np.repeat(np.cumsum(count) - count, count)
+    D = np.zeros((len(known), max(2, *count.tolist(), 0), 2))
+    wanted = np.zeros(D.shape[:2])
+    D[place], wanted[place] = direction[order], value[order]  # those of one coefficient in a row, zeros after them
+    U, size, V = np.linalg.svd(D, full_matrices=False)
+    both, first = size[:, 1] > PARALLEL, D[:, 0]
+    solved = np.einsum("kmi,km,ki,kij->kj", U, wanted, 1.0 / np.where(both[:, None], size, 1.0), V)
+    mean = (np.sign(np.einsum("kmi,ki->km", D, first)) * wanted).sum(axis=1) / count
+    found = np.where(both[:, None], solved, mean[:, None] * first)
+    wrong = np.abs(np.einsum("kmi,ki->km", D, found) - wanted).max(axis=1) > MISFIT * max(
+        1.0, np.abs(value).max(initial=0.0)
+    )
     if wrong.any():
-        x, y = problem.mesh.origin + scales.length * space.places[coefficient[wrong].min()]
+        x, y = problem.mesh.origin + scales.length * space.places[known[wrong].min()]
         reasons.append(f"Prescribed displacements disagree at ({x:.6g}, {y:.6g}). Their mean is used.")
     along, slanted = np.argmax(np.abs(first), axis=1), ~both & (np.abs(first).max(axis=1) < 1.0)
-    one = np.where(slanted, (found * first).sum(axis=1), np.take_along_axis(found, along[:, None], axis=1)[:, 0])
+    one = np.where(slanted, mean, np.take_along_axis(found, along[:, None], axis=1)[:, 0])
     fixed.append(((2 * known + np.where(slanted, 0, along))[~both], one[~both]))
-    fixed.append(((2 * known[both, None] + np.arange(2)).ravel(), found[both].ravel()))
+    fixed.append(((2 * known[both, None] + np.arange(2)).ravel(), solved[both].ravel()))
 
     frames = np.tile(np.eye(2), (space.size // 2, 1, 1))
     frames[known[slanted]] = np.stack([first, np.stack([-first[:, 1], first[:, 0]], axis=1)], axis=2)[slanted]

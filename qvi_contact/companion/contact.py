@@ -527,7 +527,7 @@ def _excess(problem: DualProblem, c: FloatArray) -> FloatArray:
     """By how much c_N exceeds the gap (2 n,), or differs where the contact keeps its distance, and c_T its offset."""
     contacts = problem.contacts
     normal, shear = (c - contacts.obstacle).reshape(2, contacts.count)
-    backwards = np.nan_to_num(np.maximum(-contacts.slipping * shear, 0.0))
+    backwards = np.where(np.isnan(contacts.slipping), 0.0, np.maximum(-contacts.slipping * shear, 0.0))
     held = contacts.tied | (contacts.slipping == 0.0)
     across = np.where(contacts.bilateral, np.abs(normal), np.maximum(normal, 0.0))
     return np.concatenate([across, np.where(held, np.abs(shear), backwards)])

@@ -240,3 +240,18 @@ def test_a_pressure_beyond_the_traces_is_named():
     walls = Symmetry("left"), Symmetry("right")
     problem = ContactProblem(BLOCK, SOAKED, [contact, Traction("top", 0.0, -40.0), *walls])
     assert any("pore pressure" in reason for reason in solve(problem).bracket.reasons)
+
+
+@pytest.mark.parametrize("kink", [3e-8, 1e-7, 1e-6])
+def test_supports_that_meet_at_a_slight_kink_hold_both_edges(kink):
+    """Along two edges whose directions differ by more than rounding a corner moves along neither."""
+    mesh = TriangleMesh.rectangle((2, 2), 2.0, 1.0)
+    vertices = mesh.vertices.copy()
+    vertices[(vertices == (2.0, 0.0)).all(axis=1), 1] += kink
+    conditions = [
+        Displacement("bottom", normal=0.0), Traction("bottom", tangential=0.0), Contact("left", 0.0),
+        Traction("right", x=-0.1, y=0.0), Displacement("top", x=0.3, y=-0.2),
+    ]  # fmt: skip
+    kinked = TriangleMesh(vertices, mesh.cells, dict(mesh.edge_sets))
+    found = bracket(solve(ContactProblem(kinked, Material(1.0, 0.3), conditions)))
+    assert found.guaranteed, found.reasons
