@@ -329,11 +329,16 @@ def _solved_series(
     if not file.times:
         with solving(file.title or "solve", verbose=verbose):
             return None, (solve_one(file.problem, **options, verbose=verbose),)
-    with solving(file.title or "history", verbose=verbose) as advance:
-        history = qvi_contact.solve_history(
-            file.problems, lambda number, _: advance(f"step {number} of {len(file.times)} solved"), store=store,
-            **options, verbose=verbose,
-        )  # fmt: skip
+    done = 0
+    with solving(file.title or "history", len(file.times), verbose=verbose) as advance:
+
+        def told(number: int, _result: ContactResult) -> None:
+            nonlocal done
+            while done < number:  # the first that is told need not be the first of all
+                done += 1
+                advance(f"step {done} of {len(file.times)} solved")
+
+        history = qvi_contact.solve_history(file.problems, told, store=store, **options, verbose=verbose)
     return report.Series(history, "t", file.times), history.steps
 
 

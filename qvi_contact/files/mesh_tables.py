@@ -145,14 +145,15 @@ class RefineTable:
         smallest = largest if self.smallest is None else positive_number("smallest", self.smallest)
         if smallest > largest:
             raise InputError("smallest", smallest, f"give at most largest = {largest:g}")
+        least = _FINEST * max(float(np.ptp(across)) for across in lines)
+        for name, size in (("largest", largest), ("smallest", smallest)):
+            if size < least:
+                raise InputError(name, size, f"give at least {_FINEST:g} of the body, {least:g}")
         places, growth = np.concatenate(critical), -float(np.log(self.ratio))
         x, y = (
             _subdivided(across, np.unique(places[:, axis]), largest, smallest, growth)
             for axis, across in enumerate(lines)
         )
-        least = _FINEST * max(np.ptp(x), np.ptp(y))
-        if smallest < least:
-            raise InputError("smallest", smallest, f"give at least {_FINEST:g} of the body, {least:g}")
         return x, y
 
 

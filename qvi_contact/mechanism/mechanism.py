@@ -38,6 +38,7 @@ from solvers.errors import Named
 from solvers.inner.linear_program import INFEASIBLE, TIME_LIMIT, solved
 
 _CERTAIN: Final = 1e-8
+_STILL: Final = 1e-9  # displacement of bodies over the largest one of all, below which they rest
 """Gain of work, relative to the work that drives and resists, below which nothing is claimed."""
 
 _REACH: Final = 1e4
@@ -318,7 +319,8 @@ class Rigid:
         of_cells, scale = bodies.of_cells, np.insert(np.ones((len(bodies), 2)), 2, 1.0 / bodies.size, axis=1)
         x, y, turn = (v.reshape(-1, 3) * scale)[of_cells, :, None].swapaxes(0, 1)
         arm_x, arm_y = np.moveaxis(self.problem.mesh.corners - bodies.centre[of_cells, None], -1, 0)
-        v = v / (np.hypot(x - turn * arm_y, y + turn * arm_x).max() or 1.0)  # plates alone may move
+        largest = np.hypot(x - turn * arm_y, y + turn * arm_x).max()
+        v = v / (largest if largest > _STILL else 1.0)  # plates alone may move
         missed = [0.0, *np.abs(self.held @ v).tolist()]
         opening, slip = ({contact.name: 0.0 for contact in self.problem.contacts} for _ in range(2))
         for line in self.lines:

@@ -57,14 +57,14 @@ class Curve:
         own = self.coefficients[self._places(pairs)]
         return np.asarray(first + arc_offsets(second - first, own, np.array([0.5]))[:, 0])
 
-    def divided(self, pairs: IntArray, parents: IntArray, shares: FloatArray) -> "Curve":
-        """The same by edges (n, 2) that are parts of edges (n, 2) of the curve, divided at shares (n,), or these.
+    def divided(self, pairs: IntArray, parents: IntArray) -> "Curve":
+        """The same by edges (n, 2) that are halves of edges (n, 2) of the curve, or these themselves.
 
         New vertices have higher numbers than old ones.
         """
         whole = self.coefficients[self._places(parents)]
         is_first, is_second = ((pairs[:, 0] == parents[:, k]) & (pairs[:, 1] != parents[:, 1]) for k in (0, 1))
-        found = part_of(whole, np.where(is_second, shares, 0.0), np.where(is_first, shares, 1.0))
+        found = part_of(whole, np.where(is_second, 0.5, 0.0), np.where(is_first, 0.5, 1.0))
         found = np.where(is_second[:, None], reversed_bends(found), found)
         return Curve(pairs, np.where((is_first | is_second)[:, None], found, whole))
 

@@ -5,7 +5,9 @@ apart that touch along straight lines, or arcs that both declare, are joined by 
 So both sides have the same nodes and edges afterwards, and everything on the line is as exact as on one mesh.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from operator import itemgetter
 from typing import Final, NoReturn
 
 import numpy as np
@@ -14,7 +16,7 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, real_array
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import ROUNDING, Curve, MeshParts, bends_of, bent_too_far
-from qvi_contact.mesh.edges import Topology, angles, arc_offsets, cross, linked
+from qvi_contact.mesh.edges import Topology, angles, arc_offsets, cross, linked, part_of
 from qvi_contact.mesh.selection import new_name, numbers_of
 
 LARGEST: Final = 1e100  # of a coordinate: squares and areas of larger ones are beyond floating-point numbers
@@ -228,7 +230,7 @@ def layered(mesh: MeshParts, vertex: int, ratio: float) -> MeshParts:
     topology, old = Topology.of(np.sort(mesh.cells, axis=1), len(mesh.vertices)), len(mesh.vertices)
     fine = _halved(mesh, topology, np.flatnonzero((topology.ends == vertex).any(axis=1)))
     fine.vertices[old:] += (1.0 - 2.0 * ratio) * (fine.vertices[vertex] - fine.vertices[old:])
-    return fine
+    return divided_at_arcs(fine)
 
 
 def _angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
@@ -259,23 +261,19 @@ def _longest(mesh: MeshParts, topology: Topology, among: BoolArray) -> IntArray:
     return np.asarray(order[np.argmax(lengths[:, order], axis=1)])
 
 
-def _halved(
-    mesh: MeshParts, topology: Topology, number: IntArray, at: tuple[FloatArray, FloatArray] | None = None
-) -> MeshParts:
+def _halved(mesh: MeshParts, topology: Topology, number: IntArray) -> MeshParts:
     """The mesh with these edges (k,) of its topology halved, and the triangles beside them divided; no others.
 
-    Or divided at points (k, 2), which are at shares (k,) of their lengths. A triangle with one such edge is cut in two,
-    with two in three, from the point in the longer one, with three in four. Names are carried over. `InputError` where
-    triangles are too small for the coordinates to tell their vertices apart.
+    A triangle with one such edge is cut in two, with two in three, from the middle of the longer one, with three in
+    four. Names are carried over. `InputError` where triangles are too small for the coordinates to tell their vertices
+    apart.
     """
     old = len(mesh.vertices)
     middle = np.full(len(topology.ends), -1)
     middle[number] = old + np.arange(len(number))
-    points = mesh.vertices[topology.ends[number]].mean(axis=1) if at is None else at[0]
-    shares = np.full(len(topology.ends), 0.5)
-    shares[number] = 0.5 if at is None else at[1]
-    vertices = np.concatenate([mesh.vertices, points])
-    if at is None and len(same := same_places(vertices)):
+    vertices = np.concatenate([mesh.vertices, mesh.vertices[topology.ends[number]].mean(axis=1)])
+    same = same_places(vertices)
+    if len(same):
         x, y = vertices[same[0, 0]].tolist()
         raise InputError("marked", (x, y), "triangles here are too small to be halved: leave them out of `marked`")
     cells, sides = np.sort(mesh.cells, axis=1), middle[topology.of_cells]  # sides opposite to the corners
@@ -318,9 +316,8 @@ def _halved(
         part = parts_of(arc.edges)
         pairs, whole_edges = ends[part], topology.ends[origin[part]]
         halves = pairs[:, 1] >= old
-        if at is None:
-            vertices[pairs[halves, 1]] = arc.middles(whole_edges[halves], mesh.vertices)
-        arcs.append(arc.divided(pairs, whole_edges, shares[origin[part]]))
+        vertices[pairs[halves, 1]] = arc.middles(whole_edges[halves], mesh.vertices)
+        arcs.append(arc.divided(pairs, whole_edges))
     return MeshParts(vertices, fine, edge_sets, regions, arcs)
 
 
@@ -351,36 +348,77 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     if name in mesh.edge_sets:
         raise InputError("join", name, "this edge set exists already: choose another name")
     new_name(name)
-    while True:  # until no vertex lies in an edge of another piece; one in each edge at a time
-        vertices, cells = mesh.vertices, np.sort(mesh.cells, axis=1)
-        topology = Topology.of(cells, len(vertices))
-        piece = pieces(topology, len(cells))
-        of_vertex = np.empty(len(vertices), dtype=np.int64)
-        of_vertex[cells] = piece[:, None]
-        hanging, shares = hanging_vertices(vertices, topology, bends_of(mesh.arcs, topology) if mesh.arcs else None)
-        apart = np.flatnonzero(of_vertex[hanging[:, 0]] != piece[topology.cells[hanging[:, 1], 0]])
-        if not len(apart):
-            break
-        edges, first = np.unique(hanging[apart, 1], return_index=True)
-        inside = apart[first]
-        mesh = _halved(mesh, topology, edges, (vertices[hanging[inside, 0]], shares[inside]))
+    vertices, cells = mesh.vertices, np.sort(mesh.cells, axis=1)
+    topology = Topology.of(cells, len(vertices))
+    piece = pieces(topology, len(cells))
+    of_vertex = np.empty(len(vertices), dtype=np.int64)
+    of_vertex[cells] = piece[:, None]
+    hanging, shares = hanging_vertices(vertices, topology, bends_of(mesh.arcs, topology) if mesh.arcs else None)
+    inside: dict[tuple[int, int], list[int]] = {}  # of an edge the vertices of other pieces in it, in order
+    share_of = dict[tuple[int, int, int], float]()  # of an edge and a vertex in it
+    for (vertex, edge), share in sorted(zip(hanging.tolist(), shares.tolist(), strict=True), key=itemgetter(1)):
+        if of_vertex[vertex] != piece[topology.cells[edge, 0]]:
+            low, high = topology.ends[edge].tolist()
+            inside.setdefault((low, high), []).append(vertex)
+            share_of[low, high, vertex] = share
+    cut = [_cut(corners, inside) for corners in cells.tolist()]
+    parent = np.repeat(np.arange(len(cells)), [len(parts) for parts in cut])
     twins = same_places(vertices)
     twins = twins[of_vertex[twins[:, 0]] != of_vertex[twins[:, 1]]]
     _, first, place = np.unique(linked(twins[:, 0], twins[:, 1], len(vertices)), return_index=True, return_inverse=True)
-    glued = np.sort(place[cells], axis=1)
-    fine = Topology.of(glued, len(first))
-    across = (fine.count == 2) & (piece[fine.cells[:, 0]] != piece[fine.cells[:, 1]])
+    new_cells = np.sort(place[np.concatenate([np.array(parts) for parts in cut])], axis=1)
+    fine = Topology.of(new_cells, len(first))
+    across = (fine.count == 2) & (piece[parent[fine.cells[:, 0]]] != piece[parent[fine.cells[:, 1]]])
     if not across.any():
-        remedy = "no pieces of this mesh touch along straight lines or declared arcs: leave it out"
-        raise InputError("join", name, remedy)
+        raise InputError(
+            "join", name, "no pieces of this mesh touch along straight lines or declared arcs: leave it out"
+        )
     edge_sets = {name: fine.ends[across]}
     for other, pairs in mesh.edge_sets.items():
-        in_joint = across[fine.number(place[pairs])]
-        edge_sets[other] = place[pairs] if in_joint.all() else place[pairs][~in_joint]
-    arcs, taken = list[Curve](), np.zeros(len(fine.ends), dtype=bool)
-    for arc in mesh.arcs:  # both bodies may have declared an edge
-        new = ~taken[fine.number(place[arc.edges])]
-        taken[fine.number(place[arc.edges])] = True
-        if new.any():
-            arcs.append(Curve(place[arc.edges[new]], arc.coefficients[new]).checked("", vertices[first], fine))
-    return divided_at_arcs(MeshParts(vertices[first], glued, edge_sets, mesh.regions, arcs))
+        chains = [[a, *_between(a, b, inside), b] for a, b in pairs.tolist()]
+        found = place[np.array([step for chain in chains for step in pairwise(chain)])]
+        in_joint = across[fine.number(found)]
+        edge_sets[other] = found if in_joint.all() else found[~in_joint]
+    regions = {other: np.flatnonzero(np.isin(parent, chosen)) for other, chosen in mesh.regions.items()}
+    parts = _arcs_in_parts(mesh.arcs, inside, share_of, place)
+    arcs = [part.checked("", vertices[first], fine) for part in parts]
+    return divided_at_arcs(MeshParts(vertices[first], new_cells, edge_sets, regions, arcs))
+
+
+def _arcs_in_parts(
+    arcs: Sequence[Curve],
+    inside: Mapping[tuple[int, int], list[int]],
+    share_of: Mapping[tuple[int, int, int], float],
+    place: IntArray,
+) -> list[Curve]:
+    """Arcs with edges cut at the vertices inside them, by new numbers of vertices; an edge of two bodies once."""
+    found, seen = list[Curve](), set[tuple[int, int]]()
+    for arc in arcs:
+        kept, bends = list[tuple[int, int]](), list[FloatArray]()
+        for (low, high), bend in zip(arc.edges.tolist(), arc.coefficients, strict=True):
+            between = inside.get((low, high), [])
+            ends = np.array([0.0, *(share_of[low, high, vertex] for vertex in between), 1.0])
+            parts = part_of(np.broadcast_to(bend, (len(ends) - 1, len(bend))), ends[:-1], ends[1:])
+            for (a, b), part in zip(pairwise(place[[low, *between, high]].tolist()), parts, strict=True):
+                if (min(a, b), max(a, b)) not in seen:
+                    seen.add((min(a, b), max(a, b)))
+                    kept.append((a, b))
+                    bends.append(part)
+        if kept:
+            found.append(Curve(np.array(kept), np.array(bends)))
+    return found
+
+
+def _between(a: int, b: int, inside: Mapping[tuple[int, int], list[int]]) -> list[int]:
+    """The vertices in the edge from a to b, in this order."""
+    return inside.get((a, b), []) if a < b else inside.get((b, a), [])[::-1]
+
+
+def _cut(corners: list[int], inside: Mapping[tuple[int, int], list[int]]) -> list[list[int]]:
+    """The triangles of a triangle whose sides have vertices in them: side by side, from the corner opposite."""
+    for s in range(3):
+        tip, a, b = corners[s], corners[s - 2], corners[s - 1]
+        between = _between(a, b, inside)
+        if between:
+            return [part for p, q in pairwise([a, *between, b]) for part in _cut([tip, p, q], inside)]
+    return [corners]

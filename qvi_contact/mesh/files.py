@@ -10,20 +10,22 @@ regions. Names are
 files of VTK have none. Quadrilaterals are cut in two. Middle nodes of quadratic elements are left out, and points that
 no triangle needs; sides are straight.
 
-Files of Gmsh that are text, formats 2.2 and 4.1, are read here, as other readers want a name on every curve; all others
-by meshio. Sections that no mesh needs (periodic nodes, fields, views) are skipped.
+Files of Gmsh, formats 2.2 and 4.1, as text or in binary, are read here, the others by meshio. No array is made of a
+size that a file of Gmsh only claims: every count is compared with the bytes that are left. Sections that no mesh needs
+(periodic nodes, fields, views) are skipped.
 """
 
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import redirect_stderr
 from importlib import import_module
 from io import StringIO
 from itertools import groupby
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, BinaryIO, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.writing import given_path, open_regular
@@ -37,15 +39,13 @@ _MOST_TRIANGLES: Final = 1_000_000
 _FLAT: Final = 1e-9  # of the size in the plane: larger z are no plane body
 _BETTER: Final = 1e-6  # share by which a triangle is larger that rounding alone does not make so
 
-_CORNERS: Final = {"triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4}
-_LINES: Final = ("line", "line3")
-_KINDS: Final = {
-    1: ("line", 2), 2: ("triangle", 3), 3: ("quad", 4), 4: ("tetra", 4), 5: ("hexahedron", 8), 6: ("wedge", 6),
-    7: ("pyramid", 5), 8: ("line3", 3), 9: ("triangle6", 6), 10: ("quad9", 9), 15: ("vertex", 1), 16: ("quad8", 8),
-}  # fmt: skip
-"""What Gmsh's numbers of kinds of elements mean, and how many nodes one has."""
 
+_NODES: Final = {1: 2, 2: 3, 3: 4, 8: 3, 9: 6, 10: 9, 15: 1, 16: 8}  # by the number of a kind in Gmsh
+_OTHERS: Final = {4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid"}
+_LINES: Final = {1: (0, 1), 8: (0, 1)}
+_CELLS: Final = {2: (0, 1, 2, 2), 9: (0, 1, 2, 2), 3: (0, 1, 2, 3), 10: (0, 1, 2, 3), 16: (0, 1, 2, 3)}
 _MOST_SETS: Final = 10_000_000  # names times blocks of elements: each of the blocks may have all names
+_VERSIONS: Final = {"2": "2.2", "2.1": "2.2", "2.2": "2.2", "4.1": "4.1"}  # "4" is 4.0
 
 
 def read_mesh(path: str | Path) -> MeshParts:
@@ -91,61 +91,53 @@ def _read(path: Path) -> MeshParts:
     try:
         with open_regular(path) as source, warnings.catch_warnings(), redirect_stderr(printed):
             warnings.simplefilter("ignore")
-            if path.stat().st_size > _LARGEST:
+            size = path.stat().st_size
+            if size > _LARGEST:
                 raise _refused(path, f"holds more than {_LARGEST} bytes, the limit: give a coarser mesh")
-            content = source.read() if reader == "gmsh" else b""
-            if reader == "gmsh" and content.split(maxsplit=3)[2:3] != [b"1"]:
-                return _of_gmsh(content.decode("utf-8", "replace"))
-            return _of_meshio(import_module(f"meshio.{reader}").read(path))
+            if reader != "gmsh":
+                return _named_cells(import_module(f"meshio.{reader}").read(path))
+            return _GmshFile(source, size).read()
     except InputError as error:
         raise _refused(path, error.remedy) from error
     except FileNotFoundError as error:
         raise _refused(path, "there is no such file: correct its name or folder") from error
     except ImportError as error:
         needed = "meshio h5py" if reader == "med" else "meshio"
-        remedy = f"such files need {needed.replace(' ', ' and ')}: python -m pip install {needed}"
+        remedy = f"these files need {needed.replace(' ', ' and ')}: python -m pip install {needed}"
         raise _refused(path, remedy) from error
     except Exception as error:  # whatever a broken file makes a reader stumble over
         told = " ".join(f"{getattr(error, 'strerror', None) or error} {printed.getvalue()}".split())
         told = told or type(error).__name__
-        more = " as text (Mesh.Binary = 0)" if reader == "gmsh" else ""
-        raise _refused(path, f"cannot be read as {reader} ({told}): write the mesh again{more}") from error
+        raise _refused(path, f"cannot be read as {reader} ({told}): write the mesh again") from error
 
 
-def _of_meshio(found: Any) -> MeshParts:
-    """What meshio read: its sets of cells are ELSET; MED has groups of families, Gmsh physical numbers."""
-    sets = [(name, members) for name, members in found.cell_sets.items() if not name.startswith("gmsh:")]
-    groups = [(name, family) for family, names in (getattr(found, "cell_tags", None) or {}).items() for name in names]
-    groups += [(name, number) for name, (number, _) in found.field_data.items()]
-    numbers = found.cell_data.get("cell_tags") or found.cell_data.get("gmsh:physical") or ()
-    sets += [(name, [np.flatnonzero(np.asarray(own) == number) for own in numbers]) for name, number in groups]
-    blocks = [(block.type, block.data) for block in found.cells]
-    named = (
-        (name, block, np.asarray([] if rows is None else rows, dtype=np.int64).ravel())
-        for name, members in sets
-        for block, rows in enumerate(members[: len(blocks)])
-    )
-    return _parts(np.asarray(found.points, dtype=float), blocks, named)
-
-
-def _parts(
-    points: FloatArray, blocks: Sequence[tuple[str, IntArray]], named: Iterable[tuple[str, int, IntArray]]
-) -> MeshParts:
-    """Cells of blocks, each of one kind with its nodes (k, …); names come with a block and its rows that have them."""
-    kinds = sorted({kind for kind, _ in blocks} - {*_CORNERS, *_LINES, "vertex"})
+def _named_cells(found: Any) -> MeshParts:
+    """What meshio read, by name: its sets of cells (ELSET), and the groups of the families of MED."""
+    corners = {"triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4}
+    lines = ("line", "line3")
+    kinds = sorted({block.type for block in found.cells} - {*corners, *lines, "vertex"})
     if kinds:
         raise InputError("mesh", kinds[0], f"holds cells of kind {kinds[0]!r}: give triangles and quadrilaterals only")
-    start = np.cumsum([0, *(len(nodes) if kind in _CORNERS else 0 for kind, nodes in blocks)])
-    edge_sets, regions = dict[str, list[IntArray]](), dict[str, list[IntArray]]()
-    for name, number, rows in named:
-        kind, nodes = blocks[number]
-        if kind in _CORNERS and len(rows):
-            regions.setdefault(name, []).append(start[number] + rows)
-        elif kind in _LINES and len(rows):
-            edge_sets.setdefault(name, []).append(np.asarray(nodes[rows, :2], dtype=np.int64))
-    cells = [nodes[:, [0, 1, 2, _CORNERS[kind] - 1]] for kind, nodes in blocks if kind in _CORNERS]
-    lines, parts = ({name: np.concatenate(found) for name, found in each.items()} for each in (edge_sets, regions))
-    return MeshParts(points, np.concatenate([np.empty((0, 4), np.int64), *cells]), lines, parts)
+    sets = [(name, members) for name, members in found.cell_sets.items()]
+    families, tags = getattr(found, "cell_tags", None) or {}, found.cell_data.get("cell_tags", ())
+    for family, names in families.items():
+        members = [np.flatnonzero(np.asarray(values) == family) for values in tags]
+        sets += [(name, members) for name in names]
+    edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
+    for name, members in sets:
+        start = 0
+        for block, rows in zip(found.cells, members, strict=False):
+            rows = np.asarray([] if rows is None else rows, dtype=np.int64).ravel()
+            if block.type in corners:
+                regions[name] = np.concatenate([regions.get(name, rows[:0]), start + rows])
+                start += len(block.data)
+            elif block.type in lines:
+                pairs = np.asarray(block.data[rows, :2], dtype=np.int64)
+                edge_sets[name] = np.concatenate([edge_sets.get(name, pairs[:0]), pairs])
+    edge_sets, regions = ({n: parts for n, parts in each.items() if len(parts)} for each in (edge_sets, regions))
+    cells = [block.data[:, [0, 1, 2, corners[block.type] - 1]] for block in found.cells if block.type in corners]
+    points = np.asarray(found.points, dtype=float)
+    return MeshParts(points, np.concatenate([np.empty((0, 4), np.int64), *cells]), edge_sets, regions)
 
 
 def _triangles(points: FloatArray, cells: IntArray) -> tuple[IntArray, IntArray]:
@@ -178,115 +170,184 @@ def _triangles(points: FloatArray, cells: IntArray) -> tuple[IntArray, IntArray]
     return halves[kept], np.repeat(np.arange(len(cells)), kept.sum(axis=1))
 
 
-class _Numbers:
-    """Those of a section of a file of Gmsh, taken one after the other."""
+class _GmshFile:
+    """An open file, read section by section."""
 
-    def __init__(self, section: str) -> None:
-        self.left: FloatArray = np.fromstring(section, sep=" ")
+    def __init__(self, source: BinaryIO, size: int) -> None:
+        self._source, self._size = source, size
+        self._version, self._binary, self._word = "", False, "u8"  # the type of counts and tags in format 4.1
+        self._names = list[tuple[int, int, str]]()  # dimension, physical number, name
+        self._physical = dict[tuple[int, int], set[int]]()  # physical numbers of each entity of format 4.1
+        self._tags, self._points = np.empty(0, np.int64), np.empty((0, 3))
+        self._blocks = list[tuple[int, IntArray, set[int]]]()  # kind, nodes (k, …), physical numbers of all of them
 
-    def take(self, count: float) -> FloatArray:
-        """The next ones."""
-        if not 0 <= count <= len(self.left):
-            raise ValueError(f"it claims {count:.0f} numbers where {len(self.left)} are left")
-        found, self.left = np.split(self.left, [int(count)])
+    def read(self) -> MeshParts:
+        """All sections that make a mesh."""
+        sections = {
+            b"MeshFormat": self._read_format,
+            b"PhysicalNames": self._read_names,
+            b"Entities": self._read_entities,
+            b"Nodes": self._read_nodes,
+            b"Elements": self._read_elements,
+        }
+        while line := self._next_line():
+            name = line[1:]
+            if not line.startswith(b"$"):
+                raise ValueError(f"{line[:40]!r} stands where a section should begin")
+            if not self._version and name != b"MeshFormat":
+                raise ValueError("it does not begin with $MeshFormat")
+            if name in sections:
+                sections[name]()
+                line = self._next_line()
+            else:
+                line = next((line.strip() for line in self._source if line.strip() == b"$End" + name), b"")
+            if line != b"$End" + name:
+                raise ValueError(f"${name.decode('ascii', 'replace')} does not end where it should")
+        cells, of_cells = self._joined(_CELLS, 4)
+        lines, of_lines = self._joined(_LINES, 2)
+        curves = {name: number for dimension, number, name in self._names if dimension == 1 and number in of_lines}
+        surfaces = {name: number for dimension, number, name in self._names if dimension == 2 and number in of_cells}
+        edge_sets = {name: lines[np.concatenate(of_lines[number])] for name, number in curves.items()}
+        regions = {name: np.concatenate(of_cells[number]) for name, number in surfaces.items()}
+        return MeshParts(self._points, cells, edge_sets, regions)
+
+    def _joined(self, kinds: Mapping[int, tuple[int, ...]], corners: int) -> tuple[IntArray, dict[int, list[IntArray]]]:
+        """Indices of the corners of all elements of some kinds, (k, corners), and their numbers by physical number."""
+        found, named, count = [np.empty((0, corners), np.int64)], dict[int, list[IntArray]](), 0
+        for kind, nodes, physical in self._blocks:
+            if kind in kinds and len(nodes):
+                found.append(nodes[:, kinds[kind]])
+                for number in physical:
+                    named.setdefault(number, []).append(np.arange(count, count + len(nodes)))
+                count += len(nodes)
+        wanted, order = np.concatenate(found), np.argsort(self._tags)
+        if not len(order):
+            raise ValueError("it holds no nodes")
+        at = order[np.minimum(np.searchsorted(self._tags[order], wanted), len(order) - 1)]
+        return np.where(self._tags[at] == wanted, at, -1), named  # nodes that it does not hold are refused later
+
+    def _next_line(self) -> bytes:
+        """The next line that is not blank, without blanks around it; empty at the end of the file."""
+        for line in self._source:
+            if line.strip():
+                return line.strip()
+        return b""
+
+    def _take(self, kind: str, count: int, what: str) -> NDArray[Any]:
+        """Numbers, no more than the rest of the file can hold."""
+        least = np.dtype(kind).itemsize if self._binary else 2  # a digit, and what separates it from the next
+        left = self._size - self._source.tell()
+        if not 0 <= count * least <= left + 1:
+            raise ValueError(f"it claims {count} {what} in {left} bytes")
+        if self._binary:
+            found = np.frombuffer(self._source.read(count * least), kind)
+        else:
+            try:
+                found = np.fromfile(self._source, kind, count, sep=" ")
+            except ValueError:  # new versions of NumPy for words among numbers; old ones warn
+                found = np.empty(0, kind)
+        if len(found) != count:
+            raise ValueError(f"it does not hold the {count} {what} that it claims")
         return found
 
+    def _read_format(self) -> None:
+        words = self._source.readline().decode("ascii").split()
+        version, mode, size = words[:3]
+        if version not in _VERSIONS:
+            raise InputError("mesh", "", f"has format {version} of Gmsh: save the mesh in format 4.1 or 2.2")
+        if mode not in ("0", "1") or size not in ("4", "8"):
+            raise ValueError(f"{' '.join(words)!r} is no description of a format")
+        self._version, self._binary, self._word = _VERSIONS[version], mode == "1", f"u{size}"
+        if self._binary and self._source.read(4) != np.int32(1).tobytes():
+            raise ValueError("its bytes are in the order of another processor")
 
-def _of_gmsh(text: str) -> MeshParts:
-    """What a text in one of Gmsh's formats holds."""
-    pieces = [piece.partition("\n") for piece in f"\n{text}".replace("\r\n", "\n").split("\n$")[1:]]
-    sections = {head.strip(): body for head, _, body in pieces}
-    heads = [head.strip() for head, _, _ in pieces]
-    if heads[1::2] != [f"End{name}" for name in heads[::2]] or not {"MeshFormat", "Nodes", "Elements"} <= {*sections}:
-        raise ValueError("its sections MeshFormat, Nodes and Elements do not begin and end where they should")
-    version = sections["MeshFormat"].split()[0]
-    if version not in ("2", "2.1", "2.2", "4.1"):  # "4" is 4.0
-        raise InputError("mesh", "", f"has format {version} of Gmsh: save the mesh in format 4.1 or 2.2")
-    names = [line.strip().split(maxsplit=2) for line in sections.get("PhysicalNames", "0").splitlines()]
-    if int(names[0][0]) != len(names) - 1:
-        raise ValueError("it does not hold the physical names that it claims")
-    tags, points = _gmsh_nodes(_Numbers(sections["Nodes"]), version)
-    order, blocks, groups = np.argsort(tags), list[tuple[str, IntArray]](), list[set[int]]()
-    read = _gmsh_blocks(sections) if version == "4.1" else _gmsh_lines(sections["Elements"])
-    for kind, nodes, physical in read:
-        at = order[np.minimum(np.searchsorted(tags[order], nodes), len(order) - 1)]
-        blocks.append((_gmsh_kind(kind)[0], np.where(tags[at] == nodes, at, -1)))  # refused later if it is -1
-        groups.append(physical)
-    if len(blocks) * len(names) > _MOST_SETS:
-        raise ValueError(f"it has {len(blocks)} blocks of elements and {len(names) - 1} physical names")
-    named = (
-        (name.strip('"'), number, np.arange(len(nodes)))
-        for dimension, physical, name in names[1:]
-        for number, (kind, nodes) in enumerate(blocks)
-        if int(physical) in groups[number] and int(dimension) == (1 if kind in _LINES else 2)
-    )
-    return _parts(points, blocks, named)
+    def _read_names(self) -> None:
+        for _ in range(int(self._source.readline())):
+            words = self._source.readline().decode("utf-8", "replace").strip().split(maxsplit=2)
+            if len(words) != 3:
+                raise ValueError("it does not hold the physical names that it claims")
+            self._names.append((int(words[0]), int(words[1]), words[2].strip('"')))
 
+    def _read_entities(self) -> None:
+        """Format 4.1: tag, point or box, physical numbers, and of all but points what bounds them."""
+        for dimension, count in enumerate(self._take(self._word, 4, "numbers of entities").tolist()):
+            for _ in range(count):
+                (tag,) = self._take("i4", 1, "tags of entities").tolist()
+                self._take("f8", 3 if dimension == 0 else 6, "coordinates of entities")
+                (several,) = self._take(self._word, 1, "counts of entities").tolist()
+                numbers = self._take("i4", several, "physical numbers").tolist()
+                self._physical[dimension, tag] = set(map(abs, numbers))
+                if dimension:
+                    (several,) = self._take(self._word, 1, "counts of entities").tolist()
+                    self._take("i4", several, "bounds")
 
-def _gmsh_nodes(numbers: _Numbers, version: str) -> tuple[FloatArray, FloatArray]:
-    """Tags (n,) and coordinates (n, 3) of the nodes."""
-    tags, points = [np.empty(0)], [np.empty((0, 3))]
-    if version == "4.1":
-        blocks, count, _, _ = numbers.take(4)
-        for _ in range(int(blocks)):
-            _, _, parametric, several = numbers.take(4)
-            if parametric:
-                remedy = "holds parameters of nodes: save the mesh without them (Mesh.SaveParametric = 0)"
-                raise InputError("mesh", "", remedy)
-            tags.append(numbers.take(several))
-            points.append(numbers.take(3 * several).reshape(-1, 3))
-    else:
-        (count,) = numbers.take(1)
-        rows = numbers.take(4 * count).reshape(-1, 4)
-        tags.append(rows[:, 0])
-        points.append(rows[:, 1:])
-    found = np.concatenate(tags)
-    if not len(found) == count > 0 or len(numbers.left):
-        raise ValueError(f"it claims {count:.0f} nodes and holds {len(found)} or others")
-    if not ((found >= 1.0) & (found < 2.0**53) & (found == np.rint(found))).all() or len(np.unique(found)) < count:
-        raise ValueError("its nodes are not numbered by different whole numbers from 1")
-    return found, np.concatenate(points)
+    def _read_nodes(self) -> None:
+        if self._version == "2.2":
+            count = int(self._source.readline())
+            if self._binary:
+                rows = self._take("i4,3f8", count, "nodes")
+                tags, self._points = rows["f0"].astype(float), rows["f1"]
+            else:
+                numbers = self._take("f8", 4 * count, "numbers of nodes").reshape(-1, 4)
+                tags, self._points = numbers[:, 0], numbers[:, 1:]
+        else:
+            blocks, count, _, _ = self._take(self._word, 4, "counts of nodes").tolist()
+            found, places = [np.empty(0, self._word)], [np.empty((0, 3))]
+            for _ in range(blocks):
+                _, _, parametric = self._take("i4", 3, "numbers of a block of nodes").tolist()
+                if parametric:
+                    remedy = "holds parameters of nodes: save the mesh without them (Mesh.SaveParametric = 0)"
+                    raise InputError("mesh", "", remedy)
+                (several,) = self._take(self._word, 1, "counts of nodes").tolist()
+                found.append(self._take(self._word, several, "tags of nodes"))
+                places.append(self._take("f8", 3 * several, "coordinates").reshape(-1, 3))
+            tags, self._points = np.concatenate(found).astype(float), np.concatenate(places)
+        if len(tags) != count or not count:
+            raise ValueError(f"it claims {count} nodes and holds {len(tags)}")
+        if not ((tags >= 1.0) & (tags < 2.0**53) & (tags == np.rint(tags))).all() or len(np.unique(tags)) < count:
+            raise ValueError("its nodes are not numbered by different whole numbers from 1")
+        self._tags = tags.astype(np.int64)
 
+    def _read_elements(self) -> None:
+        if self._version == "4.1":
+            blocks, _, _, _ = self._take(self._word, 4, "counts of elements").tolist()
+            for _ in range(blocks):
+                dimension, entity, kind = self._take("i4", 3, "numbers of a block of elements").tolist()
+                (several,) = self._take(self._word, 1, "counts of elements").tolist()
+                columns = 1 + self._nodes_of(kind)
+                numbers = self._take(self._word, several * columns, "numbers of elements").reshape(several, columns)
+                physical = self._physical.get((dimension, entity), set())
+                self._blocks.append((kind, numbers[:, 1:].astype(np.int64), physical))
+            if blocks * len(self._names) > _MOST_SETS:
+                raise ValueError(f"it has {blocks} blocks of elements and {len(self._names)} physical names")
+        elif self._binary:
+            count, done = int(self._source.readline()), 0
+            while done < count:
+                kind, several, tags = self._take("i4", 3, "numbers of a block of elements").tolist()
+                columns = 1 + tags + self._nodes_of(kind)
+                numbers = self._take("i4", several * columns, "numbers of elements").reshape(several, columns)
+                changes = np.flatnonzero(np.diff(numbers[:, 1]) * (tags > 0)) + 1
+                for part in np.split(numbers, changes) if several > 0 else ():
+                    physical = {abs(int(part[0, 1]))} if tags > 0 else set()
+                    self._blocks.append((kind, part[:, 1 + tags :].astype(np.int64), physical))
+                done += max(several, 1)
+        else:
+            lines = self._element_lines(int(self._source.readline()))
+            for (kind, number), alike in groupby(lines, key=lambda line: line[:2]):
+                self._blocks.append((kind, np.array([nodes for _, _, nodes in alike]), {number}))
 
-def _gmsh_blocks(sections: dict[str, str]) -> Iterator[tuple[int, FloatArray, set[int]]]:
-    """Format 4.1: kind, nodes (k, …) and physical numbers of each block of elements."""
-    physical = dict[tuple[float, float], set[int]]()
-    entities = _Numbers(sections.get("Entities", "0 0 0 0"))
-    for dimension, count in enumerate(entities.take(4)):
-        for _ in range(int(count)):
-            (tag,) = entities.take(1)
-            entities.take(6 if dimension else 3)  # point or box
-            physical[dimension, tag] = {abs(int(number)) for number in entities.take(*entities.take(1))}
-            if dimension:
-                entities.take(*entities.take(1))  # what bounds it
-    numbers = _Numbers(sections["Elements"])
-    blocks, _, _, _ = numbers.take(4)
-    for _ in range(int(blocks)):
-        dimension, entity, kind, several = numbers.take(4).astype(int).tolist()
-        columns = 1 + _gmsh_kind(kind)[1]
-        yield (
-            kind,
-            numbers.take(several * columns).reshape(-1, columns)[:, 1:],
-            physical.get((dimension, entity), set()),
-        )
-    if len(numbers.left):
-        raise ValueError("it holds more elements than it claims")
+    def _element_lines(self, count: int) -> Iterator[tuple[int, int, list[int]]]:
+        """Format 2.2 as text: kind, physical number and nodes of each element; 0 is no physical number."""
+        for _ in range(count):
+            words = list(map(int, self._source.readline().split()))
+            nodes = words[3 + words[2] :] if len(words) > 3 else []
+            if not nodes or len(nodes) != self._nodes_of(words[1]):
+                raise ValueError(f"it does not hold the {count} elements that it claims")
+            yield words[1], abs(words[3]) if words[2] else 0, nodes
 
-
-def _gmsh_lines(section: str) -> Iterator[tuple[int, IntArray, set[int]]]:
-    """Format 2.2: the same of elements of one kind and physical number that follow each other; 0 is none."""
-    rows = [list(map(int, line.split())) for line in section.splitlines() if line.strip()]
-    if [len(rows) - 1] != rows[0]:
-        raise ValueError(f"it does not hold the {rows[0][0]} elements that it claims")
-    for (kind, number), alike in groupby(rows[1:], key=lambda row: (row[1], abs(row[3]) if row[2] else 0)):
-        nodes = np.array([row[3 + row[2] :] for row in alike])
-        if nodes.shape[1:] != (_gmsh_kind(kind)[1],):
-            raise ValueError(f"it holds elements of kind {kind} with {nodes.shape[1:]} nodes")
-        yield kind, nodes, {number}
-
-
-def _gmsh_kind(number: int) -> tuple[str, int]:
-    """What elements of this kind are called, and how many nodes one has."""
-    if number not in _KINDS:
-        raise InputError("mesh", "", f"holds cells of kind {number}: give triangles and quadrilaterals only")
-    return _KINDS[number]
+    def _nodes_of(self, kind: int) -> int:
+        """Nodes of one element."""
+        if kind not in _NODES:
+            named = repr(_OTHERS.get(kind, kind))
+            raise InputError("mesh", "", f"holds cells of kind {named}: give triangles and quadrilaterals only")
+        return _NODES[kind]

@@ -602,7 +602,7 @@ class TriangleMesh(PicklesFields):
                     mesh = mesh.refined(np.unique(mesh.around(places[depths > level])[1]))
                     continue
                 parts = mesh._parts
-                for vertex in at[depths > level].tolist():
+                for vertex in np.unique(at[depths > level]).tolist():
                     parts = layered(parts, vertex, ratio)
                 mesh = TriangleMesh(*parts)
             except InputError as error:

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, reduce
 from io import StringIO
 from itertools import zip_longest
 from pathlib import Path
@@ -165,10 +165,12 @@ def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
             return names[name]
         case ast.UnaryOp(op=op, operand=operand) if type(op) in _OPERATORS:
             return _OPERATORS[type(op)](_value(operand, names))
-        case ast.BinOp(left=left, op=op, right=right) | ast.Compare(left=left, ops=[op], comparators=[right]) if (
-            type(op) in _OPERATORS
-        ):
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
             return _OPERATORS[type(op)](_value(left, names), _value(right, names))
+        case ast.Compare(left=left, ops=ops, comparators=others) if all(type(op) in _OPERATORS for op in ops):
+            sides = [_value(each, names) for each in (left, *others)]
+            pairs = zip(ops, sides, sides[1:], strict=False)
+            return reduce(np.logical_and, [_OPERATORS[type(op)](one, other) for op, one, other in pairs])
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:
             wanted = _ARGUMENTS.get(name, 1)  # more would be taken for the place to write the result to
             if len(arguments) != wanted:

@@ -261,7 +261,7 @@ PATIENCE = 10.0  # seconds for whoever listens at an address
 _JOINING: Final = 10.0  # seconds until a cluster has a worker
 _FETCHING: Final = 30.0  # seconds for one outcome
 _LOOK: Final = 0.5  # seconds between two looks at a cluster
-_ADDRESS: Final = re.compile(r"(tcp|tls|wss?|ucxx?)://.+:\d+|inproc://.+")
+_ADDRESS: Final = re.compile(r"(tcp|tls|wss?)://.*:\d+|(ucx|inproc)://.+")
 _REMEDY: Final = "give the address that dask scheduler prints, as tcp://host:8786"
 _LOST: Final = "the scheduler was lost: give the same command again when it is back"
 

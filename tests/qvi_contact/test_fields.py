@@ -56,6 +56,7 @@ EXPRESSIONS = [
     "min(x, y) + max(x, a) - hypot(x, y)",
     "where(x >= y, where(y > 1, 1, 2), (x <= 1) * -1.0)",
     "arcsin(x/4) + arccos(y/4) + arctan(x) - log(x) * exp(-y)",
+    "where(0 < t <= 0.7, x, y) + (a > t > 1)",
     "+x - -y",
     "(((x)))",
     "7",

@@ -255,7 +255,8 @@ def test_files_refine_grids_by_the_formula(body, sizes):
     [({"largest": 0.0}, "largest"),
      ({"largest": 0.1, "smallest": 0.2}, "at most largest"), ({"largest": 0.1, "smallest": -1.0}, "smallest"),
      ({"largest": 0.1, "smallest": 1e-12}, "of the body"), ({"largest": 0.1, "ratio": 1.0}, "ratio"),
-     ({"largest": 0.1, "towards": ["nowhere"]}, "nowhere"), ({"largest": 1e-9}, "largest")],
+     ({"largest": 0.1, "towards": ["nowhere"]}, "nowhere"), ({"largest": 1e-9}, "largest"),
+         ({"largest": 1e-310}, "largest"), ({"largest": 0.1, "smallest": 1e-310}, "of the body")],
 )  # fmt: skip
 def test_sizes_that_cannot_be_are_refused(options, word):
     with pytest.raises(InputError, match=word):

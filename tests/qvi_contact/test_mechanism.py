@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from qvi_contact import TriangleMesh, limit_load_factor, solve
 from qvi_contact.gallery import jointed_slope
 from qvi_contact.mechanism import Rigid, find_mechanism, upper_bound
-from qvi_contact.problem import Contact, ContactProblem, Material, RigidPlate, Symmetry, Traction
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from solvers import Status
 from tests.cases import examples
 
@@ -271,3 +271,18 @@ def test_just_too_little_friction_carries_no_multiple():
     limit = limit_load_factor(jointed_slope(2, 1, friction=math.tan(math.radians(30.0)) * (1.0 - 1e-6)), ["water"])
     assert (limit.lower, limit.upper) == (-math.inf, -math.inf)
     assert limit.mechanism.work > 0.0
+
+
+@pytest.mark.parametrize("angle", [0.3, 0.7, 1.234])
+def test_a_plate_that_moves_alone(angle):
+    """A plate glued to a body that is held slides at its cohesion; the body's motion is rounding, not 1."""
+    square = TriangleMesh.rectangle((2, 2))
+    c, s = np.cos(angle), np.sin(angle)
+    mesh = TriangleMesh(square.vertices @ np.array([[c, s], [-s, c]]), square.cells, dict(square.edge_sets))
+    plate = RigidPlate(force_x=c, force_y=s)
+    conditions = [
+        Contact("top", 0.0, cohesion=0.7, law="bilateral", plate=plate), Displacement("bottom", x=0.0, y=0.0),
+        *(Traction(side, x=0.0, y=0.0) for side in ("left", "right")),
+    ]  # fmt: skip
+    found = limit_load_factor(ContactProblem(mesh, STEEL, conditions), ["top"])
+    assert found.upper == pytest.approx(0.7, rel=1e-7)
