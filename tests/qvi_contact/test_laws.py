@@ -264,3 +264,8 @@ class TestVaryingLaws:
     def test_which_rows_are_taken(self, law, kind):
         problem = punched(MESHES["uniform"], MATERIALS["stress"], Contact("bottom", **law))
         assert discretize(problem, degree=4).rule.law_on == kind
+
+
+def test_the_law_of_tresca_by_its_name():
+    assert Contact.tresca("top", 20.0) == Contact("top", 0.0, cohesion=20.0)
+    assert Contact.tresca("top", 20.0, 0.1, 0.2, "name") == Contact("top", 0.0, 0.1, 0.2, "name", cohesion=20.0)
