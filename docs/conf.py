@@ -65,8 +65,11 @@ nitpick_ignore_regex = [
     (r"py:class", r"qvi_contact\.companion\.((body|elasticity|space)\.\w+|model\.CompanionState)"),
     (
         r"py:class",
-        r"qvi_contact\.(basics\.kept\.Kept|bracket\.(norms\.Stopped|share\.Body)|mesh\.(edges|topology)\.\w+)",
+        r"qvi_contact\.(bracket\.(norms\.Stopped|share\.Body)|mesh\.(edges|topology)\.\w+)",
     ),
     (r"py:class", r"solvers\.inequality\.(body|contact|problem)\.\w+"),
-    (r"py:class", r"solvers\.(factorisation\.\w+\.(MultifrontalLU|RefactorisedByPardiso)|solution\.Attempt)"),
+    (
+        r"py:class",
+        r"solvers\.(factorisation\.\w+\.(MultifrontalLU|RefactorisedByPardiso)|solution\.Attempt|basics\.types\.Kept)",
+    ),
 ]
