@@ -93,10 +93,6 @@ class EdgeRule:
         """Multipliers of tractions at the Gauss points (m,) from those of rows (m,): V⁻ᵀ m, of the same work."""
         return np.asarray(multipliers.reshape(-1, self.count) @ self.from_points).ravel()
 
-    def multipliers_of_rows(self, multipliers: FloatArray) -> FloatArray:
-        """Multipliers of rows (m,) from those of tractions at the Gauss points (m,): Vᵀ m."""
-        return np.asarray(multipliers.reshape(-1, self.count) @ self.to_points).ravel()
-
 
 @cache
 def edge_rule(law_on: LawOn, degree: int) -> EdgeRule:

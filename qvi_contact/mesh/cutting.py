@@ -216,8 +216,7 @@ def fanned(mesh: MeshParts, vertices: IntArray, angle: float, layers: int) -> Me
     for vertex in np.asarray(vertices, dtype=np.int64).tolist():
         done = 0
         while done < layers or _angles_at(mesh, vertex)[1].max() > angle:
-            topology = Topology.of(np.sort(mesh.cells, axis=1), len(mesh.vertices))
-            mesh = _halved(mesh, topology, np.flatnonzero((topology.ends == vertex).any(axis=1)))
+            mesh = _cut_across(mesh, vertex)
             opposite, turn = _angles_at(mesh, vertex)
             topology = Topology.of(np.sort(mesh.cells, axis=1), len(mesh.vertices))
             mesh = _halved(mesh, topology, np.unique(topology.number(opposite[turn > angle])))
@@ -225,12 +224,18 @@ def fanned(mesh: MeshParts, vertices: IntArray, angle: float, layers: int) -> Me
     return divided_at_arcs(mesh)
 
 
-def layered(mesh: MeshParts, vertex: int, ratio: float) -> MeshParts:
-    """The triangles at a vertex where no arc ends cut across, at a share `ratio` of their edges there from it."""
-    topology, old = Topology.of(np.sort(mesh.cells, axis=1), len(mesh.vertices)), len(mesh.vertices)
-    fine = _halved(mesh, topology, np.flatnonzero((topology.ends == vertex).any(axis=1)))
-    fine.vertices[old:] += (1.0 - 2.0 * ratio) * (fine.vertices[vertex] - fine.vertices[old:])
-    return divided_at_arcs(fine)
+def layered(mesh: MeshParts, vertices: IntArray, ratio: float) -> MeshParts:
+    """The triangles at vertices (k,) where no arc ends cut across, at a share `ratio` of their edges from there."""
+    for vertex in vertices.tolist():
+        old, mesh = len(mesh.vertices), _cut_across(mesh, vertex)
+        mesh.vertices[old:] += (1.0 - 2.0 * ratio) * (mesh.vertices[vertex] - mesh.vertices[old:])
+    return divided_at_arcs(mesh)
+
+
+def _cut_across(mesh: MeshParts, vertex: int) -> MeshParts:
+    """The triangles at a vertex cut across, in the middle of their edges there."""
+    topology = Topology.of(np.sort(mesh.cells, axis=1), len(mesh.vertices))
+    return _halved(mesh, topology, np.flatnonzero((topology.ends == vertex).any(axis=1)))
 
 
 def _angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:

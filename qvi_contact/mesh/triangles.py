@@ -600,11 +600,8 @@ class TriangleMesh(PicklesFields):
             try:
                 if ratio is None:
                     mesh = mesh.refined(np.unique(mesh.around(places[depths > level])[1]))
-                    continue
-                parts = mesh._parts
-                for vertex in np.unique(at[depths > level]).tolist():
-                    parts = layered(parts, vertex, ratio)
-                mesh = TriangleMesh(*parts)
+                else:
+                    mesh = TriangleMesh(*layered(mesh._parts, np.unique(at[depths > level]), ratio))
             except InputError as error:
                 remedy = f"give at most {level}: triangles would become too small to tell their vertices apart"
                 raise InputError("depth", depth, remedy) from error

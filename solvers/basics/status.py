@@ -25,14 +25,14 @@ class Status(StrEnum):
     )
     INFEASIBLE = (
         "infeasible",
-        "The load cannot be carried: reduce the tension or the sliding force, or add supports (or friction, if the"
-        " body slides).",
+        "The load cannot be carried: reduce the tension or the sliding force, or add supports (or friction, if the "
+        "body slides).",
     )
     INFEASIBLE_ON_MESH = (
         "infeasible_on_mesh",
         "Stresses of this mesh cannot carry the load, but those of the body may: use smaller cells at the ends of "
-        "the contacts, or triangles of a higher degree (such as degree 5). A limit analysis (limit_load_factor, or"
-        " qvi-contact limit) tells how much the mesh and the body carry.",
+        "the contacts, or triangles of a higher degree (such as degree 5). A limit analysis (limit_load_factor, or "
+        "qvi-contact limit) tells how much the mesh and the body carry.",
     )
     INNER_INFEASIBLE = (
         "inner_infeasible",
@@ -58,13 +58,13 @@ class Status(StrEnum):
     )
     STALLED = (
         "stalled",
-        "The iteration stopped making progress (close to a sliding limit there may be no solution): start from the"
-        " result of a smaller load (initial=…), try memory=10 or damping=0.2, or a more accurate inner solver.",
+        "The iteration stopped making progress (close to a sliding limit there may be no solution): start from the "
+        "result of a smaller load (initial=…), try memory=10 or damping=0.2, or a more accurate inner solver.",
     )
     CYCLING = (
         "cycling",
-        "The iteration repeats itself (close to a sliding limit there may be no solution): in the fixed point take"
-        " variant='anderson' with damping=0.2 or memory=10, or start from the result of a smaller load "
+        "The iteration repeats itself (close to a sliding limit there may be no solution): in the fixed point take "
+        "variant='anderson' with damping=0.2 or memory=10, or start from the result of a smaller load "
         "(initial=…); in Uzawa let the step shrink (step_decay=200).",
     )
     DIVERGED = (
@@ -77,8 +77,8 @@ class Status(StrEnum):
     )
     OUT_OF_MEMORY = (
         "out_of_memory",
-        "The factorisation does not fit into memory: take fewer cells (graded towards the ends of the contact they"
-        " are as accurate), or a machine with more memory.",
+        "The factorisation does not fit into memory: take fewer cells (graded towards the ends of the contact they "
+        "are as accurate), or a machine with more memory.",
     )
 
     @property
