@@ -339,29 +339,33 @@ class TriangleMesh(PicklesFields):
         """Indices into `boundary` of the edges called `name`; `InputError` lists the names there are."""
         if not isinstance(name, str) or name not in self.edge_names:
             known_name("edges", name, {"edge sets": self.edge_names}, "add it by with_edges()")
-        return np.searchsorted(self.topology.outer, self._numbers[name])
+        return self._named(name)[0]
 
     def joint_set(self, name: str) -> IntArray:
         """Indices into `interior` of the joint called `name`; `InputError` lists the names there are."""
-        known = known_name("joint", name, {"joints": self.joint_names}, "add it by with_joint()")
-        return np.searchsorted(self.topology.inner, self._numbers[known])
+        return self._named(known_name("joint", name, {"joints": self.joint_names}, "add it by with_joint()"))[0]
 
     def edges(self, name: str) -> Edges:
         """The edges called `name`, on the boundary or in a joint."""
-        if isinstance(name, str) and name in self._taken:
-            return self._taken[name]
-        if not isinstance(name, str) or name not in (*self.edge_names, *self.joint_names):
+        if not isinstance(name, str) or name not in self._numbers:
             known = {"edge sets": self.edge_names, "joints": self.joint_names}
             known_name("edges", name, known, "add it by with_edges() or with_joint()")
-        inside = name in self.joint_names
-        found = self.interior.take(self.joint_set(name)) if inside else self.boundary.take(self.edge_set(name))
-        for part in vars(found).values():
-            if isinstance(part, np.ndarray):
-                part.setflags(write=False)  # all who ask share it
-        return self._taken.setdefault(name, found)
+        return self._named(name)[1]
+
+    def _named(self, name: str) -> tuple[IntArray, Edges]:
+        """Edges called so, before them their indices into `boundary` or `interior`; read only, as all share them."""
+        if name not in self._taken:
+            numbers, topology = self._numbers[name], self.topology
+            outer = topology.boundary[numbers[0]]
+            index = np.searchsorted(topology.outer if outer else topology.inner, numbers)
+            edges = (self.boundary if outer else self.interior).take(index)
+            for part in (index, *vars(edges).values()):
+                part.setflags(write=False)
+            self._taken.setdefault(name, (index, edges))
+        return self._taken[name]
 
     @cached_property
-    def _taken(self) -> dict[str, Edges]:
+    def _taken(self) -> dict[str, tuple[IntArray, Edges]]:
         """Those asked for so far: a problem asks for the same ones tens of times."""
         return {}
 

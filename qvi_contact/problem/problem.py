@@ -7,7 +7,7 @@ import pickle
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, Final, NoReturn
+from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeAlias
 
 import numpy as np
 
@@ -199,12 +199,14 @@ class ContactProblem(PicklesFields):
         Components are x and y; normal and tangential on slanted edges that are ruled by these. The mesh keeps it, as
         values of conditions change nothing.
         """
-        kinds = []  # all that the answer depends on
-        for each in self.conditions:
-            named = tuple(components(each)) if isinstance(each, (Traction, Displacement)) else ()
-            place = b"" if each in self.joints else _edges_of(self.mesh, each)[0].tobytes()
-            kinds.append((type(each), named, place))
-        return self.mesh.kept(np.ndarray, ("owners", *kinds), partial(_ruled, self))
+        joints, ruling, key = self.joints, list[_Ruling](), list[tuple[object, ...]]()
+        for number, each in enumerate(self.conditions):
+            if each not in joints:
+                names = tuple(components(each)) if isinstance(each, (Traction, Displacement)) else ()
+                edges = _edges_of(self.mesh, each)
+                ruling.append((number, each, names, edges))
+                key.append((number, type(each), names, edges.tobytes()))  # all that the answer depends on
+        return self.mesh.kept(np.ndarray, ("owners", *key), partial(_ruled, self, ruling))
 
     def prescribed(self, kind: type[Traction] | type[Displacement]) -> tuple[Prescribed, ...]:
         """Prescribed data of one kind, symmetry lines included."""
@@ -267,12 +269,19 @@ def _check_parts(problem: ContactProblem) -> None:
             taken[edge] = joint.name
 
 
-def _ruled(problem: ContactProblem) -> IntArray:
+_Ruling: TypeAlias = tuple[int, Condition, tuple[str, ...], IntArray]
+"""A condition by its number, the components that it gives (none: both), and its edges in `TriangleMesh.boundary`."""
+
+
+def _ruled(problem: ContactProblem, ruling: Sequence[_Ruling]) -> IntArray:
     """See `ContactProblem.owners`; `InputError` where a component has no condition, two, or edges two frames."""
     mesh, boundary = problem.mesh, problem.mesh.boundary
     owner = np.full((2, len(boundary)), -1)
     parallel = (np.abs(boundary.tangent).max(axis=1) == 1.0) & ~boundary.bent  # to an axis: both frames are one
     frame = np.where(parallel, _CARTESIAN_FRAME, _NO_FRAME)  # in which edges are ruled
+    normal = np.where(parallel, np.abs(boundary.normal).argmax(axis=1), 0)
+    first = np.zeros_like(normal)
+    rows = {"x": first, "y": first + 1, "normal": normal, "tangential": 1 - normal}
 
     def refuse(name: str, component: int, edge: int, remedy: str) -> NoReturn:
         local = frame[edge] == _LOCAL_FRAME
@@ -281,30 +290,28 @@ def _ruled(problem: ContactProblem) -> IntArray:
             "ContactProblem.conditions", name, f"{what} of the edge around {_midpoint(mesh, edge)} {remedy}"
         )
 
-    for number, condition in enumerate(problem.conditions):
-        if condition in problem.joints:
-            continue
-        chosen, edges = _edges_of(mesh, condition)
-        names = CARTESIAN if parallel[chosen].all() else LOCAL
-        for name in components(condition) if isinstance(condition, (Traction, Displacement)) else names:
-            own, row = divmod((*CARTESIAN, *LOCAL).index(name), 2)
-            other = chosen[~parallel[chosen] & (frame[chosen] == 1 - own)]
-            if len(other):
-                remedy = (
-                    f"gives the {name} component of the slanted edge around {_midpoint(mesh, int(other[0]))}, and "
-                    "another condition one of the other kind: give both components of an edge as x and y, or both as "
-                    "normal and tangential"
-                )
-                raise InputError("ContactProblem.conditions", condition.edges, remedy)
-            frame[chosen] = np.where(parallel[chosen], frame[chosen], own)
-            slot = np.where(parallel[chosen], np.argmax(np.abs(direction_of(name, edges)), axis=1), row)
-            taken = owner[slot, chosen]
+    for number, condition, given, chosen in ruling:
+        slanted = chosen[~parallel[chosen]]
+        names = given or (LOCAL if len(slanted) else CARTESIAN)
+        own = _LOCAL_FRAME if names[0] in LOCAL else _CARTESIAN_FRAME
+        other = slanted[frame[slanted] == _LOCAL_FRAME + _CARTESIAN_FRAME - own]
+        if len(other):
+            remedy = (
+                f"gives the {names[0]} component of the slanted edge around {_midpoint(mesh, int(other[0]))}, and "
+                "another condition one of the other kind: give both components of an edge as x and y, or both as "
+                "normal and tangential"
+            )
+            raise InputError("ContactProblem.conditions", condition.edges, remedy)
+        frame[slanted] = own
+        for name in names:
+            row = rows[name][chosen]
+            taken = owner[row, chosen]
             if (taken >= 0).any():
                 at = int(np.argmax(taken >= 0))
                 earlier = problem.conditions[taken[at]]
                 remedy = f"already has the condition {type(earlier).__name__}({earlier.edges!r}): {_OVERLAP}"
-                refuse(condition.edges, int(slot[at]), int(chosen[at]), remedy)
-            owner[slot, chosen] = number
+                refuse(condition.edges, int(row[at]), int(chosen[at]), remedy)
+            owner[row, chosen] = number
     if (owner < 0).any():
         component, edge = np.argwhere(owner < 0)[0].tolist()
         named = [name for name in mesh.edge_names if edge in mesh.edge_set(name)]
@@ -314,12 +321,12 @@ def _ruled(problem: ContactProblem) -> IntArray:
     return owner
 
 
-def _edges_of(mesh: TriangleMesh, condition: Condition) -> tuple[IntArray, Edges]:
-    """The edges of a condition on the boundary, by their numbers there too."""
+def _edges_of(mesh: TriangleMesh, condition: Condition) -> IntArray:
+    """The numbers on the boundary of the edges of a condition."""
     try:
         if isinstance(condition, Contact):
             mesh.edges(condition.edges)  # the names of joints fit as well
-        return mesh.edge_set(condition.edges), mesh.edges(condition.edges)
+        return mesh.edge_set(condition.edges)
     except UnknownNameError as error:
         raise UnknownNameError(f"{type(condition).__name__}.edges", condition.edges, error.remedy) from error
 
