@@ -27,7 +27,6 @@ there is a solution; after the condensed method other directions d are tried.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -38,10 +37,9 @@ from scipy.linalg.blas import dger
 from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.basics.types import BoolVector, IntVector, Matrix, Vector
-from solvers.certificate.certificate import certify
 from solvers.inequality.problem import Compliance, FrictionQVI
 from solvers.settings import PivotingOptions
-from solvers.solution import WHAT_TO_DO, Iteration, Outcome, QVISolution, Start
+from solvers.solution import Iteration, Outcome, Start
 
 LARGEST: Final = 200
 """Contact points up to which it is tried, and comes first: a table of 600 rows."""
@@ -52,14 +50,13 @@ DIRECTIONS: Final = 4
 _SIGNS = 6  # guesses of the signs of bilateral points
 _POLISHING = 4  # corrections of a vertex
 _EXACT = 1e-5  # of the tolerance: error of bounds, over the largest bonded traction, that is not worth a correction
-_SETTLED = 1e-11  # bound over the bonded tractions that is none
 _BOTH_ZERO = 1e-9  # of the units of tractions and displacements
 _SOUND = 1e-8  # the same, above which the path from a state is not taken
 _RANK = 1e-11  # singular values of active rows below this share of the largest are none
 
 
 class ContactBounds:
-    """The linear complementarity problem of a QVI for given signs of σ_N, in units of the bonded tractions.
+    """The linear complementarity problem of a QVI for signs (m,) of σ_N, in units of the bonded tractions.
 
     Attributes
     ----------
@@ -68,22 +65,18 @@ class ContactBounds:
 
     """
 
-    def __init__(
-        self, qvi: FrictionQVI, compliance: Compliance, signs: Vector | None = None, *, frictionless: bool = False
-    ) -> None:
-        """For signs (m,) of σ_N, −1 by default; `frictionless`: with mu and cohesion 0."""
+    def __init__(self, qvi: FrictionQVI, compliance: Compliance, signs: Vector) -> None:
         m, law, every = qvi.m, qvi.law, np.arange(qvi.m)
         normal, capped = np.flatnonzero(~qvi.bilateral), np.flatnonzero(np.isfinite(law.cap))
-        mu, cohesion = (np.zeros(m), np.zeros(m)) if frictionless else (law.mu, law.cohesion)
         unpressed, none = np.zeros(len(normal)), np.zeros(len(capped))
-        rubbed = mu if signs is None else -mu * signs
+        rubbed, mu = -law.mu * signs, law.mu
         # a row of H has `side` at the traction `place`, and `by_normal` at σ_N of its point
         point = np.concatenate([normal, every, capped, every, capped])
         sides = np.ones(len(normal)), np.ones(m + len(capped)), -np.ones(m + len(capped))
         self._side, self._by_normal = np.concatenate(sides), np.concatenate([unpressed, rubbed, none, rubbed, none])
         self._point, self._place = point, np.concatenate([normal, m + point[len(normal) :]])
         self._size = 1.0 / (1.0 + np.concatenate([unpressed, mu, none, mu, none]))
-        limit = np.concatenate([unpressed, cohesion, law.cap[capped], cohesion, law.cap[capped]])
+        limit = np.concatenate([unpressed, law.cohesion, law.cap[capped], law.cohesion, law.cap[capped]])
         self._limit = self._size * limit
         self.stress = float(np.maximum.reduce(np.abs(compliance.bonded), initial=0.0)) or 1.0
         unit = self.stress / (qvi.contact_stiffness or 1.0)
@@ -114,10 +107,6 @@ class ContactBounds:
         shared = np.where(self._side > 0.0, self._place, self._place + self._rows)
         np.minimum.at(least, shared, slack)
         return np.asarray((m[self._place] / self._relief > slack + _BOTH_ZERO) & (slack <= least[shared]))
-
-    def sheared(self, tractions: Vector) -> BoolVector:
-        """Rows (r,) of friction in the direction of the shear."""
-        return np.asarray((self._place != self._point) & (self._side * tractions[self._place] > 0.0))
 
     def vertex(self, direction: int, active: BoolVector | None = None) -> Vertex:
         """The end of the path along one of the directions d, all alike first, then others without any pattern.
@@ -323,61 +312,3 @@ def _leaving_row(column: Vector, values: Vector, basis: IntVector) -> int | None
         return int(tied[0])
     last = tied[basis[tied] == 2 * len(basis)]
     return int(last[0]) if len(last) else int(tied[np.argmax(column[tied])])
-
-
-# A second opinion on a solution: whether there is another one.
-#
-# With friction the solution of (D2) need not be unique, and each method ends at the one its own way leads to. Where
-# another way ends at other tractions, and the certificate passes there too, there are at least two solutions: a fact.
-# Where it ends at the same ones nothing follows.
-
-
-DOUBTED: Final = 48
-"""Contact points up to which a second opinion is asked for: a few per cent of the solve."""
-
-OTHER = 1e-4
-"""Difference of tractions, over the largest one, that is not the certificates' error."""
-
-
-def another_solution(qvi: FrictionQVI, solution: QVISolution, tolerance: float, *, doubted: bool = True) -> str:
-    """A sentence if there is a certified solution with other tractions at the end of another way, else nothing.
-
-    One way is gone, two where the way to the solution had to turn or the first attempt failed. Ways that end in a ray,
-    or have signs to guess, are left out.
-    """
-    if not (qvi.law.moving.any() and affordable(qvi, DOUBTED)) or (qvi.bilateral & (qvi.mu > 0.0)).any():
-        return ""
-    size = solution.certificate.scales["stress"]
-    compliance = Compliance(qvi)
-    own = compliance.tractions(solution.z)
-    for m in _other_ends(qvi, compliance, both=doubted):
-        difference = float(np.abs(compliance.bonded - compliance.relief(m) - own).max()) / size
-        if difference > OTHER and certify(qvi, *compliance.state(m), tolerance).passed:
-            return (
-                "The discrete problem has several solutions: there is another one, certified as well, whose contact "
-                f"tractions differ by up to {100.0 * difference:.2g} % of the largest. {WHAT_TO_DO}"
-            )
-    return ""
-
-
-def _other_ends(qvi: FrictionQVI, compliance: Compliance, *, both: bool) -> Iterator[Vector]:
-    """Multipliers m (2m,) at the ends of other ways, not certified.
-
-    The first starts without friction: an answer where nothing presses then, else where pivoting goes on from. The
-    second, for `both`, is pivoting along another direction.
-    """
-    bounds = ContactBounds(qvi, compliance, frictionless=True)
-    vertex = bounds.vertex(0, bounds.sheared(compliance.bonded))
-    starts: list[tuple[int, BoolVector | None]] = [(1, None)] if both else []
-    if vertex.solved:
-        m = bounds.multipliers(vertex.x)
-        bound = qvi.threshold(qvi.law.pressed((compliance.bonded - compliance.relief(m))[: qvi.m]))
-        if bound.max() > _SETTLED * bounds.stress:
-            starts.insert(0, (0, vertex.basic))
-        else:
-            yield m
-    for direction, active in starts:
-        bounds = ContactBounds(qvi, compliance)
-        vertex = bounds.vertex(direction, active)
-        if vertex.solved:
-            yield bounds.multipliers(vertex.x)

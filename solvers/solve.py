@@ -24,7 +24,7 @@ from solvers.fixed_point import CONDENSED_LIMIT, initial_pressure, solve_fixed_p
 from solvers.inequality.body import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.registry import check_name, versions
-from solvers.pivoting import DIRECTIONS, OTHER, affordable, another_solution, solve_pivoting
+from solvers.pivoting import DIRECTIONS, affordable, solve_pivoting
 from solvers.settings import (
     DEFAULT_INNER,
     STARTED,
@@ -61,9 +61,7 @@ def solve_qvi(
     Returns
     -------
     A `QVISolution` in every case, status and advice included; solved only if its certificate passed. `attempts` has
-    what was tried, and why. There may be other solutions: the solution of (D2) is not unique for large friction. By
-    default, where the contact is small and the solution was not followed from a state near it, another way is tried to
-    find one; its `remarks` say what was seen.
+    what was tried, and why. For large friction there may be other solutions: `followed_solutions` looks for them.
 
     Raises
     ------
@@ -384,12 +382,7 @@ def solved(qvi: FrictionQVI, settings: Settings, initial: object = None) -> QVIS
         if not settings.by_default:
             return search.by(*chosen)
         solution = None if settings.options.keys() - _OF_ALL else search.first()
-        solution = solution or search.fallen_back(search.by(*chosen))
-        if solution.solved and not solution.near and not deadline.over:  # one that was followed is the one wanted
-            doubted = len(solution.attempts) > 1 or bool(solution.remarks)
-            remark = another_solution(qvi, solution, settings.tolerance, doubted=doubted)
-            solution = dataclasses.replace(solution, remarks=(remark,)) if remark else solution
-        return solution
+        return solution or search.fallen_back(search.by(*chosen))
 
 
 # Other solutions of a problem: friction is changed step by step, each step starting from the state of the one before.
@@ -403,12 +396,15 @@ def solved(qvi: FrictionQVI, settings: Settings, initial: object = None) -> QVIS
 WAYS: Final = ((0.4, 5), (0.4, 20), (0.6, 20), (0.85, 3), (1.3, 10))
 """First friction over that of the problem, and the steps from there."""
 
+OTHER: Final = 1e-4
+"""Difference of tractions, over the largest one, that is not the certificates' error."""
+
 
 def followed_solutions(solution: QVISolution, *, time_limit: float | None = None) -> tuple[QVISolution, ...]:
     """The solution and others of the same problem, found by following the friction along each of `WAYS`.
 
     Each is certified to the tolerance of the first, on the data of the problem. Two of them are different if their
-    tractions differ at any point by more than 1e-4 of the largest one.
+    tractions differ at any point by more than `OTHER` of the largest one.
 
     Parameters
     ----------
