@@ -61,18 +61,7 @@ def refine(
 
 @overload
 def refine(
-    problem: ContactProblem,
-    result: ContactResult | None = None,
-    target: float = 1e-3,
-    *,
-    quantity: LimitFactor,
-    max_unknowns: int = 20_000,
-    max_rounds: int | None = None,
-    time_limit: float | None = None,
-    guaranteed: bool = False,
-    callback: RoundCallback | None = None,
-    verbose: bool = False,
-    **options: Any,
+    problem: ContactProblem, result: Any = None, target: float = 1e-3, *, quantity: LimitFactor, **options: Any
 ) -> LimitRefinement: ...
 
 
@@ -211,50 +200,49 @@ def refine(
 def _refined(
     strategy: LimitStrategy | TriangleRefinement, mesh: TriangleMesh, callback: RoundCallback
 ) -> Refinement | LimitRefinement:
-    first, rounds, stop = _in_rounds(strategy, mesh, callback)
-    answer, last = (rounds[-1].answer, rounds[-1]) if rounds else (first, None)
-    said: dict[str, Any] = {
-        "status": stop.status, "target": strategy.settings.target, "reason": stop.reason,
-        "rounds": tuple(each.record for each in rounds), "unit": np.nan if last is None else last.unit,
-        "indicator": np.zeros(mesh.cell_count) if last is None else last.indicator,
-    }  # fmt: skip
-    if isinstance(strategy, TriangleRefinement):
-        history = answer if isinstance(answer, History) else None
-        return Refinement(quantity=strategy.measure.name, result=steps_of(answer)[-1], history=history, **said)
-    if last is None:
-        raise SolveError(f"limit load: {stop.reason}: use a coarser or less graded mesh")
-    name = f"limit load factor of {', '.join(strategy.names)}"
-    return LimitRefinement(quantity=name, limit=answer.limit, problem=answer.problem, **said)
-
-
-def _in_rounds(
-    strategy: LimitStrategy | TriangleRefinement, mesh: TriangleMesh, callback: RoundCallback
-) -> tuple[Any, list[Round], StopError]:
-    """The first answer, all rounds that were assessed, and why they ended; what the first mesh raises is raised."""
+    """The last answer that was assessed, or the first one."""
     settings, rounds = strategy.settings, list[Round]()
-    answer: Any
-    try:
-        first = answer = strategy.answer(mesh)
-    except StopError as stop:
-        remedy = f"{stop.reason}: allow more, or start coarser"
-        raise InputError("max_unknowns", settings.max_unknowns, remedy) from stop
+    answer: Any = None
     try:
         while True:
-            last = strategy.assessed(mesh, answer, rounds)
-            rounds.append(last)
-            callback(last.record)
-            if last.record.estimate <= settings.target:
-                enough = last.record.guaranteed or not settings.guaranteed
+            answer = _answer(strategy, mesh, first=not rounds)
+            rounds.append(strategy.assessed(mesh, answer, rounds))
+            record = rounds[-1].record
+            callback(record)
+            if record.estimate <= settings.target:
+                enough = record.guaranteed or not settings.guaranteed
                 raise StopError(RefinementStatus.REACHED if enough else RefinementStatus.NO_GUARANTEE)
             if deadline.over:
                 raise StopError(RefinementStatus.TIME_LIMIT)
             if len(rounds) >= settings.max_rounds:
                 raise StopError(RefinementStatus.ROUNDS)
-            mesh = last.finer()
-            try:
-                answer = strategy.answer(mesh)
-            except QVIError as error:  # the same data were taken on the mesh before
-                late = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.THIN_CELLS
-                raise StopError(late, str(error)) from error
+            mesh = rounds[-1].finer()
     except StopError as stop:
-        return first, rounds, stop
+        said: dict[str, Any] = {"status": stop.status, "reason": stop.reason, "target": settings.target}
+    said |= {"rounds": tuple(each.record for each in rounds), "unit": np.nan, "indicator": np.zeros(mesh.cell_count)}
+    if rounds:
+        last = rounds[-1]
+        answer, said["unit"], said["indicator"] = last.answer, last.unit, last.indicator
+    if isinstance(strategy, TriangleRefinement):
+        history = answer if isinstance(answer, History) else None
+        return Refinement(quantity=strategy.measure.name, result=steps_of(answer)[-1], history=history, **said)
+    if not rounds:
+        raise SolveError(f"limit load: {said['reason']}: use a coarser or less graded mesh")
+    name = f"limit load factor of {', '.join(strategy.names)}"
+    return LimitRefinement(quantity=name, limit=answer.limit, problem=answer.problem, **said)
+
+
+def _answer(strategy: LimitStrategy | TriangleRefinement, mesh: TriangleMesh, *, first: bool) -> Any:
+    """The answer on a mesh; what the first mesh raises is raised, of finer ones it ends the rounds."""
+    try:
+        return strategy.answer(mesh)
+    except StopError as stop:
+        if not first:
+            raise
+        remedy = f"{stop.reason}: allow more, or start coarser"
+        raise InputError("max_unknowns", strategy.settings.max_unknowns, remedy) from stop
+    except QVIError as error:
+        if first:
+            raise
+        late = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.THIN_CELLS
+        raise StopError(late, str(error)) from error  # the same data were taken on the mesh before
