@@ -405,25 +405,16 @@ _ARC: Final = 1e-12  # relative difference of two lengths that does not make an 
 
 @dataclass(frozen=True, eq=False)
 class ContactPath:
-    """Edges in order along their lines; where more than two of them meet, or none follows, a line ends.
-
-    Attributes
-    ----------
-    edges : (n,) int array
-        Numbers of the edges, one behind the other.
-    forward : (n,) bool array
-        Whether the tangent of the edge leads along the path.
-    line : (n,) int array
-        Number of the line that each of these edges belongs to, ascending.
-    lengths : (n,) array
-        Their lengths [length].
-
-    """
+    """Edges in order along their lines; where more than two of them meet, or none follows, a line ends."""
 
     edges: IntArray
+    """Numbers of the edges, one behind the other, shape (n,)."""
     forward: BoolArray
+    """Whether the tangent of the edge leads along the path, (n,)."""
     line: IntArray
+    """Number of the line that each of these edges belongs to, ascending, (n,)."""
     lengths: FloatArray
+    """Their lengths [length], (n,)."""
 
     @classmethod
     def of(cls, ends: FloatArray, lengths: FloatArray | None = None) -> ContactPath:

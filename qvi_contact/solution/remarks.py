@@ -165,25 +165,16 @@ _ALL: Final = 3  # rigid motions of a body in the plane
 
 @dataclass(frozen=True)
 class UndeterminedMotion:
-    """Bodies that move as one, and how they can.
-
-    Attributes
-    ----------
-    names : tuple of str
-        What they are called: the name of the region with just these cells, or where they lie.
-    motions : int
-        Number of independent rigid motions, 1 to 3.
-    way : str
-        The motions in words, such as "turn about (0, 0)".
-    plate : bool
-        Whether a rigid plate or pin is among them.
-
-    """
+    """Bodies that move as one, and how they can."""
 
     names: tuple[str, ...]
+    """What they are called: the name of the region with just these cells, or where they lie."""
     motions: int
+    """Number of independent rigid motions, 1 to 3."""
     way: str
+    """The motions in words, such as "turn about (0, 0)"."""
     plate: bool = False
+    """Whether a rigid plate or pin is among them."""
 
     @property
     def remark(self) -> str:

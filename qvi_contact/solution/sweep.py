@@ -55,38 +55,26 @@ _GRACE: Final = 30.0  # seconds beyond the time limit after which a worker proce
 
 @dataclass(frozen=True)
 class SweepRow:
-    """One value of a sweep.
-
-    Attributes
-    ----------
-    number : int
-        Its place among all values, from 1.
-    value : float
-        The value.
-    status : Status
-        What became of it.
-    message : str
-        One sentence about that.
-    iterations : int
-        Of the method.
-    accuracy : float
-        What the certificate confirms, dimensionless.
-    seconds : float
-        How long it took.
-    contacts : mapping of str to mapping of str to float
-        `ContactLine.summary` by the name of the contact, with motion, force and moment where it has a plate or pin;
-        empty without a state.
-
-    """
+    """One value of a sweep."""
 
     number: int
+    """Its place among all values, from 1."""
     value: float
     status: Status
+    """What became of it."""
     message: str
+    """One sentence about that."""
     iterations: int
+    """Of the method."""
     accuracy: float
+    """What the certificate confirms, dimensionless."""
     seconds: float
+    """How long it took."""
     contacts: Mapping[str, Mapping[str, float]]
+    """`ContactLine.summary` by the name of the contact, with motion, force and moment where it has a plate or pin.
+
+    Empty without a state.
+    """
 
     @classmethod
     def of(cls, number: int, value: float, result: ContactResult, seconds: float = 0.0) -> SweepRow:
@@ -147,22 +135,14 @@ class SweepRows(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Sweep(SweepRows):
-    """Results of a sweep, one for each value that was done.
-
-    Attributes
-    ----------
-    parameter : "friction", "load", "gap" or "offset"
-        What was changed.
-    values : tuple of float
-        All values asked for.
-    steps : tuple of ContactResult
-        The results of the first of them, all unless the time ran out.
-
-    """
+    """Results of a sweep, one for each value that was done."""
 
     parameter: Parameter
+    """What was changed."""
     values: tuple[float, ...]
+    """All values asked for."""
     steps: tuple[ContactResult, ...]
+    """The results of the first of them, all unless the time ran out."""
 
     def rows(self) -> Iterator[SweepRow]:
         """What is done, in the order of the values; their seconds are 0."""
