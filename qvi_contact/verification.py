@@ -184,19 +184,6 @@ _GROUPS: Final = {
 }  # fmt: skip
 """Last part of a field's name: the row it counts in, and the unit of its differences; others are tractions."""
 
-_MEANINGS: Final = {
-    "mesh": "Vertices, cells and materials of the problem.",
-    "stresses": "Stress at the Gauss points of all cells, from the stress function.",
-    "energies": "Strain energy, work of prescribed displacements, dissipation.",
-    "traction_misfit": "Pointwise difference of prescribed and computed tractions.",
-    "points": "Coordinates, weights and friction coefficients of the contact points.",
-    "tractions": "σ_N, σ_T and the bound of friction, from the unknowns.",
-    "gap and slip": "Displacements relative to the obstacle, from the multipliers.",
-    "states": "Number of points whose state (open, stick, slip) is another one.",
-    "motion": "Motion of the plate driven by force, from the multipliers of its balance.",
-    "forces": "Resultants of the tractions of the contact.",
-}
-
 
 @dataclass(frozen=True)
 class Check:
@@ -410,7 +397,7 @@ def _agreements(claims: Mapping[str, Any], again: ContactResult) -> Iterator[Che
         "entries", len(names), 0.0, "Number of fields that are missing, or that this problem does not have.",
         f"Not as expected: {shown}.",
     )  # fmt: skip
-    worst: dict[str, tuple[float, str]] = {}
+    worst: dict[str, tuple[float, str]] = {}  # and the field that it is of
     frictionless = {f"{contact.name}.state" for contact in again.problem.contacts if is_frictionless(contact)}
     for name in (name for name in computed if name in claims):
         claimed, wanted = np.asarray(claims[name]), np.asarray(computed[name])
@@ -424,9 +411,11 @@ def _agreements(claims: Mapping[str, Any], again: ContactResult) -> Iterator[Che
             corner, rounding = along.min(), _ULPS * float(np.abs(along).max())
             claimed, wanted = claimed - corner, wanted - corner
         label = f"{contact}: {group}" if contact else group
-        worst[label] = max(worst.get(label, (-1.0, "")), (difference(claimed, wanted, unit, rounding), group))
-    for label, (value, group) in worst.items():
-        yield _limited(label, value, 0.0 if group == "states" else AGREEMENT, _MEANINGS[group])
+        worst[label] = max(worst.get(label, (-1.0, "")), (difference(claimed, wanted, unit, rounding), name))
+    for label, (value, name) in worst.items():
+        counted = name.endswith(".state")  # points whose state is another one
+        meaning = f"Stored fields of this group, beside those computed again. The worst is {name}."
+        yield _limited(label, value, 0.0 if counted else AGREEMENT, meaning)
 
 
 def _units(again: ContactResult) -> dict[str, tuple[float, float]]:
