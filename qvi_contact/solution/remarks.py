@@ -272,24 +272,16 @@ def motions_in_words(own: FloatArray, bodies: Bodies, body: int) -> str:
     """The motions (3, d) of a body in words; rows are translations of its centre and rotation times its size."""
     basis, values, _ = np.linalg.svd(own, full_matrices=False)
     basis = basis[:, values > _MOVES]
-    if basis.shape[1] == _ALL:
-        return "move and turn"
-    turning = np.abs(basis[2]).max() > _MOVES
-    if not turning:
-        return "move" if basis.shape[1] > 1 else f"move along {_pair(_upright(basis[:2, 0]))}"
-    if basis.shape[1] > 1:
-        x, y, _ = _still(basis, np.array([[0.0, 0.0, 1.0]]), _MOVES)[:, 0]
-        return f"turn and move along {_pair(_upright(np.array([x, y])))}"
-    x, y, turn = basis[:, 0]
-    arm = bodies.size[body] / turn * np.array([-y, x])
-    return f"turn about {_pair(bodies.centre[body] + arm, float(bodies.size[body]))}"
-
-
-def _upright(direction: FloatArray) -> FloatArray:
-    """The unit vector along a direction, to the right, or upwards."""
-    unit = direction / np.hypot(*direction)
-    unit = np.where(np.abs(unit) > _MOVES, unit, 0.0)
-    return np.asarray(-unit if tuple(unit) < (0.0, 0.0) else unit)
+    moves = _still(basis, np.array([[0.0, 0.0, 1.0]]), _MOVES)
+    if not moves.shape[1]:
+        x, y, turn = basis[:, 0]
+        arm = bodies.size[body] / turn * np.array([-y, x])
+        return f"turn about {_pair(bodies.centre[body] + arm, float(bodies.size[body]))}"
+    along = moves[:2, 0] / np.hypot(*moves[:2, 0])
+    along = np.where(np.abs(along) > _MOVES, along, 0.0)
+    along = -along if tuple(along) < (0.0, 0.0) else along  # to the right, or upwards
+    way = "move" if moves.shape[1] > 1 else f"move along {_pair(along)}"
+    return f"turn and {way}" if basis.shape[1] > moves.shape[1] else way
 
 
 def _pair(at: FloatArray, size: float = 1.0) -> str:

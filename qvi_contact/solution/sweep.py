@@ -275,7 +275,7 @@ def solve_sweep(
         sweep: Sweep | StoredSweep
         if store is None:
             steps = list[ContactResult]()
-            for number, _, result, _ in _Run(task).results(enumerate(numbers, 1), at_least=1):
+            for number, _, result, _ in task.results(enumerate(numbers, 1), at_least=1):
                 steps.append(result)
                 told(number, result, result.certificate.accuracy)
             sweep = Sweep(parameter, numbers, tuple(steps))
@@ -296,15 +296,24 @@ def solve_sweep(
         return sweep
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class SweepTask:
-    """What is to be done for each value."""
+    """What is to be done for each value, and where it is done: one value after the other, on one factorisation.
+
+    A value starts from the state of the one before. To find that a state is not near costs an iteration or two. After
+    that a value starts as usual, after the next time two, then four, and so on: where the contact grows with each
+    value, states are seldom near.
+    """
 
     problem: ContactProblem
     parameter: Parameter  # what changes
     names: tuple[str, ...]  # the contacts or loads that are changed
     settings: Settings = field(default_factory=Settings)  # how to solve it
     warm: bool = False  # whether to start from the value before
+    _before: Discretization | None = field(default=None, init=False)
+    _state: ContactResult | None = field(default=None, init=False)
+    _pause: int = field(default=0, init=False)
+    _left: int = field(default=0, init=False)
 
     @classmethod
     def of(
@@ -352,21 +361,6 @@ class SweepTask:
         ]
         return replace(self.problem, conditions=conditions)
 
-
-class _Run:
-    """One value after the other, on one factorisation.
-
-    A value starts from the state of the one before. To find that a state is not near costs an iteration or two. After
-    that a value starts as usual, after the next time two, then four, and so on: where the contact grows with each
-    value, states are seldom near.
-    """
-
-    def __init__(self, task: SweepTask) -> None:
-        self._task = task
-        self._before: Discretization | None = None
-        self._state: ContactResult | None = None
-        self._pause, self._left = 0, 0
-
     def results(
         self, planned: Iterable[tuple[int, float]], at_least: int = 0
     ) -> Iterator[tuple[int, float, ContactResult, float]]:
@@ -374,15 +368,14 @@ class _Run:
         for count, (number, value) in enumerate(planned):
             if count >= at_least and deadline.over:
                 return
-            began, task = time.perf_counter(), self._task
+            began, posed = time.perf_counter(), self.changed(value)
             if self._before is None:
-                self._before = discretized(task.changed(value), task.settings)
-            elif task.parameter == "friction":
-                self._before = self._before.with_law(task.changed(value))
+                self._before = discretized(posed, self.settings)
+            elif self.parameter == "friction":
+                self._before = self._before.with_law(posed)
             else:
-                self._before = fitted(self._before.with_data(task.changed(value)), task.settings)
-            begins = task.warm and self._state is not None and not self._left
-            found = solved(self._before, task.settings, self._state if begins else None)
+                self._before = fitted(self._before.with_data(posed), self.settings)
+            found = solved(self._before, self.settings, self._state if self.warm and not self._left else None)
             near = found.solution.near
             if near is None:
                 self._left = max(self._left - 1, 0)
@@ -413,7 +406,7 @@ class _Slice(NamedTuple):
 
 def _opened(task: SweepTask) -> tuple[None, Callable[[_Slice], list[SweepRow]]]:
     """What a worker process does: the rows of slices, each on the factorisation of the one before."""
-    return None, _Run(task).rows
+    return None, task.rows
 
 
 def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Workers) -> Generator[Sequence[SweepRow]]:
@@ -422,8 +415,7 @@ def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Worker
     The values of a slice whose process was lost are done again one by one, so that the one that was to blame is found.
     """
     if workers == Workers() or not planned:
-        run = _Run(task)
-        yield from filter(None, (run.rows(_Slice((each,), math.inf)) for each in planned))
+        yield from filter(None, (task.rows(_Slice((each,), math.inf)) for each in planned))
         return
     seconds, end = deadline.left, time.time() + deadline.left
     limits = Limits(seconds + _GRACE if seconds < math.inf else None)
