@@ -27,7 +27,7 @@ from qvi_contact.mesh.edges import cross, frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import SPRINGS, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.refinement.measure import Measure
+from qvi_contact.refinement.measure import FORCES, Measure
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History, solve_history
 from qvi_contact.solution.result import ContactResult
@@ -206,7 +206,9 @@ class TriangleRefinement:
         at = Places(*(np.unique(np.concatenate([getattr(one, of) for one in there])) for of in ("cells", "corners")))
         hopeless = len(results) > 1 or any(each.hopeless for each in earlier)
         rough = any(map(has_coulomb, last.problem.contacts))
-        tried = measure.bounded and not hopeless and (not rough or (self.settings.guaranteed and measure.of_a_force))
+        tried = (
+            measure.bounded and not hopeless and (not rough or (self.settings.guaranteed and measure.kind in FORCES))
+        )
         bounds = found = bounded(measure, value, last) if tried else None
         if found is None:
             found = self._compared(answer, value, unit, at)

@@ -37,7 +37,7 @@ from solvers.errors import known_name
 
 Quantity: TypeAlias = str | Callable[[ContactResult], float]
 
-_FORCES: Final = ("normal_force", "tangential_force")
+FORCES: Final = ("normal_force", "tangential_force")
 _PLATE_FORCES: Final = {"force_x": "x", "force_y": "y", "moment": "moment"}
 _MOTIONS: Final = ("x", "y", "rotation")
 _ENERGIES: Final = ("energy", "dissipation")
@@ -84,18 +84,7 @@ class Measure:
     @property
     def bounded(self) -> bool:
         """Whether a bracket may bound it."""
-        return self.kind in ("energy", *_FORCES, *_PLATE_FORCES, *_MOTIONS)
-
-    @property
-    def of_a_force(self) -> bool:
-        """Whether it is the force of a contact, which may have bounds where contacts slip."""
-        return self.kind in _FORCES
-
-    @property
-    def linear(self) -> bool:
-        """Whether it is an affine function of stresses and multipliers."""
-        at_point = self.point and self.kind in ("xx", "yy", "xy", "slip")
-        return at_point or (self.bounded and self.kind != "energy")
+        return self.kind in ("energy", *FORCES, *_PLATE_FORCES, *_MOTIONS)
 
     @classmethod
     def of(cls, problem: ContactProblem, quantity: Quantity) -> Measure:
@@ -117,7 +106,7 @@ class Measure:
             return cls(quantity, value, component)
         known = [*_ENERGIES, *(f"{name}(x, y)" for name in COMPONENTS)]
         for contact in problem.contacts:
-            kinds = [*_FORCES, "largest_pressure", "slip(x, y)"]
+            kinds = [*FORCES, "largest_pressure", "slip(x, y)"]
             kinds += [*_PLATE_FORCES, *_MOTIONS] if contact.name in plates else []
             known += [f"{contact.name}.{kind}" for kind in kinds]
         extremes = f"largest or smallest along edges, as in {next(iter(lines), 'EDGES')}.largest_von_mises"
@@ -155,7 +144,7 @@ def _number(result: ContactResult, own: str, kind: str) -> float:
     """An energy, or a force or motion on a contact."""
     if kind in _ENERGIES:
         return float(result.energies.complementary if kind == "energy" else result.energies.dissipation)
-    if kind in _FORCES:
+    if kind in FORCES:
         return float(getattr(result.contacts[own], kind))
     if kind in _PLATE_FORCES:
         return float(getattr(result.plate_force(own), _PLATE_FORCES[kind]))
@@ -240,7 +229,8 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
     if side not in (None, "above", "below"):
         raise InputError("side", side, "give 'above' or 'below', or leave it out")
     measure = Measure.of(result.problem, quantity)
-    if not measure.linear:
+    at_point = measure.point and measure.kind in ("xx", "yy", "xy", "slip")
+    if not at_point and (measure.kind == "energy" or not measure.bounded):  # no affine function of the solution
         remedy = "give a force, a motion of a plate, or at a point NAME.slip(x, y), xx(x, y), yy(x, y) or xy(x, y)"
         raise InputError("quantity", quantity, remedy)
     known = result.discretization
