@@ -128,13 +128,13 @@ def sliding_block(
     """
     width, friction, pressure, side_stress, translation = 2.0, 0.3, 100.0, -20.0, 0.5
     material = Material(1000.0, 0.3, plane)
-    strain = material.compliance @ np.array([side_stress, -pressure, friction * pressure])
+    held = uniform(material, side_stress, -pressure, friction * pressure)
 
     def displacement(x: FloatArray, y: FloatArray) -> FloatArray:
-        return np.stack([strain[2] * y + translation + strain[0] * (x - width), strain[1] * y + 0 * x])
+        along, across = held.displacement(x - width, y)
+        return np.stack([along + translation, across])
 
-    stress = uniform(material, side_stress, -pressure, friction * pressure).stress
-    state = ExactState(stress, displacement)
+    state = ExactState(held.stress, displacement)
     mesh = TriangleMesh.rectangle(cells, width, 1.0, grading=grading)
     base = Contact("bottom", friction=friction, name="base")
     return problem_from_state(state, mesh, material, _BLOCK_SIDES, (base,)), state
