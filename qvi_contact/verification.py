@@ -301,9 +301,8 @@ def verify_file(path: str | Path, tolerance: float | None = None) -> Verificatio
     """Check everything that a file claims that `qvi_contact.export.write_npz` has written; from the file alone.
 
     So is a step that `solve_history` has kept in its store. It claims no fields, but an answer and its certificate. The
-    tolerance of the certificate is by default the one the result was solved with, which must not be looser than
-    `solvers.solution.LOOSEST` then: the file does not choose what it is measured by. `InputError` if the file is no
-    such archive, or has no problem, as `qvi_contact.files.archive.load_result` says.
+    tolerance is that of `verify_result`: the file does not choose what it is measured by. `InputError` if the file is
+    no such archive, or has no problem, as `qvi_contact.files.archive.load_result` says.
     """
     archive = Archive(path)
     with np.errstate(all="ignore"):  # what is absurd fails by its numbers
