@@ -271,22 +271,17 @@ class QuarterPlate:
 
     def _traces(self) -> TractionFactor:
         """Tractions at the Gauss points from σ_N at the outer two of every edge, and σ_T at its ends and middle."""
-        n, q, t = len(self._along_x.sizes), len(GAUSS_POINTS), GAUSS_POINTS
-        every = np.arange(n)
+        n, t = len(self._along_x.sizes), GAUSS_POINTS
         normal = self._contact(t[[0, -1]], 1)
         shear = sparse.vstack([self._contact(np.array([0.0, 0.5]), 2), self._contact(np.ones(1), 2)[[-1]]])
         line = np.stack([t[-1] - t, t - t[0]], axis=1) / (t[-1] - t[0])
         bow = np.stack([(1.0 - t) * (1.0 - 2.0 * t), 4.0 * t * (1.0 - t), t * (2.0 * t - 1.0)], axis=1)
-        blocks = [
-            (line, 2 * every[:, None] + np.arange(2)),
-            (bow, 2 * n + 2 * every[:, None] + np.arange(3)),  # an end belongs to both of its edges
-        ]
-        parts = []
-        for shapes, columns in blocks:
-            k = shapes.shape[1]
-            values, places = np.tile(shapes.ravel(), n), np.repeat(columns, q, axis=0).ravel()
-            parts.append(sparse.csr_array((values, places, k * np.arange(n * q + 1)), shape=(n * q, 4 * n + 1)))
-        return TractionFactor(sparse.csc_array(sparse.vstack([normal, shear])), sparse.csc_array(sparse.vstack(parts)))
+        ends = (2 * np.arange(n)[:, None] + np.arange(3)).ravel()  # an end belongs to both of its edges
+        shared = sparse.csr_array((np.ones(3 * n), (np.arange(3 * n), ends)))
+        parts = [sparse.kron(sparse.eye_array(n), line), sparse.kron(sparse.eye_array(n), bow) @ shared]
+        return TractionFactor(
+            sparse.csc_array(sparse.vstack([normal, shear])), sparse.csc_array(sparse.block_diag(parts))
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,13 +10,13 @@ says of itself counts, and nothing that a back end said.
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, finite_number
 from qvi_contact.discretization.discretization import Discretization, discretize
@@ -45,24 +45,15 @@ _FLOOR: Final = 1e-4
 _ULPS: Final = 4.0 * float(np.finfo(np.float64).eps)  # rounding of a coordinate, as a share of it
 _LARGEST_ROUNDING: Final = 1e-6  # what a certificate may explain by rounding; whether it does may hang on rounding
 _ROUNDING: Final = 1e-14  # share of the terms of a traction that is rounding
-_MATRICES: Final = ("K", "N", "T", "A")
-_VECTORS: Final = ("f", "n0", "t0", "mu", "W", "b", "cohesion", "cap", "bilateral")
+_DATA: Final = ("K", "N", "T", "A", "f", "n0", "t0", "mu", "W", "b", "cohesion", "cap", "bilateral")
 
 
-def rediscretized(result: ContactResult) -> Discretization:
-    """The problem of a result discretised anew, in its units and after the slip before it."""
-    known = result.discretization
-    fresh = discretize(known.problem, degree=known.space.degree, law_on=known.rule.law_on, scales=known.scales)
-    slip = [rows.slip for rows in known.contacts]
-    return fresh.with_data(known.problem, known.scales, slip) if any(part.any() for part in slip) else fresh
-
-
-def recomputed(result: ContactResult, fresh: Discretization, given: float | None) -> ContactResult:
+def recomputed(result: ContactResult, known: Discretization, given: float | None) -> ContactResult:
     """The result made again from its unknowns and multipliers alone, certified anew; to its tolerance if none given."""
     tolerance = result.certificate.tolerance if given is None else finite_number("tolerance", given)
     if not 0.0 < tolerance < 1.0:
         raise InputError("tolerance", tolerance, "give a number between 0 and 1")
-    solution, qvi = result.solution, fresh.qvi
+    solution, qvi = result.solution, known.qvi
     if solution.factorisation.startswith(ORTHOGONAL):  # as another problem with this K had needed it
         qvi.stiffness.use_root()
     multipliers = solution.normal_multiplier, solution.tangential_multiplier, solution.equality_multiplier
@@ -72,7 +63,7 @@ def recomputed(result: ContactResult, fresh: Discretization, given: float | None
         raise
     except (FactorisationError, ValueError):  # dense algebra refuses what has overflowed by ValueError: nothing passes
         certificate = Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance)
-    return ContactResult(fresh, replace(solution, problem=qvi, certificate=certificate))
+    return ContactResult(known, replace(solution, problem=qvi, certificate=certificate))
 
 
 def difference(claimed: ArrayLike, computed: ArrayLike, unit: float = 0.0, rounding: float = 0.0) -> float:
@@ -97,19 +88,18 @@ def difference(claimed: ArrayLike, computed: ArrayLike, unit: float = 0.0, round
 
 
 def problem_difference(claimed: FrictionQVI, computed: FrictionQVI) -> float:
-    """Largest difference of the data of two algebraic problems, relative to the largest entry of each."""
+    """Largest difference of the data of two algebraic problems, relative to the largest finite entry of each."""
     found: list[float | FloatArray] = []
-    for name in _MATRICES:
-        a, b = getattr(claimed, name), getattr(computed, name)
+    for name in _DATA:
+        a, b = (getattr(qvi, name) for qvi in (claimed, computed))
         if a.shape != b.shape:
             return np.inf
-        found.append(float(abs(a - b).max() / (abs(b).max() or 1.0)) if b.shape[0] * b.shape[1] else 0.0)
-    for name in _VECTORS:
-        a, b = (np.asarray(getattr(qvi, name), dtype=np.float64) for qvi in (claimed, computed))
-        finite = np.isfinite(b)
-        if not np.array_equal(a[~finite], b[~finite]):
-            return np.inf
-        found.append(np.abs(a[finite] - b[finite]) / (float(np.abs(b[finite]).max(initial=0.0)) or 1.0))
+        if b.ndim > 1:  # a sparse matrix
+            apart, known = (sparse.coo_array(part).data for part in (a - b, b))
+        else:  # what is infinite in both is equal
+            apart = np.subtract(a, b, out=np.zeros(b.shape), where=a != b, dtype=np.float64)
+            known = b[np.isfinite(b)]
+        found.append(np.abs(apart) / (float(np.abs(known).max(initial=0.0)) or 1.0))
     return _largest(found)
 
 
@@ -127,12 +117,6 @@ def worse_than_claimed(claimed: Certificate, computed: Certificate) -> float:
         excess.append(0.0 if np.isinf(then) else max((now - then) / limit, 0.0) if then == then else np.inf)
     signed = [abs(now - claimed.signed[name]) / limits[name] for name, now in computed.signed.items()]
     return _largest(excess + signed)
-
-
-def sound(claimed: Certificate) -> Certificate:
-    """The certificate with infinity for measures that are missing, negative or NaN, so that these do not pass."""
-    measures = dict.fromkeys(EXPONENTS, np.inf)
-    return replace(claimed, measures=measures | {name: v for name, v in claimed.measures.items() if v >= 0.0})
 
 
 def scales_difference(claimed: Certificate, computed: Certificate) -> float:
@@ -200,19 +184,6 @@ _GROUPS: Final = {
 }  # fmt: skip
 """Last part of a field's name: the row it counts in, and the unit of its differences; others are tractions."""
 
-_MEANINGS: Final = {
-    "mesh": "Vertices, cells and materials of the problem.",
-    "stresses": "Stress at the Gauss points of all cells, from the stress function.",
-    "energies": "Strain energy, work of prescribed displacements, dissipation.",
-    "traction_misfit": "Pointwise difference of prescribed and computed tractions.",
-    "points": "Coordinates, weights and friction coefficients of the contact points.",
-    "tractions": "σ_N, σ_T and the bound of friction, from the unknowns.",
-    "gap and slip": "Displacements relative to the obstacle, from the multipliers.",
-    "states": "Number of points whose state (open, stick, slip) is another one.",
-    "motion": "Motion of the plate driven by force, from the multipliers of its balance.",
-    "forces": "Resultants of the tractions of the contact.",
-}
-
 
 @dataclass(frozen=True)
 class Check:
@@ -220,12 +191,11 @@ class Check:
 
     name: str
     """What was checked."""
-    value: float | str | None
-    """What was found, relative; a word for the status; None if there is nothing to tell."""
+    value: float | str
+    """What was found, relative; a word for the status."""
     limit: float | None
     """Largest absolute value that passes."""
-    passed: bool | None
-    """None for a fact that cannot fail."""
+    passed: bool
     meaning: str
     """What the value means."""
     worry: str = ""
@@ -237,7 +207,7 @@ class Verification:
     """What became of a verification."""
 
     rows: tuple[Check, ...]
-    """All checks and facts."""
+    """All checks."""
     status: Status
     """The status that the result claims."""
     tolerance: float
@@ -251,12 +221,12 @@ class Verification:
     @property
     def failures(self) -> tuple[Check, ...]:
         """The checks that failed."""
-        return tuple(row for row in self.rows if row.passed is not None and not row.passed)
+        return tuple(row for row in self.rows if not row.passed)
 
     def summary(self) -> str:
         """One line: passed, or what failed."""
         if self.passed:
-            return f"verified: {sum(bool(row.passed) for row in self.rows)} checks passed at {self.tolerance:.0e}"
+            return f"verified: {len(self.rows)} checks passed at {self.tolerance:.0e}"
         return f"not verified: {', '.join(row.name for row in self.failures)}"
 
     def table(self, failures_only: bool = False) -> str:
@@ -265,11 +235,10 @@ class Verification:
         width = max((len(row.name) for row in rows), default=0)
         lines = [f"{'check':<{width}}  {'value':>8}  {'limit':>8}"] if rows else []
         for row in rows:
-            value = f"{row.value:.1e}" if isinstance(row.value, float) else str(row.value or "")
+            value = row.value if isinstance(row.value, str) else f"{row.value:.1e}"
             limit = "" if row.limit is None else f"{row.limit:.1e}"
-            verdict = {None: "", True: "passed", False: "FAILED"}[row.passed]
-            lines.append(f"{row.name:<{width}}  {value:>8}  {limit:>8}  {verdict}".rstrip())
-            lines += [f"    {text}" for text in (row.meaning, row.worry if row.passed is False else "") if text]
+            lines.append(f"{row.name:<{width}}  {value:>8}  {limit:>8}  {'passed' if row.passed else 'FAILED'}")
+            lines += [f"    {text}" for text in (row.meaning, "" if row.passed else row.worry) if text]
         return "\n".join([*lines, self.summary()])
 
     def document(self) -> dict[str, Any]:
@@ -300,8 +269,13 @@ def verify_result(result: ContactResult, tolerance: float | None = None) -> Veri
         raise InputError("result", "a History", "give its steps one by one: [verify_result(step) for step in ….steps]")
     if not isinstance(result, ContactResult):
         raise InputError("result", result, "give a ContactResult, such as solve returns")
+    known = result.discretization
     with np.errstate(all="ignore"):  # what is absurd fails by its numbers
-        again = recomputed(result, rediscretized(result), tolerance)
+        fresh = discretize(known.problem, degree=known.space.degree, law_on=known.rule.law_on, scales=known.scales)
+        slip = [rows.slip for rows in known.contacts]
+        if any(part.any() for part in slip):
+            fresh = fresh.with_data(known.problem, known.scales, slip)
+        again = recomputed(result, fresh, tolerance)
         same = _limited(
             "problem", problem_difference(result.solution.problem, again.solution.problem), AGREEMENT,
             "The algebraic problem that was solved, beside the problem discretised anew.",
@@ -327,9 +301,8 @@ def verify_file(path: str | Path, tolerance: float | None = None) -> Verificatio
     """Check everything that a file claims that `qvi_contact.export.write_npz` has written; from the file alone.
 
     So is a step that `solve_history` has kept in its store. It claims no fields, but an answer and its certificate. The
-    tolerance of the certificate is by default the one the result was solved with, which must not be looser than
-    `solvers.solution.LOOSEST` then: the file does not choose what it is measured by. `InputError` if the file is no
-    such archive, or has no problem, as `qvi_contact.files.archive.load_result` says.
+    tolerance is that of `verify_result`: the file does not choose what it is measured by. `InputError` if the file is
+    no such archive, or has no problem, as `qvi_contact.files.archive.load_result` says.
     """
     archive = Archive(path)
     with np.errstate(all="ignore"):  # what is absurd fails by its numbers
@@ -351,8 +324,7 @@ def _verification(
     first: Check, result: ContactResult, again: ContactResult, claims: Mapping[str, Any] | None, given: float | None
 ) -> Verification:
     """All rows about a result, made again, and the fields it claims; `first` says whether it is of this problem."""
-    facts = () if result.status.impossible else _facts(again)
-    rows = (first, _status(result, again), *_rows(result, again, claims, given), *facts)
+    rows = (first, _status(result, again), *_rows(result, again, claims, given))
     return Verification(rows, result.status, again.certificate.tolerance)
 
 
@@ -360,14 +332,20 @@ def _rows(
     result: ContactResult, again: ContactResult, claims: Mapping[str, Any] | None, given: float | None
 ) -> Iterator[Check]:
     certificate, tolerance, solution = again.certificate, again.certificate.tolerance, again.solution
-    limit = LOOSEST if given is None else None
-    yield Check(
-        "tolerance", tolerance, limit, None if limit is None else tolerance <= limit,
-        "Tolerance of the certificate: the one of the solve, unless another was asked for.",
-        "This tolerance is too loose. To accept it, give it by --tolerance, or by the argument tolerance.",
-    )  # fmt: skip
+    if given is None:
+        yield _limited(
+            "tolerance", tolerance, LOOSEST, "Tolerance of the certificate: the one of the solve.",
+            "This tolerance is too loose. To accept it, give it by --tolerance, or by the argument tolerance.",
+        )  # fmt: skip
     if result.status.impossible:
-        yield _proof(again)
+        farkas = solution.farkas
+        proved = _evidence(again) is not None and (farkas is None or is_farkas(solution.problem, *farkas))
+        yield Check(
+            "proof", "holds" if proved else "does not", None, proved,
+            "A mechanism, computed again: rigid motions of the blocks on which the loads do more work than contacts "
+            "can take up. Farkas' multipliers, where the file has them: no traction of this mesh carries the load.",
+            "There is no proof that the load cannot be carried.",
+        )  # fmt: skip
         return
     for row in certificate.rows():
         yield Check(row.measure.name, row.value, row.limit, row.passed, row.measure.meaning, row.measure.worry)
@@ -383,11 +361,11 @@ def _rows(
         return
     if claims is not None:
         yield from _agreements(claims, again)
+    stress = certificate.scales.get("stress", 1.0)
     stored, bound = result.solution.threshold, solution.problem.threshold(solution.problem.pressure(solution.z))
     apart = np.abs(stored - bound) if np.shape(stored) == bound.shape else np.inf
     yield _limited(
-        "friction bound", _largest([apart / certificate.scales.get("stress", 1.0)]),
-        _BOUND * result.certificate.tolerance,
+        "friction bound", _largest([apart / stress]), _BOUND * result.certificate.tolerance,
         "Difference of the stored bound of |σ_T| and that of the pressure there, over the largest traction.",
     )  # fmt: skip
     yield _limited(
@@ -395,9 +373,18 @@ def _rows(
         "Forces of the prescribed tractions on their edges: equilibrium with the loads.",
     )  # fmt: skip
 
+    if again.discretization.rule.law_on == "edges":  # coefficients that obey a law promise it along whole edges
+        lines, unit = again.contacts.values(), stress * again.discretization.scales.stress
+        beyond = max((max(line.excess_between_points, line.pull_between_points) for line in lines), default=0.0)
+        yield _limited(
+            "between points", beyond / unit if beyond else 0.0, _BOUND * tolerance,
+            "Largest |σ_T| beyond the bound, or pull, anywhere on the contacts, over the largest traction.",
+            "Coefficients do not hold this law between the points: leave law_on out.",
+        )  # fmt: skip
 
-def _limited(name: str, value: float, limit: float, meaning: str) -> Check:
-    return Check(name, float(value), limit, bool(value <= limit), meaning)
+
+def _limited(name: str, value: float, limit: float, meaning: str, worry: str = "") -> Check:
+    return Check(name, float(value), limit, bool(value <= limit), meaning, worry)
 
 
 def _agreements(claims: Mapping[str, Any], again: ContactResult) -> Iterator[Check]:
@@ -405,12 +392,11 @@ def _agreements(claims: Mapping[str, Any], again: ContactResult) -> Iterator[Che
     computed, units = field_arrays(again), _units(again)
     names = sorted(claims.keys() ^ computed.keys())
     shown = ", ".join(names[:_SHOWN]) + (", …" if len(names) > _SHOWN else "")
-    yield Check(
-        "entries", float(len(names)), 0.0, not names,
-        "Number of fields that are missing, or that this problem does not have.",
+    yield _limited(
+        "entries", len(names), 0.0, "Number of fields that are missing, or that this problem does not have.",
         f"Not as expected: {shown}.",
     )  # fmt: skip
-    worst: dict[str, tuple[float, str]] = {}
+    worst: dict[str, tuple[float, str]] = {}  # and the field that it is of
     frictionless = {f"{contact.name}.state" for contact in again.problem.contacts if is_frictionless(contact)}
     for name in (name for name in computed if name in claims):
         claimed, wanted = np.asarray(claims[name]), np.asarray(computed[name])
@@ -424,9 +410,11 @@ def _agreements(claims: Mapping[str, Any], again: ContactResult) -> Iterator[Che
             corner, rounding = along.min(), _ULPS * float(np.abs(along).max())
             claimed, wanted = claimed - corner, wanted - corner
         label = f"{contact}: {group}" if contact else group
-        worst[label] = max(worst.get(label, (-1.0, "")), (difference(claimed, wanted, unit, rounding), group))
-    for label, (value, group) in worst.items():
-        yield _limited(label, value, 0.0 if group == "states" else AGREEMENT, _MEANINGS[group])
+        worst[label] = max(worst.get(label, (-1.0, "")), (difference(claimed, wanted, unit, rounding), name))
+    for label, (value, name) in worst.items():
+        counted = name.endswith(".state")  # points whose state is another one
+        meaning = f"Stored fields of this group, beside those computed again. The worst is {name}."
+        yield _limited(label, value, 0.0 if counted else AGREEMENT, meaning)
 
 
 def _units(again: ContactResult) -> dict[str, tuple[float, float]]:
@@ -447,17 +435,18 @@ def _units(again: ContactResult) -> dict[str, tuple[float, float]]:
 
 def _status(result: ContactResult, again: ContactResult) -> Check:
     """Whether the status follows from the certificate at the tolerance that the result was solved with."""
-    claimed = sound(result.certificate)
-    computed = replace(again.certificate, tolerance=claimed.tolerance)
-    status, solution = result.status, result.solution
-    if status is Status.INFEASIBLE:
-        honest = again.mechanism is not None
-    elif status is Status.INFEASIBLE_ON_MESH:
-        honest = solution.farkas is not None
+    claimed, status, word = result.certificate, result.status, result.status.words
+    sound = {name: value for name, value in claimed.measures.items() if value >= 0.0}  # not NaN
+    claimed = replace(claimed, measures=dict.fromkeys(EXPONENTS, np.inf) | sound)
+    both = claimed, replace(again.certificate, tolerance=claimed.tolerance)
+    if status.impossible:
+        honest = _evidence(again) is not None
+    elif status is Status.SOLVED:
+        honest = all(each.passed for each in both)
     else:
-        honest = _follows(status, claimed) and _follows(status, computed)
-    word = status.words
-    said = re.match(rf"{word}\b", solution.message) is not None
+        near = status is not Status.INACCURATE or all(each.accuracy <= LOOSEST for each in both)
+        honest = near and not any(each.passed for each in both)
+    said = re.match(rf"{word}\b", result.solution.message) is not None
     return Check(
         "status", word, None, honest and said,
         "Solved if and only if the certificate passes at the tolerance asked for; inaccurate up to 1e-4. The message "
@@ -466,59 +455,6 @@ def _status(result: ContactResult, again: ContactResult) -> Check:
     )  # fmt: skip
 
 
-def _follows(status: Status, certificate: Certificate) -> bool:
-    """Whether a result with a state and this certificate has this status."""
-    if status is Status.SOLVED:
-        return certificate.passed
-    return not certificate.passed and (status is not Status.INACCURATE or certificate.accuracy <= LOOSEST)
-
-
-def _proof(again: ContactResult) -> Check:
-    solution = again.solution
-    proved = solution.farkas is not None and is_farkas(solution.problem, *solution.farkas)
-    meaning = "Farkas' multipliers: no admissible traction of this mesh carries the load."
-    if again.status is Status.INFEASIBLE:
-        proved = again.mechanism is not None and (proved or solution.farkas is None)
-        meaning = (
-            "A mechanism, computed again: rigid motions of the blocks on which the loads do more work than contacts "
-            "can take up. Farkas' multipliers, where the file has them: no traction of this mesh carries the load."
-        )
-    return Check(
-        "proof", "holds" if proved else "does not", None, proved, meaning,
-        "There is no proof that the load cannot be carried.",
-    )  # fmt: skip
-
-
-def _facts(again: ContactResult) -> Iterator[Check]:
-    """The law on whole edges, which rows of coefficients promise, and what cannot fail and is worth knowing."""
-    solution, stress = again.solution, again.certificate.scales.get("stress", 1.0) * again.discretization.scales.stress
-    if again.has_state:
-        yield Check(
-            "pointwise tractions", again.traction_misfit / stress, None, None,
-            "Largest difference of prescribed and computed tractions at a point, over the largest on the contact. "
-            "Forces and moments on every edge are right. To reduce the difference, refine there.",
-        )  # fmt: skip
-        lines = again.contacts.values()
-        beyond = max((max(line.excess_between_points, line.pull_between_points) for line in lines), default=0.0)
-        whole = again.discretization.rule.law_on == "edges"
-        limit = _BOUND * again.certificate.tolerance
-        yield Check(
-            "between points", beyond / stress, limit if whole else None,
-            bool(beyond <= limit * stress) if whole else None,
-            "Largest |σ_T| beyond the bound, or pull, anywhere on the contacts, over the largest traction. "
-            "Above 0 where the law holds at Gauss points only (law_on='points').",
-            "Coefficients do not hold this law between the points: leave law_on out.",
-        )  # fmt: skip
-    if "rounding" in solution.certificate.scales:
-        yield Check(
-            "rounding", solution.certificate.scales["rounding"], None, None,
-            "Error from rounding of the unknowns alone, in the energy norm; the energy is accurate to its square.",
-        )  # fmt: skip
-    with suppress(FactorisationError, ValueError):  # then the certificate has failed by the same
-        bound = solution.uniqueness
-        yield Check("uniqueness", bound.sharper, None, None, bound.sentence())
-    yield Check(
-        "not checked", None, None, None,
-        "Not computed again: iterations and their history, corrections, timings, method, versions, and the message "
-        "after its first words.",
-    )  # fmt: skip
+def _evidence(again: ContactResult) -> object:
+    """What proves an impossible status: a mechanism, computed again, or of the mesh alone Farkas' multipliers."""
+    return again.mechanism if again.status is Status.INFEASIBLE else again.solution.farkas

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from qvi_contact.bracket import Branches
     from qvi_contact.limit.load_factor import LimitLoad
     from qvi_contact.refinement import LimitRefinement, Refinement, RefinementRound
-    from qvi_contact.refinement.outcome import Outcome
+    from qvi_contact.refinement.adaptive import Outcome
 
 STATES = [state.name.lower() for state in ContactState]
 _LAW_ON = {"points": "at Gauss points", "edges": "on whole edges"}

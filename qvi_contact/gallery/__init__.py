@@ -17,11 +17,13 @@ from qvi_contact.gallery.benchmarks import (
     rings,
     ssnv128,
 )
-from qvi_contact.gallery.blocks import DOOR_AND_WINDOW, jointed_slope, masonry_wall
 from qvi_contact.gallery.exact import (
+    DOOR_AND_WINDOW,
     ExactState,
     cantilever,
     gravity_column,
+    jointed_slope,
+    masonry_wall,
     problem_from_state,
     pure_bending,
     sliding_block,

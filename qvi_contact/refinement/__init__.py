@@ -1,8 +1,8 @@
 """Meshes that a computation refines by itself until a number is as accurate as asked for."""
 
-from qvi_contact.refinement.adaptive import refine
+from qvi_contact.refinement.adaptive import LimitRefinement, Refinement, refine
+from qvi_contact.refinement.bisection import RefinementRound, RefinementStatus
 from qvi_contact.refinement.measure import LimitFactor
-from qvi_contact.refinement.outcome import LimitRefinement, Refinement, RefinementRound, RefinementStatus
 from solvers.basics.front import front
 
 __all__ = ["LimitFactor", "LimitRefinement", "Refinement", "RefinementRound", "RefinementStatus", "refine"]
@@ -10,8 +10,7 @@ __all__ = ["LimitFactor", "LimitRefinement", "Refinement", "RefinementRound", "R
 __getattr__ = front(
     __name__,
     {
-        "bisection": ("energies_between", "places", "reference_problem"),
-        "outcome": ("bulk",),
+        "bisection": ("bulk", "energies_between", "places", "reference_problem"),
         "measure": ("unit_of",),
     },
 )

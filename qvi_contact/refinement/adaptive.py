@@ -3,33 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from itertools import count
-from typing import Any, Final, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, Final, TypeAlias, overload
 
 import numpy as np
 
-from qvi_contact.basics.checks import positive_number, whole_number
+from qvi_contact.basics.checks import FloatArray, positive_number, whole_number
+from qvi_contact.basics.units import Certainty
 from qvi_contact.errors import InputError, QVIError, SolveError
-from qvi_contact.limit.load_factor import checked_loads
+from qvi_contact.limit.load_factor import LimitLoad, checked_loads
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.refinement.bisection import LimitStrategy, TriangleRefinement, steps_of
-from qvi_contact.refinement.measure import LimitFactor, Measure, Quantity
-from qvi_contact.refinement.outcome import (
-    LimitRefinement,
-    Refinement,
+from qvi_contact.refinement.bisection import (
+    LimitStrategy,
     RefinementRound,
     RefinementStatus,
     Round,
     Settings,
     StopError,
+    TriangleRefinement,
+    steps_of,
 )
+from qvi_contact.refinement.measure import LimitFactor, Measure, Quantity
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.settings import Settings as SolveSettings
 from qvi_contact.version import __version__
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.progress import Log, deadline
+from solvers.basics.types import columns_of, frame
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 _COLUMNS = {
     "round": ">5", "cells": ">8", "unknowns": ">9", "value": ">16.9g", "estimate": ">9.1e", "guaranteed": ">10",
@@ -37,6 +43,109 @@ _COLUMNS = {
 }  # fmt: skip
 
 _ROUNDS: Final = 60
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Outcome:
+    """What a refinement says of its quantity, whatever that is."""
+
+    status: RefinementStatus
+    """Only `RefinementStatus.REACHED` means that the estimate is within the target, and guaranteed if that was asked
+    for."""
+    quantity: str
+    """Name of the quantity."""
+    target: float
+    """Relative error asked for."""
+    unit: float
+    """What errors are relative to, see `refine`; NaN if no mesh was solved."""
+    indicator: FloatArray
+    """Contribution of each cell of the last mesh, (cells,); they are ≥ 0 and add up to the estimate."""
+    rounds: tuple[RefinementRound, ...]
+    """One for each mesh solved."""
+    reason: str = ""
+    """Why the refinement stopped before the target, if a solve or a mesh failed."""
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.message}>"
+
+    def to_frame(self) -> DataFrame:
+        """One row a round as a pandas table: "round" (from 1), and the fields of `RefinementRound`.
+
+        `InputError` without pandas (extra ``frame``).
+        """
+        rows = [{"round": number, **asdict(record)} for number, record in enumerate(self.rounds, 1)]
+        return frame(columns_of(rows))
+
+    @property
+    def value(self) -> float:
+        """The quantity on the last mesh; NaN if that failed."""
+        return self.rounds[-1].value if self.rounds else float("nan")
+
+    @property
+    def estimate(self) -> float:
+        """Estimated relative error of the value, or its bound if `guaranteed`; infinity if there is none."""
+        return self.rounds[-1].estimate if self.rounds else float("inf")
+
+    @property
+    def error(self) -> float:
+        """Estimated error of the value, in its own unit."""
+        return self.estimate * self.unit
+
+    @property
+    def certainty(self) -> Certainty:
+        """Whether `estimate` is a bound of the error, up to rounding."""
+        return self.rounds[-1].certainty if self.rounds else Certainty.ESTIMATE
+
+    @property
+    def guaranteed(self) -> bool:
+        """Whether `estimate` is a bound of the error without a condition, up to rounding; see `Bracket.certainty`."""
+        return self.certainty is Certainty.GUARANTEED
+
+    @property
+    def message(self) -> str:
+        """One sentence about the outcome."""
+        if not self.rounds:
+            return f"{self.status.value}: no mesh was solved; {self.reason}"
+        last = self.rounds[-1]
+        sure = self.certainty is not Certainty.ESTIMATE
+        error = f"relative error ({self.certainty})" if sure else "estimated relative error"
+        sense = "within" if self.status in {RefinementStatus.REACHED, RefinementStatus.NO_GUARANTEE} else "above"
+        text = (
+            f"{self.status.value}: {self.quantity} = {self.value:.9g}, {error} {self.estimate:.1e}, "
+            f"{sense} the target {self.target:.1e}, with {last.unknowns} unknowns on {last.cells} triangles after "
+            f"{len(self.rounds)} {'round' if len(self.rounds) == 1 else 'rounds'}"
+        )
+        return f"{text}; {self.reason}" if self.reason else text
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Refinement(Outcome):
+    """A problem solved on a mesh refined for one quantity, with an estimate of the quantity's error."""
+
+    result: ContactResult
+    """On the last mesh that was solved; if there is none, the failed one on the first. Of load steps the last one."""
+    history: History | None = None
+    """All load steps on that mesh, if these were refined."""
+
+    @property
+    def problem(self) -> ContactProblem:
+        """The problem on the last mesh."""
+        return self.result.problem
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class LimitRefinement(Outcome):
+    """A limit load on a mesh refined until both of its sides are as near as asked for.
+
+    It is not guaranteed where tractions, or what enters them along contacts, are no polynomials that the mesh can
+    follow: loads are then met in their resultants on every edge.
+    """
+
+    limit: LimitLoad
+    """Both sides on the last mesh. `Outcome.value` is the lower one, `Outcome.estimate` is (upper − lower)/upper."""
+    problem: ContactProblem
+    """The problem on the last mesh."""
+
 
 RoundCallback: TypeAlias = Callable[[RefinementRound], object]
 """Called with the record of a round."""
@@ -61,18 +170,7 @@ def refine(
 
 @overload
 def refine(
-    problem: ContactProblem,
-    result: ContactResult | None = None,
-    target: float = 1e-3,
-    *,
-    quantity: LimitFactor,
-    max_unknowns: int = 20_000,
-    max_rounds: int | None = None,
-    time_limit: float | None = None,
-    guaranteed: bool = False,
-    callback: RoundCallback | None = None,
-    verbose: bool = False,
-    **options: Any,
+    problem: ContactProblem, result: Any = None, target: float = 1e-3, *, quantity: LimitFactor, **options: Any
 ) -> LimitRefinement: ...
 
 
@@ -211,50 +309,49 @@ def refine(
 def _refined(
     strategy: LimitStrategy | TriangleRefinement, mesh: TriangleMesh, callback: RoundCallback
 ) -> Refinement | LimitRefinement:
-    first, rounds, stop = _in_rounds(strategy, mesh, callback)
-    answer, last = (rounds[-1].answer, rounds[-1]) if rounds else (first, None)
-    said: dict[str, Any] = {
-        "status": stop.status, "target": strategy.settings.target, "reason": stop.reason,
-        "rounds": tuple(each.record for each in rounds), "unit": np.nan if last is None else last.unit,
-        "indicator": np.zeros(mesh.cell_count) if last is None else last.indicator,
-    }  # fmt: skip
-    if isinstance(strategy, TriangleRefinement):
-        history = answer if isinstance(answer, History) else None
-        return Refinement(quantity=strategy.measure.name, result=steps_of(answer)[-1], history=history, **said)
-    if last is None:
-        raise SolveError(f"limit load: {stop.reason}: use a coarser or less graded mesh")
-    name = f"limit load factor of {', '.join(strategy.names)}"
-    return LimitRefinement(quantity=name, limit=answer.limit, problem=answer.problem, **said)
-
-
-def _in_rounds(
-    strategy: LimitStrategy | TriangleRefinement, mesh: TriangleMesh, callback: RoundCallback
-) -> tuple[Any, list[Round], StopError]:
-    """The first answer, all rounds that were assessed, and why they ended; what the first mesh raises is raised."""
+    """The last answer that was assessed, or the first one."""
     settings, rounds = strategy.settings, list[Round]()
-    answer: Any
-    try:
-        first = answer = strategy.answer(mesh)
-    except StopError as stop:
-        remedy = f"{stop.reason}: allow more, or start coarser"
-        raise InputError("max_unknowns", settings.max_unknowns, remedy) from stop
+    answer: Any = None
     try:
         while True:
-            last = strategy.assessed(mesh, answer, rounds)
-            rounds.append(last)
-            callback(last.record)
-            if last.record.estimate <= settings.target:
-                enough = last.record.guaranteed or not settings.guaranteed
+            answer = _answer(strategy, mesh, first=not rounds)
+            rounds.append(strategy.assessed(mesh, answer, rounds))
+            record = rounds[-1].record
+            callback(record)
+            if record.estimate <= settings.target:
+                enough = record.guaranteed or not settings.guaranteed
                 raise StopError(RefinementStatus.REACHED if enough else RefinementStatus.NO_GUARANTEE)
             if deadline.over:
                 raise StopError(RefinementStatus.TIME_LIMIT)
             if len(rounds) >= settings.max_rounds:
                 raise StopError(RefinementStatus.ROUNDS)
-            mesh = last.finer()
-            try:
-                answer = strategy.answer(mesh)
-            except QVIError as error:  # the same data were taken on the mesh before
-                late = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.THIN_CELLS
-                raise StopError(late, str(error)) from error
+            mesh = rounds[-1].finer()
     except StopError as stop:
-        return first, rounds, stop
+        said: dict[str, Any] = {"status": stop.status, "reason": stop.reason, "target": settings.target}
+    said |= {"rounds": tuple(each.record for each in rounds), "unit": np.nan, "indicator": np.zeros(mesh.cell_count)}
+    if rounds:
+        last = rounds[-1]
+        answer, said["unit"], said["indicator"] = last.answer, last.unit, last.indicator
+    if isinstance(strategy, TriangleRefinement):
+        history = answer if isinstance(answer, History) else None
+        return Refinement(quantity=strategy.measure.name, result=steps_of(answer)[-1], history=history, **said)
+    if not rounds:
+        raise SolveError(f"limit load: {said['reason']}: use a coarser or less graded mesh")
+    name = f"limit load factor of {', '.join(strategy.names)}"
+    return LimitRefinement(quantity=name, limit=answer.limit, problem=answer.problem, **said)
+
+
+def _answer(strategy: LimitStrategy | TriangleRefinement, mesh: TriangleMesh, *, first: bool) -> Any:
+    """The answer on a mesh; what the first mesh raises is raised, of finer ones it ends the rounds."""
+    try:
+        return strategy.answer(mesh)
+    except StopError as stop:
+        if not first:
+            raise
+        remedy = f"{stop.reason}: allow more, or start coarser"
+        raise InputError("max_unknowns", strategy.settings.max_unknowns, remedy) from stop
+    except QVIError as error:
+        if first:
+            raise
+        late = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.THIN_CELLS
+        raise StopError(late, str(error)) from error  # the same data were taken on the mesh before

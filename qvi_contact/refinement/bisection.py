@@ -9,8 +9,9 @@ In `docs/theory.md`: (D22) with why and how often, for limit loads (D25).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from functools import partial
 from types import MappingProxyType
 from typing import Any, Final
@@ -22,12 +23,11 @@ from qvi_contact.basics.units import Certainty
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.limit.load_factor import LimitProblem
-from qvi_contact.mesh.edges import Edges, cross, frames_along
+from qvi_contact.mesh.edges import cross, frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import SPRINGS, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.refinement.measure import Measure
-from qvi_contact.refinement.outcome import RefinementRound, RefinementStatus, Round, Settings, StopError, bulk
+from qvi_contact.refinement.measure import FORCES, Measure
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History, solve_history
 from qvi_contact.solution.result import ContactResult
@@ -35,6 +35,110 @@ from qvi_contact.solution.solver import discretized, solve
 from qvi_contact.solution.stress import loads_followed
 from solvers import Status
 from solvers.basics.progress import deadline
+
+_BULK: Final = 0.6  # Dörfler's share of the difference that is marked
+
+
+class RefinementStatus(StrEnum):
+    """How a refinement ended. The value is a word for files and tables, `advice` a sentence for the user."""
+
+    REACHED = "reached"
+    NO_GUARANTEE = "no_guarantee"
+    UNKNOWNS = "unknowns"
+    ROUNDS = "rounds"
+    THIN_CELLS = "thin_cells"
+    UNSOLVED = "unsolved"
+    TIME_LIMIT = "time_limit"
+
+    @property
+    def advice(self) -> str:
+        """What to do about it, in one sentence."""
+        return _ADVICE[self]
+
+
+_ADVICE = {
+    RefinementStatus.REACHED: "Nothing to do: the error, estimated or bounded, is within the target.",
+    RefinementStatus.NO_GUARANTEE: "The error is within the target, but no guaranteed bound, as was asked for: "
+    "accept it as it is, or read why in result.bracket (reasons, coulomb, coulomb_reason).",
+    RefinementStatus.UNKNOWNS: "The next mesh would have more unknowns than allowed: raise max_unknowns, or accept the "
+    "estimate.",
+    RefinementStatus.ROUNDS: "The rounds are used up: raise max_rounds, or accept the estimate.",
+    RefinementStatus.THIN_CELLS: "The cells with the largest error are as thin as double precision allows: accept the "
+    "estimate.",
+    RefinementStatus.UNSOLVED: "A problem of the refinement was not solved. Its message says what to do.",
+    RefinementStatus.TIME_LIMIT: "The time limit was reached: allow more time (time_limit), or accept the estimate "
+    "of the last round.",
+}
+
+
+@dataclass(frozen=True)
+class RefinementRound:
+    """One round of a refinement."""
+
+    cells: int
+    """Number of triangles."""
+    unknowns: int
+    """Unknowns of the problem on them."""
+    value: float
+    """The quantity."""
+    estimate: float
+    """Its estimated relative error; infinity if there is none."""
+    certainty: Certainty = Certainty.ESTIMATE
+    """Whether the estimate is a bound of the error."""
+
+    @property
+    def guaranteed(self) -> bool:
+        """Whether the estimate is a bound of the error without a condition."""
+        return self.certainty is Certainty.GUARANTEED
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is asked for: the target, what must not be exceeded, options of all solves; see `refine`."""
+
+    target: float
+    max_unknowns: int
+    max_rounds: int
+    options: Mapping[str, Any]
+    guaranteed: bool = False
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Round:
+    """An answer and how far it is off."""
+
+    answer: Any  # a ContactResult, History or LimitProblem
+    record: RefinementRound  # what is kept of the round
+    unit: float  # what the error of the quantity is relative to
+    parts: FloatArray  # (cells,): in which proportion cells have a share in it
+    finer: Callable[[], TriangleMesh]  # makes the mesh of the next round, or stops
+    reference: float = np.nan  # the quantity of the reference solution; NaN where there was none
+    hopeless: bool = False  # whether bounds need not be tried again
+
+    @property
+    def indicator(self) -> FloatArray:
+        """Contribution (cells,) of each cell to the estimate; zero where there is none."""
+        total, estimate = float(self.parts.sum()), self.record.estimate
+        known = total > 0.0 and np.isfinite(estimate)
+        return self.parts * (estimate / total) if known else np.zeros_like(self.parts)
+
+
+class StopError(Exception):
+    """The end of the rounds: how, and why if something failed."""
+
+    def __init__(self, status: RefinementStatus, reason: str = "") -> None:
+        super().__init__(reason)
+        self.status, self.reason = status, reason
+
+
+def bulk(parts: FloatArray, share: float = _BULK) -> BoolArray:
+    """The fewest entries that hold a share of the sum, Dörfler's by default."""
+    order: IntArray = np.argsort(-parts, kind="stable")
+    enough = int(np.searchsorted(np.cumsum(parts[order]), share * parts.sum() * (1.0 - 1e-12))) + 1
+    found = np.zeros(len(parts), dtype=bool)
+    found[order[:enough]] = True
+    return found
+
 
 _DEGREE: Final = 5  # where none is given
 
@@ -46,7 +150,7 @@ _DEEPEST: Final = 3  # bisections in a corner in one round
 _THINNEST: Final = 1e-9  # smallest edge that is made, over the body's length
 _SAFETY: Final = 1.5  # by which an estimate is more than a difference: the reference may be off by a third as much
 _NEAR: Final = 0.1  # accuracy of a reference solution over the error that is told from it
-_QUICK: Final = MappingProxyType({"method": "condensed"})  # no other methods, no second opinion: it is no answer
+_QUICK: Final = MappingProxyType({"method": "condensed"})  # no other methods: it is no answer
 _STOPS: Final = {
     Status.ILL_CONDITIONED: RefinementStatus.THIN_CELLS,
     Status.TIME_LIMIT: RefinementStatus.TIME_LIMIT,
@@ -102,7 +206,9 @@ class TriangleRefinement:
         at = Places(*(np.unique(np.concatenate([getattr(one, of) for one in there])) for of in ("cells", "corners")))
         hopeless = len(results) > 1 or any(each.hopeless for each in earlier)
         rough = any(map(has_coulomb, last.problem.contacts))
-        tried = measure.bounded and not hopeless and (not rough or (self.settings.guaranteed and measure.of_a_force))
+        tried = (
+            measure.bounded and not hopeless and (not rough or (self.settings.guaranteed and measure.kind in FORCES))
+        )
         bounds = found = bounded(measure, value, last) if tried else None
         if found is None:
             found = self._compared(answer, value, unit, at)
@@ -403,25 +509,22 @@ class LimitStrategy:
             finer = partial(self._finer_where_it_yields, mesh, parts, min(max(needed, _LEAST_SHARE), _SHARE))
             exact &= not mesh.curved.any()  # strengths hold on the straight triangles
         else:
-            on_edges, parts = list(_edge_gaps(answer)), np.zeros(mesh.cell_count)
-            for edges, part in zip(_limited_edges(answer.problem), on_edges, strict=True):
-                inside = edges.cells >= 0
-                for side in (0, 1):  # in equal shares for the cells beside an edge
-                    np.add.at(parts, edges.cells[inside[:, side], side], (part / inside.sum(axis=1))[inside[:, side]])
-            finer = partial(self._finer_at_contacts, mesh, on_edges)
+            gaps, (beside, _) = _edge_gaps(answer), _limited_edges(answer.problem)
+            inside = beside >= 0
+            shares = np.where(inside, (gaps / inside.sum(axis=1))[:, None], 0.0)  # equal ones, beside an edge
+            parts = np.asarray(np.bincount(beside[inside], shares[inside], mesh.cell_count), float)
+            finer = partial(self._finer_at_contacts, mesh, gaps)
         certainty = Certainty.GUARANTEED if exact else Certainty.ESTIMATE
         record = RefinementRound(mesh.cell_count, answer.unknowns, limit.lower, estimate, certainty)
         return Round(answer=answer, record=record, unit=unit, parts=parts, finer=finer)
 
-    def _finer_at_contacts(self, mesh: TriangleMesh, parts: Sequence[FloatArray]) -> TriangleMesh:
+    def _finer_at_contacts(self, mesh: TriangleMesh, gaps: FloatArray) -> TriangleMesh:
         """Triangles beside the edges that have most of the distance bisected twice."""
-        joined = np.concatenate([np.empty(0), *parts])
-        if not joined.size:
+        if not gaps.size:
             raise StopError(RefinementStatus.UNSOLVED, "there is no contact that limits tractions")
         problem = replace(self.problem, mesh=mesh)
-        long = np.concatenate([edges.length for edges in _limited_edges(problem)]) >= 2.0 * _THINNEST * mesh.length
-        beside = np.concatenate([edges.cells for edges in _limited_edges(problem)])
-        cells = np.unique(beside[bulk(joined) & long])
+        beside, lengths = _limited_edges(problem)
+        cells = np.unique(beside[bulk(gaps) & (lengths >= 2.0 * _THINNEST * mesh.length)])
         cells = cells[cells >= 0]
         if not len(cells):
             raise StopError(RefinementStatus.THIN_CELLS)
@@ -452,19 +555,18 @@ class LimitStrategy:
         return fine
 
 
-def _limited_edges(problem: ContactProblem) -> Iterator[Edges]:
-    """Edges of each contact that limits tractions, in the order of the problem."""
-    for contact in problem.contacts:
-        if contact.law != "tied":
-            yield problem.mesh.edges(contact.edges)
+def _limited_edges(problem: ContactProblem) -> tuple[IntArray, FloatArray]:
+    """Cells (n, 2) beside all edges of contacts that limit tractions, in the order of the problem; lengths (n,)."""
+    found = [problem.mesh.edges(contact.edges) for contact in problem.contacts if contact.law != "tied"]
+    cells = np.concatenate([np.empty((0, 2), dtype=np.int64), *(edges.cells for edges in found)])
+    return cells, np.concatenate([np.empty(0), *(edges.length for edges in found)])
 
 
-def _edge_gaps(answer: LimitProblem) -> Iterator[FloatArray]:
-    """∫ (π(w', s) − |σ_N| w' − σ_T s) ds of edges (n,) of each contact, (D25); 1 for all where there is no state."""
-    carried = answer.carried
+def _edge_gaps(answer: LimitProblem) -> FloatArray:
+    """∫ (π(w', s) − |σ_N| w' − σ_T s) ds of these edges (n,), (D25); 1 for all where there is no state."""
+    carried, found = answer.carried, [np.empty(0)]
     if carried.tractions is None or carried.motion is None:
-        yield from (np.ones(len(edges)) for edges in _limited_edges(answer.problem))
-        return
+        return np.ones(len(_limited_edges(answer.problem)[0]))
     rule = answer.low.rule
     normal, shear = (rule.at_points(half) for half in np.split(carried.tractions, 2))
     opening, slip = (rule.multipliers_at_points(half) for half in np.split(carried.motion, 2))
@@ -478,4 +580,5 @@ def _edge_gaps(answer: LimitProblem) -> Iterator[FloatArray]:
             dilatant = np.where(unilateral, np.minimum(size, room), np.where(rough, 0.0, size))
             work = np.minimum(rows.limits.cohesion, rows.limits.cap) * dilatant
             work += np.where(capped, rows.limits.cap, 0.0) * (size - dilatant)
-            yield np.maximum(work - N * w - T * s, 0.0).reshape(-1, rule.count).sum(axis=1)
+            found.append(np.maximum(work - N * w - T * s, 0.0).reshape(-1, rule.count).sum(axis=1))
+    return np.concatenate(found)

@@ -9,17 +9,16 @@ In `docs/theory.md`: (D34).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias
+from typing import Any, Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from qvi_contact.basics.checks import Field, FloatArray
-from qvi_contact.basics.schema import keys_of
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.loads import potential_at
 from qvi_contact.discretization.scaling import Scales
@@ -29,20 +28,16 @@ from qvi_contact.limit.load_factor import LimitProblem, checked_loads, loads_of,
 from qvi_contact.limit.stresses import StressProgram, both_signs
 from qvi_contact.mesh.edges import Edges, frames_along, points_along
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.problem.conditions import SHEAR_LAW, SPRINGS, Contact, Displacement, RigidPlate, components
+from qvi_contact.problem.conditions import SHEAR_LAW, SPRINGS, Contact, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import COMPONENTS, cell_factors, held_along_z, stress_component, stress_in_cells
-from solvers import QVISolution
-from solvers.derivative import Change, change
+from solvers.derivative import change
 from solvers.errors import known_name
-
-if TYPE_CHECKING:
-    from qvi_contact.discretization.space import LawOn
 
 Quantity: TypeAlias = str | Callable[[ContactResult], float]
 
-_FORCES: Final = ("normal_force", "tangential_force")
+FORCES: Final = ("normal_force", "tangential_force")
 _PLATE_FORCES: Final = {"force_x": "x", "force_y": "y", "moment": "moment"}
 _MOTIONS: Final = ("x", "y", "rotation")
 _ENERGIES: Final = ("energy", "dissipation")
@@ -89,18 +84,7 @@ class Measure:
     @property
     def bounded(self) -> bool:
         """Whether a bracket may bound it."""
-        return self.kind in ("energy", *_FORCES, *_PLATE_FORCES, *_MOTIONS)
-
-    @property
-    def of_a_force(self) -> bool:
-        """Whether it is the force of a contact, which may have bounds where contacts slip."""
-        return self.kind in _FORCES
-
-    @property
-    def linear(self) -> bool:
-        """Whether it is an affine function of stresses and multipliers."""
-        at_point = self.point and self.kind in ("xx", "yy", "xy", "slip")
-        return at_point or (self.bounded and self.kind != "energy")
+        return self.kind in ("energy", *FORCES, *_PLATE_FORCES, *_MOTIONS)
 
     @classmethod
     def of(cls, problem: ContactProblem, quantity: Quantity) -> Measure:
@@ -122,7 +106,7 @@ class Measure:
             return cls(quantity, value, component)
         known = [*_ENERGIES, *(f"{name}(x, y)" for name in COMPONENTS)]
         for contact in problem.contacts:
-            kinds = [*_FORCES, "largest_pressure", "slip(x, y)"]
+            kinds = [*FORCES, "largest_pressure", "slip(x, y)"]
             kinds += [*_PLATE_FORCES, *_MOTIONS] if contact.name in plates else []
             known += [f"{contact.name}.{kind}" for kind in kinds]
         extremes = f"largest or smallest along edges, as in {next(iter(lines), 'EDGES')}.largest_von_mises"
@@ -160,7 +144,7 @@ def _number(result: ContactResult, own: str, kind: str) -> float:
     """An energy, or a force or motion on a contact."""
     if kind in _ENERGIES:
         return float(result.energies.complementary if kind == "energy" else result.energies.dissipation)
-    if kind in _FORCES:
+    if kind in FORCES:
         return float(getattr(result.contacts[own], kind))
     if kind in _PLATE_FORCES:
         return float(getattr(result.plate_force(own), _PLATE_FORCES[kind]))
@@ -245,24 +229,31 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
     if side not in (None, "above", "below"):
         raise InputError("side", side, "give 'above' or 'below', or leave it out")
     measure = Measure.of(result.problem, quantity)
-    if not measure.linear:
+    at_point = measure.point and measure.kind in ("xx", "yy", "xy", "slip")
+    if not at_point and (measure.kind == "energy" or not measure.bounded):  # no affine function of the solution
         remedy = "give a force, a motion of a plate, or at a point NAME.slip(x, y), xx(x, y), yy(x, y) or xy(x, y)"
         raise InputError("quantity", quantity, remedy)
     known = result.discretization
-    chosen = _datum(result.problem, known.scales, parameter, dict(_paths(result.problem)))
+    chosen = _datum(result.problem, known.scales, parameter)
     base = known.with_data(known.problem, known.scales)
     moved = known.with_data(chosen.moved(1.0), known.scales)
     if moved.qvi.A.shape != base.qvi.A.shape or moved.qvi.n != base.qvi.n:
         raise InputError("parameter", parameter, "a step changes which unknowns there are: give its load a value first")
-    value = measure.value
-    at_rest = value(ContactResult(moved, replace(result.solution, problem=moved.qvi))) - value(
-        ContactResult(base, replace(result.solution, problem=base.qvi))
-    )
+    value, solution = measure.value, result.solution
+    further, here = (ContactResult(each, replace(solution, problem=each.qvi)) for each in (moved, base))
+    at_rest = value(further) - value(here)
 
     def one_sided(sign: float) -> tuple[float, bool]:
-        found = change(result.solution, base.qvi, moved.qvi, sign)
-        there = value(ContactResult(known, _moved(result.solution, found))) - value(result)
-        return (there * sign + at_rest) / chosen.unit, found.changes_state
+        found = change(solution, base.qvi, moved.qvi, sign)
+        there = replace(
+            solution,
+            z=solution.z + found.z,
+            normal_multiplier=solution.normal_multiplier + found.normal,
+            tangential_multiplier=solution.tangential_multiplier + found.tangential,
+            equality_multiplier=solution.equality_multiplier + found.equality,
+        )
+        differs = value(ContactResult(known, there)) - value(result)
+        return (differs * sign + at_rest) / chosen.unit, found.changes_state
 
     above, changes = one_sided(1.0)
     if not changes or side == "above":
@@ -272,16 +263,6 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
         return below
     remedy = f"a point changes its state here: the derivative is {below:.6g} from below and {above:.6g} from above; "
     raise InputError("side", None, remedy + "ask for one of them")
-
-
-def _moved(solution: QVISolution, by: Change) -> QVISolution:
-    return replace(
-        solution,
-        z=solution.z + by.z,
-        normal_multiplier=solution.normal_multiplier + by.normal,
-        tangential_multiplier=solution.tangential_multiplier + by.tangential,
-        equality_multiplier=solution.equality_multiplier + by.equality,
-    )
 
 
 _Path: TypeAlias = tuple[str | int, ...]
@@ -346,10 +327,9 @@ class _Datum(NamedTuple):
     least: bool
 
 
-def _datum(
-    problem: ContactProblem, scales: Scales, parameter: str, paths: Mapping[str, _Path], *, relative: bool = False
-) -> _Datum:
-    """The datum of a name, with its own size as unit if `relative`; temperatures grow by what has that of stress."""
+def _datum(problem: ContactProblem, scales: Scales, parameter: str, *, limit: bool = False) -> _Datum:
+    """The datum of a name, its own size as unit in limit loads; temperatures grow by what has that of stress."""
+    paths = dict(_paths(problem, limit=limit))
     path = paths[known_name("parameter", parameter, {"parameters": paths})]
     name = str(path[-1])
     if path[0] == "load":
@@ -357,34 +337,27 @@ def _datum(
     value = _at(problem, path)
     if name == "young" or name in SPRINGS:
         return _Datum(lambda step: _with(problem, path, value / (1.0 + step)), -value, least=False)
-    force = scales.stress * scales.length
-    units = {"": 1.0, "stress": scales.stress, "length": scales.displacement, "force": force}
-    units |= {"moment": force * scales.length, "rad": scales.displacement / scales.length}
-    part = _at(problem, path[:-1])
-    if isinstance(part, Contact | RigidPlate):
-        unit = units[keys_of(type(part))[name].unit]
-    elif name == "temperature":
-        unit = scales.stress * scales.compliance / max(abs(each.expansion) for each in problem.materials)
-    elif name == "phi":
-        unit = 1.0
-    else:
-        unit = scales.stress if "strength" in path else scales.displacement
-    if relative and not callable(value):
+    force, length = scales.stress * scales.length, scales.displacement
+    expansion = max(abs(each.expansion) for each in problem.materials) or 1.0
+    units = {  # of others that of stress
+        **dict.fromkeys(("friction", "phi"), 1.0),
+        **dict.fromkeys(("gap", "offset", "x", "y", "normal", "tangential"), length),
+        **dict.fromkeys(("force_x", "force_y"), force),
+        "moment": force * scales.length,
+        "rotation": length / scales.length,
+        "temperature": scales.stress * scales.compliance / expansion,
+    }
+    unit = units.get(name, scales.stress)
+    number = not callable(value)
+    if limit and number:
         unit = abs(value) or unit
-    return _Datum(
-        lambda step: _with(problem, path, _plus(value, step * unit)), unit, not callable(value) and value == 0.0
-    )
 
+    def moved(step: float) -> ContactProblem:
+        further = value + step * unit if number else lambda x, y: np.asarray(value(x, y), dtype=float) + step * unit
+        posed: ContactProblem = _with(problem, path, further)
+        return posed
 
-def _plus(field: Field, step: float) -> Field:
-    """The field, larger by a step."""
-    if not callable(field):
-        return field + step
-
-    def larger(x: FloatArray, y: FloatArray) -> FloatArray:
-        return np.asarray(field(x, y), dtype=float) + step
-
-    return larger
+    return _Datum(moved, unit, number and value == 0.0)
 
 
 @dataclass(frozen=True)
@@ -394,15 +367,7 @@ class LimitFactor:
     loads: Sequence[str]
     """Names of the loads to multiply, see `limit_load_factor`."""
 
-    def derivative(
-        self,
-        problem: ContactProblem,
-        parameter: str,
-        side: Side | None = None,
-        *,
-        degree: int | None = None,
-        law_on: LawOn | None = None,
-    ) -> float:
+    def derivative(self, problem: ContactProblem, parameter: str, side: Side | None = None) -> float:
         """By how much the factor grows with a datum of the problem [1/unit of the datum].
 
             LimitFactor(["drag"]).derivative(problem, "ground.friction")
@@ -422,16 +387,14 @@ class LimitFactor:
         side : "above" or "below", optional
             Needed where another mechanism begins at this value, to within 0.2 %, so that the derivatives from both
             sides differ; such values are good to about five digits. What is zero has only the one from above.
-        degree, law_on
-            As for `limit_load_factor`.
 
         """
-        posed = LimitProblem.of(problem, checked_loads(problem, self.loads), degree=degree, law_on=law_on)
+        posed = LimitProblem.of(problem, checked_loads(problem, self.loads))
         if both_signs(posed.low).any():
             raise InputError("problem", "bilateral", "bilateral contacts with friction have no derivative: give none")
         if side not in (None, "above", "below"):
             raise InputError("side", side, "give 'above' or 'below', or leave it out")
-        datum = _datum(problem, posed.low.scales, parameter, dict(_paths(problem, limit=True)), relative=True)
+        datum = _datum(problem, posed.low.scales, parameter, limit=True)
         unit = datum.unit
 
         def program(step: float) -> ConicProgram:

@@ -400,37 +400,22 @@ def _roots(p: Polynomial) -> FloatArray:
 # leads. A path does: each line begins at the end of smallest x (and y), a closed one at the point of smallest x.
 
 
-_ARC: Final = 1e-12  # relative difference of two lengths that does not make an arc
-
-
 @dataclass(frozen=True, eq=False)
 class ContactPath:
-    """Edges in order along their lines; where more than two of them meet, or none follows, a line ends.
-
-    Attributes
-    ----------
-    edges : (n,) int array
-        Numbers of the edges, one behind the other.
-    forward : (n,) bool array
-        Whether the tangent of the edge leads along the path.
-    line : (n,) int array
-        Number of the line that each of these edges belongs to, ascending.
-    lengths : (n,) array
-        Their lengths [length].
-
-    """
+    """Edges in order along their lines; where more than two of them meet, or none follows, a line ends."""
 
     edges: IntArray
+    """Numbers of the edges, one behind the other, shape (n,)."""
     forward: BoolArray
+    """Whether the tangent of the edge leads along the path, (n,)."""
     line: IntArray
+    """Number of the line that each of these edges belongs to, ascending, (n,)."""
     lengths: FloatArray
+    """Their lengths [length], (n,)."""
 
     @classmethod
-    def of(cls, ends: FloatArray, lengths: FloatArray | None = None) -> ContactPath:
-        """The path through edges between two points each, (n, 2, 2) [length], in any order.
-
-        Arcs are longer than the way from end to end: their `lengths` (n,) count, those of straight edges are not used.
-        """
+    def of(cls, ends: FloatArray, lengths: FloatArray) -> ContactPath:
+        """The path through edges between two points each, (n, 2, 2) [length], of these lengths (n,), in any order."""
         vertices = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)[1].reshape(-1, 2)
         found, forward = chains(vertices), np.zeros(len(ends), dtype=bool)
         order, place = np.concatenate([np.empty(0, dtype=np.int64), *found]), 0
@@ -441,10 +426,7 @@ class ContactPath:
                 forward[place] = first == at
                 at, place = second if forward[place] else first, place + 1
         number = np.repeat(np.arange(len(found)), [len(line) for line in found])
-        along = np.hypot(*(ends[order, 1] - ends[order, 0]).T)
-        if lengths is not None:
-            along = np.where(lengths[order] > (1.0 + _ARC) * along, lengths[order], along)
-        return cls(order, forward, number, along)
+        return cls(order, forward, number, lengths[order])
 
     @cached_property
     def starts(self) -> FloatArray:

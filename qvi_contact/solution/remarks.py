@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -33,10 +33,10 @@ _YIELDS: Final = 1e-6  # of the unit of stress: excess of the strength that coun
 
 
 def remarks(result: ContactResult) -> tuple[str, ...]:
-    """Sentences about how data were taken, about the way to the solution, and what the functions of `REMARKS` say."""
+    """Sentences about how data were taken, about the way to the solution, and about its state, if it has one."""
     found = [*result.discretization.remarks, *result.solution.remarks, *_turning_plates(result)]
     if result.has_state:
-        found += [sentence for said in REMARKS for sentence in said(result)]
+        found += [*_about_numbers(result), *_about_contacts(result)]
     return tuple(found)
 
 
@@ -51,109 +51,88 @@ def _turning_plates(result: ContactResult) -> Iterator[str]:
                 )
 
 
-def _misfit(result: ContactResult) -> Iterator[str]:
-    if result.traction_misfit > _MISFIT * result.discretization.scales.stress:
+def _about_numbers(result: ContactResult) -> Iterator[str]:
+    """Conditions, and the sentences that they call for: what is not unique, and which digits are not reliable."""
+    scales, certified, qvi = result.discretization.scales, result.certificate.scales, result.solution.problem
+    if result.traction_misfit > _MISFIT * scales.stress:
         yield (
             f"Computed tractions differ from the prescribed ones by up to {result.traction_misfit:.3g} [stress] at "
             "single points. Force and moment on every edge are right. To reduce the difference, let an edge end where "
             "the tractions jump, or refine there."
         )
-
-
-def _large_friction(result: ContactResult) -> Iterator[str]:
-    """Unless friction is below its bound for one solution only, which is computed where it is large.
-
-    The bound alone says nothing: on usual meshes it is 0.01 to 0.1.
-    """
-    qvi = result.solution.problem
     friction = float(qvi.mu[qvi.law.moving].max(initial=0.0))
-    if result.status is Status.SOLVED and not result.solution.remarks and friction > _LARGE_FRICTION:
-        try:
-            unique = result.solution.uniqueness.satisfied
-        except (FactorisationError, ValueError):  # dense algebra refuses what has overflowed by ValueError
-            unique = False
-        if not unique:
-            yield (
-                f"Friction is {friction:.3g}. Above {_LARGE_FRICTION:g} the discrete problem may have several "
-                "solutions. This is one of them. To look for others, call other_solutions(result), or run 'qvi-contact "
-                "branches' with the problem file."
-            )
-
-
-def _rounded_stresses(result: ContactResult) -> Iterator[str]:
-    unit = result.certificate.scales.get("stress", 1.0) * result.discretization.scales.stress
-    if result.stress_rounding > _ROUNDED * unit:
+    large = friction > _LARGE_FRICTION and result.status is Status.SOLVED and not result.solution.remarks
+    if large and not _is_unique(result):
+        yield (
+            f"Friction is {friction:.3g}. Above {_LARGE_FRICTION:g} the discrete problem may have several solutions. "
+            "This is one of them. To look for others, call other_solutions(result), or run 'qvi-contact branches' with "
+            "the problem file."
+        )
+    yield from (motion.remark for motion in undetermined_motions(result))
+    if result.stress_rounding > _ROUNDED * certified.get("stress", 1.0) * scales.stress:
         yield (
             f"Rounding makes stresses in the smallest cells uncertain by up to {result.stress_rounding:.2g} [stress]. "
             "Forces and energies are not affected. Use larger cells there, or less grading."
         )
-
-
-def _next_to_nothing(result: ContactResult) -> Iterator[str]:
     largest = largest_counted(result)
     if largest is not None:
         yield (
-            f"The contacts carry at most {result.discretization.scales.stress * largest:.2g} [stress], very little "
-            "compared with the stress in the body. No digit of these tractions is reliable. To compute them, leave out "
-            "the loads that strain the body elsewhere."
+            f"The contacts carry at most {scales.stress * largest:.2g} [stress], very little compared with the stress "
+            "in the body. No digit of these tractions is reliable. To compute them, leave out the loads that strain "
+            "the body elsewhere."
         )
-
-
-def _rounded_gaps(result: ContactResult) -> Iterator[str]:
-    """Gaps far larger than the displacements, where the certificate does not pass."""
-    unit = result.certificate.scales.get("displacement", 0.0)
+    unit = certified.get("displacement", 0.0)
     gaps = {rows.name: float(np.abs(rows.gap).max(initial=0.0)) for rows in result.discretization.contacts}
     name = max(gaps, key=gaps.__getitem__, default="")
     if result.status is Status.INACCURATE and unit and gaps[name] > _FAR * unit:
         accuracy = result.certificate.accuracy
-        tolerance = 10.0 ** np.ceil(np.log10(2.0 * accuracy))
         yield (
             f"On {name!r} gaps are up to {gaps[name] / unit:.0e} times the displacements of the body. Rounding of the "
-            f"gaps limits the accuracy, here to {accuracy:.1e}. Ask for a tolerance of {tolerance:.0e}, or state the "
-            "problem with a smaller clearance or gap."
+            f"gaps limits the accuracy, here to {accuracy:.1e}. Ask for a tolerance of "
+            f"{10.0 ** np.ceil(np.log10(2.0 * accuracy)):.0e}, or state the problem with a smaller clearance or gap."
         )
 
 
-def _beyond_strength(result: ContactResult) -> Iterator[str]:
-    if not result.problem.yields:
-        return
-    from qvi_contact.limit.stresses import excess  # loaded for bodies that yield alone
-
-    scales = result.discretization.scales
-    points, stress = cell_stresses(result.discretization, result.dofs)
-    x, y = physical(result.problem, scales, points)
-    beyond = excess(result.problem, x, y, scales.stress * stress)
-    least, largest = _YIELDS * scales.stress, float(beyond.max())
-    if largest > least:
-        at = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
-        share = 100.0 * float((beyond.max(axis=1) > least).mean())
-        yield (
-            f"The elastic stress exceeds the strength of the material by up to {largest:.3g} [stress], most around "
-            f"({x[at]:.6g}, {y[at]:.6g}), and in {share:.0f} % of the triangles. There the body yields, which is not "
-            "computed. What it carries at most is found by limit_load_factor, or by 'qvi-contact limit'."
-        )
+def _is_unique(result: ContactResult) -> bool:
+    """Whether friction is below the bound for one solution only, on usual meshes 0.01 to 0.1."""
+    try:
+        return result.solution.uniqueness.satisfied
+    except (FactorisationError, ValueError):  # dense algebra refuses what has overflowed by ValueError
+        return False
 
 
-def _coarse_arcs(result: ContactResult) -> Iterator[str]:
-    """Contacts on arcs that touch along a part which is only a few edges long, both halves of it if symmetric."""
-    mesh, least = result.problem.mesh, _EDGES_IN_CONTACT
-    mirrors = [mesh.edges(each.edges) for each in result.problem.conditions if isinstance(each, Symmetry)]
+def _about_contacts(result: ContactResult) -> Iterator[str]:
+    """The same of where the body yields, and where the mesh is too coarse for a contact."""
+    problem, scales = result.problem, result.discretization.scales
+    if problem.yields:
+        from qvi_contact.limit.stresses import excess  # loaded for bodies that yield alone
+
+        points, stress = cell_stresses(result.discretization, result.dofs)
+        x, y = physical(problem, scales, points)
+        above = excess(problem, x, y, scales.stress * stress)
+        least, largest = _YIELDS * scales.stress, float(above.max())
+        if largest > least:
+            at = np.unravel_index(int(np.argmax(above)), above.shape)
+            share = 100.0 * float((above.max(axis=1) > least).mean())
+            yield (
+                f"The elastic stress exceeds the strength of the material by up to {largest:.3g} [stress], most around "
+                f"({x[at]:.6g}, {y[at]:.6g}), and in {share:.0f} % of the triangles. There the body yields, which is "
+                "not computed. What it carries at most is found by limit_load_factor, or by 'qvi-contact limit'."
+            )
+    mirrors = [problem.mesh.edges(each.edges) for each in problem.conditions if isinstance(each, Symmetry)]
     mirrored = np.concatenate([np.empty(0, dtype=np.int64), *map(edge_ends, mirrors)])
     for rows in result.discretization.contacts:
         line, edges = result.contacts[rows.name], rows.points.edges
         touching = (line.state != ContactState.OPEN).reshape(len(edges), -1)
         held = edges.take(touching.any(axis=1) & edges.bent)
-        count = len(held) * (2 if np.isin(edge_ends(held), mirrored).any() else 1)
-        if not touching.all() and 0 < count < least:
-            x, y = (float(part[touching.ravel()].mean()) for part in (line.x, line.y))
+        count = len(held) * (2 if np.isin(edge_ends(held), mirrored).any() else 1)  # both halves of a symmetric one
+        if not touching.all() and 0 < count < _EDGES_IN_CONTACT:
+            x, y = (part[touching.ravel()].mean() for part in (line.x, line.y))
             yield (
-                f"Contact {rows.name!r} touches around ({x:.6g}, {y:.6g}) on fewer than {least} edges of its arc "
-                f"({count}). The pressure there is not resolved. Refine the mesh there until {least} edges or more "
-                "touch, as by graded([(x, y)], 2)."
+                f"Contact {rows.name!r} touches around ({x:.6g}, {y:.6g}) on fewer than {_EDGES_IN_CONTACT} edges of "
+                f"its arc ({count}). The pressure there is not resolved. Refine the mesh there until "
+                f"{_EDGES_IN_CONTACT} edges or more touch, as by graded([(x, y)], 2)."
             )
-
-
-def _excess_between_points(result: ContactResult) -> Iterator[str]:
     for name, line in result.contacts.items():
         largest = float(np.hypot(line.normal_stress, line.tangential_stress).max(initial=0.0))
         beyond = line.excess_between_points
@@ -162,20 +141,6 @@ def _excess_between_points(result: ContactResult) -> Iterator[str]:
                 f"On {name!r} friction exceeds its bound between the points of an edge, by up to {beyond:.3g} "
                 f"[stress]: {100.0 * beyond / largest:.1f} % of the largest traction. Refine the mesh there."
             )
-
-
-REMARKS: Final[tuple[Callable[[ContactResult], Iterator[str]], ...]] = (
-    _misfit,
-    _large_friction,
-    lambda result: (motion.remark for motion in undetermined_motions(result)),
-    _rounded_stresses,
-    _next_to_nothing,
-    _rounded_gaps,
-    _beyond_strength,
-    _coarse_arcs,
-    _excess_between_points,
-)
-"""What is said of a stress state, in this order."""
 
 
 # Rigid motions that nothing determines: of bodies that contacts alone hold, and of plates driven by force.
@@ -200,25 +165,16 @@ _ALL: Final = 3  # rigid motions of a body in the plane
 
 @dataclass(frozen=True)
 class UndeterminedMotion:
-    """Bodies that move as one, and how they can.
-
-    Attributes
-    ----------
-    names : tuple of str
-        What they are called: the name of the region with just these cells, or where they lie.
-    motions : int
-        Number of independent rigid motions, 1 to 3.
-    way : str
-        The motions in words, such as "turn about (0, 0)".
-    plate : bool
-        Whether a rigid plate or pin is among them.
-
-    """
+    """Bodies that move as one, and how they can."""
 
     names: tuple[str, ...]
+    """What they are called: the name of the region with just these cells, or where they lie."""
     motions: int
+    """Number of independent rigid motions, 1 to 3."""
     way: str
+    """The motions in words, such as "turn about (0, 0)"."""
     plate: bool = False
+    """Whether a rigid plate or pin is among them."""
 
     @property
     def remark(self) -> str:
@@ -316,24 +272,16 @@ def motions_in_words(own: FloatArray, bodies: Bodies, body: int) -> str:
     """The motions (3, d) of a body in words; rows are translations of its centre and rotation times its size."""
     basis, values, _ = np.linalg.svd(own, full_matrices=False)
     basis = basis[:, values > _MOVES]
-    if basis.shape[1] == _ALL:
-        return "move and turn"
-    turning = np.abs(basis[2]).max() > _MOVES
-    if not turning:
-        return "move" if basis.shape[1] > 1 else f"move along {_pair(_upright(basis[:2, 0]))}"
-    if basis.shape[1] > 1:
-        x, y, _ = _still(basis, np.array([[0.0, 0.0, 1.0]]), _MOVES)[:, 0]
-        return f"turn and move along {_pair(_upright(np.array([x, y])))}"
-    x, y, turn = basis[:, 0]
-    arm = bodies.size[body] / turn * np.array([-y, x])
-    return f"turn about {_pair(bodies.centre[body] + arm, float(bodies.size[body]))}"
-
-
-def _upright(direction: FloatArray) -> FloatArray:
-    """The unit vector along a direction, to the right, or upwards."""
-    unit = direction / np.hypot(*direction)
-    unit = np.where(np.abs(unit) > _MOVES, unit, 0.0)
-    return np.asarray(-unit if tuple(unit) < (0.0, 0.0) else unit)
+    moves = _still(basis, np.array([[0.0, 0.0, 1.0]]), _MOVES)
+    if not moves.shape[1]:
+        x, y, turn = basis[:, 0]
+        arm = bodies.size[body] / turn * np.array([-y, x])
+        return f"turn about {_pair(bodies.centre[body] + arm, float(bodies.size[body]))}"
+    along = moves[:2, 0] / np.hypot(*moves[:2, 0])
+    along = np.where(np.abs(along) > _MOVES, along, 0.0)
+    along = -along if tuple(along) < (0.0, 0.0) else along  # to the right, or upwards
+    way = "move" if moves.shape[1] > 1 else f"move along {_pair(along)}"
+    return f"turn and {way}" if basis.shape[1] > moves.shape[1] else way
 
 
 def _pair(at: FloatArray, size: float = 1.0) -> str:

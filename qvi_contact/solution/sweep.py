@@ -55,38 +55,26 @@ _GRACE: Final = 30.0  # seconds beyond the time limit after which a worker proce
 
 @dataclass(frozen=True)
 class SweepRow:
-    """One value of a sweep.
-
-    Attributes
-    ----------
-    number : int
-        Its place among all values, from 1.
-    value : float
-        The value.
-    status : Status
-        What became of it.
-    message : str
-        One sentence about that.
-    iterations : int
-        Of the method.
-    accuracy : float
-        What the certificate confirms, dimensionless.
-    seconds : float
-        How long it took.
-    contacts : mapping of str to mapping of str to float
-        `ContactLine.summary` by the name of the contact, with motion, force and moment where it has a plate or pin;
-        empty without a state.
-
-    """
+    """One value of a sweep."""
 
     number: int
+    """Its place among all values, from 1."""
     value: float
     status: Status
+    """What became of it."""
     message: str
+    """One sentence about that."""
     iterations: int
+    """Of the method."""
     accuracy: float
+    """What the certificate confirms, dimensionless."""
     seconds: float
+    """How long it took."""
     contacts: Mapping[str, Mapping[str, float]]
+    """`ContactLine.summary` by the name of the contact, with motion, force and moment where it has a plate or pin.
+
+    Empty without a state.
+    """
 
     @classmethod
     def of(cls, number: int, value: float, result: ContactResult, seconds: float = 0.0) -> SweepRow:
@@ -147,22 +135,14 @@ class SweepRows(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Sweep(SweepRows):
-    """Results of a sweep, one for each value that was done.
-
-    Attributes
-    ----------
-    parameter : "friction", "load", "gap" or "offset"
-        What was changed.
-    values : tuple of float
-        All values asked for.
-    steps : tuple of ContactResult
-        The results of the first of them, all unless the time ran out.
-
-    """
+    """Results of a sweep, one for each value that was done."""
 
     parameter: Parameter
+    """What was changed."""
     values: tuple[float, ...]
+    """All values asked for."""
     steps: tuple[ContactResult, ...]
+    """The results of the first of them, all unless the time ran out."""
 
     def rows(self) -> Iterator[SweepRow]:
         """What is done, in the order of the values; their seconds are 0."""
@@ -295,7 +275,7 @@ def solve_sweep(
         sweep: Sweep | StoredSweep
         if store is None:
             steps = list[ContactResult]()
-            for number, _, result, _ in _Run(task).results(enumerate(numbers, 1), at_least=1):
+            for number, _, result, _ in task.results(enumerate(numbers, 1), at_least=1):
                 steps.append(result)
                 told(number, result, result.certificate.accuracy)
             sweep = Sweep(parameter, numbers, tuple(steps))
@@ -316,15 +296,24 @@ def solve_sweep(
         return sweep
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class SweepTask:
-    """What is to be done for each value."""
+    """What is to be done for each value, and where it is done: one value after the other, on one factorisation.
+
+    A value starts from the state of the one before. To find that a state is not near costs an iteration or two. After
+    that a value starts as usual, after the next time two, then four, and so on: where the contact grows with each
+    value, states are seldom near.
+    """
 
     problem: ContactProblem
     parameter: Parameter  # what changes
     names: tuple[str, ...]  # the contacts or loads that are changed
     settings: Settings = field(default_factory=Settings)  # how to solve it
     warm: bool = False  # whether to start from the value before
+    _before: Discretization | None = field(default=None, init=False)
+    _state: ContactResult | None = field(default=None, init=False)
+    _pause: int = field(default=0, init=False)
+    _left: int = field(default=0, init=False)
 
     @classmethod
     def of(
@@ -372,21 +361,6 @@ class SweepTask:
         ]
         return replace(self.problem, conditions=conditions)
 
-
-class _Run:
-    """One value after the other, on one factorisation.
-
-    A value starts from the state of the one before. To find that a state is not near costs an iteration or two. After
-    that a value starts as usual, after the next time two, then four, and so on: where the contact grows with each
-    value, states are seldom near.
-    """
-
-    def __init__(self, task: SweepTask) -> None:
-        self._task = task
-        self._before: Discretization | None = None
-        self._state: ContactResult | None = None
-        self._pause, self._left = 0, 0
-
     def results(
         self, planned: Iterable[tuple[int, float]], at_least: int = 0
     ) -> Iterator[tuple[int, float, ContactResult, float]]:
@@ -394,15 +368,14 @@ class _Run:
         for count, (number, value) in enumerate(planned):
             if count >= at_least and deadline.over:
                 return
-            began, task = time.perf_counter(), self._task
+            began, posed = time.perf_counter(), self.changed(value)
             if self._before is None:
-                self._before = discretized(task.changed(value), task.settings)
-            elif task.parameter == "friction":
-                self._before = self._before.with_law(task.changed(value))
+                self._before = discretized(posed, self.settings)
+            elif self.parameter == "friction":
+                self._before = self._before.with_law(posed)
             else:
-                self._before = fitted(self._before.with_data(task.changed(value)), task.settings)
-            begins = task.warm and self._state is not None and not self._left
-            found = solved(self._before, task.settings, self._state if begins else None)
+                self._before = fitted(self._before.with_data(posed), self.settings)
+            found = solved(self._before, self.settings, self._state if self.warm and not self._left else None)
             near = found.solution.near
             if near is None:
                 self._left = max(self._left - 1, 0)
@@ -433,7 +406,7 @@ class _Slice(NamedTuple):
 
 def _opened(task: SweepTask) -> tuple[None, Callable[[_Slice], list[SweepRow]]]:
     """What a worker process does: the rows of slices, each on the factorisation of the one before."""
-    return None, _Run(task).rows
+    return None, task.rows
 
 
 def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Workers) -> Generator[Sequence[SweepRow]]:
@@ -442,8 +415,7 @@ def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Worker
     The values of a slice whose process was lost are done again one by one, so that the one that was to blame is found.
     """
     if workers == Workers() or not planned:
-        run = _Run(task)
-        yield from filter(None, (run.rows(_Slice((each,), math.inf)) for each in planned))
+        yield from filter(None, (task.rows(_Slice((each,), math.inf)) for each in planned))
         return
     seconds, end = deadline.left, time.time() + deadline.left
     limits = Limits(seconds + _GRACE if seconds < math.inf else None)

@@ -68,7 +68,7 @@ class TestLoose:
         """A pin pressed into its bush, which lies free in a plate."""
         (loose,) = solved(nested(Contact("pin", 0.3, gap=-1e-3), Contact("bush", 0.3, gap=0.5))).undetermined_motions
         assert sorted(loose.names) == ["the body 'bush'", "the body 'pin'"]
-        assert loose.way == "move and turn"
+        assert loose.way == "turn and move"
 
     def test_each_for_itself(self):
         """Both free: the plate, which is larger, is what they are free beside."""
@@ -106,7 +106,7 @@ class TestLoose:
 
     @pytest.mark.parametrize(
         ("motions", "words"),
-        [([[1, 0, 0], [0, 1, 0], [0, 0, 1]], "move and turn"), ([[1, 0, 0], [0, 1, 0]], "move"),
+        [([[1, 0, 0], [0, 1, 0], [0, 0, 1]], "turn and move"), ([[1, 0, 0], [0, 1, 0]], "move"),
          ([[0, -1, 0]], "move along (0, 1)"),
          ([[0, 0, 1], [1, 0, 0]], "turn and move along (1, 0)"), ([[3, -1, 1]], "turn about (1, 3)")],
     )  # fmt: skip

@@ -243,7 +243,7 @@ def test_edges_around_a_ring_in_any_order():
     ends = np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
     rightward = (ends[:, 1, 0] > ends[:, 0, 0])[:, None, None]
     ends = np.where(rightward, ends, ends[:, ::-1])[np.random.default_rng(3).permutation(12)]
-    path = ContactPath.of(ends)
+    path = ContactPath.of(ends, np.hypot(*(ends[:, 1] - ends[:, 0]).T))
     walked = np.where(path.forward[:, None, None], ends[path.edges], ends[path.edges, ::-1])
     assert np.array_equal(walked[1:, 0], walked[:-1, 1])
     assert np.array_equal(walked[-1, 1], walked[0, 0])

@@ -221,14 +221,11 @@ class TestOutcome:
         found = verify_result(plate)
         lines = found.table().splitlines()
         assert lines[-1] == found.summary()
-        assert lines[-1].startswith(f"verified: {sum(row.passed is True for row in found.rows)} checks passed at 1e-08")
+        assert lines[-1].startswith(f"verified: {len(found.rows)} checks passed at 1e-08")
         document = json.loads(json.dumps(found.document(), allow_nan=False))
         assert (document["passed"], document["status"]) == (True, "solved")
         assert [check["name"] for check in document["checks"]] == [row.name for row in found.rows]
         assert all(check["meaning"] for check in document["checks"])
-        facts = {row.name: row for row in found.rows if row.passed is None}
-        assert facts["uniqueness"].value == plate.solution.uniqueness.sharper
-        assert "iterations" in facts["not checked"].meaning
 
     def test_infinite_values_are_none_in_the_document(self, plate):
         missing = changed(plate, z=np.full_like(plate.solution.z, np.nan))

@@ -28,7 +28,7 @@ from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate, ssnv128
 from qvi_contact.gallery.exact import cantilever, gravity_column, problem_from_state, pure_bending, uniform
 from qvi_contact.problem.conditions import Condition
-from qvi_contact.refinement.outcome import Refinement
+from qvi_contact.refinement import Refinement
 from solvers import QVISolution
 
 PAPER, PLATE, ENERGIES = Chapter(), Chapter(), Chapter()
