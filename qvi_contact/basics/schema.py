@@ -503,6 +503,7 @@ def check_keys(stated: Any) -> None:
             object.__setattr__(stated, name, getattr(stated, each.like))
 
 
+@_cached
 def described(kind: type) -> dict[str, str]:
     """What docstrings of a class, and of those above it, say of each of its parameters; nothing without docstrings."""
     found: dict[str, str] = {}
