@@ -7,7 +7,7 @@ __getattr__ = front(
     {
         "cli": ("group",),
         "outputs": ("SecondModel",),
-        "page": ("Request", "number", "result_page", "result_tables"),
+        "page": ("number", "result_page", "result_tables"),
         "report": ("result_lines",),
         "progress_line": ("solving",),
     },

@@ -121,9 +121,9 @@ def write_all(
             plots.save_figure(path, plots.result_figure(result, units, file.title, panels))
 
     def page(path: str) -> None:
-        from qvi_contact.command.page import Request, result_page
+        from qvi_contact.command.page import result_page
 
-        write_text(path, result_page(Request.read(source, file), second, panels=panels, **more))
+        write_text(path, result_page(source, file, second, panels=panels, **more))
 
     writers: dict[str, Callable[[str], None]] = {
         "save_json": lambda path: write_text(path, json_text(document) + "\n"),

@@ -229,9 +229,9 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         plots.save_figure(path, plots.limit_figure(problem, found, units, problem_file.title, f"{said[0]}."))
 
     def page(path: str) -> None:
-        from qvi_contact.command.page import Request, limit_page
+        from qvi_contact.command.page import limit_page
 
-        write_text(path, limit_page(Request.read(file, problem_file), problem, found, said))
+        write_text(path, limit_page(file, problem_file, problem, found, said))
 
     writers = {"plot": plot, "vtk": lambda path: files.write_collapse_vtu(path, problem, found, units), "report": page}
     complete = written(targets, writers, missing)

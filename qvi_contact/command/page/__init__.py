@@ -9,7 +9,6 @@ import platform
 import sys
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
@@ -49,33 +48,9 @@ _WIDE: Final = (9.0, 3.2)  # of a picture of tractions [inch]
 _MOST_STEPS: Final = 16  # with a picture: a page is to be mailed
 
 
-@dataclass(frozen=True)
-class Request:
-    """What was asked for."""
-
-    file: ProblemFile
-    """The problem."""
-    text: str
-    """The problem file as it was read."""
-    command: str
-    """The command line."""
-    files: tuple[tuple[str, str], ...] = ()
-    """Name and SHA-256 of other files that were read."""
-
-    @classmethod
-    def read(cls, path: str, file: ProblemFile) -> "Request":
-        """What the command line asked for: the problem file read again as text, and the mesh file that it names."""
-        command = " ".join(["qvi-contact", *map(quote, sys.argv[1:])])
-        text = Path(path).read_text(encoding="utf-8-sig")
-        name = tomllib.loads(text).get("mesh", {}).get("file")
-        if name is None:
-            return cls(file, text, command)
-        digest = sha256((Path(path).parent / name).read_bytes()).hexdigest()
-        return cls(file, text, command, ((name, digest),))
-
-
 def result_page(
-    request: Request,
+    source: str | Path,
+    file: ProblemFile,
     second: SecondModel,
     refinement: Refinement | None = None,
     series: report.Series | None = None,
@@ -83,10 +58,10 @@ def result_page(
 ) -> str:
     """The page about the result of a solve, of a refinement, or of the last of several in a series.
 
-    The second model has the result. Of a single one its bracket is computed. Contacts in `panels` have charts, all of
-    them by default.
+    `source` is where the problem file lies, the second model has the result. Of a single one its bracket is computed.
+    Contacts in `panels` have charts, all of them by default.
     """
-    file, result = request.file, second.result
+    result = second.result
     steps = (result,) if series is None else series.results.steps
     bracket, missing = (
         (second.bracket, second.missing)
@@ -106,7 +81,7 @@ def result_page(
             for title, headings, rows in series.tables(file.units)
         ]
     text: str = page_template("qvi_contact.command.page").render(
-        **_frame(request, result.problem, "Contact problem"),
+        **_frame(source, file, result.problem, "Contact problem"),
         result=result,
         number=number,
         bracket=bracket,
@@ -117,7 +92,7 @@ def result_page(
         several=several,
         step_label="t" if series is None else series.label,
         pictures=_pictures(steps, None if series is None else series.values, file),
-        settings=[*_settings(result), *((f"file {name}", f"SHA-256 {digest}") for name, digest in request.files)],
+        settings=_settings(result),
         field=field_data(result, companion, file.units) if result.has_state else None,
         contacts=contacts,
         contact_data=[contact["data"] for contact in contacts],
@@ -126,16 +101,17 @@ def result_page(
     return text
 
 
-def limit_page(request: Request, problem: ContactProblem, limit: LimitLoad, lines: Sequence[str]) -> str:
+def limit_page(
+    source: str | Path, file: ProblemFile, problem: ContactProblem, limit: LimitLoad, lines: Sequence[str]
+) -> str:
     """The page about a limit load: what people read of it, and how the body gives way, on the mesh of the analysis."""
-    file, moved = request.file, limit.mechanism
-    picture = ""
+    moved, picture = limit.mechanism, ""
     if moved is not None or limit.collapse is not None:
         figure = limit_figure(problem, limit, file.units, answer=f"{lines[0]}.")
         picture = _picture(figure, "How the body gives way")
     contacts = {} if moved is None else moved.contacts
     text: str = page_template("qvi_contact.command.page", "limit.html").render(
-        **_frame(request, problem, "Limit load"),
+        **_frame(source, file, problem, "Limit load"),
         lines=lines,
         picture=picture,
         motions=[(name, *(number(value, 3, 1e-6) for value in (at.opening, at.slip))) for name, at in contacts.items()],
@@ -143,14 +119,18 @@ def limit_page(request: Request, problem: ContactProblem, limit: LimitLoad, line
     return text
 
 
-def _frame(request: Request, problem: ContactProblem, title: str) -> dict[str, Any]:
+def _frame(source: str | Path, file: ProblemFile, problem: ContactProblem, title: str) -> dict[str, Any]:
     """What all pages say around their answer: title, description, the problem, how to repeat it."""
-    file = request.file
+    text = Path(source).read_text(encoding="utf-8-sig")
+    mesh = tomllib.loads(text).get("mesh", {}).get("file")
+    files = [] if mesh is None else [(mesh, sha256((Path(source).parent / mesh).read_bytes()).hexdigest())]
     return {
         "title": file.title or title,
         "paragraphs": [part for part in file.description.split("\n\n") if part.strip()],
         "made": datetime.now(tz=UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        "request": request,
+        "command": " ".join(["qvi-contact", *map(quote, sys.argv[1:])]),
+        "text": text,
+        "files": [(f"file {name}", f"SHA-256 {digest}") for name, digest in files],
         "units": file.units,
         "problem": _picture(problem_figure(problem, file.units), "The problem: mesh, loads, contacts"),
     }
