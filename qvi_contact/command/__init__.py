@@ -6,7 +6,6 @@ __getattr__ = front(
     __name__,
     {
         "cli": ("group",),
-        "outputs": ("SecondModel",),
         "page": ("number", "result_page", "result_tables"),
         "report": ("result_lines",),
         "progress_line": ("solving",),

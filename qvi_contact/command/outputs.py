@@ -1,9 +1,9 @@
-"""What commands write: files, checked before the work begins, and the displacement model that several of them show."""
+"""What commands write: files, checked before the work begins, and the displacement model that some of them show."""
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
+from collections.abc import Callable, Mapping
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from qvi_contact import files
-from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import check_suffix, check_writable, identity, write_text
 from qvi_contact.command.cli import TARGETS
 from qvi_contact.errors import InputError
@@ -52,40 +51,6 @@ def checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
     return dict(given)
 
 
-class SecondModel:
-    """The bracket of a result, computed when first asked for, in at most so many seconds; `missing` says why not."""
-
-    def __init__(self, result: ContactResult, time_limit: float | None = None, known: "Bracket | None" = None) -> None:
-        self.result, self.missing, self._time_limit = result, "", time_limit
-        if known is not None:
-            self.bracket = known
-
-    @cached_property
-    def bracket(self) -> "Bracket | None":
-        """The bracket; None without a stress state, for incompressible materials, and after earlier slip along arcs."""
-        from qvi_contact.bracket import bracket
-
-        try:
-            if self.result.has_state:
-                return bracket(self.result, time_limit=self._time_limit)
-            self.missing = "there is no stress state"
-        except InputError as error:
-            self.missing = error.remedy
-        return None
-
-    @property
-    def displaced(self) -> "Bracket | None":
-        """The bracket, if the displacement model in it has an answer."""
-        return self.bracket if self.bracket is not None and self.bracket.companion.has_state else None
-
-    def write(self, path: str, units: Units) -> None:
-        """Write the fields of the body, with the displacement if there is one, and those of contacts beside them."""
-        files.write_vtu(path, self.result, units, bracket=self.displaced)
-        if self.result.contacts:
-            whole = Path(path)
-            files.write_contacts_vtu(whole.with_name(f"{whole.stem}_contacts{whole.suffix}"), self.result, units)
-
-
 def asked_panels(file: ProblemFile, panels: str | None) -> list[str] | None:
     """The contacts that --panels names, none for "none"; None for those that pictures choose."""
     names = [contact.name for contact in file.problem.contacts]
@@ -99,18 +64,32 @@ def write_all(
     source: str,
     targets: Mapping[str, str],
     file: ProblemFile,
-    second: SecondModel,
+    result: ContactResult,
     document: dict[str, Any],
-    panels: Sequence[str] | None = None,
+    *,
+    known: "Bracket | None" = None,
+    time_limit: float | None = None,
     **more: Any,
 ) -> bool:
     """Write the files asked for, as many as can be; whether all could be, and a line for each that could not.
 
-    The displacement model has the result. The picture is that of the result, or of a history. Other arguments are those
-    of `result_page`.
+    The picture is that of the result, or of a history. Pages and fields have the bracket, which takes at most
+    `time_limit` seconds if it is not known. Other arguments are those of `result_page`.
     """
-    result, units = second.result, file.units
     series: Any = more.get("series")
+    units = file.units
+
+    @cache
+    def bracketed() -> tuple["Bracket | None", str]:
+        """The bracket, or why there is none: for incompressible materials, and after earlier slip on arcs."""
+        from qvi_contact.bracket import bracket
+
+        if known is not None or not result.has_state:
+            return known, "there is no stress state"
+        try:
+            return bracket(result, time_limit=time_limit), ""
+        except InputError as error:
+            return None, error.remedy
 
     def plot(path: str) -> None:
         from qvi_contact import plots
@@ -118,19 +97,27 @@ def write_all(
         if file.times and series.results.steps[0].has_state and result.problem.contacts:
             plots.save_figure(path, plots.history_figure(series.results, units, file.times, file.title))
         else:
-            plots.save_figure(path, plots.result_figure(result, units, file.title, panels))
+            plots.save_figure(path, plots.result_figure(result, units, file.title, more.get("panels")))
 
     def page(path: str) -> None:
         from qvi_contact.command.page import result_page
 
-        write_text(path, result_page(source, file, second, panels=panels, **more))
+        write_text(path, result_page(source, file, result, bracketed, **more))
+
+    def fields(path: str) -> None:
+        bracket, _ = bracketed()
+        moved = bracket if bracket is not None and bracket.companion.has_state else None
+        files.write_vtu(path, result, units, bracket=moved)
+        if result.contacts:
+            whole = Path(path)
+            files.write_contacts_vtu(whole.with_name(f"{whole.stem}_contacts{whole.suffix}"), result, units)
 
     writers: dict[str, Callable[[str], None]] = {
         "save_json": lambda path: write_text(path, json_text(document) + "\n"),
         "plot": plot,
         "npz": lambda path: files.write_npz(path, result, units, file.title),
         "report": page,
-        "vtk": lambda path: second.write(path, units),
+        "vtk": fields,
     }
     stateless = {} if result.has_state else dict.fromkeys(("vtk", "npz"), "there is no stress state to write to")
     return written(targets, writers, stateless)

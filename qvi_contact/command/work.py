@@ -22,7 +22,7 @@ from qvi_contact.basics.schema import keys_of
 from qvi_contact.basics.writing import write_text
 from qvi_contact.command import report
 from qvi_contact.command.cli import TARGETS
-from qvi_contact.command.outputs import SecondModel, asked_panels, checked_targets, json_text, write_all, written
+from qvi_contact.command.outputs import asked_panels, checked_targets, json_text, write_all, written
 from qvi_contact.command.progress_line import solving
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ProblemFile, SweepPlan, load_problem
@@ -70,42 +70,37 @@ def _space(options: dict[str, Any]) -> dict[str, Any]:
     return {name: options[name] for name in _SPACE if name in options}
 
 
-def _show(file: ProblemFile, found: dict[str, Any] | Iterable[str]) -> None:
-    """Print a document for programs, or title, description and lines for people."""
-    heading = filter(None, (file.title, *file.description.strip().splitlines()))
-    click.echo(json_text(found) if isinstance(found, dict) else "\n".join((*heading, *found)))
-
-
-def solve(
-    file: str,
-    verbose: bool,
-    as_json: bool,
-    swept: tuple[str, ...],
-    store: str | None,
-    panels: str | None,
-    **given: Any,
+def _ended(
+    file: ProblemFile, as_json: bool, document: dict[str, Any], lines: Iterable[str], good: bool, complete: bool = True
 ) -> int:
+    """Print a document for programs, or title, description and lines for people; the exit status."""
+    heading = filter(None, (file.title, *file.description.strip().splitlines()))
+    click.echo(json_text(document) if as_json else "\n".join((*heading, *lines)))
+    return 2 if not complete else 0 if good else 1
+
+
+def solve(file: str, verbose: bool, as_json: bool, swept: tuple[str, ...], panels: str | None, **given: Any) -> int:
     """Solve a problem, its history, or a sweep."""
     with _opened(file, given) as (problem_file, targets, options):
         problem_file, plan = _asked(problem_file, swept)
         units = problem_file.units
         charts = asked_panels(problem_file, panels)
-        _check_asked(plan, store, given)
-        if plan is not None and store is not None:
-            shared = {name: given[name] for name in ("workers", "dask") if given[name] is not None}
-            sweep = _swept(problem_file, plan, options, verbose, store=store, **shared)
+        if _check_asked(problem_file, plan, given) and plan is not None:
+            stored = {name: given[name] for name in ("store", "workers", "dask") if given[name] is not None}
+            sweep = _swept(problem_file, plan, options, verbose, **stored)
             return _told(problem_file, sweep, targets.get("save_json"), as_json)
-        series, steps = _solved_series(problem_file, plan, options, verbose, store)
+        series, steps = _solved_series(problem_file, plan, options, verbose, given["store"])
         solved = (steps[0] if series is None else series.results).status == "solved"
         document = {"title": problem_file.title, "solved": solved}
         if as_json or "save_json" in targets:
             found = [files.summary(step, units) for step in steps]
             document |= found[0] if series is None else series.document(found, units)
-        second = SecondModel(steps[-1], options.get("time_limit"))
-        complete = write_all(file, targets, problem_file, second, document, charts, series=series)
+        complete = write_all(
+            file, targets, problem_file, steps[-1], document,
+            time_limit=options.get("time_limit"), panels=charts, series=series,
+        )  # fmt: skip
     lines = report.result_lines(steps[0], units) if series is None else series.lines(units)
-    _show(problem_file, document if as_json else lines)
-    return 2 if not complete else 0 if solved else 1
+    return _ended(problem_file, as_json, document, lines, solved, complete)
 
 
 def verify(result: str, tolerance: float | None, verbose: bool, as_json: bool) -> int:
@@ -118,7 +113,7 @@ def verify(result: str, tolerance: float | None, verbose: bool, as_json: bool) -
     return 0 if found.passed else 1
 
 
-def check(file: str, as_json: bool, **given: Any) -> None:
+def check(file: str, as_json: bool, **given: Any) -> int:
     """Print what a problem file describes."""
     with _opened(file, given) as (problem_file, targets, options):
         problem, found = report.outline(problem_file, _space(options))
@@ -126,7 +121,7 @@ def check(file: str, as_json: bool, **given: Any) -> None:
         from qvi_contact import plots
 
         plots.save_figure(targets["plot"], plots.problem_figure(problem, problem_file.units))
-    _show(problem_file, found if as_json else report.outline_lines(found, problem_file.units))
+    return _ended(problem_file, as_json, found, report.outline_lines(found, problem_file.units), good=True)
 
 
 def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given: Any) -> int:
@@ -143,15 +138,12 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
             advance("energy bounded, contact forces follow")
             if found is not None:
                 _ = found.forces  # takes longest on large meshes: here, where progress is shown
-        complete = write_all(file, targets, problem_file, SecondModel(result, known=found), {})
-    if as_json:
-        document = {"title": problem_file.title, **files.summary(result, units)}
-        _show(problem_file, document | {"bracket": None if found is None else outcome.document(found, units)})
-    else:
-        more = () if found is None else ("", *outcome.lines(found, units))
-        _show(problem_file, (*report.result_lines(result, units), *more))
+        complete = write_all(file, targets, problem_file, result, {}, known=found)
+    document = {"title": problem_file.title, **files.summary(result, units)}
+    document["bracket"] = None if found is None else outcome.document(found, units)
+    more = () if found is None else ("", *outcome.lines(found, units))
     bounded = found is not None and result.status == "solved" and math.isfinite(found.gap)
-    return 2 if not complete else 0 if bounded else 1
+    return _ended(problem_file, as_json, document, (*report.result_lines(result, units), *more), bounded, complete)
 
 
 def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
@@ -165,10 +157,10 @@ def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
             advance("solved; friction is followed from other values")
             found = other_solutions(result) if result.status == "solved" else None
         document = {"title": problem_file.title, **report.branches_document(result, found, units)}
-        second = SecondModel(result if found is None else found.preferred, given["time_limit"])
-        complete = write_all(file, targets, problem_file, second, document)
-    _show(problem_file, document if as_json else report.branches_lines(result, found, units))
-    return 2 if not complete else 0 if result.status == "solved" else 1
+        best = result if found is None else found.preferred
+        complete = write_all(file, targets, problem_file, best, document, time_limit=given["time_limit"])
+    lines = report.branches_lines(result, found, units)
+    return _ended(problem_file, as_json, document, lines, result.status == "solved", complete)
 
 
 def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
@@ -185,13 +177,13 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
             )  # fmt: skip
         document = {"title": problem_file.title, **files.summary(found.result, units)}
         document["refinement"] = report.refinement_document(found, units)
-        second = SecondModel(found.result, options.get("time_limit"))
-        complete = write_all(file, targets, problem_file, second, document, refinement=found)
+        complete = write_all(
+            file, targets, problem_file, found.result, document,
+            time_limit=options.get("time_limit"), refinement=found,
+        )  # fmt: skip
     last = [line for line in report.result_lines(found.result, units) if not line or line not in found.message]
-    _show(
-        problem_file, document if as_json else (*report.refinement_lines(found, units), *([""] if last else []), *last)
-    )
-    return 2 if not complete else 0 if found.status == "reached" else 1
+    lines = (*report.refinement_lines(found, units), *([""] if last else []), *last)
+    return _ended(problem_file, as_json, document, lines, found.status == "reached", complete)
 
 
 def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool, as_json: bool, **given: Any) -> int:
@@ -235,10 +227,8 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
 
     writers = {"plot": plot, "vtk": lambda path: files.write_collapse_vtu(path, problem, found, units), "report": page}
     complete = written(targets, writers, missing)
-    if as_json:
-        _show(problem_file, {"loads": list(loads), **report.limit_document(found, refinement)})
-    else:
-        click.echo("\n".join([*said, *proved]))
+    document = {"loads": list(loads), **report.limit_document(found, refinement)}
+    click.echo(json_text(document) if as_json else "\n".join([*said, *proved]))
     missed = refinement is not None and refinement.status != "reached"
     return 2 if not complete else 1 if missed or found == -math.inf else 0
 
@@ -266,11 +256,10 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
             problem_file.problem, of=list(of) or None, accuracy=accuracy, time_limit=given["time_limit"],
             **_space(options),
         )  # fmt: skip
-    if as_json:
-        _show(problem_file, {"of": list(of), "lower": found.lower, "upper": found.upper})
-    else:
-        above = f"divided by {found.upper:.6g} they do not on any mesh" if found.upper < math.inf else "no bound above"
-        click.echo(f"strengths divided by {found.lower:.6g} carry the loads on this mesh; {above}")
+    above = f"divided by {found.upper:.6g} they do not on any mesh" if found.upper < math.inf else "no bound above"
+    said = f"strengths divided by {found.lower:.6g} carry the loads on this mesh; {above}"
+    document = {"of": list(of), "lower": found.lower, "upper": found.upper}
+    click.echo(json_text(document) if as_json else said)
     return 0 if found.lower >= 1.0 else 1
 
 
@@ -315,12 +304,9 @@ def methods(as_json: bool) -> None:
 
 
 def _solved_series(
-    file: ProblemFile, plan: SweepPlan | None, options: dict[str, Any], verbose: bool, store: str | None = None
+    file: ProblemFile, plan: SweepPlan | None, options: dict[str, Any], verbose: bool, store: str | None
 ) -> tuple[report.Series | None, Sequence[ContactResult]]:
     """The results of a file: of its history, of a sweep if there is a plan, or one."""
-    if store is not None and not file.times:
-        remedy = "keeps steps of a history or rows of a sweep: give --set, or a file with a [history] or a [sweep]"
-        raise InputError("--store", store, remedy)
     if plan is not None:
         swept = _swept if plan.parameter in _PARAMETERS else _swept_constant
         sweep = swept(file, plan, options, verbose)
@@ -371,19 +357,25 @@ def _swept(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose:
             raise type(error)(place, error.value, error.remedy) from error
 
 
-def _check_asked(plan: SweepPlan | None, store: str | None, asked: Mapping[str, Any]) -> None:
-    """Refuse options, by name, that have no sense without a sweep that goes to a file, or with one."""
-    streams = plan is not None and store is not None
-    if streams and plan is not None and plan.parameter not in _PARAMETERS:
-        raise InputError("--store", store, f"keeps rows of {', '.join(_PARAMETERS)}: sweep a constant without it")
-    for name in ("workers", "dask"):
-        if not streams and asked[name] is not None:
-            remedy = "is for values of a sweep: give --store FILE with --set, or with a [sweep] in the problem file"
+def _check_asked(file: ProblemFile, plan: SweepPlan | None, asked: Mapping[str, Any]) -> bool:
+    """Whether a sweep goes to a file; refuse options, by name, that have no sense with one or without."""
+    streams = plan is not None and asked["store"] is not None
+    if streams:
+        remedy = "needs a result, and a sweep with --store keeps rows of numbers alone: leave one of them out"
+        refused = dict.fromkeys(("plot", "vtk", "npz", "report"), remedy)
+    else:
+        remedy = "is for values of a sweep: give --store FILE with --set, or with a [sweep] in the problem file"
+        refused = dict.fromkeys(("workers", "dask"), remedy)
+    if plan is None and not file.times:
+        refused["store"] = (
+            "keeps steps of a history or rows of a sweep: give --set, or a file with a [history] or a [sweep]"
+        )
+    elif plan is not None and plan.parameter not in _PARAMETERS:
+        refused["store"] = f"keeps rows of {', '.join(_PARAMETERS)}: sweep a constant without it"
+    for name, remedy in refused.items():
+        if asked[name] is not None:
             raise InputError(f"--{name}", asked[name], remedy)
-    for name in ("plot", "vtk", "npz", "report"):
-        if streams and asked[name]:
-            remedy = "needs a result, and a sweep with --store keeps rows of numbers alone: leave one of them out"
-            raise InputError(f"--{name}", asked[name], remedy)
+    return streams
 
 
 def _told(file: ProblemFile, sweep: qvi_contact.StoredSweep, kept: str | None, as_json: bool) -> int:
@@ -399,8 +391,7 @@ def _told(file: ProblemFile, sweep: qvi_contact.StoredSweep, kept: str | None, a
     lines = [f"{sweep.parameter}: {len(sweep.values)} values from {min(sweep.values):g} to {max(sweep.values):g}"]
     lines.append(", ".join(f"{count} {status.words}" for status, count in statuses.items()) or "none done")
     lines += [*([] if solved else [sweep.message]), f"rows: {sweep.path}"]
-    _show(file, document if as_json else lines)
-    return 0 if solved else 1
+    return _ended(file, as_json, document, lines, solved)
 
 
 def _asked(file: ProblemFile, given: Sequence[str]) -> tuple[ProblemFile, SweepPlan | None]:

@@ -15,7 +15,6 @@ import pytest
 from qvi_contact import ContactState, InputError, TriangleMesh, solve
 from qvi_contact.basics import Rounding
 from qvi_contact.command import (
-    SecondModel,
     number,
     result_lines,
     result_page,
@@ -39,7 +38,7 @@ def answer():
 
 @cache
 def page():
-    return result_page(PROBLEMS / "pressed.toml", problem_from_toml(TEXT), SecondModel(answer()))
+    return result_page(PROBLEMS / "pressed.toml", problem_from_toml(TEXT), answer(), lambda: (answer().bracket, ""))
 
 
 def words(text):

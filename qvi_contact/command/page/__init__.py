@@ -8,7 +8,7 @@ import base64
 import platform
 import sys
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
@@ -21,8 +21,8 @@ from markupsafe import Markup
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units, shown
 from qvi_contact.basics.writing import page_template
+from qvi_contact.bracket import Bracket
 from qvi_contact.command import report
-from qvi_contact.command.outputs import SecondModel
 from qvi_contact.companion import CompanionResult
 from qvi_contact.discretization.space import FAMILY
 from qvi_contact.files.problem_file import ProblemFile
@@ -51,24 +51,22 @@ _MOST_STEPS: Final = 16  # with a picture: a page is to be mailed
 def result_page(
     source: str | Path,
     file: ProblemFile,
-    second: SecondModel,
+    result: ContactResult,
+    bracketed: Callable[[], tuple[Bracket | None, str]],
     refinement: Refinement | None = None,
     series: report.Series | None = None,
     panels: Sequence[str] | None = None,
 ) -> str:
     """The page about the result of a solve, of a refinement, or of the last of several in a series.
 
-    `source` is where the problem file lies, the second model has the result. Of a single one its bracket is computed.
+    `source` is where the problem file lies. `bracketed` gives the bracket of a single result, or why there is none.
     Contacts in `panels` have charts, all of them by default.
     """
-    result = second.result
     steps = (result,) if series is None else series.results.steps
-    bracket, missing = (
-        (second.bracket, second.missing)
-        if len(steps) == 1
-        else (None, "bounds are computed for a single solve only, and this is one of several results")
-    )
-    companion = bracket.companion if bracket is not None and second.displaced is not None else None
+    bracket, missing = None, "bounds are computed for a single solve only, and this is one of several results"
+    if len(steps) == 1:
+        bracket, missing = bracketed()
+    companion = bracket.companion if bracket is not None and bracket.companion.has_state else None
     contacts = [
         _contact(line, f"contact-{number}", file.units)
         for number, line in enumerate(result.contacts.values() if result.has_state else (), 1)
