@@ -8,7 +8,7 @@ import base64
 import platform
 import sys
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
@@ -19,7 +19,7 @@ import numpy as np
 from markupsafe import Markup
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.basics.units import Units, shown
+from qvi_contact.basics.units import Rounding, Units, shown
 from qvi_contact.basics.writing import page_template
 from qvi_contact.bracket import Bracket
 from qvi_contact.command import report
@@ -37,7 +37,7 @@ from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement import Refinement
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine, ContactState
-from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, plate_numbers
+from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, contact_numbers
 from qvi_contact.solution.stress import held_along_z, out_of_plane_factors, sample_body
 from qvi_contact.version import __version__
 
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WIDE: Final = (9.0, 3.2)  # of a picture of tractions [inch]
+_RESULTANT: Final = {"x": "engineering_force", "y": "engineering_force", "moment": "engineering_moment"}
 _MOST_STEPS: Final = 16  # with a picture: a page is to be mailed
 
 
@@ -191,41 +192,34 @@ def number(value: float, digits: int = 5, least: float = 0.0) -> str:
     return shown(value, least, digits).replace("-", "−")
 
 
-def _row(name: str, *numbers: tuple[float, float]) -> list[str]:
-    """A name, and numbers with the size up to which each is rounding."""
-    return [name, *(number(float(value), least=least) for value, least in numbers)]
+def _row(name: str, numbers: Mapping[str, float], columns: Mapping[str, str], least: Rounding) -> list[str]:
+    """A name, and its numbers in these columns."""
+    return [name, *(cell.replace("-", "−") for cell in report.cells(numbers, columns, least, digits=5))]
 
 
 def contacts_table(lines: Sequence[ContactLine], units: Units) -> report.Titled:
     """What contacts carry and do: forces, extremes, shares of their length in each state."""
     states = [state for state in report.STATES if any(state in line.shares for line in lines)]
     labels = ("N", "T", "largest pressure", "largest |σ_T|", "largest gap", "largest |slip|")
-    rows = []
-    for line in lines:
-        found = line.summary()
-        numbers = zip([found[name] for name in SUMMARY], report.least_shown(SUMMARY, line.rounding), strict=True)
-        rows.append([*_row(line.name, *numbers), *report.shares(line.shares, states)])
+    rows = [
+        [*_row(line.name, line.summary(), SUMMARY, line.rounding), *report.shares(line.shares, states)]
+        for line in lines
+    ]
     return "Contacts", ["contact", *report.with_units(labels, SUMMARY, units), *states], rows
 
 
 def result_tables(result: ContactResult, units: Units) -> list[report.Titled]:
     """What each contact carries and does, the resultants on edges that a condition names, plates and pins."""
-    force, least = units.engineering_force, result.rounding
-    loaded = {name: result.resultant(name) for name in dict.fromkeys(each.edges for each in result.problem.conditions)}
-    resultants = [
-        _row(name, (each.x, least.force), (each.y, least.force), (each.moment, least.moment))
-        for name, each in loaded.items()
-    ]
-    about = ["edges", f"F_x [{force}]", f"F_y [{force}]", f"moment about the origin [{units.engineering_moment}]"]
-    plates = [
-        _row(name, *zip(plate_numbers(result, name), report.least_shown(PLATE_COLUMNS, least), strict=True))
-        for name in result.plates
-    ]
+    least, numbers = result.rounding, contact_numbers(result)
+    about = report.with_units(("F_x", "F_y", "moment about the origin"), _RESULTANT, units)
+    loaded = dict.fromkeys(each.edges for each in result.problem.conditions)
+    resultants = [_row(name, vars(result.resultant(name)), _RESULTANT, least) for name in loaded]
+    plates = [_row(name, numbers[name], PLATE_COLUMNS, least) for name in result.plates]
     tables = [
         contacts_table(list(result.contacts.values()), units),
-        ("Resultants of the tractions on the body", about, resultants),
+        ("Resultants of the tractions on the body", ["edges", *about], resultants),
         ("Rigid plates and pins", ["contact", *report.plate_headings(units)], plates),
-    ]  # fmt: skip
+    ]
     return [table for table in tables if table[2]]
 
 
