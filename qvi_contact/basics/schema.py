@@ -457,8 +457,7 @@ def read_values(kind: type, data: Any, reader: Reader, also: tuple[str, ...] = (
         if name in data:
             with within(name):
                 found[name] = each.kind.read(data[name], reader)
-    for name in known:
-        if name not in found and not partly and is_needed(kind, name):
+        elif not partly and is_needed(kind, name):
             raise InputError(name, Missing(), ADD)
     return found
 

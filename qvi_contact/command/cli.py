@@ -187,9 +187,7 @@ def solve() -> None:
 
     \b
     Examples:
-        qvi-contact solve examples/compressed_plate.toml
         qvi-contact solve examples/punch.toml --degree 5 --plot punch.png
-        qvi-contact solve examples/punch.toml --npz punch.npz && qvi-contact verify punch.npz
         qvi-contact solve examples/punch.toml --report punch.html
         qvi-contact solve examples/cyclic_shear.toml --json > cycle.json
         qvi-contact solve examples/cyclic_shear.toml --store cycle
@@ -218,7 +216,6 @@ def verify() -> None:
 
     \b
     Examples:
-        qvi-contact verify answer.npz
         qvi-contact verify answer.npz -v
         qvi-contact verify answer.npz --tolerance 1e-6 --json
     """  # noqa: D301
@@ -314,7 +311,6 @@ def refine() -> None:
     \b
     Examples:
         qvi-contact refine examples/trapezoid.toml --target 1e-4 --quantity base.normal_force
-        qvi-contact refine examples/punch.toml --target 1e-4 --degree 4 --plot punch.png
         qvi-contact refine examples/cylinder_on_block.toml --quantity contact.largest_pressure
         qvi-contact refine examples/compressed_plate.toml --quantity plate.normal_force --guaranteed
         qvi-contact refine examples/trapezoid.toml --npz answer.npz && qvi-contact verify answer.npz
@@ -350,7 +346,6 @@ def limit() -> None:
 
     \b
     Examples:
-        qvi-contact limit examples/dragged_block_holds.toml --load drag
         qvi-contact limit examples/dragged_block_holds.toml --load drag --target 1e-4
         qvi-contact limit examples/dragged_block_holds.toml --load drag --plot drag.png
         qvi-contact limit examples/dragged_block_holds.toml --load drag --proof drag.json
@@ -402,7 +397,6 @@ def keys() -> None:
 
     \b
     Examples:
-        qvi-contact keys
         qvi-contact keys contacts
         qvi-contact keys contacts.friction
         qvi-contact keys mesh.outline
