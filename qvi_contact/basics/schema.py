@@ -457,8 +457,7 @@ def read_values(kind: type, data: Any, reader: Reader, also: tuple[str, ...] = (
         if name in data:
             with within(name):
                 found[name] = each.kind.read(data[name], reader)
-    for name in known:
-        if name not in found and not partly and is_needed(kind, name):
+        elif not partly and is_needed(kind, name):
             raise InputError(name, Missing(), ADD)
     return found
 
@@ -503,6 +502,7 @@ def check_keys(stated: Any) -> None:
             object.__setattr__(stated, name, getattr(stated, each.like))
 
 
+@_cached
 def described(kind: type) -> dict[str, str]:
     """What docstrings of a class, and of those above it, say of each of its parameters; nothing without docstrings."""
     found: dict[str, str] = {}

@@ -6,8 +6,7 @@ __getattr__ = front(
     __name__,
     {
         "cli": ("group",),
-        "outputs": ("SecondModel",),
-        "page": ("Request", "number", "result_page", "result_tables"),
+        "page": ("number", "result_page", "result_tables"),
         "report": ("result_lines",),
         "progress_line": ("solving",),
     },

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable
 from functools import wraps
 from importlib import import_module
 from importlib.util import LazyLoader, find_spec, module_from_spec
+from itertools import chain
 from typing import Any, Final, NamedTuple
 
 import click
@@ -15,6 +16,7 @@ from qvi_contact.solution.settings import RefineOptions, Settings
 from qvi_contact.version import __version__
 
 _Command = Callable[..., Any]
+_Decorator = Callable[[_Command], _Command]
 
 
 class Target(NamedTuple):
@@ -50,47 +52,33 @@ def _words(_context: object, option: click.Parameter, begun: str) -> list[str]:
     return [word for word in known.get(option.name, (*OTHERS, *available_backends())) if word.startswith(begun)]
 
 
-def _options(declared: type, *names: str, **texts: str) -> Callable[[_Command], _Command]:
-    """Options as a class declares them, with other texts for some."""
-    said = {name: text.rpartition(": `")[0] + "." for name, text in described(declared).items()}
-    given = {name: value for name, value in defaults_of(declared).items() if value is not None and name in said}
-    said |= {name: f"{said[name]}  [default: {value}]" for name, value in given.items()} | texts
-
-    def decorated(command: _Command) -> _Command:
-        for name in reversed(names):
-            kind = keys_of(declared)[name].kind
-            more: dict[str, Any] = {}
-            if isinstance(kind, Choice):
-                more["type"] = click.Choice(kind.words)
-            elif isinstance(kind, Number | Whole):
-                more["type"] = float if isinstance(kind, Number) else int
-            if name in ("method", "inner", "factorisation"):
-                more["shell_complete"] = _words
-            if name in _METAVARS:
-                more["metavar"] = _METAVARS[name]
-            command = click.option(f"--{name.replace('_', '-')}", help=said.get(name), **more)(command)
-        return command
-
-    return decorated
+_SHARED: Final[dict[str, _Decorator]] = {
+    "FILE": click.argument("file", metavar="FILE", type=click.Path()),  # of any kind: the shell completes its name
+    "verbose": click.option("-v", "--verbose", is_flag=True, help="Print what the solver does, on standard error."),
+    "json": click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else."),
+}
 
 
-def _writes(*names: str, **texts: str) -> Callable[[_Command], _Command]:
-    """Options for files to be written, with other texts for some."""
-
-    def decorated(command: _Command) -> _Command:
-        for name in reversed(names):
-            metavar, text, *_ = TARGETS[name]
-            command = click.option(f"--{name.replace('_', '-')}", metavar=metavar, help=texts.get(name, text))(command)
-        return command
-
-    return decorated
-
-
-_FILE = click.argument("file", metavar="FILE", type=click.Path())  # of any kind: the shell completes its name
-_ELEMENT = _options(Settings, "degree", "law_on")
-_TIME_LIMIT = _options(Settings, "time_limit")
-_VERBOSE = click.option("-v", "--verbose", is_flag=True, help="Print what the solver does, on standard error.")
-_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
+def _option(name: str, text: str = "") -> _Decorator:
+    """A shared option: a file to write, or what `Settings` or `RefineOptions` declare, perhaps with another text."""
+    if name in _SHARED:
+        return _SHARED[name]
+    more: dict[str, Any] = {"metavar": _METAVARS.get(name)}
+    if name in TARGETS:
+        more["metavar"], said, *_ = TARGETS[name]
+    else:
+        declared = Settings if name in keys_of(Settings) else RefineOptions
+        kind, default = keys_of(declared)[name].kind, defaults_of(declared)[name]
+        said = described(declared)[name].rpartition(": `")[0] + "."
+        if default is not None:
+            said += f"  [default: {default}]"
+        if isinstance(kind, Choice):
+            more["type"] = click.Choice(kind.words)
+        elif isinstance(kind, Number | Whole):
+            more["type"] = float if isinstance(kind, Number) else int
+        if name in ("method", "inner", "factorisation"):
+            more["shell_complete"] = _words
+    return click.option(f"--{name.replace('_', '-')}", help=text or said, **more)
 
 
 @click.group(cls=Group, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -118,8 +106,8 @@ def group() -> None:
     """  # noqa: D301  # click wants the character \b, not the two
 
 
-def _command(summary: str, *options: Callable[[_Command], _Command]) -> Callable[[_Command], click.Command]:
-    """A command with these options: the function has its help, and the one of that name in `work` does it."""
+def _command(summary: str, *options: str | _Decorator) -> Callable[[_Command], click.Command]:
+    """A command with these options, or names of shared ones: the function has its help, that in `work` does it."""
 
     def decorated(function: _Command) -> click.Command:
         @wraps(function)
@@ -128,7 +116,8 @@ def _command(summary: str, *options: Callable[[_Command], _Command]) -> Callable
             return getattr(import_module("qvi_contact.command.work"), function.__name__)(**given)
 
         command: _Command = done
-        for option in reversed(options):
+        each = [[given] if callable(given) else map(_option, given.split()) for given in options]
+        for option in reversed([*chain.from_iterable(each)]):
             command = option(command)
         return group.command(short_help=summary)(command)
 
@@ -149,12 +138,8 @@ def _put_off(*names: str) -> None:
 
 @_command(
     "Solve a problem: forces, states, certificate.",
-    _FILE,
-    _ELEMENT,
-    _options(Settings, "method", "inner", "factorisation", "threads", "tolerance", "time_limit"),
-    _VERBOSE,
-    _JSON,
-    _writes("plot", "vtk", "npz", "save_json", "report"),
+    "FILE degree law_on method inner factorisation threads tolerance time_limit verbose json",
+    "plot vtk npz save_json report",
     click.option(
         "--panels",
         metavar="NAMES",
@@ -202,9 +187,7 @@ def solve() -> None:
 
     \b
     Examples:
-        qvi-contact solve examples/compressed_plate.toml
         qvi-contact solve examples/punch.toml --degree 5 --plot punch.png
-        qvi-contact solve examples/punch.toml --npz punch.npz && qvi-contact verify punch.npz
         qvi-contact solve examples/punch.toml --report punch.html
         qvi-contact solve examples/cyclic_shear.toml --json > cycle.json
         qvi-contact solve examples/cyclic_shear.toml --store cycle
@@ -216,9 +199,9 @@ def solve() -> None:
 @_command(
     "Check a stored result, from its file alone.",
     click.argument("result", metavar="RESULT", type=click.Path()),
-    click.option("--tolerance", type=float, help="Tolerance of the certificate.  [default: that of the result]"),
+    _option("tolerance", "Tolerance of the certificate.  [default: that of the result]"),
     click.option("-v", "--verbose", is_flag=True, help="Print every check, not only those that failed."),
-    _JSON,
+    "json",
 )
 def verify() -> None:
     """Check the stored result RESULT against the problem stored with it.
@@ -233,7 +216,6 @@ def verify() -> None:
 
     \b
     Examples:
-        qvi-contact verify answer.npz
         qvi-contact verify answer.npz -v
         qvi-contact verify answer.npz --tolerance 1e-6 --json
     """  # noqa: D301
@@ -241,10 +223,9 @@ def verify() -> None:
 
 @_command(
     "Show what was understood, without solving.",
-    _FILE,
-    _ELEMENT,
-    _writes("plot", plot="Draw mesh, boundary parts and loads: .png, .svg or .pdf."),
-    _JSON,
+    "FILE degree law_on",
+    _option("plot", "Draw mesh, boundary parts and loads: .png, .svg or .pdf."),
+    "json",
 )
 def check() -> None:
     """Read FILE and print what it describes, without solving.
@@ -259,19 +240,13 @@ def check() -> None:
 
 @_command(
     "Bound the energy, and a force, from both sides.",
-    _FILE,
-    click.option(
-        "--degree",
-        type=int,
-        help="Degree of the displacements, 1 to 5; that of the stress function by default, at most 5.",
-    ),
+    "FILE",
+    _option("degree", "Degree of the displacements, 1 to 5; that of the stress function by default, at most 5."),
     click.option(
         "--tolerance", type=float, default=1e-8, show_default=True, help="Tolerance of both solves, at most 1e-6."
     ),
-    _TIME_LIMIT,
-    _VERBOSE,
-    _JSON,
-    _writes("vtk", vtk="Write the fields for ParaView (.vtu), with what each cell adds to the gap of the bounds."),
+    "time_limit verbose json",
+    _option("vtk", "Write the fields for ParaView (.vtu), with what each cell adds to the gap of the bounds."),
 )
 def bracket() -> None:
     """Solve the problem in FILE by stresses and by displacements, and bound the error of the answer.
@@ -291,12 +266,7 @@ def bracket() -> None:
 
 @_command(
     "Look for other solutions of the same problem.",
-    _FILE,
-    _ELEMENT,
-    _options(Settings, "tolerance", "time_limit"),
-    _VERBOSE,
-    _JSON,
-    _writes("plot", "vtk", "npz", "save_json"),
+    "FILE degree law_on tolerance time_limit verbose json plot vtk npz save_json",
 )
 def branches() -> None:
     """Solve the problem in FILE and look for other solutions of it, which large friction may have.
@@ -315,19 +285,15 @@ def branches() -> None:
 
 @_command(
     "Refine the mesh until a number is accurate.",
-    _FILE,
-    _options(RefineOptions, "target", "quantity", "max_unknowns", "max_rounds"),
+    "FILE target quantity max_unknowns max_rounds",
     click.option(
         "--guaranteed/--estimated",
         default=None,
         help="Force of a contact with friction: refine until guaranteed bounds, or an estimate, meet the target.  "
         "[default: estimated]",
     ),
-    _options(Settings, "degree", degree="Degree of the element, 3 to 11; 5 by default."),
-    _options(Settings, "law_on", "method", "inner", "tolerance", "time_limit"),
-    _VERBOSE,
-    _JSON,
-    _writes("plot", "vtk", "npz", "save_json", "report"),
+    _option("degree", "Degree of the element, 3 to 11; 5 by default."),
+    "law_on method inner tolerance time_limit verbose json plot vtk npz save_json report",
 )
 def refine() -> None:
     """Refine the mesh of the problem in FILE until a number is as accurate as you ask.
@@ -345,7 +311,6 @@ def refine() -> None:
     \b
     Examples:
         qvi-contact refine examples/trapezoid.toml --target 1e-4 --quantity base.normal_force
-        qvi-contact refine examples/punch.toml --target 1e-4 --degree 4 --plot punch.png
         qvi-contact refine examples/cylinder_on_block.toml --quantity contact.largest_pressure
         qvi-contact refine examples/compressed_plate.toml --quantity plate.normal_force --guaranteed
         qvi-contact refine examples/trapezoid.toml --npz answer.npz && qvi-contact verify answer.npz
@@ -355,27 +320,16 @@ def refine() -> None:
 
 @_command(
     "Largest multiple of loads that contacts carry.",
-    _FILE,
+    "FILE",
     click.option(
-        "--load",
-        "loads",
-        metavar="NAME",
-        multiple=True,
-        help="Name of a load to multiply; may be given several times.",
+        "--load", "loads", metavar="NAME", multiple=True, help="Name of a load to multiply; may be given several times."
     ),
-    click.option(
-        "--target",
-        type=float,
-        help="Refine the mesh until the two bounds agree to this relative difference, such as 1e-4.",
-    ),
-    _ELEMENT,
-    _TIME_LIMIT,
-    _VERBOSE,
-    _JSON,
-    _writes("plot", plot="Draw how the body gives way beyond the limit: .png, .svg or .pdf."),
-    _writes("vtk", vtk="Write how a body that yields gives way for ParaView (.vtu)."),
-    _writes("report", report="Write a report on one page (.html): both numbers, and how the body gives way."),
-    _writes("proof"),
+    _option("target", "Refine the mesh until the two bounds agree to this relative difference, such as 1e-4."),
+    "degree law_on time_limit verbose json",
+    _option("plot", "Draw how the body gives way beyond the limit: .png, .svg or .pdf."),
+    _option("vtk", "Write how a body that yields gives way for ParaView (.vtu)."),
+    _option("report", "Write a report on one page (.html): both numbers, and how the body gives way."),
+    "proof",
 )
 def limit() -> None:
     """Bounds of the largest multiple of the named loads that contacts and body can carry. The other loads are fixed.
@@ -392,7 +346,6 @@ def limit() -> None:
 
     \b
     Examples:
-        qvi-contact limit examples/dragged_block_holds.toml --load drag
         qvi-contact limit examples/dragged_block_holds.toml --load drag --target 1e-4
         qvi-contact limit examples/dragged_block_holds.toml --load drag --plot drag.png
         qvi-contact limit examples/dragged_block_holds.toml --load drag --proof drag.json
@@ -401,15 +354,12 @@ def limit() -> None:
 
 @_command(
     "Bound the factor of safety on strength and friction.",
-    _FILE,
+    "FILE",
     click.option(
         "--of", metavar="NAME", multiple=True, help="Contact, region or body to weaken; may be given several times."
     ),
     click.option("--accuracy", type=float, default=1e-3, show_default=True, help="Relative width of each bisection."),
-    _ELEMENT,
-    _TIME_LIMIT,
-    _VERBOSE,
-    _JSON,
+    "degree law_on time_limit verbose json",
 )
 def safety() -> None:
     """Bounds of the factor by which friction, cohesion and strengths may be divided until the loads are just carried.
@@ -426,10 +376,7 @@ def safety() -> None:
     """  # noqa: D301
 
 
-@_command(
-    "Check a proof file of limit in exact arithmetic.",
-    _FILE,
-)
+@_command("Check a proof file of limit in exact arithmetic.", "FILE")
 def check_proof() -> None:
     """Check a proof of what a body carries and of what it does not, written by "qvi-contact limit --proof".
 
@@ -442,10 +389,7 @@ def check_proof() -> None:
     """  # noqa: D301
 
 
-@_command(
-    "List the keys of problem files.",
-    click.argument("name", metavar="[NAME]", default=""),
-)
+@_command("List the keys of problem files.", click.argument("name", metavar="[NAME]", default=""))
 def keys() -> None:
     """List the tables of problem files with their keys, or say all about the table or key called NAME.
 
@@ -453,17 +397,13 @@ def keys() -> None:
 
     \b
     Examples:
-        qvi-contact keys
         qvi-contact keys contacts
         qvi-contact keys contacts.friction
         qvi-contact keys mesh.outline
     """  # noqa: D301
 
 
-@_command(
-    "List what can be used on this machine.",
-    _JSON,
-)
+@_command("List what can be used on this machine.", "json")
 def methods() -> None:
     """List the methods, inner solvers and factorisations that can be used here.
 

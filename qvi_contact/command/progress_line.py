@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
-from threading import Event, Lock, Thread, Timer
+from threading import Event, Thread
 from time import monotonic
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 _PATIENCE = 2.0  # seconds of silence
 _OFF_TERMINALS = 30.0  # where there is no terminal; then twice as many, and so on
+_REDRAWN = 0.1  # seconds
 
 
 @contextmanager
@@ -34,28 +35,25 @@ def solving(title: str, steps: int = 1, *, verbose: bool = False, silence: float
             yield lambda _="": None
         return
     line = _Line(title, steps)
-    timer = Timer(_PATIENCE, line.show)
-    timer.daemon = True
-    timer.start()
-    Thread(target=line.speak, args=(silence,), daemon=True).start()
+    thread = Thread(target=line.show, args=(silence,), daemon=True)
+    thread.start()
     try:
         with listening(line.report):
             yield line.advance
     finally:
-        timer.cancel()
-        line.close()
+        line.ended.set()
+        thread.join()
 
 
 class _Line:
-    """The line, shown by the thread of the timer."""
+    """The line, which a thread of its own shows until all has ended."""
 
     def __init__(self, title: str, steps: int) -> None:
-        self._title, self._steps, self._done, self._state = title, steps, 0, ""
-        self._so_far = ""
-        self._lock = Lock()
+        self._title, self._steps, self._done = title, steps, 0
+        self._so_far = self._state = ""
         self._bar: Bar | None = None
-        self._ended = Event()
         self._began = monotonic()
+        self.ended = Event()
 
     def report(self, progress: Progress) -> None:
         """What a solve says: method, iteration, residual."""
@@ -64,61 +62,46 @@ class _Line:
         if entry is not None and not progress.stage:
             what = f"iteration {entry.number}, residual {entry.residual:.1e}"
         self._state = f"{progress.method}: {what}"
-        self._update()
         if progress.stage:
-            self._say(self._state)
+            self._say(self._state, on_terminals=False)
         if progress.remark:
-            console = terminal.error_console() if self._bar is None else self._bar.console
-            said = f"{self._title}: {progress.remark}; next method: {progress.method}"
-            if console.is_terminal:
-                console.print(said, markup=False, highlight=False)
+            self._say(f"{progress.remark}; next method: {progress.method}", on_terminals=True)
 
     def advance(self, description: str = "") -> None:
         """One more step is done."""
         self._done, self._so_far, self._state = self._done + 1, description, ""
-        self._update()
 
-    def show(self) -> None:
-        """Begin: Rich's own line, with a bar where there are several steps."""
-        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+    def show(self, silence: float) -> None:
+        """Draw the line on a terminal, and elsewhere say now and then how far all is."""
+        if self.ended.wait(min(_PATIENCE, silence)):
+            return
+        if terminal.error_console().is_terminal:
+            self._draw()
+        while not self.ended.wait(silence):
+            self._say(self._text, on_terminals=False)
+            silence *= 2.0
+
+    def _draw(self) -> None:
+        """Rich's own line, with a bar where there are several steps."""
+        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
         from rich.progress import Progress as Bar
 
-        console = terminal.error_console()
-        if not console.is_terminal:
-            return
         title, state = (TextColumn(f"{{task.{name}}}", markup=False) for name in ("description", "fields[state]"))
-        columns = (title, *((BarColumn(), MofNCompleteColumn()) if self._steps > 1 else ()), state, TimeElapsedColumn())
-        with self._lock:
-            if not self._ended.is_set():
-                self._bar = Bar(*columns, console=console, transient=True)
-                task = self._bar.add_task(self._title, total=self._steps, completed=self._done, state=self._text)
-                self._bar.tasks[task].start_time = self._bar.get_time() - _PATIENCE
-                self._bar.start()
+        columns = (title, *((BarColumn(), MofNCompleteColumn()) if self._steps > 1 else ()), state)
+        with Bar(*columns, console=terminal.error_console(), transient=True) as self._bar:
+            task = self._bar.add_task(self._title, total=self._steps, state=self._text)
+            over = False
+            while not over:
+                over = self.ended.wait(_REDRAWN)
+                self._bar.update(task, completed=self._done, state=self._text)
 
-    def speak(self, pause: float) -> None:
-        """Say how far all is where there is no terminal, until the end."""
-        while not self._ended.wait(pause):
-            self._say(f"{self._text or 'setting up'}; {monotonic() - self._began:.0f} s")
-            pause *= 2.0
-
-    def _say(self, words: str) -> None:
-        """A plain line, unless a terminal shows the same."""
-        console = terminal.error_console()
-        if not console.is_terminal:
+    def _say(self, words: str, *, on_terminals: bool) -> None:
+        """A line that stays, if standard error is a terminal or is none."""
+        console = terminal.error_console() if self._bar is None else self._bar.console
+        if console.is_terminal is on_terminals:
             console.print(f"{self._title}: {words}", markup=False, highlight=False, soft_wrap=True)
-
-    def close(self) -> None:
-        """End."""
-        with self._lock:
-            self._ended.set()
-            if self._bar is not None:
-                self._bar.stop()
-
-    def _update(self) -> None:
-        with self._lock:
-            if self._bar is not None:
-                self._bar.update(self._bar.task_ids[0], completed=self._done, state=self._text)
 
     @property
     def _text(self) -> str:
-        return "; ".join(filter(None, [self._so_far, self._state]))
+        state = "; ".join(filter(None, [self._so_far, self._state])) or "setting up"
+        return f"{state}; {monotonic() - self._began:.0f} s"

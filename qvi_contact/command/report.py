@@ -17,8 +17,8 @@ from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.problem.conditions import DRIVES, Condition, Contact, Traction
 from qvi_contact.problem.fields import Expression, Polynomial
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.contact_line import ContactState
-from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, plate_numbers
+from qvi_contact.solution.contact_line import SUMMARY, ContactState
+from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, contact_numbers
 from solvers.solution import WHAT_TO_DO
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from qvi_contact.refinement.adaptive import Outcome
 
 STATES = [state.name.lower() for state in ContactState]
+FORCES = {name: SUMMARY[name] for name in ("normal_force", "tangential_force")}
 _LAW_ON = {"points": "at Gauss points", "edges": "on whole edges"}
 _SAID = ("x", "y", "normal", "tangential", "friction")  # of conditions, also where they are 0
 _HIDDEN = ("kind", "edges", "length", "joint")
@@ -47,16 +48,16 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
     lines = result.contacts.values()
     states = [state for state in STATES if any(state in line.shares for line in lines)]
     rows = [[line.name, *line.shown_forces, *shares(line.shares, states)] for line in lines]
-    force, least = units.engineering_force, result.rounding
+    force = units.engineering_force
     if rows:
         yield ""
         yield from table(["contact", f"normal [{force}]", f"tangential [{force}]", *states], rows)
     for line in result.contacts.values():
         if line.has_fluid:
-            effective = shown(line.effective_normal_force, least.force)
+            effective = shown(line.effective_normal_force, result.rounding.force)
             yield f"contact {line.name}: effective normal force, without the pore pressure, {effective} {force}"
     for name in result.plates:
-        x, y, turned, across, up, moment = map(shown, plate_numbers(result, name), least_shown(PLATE_COLUMNS, least))
+        x, y, turned, across, up, moment = cells(contact_numbers(result)[name], PLATE_COLUMNS, result.rounding)
         yield f"obstacle {name} moves by ({x}, {y}) {units.displacement}, turns by {turned} rad"
         yield f"obstacle {name} pushes with ({across}, {up}) {force}, moment {moment} {units.engineering_moment}"
 
@@ -117,29 +118,27 @@ def _contact_tables(
     units: Units,
 ) -> Iterator[Titled]:
     """One table for each contact and each plate: of each result, by its number from 0, the first columns and more."""
-    contacts = steps[0].problem.contacts
-    driven = [each.name for each in contacts if each.plate is not None]
-    begun, known, moved, roundings = [], list[Mapping[str, Any]](), list[Mapping[str, Any]](), []
+    read = list[tuple[list[str], Mapping[str, Any], Mapping[str, Any], Rounding]]()
     for number, step in enumerate(steps):  # each is read once: those of a store are files
         lines = step.contacts if step.has_state else {}
-        begun.append(first(number, step))
-        known.append({name: (line.normal_force, line.tangential_force, line.shares) for name, line in lines.items()})
-        moved.append({name: plate_numbers(step, name) for name in driven if lines})
-        roundings.append(step.rounding)
-    least = Rounding.largest(roundings)
-    for name in (contact.name for contact in contacts):
-        states = [state for state in STATES if any(state in each[name][2] for each in known if each)]
+        numbers = contact_numbers(step) if lines else {}
+        read.append((first(number, step), numbers, {name: line.shares for name, line in lines.items()}, step.rounding))
+    least = Rounding.largest(each for *_, each in read)
+    contacts, forces = steps[0].problem.contacts, f"forces in {units.engineering_force}"
+    wanted = [(f"contact {each.name}, {forces}", each.name, FORCES, ["normal", "tangential"]) for each in contacts]
+    wanted += [
+        (f"obstacle {each.name}, motion and what it does to the body", each.name, PLATE_COLUMNS, plate_headings(units))
+        for each in contacts if each.plate is not None
+    ]  # fmt: skip
+    for title, name, columns, labels in wanted:
+        states = [
+            state for state in STATES if columns is FORCES and any(state in of.get(name, ()) for *_, of, _ in read)
+        ]
         rows = [
-            [*start, *(shown(force, least.force) for force in each[name][:2]), *shares(each[name][2], states)]
-            if each else start
-            for start, each in zip(begun, known, strict=True)
-        ]  # fmt: skip
-        title = f"contact {name}, forces in {units.engineering_force}"
-        yield title, [*headings, "normal", "tangential", *states], rows
-    for name in driven:
-        rows = [[*start, *map(shown, each.get(name, ()), least_shown(PLATE_COLUMNS, least))]
-                for start, each in zip(begun, moved, strict=True)]  # fmt: skip
-        yield f"obstacle {name}, motion and what it does to the body", [*headings, *plate_headings(units)], rows
+            [*start, *cells(numbers.get(name), columns, least), *shares(of.get(name, {}), states)]
+            for start, numbers, of, _ in read
+        ]
+        yield title, [*headings, *labels, *states], rows
 
 
 def _in_lines(tables: Iterable[Titled]) -> Iterator[str]:
@@ -159,9 +158,12 @@ def with_units(labels: Iterable[str], columns: Mapping[str, str], units: Units) 
     return [f"{label} [{getattr(units, kind, 'rad')}]" for label, kind in zip(labels, columns.values(), strict=True)]
 
 
-def least_shown(columns: Mapping[str, str], least: Rounding) -> tuple[float, ...]:
-    """Sizes up to which numbers of these columns are rounding."""
-    return tuple(getattr(least, kind.removeprefix("engineering_") or "rotation") for kind in columns.values())
+def cells(
+    numbers: Mapping[str, float] | None, columns: Mapping[str, str], least: Rounding, digits: int = 6
+) -> list[str]:
+    """The numbers of these columns for people, those that are rounding as 0; none where there are none."""
+    sizes = {name: getattr(least, kind.removeprefix("engineering_") or "rotation") for name, kind in columns.items()}
+    return [] if numbers is None else [shown(numbers[name], size, digits) for name, size in sizes.items()]
 
 
 def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
@@ -250,26 +252,25 @@ def branches_document(result: ContactResult, found: Branches | None, units: Unit
     return {"message": units.filled(result.message if found is None else found.message), "solutions": solutions}
 
 
+def _accuracy(found: Outcome | RefinementRound) -> dict[str, Any]:
+    """How far a number can be trusted, for programs; the error is relative."""
+    return {"estimate": found.estimate, "guaranteed": found.guaranteed, "certainty": str(found.certainty)}
+
+
 def refinement_document(found: Outcome, units: Units) -> dict[str, Any]:
-    """Outcome and rounds for programs; errors are relative."""
-
-    def told(each: Outcome | RefinementRound) -> dict[str, Any]:
-        return {
-            "value": each.value,
-            "estimate": each.estimate,
-            "guaranteed": each.guaranteed,
-            "certainty": str(each.certainty),
-        }
-
+    """Outcome and rounds for programs."""
     return {
         "status": found.status.value,
         "quantity": found.quantity,
-        **told(found),
         "value": {"value": found.value, "unit": _unit(found, units)},
+        **_accuracy(found),
         "target": found.target,
         "message": found.message,
         "advice": found.status.advice,
-        "rounds": [{"cells": [each.cells], "unknowns": each.unknowns, **told(each)} for each in found.rounds],
+        "rounds": [
+            {"cells": [each.cells], "unknowns": each.unknowns, "value": each.value, **_accuracy(each)}
+            for each in found.rounds
+        ],
     }
 
 
@@ -365,9 +366,7 @@ def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict
         known["refinement"] = {
             "status": refinement.status.value,
             "target": refinement.target,
-            "estimate": refinement.estimate,
-            "guaranteed": refinement.guaranteed,
-            "certainty": str(refinement.certainty),
+            **_accuracy(refinement),
             "unknowns": refinement.rounds[-1].unknowns,
             "rounds": len(refinement.rounds),
             "message": refinement.message,

@@ -1,4 +1,4 @@
-"""What the commands do: a function for each command of `cli`, with its options; what it returns is the exit status.
+"""What the commands do and write: a function for each command of `cli`, which returns the exit status.
 
 Rooms that only one of them needs are loaded in its function, or by a name of the package, when it comes to them.
 """
@@ -7,11 +7,14 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 import numpy as np
@@ -19,10 +22,9 @@ import numpy as np
 import qvi_contact
 from qvi_contact import files
 from qvi_contact.basics.schema import keys_of
-from qvi_contact.basics.writing import write_text
+from qvi_contact.basics.writing import check_suffix, check_writable, identity, write_text
 from qvi_contact.command import report
 from qvi_contact.command.cli import TARGETS
-from qvi_contact.command.outputs import SecondModel, asked_panels, checked_targets, json_text, write_all, written
 from qvi_contact.command.progress_line import solving
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ProblemFile, SweepPlan, load_problem
@@ -36,6 +38,9 @@ from solvers.errors import known_name
 from solvers.factorisation import available_backends, missing_backends
 from solvers.factorisation.base import DENSE
 from solvers.settings import METHODS
+
+if TYPE_CHECKING:
+    from qvi_contact.bracket import Bracket
 
 _SPACE: Final = ("degree", "law_on")
 _MOST: Final = 1_000_000  # values that are asked for at once
@@ -51,7 +56,7 @@ def _opened(
 
     Input errors in the block have their paths in the file. `single` is what a file with load steps is refused for.
     """
-    targets = checked_targets(file, {name: given[name] for name in TARGETS if given.get(name) is not None})
+    targets = _checked_targets(file, {name: given[name] for name in TARGETS if given.get(name) is not None})
     problem_file = load_problem(file)
     if single and problem_file.times:
         remedy = f"{single} needs a single problem: give a file without [history]"
@@ -70,42 +75,37 @@ def _space(options: dict[str, Any]) -> dict[str, Any]:
     return {name: options[name] for name in _SPACE if name in options}
 
 
-def _show(file: ProblemFile, found: dict[str, Any] | Iterable[str]) -> None:
-    """Print a document for programs, or title, description and lines for people."""
-    heading = filter(None, (file.title, *file.description.strip().splitlines()))
-    click.echo(json_text(found) if isinstance(found, dict) else "\n".join((*heading, *found)))
-
-
-def solve(
-    file: str,
-    verbose: bool,
-    as_json: bool,
-    swept: tuple[str, ...],
-    store: str | None,
-    panels: str | None,
-    **given: Any,
+def _ended(
+    file: ProblemFile, as_json: bool, document: dict[str, Any], lines: Iterable[str], good: bool, complete: bool = True
 ) -> int:
+    """Print a document for programs, or title, description and lines for people; the exit status."""
+    heading = filter(None, (file.title, *file.description.strip().splitlines()))
+    click.echo(_json_text(document) if as_json else "\n".join((*heading, *lines)))
+    return 2 if not complete else 0 if good else 1
+
+
+def solve(file: str, verbose: bool, as_json: bool, swept: tuple[str, ...], panels: str | None, **given: Any) -> int:
     """Solve a problem, its history, or a sweep."""
     with _opened(file, given) as (problem_file, targets, options):
         problem_file, plan = _asked(problem_file, swept)
         units = problem_file.units
-        charts = asked_panels(problem_file, panels)
-        _check_asked(plan, store, given)
-        if plan is not None and store is not None:
-            shared = {name: given[name] for name in ("workers", "dask") if given[name] is not None}
-            sweep = _swept(problem_file, plan, options, verbose, store=store, **shared)
+        charts = _asked_panels(problem_file, panels)
+        if _check_asked(problem_file, plan, given) and plan is not None:
+            stored = {name: given[name] for name in ("store", "workers", "dask") if given[name] is not None}
+            sweep = _swept(problem_file, plan, options, verbose, **stored)
             return _told(problem_file, sweep, targets.get("save_json"), as_json)
-        series, steps = _solved_series(problem_file, plan, options, verbose, store)
+        series, steps = _solved_series(problem_file, plan, options, verbose, given["store"])
         solved = (steps[0] if series is None else series.results).status == "solved"
         document = {"title": problem_file.title, "solved": solved}
         if as_json or "save_json" in targets:
             found = [files.summary(step, units) for step in steps]
             document |= found[0] if series is None else series.document(found, units)
-        second = SecondModel(steps[-1], options.get("time_limit"))
-        complete = write_all(file, targets, problem_file, second, document, charts, series=series)
+        complete = _write_all(
+            file, targets, problem_file, steps[-1], document,
+            time_limit=options.get("time_limit"), panels=charts, series=series,
+        )  # fmt: skip
     lines = report.result_lines(steps[0], units) if series is None else series.lines(units)
-    _show(problem_file, document if as_json else lines)
-    return 2 if not complete else 0 if solved else 1
+    return _ended(problem_file, as_json, document, lines, solved, complete)
 
 
 def verify(result: str, tolerance: float | None, verbose: bool, as_json: bool) -> int:
@@ -114,11 +114,11 @@ def verify(result: str, tolerance: float | None, verbose: bool, as_json: bool) -
 
     with np.errstate(all="ignore"):  # what overflows fails
         found = verify_file(result, tolerance)
-    click.echo(json_text(found.document()) if as_json else found.table(failures_only=not verbose))
+    click.echo(_json_text(found.document()) if as_json else found.table(failures_only=not verbose))
     return 0 if found.passed else 1
 
 
-def check(file: str, as_json: bool, **given: Any) -> None:
+def check(file: str, as_json: bool, **given: Any) -> int:
     """Print what a problem file describes."""
     with _opened(file, given) as (problem_file, targets, options):
         problem, found = report.outline(problem_file, _space(options))
@@ -126,7 +126,7 @@ def check(file: str, as_json: bool, **given: Any) -> None:
         from qvi_contact import plots
 
         plots.save_figure(targets["plot"], plots.problem_figure(problem, problem_file.units))
-    _show(problem_file, found if as_json else report.outline_lines(found, problem_file.units))
+    return _ended(problem_file, as_json, found, report.outline_lines(found, problem_file.units), good=True)
 
 
 def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given: Any) -> int:
@@ -143,15 +143,12 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
             advance("energy bounded, contact forces follow")
             if found is not None:
                 _ = found.forces  # takes longest on large meshes: here, where progress is shown
-        complete = write_all(file, targets, problem_file, SecondModel(result, known=found), {})
-    if as_json:
-        document = {"title": problem_file.title, **files.summary(result, units)}
-        _show(problem_file, document | {"bracket": None if found is None else outcome.document(found, units)})
-    else:
-        more = () if found is None else ("", *outcome.lines(found, units))
-        _show(problem_file, (*report.result_lines(result, units), *more))
+        complete = _write_all(file, targets, problem_file, result, {}, known=found)
+    document = {"title": problem_file.title, **files.summary(result, units)}
+    document["bracket"] = None if found is None else outcome.document(found, units)
+    more = () if found is None else ("", *outcome.lines(found, units))
     bounded = found is not None and result.status == "solved" and math.isfinite(found.gap)
-    return 2 if not complete else 0 if bounded else 1
+    return _ended(problem_file, as_json, document, (*report.result_lines(result, units), *more), bounded, complete)
 
 
 def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
@@ -165,10 +162,10 @@ def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
             advance("solved; friction is followed from other values")
             found = other_solutions(result) if result.status == "solved" else None
         document = {"title": problem_file.title, **report.branches_document(result, found, units)}
-        second = SecondModel(result if found is None else found.preferred, given["time_limit"])
-        complete = write_all(file, targets, problem_file, second, document)
-    _show(problem_file, document if as_json else report.branches_lines(result, found, units))
-    return 2 if not complete else 0 if result.status == "solved" else 1
+        best = result if found is None else found.preferred
+        complete = _write_all(file, targets, problem_file, best, document, time_limit=given["time_limit"])
+    lines = report.branches_lines(result, found, units)
+    return _ended(problem_file, as_json, document, lines, result.status == "solved", complete)
 
 
 def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
@@ -185,13 +182,13 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
             )  # fmt: skip
         document = {"title": problem_file.title, **files.summary(found.result, units)}
         document["refinement"] = report.refinement_document(found, units)
-        second = SecondModel(found.result, options.get("time_limit"))
-        complete = write_all(file, targets, problem_file, second, document, refinement=found)
+        complete = _write_all(
+            file, targets, problem_file, found.result, document,
+            time_limit=options.get("time_limit"), refinement=found,
+        )  # fmt: skip
     last = [line for line in report.result_lines(found.result, units) if not line or line not in found.message]
-    _show(
-        problem_file, document if as_json else (*report.refinement_lines(found, units), *([""] if last else []), *last)
-    )
-    return 2 if not complete else 0 if found.status == "reached" else 1
+    lines = (*report.refinement_lines(found, units), *([""] if last else []), *last)
+    return _ended(problem_file, as_json, document, lines, found.status == "reached", complete)
 
 
 def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool, as_json: bool, **given: Any) -> int:
@@ -229,16 +226,14 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         plots.save_figure(path, plots.limit_figure(problem, found, units, problem_file.title, f"{said[0]}."))
 
     def page(path: str) -> None:
-        from qvi_contact.command.page import Request, limit_page
+        from qvi_contact.command.page import limit_page
 
-        write_text(path, limit_page(Request.read(file, problem_file), problem, found, said))
+        write_text(path, limit_page(file, problem_file, problem, found, said))
 
     writers = {"plot": plot, "vtk": lambda path: files.write_collapse_vtu(path, problem, found, units), "report": page}
-    complete = written(targets, writers, missing)
-    if as_json:
-        _show(problem_file, {"loads": list(loads), **report.limit_document(found, refinement)})
-    else:
-        click.echo("\n".join([*said, *proved]))
+    complete = _written(targets, writers, missing)
+    document = {"loads": list(loads), **report.limit_document(found, refinement)}
+    click.echo(_json_text(document) if as_json else "\n".join([*said, *proved]))
     missed = refinement is not None and refinement.status != "reached"
     return 2 if not complete else 1 if missed or found == -math.inf else 0
 
@@ -266,11 +261,10 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
             problem_file.problem, of=list(of) or None, accuracy=accuracy, time_limit=given["time_limit"],
             **_space(options),
         )  # fmt: skip
-    if as_json:
-        _show(problem_file, {"of": list(of), "lower": found.lower, "upper": found.upper})
-    else:
-        above = f"divided by {found.upper:.6g} they do not on any mesh" if found.upper < math.inf else "no bound above"
-        click.echo(f"strengths divided by {found.lower:.6g} carry the loads on this mesh; {above}")
+    above = f"divided by {found.upper:.6g} they do not on any mesh" if found.upper < math.inf else "no bound above"
+    said = f"strengths divided by {found.lower:.6g} carry the loads on this mesh; {above}"
+    document = {"of": list(of), "lower": found.lower, "upper": found.upper}
+    click.echo(_json_text(document) if as_json else said)
     return 0 if found.lower >= 1.0 else 1
 
 
@@ -303,7 +297,7 @@ def methods(as_json: bool) -> None:
     factorisations = {DENSE: "up to 400 unknowns", **available_backends()}
     if as_json:
         document = {"methods": list(METHODS), "inner": list(available()), "factorisation": factorisations}
-        click.echo(json_text(document))
+        click.echo(_json_text(document))
         return
     missing = {name: f"not installed: {install}" for name, install in missing_backends().items()}
     shown = tuple(f"{name}  ({what})" for name, what in (factorisations | missing).items())
@@ -315,12 +309,9 @@ def methods(as_json: bool) -> None:
 
 
 def _solved_series(
-    file: ProblemFile, plan: SweepPlan | None, options: dict[str, Any], verbose: bool, store: str | None = None
+    file: ProblemFile, plan: SweepPlan | None, options: dict[str, Any], verbose: bool, store: str | None
 ) -> tuple[report.Series | None, Sequence[ContactResult]]:
     """The results of a file: of its history, of a sweep if there is a plan, or one."""
-    if store is not None and not file.times:
-        remedy = "keeps steps of a history or rows of a sweep: give --set, or a file with a [history] or a [sweep]"
-        raise InputError("--store", store, remedy)
     if plan is not None:
         swept = _swept if plan.parameter in _PARAMETERS else _swept_constant
         sweep = swept(file, plan, options, verbose)
@@ -371,19 +362,25 @@ def _swept(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose:
             raise type(error)(place, error.value, error.remedy) from error
 
 
-def _check_asked(plan: SweepPlan | None, store: str | None, asked: Mapping[str, Any]) -> None:
-    """Refuse options, by name, that have no sense without a sweep that goes to a file, or with one."""
-    streams = plan is not None and store is not None
-    if streams and plan is not None and plan.parameter not in _PARAMETERS:
-        raise InputError("--store", store, f"keeps rows of {', '.join(_PARAMETERS)}: sweep a constant without it")
-    for name in ("workers", "dask"):
-        if not streams and asked[name] is not None:
-            remedy = "is for values of a sweep: give --store FILE with --set, or with a [sweep] in the problem file"
+def _check_asked(file: ProblemFile, plan: SweepPlan | None, asked: Mapping[str, Any]) -> bool:
+    """Whether a sweep goes to a file; refuse options, by name, that have no sense with one or without."""
+    streams = plan is not None and asked["store"] is not None
+    if streams:
+        remedy = "needs a result, and a sweep with --store keeps rows of numbers alone: leave one of them out"
+        refused = dict.fromkeys(("plot", "vtk", "npz", "report"), remedy)
+    else:
+        remedy = "is for values of a sweep: give --store FILE with --set, or with a [sweep] in the problem file"
+        refused = dict.fromkeys(("workers", "dask"), remedy)
+    if plan is None and not file.times:
+        refused["store"] = (
+            "keeps steps of a history or rows of a sweep: give --set, or a file with a [history] or a [sweep]"
+        )
+    elif plan is not None and plan.parameter not in _PARAMETERS:
+        refused["store"] = f"keeps rows of {', '.join(_PARAMETERS)}: sweep a constant without it"
+    for name, remedy in refused.items():
+        if asked[name] is not None:
             raise InputError(f"--{name}", asked[name], remedy)
-    for name in ("plot", "vtk", "npz", "report"):
-        if streams and asked[name]:
-            remedy = "needs a result, and a sweep with --store keeps rows of numbers alone: leave one of them out"
-            raise InputError(f"--{name}", asked[name], remedy)
+    return streams
 
 
 def _told(file: ProblemFile, sweep: qvi_contact.StoredSweep, kept: str | None, as_json: bool) -> int:
@@ -395,12 +392,11 @@ def _told(file: ProblemFile, sweep: qvi_contact.StoredSweep, kept: str | None, a
         "message": sweep.message,
     }  # fmt: skip
     if kept is not None:
-        write_text(kept, json_text(document) + "\n")
+        write_text(kept, _json_text(document) + "\n")
     lines = [f"{sweep.parameter}: {len(sweep.values)} values from {min(sweep.values):g} to {max(sweep.values):g}"]
     lines.append(", ".join(f"{count} {status.words}" for status, count in statuses.items()) or "none done")
     lines += [*([] if solved else [sweep.message]), f"rows: {sweep.path}"]
-    _show(file, document if as_json else lines)
-    return 0 if solved else 1
+    return _ended(file, as_json, document, lines, solved)
 
 
 def _asked(file: ProblemFile, given: Sequence[str]) -> tuple[ProblemFile, SweepPlan | None]:
@@ -443,3 +439,139 @@ def _asked(file: ProblemFile, given: Sequence[str]) -> tuple[ProblemFile, SweepP
     if plans and file.times:
         raise InputError("--set", given[0], "a file with a [history] cannot be swept: give one without")
     return file.with_constants(constants) if constants else file, plans[0] if plans else file.sweep
+
+
+# files, checked before the work begins, and written as far as they can be
+
+
+def _checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
+    """The files asked for, by option.
+
+    `InputError` if one cannot be written, is the problem file or another option's, or needs a package that is missing.
+    """
+    taken = {identity(source): "the problem file"}
+    for option, path in given.items():
+        name = _option_name(option)
+        if not path or os.path.isdir(path):  # Path's raises for names that no file can have
+            raise InputError(name, path, "give the name of a file")
+        check_writable(path, name)
+        place = identity(path)
+        if place in taken:
+            raise InputError(name, path, f"is {taken[place]}: give a file of its own")
+        taken[place] = f"the file of {name} too"
+        target = TARGETS[option]
+        if target.library and find_spec(target.library) is None:
+            raise InputError(name, path, f"needs {target.library}: python -m pip install {target.library}")
+        if target.suffix:
+            check_suffix(name, path, target.suffix)
+        if target.library == "matplotlib":
+            from qvi_contact.plots.style import picture_suffix, require_matplotlib
+
+            require_matplotlib()
+            if option == "plot":
+                picture_suffix(path)
+    return dict(given)
+
+
+def _asked_panels(file: ProblemFile, panels: str | None) -> list[str] | None:
+    """The contacts that --panels names, none for "none"; None for those that pictures choose."""
+    names = [contact.name for contact in file.problem.contacts]
+    if panels is None or panels in names:
+        return None if panels is None else [panels]
+    found = [] if panels == "none" else [part.strip() for part in panels.split(",")]
+    return [known_name("--panels", name, {"contacts": names}) for name in found]
+
+
+def _write_all(
+    source: str,
+    targets: Mapping[str, str],
+    file: ProblemFile,
+    result: ContactResult,
+    document: dict[str, Any],
+    *,
+    known: Bracket | None = None,
+    time_limit: float | None = None,
+    **more: Any,
+) -> bool:
+    """Write the files asked for, as many as can be; whether all could be, and a line for each that could not.
+
+    The picture is that of the result, or of a history. Pages and fields have the bracket, which takes at most
+    `time_limit` seconds if it is not known. Other arguments are those of `result_page`.
+    """
+    series: Any = more.get("series")
+    units = file.units
+
+    @cache
+    def bracketed() -> tuple[Bracket | None, str]:
+        """The bracket, or why there is none: for incompressible materials, and after earlier slip on arcs."""
+        from qvi_contact.bracket import bracket
+
+        if known is not None or not result.has_state:
+            return known, "there is no stress state"
+        try:
+            return bracket(result, time_limit=time_limit), ""
+        except InputError as error:
+            return None, error.remedy
+
+    def plot(path: str) -> None:
+        from qvi_contact import plots
+
+        if file.times and series.results.steps[0].has_state and result.problem.contacts:
+            plots.save_figure(path, plots.history_figure(series.results, units, file.times, file.title))
+        else:
+            plots.save_figure(path, plots.result_figure(result, units, file.title, more.get("panels")))
+
+    def page(path: str) -> None:
+        from qvi_contact.command.page import result_page
+
+        write_text(path, result_page(source, file, result, bracketed, **more))
+
+    def fields(path: str) -> None:
+        bracket, _ = bracketed()
+        moved = bracket if bracket is not None and bracket.companion.has_state else None
+        files.write_vtu(path, result, units, bracket=moved)
+        if result.contacts:
+            whole = Path(path)
+            files.write_contacts_vtu(whole.with_name(f"{whole.stem}_contacts{whole.suffix}"), result, units)
+
+    writers: dict[str, Callable[[str], None]] = {
+        "save_json": lambda path: write_text(path, _json_text(document) + "\n"),
+        "plot": plot,
+        "npz": lambda path: files.write_npz(path, result, units, file.title),
+        "report": page,
+        "vtk": fields,
+    }
+    stateless = {} if result.has_state else dict.fromkeys(("vtk", "npz"), "there is no stress state to write to")
+    return _written(targets, writers, stateless)
+
+
+def _written(
+    targets: Mapping[str, str], writers: Mapping[str, Callable[[str], None]], missing: Mapping[str, str]
+) -> bool:
+    """Write files by option, as many as can be, with a line for each that is not; whether none failed.
+
+    Words for what there is nothing to write to stand in `missing`.
+    """
+    complete = True
+    for option, path in targets.items():
+        try:
+            if option in missing:
+                click.echo(f"qvi-contact: {missing[option]} {path}", err=True)
+            else:
+                writers[option](path)
+        except InputError as error:
+            name = _option_name(option) if error.field == "output" else error.field
+            failure = InputError(name, error.value, error.remedy)
+            click.echo(f"qvi-contact: {' '.join(str(failure).split())}", err=True)
+            complete = False
+    return complete
+
+
+def _option_name(name: str) -> str:
+    """How an option is typed."""
+    return f"--{name.replace('_', '-')}"
+
+
+def _json_text(document: object) -> str:
+    """A document as JSON; numbers that are not finite are null."""
+    return json.dumps(files.json_ready(document), indent=2, allow_nan=False)

@@ -278,8 +278,15 @@ class Workers:
 
     def __post_init__(self) -> None:
         whole_number("workers", self.count, _MOST_WORKERS)
-        if self.dask is not None:
-            _check_address(self.dask)
+        if self.dask is None:
+            return
+        if not (isinstance(self.dask, str) and _ADDRESS.fullmatch(self.dask)):
+            raise InputError("dask", self.dask, f"is not scheme://host:port with a known scheme: {_REMEDY}")
+        try:
+            import distributed  # noqa: F401 - logging is set up when it is loaded
+        except ImportError as error:
+            remedy = "needs the package distributed: python -m pip install distributed"
+            raise InputError("dask", self.dask, remedy) from error
 
     @contextmanager
     def ready(self, job: bytes, limits: Limits) -> Iterator[tuple[int, Outcomes[Any]]]:
@@ -393,17 +400,6 @@ def forget(run: str) -> None:
     processes.clear()
 
 
-def _check_address(address: str) -> None:
-    """Refuse an address that cannot be a scheduler's before anything is done."""
-    if not (isinstance(address, str) and _ADDRESS.fullmatch(address)):
-        raise InputError("dask", address, f"is not scheme://host:port with a known scheme: {_REMEDY}")
-    try:
-        import distributed  # noqa: F401 - logging is set up when it is loaded
-    except ImportError as error:
-        remedy = "needs the package distributed: python -m pip install distributed"
-        raise InputError("dask", address, remedy) from error
-
-
 @contextmanager
 def _quiet() -> Iterator[None]:
     """What Dask's client would log on standard error is told by an exception.
@@ -422,7 +418,7 @@ def _quiet() -> Iterator[None]:
 
 
 def _client(address: str) -> Client:
-    """A client of the cluster of this scheduler, which has passed `_check_address`."""
+    """A client of the cluster of this scheduler."""
     from asyncio import run, timeout  # which worker processes need not load
 
     from distributed import Client, Security

@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
@@ -153,23 +154,18 @@ def test_a_terminal_without_greek_gets_question_marks(shell):
     assert b"? = 0.3" in screen.getvalue()
 
 
-@pytest.fixture
-def at_once(monkeypatch):
-    """A timer that does not wait."""
-    monkeypatch.setattr("threading.Timer.start", lambda timer: timer.function())
-
-
-def shown(environ, title, steps=1, **look):
+def shown(environ, title, steps):
     """What a terminal shows of a method, a round, and another solve."""
     environ(FORCE_COLOR=1, COLUMNS=160)
-    with redirect_stderr(io.StringIO()) as screen, solving(title, steps, **look) as advance:
+    with redirect_stderr(io.StringIO()) as screen, solving(title, steps, silence=0.0) as advance:
+        while title not in screen.getvalue():
+            time.sleep(0.01)
         advance("216 unknowns")
         report(Progress("fixed-point", remark="the condensed method ended stalled"))
         solve(compressed_plate(0.2, (3, 3)))
     return screen.getvalue()
 
 
-@pytest.mark.usefixtures("at_once")
 def test_a_solve_under_way_is_shown_on_a_terminal(environ):
     """Method, iteration and residual beside the last round; that one method takes the place of another one stays."""
     found = shown(environ, "[plate]", 3)
@@ -179,7 +175,6 @@ def test_a_solve_under_way_is_shown_on_a_terminal(environ):
     assert "the condensed method ended stalled; next method: fixed-point\n" in found
 
 
-@pytest.mark.usefixtures("at_once")
 def test_off_a_terminal_it_is_silent(capfd):
     with solving("plate") as advance:
         solve(compressed_plate(0.2, (3, 3)))

@@ -8,8 +8,7 @@ import base64
 import platform
 import sys
 import tomllib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
@@ -20,10 +19,10 @@ import numpy as np
 from markupsafe import Markup
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.basics.units import Units, shown
+from qvi_contact.basics.units import Rounding, Units, shown
 from qvi_contact.basics.writing import page_template
+from qvi_contact.bracket import Bracket
 from qvi_contact.command import report
-from qvi_contact.command.outputs import SecondModel
 from qvi_contact.companion import CompanionResult
 from qvi_contact.discretization.space import FAMILY
 from qvi_contact.files.problem_file import ProblemFile
@@ -38,7 +37,7 @@ from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement import Refinement
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine, ContactState
-from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, plate_numbers
+from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, contact_numbers
 from qvi_contact.solution.stress import held_along_z, out_of_plane_factors, sample_body
 from qvi_contact.version import __version__
 
@@ -46,54 +45,29 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WIDE: Final = (9.0, 3.2)  # of a picture of tractions [inch]
+_RESULTANT: Final = {"x": "engineering_force", "y": "engineering_force", "moment": "engineering_moment"}
 _MOST_STEPS: Final = 16  # with a picture: a page is to be mailed
 
 
-@dataclass(frozen=True)
-class Request:
-    """What was asked for."""
-
-    file: ProblemFile
-    """The problem."""
-    text: str
-    """The problem file as it was read."""
-    command: str
-    """The command line."""
-    files: tuple[tuple[str, str], ...] = ()
-    """Name and SHA-256 of other files that were read."""
-
-    @classmethod
-    def read(cls, path: str, file: ProblemFile) -> "Request":
-        """What the command line asked for: the problem file read again as text, and the mesh file that it names."""
-        command = " ".join(["qvi-contact", *map(quote, sys.argv[1:])])
-        text = Path(path).read_text(encoding="utf-8-sig")
-        name = tomllib.loads(text).get("mesh", {}).get("file")
-        if name is None:
-            return cls(file, text, command)
-        digest = sha256((Path(path).parent / name).read_bytes()).hexdigest()
-        return cls(file, text, command, ((name, digest),))
-
-
 def result_page(
-    request: Request,
-    second: SecondModel,
+    source: str | Path,
+    file: ProblemFile,
+    result: ContactResult,
+    bracketed: Callable[[], tuple[Bracket | None, str]],
     refinement: Refinement | None = None,
     series: report.Series | None = None,
     panels: Sequence[str] | None = None,
 ) -> str:
     """The page about the result of a solve, of a refinement, or of the last of several in a series.
 
-    The second model has the result. Of a single one its bracket is computed. Contacts in `panels` have charts, all of
-    them by default.
+    `source` is where the problem file lies. `bracketed` gives the bracket of a single result, or why there is none.
+    Contacts in `panels` have charts, all of them by default.
     """
-    file, result = request.file, second.result
     steps = (result,) if series is None else series.results.steps
-    bracket, missing = (
-        (second.bracket, second.missing)
-        if len(steps) == 1
-        else (None, "bounds are computed for a single solve only, and this is one of several results")
-    )
-    companion = bracket.companion if bracket is not None and second.displaced is not None else None
+    bracket, missing = None, "bounds are computed for a single solve only, and this is one of several results"
+    if len(steps) == 1:
+        bracket, missing = bracketed()
+    companion = bracket.companion if bracket is not None and bracket.companion.has_state else None
     contacts = [
         _contact(line, f"contact-{number}", file.units)
         for number, line in enumerate(result.contacts.values() if result.has_state else (), 1)
@@ -106,7 +80,7 @@ def result_page(
             for title, headings, rows in series.tables(file.units)
         ]
     text: str = page_template("qvi_contact.command.page").render(
-        **_frame(request, result.problem, "Contact problem"),
+        **_frame(source, file, result.problem, "Contact problem"),
         result=result,
         number=number,
         bracket=bracket,
@@ -117,7 +91,7 @@ def result_page(
         several=several,
         step_label="t" if series is None else series.label,
         pictures=_pictures(steps, None if series is None else series.values, file),
-        settings=[*_settings(result), *((f"file {name}", f"SHA-256 {digest}") for name, digest in request.files)],
+        settings=_settings(result),
         field=field_data(result, companion, file.units) if result.has_state else None,
         contacts=contacts,
         contact_data=[contact["data"] for contact in contacts],
@@ -126,16 +100,17 @@ def result_page(
     return text
 
 
-def limit_page(request: Request, problem: ContactProblem, limit: LimitLoad, lines: Sequence[str]) -> str:
+def limit_page(
+    source: str | Path, file: ProblemFile, problem: ContactProblem, limit: LimitLoad, lines: Sequence[str]
+) -> str:
     """The page about a limit load: what people read of it, and how the body gives way, on the mesh of the analysis."""
-    file, moved = request.file, limit.mechanism
-    picture = ""
+    moved, picture = limit.mechanism, ""
     if moved is not None or limit.collapse is not None:
         figure = limit_figure(problem, limit, file.units, answer=f"{lines[0]}.")
         picture = _picture(figure, "How the body gives way")
     contacts = {} if moved is None else moved.contacts
     text: str = page_template("qvi_contact.command.page", "limit.html").render(
-        **_frame(request, problem, "Limit load"),
+        **_frame(source, file, problem, "Limit load"),
         lines=lines,
         picture=picture,
         motions=[(name, *(number(value, 3, 1e-6) for value in (at.opening, at.slip))) for name, at in contacts.items()],
@@ -143,14 +118,18 @@ def limit_page(request: Request, problem: ContactProblem, limit: LimitLoad, line
     return text
 
 
-def _frame(request: Request, problem: ContactProblem, title: str) -> dict[str, Any]:
+def _frame(source: str | Path, file: ProblemFile, problem: ContactProblem, title: str) -> dict[str, Any]:
     """What all pages say around their answer: title, description, the problem, how to repeat it."""
-    file = request.file
+    text = Path(source).read_text(encoding="utf-8-sig")
+    mesh = tomllib.loads(text).get("mesh", {}).get("file")
+    files = [] if mesh is None else [(mesh, sha256((Path(source).parent / mesh).read_bytes()).hexdigest())]
     return {
         "title": file.title or title,
         "paragraphs": [part for part in file.description.split("\n\n") if part.strip()],
         "made": datetime.now(tz=UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        "request": request,
+        "command": " ".join(["qvi-contact", *map(quote, sys.argv[1:])]),
+        "text": text,
+        "files": [(f"file {name}", f"SHA-256 {digest}") for name, digest in files],
         "units": file.units,
         "problem": _picture(problem_figure(problem, file.units), "The problem: mesh, loads, contacts"),
     }
@@ -213,41 +192,34 @@ def number(value: float, digits: int = 5, least: float = 0.0) -> str:
     return shown(value, least, digits).replace("-", "−")
 
 
-def _row(name: str, *numbers: tuple[float, float]) -> list[str]:
-    """A name, and numbers with the size up to which each is rounding."""
-    return [name, *(number(float(value), least=least) for value, least in numbers)]
+def _row(name: str, numbers: Mapping[str, float], columns: Mapping[str, str], least: Rounding) -> list[str]:
+    """A name, and its numbers in these columns."""
+    return [name, *(cell.replace("-", "−") for cell in report.cells(numbers, columns, least, digits=5))]
 
 
 def contacts_table(lines: Sequence[ContactLine], units: Units) -> report.Titled:
     """What contacts carry and do: forces, extremes, shares of their length in each state."""
     states = [state for state in report.STATES if any(state in line.shares for line in lines)]
     labels = ("N", "T", "largest pressure", "largest |σ_T|", "largest gap", "largest |slip|")
-    rows = []
-    for line in lines:
-        found = line.summary()
-        numbers = zip([found[name] for name in SUMMARY], report.least_shown(SUMMARY, line.rounding), strict=True)
-        rows.append([*_row(line.name, *numbers), *report.shares(line.shares, states)])
+    rows = [
+        [*_row(line.name, line.summary(), SUMMARY, line.rounding), *report.shares(line.shares, states)]
+        for line in lines
+    ]
     return "Contacts", ["contact", *report.with_units(labels, SUMMARY, units), *states], rows
 
 
 def result_tables(result: ContactResult, units: Units) -> list[report.Titled]:
     """What each contact carries and does, the resultants on edges that a condition names, plates and pins."""
-    force, least = units.engineering_force, result.rounding
-    loaded = {name: result.resultant(name) for name in dict.fromkeys(each.edges for each in result.problem.conditions)}
-    resultants = [
-        _row(name, (each.x, least.force), (each.y, least.force), (each.moment, least.moment))
-        for name, each in loaded.items()
-    ]
-    about = ["edges", f"F_x [{force}]", f"F_y [{force}]", f"moment about the origin [{units.engineering_moment}]"]
-    plates = [
-        _row(name, *zip(plate_numbers(result, name), report.least_shown(PLATE_COLUMNS, least), strict=True))
-        for name in result.plates
-    ]
+    least, numbers = result.rounding, contact_numbers(result)
+    about = report.with_units(("F_x", "F_y", "moment about the origin"), _RESULTANT, units)
+    loaded = dict.fromkeys(each.edges for each in result.problem.conditions)
+    resultants = [_row(name, vars(result.resultant(name)), _RESULTANT, least) for name in loaded]
+    plates = [_row(name, numbers[name], PLATE_COLUMNS, least) for name in result.plates]
     tables = [
         contacts_table(list(result.contacts.values()), units),
-        ("Resultants of the tractions on the body", about, resultants),
+        ("Resultants of the tractions on the body", ["edges", *about], resultants),
         ("Rigid plates and pins", ["contact", *report.plate_headings(units)], plates),
-    ]  # fmt: skip
+    ]
     return [table for table in tables if table[2]]
 
 
