@@ -198,10 +198,8 @@ def draw_body(
     extent = [before.reshape(-1, 2), after.reshape(-1, 2)]
     tree, moves = cKDTree(extent[0]), extent[1] - extent[0]  # beside the boundary all move as its nearest point does
     extent += draw_symbols(axes, result.problem, lambda points: np.asarray(points + moves[tree.query(points)[1]]))
-    pressure, friction = (
-        max((float(np.abs(each).max()) for each in found), default=0.0)
-        for found in ([part.pressure for part in carried], [part.shear for part in carried])
-    )
+    pressure = max((float(np.abs(part.pressure).max()) for part in carried), default=0.0)
+    friction = max((float(np.abs(part.shear).max()) for part in carried), default=0.0)
     if pressure < _NOTHING * float(np.abs(samples.stress).max()):
         pressure, friction, carried = 0.0, 0.0, []
     height = _HEIGHT * length
@@ -214,7 +212,8 @@ def draw_body(
         scale, spacing = height / max(scales.pressure, 1e-300), _SPACING * length if few else np.inf
         extent.append(_tractions(axes, part, scale, reach, spacing, f"pressure, up to {most[0]} {units.stress}"))
     if friction > 0.0 and most[1] != "0":
-        style.key(axes, f"friction, up to {most[1]} {units.stress}", marker=">", markersize=3, color="black")
+        look: dict[str, Any] = {"color": "black", "linewidth": 0.9, "marker": ">", "markersize": 3}
+        axes.plot([], [], label=f"friction, up to {most[1]} {units.stress}", **look)
     _thrust(axes, carried)
     labelled = [part for part in carried if few or not part.joint]
     written: list[Written] = []

@@ -169,7 +169,7 @@ def merged(conditions: Sequence[Condition]) -> list[Condition]:
         if isinstance(condition, Traction | Displacement):
             given: dict[str, Any] = components(condition)
             own = type(condition), condition.edges, set(given) <= set(CARTESIAN)
-            found[own] = replace(found.get(own, condition), **given)  # type: ignore[type-var]
+            found[own] = replace(found.get(own, condition), **given)
         else:
             found[number] = condition
     return list(found.values())
