@@ -172,9 +172,13 @@ def show_all(axes: "Axes", points: FloatArray, units: Units) -> FloatArray:
 
 def magnified(largest: float, length: float) -> float:
     """The largest of 1, 2, 5 times a power of ten that keeps displacements within `LONGEST` of the body's length."""
-    wanted = LONGEST * length / largest
-    power = 10.0 ** np.floor(np.log10(wanted))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1 + 1e-12)))
+    return rounded_down(LONGEST * length / largest)
+
+
+def rounded_down(value: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten up to a positive value."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value * (1 + 1e-12)))
 
 
 def lines(points: FloatArray, colour: str, style: object, width: float, label: str | None = None) -> "LineCollection":
