@@ -117,8 +117,6 @@ def ground(axes: "Axes", line: FloatArray, normal: FloatArray, size: float) -> N
     """Draw a rigid obstacle: a line of points (n, 2) and oblique strokes of a given size on its far side (n, 2)."""
     axes.plot(*line.T, color="black", linewidth=1.0)
     s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-    if s[-1] <= 0.0:
-        return
     begin, outward = (between(spaced(s, size), s, values) for values in (line, normal))
     sideways = np.column_stack([outward[:, 1], -outward[:, 0]])
     strokes = np.stack([begin, begin + 0.7 * size * (outward + sideways)], axis=1)
