@@ -168,7 +168,7 @@ def _quantities(found: object, units: Mapping[str, str]) -> dict[str, Any]:
     return {name: _quantity(getattr(found, name), unit) for name, unit in units.items()}
 
 
-_Data: TypeAlias = dict[str, dict[str, NDArray[Any]]]  # fields by name, by the quantity whose unit they have
+_Data: TypeAlias = dict[str, tuple[NDArray[Any], str]]  # fields by name, with the quantity whose unit they have
 _CHUNK: Final = 4096  # cells at a time: their tables stay small
 _SINGLE_VALUED: Final = 1e-9  # jump of the dimensionless Airy function that is rounding
 _DIVIDED: Final = 3  # parts along each side of a part of a triangle, in files of limit loads
@@ -212,27 +212,25 @@ def write_vtu(
     factor, zero = np.repeat(cell_factors(problem), len(t)), np.zeros(len(stress))
     held = held_along_z(problem, np.repeat(np.arange(count), len(t)), x, y)
     first, second, _ = principal_stresses(stress)
-    stresses = {
-        "stress": np.column_stack([xx, yy, factor * (xx + yy) + held, xy, zero, zero]),
-        "von Mises": von_mises(stress, factor, held),
-        "principal 1": first,
-        "principal 2": second,
+    point_data: _Data = {
+        "stress": (np.column_stack([xx, yy, factor * (xx + yy) + held, xy, zero, zero]), "stress"),
+        "von Mises": (von_mises(stress, factor, held), "stress"),
+        "principal 1": (first, "stress"),
+        "principal 2": (second, "stress"),
     }
-    point_data: _Data = {"stress": stresses}
     if np.abs(known.space.jumps(result.dofs)).max(initial=0.0) <= _SINGLE_VALUED:
         airy = np.concatenate([known.space.airy(coefficients, cells, t) for cells in chunks])
-        point_data["moment"] = {"Airy function": airy.ravel() * known.scales.airy}
+        point_data["Airy function"] = airy.ravel() * known.scales.airy, "moment"
     number = np.repeat(np.arange(count), len(corners))
-    cell_data: _Data = {"": {"material": problem.cell_materials[number], "cell": number}}
+    cell_data: _Data = {"material": (problem.cell_materials[number], ""), "cell": (number, "")}
     if bracket is not None:
         mesh, companion = bracket.problem.mesh, bracket.companion
         if not mesh.same_as(problem.mesh):
             raise InputError("bracket", repr(mesh), "belongs to another mesh: give the one of this result")
         if not companion.has_state:
             raise InputError("bracket", bracket.message, "there is no displacement in it to write")
-        moved = companion.cell_displacement(*t[:, -2:].T).reshape(-1, 2)
-        point_data["displacement"] = {"displacement": moved}
-        cell_data["energy"] = {"energy gap": bracket.cell_gaps[number]}
+        point_data["displacement"] = companion.cell_displacement(*t[:, -2:].T).reshape(-1, 2), "displacement"
+        cell_data["energy gap"] = bracket.cell_gaps[number], "energy"
     cells = (len(t) * np.arange(count)[:, None, None] + corners).reshape(-1, corners.shape[1])
     _write_grid(path, np.column_stack([x, y]), cells, point_data, cell_data, units)
 
@@ -250,35 +248,30 @@ def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | N
     _check_vtu(path)
     if not result.contacts:
         raise InputError("vtk", str(path), "there is no contact to write")
-    parts, joints, number, count = [], [], [], 0
+    parts, joints, number, count = list[_Data](), [], [], 0
     for index, (contact, line) in enumerate(zip(result.problem.contacts, result.contacts.values(), strict=True)):
         edges = result.problem.mesh.edges(contact.edges)
         normal, tangent = (np.repeat(each, line.points_per_edge, axis=0) for each in (edges.normal, edges.tangent))
         bound = np.where(np.isfinite(line.friction_bound), line.friction_bound, np.nan)
         traction = line.normal_stress[:, None] * normal + line.tangential_stress[:, None] * tangent
-        fields = {
-            "stress": {
-                "pressure": -line.normal_stress,
-                "fluid pressure": line.pore_pressure,
-                "shear": line.tangential_stress,
-                "friction bound": bound,
-                "traction": traction,
-            },
-            "displacement": {"gap": line.gap, "slip": line.slip},
-            "": {"state": line.state.astype(np.float64), "normal": normal},
+        stresses = {
+            "pressure": -line.normal_stress,
+            "fluid pressure": line.pore_pressure,
+            "shear": line.tangential_stress,
+            "friction bound": bound,
+            "traction": traction,
         }
-        parts.append(fields)
+        own: _Data = {name: (values, "stress") for name, values in stresses.items()}
+        own |= {"gap": (line.gap, "displacement"), "slip": (line.slip, "displacement")}
+        parts.append(own | {"state": (line.state.astype(np.float64), ""), "normal": (normal, "")})
         order, goes_on = line.path.points(line.points_per_edge), np.diff(line.path.line) == 0
         joints.append(count + np.column_stack([order[:, :-1].ravel(), order[:, 1:].ravel()]))
         joints.append(count + np.column_stack([order[:-1, -1][goes_on], order[1:, 0][goes_on]]))
         number.append(np.full(len(joints[-2]) + len(joints[-1]), index))
         count += len(line.x)
     points = np.concatenate([np.column_stack([line.x, line.y]) for line in result.contacts.values()])
-    data: _Data = {
-        quantity: {name: np.concatenate([part[quantity][name] for part in parts]) for name in named}
-        for quantity, named in parts[0].items()
-    }
-    _write_grid(path, points, np.concatenate(joints), data, {"": {"contact": np.concatenate(number)}}, units)
+    data = {name: (np.concatenate([part[name][0] for part in parts]), of) for name, (_, of) in parts[0].items()}
+    _write_grid(path, points, np.concatenate(joints), data, {"contact": (np.concatenate(number), "")}, units)
 
 
 def write_collapse_vtu(
@@ -308,20 +301,20 @@ def write_collapse_vtu(
     xx, yy, xy = (bernstein(k, places) @ collapse.stress).reshape(-1, 3).T
     v = (bernstein(k + 1, places) @ collapse.motion.velocities[:, nodes]).reshape(-1, 2)
     point_data: _Data = {
-        "stress": {"stress": np.column_stack([xx, yy, 0 * xx, xy, 0 * xx, 0 * xx])},
-        "": {"velocity": v / np.abs(collapse.motion.velocities).max()},
+        "stress": (np.column_stack([xx, yy, 0 * xx, xy, 0 * xx, 0 * xx]), "stress"),
+        "velocity": (v / np.abs(collapse.motion.velocities).max(), ""),
     }
     a, b, c = mesh.corners.swapaxes(0, 1)
     density = collapse.motion.dissipation / np.abs(cross(b - a, c - a))
     number = np.repeat(np.arange(mesh.cell_count), 3 * len(corners))
-    cells = {
-        "dissipation": density[number] / max(float(density.max()), 1e-300),
-        "gap": collapse.gap[number],
-        "material": problem.cell_materials[number],
-        "cell": number,
+    cells: _Data = {
+        "dissipation": (density[number] / max(float(density.max()), 1e-300), ""),
+        "gap": (collapse.gap[number], ""),
+        "material": (problem.cell_materials[number], ""),
+        "cell": (number, ""),
     }
     triangles = (len(places) * np.arange(3 * mesh.cell_count)[:, None, None] + corners).reshape(-1, 3)
-    _write_grid(path, points, triangles, point_data, {"": cells}, units)
+    _write_grid(path, points, triangles, point_data, cells, units)
 
 
 def _check_vtu(path: str | Path) -> None:
@@ -339,15 +332,14 @@ def _write_grid(
     if parts.shape[1] == 3:  # turned counterclockwise, so that all face the same way
         kind, (a, b, c) = "triangle", points[parts].swapaxes(0, 1)
         parts = np.where((cross(b - a, c - a) < 0.0)[:, None], parts[:, ::-1], parts)
-    labels = Units.labels(units, {quantity: quantity for quantity in (*point_data, *cell_data) if quantity})
+    labels = Units.labels(units, {name: of for name, (_, of) in (point_data | cell_data).items() if of})
 
     def named(data: _Data) -> Iterator[tuple[str, NDArray[Any]]]:
-        for quantity, own in data.items():
-            for name, values in own.items():
-                title = f"{name} [{labels[quantity]}]" if quantity in labels else name
-                vectors = values.ndim == 2 and values.shape[1] == 2
-                # a unit may be called anything, and meshio writes names as they are
-                yield escape(title), np.column_stack([values, np.zeros(len(values))]) if vectors else values
+        for name, (values, _) in data.items():
+            title = f"{name} [{labels[name]}]" if name in labels else name
+            vectors = values.ndim == 2 and values.shape[1] == 2
+            # a unit may be called anything, and meshio writes names as they are
+            yield escape(title), np.column_stack([values, np.zeros(len(values))]) if vectors else values
 
     flat, blocks = np.column_stack([points, np.zeros(len(points))]), [(kind, parts)]
     cells = {name: [values] for name, values in named(cell_data)}

@@ -110,11 +110,7 @@ def _values(kind: schema.Kind) -> str:
     if isinstance(kind, schema.Choice):
         return "one of " + ", ".join(map(str, kind.words)) if len(kind.words) > 1 else str(kind.words[0])
     if isinstance(kind, schema.Listed):
-        return (
-            f"list of {kind.most} × {_values(kind.kind)}"
-            if kind.most == kind.least
-            else f"list of {_values(kind.kind)}"
-        )
+        return f"list of {f'{kind.most} × ' if kind.most == kind.least else ''}{_values(kind.kind)}"
     if isinstance(kind, schema.Named):
         return f"table by names, each {_values(kind.kind)}"
     return next(word for of, word in _WORDS if isinstance(kind, of))

@@ -18,7 +18,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import Curve, checked_bends, circle, ellipse, fitted
 from qvi_contact.mesh.grid import graded_lines, on_line
 from qvi_contact.mesh.outline import Corner, Point
-from qvi_contact.mesh.selection import checked_pairs, edges_in_box, edges_on_segment
+from qvi_contact.mesh.selection import checked_pairs, edges_in_box, edges_on_segment, new_name
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.material import Plane, Region
 
@@ -195,17 +195,16 @@ class LineTable:
 
     def line(self, kind: str, taken: Iterable[str]) -> Sequence[Corner]:
         """The corners of a hole, joint or region."""
-        if kind == "holes" and self.corners is not None and self.name:
+        hole = kind == "holes"
+        if not hole:
+            new_name(self.name, taken, kind.removesuffix("s"))
+        elif self.corners is not None and self.name:
             raise InputError("name", self.name, "give the names to the corners where the lines begin")
-        if kind != "holes" and not self.name:
-            raise InputError("name", schema.Missing(), schema.ADD)
-        if kind != "holes" and self.name in taken:
-            raise InputError("name", self.name, "this name is taken: choose another one")
         if self.corners is not None:
             return self.corners
         assert self.centre is not None  # checked above
         assert self.radius is not None
-        return Corner.circle(self.centre, self.radius, self.name if kind == "holes" else "", self.size)
+        return Corner.circle(self.centre, self.radius, self.name if hole else "", self.size)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

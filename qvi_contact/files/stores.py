@@ -60,23 +60,19 @@ class StepStore(Sequence[ContactResult]):
         self._end: ContactResult | None = None  # a step that is not done, and in no file
         self._near: tuple[int, ContactResult] | None = None
         self._part: range | None = None  # numbers of steps, where only some are meant
-        header, document = self._folder / "store.json", {"format": _FORMAT, "version": _VERSION}
+        header = self._folder / "store.json"
+        told = {"format": _FORMAT, "version": _VERSION, "fingerprint": fingerprint, "planned": planned}
         if header.exists():
-            remedy = "is not the description of stored steps: give an empty folder, or a new name"
             try:
                 found: Any = json.loads(header.read_text(encoding="utf-8"))
-                known, count, other = {n: found[n] for n in document}, found["planned"], found["fingerprint"]
-            except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
-                raise InputError("store", str(header), remedy) from error
-            if known != document:
+            except (OSError, ValueError, RecursionError):
+                found = None
+            if not isinstance(found, dict) or not told.items() <= found.items():  # older ones say more
+                remedy = "tells of no steps, or of another history, with other problems or options: give a new folder"
                 raise InputError("store", str(header), remedy)
-            if other != fingerprint:
-                remedy = f"holds another history, of {count} steps: problems or options differ. Give a new folder"
-                raise InputError("store", str(self._folder), remedy)
         elif any(not path.name.startswith(".writing-") for path in self._folder.iterdir()):  # a write cut short
             raise InputError("store", str(folder), "holds other files: give an empty folder, or a new name")
         else:
-            told = {**document, "fingerprint": fingerprint, "planned": planned}
             write_text(header, json.dumps(told, indent=2) + "\n")
         self.statuses: list[Status] = []
         while len(self.statuses) < planned:
@@ -257,11 +253,9 @@ def writing(path: str | Path, fingerprint: str, parameter: Parameter, values: Se
 
     with _DATABASE.writing(place, declare) as connection:
         stored, found, planned = _plan(connection, place)
-        if found != fingerprint:
-            remedy = f"holds another sweep, of {len(planned)} values: problem or options differ. Give another file"
+        if (found, stored, planned) != (fingerprint, parameter, tuple(values)):
+            remedy = f"holds another sweep, of {len(planned)} values, or was changed: give another file"
             raise InputError("store", str(path), remedy)
-        if (stored, planned) != (parameter, tuple(values)):
-            raise _changed(place)
         yield SweepStore(place, connection)
 
 
@@ -276,13 +270,9 @@ def _plan(connection: sqlite3.Connection, path: Path) -> tuple[Parameter, str, t
             raise ValueError(parameter)
     numbered = [number for number, _ in planned] == list(range(1, len(planned) + 1))
     if not numbered or digest not in ("", _digest(run, parameter, values)):
-        raise _changed(path)
+        remedy = "its parameter or values were changed after it was made: give another file"
+        raise InputError("store", str(path), remedy)
     return parameter, run, values
-
-
-def _changed(path: Path) -> InputError:
-    remedy = "its parameter or values were changed after it was made: give another file"
-    return InputError("store", str(path), remedy)
 
 
 def _digest(fingerprint: str, parameter: str, values: Sequence[float]) -> str:

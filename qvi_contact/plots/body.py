@@ -111,25 +111,19 @@ class Scales:
 
         Displacements are exaggerated no more than keeps bodies from being drawn inside each other.
         """
-        moved, most, tractions, ranges = 0.0, np.inf, [(0.0, 0.0)], []
+        moved, most, pressure, friction, ranges = 0.0, np.inf, 0.0, 0.0, []
         for result in results:
-            shape = Shape.of(result)
-            moved = max(
-                float(np.hypot(*shape.coefficients.T).max()),
-                style.LEAST * result.discretization.scales.displacement,
-                moved,
-            )
+            shape, least = Shape.of(result), style.LEAST * result.discretization.scales.displacement
+            moved = max(moved, least, float(np.hypot(*shape.coefficients.T).max()))
             most = min(most, _separate(result, shape, style.magnified(moved, _CALM * result.problem.mesh.length)))
-            tractions += [
-                (float(np.abs(line.normal_stress).max()), float(np.abs(line.tangential_stress).max()))
-                for line in result.contacts.values()
-            ]
+            for line in result.contacts.values():
+                pressure = max(pressure, float(np.abs(line.normal_stress).max()))
+                friction = max(friction, float(np.abs(line.tangential_stress).max()))
             x, y, stress = result.gauss_stress()
             held = held_along_z(result.problem, np.arange(len(x)), x, y)
             ranges.append(usual_range(stress_component(stress, component, cell_factors(result.problem)[:, None], held)))
         low, high = np.array(ranges).reshape(-1, 2).T
         common = (float(low.min()), float(high.max())) if len(ranges) > 1 else None
-        pressure, friction = np.max(tractions, axis=0).tolist()
         return cls(most if np.isfinite(most) else 1.0, pressure, friction, common)
 
 
@@ -198,10 +192,8 @@ def draw_body(
     extent = [before.reshape(-1, 2), after.reshape(-1, 2)]
     tree, moves = cKDTree(extent[0]), extent[1] - extent[0]  # beside the boundary all move as its nearest point does
     extent += draw_symbols(axes, result.problem, lambda points: np.asarray(points + moves[tree.query(points)[1]]))
-    pressure, friction = (
-        max((float(np.abs(each).max()) for each in found), default=0.0)
-        for found in ([part.pressure for part in carried], [part.shear for part in carried])
-    )
+    pressure = max((float(np.abs(part.pressure).max()) for part in carried), default=0.0)
+    friction = max((float(np.abs(part.shear).max()) for part in carried), default=0.0)
     if pressure < _NOTHING * float(np.abs(samples.stress).max()):
         pressure, friction, carried = 0.0, 0.0, []
     height = _HEIGHT * length
@@ -214,7 +206,8 @@ def draw_body(
         scale, spacing = height / max(scales.pressure, 1e-300), _SPACING * length if few else np.inf
         extent.append(_tractions(axes, part, scale, reach, spacing, f"pressure, up to {most[0]} {units.stress}"))
     if friction > 0.0 and most[1] != "0":
-        style.key(axes, f"friction, up to {most[1]} {units.stress}", marker=">", markersize=3, color="black")
+        look: dict[str, Any] = {"color": "black", "linewidth": 0.9, "marker": ">", "markersize": 3}
+        axes.plot([], [], label=f"friction, up to {most[1]} {units.stress}", **look)
     _thrust(axes, carried)
     labelled = [part for part in carried if few or not part.joint]
     written: list[Written] = []
@@ -251,11 +244,9 @@ def _separate(result: ContactResult, shape: Shape, factor: float) -> float:
                 return False
         return True
 
-    if factor <= 1.0 or (block == block[0]).all():
-        return factor
-    powers = 10.0 ** np.arange(np.floor(np.log10(factor)), -1.0, -1.0)
-    smaller = [step * power for power in powers for step in (5.0, 2.0, 1.0) if step * power <= factor]
-    return float(next((each for each in smaller if apart(each)), 1.0))
+    while factor > 1.0 and not apart(factor):
+        factor = style.rounded_down(0.99 * factor)
+    return factor
 
 
 def _carried(result: ContactResult, name: str, shape: Shape, factor: float) -> list[Carried]:

@@ -70,8 +70,8 @@ def result_figure(
         body, *charts = figure.subplots(1 + len(panels), 1, squeeze=False)[:, 0]
         drawn = draw_body(body, result, component, units, scales)
         if callable(result.problem.body_potential):
-            style.key(body, f"{_body_force(result.problem)} body force", linestyle="none")
-        style.legend_below(body, [body])
+            body.plot([], [], " ", label=f"{_body_force(result.problem)} body force")
+        style.legend_below(body, [body], 3)
         for panel, name in zip(charts, panels, strict=True):
             contact_tractions(panel, result.contacts[name], units)
             if drawn.pressure == 0.0:
@@ -79,7 +79,7 @@ def result_figure(
             if len(names) > 1:
                 panel.set_title(style.plain_text(name), loc="left", fontsize="medium")
         if charts:
-            style.legend_below(charts[-1], charts)
+            style.legend_below(charts[-1], charts, 6)
         _placed(figure, drawn.box, title, _answer(result, units), result.solution.message, drawn.written)
     return figure
 

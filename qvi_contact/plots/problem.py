@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import BoolArray, Field, FloatArray, evaluate
+from qvi_contact.basics.checks import FloatArray, evaluate
 from qvi_contact.basics.schema import defaults_of, keys_of
 from qvi_contact.basics.units import Units
 from qvi_contact.plots import style, symbols
@@ -188,8 +188,7 @@ class _Sketch:
     def symmetry(self, condition: Symmetry, pieces: Sequence[symbols.Run]) -> None:
         self._line(pieces, _MIRROR)
         for run in pieces:
-            places = self._beside(run)
-            self._symbols(places, np.ones(len(places.points), dtype=bool), "o", False, style.GREEN)
+            self._mark(self._beside(run).points, "o", style.GREEN)
         self.groups["symmetry"].append(condition.edges)
 
     def contact(self, contact: Contact, pieces: Sequence[symbols.Run]) -> None:
@@ -203,7 +202,7 @@ class _Sketch:
                 places = run.points(_SPACING * self.length, least=1)
                 half = 0.5 * SPRING * self.length * places.normals
                 symbols.springs(self.axes, places.points - half, places.points + half)
-        self._name(contact, pieces, joint)
+        self._write(contact.name, _on_line(pieces) if joint else self._beyond(contact, pieces), "black")
         self._entry(f"{'joint' if joint else 'contact'} {contact.name}: {', '.join(self._law(contact, pieces))}", look)
 
     def names(self) -> None:
@@ -214,16 +213,15 @@ class _Sketch:
             pieces = symbols.runs(self.problem.mesh, self.problem.mesh.edges(name))
             longest = max(run.length for run in pieces)
             for run in [run for run in pieces if run.length > _WORTH_A_NAME * longest][:_NAMED]:
-                spots = [run.at(share) for share in _ALONG]
-                inside = [(at.points[0] - 0.015 * self.length * at.normals[0], -at.normals[0]) for at in spots]
-                outside = [(at.points[0] + 0.015 * self.length * at.normals[0], at.normals[0]) for at in spots]
-                rest = outside + inside[1:] if name in self.groups["free"] else inside[1:] + outside
-                self._write(name, [(place, symbols.alignment(way)) for place, way in inside[:1] + rest], style.GREY)
+                first, *inside = self._spots(run, -1.0)
+                outside = self._spots(run, 1.0)
+                rest = outside + inside if name in self.groups["free"] else inside + outside
+                self._write(name, [first, *rest], style.GREY)
         for name in self.problem.mesh.joint_names:
             if name not in contacts:
                 pieces = symbols.runs(self.problem.mesh, self.problem.mesh.edges(name))
                 self._line(pieces, _HELD_TOGETHER)
-                self._write(name, self._on_line(pieces), style.GREY)
+                self._write(name, _on_line(pieces), style.GREY)
                 self._entry(f"{name}: inner line without a contact", _HELD_TOGETHER)
 
     def legend(self) -> None:
@@ -249,48 +247,32 @@ class _Sketch:
             Line2D([], [], marker=marker, markersize=5, markerfacecolor=face, label=symbols.wrapped(text), **look)
         )
 
-    def _samples(self, name: str, value: Field | None, pieces: Sequence[symbols.Run]) -> FloatArray:
-        """Values along the pieces, ends included; none for a component that is not given."""
-        if value is None:
-            return np.empty(0)
-        points = np.concatenate([run.ends_and_points(self.length / _SAMPLES).points for run in pieces])
-        return evaluate(name, value, *points.T)
+    def _along(self, pieces: Sequence[symbols.Run]) -> symbols.Places:
+        """Places along the pieces, ends included."""
+        places = [run.ends_and_points(self.length / _SAMPLES) for run in pieces]
+        return symbols.Places(*map(np.concatenate, zip(*places, strict=True)))
 
     def _given(
         self, condition: Traction | Displacement, pieces: Sequence[symbols.Run]
     ) -> tuple[dict[str, FloatArray], str]:
-        """Values of the given components along the pieces, ends included, and their ranges in words."""
-        kind, signs, unit = (
-            ("Traction", ("t", "σ"), self.units.stress)
-            if isinstance(condition, Traction)
-            else ("Displacement", ("u", "u"), self.units.length)
-        )
-        given = components(condition)
-        values = {name: self._samples(f"{kind}.{name}", value, pieces) for name, value in given.items()}
+        """Values of the given components along the pieces, and their ranges in words."""
+        signs, unit = ("tσ", self.units.stress) if isinstance(condition, Traction) else ("uu", self.units.length)
+        values = _values(condition, self._along(pieces))
         words = [symbols.value_range(signs[name in LOCAL] + _INDEX[name], each, unit) for name, each in values.items()]
         return values, ", ".join(words)
-
-    def _vectors(self, condition: Traction | Displacement, places: symbols.Places) -> FloatArray:
-        """The prescribed vectors (n, 2) at places; zero in components that are not given."""
-        vectors, kind = np.zeros_like(places.points), type(condition).__name__
-        for name, value in components(condition).items():
-            size = evaluate(f"{kind}.{name}", value, *places.points.T)
-            vectors += size[:, None] * _directions(name, places)
-        return vectors
 
     def _arrows(self, condition: Traction | Displacement, pieces: Sequence[symbols.Run], look: dict[str, Any]) -> None:
         """Arrows, the longest one of all conditions of a kind in full length."""
 
         def most(condition: Traction | Displacement) -> float:
-            places = [run.ends_and_points(self.length / _SAMPLES) for run in self._runs(condition)]
-            return max(float(np.hypot(*self._vectors(condition, each).T).max()) for each in places)
+            return float(np.hypot(*_vectors(condition, self._along(self._runs(condition))).T).max())
 
         largest = max(most(other) for other in self.conditions if isinstance(other, type(condition)))
         if self.size < 1.0:  # small loads are to be seen too
             largest = min(largest, most(condition) / _VISIBLE)
         for run in pieces:
             places = run.points(_SPACING * (1.0 + self.size) / 2.0 * self.length)
-            vectors = self._vectors(condition, places) * (self.size * _ARROW * self.length / largest)
+            vectors = _vectors(condition, places) * (self.size * _ARROW * self.length / largest)
             slender = {} if self.size == 1.0 else {"width": 0.0035}
             places = places._replace(points=self.moved(places.points))
             self.ends.append(symbols.arrows(self.axes, places, vectors, _AWAY * self.length, look | slender))
@@ -303,13 +285,13 @@ class _Sketch:
         both = len(held) == 2
         for run in pieces:
             places = self._beside(run)
-            along = np.abs((_directions(held[0], places) * places.normals).sum(axis=1)) <= _ACROSS
-            along &= not both
-            self._symbols(places, along, "d", both, style.BLUE)
-            angles = np.degrees(np.arctan2(*places.normals.T[::-1])) + 90.0  # from "^" to the way into the body
-            for angle in np.unique(np.round(angles[~along])):
+            across = np.abs((_directions(held[0], places) * places.normals).sum(axis=1)) > _ACROSS
+            across |= both
+            self._mark(places.points[~across], "d", style.BLUE, filled=both)
+            angles = np.round(np.degrees(np.arctan2(*places.normals.T[::-1])) + 90.0)  # from "^" to the way inwards
+            for angle in np.unique(angles[across]):
                 marker = MarkerStyle("^", transform=Affine2D().scale(*_SLIM).rotate_deg(float(angle)))
-                self._symbols(places, ~along & (np.round(angles) == angle), marker, both, style.BLUE)
+                self._mark(places.points[across & (angles == angle)], marker, style.BLUE, filled=both)
 
     def _beside(self, run: symbols.Run) -> symbols.Places:
         """Places of symbols beside a run."""
@@ -318,23 +300,20 @@ class _Sketch:
         self.ends.append(points + 0.5 * _AWAY * self.length * places.normals)
         return places._replace(points=points)
 
-    def _symbols(self, places: symbols.Places, chosen: BoolArray, marker: Any, filled: bool, colour: str) -> None:
-        if chosen.any():
-            look: dict[str, Any] = {"linestyle": "none", "markersize": 4.5 * self.size, "color": colour, "zorder": 4}
-            face = colour if filled else "white"
-            self.axes.plot(*places.points[chosen].T, marker=marker, markerfacecolor=face, **look)
+    def _mark(self, points: FloatArray, marker: Any, colour: str, *, filled: bool = False) -> None:
+        """One symbol at points (n, 2)."""
+        look: dict[str, Any] = {"linestyle": "none", "markersize": 4.5 * self.size, "color": colour, "zorder": 4}
+        self.axes.plot(*points.T, marker=marker, markerfacecolor=colour if filled else "white", **look)
 
     def obstacle(self, contact: Contact) -> None:
         """Hatched lines whose distance from the body shows how the gap varies, and the force on a plate."""
         pieces = self._runs(contact)
-        gaps = [self._samples("Contact.gap", contact.gap, [run]) for run in pieces]
+        lines = [run.ends_and_points(self.length / _SAMPLES) for run in pieces]
+        gaps = [evaluate("Contact.gap", contact.gap, *places.points.T) for places in lines]
         least, most = min(gap.min() for gap in gaps), max(gap.max() for gap in gaps)
         rise = 0.06 * self.length / (most - least) if most - least > 1e-9 * max(abs(least), abs(most)) else 0.0
-        for run, gap in zip(pieces, gaps, strict=True):
-            places = run.ends_and_points(self.length / _SAMPLES)
-            distance = 0.5 * _AWAY * self.length + rise * (gap - least)
-            if contact.has_springs:
-                distance += SPRING * self.size * self.length
+        for run, places, gap in zip(pieces, lines, gaps, strict=True):
+            distance = (0.5 * _AWAY + SPRING * self.size * contact.has_springs) * self.length + rise * (gap - least)
             if contact.has_springs:
                 few = run.points(_SPACING * self.length, least=1)
                 symbols.springs(self.axes, few.points, few.points + distance.mean() * few.normals)
@@ -348,25 +327,19 @@ class _Sketch:
             place = middle._replace(points=middle.points + away * middle.normals)
             symbols.arrows(self.axes, place, vector, away, {"color": "black", "width": 0.012})
 
-    def _name(self, contact: Contact, pieces: Sequence[symbols.Run], joint: bool) -> None:
-        """The contact's name: outside beside the obstacle, or on the line of a joint."""
-        if joint:
-            self._write(contact.name, self._on_line(pieces), "black")
-            return
-        run = max(pieces, key=lambda run: run.length)
-        middle = run.at(0.5)
-        outward, aside = middle.normals[0], np.zeros(2)
-        if contact.plate is not None:  # the middle belongs to the plate's force
-            aside = (run.at(0.2).points[0] - middle.points[0]) / (0.3 * run.length)
-        shift = max(0.3 * run.length, 0.05 * self.length)
-        away = (2.0 * _AWAY + 0.03 + SPRING * contact.has_springs) * self.length
-        place = middle.points[0] + shift * aside + away * outward
-        self._write(contact.name, [(place, symbols.alignment(outward + aside))], "black")
+    def _spots(self, run: symbols.Run, way: float) -> list[symbols.Spot]:
+        """Where a name may stand beside a run, outside (1) or inside (−1)."""
+        outwards = [(at.points[0], way * at.normals[0]) for at in map(run.at, _ALONG)]
+        return [(point + 0.015 * self.length * normal, symbols.alignment(normal)) for point, normal in outwards]
 
-    def _on_line(self, pieces: Sequence[symbols.Run]) -> list[symbols.Spot]:
-        """Where the name of a line inside the body may stand."""
+    def _beyond(self, contact: Contact, pieces: Sequence[symbols.Run]) -> list[symbols.Spot]:
+        """Where the name of an obstacle may stand: behind its middle, or on both sides of the force on a plate."""
         run = max(pieces, key=lambda run: run.length)
-        return [(run.at(share).points[0], _CENTRED) for share in _ON_LINE]
+        (middle,), (outward,), (along,) = run.at(0.5)
+        place = middle + (2.0 * _AWAY + 0.03 + SPRING * contact.has_springs) * self.length * outward
+        aside = [np.zeros(2)] if contact.plate is None else [-along, along]
+        shift = max(0.3 * run.length, 0.05 * self.length)
+        return [(place + shift * way, symbols.alignment(outward + way)) for way in aside]
 
     def _write(self, text: str, spots: Sequence[symbols.Spot], colour: str) -> None:
         self.written.append(symbols.write(self.axes, text, spots, colour))
@@ -375,11 +348,12 @@ class _Sketch:
         """The contact's data, without those that do nothing."""
         if contact.law != "unilateral":
             yield contact.law
+        places = self._along(pieces)
         for name, each in keys_of(Contact).items():
             value = getattr(contact, name)
-            if each.symbol and (each.tied or contact.law != "tied"):
-                values = self._samples(f"Contact.{name}", value, pieces)
-                if values.any() or (value is not None and defaults_of(Contact).get(name) is None):
+            if each.symbol and value is not None and (each.tied or contact.law != "tied"):
+                values = evaluate(f"Contact.{name}", value, *places.points.T)
+                if values.any() or defaults_of(Contact).get(name) is None:
                     yield symbols.value_range(each.symbol, values, getattr(self.units, each.unit, ""))
         plate = contact.plate
         for name, each in keys_of(RigidPlate).items() if plate is not None else ():
@@ -395,3 +369,21 @@ def _directions(component: str, places: symbols.Places) -> FloatArray:
     if component in LOCAL:
         return places.normals if component == "normal" else places.tangents
     return np.tile(np.eye(2)[CARTESIAN.index(component)], (len(places.points), 1))
+
+
+def _values(condition: Traction | Displacement, places: symbols.Places) -> dict[str, FloatArray]:
+    """Values of the given components at places, by name."""
+    kind, given = type(condition).__name__, components(condition)
+    return {name: evaluate(f"{kind}.{name}", value, *places.points.T) for name, value in given.items()}
+
+
+def _vectors(condition: Traction | Displacement, places: symbols.Places) -> FloatArray:
+    """The prescribed vectors (n, 2) at places; zero in components that are not given."""
+    parts = [value[:, None] * _directions(name, places) for name, value in _values(condition, places).items()]
+    return np.asarray(np.sum(parts, axis=0))
+
+
+def _on_line(pieces: Sequence[symbols.Run]) -> list[symbols.Spot]:
+    """Where the name of a line inside the body may stand."""
+    run = max(pieces, key=lambda run: run.length)
+    return [(run.at(share).points[0], _CENTRED) for share in _ON_LINE]

@@ -47,9 +47,7 @@ _SETTINGS: Final[Any] = {"svg.hashsalt": "qvi-contact", "font.size": 9, "hatch.l
 _METADATA: Final[dict[str, dict[str, None]]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 """Kinds of files; the same picture makes the same file on any day."""
 
-
-_LETTERS: Final = 104  # of a small legend in the width of a picture of a result
-_HANDLE: Final = 6.5  # letters that the sign before a text is wide
+_DOTS: Final = {"files": 150.0, "pages": 120.0}  # of pixels, an inch
 
 _DOLLAR: Final = re.compile(r"(?<!\\)\$")  # not escaped yet
 
@@ -89,15 +87,14 @@ def new_figure(width: float, height: float) -> "Figure":
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def save_figure(path: str | Path, figure: "Figure", dpi: float = 150.0) -> None:
+def save_figure(path: str | Path, figure: "Figure") -> None:
     """Write a figure of matplotlib to a PNG, SVG or PDF file, by the suffix, whole or not at all.
 
-    An earlier file of that name is replaced; pixels have so many dots per inch. `InputError` if the suffix is another
-    one, or the file cannot be written.
+    An earlier file of that name is replaced. `InputError` if the suffix is another one, or the file cannot be written.
     """
     suffix = picture_suffix(path)
     with settings(), replacing(path) as temporary:
-        figure.savefig(temporary, format=suffix[1:], dpi=dpi, metadata=_METADATA[suffix])
+        figure.savefig(temporary, format=suffix[1:], dpi=_DOTS["files"], metadata=_METADATA[suffix])
 
 
 def picture_suffix(path: str | Path) -> str:
@@ -175,9 +172,13 @@ def show_all(axes: "Axes", points: FloatArray, units: Units) -> FloatArray:
 
 def magnified(largest: float, length: float) -> float:
     """The largest of 1, 2, 5 times a power of ten that keeps displacements within `LONGEST` of the body's length."""
-    wanted = LONGEST * length / largest
-    power = 10.0 ** np.floor(np.log10(wanted))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1 + 1e-12)))
+    return rounded_down(LONGEST * length / largest)
+
+
+def rounded_down(value: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten up to a positive value."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value * (1 + 1e-12)))
 
 
 def lines(points: FloatArray, colour: str, style: object, width: float, label: str | None = None) -> "LineCollection":
@@ -187,21 +188,9 @@ def lines(points: FloatArray, colour: str, style: object, width: float, label: s
     return LineCollection(list(points), colors=colour, linestyles=[style], linewidths=width, label=label)
 
 
-def key(axes: "Axes", label: str, **look: Any) -> None:
-    """A line that is seen in the legend only."""
-    axes.plot([], [], label=label, **{"linewidth": 0.9, **look})
-
-
-def legend_below(axes: "Axes", shown: "Sequence[Axes]") -> None:
-    """Add a legend of what axes show, each once, under the label of the horizontal axis of one of them.
-
-    It has as many lines as a picture of a result has room for.
-    """
+def legend_below(axes: "Axes", shown: "Sequence[Axes]", columns: int) -> None:
+    """Add a legend of what axes show, each once, under the label of the horizontal axis of one of them."""
     handles = dict(pair[::-1] for each in shown for pair in zip(*each.get_legend_handles_labels(), strict=True))
-    widths = [len(re.sub(r"\\\\\w+|[${}_|]", "", label)) + _HANDLE for label in handles]
-    columns = len(handles)
-    while columns > 1 and sum(float(part.max()) for part in np.array_split(widths, columns)) > _LETTERS:
-        columns -= 1
     place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.4}
     look: dict[str, Any] = {"frameon": False, "columnspacing": 1.2, "handlelength": 1.8, "fontsize": "small"}
     axes.legend(handles=list(handles.values()), ncols=columns, **look, **place)
@@ -212,14 +201,13 @@ _URL: Final = " !$'()*+,/:;=?@[]^`{|}~"  # what stands for itself in the address
 
 _READABLE: Final = 0.85  # of the natural size; exponents of numbers, 6.3 points, are then 7 pixels high
 _PIXELS_PER_POINT: Final = 4.0 / 3.0
-_DOTS: Final = 120.0  # of pixels, an inch
 
 
 def png_bytes(figure: "Figure") -> bytes:
     """The figure as pixels."""
     picture = io.BytesIO()
     with settings():
-        figure.savefig(picture, format="png", dpi=_DOTS, metadata={"Software": None})
+        figure.savefig(picture, format="png", dpi=_DOTS["pages"], metadata={"Software": None})
     return picture.getvalue()
 
 

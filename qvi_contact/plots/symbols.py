@@ -11,7 +11,7 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.mesh.edges import Edges, angles, arc_offsets, chains, frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots.style import CHORDS, GREEN, lines, plain_text
-from qvi_contact.problem.conditions import CARTESIAN, LOCAL, Condition, Displacement, Traction, components
+from qvi_contact.problem.conditions import CARTESIAN, Condition, Displacement, Traction, components
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -117,8 +117,6 @@ def ground(axes: "Axes", line: FloatArray, normal: FloatArray, size: float) -> N
     """Draw a rigid obstacle: a line of points (n, 2) and oblique strokes of a given size on its far side (n, 2)."""
     axes.plot(*line.T, color="black", linewidth=1.0)
     s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-    if s[-1] <= 0.0:
-        return
     begin, outward = (between(spaced(s, size), s, values) for values in (line, normal))
     sideways = np.column_stack([outward[:, 1], -outward[:, 0]])
     strokes = np.stack([begin, begin + 0.7 * size * (outward + sideways)], axis=1)
@@ -157,7 +155,6 @@ Written: TypeAlias = "tuple[Text, Sequence[Spot]]"
 """A text at the first of the spots that it may have."""
 
 _WRAP: Final = 44  # characters in a line of the legend
-_NOISE: Final = 1e-12  # share of the largest value below which one is rounding
 _LONG: Final = 6  # powers of ten from which on numbers are written with them
 _RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _UPRIGHT: Final = 0.3  # component of a normal below which a side counts as facing across it
@@ -165,19 +162,15 @@ _UPRIGHT: Final = 0.3  # component of a normal below which a side counts as faci
 
 def merged(conditions: Sequence[Condition]) -> list[Condition]:
     """The conditions, the two components of one edge set's traction or displacement in one where they are apart."""
-    found: list[Condition] = []
-    for condition in conditions:
-        for index, other in enumerate(found):
-            if not isinstance(other, (Traction, Displacement)) or not isinstance(condition, type(other)):
-                continue
-            more: dict[str, Any] = components(condition)
-            names = {*components(other), *more}
-            if other.edges == condition.edges and (names <= set(CARTESIAN) or names <= set(LOCAL)):
-                found[index] = replace(other, **more)
-                break
+    found: dict[object, Condition] = {}
+    for number, condition in enumerate(conditions):
+        if isinstance(condition, Traction | Displacement):
+            given: dict[str, Any] = components(condition)
+            own = type(condition), condition.edges, set(given) <= set(CARTESIAN)
+            found[own] = replace(found.get(own, condition), **given)
         else:
-            found.append(condition)
-    return found
+            found[number] = condition
+    return list(found.values())
 
 
 def alignment(normal: FloatArray) -> dict[str, Any]:
@@ -190,26 +183,20 @@ def alignment(normal: FloatArray) -> dict[str, Any]:
 
 def value_range(name: str, values: FloatArray, unit: str) -> str:
     """The value or the range of values of a named quantity, with its unit."""
-    noise = _NOISE * float(np.abs(values).max())
-    low, high = (0.0 if abs(value) <= noise else float(value) for value in (values.min(), values.max()))  # no −0
-    numbers = f"{low:.4g}" if high - low <= 1e-9 * max(abs(low), abs(high)) else f"{low:.4g} … {high:.4g}"
-    return f"{name} = {numbers} {unit}".replace("-", "−").rstrip().replace(" ", "\xa0")  # kept on one line
+    numbers = dict.fromkeys(beside([float(values.min()), float(values.max())]))  # one of two that are equal
+    return f"{name} = {' … '.join(numbers)} {unit}".rstrip().replace(" ", "\xa0")  # kept on one line
 
 
 def beside(values: Sequence[float], digits: int = 4) -> list[str]:
     """Numbers that stand beside each other, to the last place of the largest with so many digits: noise is 0."""
     largest = max((abs(value) for value in values), default=0.0)
-    if largest == 0.0 or not np.isfinite(largest):
-        return [f"{value:g}" for value in values]
-    power = int(np.floor(np.log10(largest)))
-    unit = 10.0 ** (power - digits + 1)
-    if _LONG > power > -_LONG:
-        found = [f"{round(value / unit) * unit + 0.0:.{max(digits - 1 - power, 0)}f}" for value in values]
-        found = [text.rstrip("0").rstrip(".") if "." in text else text for text in found]
-    else:
-        tens = str(power).translate(_RAISED)
-        found = [f"{round(value / unit) * unit / 10.0**power:.{digits}g} · 10{tens}" for value in values]
-    return ["0" if float(text.split(" ")[0]) == 0.0 else text.replace("-", "−") for text in found]
+    power = int(np.floor(np.log10(largest))) if 0.0 < largest < np.inf else 0
+    tens = power if abs(power) >= _LONG else 0
+    places = digits - 1 - power + tens
+    rounded = np.round(np.divide(values, 10.0**tens), places).tolist()
+    found = [f"{value + 0.0:.{max(places, 0)}f}".replace("-", "−") for value in rounded]
+    found = [text.rstrip("0").rstrip(".") if "." in text else text for text in found]
+    return [text + f" · 10{str(tens).translate(_RAISED)}" * (tens != 0 and text != "0") for text in found]
 
 
 def wrapped(text: str) -> str:

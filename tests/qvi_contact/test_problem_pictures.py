@@ -181,7 +181,7 @@ def test_the_obstacle_follows_the_gap():
 
 
 def test_rounding_in_functions_is_not_shown():
-    for values, text in (([-8.0, 3e-16], "−8 … 0"), ([2e-9, 3e-9], "2e−09 … 3e−09")):
+    for values, text in (([-8.0, 3e-16], "−8 … 0"), ([2e-9, 3e-9], "2 · 10⁻⁹ … 3 · 10⁻⁹")):
         assert value_range("gap", np.array(values), "mm").replace("\xa0", " ") == f"gap = {text} mm"
 
 
