@@ -273,7 +273,7 @@ def _halved(mesh: MeshParts, topology: Topology, number: IntArray) -> MeshParts:
     """
     old = len(mesh.vertices)
     middle = np.full(len(topology.ends), -1)
-    middle[number] = old + np.arange(len(number))
+    middle[number] = new = old + np.arange(len(number))
     vertices = np.concatenate([mesh.vertices, mesh.vertices[topology.ends[number]].mean(axis=1)])
     same = same_places(vertices)
     if len(same):
@@ -298,26 +298,27 @@ def _halved(mesh: MeshParts, topology: Topology, number: IntArray) -> MeshParts:
         found.append(nodes[parents[-1][:, None], corners])
     fine, parent = np.sort(np.concatenate(found), axis=1), np.concatenate(parents)
     regions = {name: np.flatnonzero(np.isin(parent, chosen)) for name, chosen in mesh.regions.items()}
-    if not mesh.edge_sets and not mesh.arcs:
-        return MeshParts(vertices, fine, {}, regions)
-    ends = Topology.of(fine, len(vertices)).ends
-    origin = topology.number(np.minimum(ends, old - 1))  # the old edge that each is part of, -1 for none
-    new = ends[:, 1] >= old
-    origin[new] = number[ends[new, 1] - old]
-    origin[new & (topology.ends[origin] != ends[:, :1]).all(axis=1)] = -1
-
-    def parts_of(pairs: IntArray) -> IntArray:
-        return np.flatnonzero(np.isin(origin, topology.number(pairs)))
-
-    edge_sets = {name: ends[parts_of(pairs)] for name, pairs in mesh.edge_sets.items()}
-    arcs = []
+    rest, (low, high) = np.flatnonzero(middle < 0), topology.ends[number].T
+    ends = np.concatenate([topology.ends[rest], np.column_stack([low, new]), np.column_stack([high, new])])
+    shares = np.repeat([(0.0, 1.0), (0.0, 0.5), (1.0, 0.5)], [len(rest), len(number), len(number)], axis=0)
+    whole = np.concatenate([rest, number, number])
+    edge_sets = {name: ends[np.isin(whole, topology.number(pairs))] for name, pairs in mesh.edge_sets.items()}
     for arc in mesh.arcs:
-        part = parts_of(arc.edges)
-        pairs, whole, halves = ends[part], topology.ends[origin[part]], new[part]
-        vertices[pairs[halves, 1]] = arc.middles(whole[halves], mesh.vertices)
-        shares = np.column_stack([pairs[:, 0] != whole[:, 0], np.where(halves, 0.5, 1.0)])
-        arcs.append(arc.parts(pairs, whole, shares))
-    return MeshParts(vertices, fine, edge_sets, regions, arcs)
+        own = np.isin(number, topology.number(arc.edges))
+        vertices[new[own]] = arc.middles(topology.ends[number[own]], mesh.vertices)
+    return MeshParts(vertices, fine, edge_sets, regions, _arcs(mesh, topology, whole, ends, shares))
+
+
+def _arcs(mesh: MeshParts, topology: Topology, whole: IntArray, ends: IntArray, shares: FloatArray) -> list[Curve]:
+    """The mesh's arcs by parts of its edges (k,) with ends (k, 2) at shares (k, 2) of their lengths; each part once."""
+    keys, taken, found = ends @ [int(ends.max()) + 1, 1], np.empty(0, dtype=np.int64), list[Curve]()
+    for arc in mesh.arcs:
+        own = np.flatnonzero(np.isin(whole, topology.number(arc.edges)) & ~np.isin(keys, taken))
+        own = own[np.unique(keys[own], return_index=True)[1]]
+        taken = np.append(taken, keys[own])
+        if len(own):
+            found.append(arc.parts(ends[own], topology.ends[whole[own]], shares[own]))
+    return found
 
 
 def stacked(meshes: Sequence[MeshParts]) -> MeshParts:
@@ -381,14 +382,7 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
         left = found[~across[found]]
         edge_sets[other] = fine.ends[left if len(left) else found]
     regions = {other: np.flatnonzero(np.isin(parent, chosen)) for other, chosen in mesh.regions.items()}
-    arcs, taken = list[Curve](), np.zeros(len(fine.ends), dtype=bool)
-    for arc in mesh.arcs:
-        own = np.flatnonzero(np.isin(whole, topology.number(arc.edges)))
-        found, at = np.unique(number[own], return_index=True)
-        at = own[at[~taken[found]]]  # both bodies may have declared an edge
-        taken[found] = True
-        if len(at):
-            arcs.append(arc.parts(ends[at], topology.ends[whole[at]], between[at]))
+    arcs = _arcs(mesh, topology, whole, ends, between)
     return divided_at_arcs(MeshParts(vertices[first], new_cells, edge_sets, regions, arcs))
 
 
