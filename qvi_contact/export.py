@@ -1,4 +1,4 @@
-"""Public name of what writes results, `qvi_contact.files.export` and `qvi_contact.files.export`."""
+"""Public name of `qvi_contact.files.export`, which writes results."""
 
 from qvi_contact.files.export import (
     field_arrays,
@@ -11,11 +11,5 @@ from qvi_contact.files.export import (
 )
 
 __all__ = [
-    "field_arrays",
-    "summary",
-    "write_collapse_vtu",
-    "write_contacts_vtu",
-    "write_json",
-    "write_npz",
-    "write_vtu",
-]
+    "field_arrays", "summary", "write_collapse_vtu", "write_contacts_vtu", "write_json", "write_npz", "write_vtu",
+]  # fmt: skip

@@ -57,16 +57,11 @@ class Curve:
         own = self.coefficients[self._places(pairs)]
         return np.asarray(first + arc_offsets(second - first, own, np.array([0.5]))[:, 0])
 
-    def divided(self, pairs: IntArray, parents: IntArray) -> "Curve":
-        """The same by edges (n, 2) that are halves of edges (n, 2) of the curve, or these themselves.
-
-        New vertices have higher numbers than old ones.
-        """
-        whole = self.coefficients[self._places(parents)]
-        is_first, is_second = ((pairs[:, 0] == parents[:, k]) & (pairs[:, 1] != parents[:, 1]) for k in (0, 1))
-        found = part_of(whole, np.where(is_second, 0.5, 0.0), np.where(is_first, 0.5, 1.0))
-        found = np.where(is_second[:, None], reversed_bends(found), found)
-        return Curve(pairs, np.where((is_first | is_second)[:, None], found, whole))
+    def parts(self, pairs: IntArray, whole: IntArray, shares: FloatArray) -> "Curve":
+        """The same by parts (n, 2) of edges (n, 2) of the curve, between shares (n, 2) of their lengths."""
+        own, back = self.coefficients[self._places(whole)], shares[:, :1] > shares[:, 1:]
+        found = np.where(np.ptp(shares, axis=1, keepdims=True) < 1.0, part_of(own, *np.sort(shares, axis=1).T), own)
+        return Curve(pairs, np.where(back, reversed_bends(found), found))
 
     def checked(self, name: str, vertices: FloatArray, topology: Topology) -> "Curve":
         """The same, with edges in the order of the topology, from the lower number to the higher one.

@@ -5,9 +5,7 @@ apart that touch along straight lines, or arcs that both declare, are joined by 
 So both sides have the same nodes and edges afterwards, and everything on the line is as exact as on one mesh.
 """
 
-from collections.abc import Mapping, Sequence
-from itertools import pairwise
-from operator import itemgetter
+from collections.abc import Sequence
 from typing import Final, NoReturn
 
 import numpy as np
@@ -16,8 +14,8 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, real_array
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import ROUNDING, Curve, MeshParts, bends_of, bent_too_far
-from qvi_contact.mesh.edges import Topology, angles, arc_offsets, cross, linked, part_of
-from qvi_contact.mesh.selection import new_name, numbers_of
+from qvi_contact.mesh.edges import Topology, angles, arc_offsets, cross, linked
+from qvi_contact.mesh.selection import known_edges, new_name, numbers_of
 
 LARGEST: Final = 1e100  # of a coordinate: squares and areas of larger ones are beyond floating-point numbers
 _FLAT: Final = 1e-8  # height over longest side below which a triangle is none
@@ -275,55 +273,52 @@ def _halved(mesh: MeshParts, topology: Topology, number: IntArray) -> MeshParts:
     """
     old = len(mesh.vertices)
     middle = np.full(len(topology.ends), -1)
-    middle[number] = old + np.arange(len(number))
+    middle[number] = new = old + np.arange(len(number))
     vertices = np.concatenate([mesh.vertices, mesh.vertices[topology.ends[number]].mean(axis=1)])
     same = same_places(vertices)
     if len(same):
         x, y = vertices[same[0, 0]].tolist()
         raise InputError("marked", (x, y), "triangles here are too small to be halved: leave them out of `marked`")
     cells, sides = np.sort(mesh.cells, axis=1), middle[topology.of_cells]  # sides opposite to the corners
-    tip = _longest(mesh, topology, middle >= 0)
-    count, found, parents = (sides >= 0).sum(axis=1), list[IntArray](), list[IntArray]()
-
-    def add(chosen: IntArray, *corners: IntArray) -> None:
-        found.append(np.column_stack(corners))
-        parents.append(chosen)
-
-    whole, all_three = np.flatnonzero(count == 0), np.flatnonzero(count == 3)
-    add(whole, cells[whole])
-    for s in range(3):
-        add(all_three, cells[all_three, s], sides[all_three, s - 1], sides[all_three, s - 2])
-    add(all_three, sides[all_three])
-    for turn in (1, 2):  # on both sides of the line from the tip to the middle opposite
-        cut = np.flatnonzero((count == 1) | (count == 2))
-        t, end, side = tip[cut], (tip[cut] + turn) % 3, (tip[cut] - turn) % 3  # the side from the tip to this end
-        top, base, low, between = cells[cut, t], sides[cut, t], cells[cut, end], sides[cut, side]
-        once = between < 0
-        add(cut[once], top[once], low[once], base[once])
-        for corner in (top[~once], low[~once]):
-            add(cut[~once], corner, between[~once], base[~once])
+    count = (sides >= 0).sum(axis=1)
+    some, all_three = (count == 1) | (count == 2), count == 3
+    turn = np.where(some, _longest(mesh, topology, middle >= 0), 0)[:, None] + np.arange(3)
+    nodes = np.concatenate([np.take_along_axis(each, turn % 3, axis=1) for each in (cells, sides)], axis=1)
+    last, next_ = nodes[:, 5] >= 0, nodes[:, 4] >= 0
+    found, parents = list[IntArray](), list[IntArray]()
+    for chosen, corners in (  # 0 to 2 are corners, 3 to 5 what is opposite; some are cut from corner 0 to 3
+        (count == 0, [0, 1, 2]),
+        *((all_three, each) for each in ([0, 4, 5], [1, 3, 5], [2, 3, 4], [3, 4, 5])),
+        (some & ~last, [0, 1, 3]),
+        *((some & last, each) for each in ([0, 3, 5], [1, 3, 5])),
+        (some & ~next_, [0, 2, 3]),
+        *((some & next_, each) for each in ([0, 3, 4], [2, 3, 4])),
+    ):
+        parents.append(np.flatnonzero(chosen))
+        found.append(nodes[parents[-1][:, None], corners])
     fine, parent = np.sort(np.concatenate(found), axis=1), np.concatenate(parents)
     regions = {name: np.flatnonzero(np.isin(parent, chosen)) for name, chosen in mesh.regions.items()}
-    if not mesh.edge_sets and not mesh.arcs:
-        return MeshParts(vertices, fine, {}, regions)
-    ends = Topology.of(fine, len(vertices)).ends
-    origin = topology.number(np.minimum(ends, old - 1))  # the old edge that each is part of, -1 for none
-    new = ends[:, 1] >= old
-    origin[new] = number[ends[new, 1] - old]
-    origin[new & (topology.ends[origin] != ends[:, :1]).all(axis=1)] = -1
-
-    def parts_of(pairs: IntArray) -> IntArray:
-        return np.flatnonzero(np.isin(origin, topology.number(pairs)))
-
-    edge_sets = {name: ends[parts_of(pairs)] for name, pairs in mesh.edge_sets.items()}
-    arcs = []
+    rest, (low, high) = np.flatnonzero(middle < 0), topology.ends[number].T
+    ends = np.concatenate([topology.ends[rest], np.column_stack([low, new]), np.column_stack([high, new])])
+    shares = np.repeat([(0.0, 1.0), (0.0, 0.5), (1.0, 0.5)], [len(rest), len(number), len(number)], axis=0)
+    whole = np.concatenate([rest, number, number])
+    edge_sets = {name: ends[np.isin(whole, topology.number(pairs))] for name, pairs in mesh.edge_sets.items()}
     for arc in mesh.arcs:
-        part = parts_of(arc.edges)
-        pairs, whole_edges = ends[part], topology.ends[origin[part]]
-        halves = pairs[:, 1] >= old
-        vertices[pairs[halves, 1]] = arc.middles(whole_edges[halves], mesh.vertices)
-        arcs.append(arc.divided(pairs, whole_edges))
-    return MeshParts(vertices, fine, edge_sets, regions, arcs)
+        own = np.isin(number, topology.number(arc.edges))
+        vertices[new[own]] = arc.middles(topology.ends[number[own]], mesh.vertices)
+    return MeshParts(vertices, fine, edge_sets, regions, _arcs(mesh, topology, whole, ends, shares))
+
+
+def _arcs(mesh: MeshParts, topology: Topology, whole: IntArray, ends: IntArray, shares: FloatArray) -> list[Curve]:
+    """The mesh's arcs by parts of its edges (k,) with ends (k, 2) at shares (k, 2) of their lengths; each part once."""
+    keys, taken, found = ends @ [int(ends.max()) + 1, 1], np.empty(0, dtype=np.int64), list[Curve]()
+    for arc in mesh.arcs:
+        own = np.flatnonzero(np.isin(whole, topology.number(arc.edges)) & ~np.isin(keys, taken))
+        own = own[np.unique(keys[own], return_index=True)[1]]
+        taken = np.append(taken, keys[own])
+        if len(own):
+            found.append(arc.parts(ends[own], topology.ends[whole[own]], shares[own]))
+    return found
 
 
 def stacked(meshes: Sequence[MeshParts]) -> MeshParts:
@@ -358,72 +353,54 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     piece = pieces(topology, len(cells))
     of_vertex = np.empty(len(vertices), dtype=np.int64)
     of_vertex[cells] = piece[:, None]
-    hanging, shares = hanging_vertices(vertices, topology, bends_of(mesh.arcs, topology) if mesh.arcs else None)
-    inside: dict[tuple[int, int], list[int]] = {}  # of an edge the vertices of other pieces in it, in order
-    share_of = dict[tuple[int, int, int], float]()  # of an edge and a vertex in it
-    for (vertex, edge), share in sorted(zip(hanging.tolist(), shares.tolist(), strict=True), key=itemgetter(1)):
-        if of_vertex[vertex] != piece[topology.cells[edge, 0]]:
-            low, high = topology.ends[edge].tolist()
-            inside.setdefault((low, high), []).append(vertex)
-            share_of[low, high, vertex] = share
-    cut = [_cut(corners, inside) for corners in cells.tolist()]
-    parent = np.repeat(np.arange(len(cells)), [len(parts) for parts in cut])
     twins = same_places(vertices)
     twins = twins[of_vertex[twins[:, 0]] != of_vertex[twins[:, 1]]]
     _, first, place = np.unique(linked(twins[:, 0], twins[:, 1], len(vertices)), return_index=True, return_inverse=True)
-    new_cells = np.sort(place[np.concatenate([np.array(parts) for parts in cut])], axis=1)
+    hanging, shares = hanging_vertices(vertices, topology, bends_of(mesh.arcs, topology) if mesh.arcs else None)
+    apart = of_vertex[hanging[:, 0]] != piece[topology.cells[hanging[:, 1], 0]]
+    # edge by edge its first vertex, those of other pieces in it, and its last one
+    every = np.arange(len(topology.ends))
+    edge = np.concatenate([every, hanging[apart, 1], every])
+    share = np.concatenate([np.zeros(len(every)), shares[apart], np.ones(len(every))])
+    vertex = place[np.concatenate([topology.ends[:, 0], hanging[apart, 0], topology.ends[:, 1]])]
+    order = np.lexsort((share, edge))
+    edge, share, vertex = edge[order], share[order], vertex[order]
+    kept = np.append(True, (np.diff(edge) > 0) | (np.diff(vertex) != 0))  # of two pieces that meet there one vertex
+    edge, share, vertex = edge[kept], share[kept], vertex[kept]
+    new_cells, parent = _fans(place[cells], topology, edge, vertex)
     fine = Topology.of(new_cells, len(first))
     across = (fine.count == 2) & (piece[parent[fine.cells[:, 0]]] != piece[parent[fine.cells[:, 1]]])
     if not across.any():
-        raise InputError(
-            "join", name, "no pieces of this mesh touch along straight lines or declared arcs: leave it out"
-        )
-    edge_sets = {name: fine.ends[across]}
+        remedy = "no pieces of this mesh touch along straight lines or declared arcs: leave it out"
+        raise InputError("join", name, remedy)
+    step = np.flatnonzero(edge[1:] == edge[:-1])[:, None] + [0, 1]
+    whole, order = edge[step[:, 0]], np.argsort(vertex[step], axis=1)
+    ends, between = (np.take_along_axis(each[step], order, axis=1) for each in (vertex, share))
+    number, edge_sets = fine.number(ends), {name: fine.ends[across]}
     for other, pairs in mesh.edge_sets.items():
-        chains = [[a, *_between(a, b, inside), b] for a, b in pairs.tolist()]
-        found = place[np.array([step for chain in chains for step in pairwise(chain)])]
-        in_joint = across[fine.number(found)]
-        edge_sets[other] = found if in_joint.all() else found[~in_joint]
+        found = number[np.isin(whole, known_edges(other, pairs, topology))]
+        left = found[~across[found]]
+        edge_sets[other] = fine.ends[left if len(left) else found]
     regions = {other: np.flatnonzero(np.isin(parent, chosen)) for other, chosen in mesh.regions.items()}
-    parts = _arcs_in_parts(mesh.arcs, inside, share_of, place)
-    arcs = [part.checked("", vertices[first], fine) for part in parts]
+    arcs = _arcs(mesh, topology, whole, ends, between)
     return divided_at_arcs(MeshParts(vertices[first], new_cells, edge_sets, regions, arcs))
 
 
-def _arcs_in_parts(
-    arcs: Sequence[Curve],
-    inside: Mapping[tuple[int, int], list[int]],
-    share_of: Mapping[tuple[int, int, int], float],
-    place: IntArray,
-) -> list[Curve]:
-    """Arcs with edges cut at the vertices inside them, by new numbers of vertices; an edge of two bodies once."""
-    found, seen = list[Curve](), set[tuple[int, int]]()
-    for arc in arcs:
-        kept, bends = list[tuple[int, int]](), list[FloatArray]()
-        for (low, high), bend in zip(arc.edges.tolist(), arc.coefficients, strict=True):
-            between = inside.get((low, high), [])
-            ends = np.array([0.0, *(share_of[low, high, vertex] for vertex in between), 1.0])
-            parts = part_of(np.broadcast_to(bend, (len(ends) - 1, len(bend))), ends[:-1], ends[1:])
-            for (a, b), part in zip(pairwise(place[[low, *between, high]].tolist()), parts, strict=True):
-                if (min(a, b), max(a, b)) not in seen:
-                    seen.add((min(a, b), max(a, b)))
-                    kept.append((a, b))
-                    bends.append(part)
-        if kept:
-            found.append(Curve(np.array(kept), np.array(bends)))
-    return found
+def _fans(corners: IntArray, topology: Topology, edge: IntArray, vertex: IntArray) -> tuple[IntArray, IntArray]:
+    """Triangles (m, 3) with vertices in their sides cut from the corners opposite; and which one each is part of.
 
-
-def _between(a: int, b: int, inside: Mapping[tuple[int, int], list[int]]) -> list[int]:
-    """The vertices in the edge from a to b, in this order."""
-    return inside.get((a, b), []) if a < b else inside.get((b, a), [])[::-1]
-
-
-def _cut(corners: list[int], inside: Mapping[tuple[int, int], list[int]]) -> list[list[int]]:
-    """The triangles of a triangle whose sides have vertices in them: side by side, from the corner opposite."""
-    for s in range(3):
-        tip, a, b = corners[s], corners[s - 2], corners[s - 1]
-        between = _between(a, b, inside)
-        if between:
-            return [part for p, q in pairwise([a, *between, b]) for part in _cut([tip, p, q], inside)]
-    return [corners]
+    The vertices (k,) of the edges (k,) of the topology follow each other, from its first end to the last.
+    """
+    count = np.bincount(edge) - 1  # parts of each edge
+    start = np.searchsorted(edge, np.arange(len(count)))
+    sides, parent = topology.of_cells, np.arange(len(corners))  # −1 for sides made by a cut
+    for s, way in enumerate((1, -1, 1)):  # around the triangle: edges lead from the lower number to the higher one
+        several = np.where(sides[:, s] < 0, 1, count[sides[:, s]])
+        row = np.repeat(np.arange(len(several)), several)
+        part = np.arange(len(row)) - np.repeat(np.cumsum(several) - several, several)
+        corners, sides, parent, several = corners[row], sides[row], parent[row], several[row]
+        given = sides[:, s] >= 0
+        at = start[sides[:, s]] + (part if way > 0 else several - part)
+        corners[given, s - 2], corners[given, s - 1] = vertex[at[given]], vertex[at[given] + way]
+        sides[part < several - 1, s - 2] = sides[part > 0, s - 1] = -1
+    return np.sort(corners, axis=1), parent

@@ -13,12 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import dataclass
 from threading import Lock
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, positive_number, true_or_false
 from qvi_contact.basics.schema import Name
@@ -80,23 +80,17 @@ Line: TypeAlias = Sequence[Corner | Point]
 """Corners one after the other; a pair of coordinates is a corner without a name."""
 
 
-@dataclass(frozen=True, eq=False)
-class Polygon:
-    """A line of an outline as straight pieces."""
+class Polygon(NamedTuple):
+    """A line of an outline as straight pieces; or several lines, one after the other."""
 
-    points: FloatArray
-    """Ends of the pieces [length], of a closed line the last one is the first, shape (k + 1, 2)."""
-    names: list[str]
+    pieces: FloatArray
+    """Both ends of each piece [length], shape (k, 2, 2)."""
+    names: NDArray[np.object_]
     """What edges on each piece are called, or "", shape (k,)."""
     sizes: FloatArray
-    """Sizes of triangles at the points [length], shape (k + 1,)."""
+    """Sizes of triangles at the ends [length], shape (k, 2)."""
     centres: FloatArray
     """Centre of the circle that each piece is a chord of [length]; not a number where it is straight, shape (k, 2)."""
-
-    @property
-    def pieces(self) -> FloatArray:
-        """Both ends of each piece, shape (k, 2, 2) [length]."""
-        return np.stack([self.points[:-1], self.points[1:]], axis=1)
 
     def holds(self, points: FloatArray) -> BoolArray:
         """Whether points (m, 2) lie inside this closed polygon."""
@@ -111,32 +105,20 @@ class Polygon:
 class Polygons(NamedTuple):
     """An outline as polygons."""
 
-    outer: Polygon
-    holes: tuple[Polygon, ...]
-    """Closed lines of the boundary, as `outer` is."""
-    joints: dict[str, Polygon]
+    boundary: list[Polygon]
+    """Closed lines: the outer one, and holes."""
+    inner: list[Polygon]
+    """Joints, open or closed, and the lines around regions."""
     regions: dict[str, Polygon]
-    """Closed lines inside by name; `joints` are open or closed ones."""
+    every: Polygon
+    """All lines, those of the boundary first."""
     points: FloatArray
     sizes: FloatArray
     """Sizes of their own (k,) that triangles have at the `points` (k, 2) [length]."""
     largest: float
     """Size of triangles where nothing else is said [length]."""
-
-    @property
-    def length(self) -> float:
-        """The longer side of the bounding box [length]."""
-        return float(np.ptp(self.outer.points, axis=0).max())
-
-    @property
-    def rounding(self) -> float:
-        """Distance below which points are one [length]."""
-        return _NEAR * self.length
-
-    @property
-    def every(self) -> tuple[Polygon, ...]:
-        """All lines."""
-        return (self.outer, *self.holes, *self.joints.values(), *self.regions.values())
+    length: float
+    """The longer side of the bounding box [length]."""
 
 
 def polygons(
@@ -152,20 +134,24 @@ def polygons(
     if size > LARGEST:
         raise InputError("size", size, f"give at most {LARGEST:.0e}: take other units")
     places = mapping("sizes", sizes or {}, "points to sizes")
-    outer = _polygon("corners", corners, size, closed=True)
-    inner = tuple(_polygon(f"holes[{k}]", line, size, closed=True) for k, line in enumerate(_listed(holes)))
-    seams, areas = dict[str, Polygon](), dict[str, Polygon]()
-    for kind, given, found in (("joints", joints, seams), ("regions", regions, areas)):
+    boundary = [_polygon("corners", corners, size, closed=True)]
+    boundary += [_polygon(f"holes[{k}]", line, size, closed=True) for k, line in enumerate(_listed(holes))]
+    inner, areas = list[Polygon](), dict[str, Polygon]()
+    for kind, given in (("joints", joints), ("regions", regions)):
         for name, line in mapping(kind, given or {}, "names to lines").items():
             if not isinstance(name, str) or not name:
                 raise InputError(kind, name, "give names that are not empty")
             last = _listed(line)[-1:]  # a joint whose last corner begins an arc can only lead back to the first
             closed = kind == "regions" or any(isinstance(each, Corner) and each.centre is not None for each in last)
             polygon = _polygon(f"{kind}.{name}", line, size, closed=closed)
-            found[name] = replace(polygon, names=[name if kind == "joints" else ""] * len(polygon.names))
+            polygon.names[:] = name if kind == "joints" else ""
+            inner.append(polygon)
+            if kind == "regions":
+                areas[name] = polygon
     at = np.array([point("sizes", place) for place in places]).reshape(-1, 2)
     own = np.array([positive_number(f"sizes[{place}]", given) for place, given in places.items()])
-    outline = Polygons(outer, inner, seams, areas, at, own, size)
+    every = Polygon(*map(np.concatenate, zip(*boundary, *inner, strict=True)))
+    outline = Polygons(boundary, inner, areas, every, at, own, size, float(np.ptp(boundary[0].pieces, (0, 1)).max()))
     _check_sizes(outline)
     _check_lines(outline)
     _check_inside(outline)
@@ -180,12 +166,13 @@ def _polygon(name: str, line: Line, size: float, *, closed: bool) -> Polygon:
     own = [corner.size or size for corner in corners]
     steps = [_steps(name, *each) for each in zip(corners, corners[1:], own, strict=False)]
     counts = [len(points) for points in steps]
-    names = [corner.name for corner, count in zip(corners, counts, strict=False) for _ in range(count)]
-    if closed and len(names) < 3:
+    if closed and sum(counts) < 3:
         raise InputError(name, len(corners) - 1, "give three or more corners of a closed line, or arcs between two")
+    points, sizes = np.concatenate([*steps, [corners[-1].at]]), np.repeat(own, [*counts, 1])
+    names = np.repeat(np.array([corner.name for corner in corners[:-1]], dtype=object), counts)
     centres = [(np.nan, np.nan) if corner.centre is None else corner.centre for corner in corners[:-1]]
-    points = np.concatenate([*steps, [corners[-1].at]])
-    return Polygon(points, names, np.repeat(own, [*counts, 1]), np.repeat(centres, counts, axis=0))
+    ends = np.arange(len(names))[:, None] + [0, 1]
+    return Polygon(points[ends], names, sizes[ends], np.repeat(centres, counts, axis=0))
 
 
 def _steps(name: str, corner: Corner, following: Corner, size: float) -> FloatArray:
@@ -213,17 +200,15 @@ def _steps(name: str, corner: Corner, following: Corner, size: float) -> FloatAr
 
 def _check_sizes(found: Polygons) -> None:
     """The body has a length, near the origin compared with it, and sizes do not make too many triangles."""
-    farthest = max(float(np.abs(polygon.points).max()) for polygon in found.every)
+    pieces, sizes, (start, stop) = found.every.pieces, found.every.sizes, found.boundary[0].pieces.swapaxes(0, 1)
+    farthest = float(np.abs(pieces).max())
     if not found.length > 0.0 or farthest > _FARTHEST * found.length:
         raise InputError("corners", farthest, f"the body is {found.length:g} long: move it to the origin")
-    smallest = min([found.largest, *(float(p.sizes.min()) for p in found.every), *found.sizes.tolist()])
+    smallest = min(found.largest, float(sizes.min()), *found.sizes.tolist())
     if smallest < _SMALLEST * found.length:
         raise InputError("size", smallest, f"is too small for a body of length {found.length:g}: give more")
-    edges = sum(
-        float((np.hypot(*np.diff(p.pieces, axis=1)[:, 0].T) / p.sizes[: len(p.names)]).sum()) for p in found.every
-    )
-    x, y = found.outer.points.T
-    area = abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2.0
+    edges = float((np.hypot(*(pieces[:, 1] - pieces[:, 0]).T) / sizes[:, 0]).sum())
+    area = abs(float(cross(start, stop).sum())) / 2.0
     triangles = 4.0 / np.sqrt(3.0) * area / found.largest**2 + edges
     if triangles > _MOST_TRIANGLES:
         remedy = f"makes about {triangles:.0e} triangles, at most {_MOST_TRIANGLES}: give more"
@@ -232,7 +217,7 @@ def _check_sizes(found: Polygons) -> None:
 
 def _check_lines(found: Polygons) -> None:
     """Lines meet, or keep a distance, as what lies between them is divided too; those of the boundary do not meet."""
-    least, pieces = _APART * found.length, np.concatenate([polygon.pieces for polygon in found.every])
+    least, rounding, pieces = _APART * found.length, _NEAR * found.length, found.every.pieces
     if len(pieces) > _MOST_LINES:
         raise InputError("outline", len(pieces), f"has more than {_MOST_LINES} lines and chords: give larger sizes")
     lengths = np.hypot(*(pieces[:, 1] - pieces[:, 0]).T)
@@ -243,15 +228,15 @@ def _check_lines(found: Polygons) -> None:
     touching, sides = list[BoolArray](), list[IntArray]()
     for chosen in np.array_split(points, 1 + len(points) // _CHUNK):
         distances = _distances(chosen, pieces)
-        close = (distances > found.rounding) & (distances < least)
+        close = (distances > rounding) & (distances < least)
         if close.any():
             place = tuple(chosen[np.argwhere(close)[0, 0]].tolist())
             remedy = "this point nearly lies on another line or point: let them meet, or move them apart"
             raise InputError("outline", place, remedy)
-        touching.append(distances <= found.rounding)
+        touching.append(distances <= rounding)
         offset = cross(pieces[:, 1] - pieces[:, 0], chosen[:, None] - pieces[:, 0]) / lengths  # left of the piece
-        sides.append(np.where(np.abs(offset) > found.rounding, np.sign(offset), 0.0).astype(np.int8))
-    counts = [len(polygon.names) for polygon in (found.outer, *found.holes)]
+        sides.append(np.where(np.abs(offset) > rounding, np.sign(offset), 0.0).astype(np.int8))
+    counts = [len(line.names) for line in found.boundary]
     own = np.arange(sum(counts))  # pieces of the boundary, and the points that they begin at
     following = np.concatenate([np.roll(part, -1) for part in np.split(own, np.cumsum(counts)[:-1])])
     touch, side = (np.concatenate(each)[np.ix_(own, own)] for each in (touching, sides))
@@ -265,15 +250,14 @@ def _check_lines(found: Polygons) -> None:
 
 def _check_inside(found: Polygons) -> None:
     """Holes, and places with sizes of their own, lie in the body."""
-    for k, hole in enumerate(found.holes):
-        start, others = hole.points[:1], [other for other in found.holes if other is not hole]
-        if not found.outer.holds(start)[0] or any(other.holds(start)[0] for other in others):
+    outer, *holes = found.boundary
+    for k, hole in enumerate(holes):
+        start, others = hole.pieces[:1, 0], (other for other in holes if other is not hole)
+        if not outer.holds(start)[0] or any(other.holds(start)[0] for other in others):
             raise InputError(f"holes[{k}]", tuple(start[0].tolist()), "this hole is not inside the body: move it")
-    inside = found.outer.holds(found.points)
-    for hole in found.holes:
-        inside &= ~hole.holds(found.points)
-    for polygon in (found.outer, *found.holes):
-        inside |= (_distances(found.points, polygon.pieces) <= found.rounding).any(axis=1)
+    inside = np.sum([line.holds(found.points) for line in found.boundary], axis=0) == 1  # in the outer line alone
+    border = np.concatenate([line.pieces for line in found.boundary])
+    inside |= (_distances(found.points, border) <= _NEAR * found.length).any(axis=1)
     if not inside.all():
         raise InputError("sizes", tuple(found.points[np.argmin(inside)].tolist()), "give points of the body")
 
@@ -368,10 +352,9 @@ def _divided(gmsh: Any, shape: Polygons) -> MeshParts:
     gmsh has absolute tolerances, so the body is about one unit long there: a power of two changes no digit.
     """
     occ, unit = gmsh.model.occ, 2.0 ** -round(np.log2(shape.length))
-    outer = [_drawn(occ, polygon, unit) for polygon in (shape.outer, *shape.holes)]
+    outer = [_drawn(occ, polygon, unit) for polygon in shape.boundary]
     surfaces = [(2, occ.addPlaneSurface([occ.addCurveLoop(lines) for lines in outer]))]
-    inner = [_drawn(occ, polygon, unit) for polygon in (*shape.joints.values(), *shape.regions.values())]
-    cuts = [(1, line) for lines in inner for line in lines]
+    cuts = [(1, line) for polygon in shape.inner for line in _drawn(occ, polygon, unit)]
     cuts += [(0, occ.addPoint(*place, 0.0)) for place in (unit * shape.points).tolist()]
     if cuts:
         surfaces = [part for part in occ.fragment(surfaces, cuts)[1][0] if part[0] == 2]
@@ -390,16 +373,15 @@ def _divided(gmsh: Any, shape: Polygons) -> MeshParts:
     vertex = np.full(int(tags.max()) + 1, -1)
     vertex[tags[used].astype(np.int64)] = np.arange(len(used))
     vertices = np.asarray(coordinates, dtype=float).reshape(-1, 3)[used, :2] / unit
-    pieces, centres = (np.concatenate([getattr(line, of) for line in shape.every]) for of in ("pieces", "centres"))
-    names, radii = [name for line in shape.every for name in line.names], np.hypot(*(pieces[:, 0] - centres).T)
-    named = {name: list[IntArray]() for name in names if name}
+    pieces, names, _, centres = shape.every
+    named, radii = {name: list[IntArray]() for name in names if name}, np.hypot(*(pieces[:, 0] - centres).T)
     circles, fixed = dict[tuple[float, float, float], list[IntArray]](), list[IntArray]()
     for _, tag in gmsh.model.getEntities(1):  # each is on those pieces that both of its ends are on
         ends = [gmsh.model.getValue(0, abs(end), [])[:2] for _, end in gmsh.model.getBoundary([(1, tag)])]
-        on = np.flatnonzero((_distances(np.array(ends) / unit, pieces) <= shape.rounding).all(axis=0))
+        on = np.flatnonzero((_distances(np.array(ends) / unit, pieces) <= _NEAR * shape.length).all(axis=0))
         pairs = vertex[elements(1, tag)]
         fixed.append(pairs)
-        for name in {names[k] for k in on} - {""}:
+        for name in {*names[on]} - {""}:
             named[name].append(pairs)
         bent = on[np.isfinite(radii[on])]
         if len(bent) and (pairs >= 0).all():
@@ -425,27 +407,27 @@ def _divided(gmsh: Any, shape: Polygons) -> MeshParts:
 
 def _drawn(occ: Any, polygon: Polygon, unit: float) -> list[int]:
     """The polygon's pieces as lines and arcs of gmsh."""
-    places = list(map(tuple, (unit * polygon.points).tolist()))
-    tags, drawn, middles = {place: occ.addPoint(*place, 0.0) for place in dict.fromkeys(places)}, [], []
-    ends = ((tags[first], tags[second]) for first, second in pairwise(places))
-    for (first, second), (x, y) in zip(ends, (unit * polygon.centres).tolist(), strict=True):
+    pieces = [(tuple(start), tuple(stop)) for start, stop in (unit * polygon.pieces).tolist()]
+    tags = {place: occ.addPoint(*place, 0.0) for place in dict.fromkeys(place for ends in pieces for place in ends)}
+    drawn, middles = [], []
+    for (start, stop), (x, y) in zip(pieces, (unit * polygon.centres).tolist(), strict=True):
         if np.isnan(x):
-            drawn.append(occ.addLine(first, second))
+            drawn.append(occ.addLine(tags[start], tags[stop]))
         else:
             middles.append(occ.addPoint(x, y, 0.0))
-            drawn.append(occ.addCircleArc(first, middles[-1], second))
+            drawn.append(occ.addCircleArc(tags[start], middles[-1], tags[stop]))
     occ.remove([(0, tag) for tag in middles])
     return drawn
 
 
 def _set_sizes(gmsh: Any, shape: Polygons, unit: float) -> None:
     """Sizes at all points, the smallest where several are given at one place."""
-    places = np.concatenate([*(polygon.points for polygon in shape.every), shape.points])
-    sizes = np.concatenate([*(polygon.sizes for polygon in shape.every), shape.sizes])
+    places = np.concatenate([shape.every.pieces.reshape(-1, 2), shape.points])
+    sizes = np.concatenate([shape.every.sizes.ravel(), shape.sizes])
     gmsh.option.setNumber("Mesh.MeshSizeMax", unit * float(sizes.max()))
     for entity in gmsh.model.getEntities(0):
         at = np.array(gmsh.model.getValue(*entity, [])[:2]) / unit
-        here = np.hypot(*(places - at).T) <= shape.rounding
+        here = np.hypot(*(places - at).T) <= _NEAR * shape.length
         gmsh.model.mesh.setSize([entity], unit * float(sizes[here].min() if here.any() else shape.largest))
 
 

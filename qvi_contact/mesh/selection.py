@@ -54,10 +54,7 @@ def checked_pairs(name: str, pairs: ArrayLike, topology: Topology, vertices: Flo
     found = numbers_of(name, pairs, int)
     if found.ndim != 2 or found.shape[1] != 2 or not len(found):
         raise InputError(name, f"shape {found.shape}", "give the vertices of one or more edges as an array (k, 2)")
-    number = topology.number(found)
-    wrong = (number < 0) | ((found < 0) | (found >= len(vertices))).any(axis=1)
-    if wrong.any():
-        raise InputError(name, found[np.argmax(wrong)].tolist(), "no edge of the mesh joins these vertices")
+    number = known_edges(name, found, topology)
     outer = topology.boundary[number]
     if outer.any() and not outer.all():
         x, y = vertices[found[np.argmin(outer)]].mean(axis=0)
@@ -66,6 +63,15 @@ def checked_pairs(name: str, pairs: ArrayLike, topology: Topology, vertices: Flo
     chosen = topology.ends[np.unique(number)]
     chosen.flags.writeable = False
     return chosen
+
+
+def known_edges(name: str, pairs: IntArray, topology: Topology) -> IntArray:
+    """Numbers of the edges between pairs of vertices (k, 2), or `InputError`."""
+    number = topology.number(pairs)
+    wrong = (number < 0) | ((pairs < 0) | (pairs >= topology.base)).any(axis=1)
+    if wrong.any():
+        raise InputError(name, pairs[np.argmax(wrong)].tolist(), "no edge of the mesh joins these vertices")
+    return number
 
 
 def checked_region(name: str, cells: ArrayLike, count: int) -> IntArray:

@@ -40,8 +40,8 @@ INSIDE = {
 }
 
 
-def enclosed(points):
-    x, y = points.T
+def enclosed(polygon):
+    x, y = polygon.pieces[:, 0].T
     return abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2.0
 
 
@@ -52,7 +52,7 @@ class TestPolygons:
     @pytest.mark.parametrize("size", [0.5, 0.1, 10.0])
     def test_points_of_an_arc_lie_on_its_circle(self, clockwise, size):
         start, stop = Corner((1.0, 0.0), "arc", (0.0, 0.0), clockwise), (0.0, 1.0)
-        line = polygons([start, stop, (-3.0, -3.0)] if not clockwise else [start, stop, (3.0, 3.0)], size).outer
+        line = polygons([start, stop, (-3.0, -3.0)] if not clockwise else [start, stop, (3.0, 3.0)], size).boundary[0]
         chords = [piece for piece, name in zip(line.pieces, line.names, strict=True) if name == "arc"]
         turn = 1.5 * np.pi if clockwise else 0.5 * np.pi
         assert np.hypot(*np.array(chords).reshape(-1, 2).T) == pytest.approx(1.0)
@@ -69,7 +69,7 @@ class TestPolygons:
         angles = 2.0 * np.pi * np.arange(count) / count
         star = np.array(radii)[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]) + shift
         star = star[::-1] if reverse else star
-        assert enclosed(polygons([tuple(p) for p in star.tolist()], 1.0).outer.points) > 0.0
+        assert enclosed(polygons([tuple(p) for p in star.tolist()], 1.0).boundary[0]) > 0.0
         if count > 3:
             k = data.draw(st.integers(0, count - 1))
             mixed = star.copy()
@@ -175,7 +175,7 @@ def arch():
 
 @pytest.mark.parametrize("line", [Corner.circle((0.5, 0.5), 0.3), [*SQUARE[:3], SQUARE[0]]])
 def test_a_joint_is_closed_by_an_arc_or_by_its_first_corner(line):
-    joint = polygons([(-1.0, -1.0), (2.0, -1.0), (0.5, 3.0)], 0.4, joints={"pin": line}).joints["pin"]
+    joint = polygons([(-1.0, -1.0), (2.0, -1.0), (0.5, 3.0)], 0.4, joints={"pin": line}).inner[0]
     assert joint.pieces[-1, 1] == pytest.approx(joint.pieces[0, 0])
 
 
@@ -185,7 +185,7 @@ class TestMeshes:
 
     def test_the_triangles_fill_the_body(self, arch):
         shape = polygons(ARCH, 0.2, **INSIDE)
-        assert area(arch) == pytest.approx(enclosed(shape.outer.points) - enclosed(shape.holes[0].points))
+        assert area(arch) == pytest.approx(enclosed(shape.boundary[0]) - enclosed(shape.boundary[1]))
         assert area(arch.part(arch.region("core"))) == pytest.approx(0.6 * 0.2)
         assert len(arch.outlines) == 2
 
