@@ -18,7 +18,6 @@ In `docs/theory.md`: (D9).
 """
 
 from functools import cached_property
-from itertools import pairwise
 from time import perf_counter
 from typing import Final
 
@@ -30,7 +29,7 @@ from scipy.sparse import csc_array, csr_array, diags_array
 from solvers.basics.types import IntVector, Matrix, SparseRows, Vector
 from solvers.errors import InputError
 from solvers.factorisation.base import FactorisationError, Front, Fronts, limited_blas
-from solvers.factorisation.dissection import interface_last
+from solvers.factorisation.dissection import interface_last, parts
 
 ORTHOGONAL: Final = "qr"
 """Name of this back end."""
@@ -143,32 +142,29 @@ def factorise_root(R: SparseRows, interface: IntVector, places: Matrix) -> Ortho
 def _eliminated(R: SparseRows, order: IntVector, starts: IntVector, backend: str) -> tuple[list[Front], Matrix]:
     """Fronts of the unknowns order[starts[i] : starts[i + 1]], and U (k, k) of those from the last start on."""
     n = len(order)
-    position = np.empty(n, dtype=np.int64)
+    position, number = np.empty(n, dtype=np.int64), np.repeat(np.arange(len(starts)), np.diff(starts, append=n))
     position[order] = np.arange(n)
-    number = np.repeat(np.arange(len(starts)), np.diff(starts, append=n))
-    front = number[np.minimum.reduceat(position[R.indices], R.indptr[:-1])] if R.nnz else number[:0]
-    R = R[np.argsort(front, kind="stable")]
-    begins = np.concatenate([[0], np.cumsum(np.bincount(front, minlength=len(starts)))])  # of rows
-    waiting: list[list[tuple[IntVector, Matrix]]] = [[] for _ in starts]
-    fronts: list[Front] = []
-    for i, (first, end) in enumerate(pairwise([*starts.tolist(), n])):
-        entries, lengths = slice(*R.indptr[begins[i : i + 2]]), np.diff(R.indptr[begins[i] : begins[i + 1] + 1])
-        own, arrived, waiting[i] = position[R.indices[entries]], waiting[i], []
-        columns = np.unique(np.concatenate([np.arange(first, end), own, *(places for places, _ in arrived)]))
-        row = len(lengths)
-        stacked = np.zeros((row + sum(len(upper) for _, upper in arrived), len(columns)), order="F")
-        stacked[np.repeat(np.arange(row), lengths), np.searchsorted(columns, own)] = R.data[entries]
-        for places, upper in arrived:
-            stacked[row : row + len(upper), np.searchsorted(columns, places)] = upper
-            row += len(upper)
-        packed = lapack.dgeqrf(stacked, lwork=_BLOCK * len(columns), overwrite_a=1)[0] if stacked.size else stacked
-        upper, count = np.triu(packed[: min(stacked.shape)]), end - first
-        head, tail, later = np.asfortranarray(upper[:count, :count]), upper[:count, count:], columns[count:]
+    owner = np.minimum.reduceat(position[R.indices], R.indptr[:-1]) if R.nnz else position[:0]
+    sequence = np.argsort(number[owner], kind="stable")
+    R, lengths = R[sequence], np.diff(R.indptr)[sequence]
+    row = np.repeat(np.arange(len(lengths)), lengths)
+    fronts, waiting = list[Front](), dict[int, Matrix]()
+    for i, part in enumerate(parts(np.append(starts, n), np.repeat(owner[sequence], lengths), position[R.indices])):
+        rows = row[part.entries] - row[part.entries][:1]
+        blocks = [(where, waiting.pop(child)) for child, where in part.arriving]
+        below = int(rows.max(initial=-1)) + 1
+        stacked = np.zeros((below + sum(len(upper) for _, upper in blocks), part.size), order="F")
+        stacked[rows, part.places] = R.data[part.entries]
+        for where, upper in blocks:
+            stacked[below : below + len(upper), where] = upper
+            below += len(upper)
+        packed = lapack.dgeqrf(stacked, lwork=_BLOCK * part.size, overwrite_a=1)[0] if stacked.size else stacked
+        upper, count = np.triu(packed[: min(stacked.shape)]), part.end - part.first
+        head, tail = np.asfortranarray(upper[:count, :count]), upper[:count, count:]
         # Only what would divide by nothing is refused here: whether columns are dependent, no single pivot tells.
         least = float(np.abs(head.diagonal()).min(initial=1.0)) if len(head) == count else 0.0
         if not least > _EPSILON:
             raise FactorisationError("singular", backend, f"pivot {least:.1e} of its column of R")
-        fronts.append(Front(order[first:end], order[later], head, tail))
-        if len(later):
-            waiting[number[later[0]]].append((later, upper[count:, count:]))
+        fronts.append(Front(order[part.first : part.end], order[part.later], head, tail))
+        waiting[i] = upper[count:, count:]
     return fronts[:-1], fronts[-1].head
