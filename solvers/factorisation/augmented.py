@@ -22,7 +22,6 @@ from time import perf_counter
 from typing import Final
 
 import numpy as np
-from scipy import __version__ as scipy_version
 from scipy.linalg import lapack
 from scipy.sparse import csc_array, csr_array, diags_array
 
@@ -59,7 +58,6 @@ class OrthogonalFactor(Fronts):
     def __init__(self, R: SparseRows, interface: IntVector, places: Matrix) -> None:
         """Use `factorise_root`, which checks its arguments."""
         start = perf_counter()
-        self.version = f"scipy {scipy_version}"
         self.interface, self.size = interface, int(R.shape[1])
         self._scale = np.sqrt(np.asarray(R.multiply(R).sum(axis=0)).ravel())
         if not np.all(self._scale > 0.0):

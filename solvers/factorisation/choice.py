@@ -11,21 +11,21 @@ from solvers.basics.checks import whole_number
 from solvers.basics.progress import LOGGER, Progress, deadline, report
 from solvers.basics.types import IntVector, Matrix, Sparse
 from solvers.errors import SolverUnavailableError
-from solvers.factorisation import dissection, pardiso
+from solvers.factorisation import pardiso
 from solvers.factorisation.base import DENSE, SMALL, DenseFactor, Factorisation, FactorisationError
 from solvers.factorisation.dissection import Multifrontal, MultifrontalLU
 from solvers.factorisation.pardiso import Pardiso, RefactorisedByPardiso, thread_count
-
-BACKENDS: Final = ("pardiso", "multifrontal")
-"""Names of the sparse back ends, the fastest first."""
 
 VARIABLE: Final = "QVI_CONTACT_FACTORISATION"
 """Environment variable with the name of the default back end."""
 
 _VERSIONS: Final[Mapping[str, Callable[[], str | None]]] = {
     "pardiso": pardiso.version,
-    "multifrontal": dissection.version,
+    "multifrontal": lambda: Multifrontal.version,
 }
+BACKENDS: Final = tuple(_VERSIONS)
+"""Names of the sparse back ends, the fastest first."""
+
 _INSTALL: Final = {"pardiso": "pip install mkl"}
 _WORTH_THREADS: Final = 50_000  # unknowns below which more threads cost more than they bring
 
@@ -119,7 +119,7 @@ def _begin(unknowns: int, backend: str) -> None:
 
 
 def _sensible_threads(unknowns: int) -> int:
-    return 1 if unknowns < _WORTH_THREADS else thread_count(None)
+    return 1 if unknowns < _WORTH_THREADS else thread_count()
 
 
 def available_backends() -> dict[str, str]:

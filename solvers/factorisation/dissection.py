@@ -12,7 +12,6 @@ from time import perf_counter
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-import scipy
 from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse import csc_array, csr_array
 
@@ -28,18 +27,13 @@ from solvers.factorisation.base import (
 )
 
 
-def version() -> str | None:
-    """Library and version; it is always there."""
-    return f"scipy {scipy.__version__}"
-
-
 class Multifrontal(Fronts):
     """K_II = Uᵀ U for K (n, n), n > k, in compressed columns, by `nested_dissection`."""
 
     backend = "multifrontal"
 
     def __init__(self, K: Sparse, interface: IntVector, places: Matrix | None = None) -> None:
-        self.version, self.interface, self.size = version() or "", interface, K.shape[0]
+        self.interface, self.size = interface, K.shape[0]
         start, diagonal = perf_counter(), K.diagonal()
         self._diagonal = diagonal[interface]
         order, starts = interface_last(K, interface, places)
