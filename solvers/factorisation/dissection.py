@@ -12,6 +12,7 @@ from time import perf_counter
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse import csc_array, csr_array
 
@@ -99,7 +100,7 @@ class Part(NamedTuple):
         return self.end - self.first + len(self.later)
 
 
-def parts(starts: IntVector, owner: IntVector, touched: IntVector) -> Iterator[Part]:
+def parts(starts: IntVector, owner: NDArray[np.integer], touched: NDArray[np.integer]) -> Iterator[Part]:
     """The fronts of an elimination of unknowns that are in order already; one begins at each start but the last.
 
     Each entry comes in at the front of its owner, in the order of these fronts, and touches another unknown. A front is
