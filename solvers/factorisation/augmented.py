@@ -40,23 +40,13 @@ _DEPENDENT: Final = 0.1  # `rounding` above which columns count as dependent: a 
 
 
 class OrthogonalFactor(Fronts):
-    """RᵀR with its interior eliminated by QR of R.
-
-    Attributes
-    ----------
-    schur_root : Matrix (k, k)
-        U, upper triangular, with S = UᵀU; more accurate than S where S is badly scaled.
-    rounding : float
-        4 ε / σ_min(R), columns of R scaled to length one: how wrong a solution may be, relative, in the energy norm
-        |R x|, and the factor that a defect correction shrinks the error by. S is usually far more accurate. Above 0.1
-        the columns of R are dependent as far as double precision can tell, which is refused.
-
-    """
+    """RᵀR with its interior eliminated by QR of R; made by `factorise_root`, which checks its arguments."""
 
     backend = ORTHOGONAL
+    schur_root: Matrix
+    """U (k, k), upper triangular, with S = UᵀU; more accurate than S where S is badly scaled."""
 
     def __init__(self, R: SparseRows, interface: IntVector, places: Matrix) -> None:
-        """Use `factorise_root`, which checks its arguments."""
         start = perf_counter()
         self.interface, self.size = interface, int(R.shape[1])
         self._scale = np.sqrt(np.asarray(R.multiply(R).sum(axis=0)).ravel())
@@ -84,7 +74,11 @@ class OrthogonalFactor(Fronts):
 
     @cached_property
     def rounding(self) -> float:
-        """4 ε / σ_min(R), by inverse power iteration."""
+        """4 ε / σ_min(R), columns of R scaled to length one, by inverse power iteration.
+
+        How wrong a solution may be, relative, in the energy norm |R x|, and the factor that a defect correction shrinks
+        the error by. S is usually far more accurate.
+        """
         x: Vector = np.random.default_rng(0).normal(size=self.size)
         growth = 1.0
         for _ in range(_POWER_STEPS if self.size else 0):
@@ -99,29 +93,11 @@ class OrthogonalFactor(Fronts):
 
 
 def factorise_root(R: SparseRows, interface: IntVector, places: Matrix) -> OrthogonalFactor:
-    """Eliminate the interior of K = RᵀR by QR of R.
+    """Eliminate the interior of K = RᵀR by QR of R (m, n), in about five times the time of PARDISO's Cholesky of K.
 
-    This takes about five times as long as PARDISO's Cholesky factorisation of K. The fronts are small:
-    several threads of BLAS make it slower, by orders of magnitude on a busy machine, so that it takes one where the
-    package threadpoolctl is installed.
-
-    Parameters
-    ----------
-    R : SparseRows (m, n)
-        Full column rank.
-    interface : IntVector (k,)
-        Γ: indices of unknowns in increasing order, none twice.
-    places : (m, d) array
-        Where each row lies: only those with places side by side should share unknowns, a few unknowns excepted. For
-        cells of a grid: their column and row.
-
-    Raises
-    ------
-    InputError
-        If shapes disagree or numbers are not finite.
-    FactorisationError
-        If R has linearly dependent columns, up to rounding.
-
+    The interface Γ (k,) has indices in increasing order, none twice. Rows lie at places (m, d): only those side by side
+    should share unknowns, a few unknowns excepted. `InputError` if shapes disagree or numbers are not finite,
+    `FactorisationError` if columns of R are dependent up to rounding.
     """
     if len(R.shape) != 2:
         raise InputError("R", R.shape, "give a matrix")

@@ -147,14 +147,7 @@ def chosen() -> str | None:
 
 
 def usable(field: str, name: str, others: Sequence[str] = ("auto",)) -> str:
-    """The name if it is that of a back end that loads here; `others` are what `field` may name beside back ends.
-
-    Raises
-    ------
-    SolverUnavailableError
-        If it is not; about `field`.
-
-    """
+    """The name if a back end of that name loads here, else `SolverUnavailableError`; `others` may be named besides."""
     if name not in BACKENDS:
         raise SolverUnavailableError(field, name, f"choose one of {', '.join((*others, *BACKENDS))}")
     if _VERSIONS[name]() is None:
@@ -185,22 +178,11 @@ class Request(NamedTuple):
 
     @classmethod
     def checked(cls, name: object, threads: object) -> "Request":
-        """From what a user gave.
-
-        Raises
-        ------
-        SolverUnavailableError
-            The name is not in `CHOICES`, or its library does not load.
-        InputError
-            `threads` is not a whole number from 1 to 1024.
-
-        """
+        """From what a user gave: `SolverUnavailableError` as `usable`, `InputError` for another number of threads."""
         canonical = str(name).lower()
         if canonical not in OTHERS:
             usable("factorisation", canonical, OTHERS)
-        if threads is None:
-            return cls(canonical)
-        return cls(canonical, whole_number("threads", threads, _MOST_THREADS))
+        return cls(canonical, None if threads is None else whole_number("threads", threads, _MOST_THREADS))
 
     def fits(self, factor: Factorisation) -> bool:
         """Whether a factorisation made earlier is what is asked for."""

@@ -187,9 +187,9 @@ class DirectClarabel:
 
     packages: tuple[str, ...] = ("clarabel",)
 
-    def __init__(self, qvi: FrictionQVI, tolerance: float, options: Mapping[str, Any] | None = None) -> None:
+    def __init__(self, qvi: FrictionQVI, name: str, tolerance: float, options: Mapping[str, Any] | None = None) -> None:
         self._qvi = qvi
-        options = BACKENDS["clarabel"].settings(tolerance) if options is None else options
+        options = BACKENDS[name].settings(tolerance) if options is None else options
         options = {**options, "chordal_decomposition_enable": False, "input_sparse_dropzeros": False}
         right = np.ones(3 * qvi.m)  # of no meaning: every solve sets its own
         self._solver = clarabel_solver(qvi.K, -qvi.f, qvi, limited_rows(qvi), right, options)

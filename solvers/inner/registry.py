@@ -2,12 +2,12 @@
 
 import sys
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, Final
 
 from solvers.basics.foreign import foreign_code
 from solvers.basics.status import Status
@@ -37,13 +37,14 @@ def make_inner(name: str, qvi: FrictionQVI, tolerance: float, options: Mapping[s
     name = check_name(name)
     kind, backend = name.split(":")
     with foreign_code():
-        if kind == "qp":
-            solver: InnerSolver = qp.QPSolver(qvi, backend, tolerance, options)
-        elif kind == "socp":
-            solver = socp.SOCPSolver(qvi, backend, tolerance, options)
-        else:
-            solver = qp.DirectClarabel(qvi, tolerance, options)
-        return Guarded(name, qvi, solver)
+        return Guarded(name, qvi, _KINDS[kind](qvi, backend, tolerance, options))
+
+
+_KINDS: Final[Mapping[str, Callable[..., InnerSolver]]] = {
+    "qp": qp.QPSolver,
+    "direct": qp.DirectClarabel,
+    "socp": socp.SOCPSolver,
+}
 
 
 class Guarded:
