@@ -289,18 +289,24 @@ def solve_lcp(M: Matrix, q: Vector, d: Vector, active: BoolVector | None = None)
 
 def _from_active(M: Matrix, q: Vector, d: Vector, active: BoolVector) -> Vertex:
     """The path of the problem with x and w exchanged where `active`."""
-    own, rest = np.flatnonzero(active), np.flatnonzero(~active)
+    order = np.concatenate([np.flatnonzero(active), np.flatnonzero(~active)])
+    exchanged, values = M[order][:, order], q[order]
+    own, rest = slice(np.count_nonzero(active)), slice(np.count_nonzero(active), None)
     try:
-        inverse = np.linalg.inv(M[np.ix_(own, own)])
+        inverse = np.linalg.inv(exchanged[own, own])
     except np.linalg.LinAlgError:
         return Vertex(np.zeros(len(q)), active, 0, Status.STALLED)
-    below, across, alone = M[np.ix_(rest, own)], -inverse @ M[np.ix_(own, rest)], -inverse @ q[own]
-    exchanged = np.block([[inverse, across], [below @ inverse, M[np.ix_(rest, rest)] + below @ across]])
-    found = solve_lcp(exchanged, np.concatenate([alone, q[rest] + below @ alone]), d)
+    values[own] = -inverse @ values[own]
+    values[rest] += exchanged[rest, own] @ values[own]
+    across = -inverse @ exchanged[own, rest]
+    exchanged[rest, rest] += exchanged[rest, own] @ across
+    exchanged[rest, own] = exchanged[rest, own] @ inverse
+    exchanged[own, own], exchanged[own, rest] = inverse, across
+    found = solve_lcp(exchanged, values, d)
     x, basic = np.empty(len(q)), np.empty(len(q), dtype=bool)
-    x[own] = np.maximum(alone + exchanged[: len(own)] @ found.x, 0.0)
-    x[rest] = found.x[len(own) :]
-    basic[np.concatenate([own, rest])] = found.basic
+    x[order[own]] = np.maximum(values[own] + exchanged[own] @ found.x, 0.0)
+    x[order[rest]] = found.x[rest]
+    basic[order] = found.basic
     return Vertex(x, basic ^ active, found.pivots, found.reason)
 
 
