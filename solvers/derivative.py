@@ -60,20 +60,8 @@ class _Rows(NamedTuple):
 def change(solution: QVISolution, base: FrictionQVI, moved: FrictionQVI, sign: float = 1.0) -> Change:
     """The one-sided derivative of a solution along data from `base` to `moved`, or from there back for sign −1.
 
-    Parameters
-    ----------
-    solution : QVISolution
-        The solution; its problem has the matrices of `base`.
-    base, moved : FrictionQVI
-        Two problems whose difference is the direction; N, T, W and A are the same.
-    sign : float
-        1 for the direction, −1 for the opposite one.
-
-    Raises
-    ------
-    InputError
-        If there are more than `LARGEST` contact points, or no derivative was found.
-
+    The solution's problem has the matrices of `base`; N, T, W and A of both are the same. `InputError` if there are
+    more than `LARGEST` contact points, or no derivative was found.
     """
     qvi, z, m = solution.problem, solution.z, solution.problem.m
     if m > LARGEST:

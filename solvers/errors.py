@@ -88,24 +88,10 @@ def closest(word: object, words: Iterable[str]) -> str | None:
 
 
 def known_name(field: str, name: object, known: Mapping[str, Iterable[str]], otherwise: str = "") -> str:
-    """The name if it is one of those known.
+    """The name if it is one of those known; else `UnknownNameError`, which lists all of them, the closest one first.
 
-    Parameters
-    ----------
-    field : str
-        The argument that holds it, for the error.
-    name : object
-        What was given.
-    known : mapping
-        The names that fit, by what they are names of, in the plural: ``{"edge sets": ("top", "left")}``.
-    otherwise : str
-        What else could be done, such as "add it by with_edges()".
-
-    Raises
-    ------
-    UnknownNameError
-        If it is none of them. The remedy lists all of them, the closest one first.
-
+    They are known by what they are names of, in the plural: ``{"edge sets": ("top", "left")}``; `otherwise` is what
+    else could be done, such as "add it by with_edges()".
     """
     names = {kind: tuple(each) for kind, each in known.items()}
     every = [one for each in names.values() for one in each]
@@ -118,22 +104,10 @@ def known_name(field: str, name: object, known: Mapping[str, Iterable[str]], oth
 
 
 class Named(dict[str, _Value]):
-    """A mapping by name that answers an unknown one with those there are.
+    """A mapping that errors call `field`; its keys are names of a `kind`, in the plural.
 
-    Parameters
-    ----------
-    field : str
-        What the mapping is called, for the error.
-    kind : str
-        What its keys are names of, in the plural.
-    values : mapping
-        The values by name.
-
-    Raises
-    ------
-    UnknownNameError
-        On ``mapping[name]``, a `KeyError` too: ``name in mapping`` and ``mapping.get(name)`` are as usual.
-
+    ``mapping[name]`` answers an unknown name with those there are, by `UnknownNameError`, a `KeyError` too; ``name in
+    mapping`` and ``mapping.get(name)`` are as usual.
     """
 
     def __init__(self, field: str, kind: str, values: Mapping[str, _Value]) -> None:

@@ -158,7 +158,7 @@ def make_form(qvi: FrictionQVI, form: str) -> ProblemForm:
     return condensed if condensed.problem.n > 0 else full
 
 
-# Anderson acceleration of a fixed-point map, with safeguard.
+# Anderson acceleration of a fixed-point map, with safeguard; without a memory it is the damped map.
 
 
 _GROWTH = 2.0  # residual growth at which the memory is dropped
@@ -234,9 +234,9 @@ class _Loop:
         self.qvi, self.form, self.solver, self.tolerance, self.options = qvi, form, solver, tolerance, options
         given = options.initial
         self.s = qvi.pressure(qvi.bonded) if given is None else initial_pressure(qvi, given)
-        accelerated = options.variant == "anderson"
-        self.accelerator = Anderson(qvi.W, options.memory, options.damping) if accelerated else None
-        self.damping = 1.0 if options.variant == "plain" else options.damping
+        self.accelerated = options.variant == "anderson"
+        mixing = 1.0 if options.variant == "plain" else options.damping
+        self.map = Anderson(qvi.W, options.memory if self.accelerated else 0, mixing)
         self.feasible: Vector | None = None  # last s whose inner problem had a solution
         self.previous: InnerSolution | None = None  # last result, original unknowns
         self.inner: InnerSolution | None = None  # the same in those of the form
@@ -255,7 +255,7 @@ class _Loop:
         qvi, began, number = self.qvi, time.perf_counter(), len(self.history) + 1
         inner = self._solve_inner()
         if not _is_usable(inner):
-            result = no_result(qvi, inner.status, inner.message, inner.seconds)
+            result = no_result(qvi, inner.status, inner.message)
             self._record(result, np.inf, began)
             if not deadline.over:
                 self._recover(result)
@@ -274,9 +274,7 @@ class _Loop:
                 return
             self._check_progress(residual, number)
             self.past.append(self.s)
-            # Accelerated, damped or plain; round-off becomes zero, which interior points take better than 1e-30.
-            damped = (1.0 - self.damping) * self.s + self.damping * g
-            s = damped if self.accelerator is None else self.accelerator.next(self.s, g)
+            s = self.map.next(self.s, g)  # round-off becomes zero, which interior points take better than 1e-30
             self.s = np.where(s > _ROUND_OFF * largest(qvi.normal(qvi.bonded)), s, 0.0)
         if self.reason is None and number >= self.options.max_iterations:
             self.reason = Status.MAX_ITERATIONS
@@ -294,7 +292,7 @@ class _Loop:
         if not _is_usable(witness.solve(threshold, form.centre(None, None), None)):
             return inner
         message = f"{inner.message}; but Clarabel solves this problem"
-        return no_result(form.problem, Status.BACKEND_FAILED, message, inner.seconds)
+        return no_result(form.problem, Status.BACKEND_FAILED, message)
 
     def _norm(self, v: Vector) -> float:
         return float(np.sqrt(self.qvi.W @ v**2))
@@ -334,10 +332,10 @@ class _Loop:
     def _soften(self, residual: float) -> bool:
         """Halve the mixing of Anderson's steps and forget their memory; not for other variants, noise, or too often."""
         self.breaks += 1
-        if self.accelerator is None or self.breaks > _BREAKS or residual <= _NOISE:
+        if not self.accelerated or self.breaks > _BREAKS or residual <= _NOISE:
             return False
-        self.accelerator.reset()
-        self.accelerator.mixing *= 0.5
+        self.map.reset()
+        self.map.mixing *= 0.5
         self.past.clear()
         return True
 
@@ -363,9 +361,9 @@ class _Loop:
             self.s = self.feasible = np.abs(qvi.normal(start))
         else:
             self.s = 0.5 * (self.s + self.feasible)
-        if self.accelerator is not None:
-            self.accelerator.reset()
-        self.damping = min(self.damping, 0.5)
+        self.map.reset()
+        if not self.accelerated:
+            self.map.mixing = min(self.map.mixing, 0.5)
 
 
 def _is_usable(inner: InnerSolution) -> bool:

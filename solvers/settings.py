@@ -27,7 +27,6 @@ SYSTEMS: Final = ("auto", "dense", "sparse")
 VARIANTS: Final = ("plain", "damped", "anderson")
 FORMS: Final = ("auto", "full", "condensed")
 RULES: Final = ("printed", "accumulating")
-DECAYS: Final = ("geometric", "harmonic")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,9 +135,8 @@ class UzawaOptions:
         Uzawa: step of the normal multiplier, displacement per stress; 1 / the spectral radius of N K⁻¹ Nᵀ W by default:
         `omega_N = 0.5`.
     step_decay : float, optional
-        Uzawa: iterations k₀ in which the step halves; it does not shrink by default: `step_decay = 200.0`.
-    decay : str
-        Uzawa: "geometric", ω_T 2^(−i / k₀), or "harmonic", ω_T / (1 + i / k₀): `decay = "harmonic"`.
+        Uzawa: iterations k₀ in which the step halves, ω_T 2^(−i / k₀); it does not shrink by default: `step_decay =
+        200.0`.
     iterations : int, optional
         Uzawa: do exactly so many, without any test (the paper's 30): `iterations = 30`.
 
@@ -148,7 +146,6 @@ class UzawaOptions:
     omega_T: float = 0.01  # noqa: N815  # the letter of the paper
     omega_N: float | None = None  # noqa: N815
     step_decay: float | None = None
-    decay: str = "geometric"
     max_iterations: int = 100_000
     iterations: int | None = None
 
@@ -156,7 +153,6 @@ class UzawaOptions:
         from solvers.basics.checks import one_of, positive_number, whole_number
 
         one_of("rule", self.rule, RULES)
-        one_of("decay", self.decay, DECAYS)
         for name in ("omega_T", "omega_N", "step_decay"):
             if getattr(self, name) is not None:
                 positive_number(name, getattr(self, name))

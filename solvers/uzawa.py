@@ -66,7 +66,7 @@ def solve_uzawa(qvi: FrictionQVI, tolerance: float, options: UzawaOptions) -> Ou
         number += 1
         sigma = compliance.bonded - compliance.relief(W2 * lam)  # (4.1)
         age = 0.0 if options.step_decay is None else (number - 1) / options.step_decay
-        omega_T = options.omega_T * (2.0**-age if options.decay == "geometric" else 1.0 / (1.0 + age))
+        omega_T = options.omega_T * 2.0**-age
         new = _update(qvi, lam, sigma, omega_N, omega_T, options.rule)
         scale = largest(new) or 1.0
         change = largest(new - lam) / scale

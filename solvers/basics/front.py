@@ -6,14 +6,7 @@ from typing import Any
 
 
 def front(room: str, homes: Mapping[str, tuple[str, ...]]) -> Callable[[str], Any]:
-    """Return the ``__getattr__`` of a package: `homes` says which of its modules has which names.
-
-    Raises
-    ------
-    AttributeError
-        By the function returned, for any other name.
-
-    """
+    """Return the ``__getattr__`` of a package: `homes` says which of its modules has which names."""
     modules = {name: module for module, names in homes.items() for name in names}
 
     def loaded(name: str) -> Any:

@@ -138,21 +138,10 @@ _depth: ContextVar[int] = ContextVar("depth", default=0)
 
 
 class Log:
-    """A header, lines and a footer with status and times, printed and logged; nothing else of the project prints them.
+    """A header, lines and a footer with status and times, logged, and printed if `verbose`; `title` says who speaks.
 
-    Inside another log nothing is printed, since the outer one speaks for all.
-
-    Parameters
-    ----------
-    title : str
-        Who speaks.
-    verbose : bool
-        Whether it is printed.
-    columns : mapping
-        Heading of each column → format of its numbers.
-    iterations : bool
-        Whether iterations that methods `report` get lines.
-
+    Inside another log nothing is printed, since the outer one speaks for all. `columns` are headings with the formats
+    of their numbers; `iterations` that methods `report` get lines.
     """
 
     def __init__(

@@ -63,25 +63,16 @@ class PicklesFields:
 
     def __getstate__(self) -> dict[str, Any]:
         values = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]  # see above
-        kept = {name for name, value in values.items() if _is_fixed(value)}
-        plain = {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in values.items()}
-        return {"fields": plain, "fixed": kept}
+        fixed = [name for name, value in values.items() if isinstance(value, np.ndarray) and not value.flags.writeable]
+        views = {name: dict(value) for name, value in values.items() if isinstance(value, MappingProxyType)}
+        return {"fields": values | views, "fixed": fixed, "views": list(views)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        values, kept = state["fields"], state["fixed"]
-        self.__dict__.update({name: _fixed(value) if name in kept else value for name, value in values.items()})
-
-
-def _is_fixed(value: object) -> bool:
-    return isinstance(value, MappingProxyType) or (isinstance(value, np.ndarray) and not value.flags.writeable)
-
-
-def _fixed(value: Any) -> Any:
-    """A mapping or array that cannot be changed."""
-    if isinstance(value, dict):
-        return MappingProxyType(value)
-    value.flags.writeable = False
-    return value
+        self.__dict__.update(state["fields"])
+        for name in state["fixed"]:
+            self.__dict__[name].flags.writeable = False
+        for name in state["views"]:
+            self.__dict__[name] = MappingProxyType(self.__dict__[name])
 
 
 # What is made once for several uses.

@@ -191,6 +191,7 @@ class Front(NamedTuple):
 class Fronts(Factorisation):
     """K_II = Uᵀ U by fronts, parts before what they are parts of."""
 
+    version = f"scipy {scipy_version}"
     _fronts: list[Front]
 
     def _forward(self, right: Matrix) -> State:
@@ -272,7 +273,6 @@ class DenseFactor(Fronts):
 
     def __init__(self, K: Matrix, interface: IntVector) -> None:
         start = perf_counter()
-        self.version = f"scipy {scipy_version}"
         self.interface, self.size, self._fronts = interface, K.shape[0], []
         inside = np.ones(self.size, dtype=np.bool_)
         inside[interface] = False

@@ -11,21 +11,21 @@ from solvers.basics.checks import whole_number
 from solvers.basics.progress import LOGGER, Progress, deadline, report
 from solvers.basics.types import IntVector, Matrix, Sparse
 from solvers.errors import SolverUnavailableError
-from solvers.factorisation import dissection, pardiso
+from solvers.factorisation import pardiso
 from solvers.factorisation.base import DENSE, SMALL, DenseFactor, Factorisation, FactorisationError
 from solvers.factorisation.dissection import Multifrontal, MultifrontalLU
 from solvers.factorisation.pardiso import Pardiso, RefactorisedByPardiso, thread_count
-
-BACKENDS: Final = ("pardiso", "multifrontal")
-"""Names of the sparse back ends, the fastest first."""
 
 VARIABLE: Final = "QVI_CONTACT_FACTORISATION"
 """Environment variable with the name of the default back end."""
 
 _VERSIONS: Final[Mapping[str, Callable[[], str | None]]] = {
     "pardiso": pardiso.version,
-    "multifrontal": dissection.version,
+    "multifrontal": lambda: Multifrontal.version,
 }
+BACKENDS: Final = tuple(_VERSIONS)
+"""Names of the sparse back ends, the fastest first."""
+
 _INSTALL: Final = {"pardiso": "pip install mkl"}
 _WORTH_THREADS: Final = 50_000  # unknowns below which more threads cost more than they bring
 
@@ -119,7 +119,7 @@ def _begin(unknowns: int, backend: str) -> None:
 
 
 def _sensible_threads(unknowns: int) -> int:
-    return 1 if unknowns < _WORTH_THREADS else thread_count(None)
+    return 1 if unknowns < _WORTH_THREADS else thread_count()
 
 
 def available_backends() -> dict[str, str]:
@@ -147,14 +147,7 @@ def chosen() -> str | None:
 
 
 def usable(field: str, name: str, others: Sequence[str] = ("auto",)) -> str:
-    """The name if it is that of a back end that loads here; `others` are what `field` may name beside back ends.
-
-    Raises
-    ------
-    SolverUnavailableError
-        If it is not; about `field`.
-
-    """
+    """The name if a back end of that name loads here, else `SolverUnavailableError`; `others` may be named besides."""
     if name not in BACKENDS:
         raise SolverUnavailableError(field, name, f"choose one of {', '.join((*others, *BACKENDS))}")
     if _VERSIONS[name]() is None:
@@ -185,22 +178,11 @@ class Request(NamedTuple):
 
     @classmethod
     def checked(cls, name: object, threads: object) -> "Request":
-        """From what a user gave.
-
-        Raises
-        ------
-        SolverUnavailableError
-            The name is not in `CHOICES`, or its library does not load.
-        InputError
-            `threads` is not a whole number from 1 to 1024.
-
-        """
+        """From what a user gave: `SolverUnavailableError` as `usable`, `InputError` for another number of threads."""
         canonical = str(name).lower()
         if canonical not in OTHERS:
             usable("factorisation", canonical, OTHERS)
-        if threads is None:
-            return cls(canonical)
-        return cls(canonical, whole_number("threads", threads, _MOST_THREADS))
+        return cls(canonical, None if threads is None else whole_number("threads", threads, _MOST_THREADS))
 
     def fits(self, factor: Factorisation) -> bool:
         """Whether a factorisation made earlier is what is asked for."""

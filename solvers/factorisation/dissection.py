@@ -6,12 +6,13 @@ does all but the additions.
 Source: J. Liu, The multifrontal method for sparse matrix solution: theory and practice, SIAM Rev. 34 (1992).
 """
 
+from collections.abc import Iterator
 from itertools import pairwise
 from time import perf_counter
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-import scipy
+from numpy.typing import NDArray
 from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse import csc_array, csr_array
 
@@ -27,18 +28,13 @@ from solvers.factorisation.base import (
 )
 
 
-def version() -> str | None:
-    """Library and version; it is always there."""
-    return f"scipy {scipy.__version__}"
-
-
 class Multifrontal(Fronts):
     """K_II = Uᵀ U for K (n, n), n > k, in compressed columns, by `nested_dissection`."""
 
     backend = "multifrontal"
 
     def __init__(self, K: Sparse, interface: IntVector, places: Matrix | None = None) -> None:
-        self.version, self.interface, self.size = version() or "", interface, K.shape[0]
+        self.interface, self.size = interface, K.shape[0]
         start, diagonal = perf_counter(), K.diagonal()
         self._diagonal = diagonal[interface]
         order, starts = interface_last(K, interface, places)
@@ -53,51 +49,76 @@ class Multifrontal(Fronts):
 def _eliminated(K: Sparse, order: IntVector, starts: IntVector, backend: str) -> tuple[list[Front], Matrix]:
     """Fronts of the unknowns order[starts[i] : starts[i + 1]], and S (k, k) of those from the last start on.
 
-    A front is the sum of its unknowns' entries in K and of what the fronts before it leave for them. The latter is on
-    unknowns of that front and of later ones, and waits at the first of them that comes. Of symmetric matrices, stored
-    by rows, the lower triangle is used: to LAPACK the upper one, by columns.
+    Of symmetric matrices, stored by rows, the lower triangle is used: to LAPACK the upper one, by columns.
     """
-    n, columns = len(order), K[:, order]
-    numbers = np.arange(n, dtype=K.indices.dtype)
+    columns, numbers = K[:, order], np.arange(len(order), dtype=K.indices.dtype)
     position = np.empty_like(numbers)
     position[order] = numbers
     rows, column = position[columns.indices], np.repeat(numbers, np.diff(columns.indptr))
     lower = rows >= column
-    entries = np.concatenate([[0], np.cumsum(lower)])[columns.indptr].tolist()  # of K, before each column
     rows, column, data = rows[lower], column[lower], columns.data[lower]
-    number = np.repeat(np.arange(len(starts)), np.diff(starts, append=n))
-    waiting: list[list[tuple[IntVector, Matrix]]] = [[] for _ in starts]
-    local, fronts = np.empty(n, dtype=np.int64), []
-    for i, (first, end) in enumerate(pairwise([*starts.tolist(), n])):
-        own, size = slice(entries[first], entries[end]), end - first
-        arrived, waiting[i] = waiting[i], []
-        later = np.concatenate([rows[own], *(places for places, _ in arrived)])
-        later = np.unique(later[later >= end])
-        local[first:end], local[later] = np.arange(size), np.arange(size, size + len(later))
-        panel, corner = np.zeros((size + len(later), size)), np.zeros((len(later), len(later)))
-        panel[local[rows[own]], column[own] - first] = data[own]
-        for places, left in arrived:
-            where, inside = local[places], int(np.searchsorted(places, end))
-            _add(panel, where, where[:inside], left)
-            _add(corner, where[inside:] - size, where[inside:] - size, left[inside:, inside:])
+    fronts, waiting = list[Front](), dict[int, Matrix]()
+    for i, part in enumerate(parts(np.append(starts, len(order)), column, rows)):
+        front, count = np.zeros((part.size, part.size)), part.end - part.first
+        front[part.places, column[part.entries] - part.first] = data[part.entries]
+        for child, where in part.arriving:
+            _add(front, where, waiting.pop(child))
         if i == len(starts) - 1:
             break
-        head, tail, left = eliminated(panel[:size].T, panel[size:].T, corner.T, backend)
-        fronts.append(Front(order[first:end], order[later], head, tail))
-        if len(later):
-            waiting[number[later[0]]].append((later, left.T))
-    return fronts, symmetric(panel.T)
+        head, tail, left = eliminated(
+            front[:count, :count].T, front[count:, :count].T, front[count:, count:].T, backend
+        )
+        fronts.append(Front(order[part.first : part.end], order[part.later], head, tail))
+        waiting[i] = left.T
+    return fronts, symmetric(front.T)
 
 
-def _add(matrix: Matrix, rows: IntVector, columns: IntVector, left: Matrix) -> None:
-    """Add the lower triangle of left (i, i) or its first columns to matrix[rows][:, columns], runs of columns at once.
+def _add(front: Matrix, where: IntVector, left: Matrix) -> None:
+    """Add left (i, i) to front[where][:, where], runs of columns and of rows at once."""
+    begins = np.flatnonzero(np.diff(where, prepend=-2) != 1).tolist()
+    runs = [(first, end, int(where[first])) for first, end in pairwise([*begins, len(where)])]
+    spread = np.zeros((len(where), len(front)))
+    for first, end, place in runs:
+        spread[:, place : place + end - first] = left[:, first:end]
+    for first, end, place in runs:
+        front[place : place + end - first] += spread[first:end]
 
-    Entries above the triangle are added in part, and mean nothing.
+
+class Part(NamedTuple):
+    """A front as it is known before its numbers: unknowns first to end of the order, and `later` ones that stay."""
+
+    first: int
+    end: int
+    later: IntVector
+    entries: slice  # those that come in here
+    places: IntVector  # where in the front what they touch is
+    arriving: list[tuple[int, IntVector]]  # numbers of fronts before, and where in this one lies what they leave
+
+    @property
+    def size(self) -> int:
+        """How many unknowns it has."""
+        return self.end - self.first + len(self.later)
+
+
+def parts(starts: IntVector, owner: NDArray[np.integer], touched: NDArray[np.integer]) -> Iterator[Part]:
+    """The fronts of an elimination of unknowns that are in order already; one begins at each start but the last.
+
+    Each entry comes in at the front of its owner, in the order of these fronts, and touches another unknown. A front is
+    the sum of its entries and of what fronts before leave for it. That is on unknowns of this front and of later ones,
+    and waits at the first of them that comes.
     """
-    begins = np.flatnonzero(np.diff(columns, prepend=-2) != 1).tolist()
-    for first, end in pairwise([*begins, len(columns)]):
-        place = columns[first]
-        matrix[rows[first:], place : place + end - first] += left[first:, first:end]
+    number, local = np.repeat(np.arange(len(starts) - 1), np.diff(starts)), np.empty(starts[-1], dtype=np.int64)
+    coming = np.searchsorted(number[owner], np.arange(len(starts))).tolist()
+    waiting: list[list[tuple[int, IntVector]]] = [[] for _ in starts]
+    for i, (first, end) in enumerate(pairwise(starts.tolist())):
+        entries, arrived, waiting[i] = slice(coming[i], coming[i + 1]), waiting[i], []
+        later = np.unique(np.concatenate([touched[..., entries].ravel(), *(left for _, left in arrived)]))
+        later = later[later >= end]
+        local[first:end], local[later] = np.arange(end - first), np.arange(end - first, end - first + len(later))
+        arriving = [(child, local[left]) for child, left in arrived]
+        yield Part(first, end, later, entries, local[touched[..., entries]], arriving)
+        if len(later):
+            waiting[number[later[0]]].append((i, later))
 
 
 # Orders of elimination.
@@ -213,17 +234,6 @@ def _distances(starts: IntVector, columns: IntVector) -> Matrix:
 # The order and what each front consists of are found once. Pivots are sought within the front.
 
 
-class _Part(NamedTuple):
-    """A front of `MultifrontalLU`: unknowns first to end of the order, and `later` ones that stay (l,)."""
-
-    first: int
-    end: int
-    later: IntVector
-    entries: slice  # of H, in the order of `MultifrontalLU`
-    places: IntVector  # theirs in the front, row after row
-    arriving: list[tuple[int, IntVector]]  # numbers of fronts before, and where in this one lies what they leave
-
-
 class MultifrontalLU:
     """One matrix H (n, n) after the other, in compressed rows of the given symmetric pattern; one thread."""
 
@@ -233,27 +243,15 @@ class MultifrontalLU:
         n = len(starts) - 1
         pattern: Sparse = csc_array((np.ones(len(columns), dtype=np.int8), columns, starts), (n, n))
         self._order, begins = interface_last(pattern, np.zeros(0, dtype=np.int64), places)
-        numbers = np.arange(n)
-        position, local = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
-        position[self._order] = numbers
-        rows, across = position[np.repeat(numbers, np.diff(starts))], position[columns]
-        number = np.repeat(np.arange(len(begins) - 1), np.diff(begins))
-        front = number[np.minimum(rows, across)]  # in which an entry comes in
-        self._sorted = np.argsort(front, kind="stable")
+        position, number = np.empty(n, dtype=np.int64), np.repeat(np.arange(len(begins) - 1), np.diff(begins))
+        position[self._order] = np.arange(n)
+        rows, across = position[np.repeat(np.arange(n), np.diff(starts))], position[columns]
+        self._sorted = np.argsort(number[np.minimum(rows, across)], kind="stable")
         rows, across = rows[self._sorted], across[self._sorted]
-        entries = np.concatenate([[0], np.cumsum(np.bincount(front, minlength=len(begins) - 1))]).tolist()
-        waiting: list[list[tuple[int, IntVector]]] = [[] for _ in begins]
-        self._parts: list[_Part] = []
-        for i, (first, end) in enumerate(pairwise(begins.tolist())):
-            own = slice(entries[i], entries[i + 1])
-            later = np.unique(np.concatenate([rows[own], *(left for _, left in waiting[i])]))
-            later = later[later >= end]
-            size = end - first + len(later)
-            local[first:end], local[later] = np.arange(end - first), np.arange(end - first, size)
-            arriving = [(child, local[left]) for child, left in waiting[i]]
-            self._parts.append(_Part(first, end, later, own, local[rows[own]] * size + local[across[own]], arriving))
-            if len(later):
-                waiting[number[later[0]]].append((i, later))
+        self._parts = [
+            part._replace(places=part.places[0] * part.size + part.places[1])
+            for part in parts(begins, np.minimum(rows, across), np.stack([rows, across]))
+        ]
         self._factors: list[tuple[Matrix, IntVector, Matrix, Matrix]] = []
 
     def factorise(self, values: Vector) -> None:
@@ -264,17 +262,16 @@ class MultifrontalLU:
         values, self._factors = values[self._sorted], []
         left: dict[int, Matrix] = {}  # what fronts leave for later ones
         with limited_blas(1):
-            for i, (first, end, later, entries, places, arriving) in enumerate(self._parts):
-                count, size = end - first, end - first + len(later)
-                front: Matrix = np.zeros((size, size))
-                front.ravel()[places] = values[entries]
-                for child, where in arriving:
-                    _add_square(front, where, left.pop(child))
+            for i, part in enumerate(self._parts):
+                front, count = np.zeros((part.size, part.size)), part.end - part.first
+                front.ravel()[part.places] = values[part.entries]
+                for child, where in part.arriving:
+                    _add(front, where, left.pop(child))
                 head, pivots, info = dgetrf(front[:count, :count])
                 if info > 0:
                     raise FactorisationError("singular", self.backend, "a pivot is zero")
                 below, beside = front[count:, :count].copy(), front[:count, count:]
-                if len(later):
+                if len(part.later):
                     beside = dgetrs(head, pivots, beside)[0]
                     left[i] = front[count:, count:]
                     left[i] -= below @ beside
@@ -292,14 +289,3 @@ class MultifrontalLU:
                 x[part.first : part.end] -= beside @ x[part.later]
         found[self._order] = x
         return found
-
-
-def _add_square(front: Matrix, where: IntVector, left: Matrix) -> None:
-    """Add left (i, i) to front[where][:, where], runs of columns and of rows at once."""
-    begins = np.flatnonzero(np.diff(where, prepend=-2) != 1).tolist()
-    runs = [(first, end, int(where[first])) for first, end in pairwise([*begins, len(where)])]
-    spread = np.zeros((len(where), len(front)))
-    for first, end, place in runs:
-        spread[:, place : place + end - first] = left[:, first:end]
-    for first, end, place in runs:
-        front[place : place + end - first] += spread[first:end]

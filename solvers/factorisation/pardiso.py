@@ -92,10 +92,8 @@ VARIABLES: Final = ("MKL_NUM_THREADS", "OMP_NUM_THREADS")
 """Environment variables that bound the threads of MKL, the first that is set."""
 
 
-def thread_count(threads: int | None) -> int:
-    """`threads`, or what the first of `VARIABLES` that is set says, or the number of cores this process may run on."""
-    if threads is not None:
-        return threads
+def thread_count() -> int:
+    """What the first of `VARIABLES` that is set says, or the number of cores this process may run on."""
     for variable in VARIABLES:
         first = os.environ.get(variable, "").split(",")[0].strip()  # OMP_NUM_THREADS may list nested levels
         if first.isdigit() and int(first) > 0:

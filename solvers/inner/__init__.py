@@ -5,9 +5,8 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "linear_program": ("solved", "BackendFailure", "attempt", "within_time"),
-        "problem": ("Centre", "InnerSolution", "no_result"),
+        "linear_program": ("BackendFailure", "attempt", "within_time"),
+        "problem": ("Centre",),
         "registry": ("make_inner",),
-        "socp": ("SOCPSolver",),
     },
 )
