@@ -160,8 +160,9 @@ class TriangleEnergy(PicklesFields):
         the reference triangle, which make the rest.
         """
         space, curved = self.space, self.space.curved
-        affine, w = space.differences.apply(u)
-        affine += (space.frames.at_first(space.units) @ u).reshape(-1, _AFFINE)
+        first, w = space.mesh.cells[:, 0], space.differences.apply(u)
+        own = (space.units * u)[3 * first[:, None] + np.arange(_AFFINE)] * ~space.frames.is_centre[first, None]
+        affine = own + (space.frames.at_first(space.units) @ u).reshape(-1, _AFFINE)
         shared = (space.transformations() @ w[:, :, None])[:, :, 0]
         at = curved.numbers
         shared[at] = w[at]
@@ -238,14 +239,14 @@ class BodyStiffness(PicklesFields):
             If rounding leaves a triangle no energy.
 
         """
-        differences, basis = self.energy.space.differences, self.supports.basis
-        dofs, across = differences.dofs, differences.across
-        rows = differences.expanded(self.energy.roots) * differences.units[:, None]
-        if len(across):
+        space, roots, basis = self.energy.space, self.energy.roots, self.supports.basis
+        rows, dofs, across = space.differences.expanded(roots), space.dofs, None
+        if space.differences.beyond is not None:
+            across = space.frames.cells_across
             rows, dofs = np.delete(rows, across, axis=0), np.delete(dofs, across, axis=0)
         K = basis.quadratic(rows.swapaxes(1, 2) @ rows, dofs)
-        if len(across):
-            R = differences.all_rows(self.energy.roots, across) @ basis.matrix
+        if across is not None:
+            R = space.differences.all_rows(roots, across) @ basis.matrix
             K = K + R.T @ R
         if self.springs is not None:
             R = self.springs.rows @ basis.matrix
@@ -298,7 +299,7 @@ class Root(PicklesFields):
         """r(z), shape (n (k + 1),)."""
         energy = self.stiffness.energy
         u, own, springs = self.stiffness.supports.basis.expanded(z) + self.particular, [], self.stiffness.springs
-        w = energy.space.differences.apply(u)[1]
+        w = energy.space.differences.apply(u)
         r = (energy.roots @ w[:, :, None])[:, :, 0]
         if springs is not None:
             own = [springs.rows @ u + (0.0 if self.springs is None else self.springs)]
@@ -319,7 +320,7 @@ class Root(PicklesFields):
     def matrix(self) -> tuple[sparse.csr_array, FloatArray]:
         """(R with RᵀR = K, the centre of each row's triangle or its place); the n rows that are zero left out."""
         space, roots = self.stiffness.energy.space, self.stiffness.energy.roots
-        R = space.differences.all_rows(roots, np.arange(len(roots))) @ self.stiffness.supports.basis.matrix
+        R = space.differences.all_rows(roots) @ self.stiffness.supports.basis.matrix
         places = np.repeat(space.triangles.corners.mean(axis=1), roots.shape[1], axis=0)
         springs = self.stiffness.springs
         if springs is not None:

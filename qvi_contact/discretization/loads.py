@@ -48,8 +48,7 @@ class EdgePoints:
     @cached_property
     def lengths(self) -> FloatArray:
         """Dimensionless lengths of the edges, shape (n,)."""
-        first, second = (self.space.vertices[ends] for ends in (self.edges.first, self.edges.second))
-        return np.asarray(np.hypot(*(second - first).T) * self.edges.stretch)
+        return np.asarray(self.edges.length / self.space.mesh.length)
 
     @cached_property
     def weights(self) -> FloatArray:
