@@ -47,8 +47,6 @@ FAMILY: Final = "Hsieh-Clough-Tocher"
 
 _INWARD: Final = 1e-9  # how far points of a part that is drawn lie inside it, as a share of its size
 _ARCS, _STRAIGHT = 6, -4  # degree of quadrature beyond twice that of Φ where triangles have arcs, and where not
-_FIRST: Final = slice(1, 3)  # slopes at the first end of an edge
-_SECOND: Final = slice(4, 6)
 _THREE: Final = np.arange(3)
 _AFFINE: Final = 3  # degrees of freedom of the first corner of a triangle, which an affine function is made of
 _CORNERS: Final = 6  # differences in the other two corners
@@ -282,27 +280,16 @@ class StressSpace(PicklesFields):
         return WeakKeyDictionary()
 
     def _traces_of(self, edges: Edges) -> Functionals:
-        count, k = self.degree - 1, np.arange(2, self.degree - 1)
-        h = self.lengths(edges)
-        columns, sign = self._columns(edges)
-        values: FloatArray = np.zeros((len(edges), 2 * count, columns.shape[1]))
-        m, factor = frame(edges)
-        slope, twist = edges.tangent / h[:, None], m / h[:, None]
-        values[:, 0, _FIRST], values[:, 0, _SECOND] = -slope, slope
-        values[:, 1, _FIRST] = values[:, 1, _SECOND] = 3.0 * slope
-        values[:, 1, 0], values[:, 1, 3] = 6.0 / h**2, -6.0 / h**2
-        values[:, count, _FIRST], values[:, count, _SECOND] = -twist, twist
-        values[:, k, 4 + k] = sign[:, None] ** k
-        k = np.arange(1, self.degree - 1)
-        values[:, count + k, self.degree + 2 + k] = sign[:, None] ** k
-        if edges.curved:  # N_0 … N_(p−2), Q_0 … Q_(p−2) of Φ_ττ and Φ_τμ, see `curved`
-            arcs = edges.take(edges.bent)
-            known, h = self._resultants(arcs)[1], self.lengths(arcs)[:, None]
-            force = known[:, :2].copy()
-            known[:, 0] = (arcs.tangent[:, :, None] * force).sum(axis=1) / h
-            known[:, 1] = (frame(arcs)[0][:, :, None] * force).sum(axis=1) / h
-            known[:, 2] /= h**2
-            values[edges.bent] = from_corners(arcs.bend, self.degree - 2) @ known
+        """N_0, N_1, N_2 …, then Q_0, Q_1 … times −n·m: on straight edges each is one of the resultants."""
+        columns, known = self._resultants(edges)
+        (m, factor), h, count = frame(edges), self.lengths(edges)[:, None], self.degree - 1
+        along, across = ((vectors[:, :, None] * known[:, :2]).sum(axis=1) / h for vectors in (edges.tangent, m))
+        known[:, 0], known[:, 1], known[:, 2] = along, across, known[:, 2] / h**2
+        order = np.array([0, 2, *range(3, count + 1), 1, *range(count + 1, 2 * count)])
+        values = known[:, order]
+        values[:, 1] *= -6.0
+        if edges.curved:  # see `curved`
+            values[edges.bent] = from_corners(edges.bend[edges.bent], self.degree - 2) @ known[edges.bent]
         values[:, count:] *= factor[:, None, None]
         return self._scaled(edges, columns, values)
 
@@ -317,7 +304,7 @@ class StressSpace(PicklesFields):
         values: FloatArray = np.zeros((len(edges), 2 * self.degree - 2, columns.shape[1]))
         values[:, [0, 1], [1, 2]], values[:, [0, 1], [4, 5]] = -1.0, 1.0
         values[:, 2, 0], values[:, 2, 3] = -1.0, 1.0
-        values[:, 2, _FIRST] = values[:, 2, _SECOND] = -self.lengths(edges)[:, None] * edges.tangent / 2.0
+        values[:, 2, 1:3] = values[:, 2, 4:6] = -self.lengths(edges)[:, None] * edges.tangent / 2.0
         place = np.arange(6, columns.shape[1])
         power = np.concatenate([np.arange(2, self.degree - 1), np.arange(1, self.degree - 1)])
         values[:, place - 3, place] = sign[:, None] ** power
@@ -420,18 +407,16 @@ class StressSpace(PicklesFields):
         return np.asarray(affine + self._reference_sums(0, chosen, cells, t)[:, :, 0])
 
     def _reference_sums(self, order: int, coefficients: FloatArray, cells: IntArray, t: FloatArray) -> FloatArray:
-        """Φ but for its affine part, or its Hessian, on the reference triangle; (k, q, components).
-
-        Points that all triangles share are the same points of all but those with arcs.
-        """
-        functions, mesh = self.element.reference_functions, self.mesh
-        if t.ndim == 3:
-            return _applied(functions(mesh.placed(cells, t), order)[..., 3:], coefficients[:, 3:])
-        found = _applied(functions(t, order)[..., 3:], coefficients[:, 3:])
-        bent = np.flatnonzero(mesh.curved[cells])
-        if len(bent):
-            table = functions(mesh.placed(cells[bent], t), order)[..., 3:]
-            found[bent] = _applied(table, coefficients[bent, 3:])
+        """Φ but for its affine part, or its Hessian, on the reference triangle; (k, q, components)."""
+        functions, mesh, factors = self.element.reference_functions, self.mesh, coefficients[:, 3:]
+        if t.ndim == 2:  # the same points of all triangles but those with arcs
+            table, each = functions(t, order)[..., 3:], np.flatnonzero(mesh.curved[cells])
+            found = (factors @ table.reshape(-1, table.shape[2]).T).reshape(len(cells), *table.shape[:2])
+        else:
+            each, found = np.arange(len(cells)), np.empty((*t.shape[:2], (1, 2, 3)[order]))
+        if len(each):
+            table = functions(mesh.placed(cells[each], t), order)[..., 3:]
+            found[each] = (table @ factors[each, None, :, None])[..., 0]
         return found
 
     def lattice(self, divisions: int) -> tuple[FloatArray, IntArray]:
@@ -459,11 +444,3 @@ def frame(edges: Edges) -> tuple[FloatArray, FloatArray]:
     """The normal m = (−t_y, t_x) left of the tangents of edges (n, 2), and −n·m (n,), the factor of Φ_tm in σ_T."""
     m = np.column_stack([-edges.tangent[:, 1], edges.tangent[:, 0]])
     return m, -np.sign((edges.normal * m).sum(axis=1))
-
-
-def _applied(table: FloatArray, coefficients: FloatArray) -> FloatArray:
-    """Functions (q, c, m), or (k, q, c, m), times coefficients (k, m); shape (k, q, c)."""
-    if table.ndim == 3:
-        q, c, m = table.shape
-        return np.asarray(coefficients @ table.reshape(q * c, m).T).reshape(len(coefficients), q, c)
-    return np.asarray((table @ coefficients[:, None, :, None])[..., 0])
