@@ -78,14 +78,10 @@ class EdgePoints:
         """Directions (n, 2) of the edges, of arcs if they turn along them, at each point, shape (n q, 2)."""
         return vectors_along(self.edges, direction, self.reference, turns=turns).reshape(-1, 2)
 
-    def load(self, normal: FloatArray, shear: FloatArray) -> FloatArray:
-        """Σ normal σ_N + shear σ_T of weights (n q,) each, as a vector over all degrees of freedom (N,)."""
-        return self.space.traction_load(normal, shear, self.edges, self.reference)
-
     def traction_load(self, direction: FloatArray, weights: FloatArray) -> FloatArray:
-        """The same of weights (n q,) of d·σn without φ, for a direction (2,) or one for each point (n q, 2)."""
-        normal, shear = ((direction * own).sum(axis=1) for own in (self.normals, self.tangents))
-        return self.load(weights * normal, weights * shear)
+        """Σ weights (n q,) d·σn without φ, directions d (n q, 2), as a vector over all degrees of freedom (N,)."""
+        normal, shear = (weights * (direction * own).sum(axis=1) for own in (self.normals, self.tangents))
+        return self.space.traction_load(normal, shear, self.edges, self.reference)
 
     def tractions(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """σ_N without φ and σ_T of degrees of freedom u (N,), shape (n q,) each."""
@@ -248,9 +244,10 @@ class ContactRows:
 
         A tied contact has not slipped.
         """
-        weights, (across, along) = self.points.weights, self.motion
+        space, weights, (across, along) = self.points.space, self.points.weights, self.motion
         w = self.offset + along if self.law == "tied" else self.offset + along + self.slip
-        return self.points.load(weights * (self.gap - self.beyond + across), weights * w)
+        across = across + self.gap - self.beyond
+        return space.traction_load(weights * across, weights * w, self.points.edges, self.points.reference)
 
 
 def contact_rows(
@@ -267,9 +264,7 @@ def contact_rows(
             moved = contact.plate.displacement(x, y).T / scales.displacement
             motion = np.stack([(moved * along).sum(axis=1) for along in (points.normals, points.tangents)])
         pressure, misfit = np.zeros(len(x)), 0.0
-        if not callable(contact.pore_pressure):
-            pressure += contact.pore_pressure
-        else:  # the polynomials on edges that are taken for it
+        if contact.has_fluid:  # the polynomials on edges that are taken for it
             name, degree = "Contact.pore_pressure", points.count - 1
             given = (contact.pore_pressure, max(LOAD_POINTS, degree + 3))
             fluid = along_edges(problem.mesh, points.edges, name, *given, minimum=0.0)

@@ -282,7 +282,8 @@ class Basis:
         That is K on what is kept, and H + Hᵀ with H = Fᵀ (K_fn + K_ff F/2) for the factors F of what follows.
         """
         size, width, factors = self.size, dofs.shape[1], self.factors
-        if are_few(len(self.kept), len(self.kept)):
+        few = are_few(len(self.kept), len(self.kept))
+        if few:
             places = (size * dofs[:, :, None] + dofs[:, None]).ravel()
             full: Any = np.bincount(places, blocks.ravel(), size**2).astype(np.float64, copy=False)
             full = full.reshape(size, size)  # NumPy counts in integers where there is nothing
@@ -294,7 +295,7 @@ class Basis:
         rows = full[self.following]
         half = factors.T @ (rows[:, self.kept] + rows[:, self.following] @ factors / 2.0)
         found: Any = full[self.kept][:, self.kept] + half + half.T
-        return found.tocsc() if sparse.issparse(found) else found
+        return found if few else found.tocsc()
 
 
 @dataclass(frozen=True, eq=False)
