@@ -48,6 +48,7 @@ from solvers.inequality.body import Stiffness
 
 _LONGEST: Final = 1e3  # longest side over height of a triangle: beyond, too many digits are lost
 _BLOCK: Final = 2**24  # entries of element matrices at a time
+_TABLE: Final = 2**22  # entries of tables of functions at points at a time
 _ORDERED: Final = 2000  # unknowns from which on their order of elimination counts
 _EPSILON: Final = float(np.finfo(np.float64).eps) / 2.0
 _SOFTEST: Final = 1e-300  # stiffness of a spring
@@ -119,7 +120,11 @@ class TriangleEnergy(PicklesFields):
         for start in range(0, len(space.triangles), step):
             block = slice(start, start + step)
             yield block, element.roots(space.triangles.take(block), self.compliances[self.materials[block]])
-        for block in space.curved.blocks(len(space.cell_weights)) if space.mesh.curved.any() else ():
+        if not space.mesh.curved.any():
+            return
+        step = max(1, _TABLE // (3 * len(space.cell_weights) * element.dimension))
+        for start in range(0, len(space.curved), step):
+            block = slice(start, start + step)
             cells = space.curved.numbers[block]
             rows = space.curved.stress_rows(block, self.compliances[self.materials[cells]], space.cell_quadrature)
             yield cells, np.asarray(np.linalg.qr(rows[:, :, element.interior_first], mode="r"))
@@ -133,21 +138,19 @@ class TriangleEnergy(PicklesFields):
         space, element, order = self.space, self.space.element, self.space.element.interior_first
         interior, count, (points, weights) = element.interior, len(space.triangles), space.cell_quadrature
         found = BodyLoad(np.empty((count, len(order) - interior)), np.empty(count), np.empty((count, interior)))
+        # ∫ cτ:σ is the sum of `strain` at points times the functions' Hessians on the reference triangle
+        weighted = stress @ self.compliances[self.materials] * space.cell_measures(points, weights)[..., None]
+        strain, rest = weighted @ space.triangles.stress_maps, (weighted * stress).sum(axis=(1, 2)) / 2.0
+        table = element.reference_functions(points, 2).reshape(-1, element.dimension)
         for cells, R in self._triangular():
-            compliances, tau = self.compliances[self.materials[cells]], stress[cells]
-            if isinstance(cells, slice):  # ∫ cτ:σ of the reference functions, and ½ ∫ cτ:τ
-                triangles, table = space.triangles.take(cells), element.reference_functions(points, 2)
-                table = (table * weights[:, None, None]).reshape(-1, table.shape[2])
-                strain = tau @ compliances * triangles.areas[:, None, None]
-                load = (strain @ triangles.stress_maps).reshape(len(tau), -1) @ table
-                rest = (strain * tau).sum(axis=2) @ weights / 2.0
+            if isinstance(cells, slice):
+                load = strain[cells].reshape(len(R), -1) @ table
             else:
-                at = np.searchsorted(space.curved.numbers, cells)
-                load, rest = space.curved.stress_load(at, compliances, tau, space.cell_quadrature)
+                load = space.curved.load(np.searchsorted(space.curved.numbers, cells), strain[cells], points)
             residual: FloatArray = np.zeros((len(R), len(order)))
             loaded = load.any(axis=1)  # φI does no work in incompressible triangles, whose R is singular
             residual[loaded] = np.linalg.solve(R[loaded].swapaxes(1, 2), load[loaded][:, order, None])[:, :, 0]
-            found.rests[cells] = np.maximum(rest - np.square(residual).sum(axis=1) / 2.0, 0.0)
+            found.rests[cells] = np.maximum(rest[cells] - np.square(residual).sum(axis=1) / 2.0, 0.0)
             found.constants[cells] = residual[:, interior:]
             upper = R[:, :interior, :interior]
             found.shifts[cells] = -np.linalg.solve(upper, residual[:, :interior, None])[:, :, 0]

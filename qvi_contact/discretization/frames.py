@@ -205,13 +205,12 @@ def shortest_cuts(mesh: TriangleMesh) -> tuple[IntArray, ...]:
     """
     if len(mesh.vertices) - len(mesh.topology.ends) + len(mesh.cells) == 1:  # Euler: one less for every hole
         return ()
-    waiting = np.zeros(len(mesh.vertices), dtype=bool)
-    waiting[np.concatenate([mesh.boundary.first[mesh.hole_edges], mesh.boundary.second[mesh.hole_edges]])] = True
-    reached = np.zeros(len(mesh.vertices), dtype=bool)
-    reached[mesh.boundary.first[~mesh.hole_edges]] = reached[mesh.boundary.second[~mesh.hole_edges]] = True
-    ends, joints = mesh.topology.ends[~mesh.topology.boundary], np.zeros(len(mesh.vertices), dtype=np.int64)
-    for name in mesh.joint_names:
-        joints[mesh.topology.ends[mesh.numbers(name)]] = 1
+    every, topology = np.arange(len(mesh.vertices)), mesh.topology
+    rims = topology.ends[topology.outer]
+    waiting, reached = (np.isin(every, rims[chosen]) for chosen in (mesh.hole_edges, ~mesh.hole_edges))
+    on_joints = [topology.ends[mesh.numbers(name)].ravel() for name in mesh.joint_names]
+    joints = np.isin(every, np.concatenate([np.empty(0, dtype=np.int64), *on_joints])).astype(np.int64)
+    ends = topology.ends[topology.inner]
     length = 1.0 + len(ends) * joints[ends].sum(axis=1)  # more than all others where a joint is touched
     at = np.concatenate([ends, ends[:, ::-1]]).T
     lengths = sparse.csr_array((np.tile(length, 2), tuple(at)), shape=(len(joints), len(joints)))
