@@ -268,7 +268,7 @@ def _discretized(
     stress = cell_stress(problem, space, scales)
     body = None if stress is None else stiffness.energy.loaded(stress)
     plates = plate_rows(problem, scales, contacts, supports, particular)
-    root = Root(stiffness, particular, body, None if springs is None else springs.constant)
+    root = Root(stiffness, particular, body, 0.0 if springs is None else springs.constant)
     limited = [rows for rows in contacts if rows.law != "tied"]
     matrices = _contact_matrices(supports, rule, limited, plates, kept)
     load = displacement_load(problem, space, scales)
@@ -276,7 +276,7 @@ def _discretized(
         load = load + rows.work()
     load = supports.basis.reduced(load)
     f, (n0, t0) = load, np.zeros((2, matrices.N.shape[0]))
-    if root.body is not None or root.particular.any() or (root.springs is not None and root.springs.any()):
+    if root.body is not None or root.particular.any() or np.any(root.springs):
         f = load - root.adjoint(root.apply(np.zeros(len(load))))
         found = [rows.points.tractions(root.particular) for rows in limited]
         n0, t0 = (rule.at_rows(joined([both[half] for both in found])) for half in (0, 1))
@@ -313,8 +313,5 @@ def _contact_matrices(
 
 def law_of(contacts: Sequence[ContactRows]) -> Law:
     """The law of contacts one after the other, tied ones left out."""
-    limited = [rows for rows in contacts if rows.law != "tied"]
-    friction, cohesion, cap = (
-        joined([getattr(rows.row_limits, name) for rows in limited]) for name in ("friction", "cohesion", "cap")
-    )
-    return Law(friction, cohesion, cap, joined([rows.bilateral for rows in limited]).astype(bool))
+    parts = [(*rows.row_limits, rows.bilateral) for rows in contacts if rows.law != "tied"]
+    return Law(*map(np.concatenate, zip(*parts, strict=True))) if parts else Law(np.empty(0))

@@ -295,8 +295,7 @@ class Root(PicklesFields):
     stiffness: BodyStiffness
     particular: FloatArray  # (N,): u₀
     body: BodyLoad | None  # what a body force adds
-    # (r,) or None: what body forces and fluids add to rows of `BodyStiffness.springs`
-    springs: FloatArray | None = None
+    springs: FloatArray | float = 0.0  # (r,): what body forces and fluids add to rows of `BodyStiffness.springs`
 
     def apply(self, z: FloatArray) -> FloatArray:
         """r(z), shape (n (k + 1),)."""
@@ -305,7 +304,7 @@ class Root(PicklesFields):
         w = energy.space.differences.apply(u)
         r = (energy.roots @ w[:, :, None])[:, :, 0]
         if springs is not None:
-            own = [springs.rows @ u + (0.0 if self.springs is None else self.springs)]
+            own = [springs.rows @ u + self.springs]
         if self.body is None:
             return np.concatenate([r.ravel(), np.zeros(len(r)), *own])
         return np.concatenate([(r + self.body.constants).ravel(), np.sqrt(2.0 * self.body.rests), *own])

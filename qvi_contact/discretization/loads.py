@@ -319,21 +319,20 @@ def limits_of(
     problem: ContactProblem, contact: Contact, scales: Scales, rule: EdgeRule, points: EdgePoints
 ) -> tuple[Limits, Limits]:
     """What bounds the rows of a contact, and the shear at its points."""
-    fields = [getattr(contact, name) for name in SHEAR_LAW]
 
-    def at(places: FloatArray) -> Limits:
-        x = y = np.empty(len(points.edges) * len(places))
-        if any(map(callable, fields)):
-            x, y = physical(problem, scales, points_along(points.space.vertices, points.edges, places).reshape(-1, 2))
+    def at(coordinates: FloatArray) -> Limits:
+        x, y = physical(problem, scales, coordinates)
         found = []
-        for name, field in zip(SHEAR_LAW, fields, strict=True):
-            unit = 1.0 if name == "friction" else scales.stress
-            values = np.inf if field is None else evaluate(f"Contact.{name}", field, x, y, minimum=0.0)
-            found.append(np.broadcast_to(values, x.shape) / unit)
+        for name in SHEAR_LAW:
+            field, unit = getattr(contact, name), 1.0 if name == "friction" else scales.stress
+            values = np.full(len(x), np.inf) if field is None else evaluate(f"Contact.{name}", field, x, y, minimum=0.0)
+            found.append(values / unit)
         return Limits(*found)
 
-    limits = at(rule.points)
-    return limits if rule.law_on == "points" else at(rule.places), limits
+    limits = at(points.coordinates)
+    if rule.law_on == "points" or not any(callable(getattr(contact, name)) for name in SHEAR_LAW):
+        return limits, limits
+    return at(points_along(points.space.vertices, points.edges, rule.places).reshape(-1, 2)), limits
 
 
 def joined(arrays: Sequence[NDArray[Any]]) -> FloatArray:

@@ -85,12 +85,15 @@ class Supports(PicklesFields):
     @classmethod
     def on(cls, space: StressSpace, given: Sequence[Prescribed], kept: Kept) -> Supports:
         """Those of a space for such components, made once."""
-        number = np.concatenate([np.empty(0, np.int64), *(part.edges.number for part in given)])
-        direction = np.concatenate([np.empty((0, 2)), *(part.direction for part in given)])
-        turns = [np.zeros(len(part.edges), bool) | (part.turns and part.edges.curved) for part in given]
-        found = cls(space, number, direction, np.concatenate([np.empty(0, bool), *turns]))
-        key = space, number.tobytes(), direction.tobytes(), found.turns.tobytes()
-        return kept(cls, key, lambda: found)
+        parts = [(part.edges.number, part.direction, part.turns and part.edges.curved) for part in given]
+
+        def made() -> Supports:
+            number = np.concatenate([np.empty(0, np.int64), *(part[0] for part in parts)])
+            direction = np.concatenate([np.empty((0, 2)), *(part[1] for part in parts)])
+            turns = np.concatenate([np.empty(0, bool), *(np.full(len(part[0]), part[2]) for part in parts)])
+            return cls(space, number, direction, turns)
+
+        return kept(cls, (space, *((part[0].tobytes(), part[1].tobytes(), part[2]) for part in parts)), made)
 
     @property
     def basis(self) -> Basis:
