@@ -284,20 +284,22 @@ class Basis:
 
         That is K on what is kept, and H + Hᵀ with H = Fᵀ (K_fn + K_ff F/2) for the factors F of what follows.
         """
-        size, width, factors = self.size, dofs.shape[1], self.factors
-        few = are_few(len(self.kept), len(self.kept))
+        n, f, factors = len(self.kept), len(self.following), self.factors
+        number, size = np.full(self.size, n + f), n + f + 1  # of what is kept, of what follows; last what vanishes
+        number[self.kept], number[self.following] = np.arange(n), np.arange(n, n + f)
+        at, few = number[dofs], are_few(n, n)
         if few:
-            places = (size * dofs[:, :, None] + dofs[:, None]).ravel()
+            places = (size * at[:, :, None] + at[:, None]).ravel()
             full: Any = np.bincount(places, blocks.ravel(), size**2).astype(np.float64, copy=False)
             full = full.reshape(size, size)  # NumPy counts in integers where there is nothing
         else:
-            at = dofs.astype(np.int32 if size < np.iinfo(np.int32).max else np.int64)  # others SciPy copies
-            pairs = np.repeat(at, width, axis=1).ravel(), np.tile(at, width).ravel()
+            at = at.astype(np.int32 if size < np.iinfo(np.int32).max else np.int64)  # others SciPy copies
+            pairs = np.repeat(at, at.shape[1], axis=1).ravel(), np.tile(at, at.shape[1]).ravel()
             full = sparse.coo_array((blocks.ravel(), pairs), shape=(size, size)).tocsr()
             factors = sparse.csr_array(factors)
-        rows = full[self.following]
-        half = factors.T @ (rows[:, self.kept] + rows[:, self.following] @ factors / 2.0)
-        found: Any = full[self.kept][:, self.kept] + half + half.T
+        rows = full[n:-1]
+        half = factors.T @ (rows[:, :n] + rows[:, n:-1] @ factors / 2.0)
+        found: Any = full[:n, :n] + half + half.T
         return found if few else found.tocsc()
 
 
