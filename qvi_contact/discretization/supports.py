@@ -51,16 +51,12 @@ _WORTHY: Final = 1e-2  # an entry, relative to the largest, that makes a good pi
 
 
 class _Conditions(NamedTuple):
-    """Rows C (r, N), scaled so that d are forces, moments and degrees of freedom, dimensionless.
-
-    `is_load` (r,) tells rows whose d is a force or moment, `number` (r,) the edge that each belongs to, and `data`
-    makes d (r,) of what Φ has to make up for each of the components.
-    """
+    """Rows C u = d, scaled so that d are forces, moments and degrees of freedom, dimensionless."""
 
     C: Functionals
-    is_load: BoolArray
-    number: IntArray
-    data: Callable[[Sequence[EdgeQuadrature]], FloatArray]
+    is_load: BoolArray  # (r,): whether d is a force or moment
+    number: IntArray  # (r,): the edge that each belongs to
+    data: Callable[[Sequence[EdgeQuadrature]], FloatArray]  # d of what Φ has to make up for each of the components
 
 
 @dataclass(frozen=True, eq=False)
