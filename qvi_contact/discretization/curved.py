@@ -41,7 +41,6 @@ _ALONG_ARCS: Final = 8  # Gauss points beside the degree and the coefficients of
 Rule: TypeAlias = tuple[FloatArray, FloatArray]
 """Points (q, 3) and weights (q,) of sum 1 on the reference triangle."""
 _MORE: Final = 6  # Gauss points along arcs beside the degree and the coefficients of bends
-_BLOCK: Final = 2**22  # entries of tables at a time
 
 
 def resultant_shapes(bend: FloatArray, t: FloatArray) -> FloatArray:
@@ -138,24 +137,15 @@ class CurvedTriangles:
         rows = np.einsum("kab,kqbd->kaqd", upper, table * roots[:, :, None, None])
         return np.asarray(rows).reshape(len(rows), -1, self.element.dimension)
 
-    def stress_load(
-        self, block: slice | IntArray, compliances: FloatArray, stress: FloatArray, rule: Rule
-    ) -> tuple[FloatArray, FloatArray]:
-        """∫ cτ:σ of the functions (k, dimension), and ½ ∫ cτ:τ (k,), from τ at the points (k, q, 3)."""
-        strain = stress @ compliances * (self.areas(rule[0])[block] * rule[1])[..., None]
-        sums = np.einsum("kqb,kqbd->kd", strain @ self.triangles.stress_maps[block], self._hessians(block, rule[0]))
-        load = (sums[:, None] @ self.functions[block])[:, 0]
-        return load, (strain * stress).sum(axis=(1, 2)) / 2.0
+    def load(self, block: IntArray, strain: FloatArray, points: FloatArray) -> FloatArray:
+        """Sums (k, dimension) of the functions' reference Hessians times numbers (k, q, 3) at points."""
+        sums = np.einsum("kqb,kqbd->kd", strain, self._hessians(block, points))
+        return np.asarray((sums[:, None] @ self.functions[block])[:, 0])
 
     def areas(self, points: FloatArray) -> FloatArray:
         """Areas (c, q), dimensionless, that weights of sum 1 at reference points (q, 3) are shares of."""
         factors = area_factors(self.triangles.corners, self.bends, points)
         return np.asarray(self.triangles.areas[:, None] * factors)
-
-    def blocks(self, points: int) -> list[slice]:
-        """Parts of the triangles whose tables at so many points are not too large at a time."""
-        step = max(1, _BLOCK // (3 * points * self.element.dimension))
-        return [slice(start, min(start + step, len(self))) for start in range(0, len(self), step)]
 
     def _hessians(self, block: slice | IntArray, points: FloatArray) -> FloatArray:
         """Of the reference functions, on the reference triangle, at reference points (q, 3); (k, q, 3, dimension)."""

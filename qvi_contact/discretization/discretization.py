@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Final, NamedTuple, get_args
+from typing import Any, Final, get_args
 
 import numpy as np
 from scipy import sparse
@@ -29,7 +29,7 @@ from qvi_contact.discretization.loads import (
 )
 from qvi_contact.discretization.plates import PlateRows, pins, plate_rows
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.discretization.space import EdgeRule, Functionals, LawOn, StressSpace, edge_rule
+from qvi_contact.discretization.space import EdgeRule, LawOn, StressSpace, edge_rule
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import hsieh_clough_tocher
 from qvi_contact.errors import InputError, refuse_arguments
@@ -46,40 +46,6 @@ _TOO_SMALL = 1e-2  # mean stress in units of the problem below which the units a
 _NOISE = 1e-12  # mean stress in units of the problem below which there is none
 _MISFIT = 1e-6  # difference of data from what is taken for them, in units of the problem, that needs no word
 _UNRELIABLE = 1e-4  # relative error of the linear solve above which they are left
-
-
-class _Rows(NamedTuple):
-    """Rows of contacts and plates on the unknowns, and the traces on all degrees of freedom that contacts follow from.
-
-    Traces are tractions at the Gauss points, σ_N of all contacts and then σ_T.
-    """
-
-    matrices: ContactMatrices
-    traces: Functionals
-
-    @classmethod
-    def on(
-        cls, supports: Supports, rule: EdgeRule, contacts: Sequence[ContactRows], plates: PlateRows, kept: Kept
-    ) -> _Rows:
-        """Those of these contacts, one after the other, and of plates, made once for all that is pressed there."""
-        edges = [rows.points.edges for rows in contacts]
-
-        def made() -> _Rows:
-            traces = supports.space.trace_rows(edges, rule.points)
-            Y = supports.basis.rows(traces)
-            r = Y.shape[0]
-            if are_few(r, r):  # E: the same block for every edge
-                E: Any = np.kron(np.eye(r // rule.count), rule.from_points)
-            else:
-                E = sparse.kron(sparse.eye_array(r // rule.count), rule.from_points, format="csc")
-            rows, m = E @ Y, Y.shape[0] // 2
-            weights = joined([rows.row_weights for rows in contacts])
-            traction = TractionFactor(Y, E)
-            found = ContactMatrices(rows[:m], rows[m:], weights, plates.resultants.A, traction)
-            read_only(found.N, found.T, found.A, found.W)
-            return cls(found, traces)
-
-        return kept(cls, (supports, rule, plates.resultants, *(part.number.tobytes() for part in edges)), made)
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,18 +268,18 @@ def _discretized(
     stress = cell_stress(problem, space, scales)
     body = None if stress is None else stiffness.energy.loaded(stress)
     plates = plate_rows(problem, scales, contacts, supports, particular)
-    root = Root(stiffness, particular, body, None if springs is None else springs.constant)
+    root = Root(stiffness, particular, body, 0.0 if springs is None else springs.constant)
     limited = [rows for rows in contacts if rows.law != "tied"]
-    matrices, traces = _Rows.on(supports, rule, limited, plates, kept)
+    matrices = _contact_matrices(supports, rule, limited, plates, kept)
     load = displacement_load(problem, space, scales)
     for rows in contacts:
         load = load + rows.work()
     load = supports.basis.reduced(load)
     f, (n0, t0) = load, np.zeros((2, matrices.N.shape[0]))
-    if root.body is not None or root.particular.any() or (root.springs is not None and root.springs.any()):
+    if root.body is not None or root.particular.any() or np.any(root.springs):
         f = load - root.adjoint(root.apply(np.zeros(len(load))))
-        n0, t0 = np.split(traces.apply(root.particular).ravel(), 2)
-        n0, t0 = rule.at_rows(n0), rule.at_rows(t0)
+        found = [rows.points.tractions(root.particular) for rows in limited]
+        n0, t0 = (rule.at_rows(joined([both[half] for both in found])) for half in (0, 1))
     if has_body_force(problem) or any(contact.has_fluid for contact in problem.contacts):
         fixed = [potential_at(problem, scales, rows.points.coordinates) + rows.pore_pressure for rows in limited]
         n0 = n0 + rule.at_rows(joined(fixed))
@@ -322,10 +288,30 @@ def _discretized(
     return Discretization(problem, scales, rule, root, contacts, plates, qvi)
 
 
+def _contact_matrices(
+    supports: Supports, rule: EdgeRule, contacts: Sequence[ContactRows], plates: PlateRows, kept: Kept
+) -> ContactMatrices:
+    """Rows of contacts, one after the other, and of plates on the unknowns, made once for all that is pressed there."""
+    edges = [rows.points.edges for rows in contacts]
+
+    def made() -> ContactMatrices:
+        Y = supports.basis.rows(supports.space.trace_rows(edges, rule.points))  # σ_N of all contacts, then σ_T
+        r = Y.shape[0]
+        if are_few(r, r):  # E: the same block for every edge
+            E: Any = np.kron(np.eye(r // rule.count), rule.from_points)
+        else:
+            E = sparse.kron(sparse.eye_array(r // rule.count), rule.from_points, format="csc")
+        rows, weights = E @ Y, joined([rows.row_weights for rows in contacts])
+        A = plates.resultants.A
+        found = ContactMatrices(rows[: r // 2], rows[r // 2 :], weights, A, TractionFactor(Y, E))
+        read_only(found.N, found.T, found.A, found.W)
+        return found
+
+    key = supports, rule, plates.resultants, *(part.number.tobytes() for part in edges)
+    return kept(ContactMatrices, key, made)
+
+
 def law_of(contacts: Sequence[ContactRows]) -> Law:
     """The law of contacts one after the other, tied ones left out."""
-    limited = [rows for rows in contacts if rows.law != "tied"]
-    friction, cohesion, cap = (
-        joined([getattr(rows.row_limits, name) for rows in limited]) for name in ("friction", "cohesion", "cap")
-    )
-    return Law(friction, cohesion, cap, joined([rows.bilateral for rows in limited]).astype(bool))
+    parts = [(*rows.row_limits, rows.bilateral) for rows in contacts if rows.law != "tied"]
+    return Law(*map(np.concatenate, zip(*parts, strict=True))) if parts else Law(np.empty(0))

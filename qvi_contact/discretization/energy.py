@@ -48,6 +48,7 @@ from solvers.inequality.body import Stiffness
 
 _LONGEST: Final = 1e3  # longest side over height of a triangle: beyond, too many digits are lost
 _BLOCK: Final = 2**24  # entries of element matrices at a time
+_TABLE: Final = 2**22  # entries of tables of functions at points at a time
 _ORDERED: Final = 2000  # unknowns from which on their order of elimination counts
 _EPSILON: Final = float(np.finfo(np.float64).eps) / 2.0
 _SOFTEST: Final = 1e-300  # stiffness of a spring
@@ -119,7 +120,11 @@ class TriangleEnergy(PicklesFields):
         for start in range(0, len(space.triangles), step):
             block = slice(start, start + step)
             yield block, element.roots(space.triangles.take(block), self.compliances[self.materials[block]])
-        for block in space.curved.blocks(len(space.cell_weights)) if space.mesh.curved.any() else ():
+        if not space.mesh.curved.any():
+            return
+        step = max(1, _TABLE // (3 * len(space.cell_weights) * element.dimension))
+        for start in range(0, len(space.curved), step):
+            block = slice(start, start + step)
             cells = space.curved.numbers[block]
             rows = space.curved.stress_rows(block, self.compliances[self.materials[cells]], space.cell_quadrature)
             yield cells, np.asarray(np.linalg.qr(rows[:, :, element.interior_first], mode="r"))
@@ -133,21 +138,19 @@ class TriangleEnergy(PicklesFields):
         space, element, order = self.space, self.space.element, self.space.element.interior_first
         interior, count, (points, weights) = element.interior, len(space.triangles), space.cell_quadrature
         found = BodyLoad(np.empty((count, len(order) - interior)), np.empty(count), np.empty((count, interior)))
+        # ∫ cτ:σ is the sum of `strain` at points times the functions' Hessians on the reference triangle
+        weighted = stress @ self.compliances[self.materials] * space.cell_measures(points, weights)[..., None]
+        strain, rest = weighted @ space.triangles.stress_maps, (weighted * stress).sum(axis=(1, 2)) / 2.0
+        table = element.reference_functions(points, 2).reshape(-1, element.dimension)
         for cells, R in self._triangular():
-            compliances, tau = self.compliances[self.materials[cells]], stress[cells]
-            if isinstance(cells, slice):  # ∫ cτ:σ of the reference functions, and ½ ∫ cτ:τ
-                triangles, table = space.triangles.take(cells), element.reference_functions(points, 2)
-                table = (table * weights[:, None, None]).reshape(-1, table.shape[2])
-                strain = tau @ compliances * triangles.areas[:, None, None]
-                load = (strain @ triangles.stress_maps).reshape(len(tau), -1) @ table
-                rest = (strain * tau).sum(axis=2) @ weights / 2.0
+            if isinstance(cells, slice):
+                load = strain[cells].reshape(len(R), -1) @ table
             else:
-                at = np.searchsorted(space.curved.numbers, cells)
-                load, rest = space.curved.stress_load(at, compliances, tau, space.cell_quadrature)
+                load = space.curved.load(np.searchsorted(space.curved.numbers, cells), strain[cells], points)
             residual: FloatArray = np.zeros((len(R), len(order)))
             loaded = load.any(axis=1)  # φI does no work in incompressible triangles, whose R is singular
             residual[loaded] = np.linalg.solve(R[loaded].swapaxes(1, 2), load[loaded][:, order, None])[:, :, 0]
-            found.rests[cells] = np.maximum(rest - np.square(residual).sum(axis=1) / 2.0, 0.0)
+            found.rests[cells] = np.maximum(rest[cells] - np.square(residual).sum(axis=1) / 2.0, 0.0)
             found.constants[cells] = residual[:, interior:]
             upper = R[:, :interior, :interior]
             found.shifts[cells] = -np.linalg.solve(upper, residual[:, :interior, None])[:, :, 0]
@@ -160,8 +163,9 @@ class TriangleEnergy(PicklesFields):
         the reference triangle, which make the rest.
         """
         space, curved = self.space, self.space.curved
-        affine, w = space.differences.apply(u)
-        affine += (space.frames.at_first(space.units) @ u).reshape(-1, _AFFINE)
+        first, w = space.mesh.cells[:, 0], space.differences.apply(u)
+        own = (space.units * u)[3 * first[:, None] + np.arange(_AFFINE)] * ~space.frames.is_centre[first, None]
+        affine = own + (space.frames.at_first(space.units) @ u).reshape(-1, _AFFINE)
         shared = (space.transformations() @ w[:, :, None])[:, :, 0]
         at = curved.numbers
         shared[at] = w[at]
@@ -238,14 +242,14 @@ class BodyStiffness(PicklesFields):
             If rounding leaves a triangle no energy.
 
         """
-        differences, basis = self.energy.space.differences, self.supports.basis
-        dofs, across = differences.dofs, differences.across
-        rows = differences.expanded(self.energy.roots) * differences.units[:, None]
-        if len(across):
+        space, roots, basis = self.energy.space, self.energy.roots, self.supports.basis
+        rows, dofs, across = space.differences.expanded(roots), space.dofs, None
+        if space.differences.beyond is not None:
+            across = space.frames.cells_across
             rows, dofs = np.delete(rows, across, axis=0), np.delete(dofs, across, axis=0)
         K = basis.quadratic(rows.swapaxes(1, 2) @ rows, dofs)
-        if len(across):
-            R = differences.all_rows(self.energy.roots, across) @ basis.matrix
+        if across is not None:
+            R = space.differences.all_rows(roots, across) @ basis.matrix
             K = K + R.T @ R
         if self.springs is not None:
             R = self.springs.rows @ basis.matrix
@@ -291,17 +295,16 @@ class Root(PicklesFields):
     stiffness: BodyStiffness
     particular: FloatArray  # (N,): u₀
     body: BodyLoad | None  # what a body force adds
-    # (r,) or None: what body forces and fluids add to rows of `BodyStiffness.springs`
-    springs: FloatArray | None = None
+    springs: FloatArray | float = 0.0  # (r,): what body forces and fluids add to rows of `BodyStiffness.springs`
 
     def apply(self, z: FloatArray) -> FloatArray:
         """r(z), shape (n (k + 1),)."""
         energy = self.stiffness.energy
         u, own, springs = self.stiffness.supports.basis.expanded(z) + self.particular, [], self.stiffness.springs
-        w = energy.space.differences.apply(u)[1]
+        w = energy.space.differences.apply(u)
         r = (energy.roots @ w[:, :, None])[:, :, 0]
         if springs is not None:
-            own = [springs.rows @ u + (0.0 if self.springs is None else self.springs)]
+            own = [springs.rows @ u + self.springs]
         if self.body is None:
             return np.concatenate([r.ravel(), np.zeros(len(r)), *own])
         return np.concatenate([(r + self.body.constants).ravel(), np.sqrt(2.0 * self.body.rests), *own])
@@ -319,7 +322,7 @@ class Root(PicklesFields):
     def matrix(self) -> tuple[sparse.csr_array, FloatArray]:
         """(R with RᵀR = K, the centre of each row's triangle or its place); the n rows that are zero left out."""
         space, roots = self.stiffness.energy.space, self.stiffness.energy.roots
-        R = space.differences.all_rows(roots, np.arange(len(roots))) @ self.stiffness.supports.basis.matrix
+        R = space.differences.all_rows(roots) @ self.stiffness.supports.basis.matrix
         places = np.repeat(space.triangles.corners.mean(axis=1), roots.shape[1], axis=0)
         springs = self.stiffness.springs
         if springs is not None:

@@ -125,23 +125,17 @@ class Frames:
     @cached_property
     def cells_across(self) -> IntArray:
         """Triangles whose corners count from different frames."""
-        if not len(self.origins):
-            return np.empty(0, dtype=np.int64)
-        return np.flatnonzero((np.diff(self._relative.indptr) > 0).reshape(-1, 3).any(axis=1))
+        return np.flatnonzero(np.diff(self._relative.indptr).reshape(-1, 2).any(axis=1))
 
     @cached_property
     def _relative(self) -> sparse.csr_array:
-        """Frames of all corners less those of the first corner of their triangle, shape (3 cells, f)."""
-        every = np.arange(self.mesh.cells.size)
-        return self._jumps(3 * (every // 3), every)
+        """Frames of the second and third corner of each triangle less those of the first, shape (2 cells, f)."""
+        corners = np.arange(self.mesh.cells.size).reshape(-1, 3)
+        return self._jumps(np.repeat(corners[:, 0], 2), corners[:, 1:].ravel())
 
-    def beyond(self, cells: IntArray, units: FloatArray) -> sparse.csr_array:
-        """What triangles (n,) have at their corners beside their own degrees of freedom, against the first corner.
-
-        Rows are (Φ, Φ_x, Φ_y) of the three corners, shape (9 n, N); units (N,) those of the degrees of freedom.
-        """
-        corners = (3 * cells[:, None] + np.arange(3)).ravel()
-        return self._rows(self._relative[corners], self.mesh.cells[cells].ravel(), units)
+    def beyond(self, units: FloatArray) -> sparse.csr_array | None:
+        """What is added to differences in the second and third corner of triangles, see `Differences`; (6 cells, N)."""
+        return self._rows(self._relative, self.mesh.cells[:, 1:].ravel(), units) if len(self.origins) else None
 
     def at_first(self, units: FloatArray) -> sparse.csr_array:
         """What (Φ, Φ_x, Φ_y) in the first corner of each triangle count from, shape (3 cells, N)."""
@@ -211,13 +205,12 @@ def shortest_cuts(mesh: TriangleMesh) -> tuple[IntArray, ...]:
     """
     if len(mesh.vertices) - len(mesh.topology.ends) + len(mesh.cells) == 1:  # Euler: one less for every hole
         return ()
-    waiting = np.zeros(len(mesh.vertices), dtype=bool)
-    waiting[np.concatenate([mesh.boundary.first[mesh.hole_edges], mesh.boundary.second[mesh.hole_edges]])] = True
-    reached = np.zeros(len(mesh.vertices), dtype=bool)
-    reached[mesh.boundary.first[~mesh.hole_edges]] = reached[mesh.boundary.second[~mesh.hole_edges]] = True
-    ends, joints = mesh.topology.ends[~mesh.topology.boundary], np.zeros(len(mesh.vertices), dtype=np.int64)
-    for name in mesh.joint_names:
-        joints[mesh.topology.ends[mesh.numbers(name)]] = 1
+    every, topology = np.arange(len(mesh.vertices)), mesh.topology
+    rims = topology.ends[topology.outer]
+    waiting, reached = (np.isin(every, rims[chosen]) for chosen in (mesh.hole_edges, ~mesh.hole_edges))
+    on_joints = [topology.ends[mesh.numbers(name)].ravel() for name in mesh.joint_names]
+    joints = np.isin(every, np.concatenate([np.empty(0, dtype=np.int64), *on_joints])).astype(np.int64)
+    ends = topology.ends[topology.inner]
     length = 1.0 + len(ends) * joints[ends].sum(axis=1)  # more than all others where a joint is touched
     at = np.concatenate([ends, ends[:, ::-1]]).T
     lengths = sparse.csr_array((np.tile(length, 2), tuple(at)), shape=(len(joints), len(joints)))

@@ -48,8 +48,7 @@ class EdgePoints:
     @cached_property
     def lengths(self) -> FloatArray:
         """Dimensionless lengths of the edges, shape (n,)."""
-        first, second = (self.space.vertices[ends] for ends in (self.edges.first, self.edges.second))
-        return np.asarray(np.hypot(*(second - first).T) * self.edges.stretch)
+        return np.asarray(self.edges.length / self.space.mesh.length)
 
     @cached_property
     def weights(self) -> FloatArray:
@@ -79,14 +78,10 @@ class EdgePoints:
         """Directions (n, 2) of the edges, of arcs if they turn along them, at each point, shape (n q, 2)."""
         return vectors_along(self.edges, direction, self.reference, turns=turns).reshape(-1, 2)
 
-    def load(self, normal: FloatArray, shear: FloatArray) -> FloatArray:
-        """Σ normal σ_N + shear σ_T of weights (n q,) each, as a vector over all degrees of freedom (N,)."""
-        return self.space.traction_load(normal, shear, self.edges, self.reference)
-
     def traction_load(self, direction: FloatArray, weights: FloatArray) -> FloatArray:
-        """The same of weights (n q,) of d·σn without φ, for a direction (2,) or one for each point (n q, 2)."""
-        normal, shear = ((direction * own).sum(axis=1) for own in (self.normals, self.tangents))
-        return self.load(weights * normal, weights * shear)
+        """Σ weights (n q,) d·σn without φ, directions d (n q, 2), as a vector over all degrees of freedom (N,)."""
+        normal, shear = (weights * (direction * own).sum(axis=1) for own in (self.normals, self.tangents))
+        return self.space.traction_load(normal, shear, self.edges, self.reference)
 
     def tractions(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """σ_N without φ and σ_T of degrees of freedom u (N,), shape (n q,) each."""
@@ -249,9 +244,10 @@ class ContactRows:
 
         A tied contact has not slipped.
         """
-        weights, (across, along) = self.points.weights, self.motion
+        space, weights, (across, along) = self.points.space, self.points.weights, self.motion
         w = self.offset + along if self.law == "tied" else self.offset + along + self.slip
-        return self.points.load(weights * (self.gap - self.beyond + across), weights * w)
+        across = across + self.gap - self.beyond
+        return space.traction_load(weights * across, weights * w, self.points.edges, self.points.reference)
 
 
 def contact_rows(
@@ -268,9 +264,7 @@ def contact_rows(
             moved = contact.plate.displacement(x, y).T / scales.displacement
             motion = np.stack([(moved * along).sum(axis=1) for along in (points.normals, points.tangents)])
         pressure, misfit = np.zeros(len(x)), 0.0
-        if not callable(contact.pore_pressure):
-            pressure += contact.pore_pressure
-        else:  # the polynomials on edges that are taken for it
+        if contact.has_fluid:  # the polynomials on edges that are taken for it
             name, degree = "Contact.pore_pressure", points.count - 1
             given = (contact.pore_pressure, max(LOAD_POINTS, degree + 3))
             fluid = along_edges(problem.mesh, points.edges, name, *given, minimum=0.0)
@@ -325,21 +319,20 @@ def limits_of(
     problem: ContactProblem, contact: Contact, scales: Scales, rule: EdgeRule, points: EdgePoints
 ) -> tuple[Limits, Limits]:
     """What bounds the rows of a contact, and the shear at its points."""
-    fields = [getattr(contact, name) for name in SHEAR_LAW]
 
-    def at(places: FloatArray) -> Limits:
-        x = y = np.empty(len(points.edges) * len(places))
-        if any(map(callable, fields)):
-            x, y = physical(problem, scales, points_along(points.space.vertices, points.edges, places).reshape(-1, 2))
+    def at(coordinates: FloatArray) -> Limits:
+        x, y = physical(problem, scales, coordinates)
         found = []
-        for name, field in zip(SHEAR_LAW, fields, strict=True):
-            unit = 1.0 if name == "friction" else scales.stress
-            values = np.inf if field is None else evaluate(f"Contact.{name}", field, x, y, minimum=0.0)
-            found.append(np.broadcast_to(values, x.shape) / unit)
+        for name in SHEAR_LAW:
+            field, unit = getattr(contact, name), 1.0 if name == "friction" else scales.stress
+            values = np.full(len(x), np.inf) if field is None else evaluate(f"Contact.{name}", field, x, y, minimum=0.0)
+            found.append(values / unit)
         return Limits(*found)
 
-    limits = at(rule.points)
-    return limits if rule.law_on == "points" else at(rule.places), limits
+    limits = at(points.coordinates)
+    if rule.law_on == "points" or not any(callable(getattr(contact, name)) for name in SHEAR_LAW):
+        return limits, limits
+    return at(points_along(points.space.vertices, points.edges, rule.places).reshape(-1, 2)), limits
 
 
 def joined(arrays: Sequence[NDArray[Any]]) -> FloatArray:

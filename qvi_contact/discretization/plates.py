@@ -41,7 +41,7 @@ _SAME = 1e-9  # share of a distance up to which two are one
 
 
 class PlateRow(NamedTuple):
-    """One equality row."""
+    """One equality row: a component of the resultant about a reference point [length], over a divisor."""
 
     contact: str
     component: str  # "force_x", "force_y" or "moment"
@@ -49,6 +49,43 @@ class PlateRow(NamedTuple):
     size: float  # the resultant that 1 on the row's right-hand side stands for
     # minus this times the row's multiplier is the plate's motion [length], for a moment the rotation [rad]
     motion: float
+    points: EdgePoints  # of the contact, enough for resultants
+    reference: tuple[float, float]
+    divisor: float
+
+    def factors(self, problem: ContactProblem, scales: Scales) -> FloatArray:
+        """By what t_x and t_y count, shape (m, 2), weights left out."""
+        if self.component != "moment":
+            found = np.tile(np.eye(2)[COMPONENTS.index(self.component)], (len(self.points.weights), 1))
+        else:
+            x, y = physical(problem, scales, self.points.coordinates)
+            found = np.column_stack([self.reference[1] - y, x - self.reference[0]]) / scales.length
+        return found / self.divisor
+
+
+@dataclass(frozen=True, eq=False)
+class Resultants:
+    """Resultants of driven plates as rows, the same whatever they are."""
+
+    full: FloatArray  # (r, N): from all degrees of freedom
+    kept: list[int]  # rows that those before them do not determine
+    combinations: dict[int, FloatArray]  # the others as combinations of the kept ones before them
+    A: FloatArray  # (p, n): the kept rows on the unknowns
+
+    @classmethod
+    def on(cls, supports: Supports, problem: ContactProblem, scales: Scales, rows: Sequence[PlateRow]) -> Resultants:
+        """Those of supports, made once."""
+
+        def made() -> Resultants:
+            full: FloatArray = np.zeros((len(rows), supports.space.size))
+            for found, row in zip(full, rows, strict=True):
+                found += row.points.traction_load(row.factors(problem, scales), row.points.weights)
+            A = np.array([supports.basis.reduced(row) for row in full]).reshape(len(full), len(supports.basis.kept))
+            independent, combinations = independent_rows(A, _DEPENDENT * np.linalg.norm(full, axis=1))
+            return cls(full, independent, combinations, A[independent])
+
+        edges = ((row.points.edges.number.tobytes(), row.component, row.reference, row.divisor) for row in rows)
+        return problem.mesh.kept(cls, (supports, *edges), made)
 
 
 class PlateRows(NamedTuple):
@@ -70,31 +107,30 @@ def plate_rows(
     particular: FloatArray,
 ) -> PlateRows:
     """Rows of all plates, but those that follow from the rest of the problem; `InputError` if they contradict it."""
-    rows, values, driven = list[PlateRow](), list[float](), list[_Driven]()
+    rows, values = list[PlateRow](), list[float]()
     for contact, condition in zip(contacts, problem.contacts, strict=True):
         plate = condition.plate
-        components = [name for name in COMPONENTS if plate is not None and getattr(plate, name) is not None]
-        if plate is None or not components:
+        driven = {name: float(value) for name in COMPONENTS if (value := getattr(plate, name, None)) is not None}
+        if plate is None or not driven:
             continue
         centre, length = centre_of(problem.mesh, contact.points.edges), float(contact.points.weights.sum())
-        reference = plate.reference(*centre)
+        reference, points = plate.reference(*centre), contact.points.for_resultants()
         arm = max(abs(at - place) for at, place in zip(centre, reference, strict=True)) / scales.length
-        for name in components:
-            moment = name == "moment"
-            given = float(getattr(plate, name))
-            reduced = plate.moment_about(*centre) if moment else given
-            divisor = length * (max(length, arm) if moment else 1.0)
-            size = scales.stress * divisor * scales.length ** (2 if moment else 1)
-            motion = scales.displacement / divisor / (scales.length if moment else 1.0)
-            rows.append(PlateRow(contact.name, name, given, size, motion))
-            driven.append(_Driven(contact.points, name, reference, divisor))
-            values.append(reduced / size)
-    resultants = Resultants.on(supports, problem, scales, driven)
+        for name, given in driven.items():
+            arms = int(name == "moment")  # how many lengths the component has beside that of a force
+            divisor = length * max(length, arm) ** arms
+            size = scales.stress * divisor * scales.length ** (1 + arms)
+            motion = scales.displacement / divisor / scales.length**arms
+            rows.append(PlateRow(contact.name, name, given, size, motion, points, reference, divisor))
+            values.append((plate.moment_about(*centre) if arms else given) / size)
+    resultants = Resultants.on(supports, problem, scales, rows)
     b = np.array(values)
     if particular.any():
         b = b - resultants.full @ particular
     if rows and has_body_force(problem):
-        b = b - [_of_potential(problem, scales, each) for each in driven]
+        for index, row in enumerate(rows):  # what φ contributes
+            along = (row.points.normals * row.factors(problem, scales)).sum(axis=1)
+            b[index] -= (row.points.weights * along) @ potential_at(problem, scales, row.points.coordinates)
     kept = resultants.kept
     for index, combination in resultants.combinations.items():
         row, contradiction = rows[index], float(b[index] - combination @ b[kept[: len(combination)]])
@@ -113,56 +149,6 @@ def centre_of(mesh: TriangleMesh, edges: Edges) -> tuple[float, float]:
     """Centre of a contact's line, by the middles of its edges [length]."""
     x, y = mesh.points_along(edges, np.array([0.5]))
     return float(np.average(x[:, 0], weights=edges.length)), float(np.average(y[:, 0], weights=edges.length))
-
-
-class _Driven(NamedTuple):
-    """A component of the resultant of a contact about a reference point [length], over a divisor."""
-
-    points: EdgePoints
-    component: str
-    reference: tuple[float, float]
-    divisor: float
-
-    def factors(self, problem: ContactProblem, scales: Scales, points: EdgePoints) -> FloatArray:
-        """By what t_x and t_y count, shape (m, 2), at points of these edges."""
-        if self.component != "moment":
-            return np.tile(np.eye(2)[COMPONENTS.index(self.component)], (len(points.weights), 1))
-        x, y = physical(problem, scales, points.coordinates)
-        return np.column_stack([self.reference[1] - y, x - self.reference[0]]) / scales.length
-
-
-def _of_potential(problem: ContactProblem, scales: Scales, driven: _Driven) -> float:
-    """What φ contributes to a resultant, dimensionless."""
-    points = driven.points.for_resultants()
-    along = (points.normals * driven.factors(problem, scales, points)).sum(axis=1)
-    return float((points.weights * along) @ potential_at(problem, scales, points.coordinates)) / driven.divisor
-
-
-@dataclass(frozen=True, eq=False)
-class Resultants:
-    """Resultants of driven plates as rows, the same whatever they are."""
-
-    full: FloatArray  # (r, N): from all degrees of freedom
-    kept: list[int]  # rows that those before them do not determine
-    # the others as combinations of the kept ones before them
-    combinations: dict[int, FloatArray]
-    A: FloatArray  # (p, n): the kept rows on the unknowns
-
-    @classmethod
-    def on(cls, supports: Supports, problem: ContactProblem, scales: Scales, driven: Sequence[_Driven]) -> Resultants:
-        """Those of supports, made once."""
-        key = supports, *((each.points.edges.number.tobytes(), *each[1:]) for each in driven)
-
-        def made() -> Resultants:
-            full: FloatArray = np.zeros((len(driven), supports.space.size))
-            for row, each in zip(full, driven, strict=True):
-                points = each.points.for_resultants()
-                row += points.traction_load(each.factors(problem, scales, points), points.weights) / each.divisor
-            A = np.array([supports.basis.reduced(row) for row in full]).reshape(len(full), len(supports.basis.kept))
-            independent, combinations = independent_rows(A, _DEPENDENT * np.linalg.norm(full, axis=1))
-            return cls(full, independent, combinations, A[independent])
-
-        return problem.mesh.kept(cls, key, made)
 
 
 def independent_rows(A: FloatArray, least: FloatArray) -> tuple[list[int], dict[int, FloatArray]]:

@@ -47,10 +47,9 @@ FAMILY: Final = "Hsieh-Clough-Tocher"
 
 _INWARD: Final = 1e-9  # how far points of a part that is drawn lie inside it, as a share of its size
 _ARCS, _STRAIGHT = 6, -4  # degree of quadrature beyond twice that of Φ where triangles have arcs, and where not
-_FIRST: Final = slice(1, 3)  # slopes at the first end of an edge
-_SECOND: Final = slice(4, 6)
 _THREE: Final = np.arange(3)
 _AFFINE: Final = 3  # degrees of freedom of the first corner of a triangle, which an affine function is made of
+_CORNERS: Final = 6  # differences in the other two corners
 
 LawOn: TypeAlias = Literal["edges", "points"]
 """Where the contact law holds: on whole edges, rows of (D2) being Bernstein coefficients, or at Gauss points."""
@@ -141,76 +140,50 @@ class Functionals(NamedTuple):
 
 
 class Differences(NamedTuple):
-    """Degrees of freedom of a body, triangle by triangle as differences w to an affine function."""
+    """Degrees of freedom (N,) triangle by triangle as differences w (n, k) to the affine function of the first corner.
 
-    arms: FloatArray  # (n, 2, 2): from the first corner of each triangle to the others
-    dofs: IntArray  # (n, shared): degrees of freedom of each triangle
-    units: FloatArray  # (n, shared): what one unit of them is: value = unit × degree of freedom
-    size: int  # degrees of freedom of the body
-    across: IntArray  # (c,): triangles whose corners count from several affine functions
-    # (9 c, size) sparse, or None if there are none: what is added to the values in their corners; see `Frames.beyond`
+    Rows on w are not multiplied into this where they are applied: large numbers cancel in w, and nowhere else.
+    """
+
+    corners: Functionals  # (n, 6, 9): those in the second and third corner
+    edges: IntArray  # (n, k − 6): the degrees of freedom that are the others
+    units: FloatArray  # (n, k − 6): what one unit of these is
+    # (6 n, N) sparse, or None if there is nothing: what is added in corners that count from other frames than the first
     beyond: sparse.csr_array | None
 
-    def apply(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(Φ, Φ_x, Φ_y) in the first corner (n, 3), and the differences w (n, k), of degrees of freedom (size,).
-
-        Φ counts from where it does at that corner.
-        """
-        values = self.units * u[self.dofs]
+    def apply(self, u: FloatArray) -> FloatArray:
+        """Of degrees of freedom (N,): w (n, k)."""
+        corners = self.corners.apply(u)
         if self.beyond is not None:
-            values[self.across, : 3 * _AFFINE] += (self.beyond @ u).reshape(-1, 3 * _AFFINE)
-        affine, w = values[:, :_AFFINE], values[:, _AFFINE:]
-        slope = affine[:, 1:]
-        for corner in (0, 1):
-            rise = (self.arms[:, corner] * slope).sum(axis=1)
-            w[:, 3 * corner] = (w[:, 3 * corner] - affine[:, 0]) - rise
-            w[:, 3 * corner + 1 : 3 * corner + 3] -= slope
-        return affine, w
-
-    def adjoint(self, w: FloatArray) -> FloatArray:
-        """The transposed map from w (n, k) to degrees of freedom (size,)."""
-        values = self.expanded(w[:, None])[:, 0]
-        found = np.bincount(self.dofs.ravel(), (self.units * values).ravel(), self.size)
-        if self.beyond is not None:
-            found = found + self.beyond.T @ values[self.across, : 3 * _AFFINE].ravel()
-        return np.asarray(found, dtype=np.float64)
+            corners += (self.beyond @ u).reshape(corners.shape)
+        return np.concatenate([corners, self.units * u[self.edges]], axis=1)
 
     def magnitudes(self, sizes: FloatArray) -> FloatArray:
-        """`apply` with + for every −: the size (n, k) of the numbers that enter, from sizes (size,)."""
-        values = self.units * sizes[self.dofs]
-        if self.beyond is not None:
-            values[self.across, : 3 * _AFFINE] += (abs(self.beyond) @ sizes).reshape(-1, 3 * _AFFINE)
-        w = values[:, _AFFINE:].copy()
-        for corner in (0, 1):
-            w[:, 3 * corner] += values[:, 0] + (np.abs(self.arms[:, corner]) * values[:, 1:3]).sum(axis=1)
-            w[:, 3 * corner + 1 : 3 * corner + 3] += values[:, 1:3]
-        return w
+        """`apply` with + for every −: the size (n, k) of the numbers that enter, from sizes (N,)."""
+        corners = self.corners._replace(values=np.abs(self.corners.values))
+        beyond = None if self.beyond is None else abs(self.beyond)
+        return self._replace(corners=corners, beyond=beyond).apply(sizes)
 
-    def expanded(self, rows: FloatArray, triangles: IntArray | slice = slice(None)) -> FloatArray:
-        """Rows on differences (n, r, k) as rows on the values of these triangles (n, r, shared), units left out."""
-        full = np.zeros((*rows.shape[:2], rows.shape[2] + _AFFINE))
-        full[:, :, _AFFINE:] = rows
-        for corner in (0, 1):
-            value, slope = rows[:, :, [3 * corner]], rows[:, :, 3 * corner + 1 : 3 * corner + 3]
-            full[:, :, 0] -= value[:, :, 0]
-            full[:, :, 1:3] -= self.arms[triangles, None, corner] * value + slope
-        return full
+    def adjoint(self, w: FloatArray) -> FloatArray:
+        """The transposed map from w (n, k) to degrees of freedom (N,)."""
+        on_edges = (self.units * w[:, _CORNERS:]).ravel()
+        found = self.corners.adjoint(w[:, :_CORNERS]) + np.bincount(self.edges.ravel(), on_edges, self.corners.size)
+        return found if self.beyond is None else found + self.beyond.T @ w[:, :_CORNERS].ravel()
 
-    def all_rows(self, roots: FloatArray, triangles: IntArray) -> sparse.csr_array:
-        """R of these triangles (t,), with what corners across parts add; roots (n, k, …) of all, shape (t k, size)."""
-        rows = self.expanded(roots[triangles], triangles)
-        (n, k, shared), on_dofs = rows.shape, rows * self.units[triangles, None, :]
-        columns, starts = np.repeat(self.dofs[triangles], k, axis=0).ravel(), shared * np.arange(n * k + 1)
-        found = sparse.csr_array((on_dofs.ravel(), columns, starts), shape=(n * k, self.size))
+    def expanded(self, rows: FloatArray) -> FloatArray:
+        """Rows on w (n, r, k) as rows on the degrees of freedom of each triangle (n, r, shared), but for `beyond`."""
+        on_corners = rows[:, :, :_CORNERS] @ self.corners.values
+        return np.concatenate([on_corners, rows[:, :, _CORNERS:] * self.units[:, None]], axis=2)
+
+    def all_rows(self, rows: FloatArray, triangles: IntArray | slice = slice(None)) -> sparse.csr_array:
+        """Of rows on w (n, r, k) those of t triangles as a matrix (t r, N)."""
+        dofs, size = np.hstack([self.corners.columns, self.edges]), self.corners.size
+        found = Functionals(dofs[triangles], self.expanded(rows)[triangles], size).matrix()
         if self.beyond is None:
             return found
-        inside, width = np.flatnonzero(np.isin(self.across, triangles)), 3 * _AFFINE
-        place = np.searchsorted(triangles, self.across[inside])
-        corners, own = rows[place, :, :width], k * place[:, None] + np.arange(k)
-        columns = np.broadcast_to((width * inside[:, None] + np.arange(width))[:, None], corners.shape).ravel()
-        at = np.repeat(own.ravel(), width), columns
-        blocks = sparse.csr_array((corners.ravel(), at), shape=(n * k, width * len(self.across)))
-        return sparse.csr_array(found + blocks @ self.beyond)
+        places = np.arange(_CORNERS * len(dofs)).reshape(-1, _CORNERS)
+        on_corners = Functionals(places[triangles], rows[triangles, :, :_CORNERS], places.size).matrix()
+        return sparse.csr_array(found + on_corners @ self.beyond)
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,13 +232,15 @@ class StressSpace(PicklesFields):
 
     @cached_property
     def differences(self) -> Differences:
-        """Degrees of freedom triangle by triangle."""
-        corners, frames, units = self.triangles.corners, self.frames, self.units[self.dofs]
+        """Degrees of freedom triangle by triangle: Φ_k − Φ₀ − (x_k − x₀)·∇Φ₀ and ∇Φ_k − ∇Φ₀, and those of edges."""
+        corners, frames, units, each = self.triangles.corners, self.frames, self.units[self.dofs], np.arange(_CORNERS)
         if len(frames.centres):
             units[:, :9] *= np.repeat(~frames.is_centre[self.mesh.cells], 3, axis=1)
-        across = frames.cells_across
-        beyond = frames.beyond(across, self.units) if len(across) else None
-        return Differences(corners[:, 1:] - corners[:, :1], self.dofs, units, self.size, across, beyond)
+        values: FloatArray = np.zeros((len(corners), _CORNERS, 9))
+        values[:, each, 3 + each], values[:, each, each % 3] = 1.0, -1.0
+        values[:, ::3, 1:3] = corners[:, :1] - corners[:, 1:]
+        in_corners = Functionals(self.dofs[:, :9], values * units[:, None, :9], self.size)
+        return Differences(in_corners, self.dofs[:, 9:], units[:, 9:], frames.beyond(self.units))
 
     @cached_property
     def frames(self) -> Frames:
@@ -305,27 +280,16 @@ class StressSpace(PicklesFields):
         return WeakKeyDictionary()
 
     def _traces_of(self, edges: Edges) -> Functionals:
-        count, k = self.degree - 1, np.arange(2, self.degree - 1)
-        h = self.lengths(edges)
-        columns, sign = self._columns(edges)
-        values: FloatArray = np.zeros((len(edges), 2 * count, columns.shape[1]))
-        m, factor = frame(edges)
-        slope, twist = edges.tangent / h[:, None], m / h[:, None]
-        values[:, 0, _FIRST], values[:, 0, _SECOND] = -slope, slope
-        values[:, 1, _FIRST] = values[:, 1, _SECOND] = 3.0 * slope
-        values[:, 1, 0], values[:, 1, 3] = 6.0 / h**2, -6.0 / h**2
-        values[:, count, _FIRST], values[:, count, _SECOND] = -twist, twist
-        values[:, k, 4 + k] = sign[:, None] ** k
-        k = np.arange(1, self.degree - 1)
-        values[:, count + k, self.degree + 2 + k] = sign[:, None] ** k
-        if edges.curved:  # N_0 … N_(p−2), Q_0 … Q_(p−2) of Φ_ττ and Φ_τμ, see `curved`
-            arcs = edges.take(edges.bent)
-            known, h = self._resultants(arcs)[1], self.lengths(arcs)[:, None]
-            force = known[:, :2].copy()
-            known[:, 0] = (arcs.tangent[:, :, None] * force).sum(axis=1) / h
-            known[:, 1] = (frame(arcs)[0][:, :, None] * force).sum(axis=1) / h
-            known[:, 2] /= h**2
-            values[edges.bent] = from_corners(arcs.bend, self.degree - 2) @ known
+        """N_0, N_1, N_2 …, then Q_0, Q_1 … times −n·m: on straight edges each is one of the resultants."""
+        columns, known = self._resultants(edges)
+        (m, factor), h, count = frame(edges), self.lengths(edges)[:, None], self.degree - 1
+        along, across = ((vectors[:, :, None] * known[:, :2]).sum(axis=1) / h for vectors in (edges.tangent, m))
+        known[:, 0], known[:, 1], known[:, 2] = along, across, known[:, 2] / h**2
+        order = np.array([0, 2, *range(3, count + 1), 1, *range(count + 1, 2 * count)])
+        values = known[:, order]
+        values[:, 1] *= -6.0
+        if edges.curved:  # see `curved`
+            values[edges.bent] = from_corners(edges.bend[edges.bent], self.degree - 2) @ known[edges.bent]
         values[:, count:] *= factor[:, None, None]
         return self._scaled(edges, columns, values)
 
@@ -340,7 +304,7 @@ class StressSpace(PicklesFields):
         values: FloatArray = np.zeros((len(edges), 2 * self.degree - 2, columns.shape[1]))
         values[:, [0, 1], [1, 2]], values[:, [0, 1], [4, 5]] = -1.0, 1.0
         values[:, 2, 0], values[:, 2, 3] = -1.0, 1.0
-        values[:, 2, _FIRST] = values[:, 2, _SECOND] = -self.lengths(edges)[:, None] * edges.tangent / 2.0
+        values[:, 2, 1:3] = values[:, 2, 4:6] = -self.lengths(edges)[:, None] * edges.tangent / 2.0
         place = np.arange(6, columns.shape[1])
         power = np.concatenate([np.arange(2, self.degree - 1), np.arange(1, self.degree - 1)])
         values[:, place - 3, place] = sign[:, None] ** power
@@ -443,18 +407,16 @@ class StressSpace(PicklesFields):
         return np.asarray(affine + self._reference_sums(0, chosen, cells, t)[:, :, 0])
 
     def _reference_sums(self, order: int, coefficients: FloatArray, cells: IntArray, t: FloatArray) -> FloatArray:
-        """Φ but for its affine part, or its Hessian, on the reference triangle; (k, q, components).
-
-        Points that all triangles share are the same points of all but those with arcs.
-        """
-        functions, mesh = self.element.reference_functions, self.mesh
-        if t.ndim == 3:
-            return _applied(functions(mesh.placed(cells, t), order)[..., 3:], coefficients[:, 3:])
-        found = _applied(functions(t, order)[..., 3:], coefficients[:, 3:])
-        bent = np.flatnonzero(mesh.curved[cells])
-        if len(bent):
-            table = functions(mesh.placed(cells[bent], t), order)[..., 3:]
-            found[bent] = _applied(table, coefficients[bent, 3:])
+        """Φ but for its affine part, or its Hessian, on the reference triangle; (k, q, components)."""
+        functions, mesh, factors = self.element.reference_functions, self.mesh, coefficients[:, 3:]
+        if t.ndim == 2:  # the same points of all triangles but those with arcs
+            table, each = functions(t, order)[..., 3:], np.flatnonzero(mesh.curved[cells])
+            found = (factors @ table.reshape(-1, table.shape[2]).T).reshape(len(cells), *table.shape[:2])
+        else:
+            each, found = np.arange(len(cells)), np.empty((*t.shape[:2], (1, 2, 3)[order]))
+        if len(each):
+            table = functions(mesh.placed(cells[each], t), order)[..., 3:]
+            found[each] = (table @ factors[each, None, :, None])[..., 0]
         return found
 
     def lattice(self, divisions: int) -> tuple[FloatArray, IntArray]:
@@ -482,11 +444,3 @@ def frame(edges: Edges) -> tuple[FloatArray, FloatArray]:
     """The normal m = (−t_y, t_x) left of the tangents of edges (n, 2), and −n·m (n,), the factor of Φ_tm in σ_T."""
     m = np.column_stack([-edges.tangent[:, 1], edges.tangent[:, 0]])
     return m, -np.sign((edges.normal * m).sum(axis=1))
-
-
-def _applied(table: FloatArray, coefficients: FloatArray) -> FloatArray:
-    """Functions (q, c, m), or (k, q, c, m), times coefficients (k, m); shape (k, q, c)."""
-    if table.ndim == 3:
-        q, c, m = table.shape
-        return np.asarray(coefficients @ table.reshape(q * c, m).T).reshape(len(coefficients), q, c)
-    return np.asarray((table @ coefficients[:, None, :, None])[..., 0])

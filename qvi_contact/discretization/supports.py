@@ -50,25 +50,13 @@ _DEPENDENT: Final = 1e-9  # what is left of a row, relative to its largest entry
 _WORTHY: Final = 1e-2  # an entry, relative to the largest, that makes a good pivot
 
 
-class Component(NamedTuple):
-    """Where a component of the traction is prescribed, and along which directions, see `Prescribed`."""
-
-    edges: Edges
-    direction: FloatArray
-    turns: bool
-
-
 class _Conditions(NamedTuple):
-    """Rows C (r, N), scaled so that d are forces, moments and degrees of freedom, dimensionless.
-
-    `is_load` (r,) tells rows whose d is a force or moment, `number` (r,) the edge that each belongs to, and `data`
-    makes d (r,) of what Φ has to make up for each of the components.
-    """
+    """Rows C u = d, scaled so that d are forces, moments and degrees of freedom, dimensionless."""
 
     C: Functionals
-    is_load: BoolArray
-    number: IntArray
-    data: Callable[[Sequence[EdgeQuadrature]], FloatArray]
+    is_load: BoolArray  # (r,): whether d is a force or moment
+    number: IntArray  # (r,): the edge that each belongs to
+    data: Callable[[Sequence[EdgeQuadrature]], FloatArray]  # d of what Φ has to make up for each of the components
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,14 +72,24 @@ class Supports(PicklesFields):
     """
 
     space: StressSpace
-    components: tuple[Component, ...]  # what is prescribed, but for its values
+    # where components of tractions are prescribed, but not their values: edges by number (k,), twice where two are
+    # given, along which directions (k, 2), and whether these turn along arcs (k,), see `Prescribed`
+    number: IntArray
+    direction: FloatArray
+    turns: BoolArray
 
     @classmethod
     def on(cls, space: StressSpace, given: Sequence[Prescribed], kept: Kept) -> Supports:
         """Those of a space for such components, made once."""
-        parts = [(p.edges, p.direction, p.turns and p.edges.curved) for p in given]
-        key = (space, *((edges.number.tobytes(), d.tobytes(), turns) for edges, d, turns in parts))
-        return kept(cls, key, lambda: cls(space, tuple(Component(p.edges, p.direction, p.turns) for p in given)))
+        parts = [(part.edges.number, part.direction, part.turns and part.edges.curved) for part in given]
+
+        def made() -> Supports:
+            number = np.concatenate([np.empty(0, np.int64), *(part[0] for part in parts)])
+            direction = np.concatenate([np.empty((0, 2)), *(part[1] for part in parts)])
+            turns = np.concatenate([np.empty(0, bool), *(np.full(len(part[0]), part[2]) for part in parts)])
+            return cls(space, number, direction, turns)
+
+        return kept(cls, (space, *((part[0].tobytes(), part[1].tobytes(), part[2]) for part in parts)), made)
 
     @property
     def basis(self) -> Basis:
@@ -123,10 +121,8 @@ class Supports(PicklesFields):
         A vector is 2p − 2 rows: force and moment of the data, and their other coefficients of Legendre. A component
         d·σn = (d·n) σ_N + (d·t) σ_T is p − 1 rows, its coefficients in the mean square.
         """
-        space, degree, components = self.space, self.space.degree - 2, self.components
-        number = np.concatenate([np.empty(0, np.int64), *(part.edges.number for part in components)])
-        direction = np.concatenate([np.empty((0, 2)), *(part.direction for part in components)])
-        turns = np.concatenate([np.empty(0, bool), *(np.full(len(part.edges), part.turns) for part in components)])
+        space, degree = self.space, self.space.degree - 2
+        number, direction, turns = self.number, self.direction, self.turns
         edges = _edges_of(space, number)  # as often as components are given there
         order = np.argsort(number, kind="stable")
         twice = np.flatnonzero(number[order][1:] == number[order][:-1])
@@ -284,31 +280,23 @@ class Basis:
 
         That is K on what is kept, and H + Hᵀ with H = Fᵀ (K_fn + K_ff F/2) for the factors F of what follows.
         """
-        n, f = len(self.kept), len(self.following)
-        number = np.full(self.size, n + f)  # of what is kept, then of what follows; last of what vanishes
+        n, f, factors = len(self.kept), len(self.following), self.factors
+        number, size = np.full(self.size, n + f), n + f + 1  # of what is kept, of what follows; last what vanishes
         number[self.kept], number[self.following] = np.arange(n), np.arange(n, n + f)
-        at = number[dofs]
-        cell, row = np.nonzero((at >= n) & (at < n + f))
-        own, across = at[cell, row, None] - n, at[cell]
-        more: Any = blocks[cell, row]  # rows of what follows
-        if are_few(n, n):
-            inside, width = (at < n)[:, :, None] & (at < n)[:, None], n + f + 1
-            places = np.where(inside, n * at[:, :, None] + at[:, None], n**2)
-            K = np.bincount(places.ravel(), blocks.ravel(), n**2 + 1)[:-1].astype(np.float64, copy=False)
-            K = K.reshape(n, n)  # NumPy counts in integers where there is nothing
-            rows = np.bincount((width * own + across).ravel(), more.ravel(), f * width).reshape(f, width)
-            half = self.factors.T @ (rows[:, :n] + rows[:, n:-1] @ self.factors / 2.0)
-            K += half
-            K += half.T
-            return K
-        factors, pairs = sparse.csr_array(self.factors), (own.repeat(at.shape[1], axis=1).ravel(), across.ravel())
-        more = sparse.csr_array((more.ravel(), pairs), shape=(f, n + f + 1))
-        half = sparse.coo_array(factors.T @ (more[:, :n] + more[:, n:-1] @ factors / 2.0))
-        at = np.minimum(at, n).astype(np.int32 if n < np.iinfo(np.int32).max else np.int64)  # others SciPy copies
-        first = np.concatenate([np.repeat(at, at.shape[1], axis=1).ravel(), half.row, half.col])
-        second = np.concatenate([np.tile(at, at.shape[1]).ravel(), half.col, half.row])
-        data = np.concatenate([blocks.ravel(), half.data, half.data])
-        return sparse.coo_array((data, (first, second)), shape=(n + 1, n + 1)).tocsc()[:n, :n]
+        at, few = number[dofs], are_few(n, n)
+        if few:
+            places = (size * at[:, :, None] + at[:, None]).ravel()
+            full: Any = np.bincount(places, blocks.ravel(), size**2).astype(np.float64, copy=False)
+            full = full.reshape(size, size)  # NumPy counts in integers where there is nothing
+        else:
+            at = at.astype(np.int32 if size < np.iinfo(np.int32).max else np.int64)  # others SciPy copies
+            pairs = np.repeat(at, at.shape[1], axis=1).ravel(), np.tile(at, at.shape[1]).ravel()
+            full = sparse.coo_array((blocks.ravel(), pairs), shape=(size, size)).tocsr()
+            factors = sparse.csr_array(factors)
+        rows = full[n:-1]
+        half = factors.T @ (rows[:, :n] + rows[:, n:-1] @ factors / 2.0)
+        found: Any = full[:n, :n] + half + half.T
+        return found if few else found.tocsc()
 
 
 @dataclass(frozen=True, eq=False)

@@ -65,14 +65,6 @@ def gauss_interpolation(count: int, t: FloatArray) -> FloatArray:
 
 
 @cache
-def to_samples(count: int) -> FloatArray:
-    """The same from the `count` Gauss points to `SAMPLES`, shape (count, 99)."""
-    matrix = gauss_interpolation(count, SAMPLES)
-    matrix.flags.writeable = False
-    return matrix
-
-
-@cache
 def product_integrals(first: int, second: int) -> FloatArray:
     """∫₀¹ B_i B_j dt of the degrees `first` and `second`, shape (first + 1, second + 1)."""
     i, j = range(first + 1), range(second + 1)

@@ -69,10 +69,7 @@ class HsiehCloughTocher:
         self.coefficients = self._dual_basis(self._smooth_functions())
 
     def _derivations(self) -> tuple[FloatArray, FloatArray]:
-        """Of each part, from coefficients to those of the gradient and of the Hessian.
-
-        Shapes (3, 2, count of degree p − 1, count) and (3, 3, count of degree p − 2, count).
-        """
+        """From coefficients of each part to those of the gradient (3, 2, …, count) and Hessian (3, 3, …, count)."""
         gradients, hessians, centre = [], [], CORNERS.mean(axis=0)
         for edge in EDGES:
             corners = np.vstack([CORNERS[list(edge)], centre])
@@ -83,15 +80,11 @@ class HsiehCloughTocher:
         return np.array(gradients), np.array(hessians)
 
     def _smooth_functions(self) -> FloatArray:
-        """An orthonormal basis of the C1 functions among the piecewise polynomials, shape (3, count, dimension).
-
-        Two parts meet in the line from a corner v to the barycentre. There the coefficients of Φ and of its gradient
-        in both parts agree.
-        """
+        """An orthonormal basis of the C1 functions among the piecewise polynomials, shape (3, count, dimension)."""
         p = self.degree
         count = len(exponents(p))
         rows = []
-        for v in range(3):
+        for v in range(3):  # on the line to the barycentre Φ and its gradient have the same coefficients in both parts
             first, second = (s for s in range(3) if s != v)
             jumps = np.zeros((3 * p + 1, 3, count))
             for s, sign in ((first, 1.0), (second, -1.0)):
@@ -104,10 +97,7 @@ class HsiehCloughTocher:
         return np.asarray(right[3 * count - self.dimension :].T.reshape(3, count, self.dimension))
 
     def _functionals(self) -> FloatArray:
-        """Degrees of freedom on the reference triangle as rows on Bernstein coefficients, (shared, 3, count).
-
-        Edges count with their vector e and that of their median m as directions: coefficients of Φ_ee and Φ_em.
-        """
+        """Degrees of freedom as rows on coefficients (shared, 3, count); edges e with medians m have Φ_ee and Φ_em."""
         count = len(exponents(self.degree))
         rows = np.zeros((self.shared, 3, count))
         for v in range(3):

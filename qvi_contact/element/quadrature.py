@@ -13,7 +13,7 @@ from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.element import bernstein, legendre
 from qvi_contact.element.legendre import gauss_legendre
 
@@ -96,8 +96,8 @@ class _Parts(NamedTuple):
         """Points t (q,) of the parts as places on their edges, (k, q)."""
         return np.asarray(self.start[:, None] + self.long[:, None] * t)
 
-    def take(self, index: IntArray) -> "_Parts":
-        return _Parts(self.edge[index], self.start[index], self.long[index], self.values[index])
+    def take(self, chosen: BoolArray) -> "_Parts":
+        return _Parts(self.edge[chosen], self.start[chosen], self.long[chosen], self.values[chosen])
 
     def allowed(self, size: float, rounding: FloatArray) -> FloatArray:
         """Differences (k,) that count as rounding, of values of this size at points moved by `rounding` (edges,)."""
@@ -135,30 +135,21 @@ def adapted(function: Function, count: int, points: int = 8, rounding: FloatArra
     Polynomials of a degree below that have one part an edge. Rounding of coordinates may move a point of each edge by
     `rounding` (n,) along the reference edge, by default not at all.
     """
-    every, t = np.arange(count), gauss_legendre(points)[0]
-    rounding = np.zeros(count) if rounding is None else rounding
     if not count:
-        return _quadrature(0, [_Parts(every, np.zeros(0), np.zeros(0), np.zeros((0, points)))], 0.0)
+        return constant(0.0, 0, points)
+    every, (t, w) = np.arange(count), gauss_legendre(points)
+    rounding = np.zeros(count) if rounding is None else rounding
     whole = _Parts.of(function, every, np.zeros(count), np.ones(count), t)
     samples = function(every, np.tile(bernstein.SAMPLES, (count, 1)))
     size = max(float(np.abs(values).max()) for values in (samples, whole.values))
-    unseen = np.abs(samples - whole.values @ bernstein.to_samples(points)).max(axis=1)
-    even = unseen <= whole.allowed(size, rounding)
-    divided, error = list[_Parts](), 0.0
-    if not even.all():
-        divided, error = _divided(function, whole.take(np.flatnonzero(~even)), samples, size, rounding)
-    return _quadrature(count, [whole.take(np.flatnonzero(even)), *divided], error)
-
-
-def _divided(
-    function: Function, waiting: _Parts, samples: FloatArray, size: float, rounding: FloatArray
-) -> tuple[list[_Parts], float]:
-    """Parts that follow the function, and the integral of what is left, as a share of one edge."""
-    points, edges = waiting.values.shape[1], len(waiting.edge)
-    t, w = gauss_legendre(points)  # from there to the points of a part's halves, and just inside its ends
-    to_halves = bernstein.gauss_interpolation(points, np.concatenate([t / 2.0, (1.0 + t) / 2.0]))
-    to_ends = bernstein.gauss_interpolation(points, _ENDS)
-    found, left = list[_Parts](), np.zeros(0)
+    # from the points of a part to those of its halves, just inside its ends, and to the samples of an edge
+    halfway = np.concatenate([t / 2.0, (1.0 + t) / 2.0])
+    to_halves, to_ends, to_samples = (
+        bernstein.gauss_interpolation(points, places) for places in (halfway, _ENDS, bernstein.SAMPLES)
+    )
+    even = np.abs(samples - whole.values @ to_samples).max(axis=1) <= whole.allowed(size, rounding)
+    found, waiting, left = [whole.take(even)], whole.take(~even), np.zeros(0)
+    edges = len(waiting.edge)
     for _ in range(_DEEPEST):
         if not 0 < len(waiting.edge) <= _MOST * edges:
             break
@@ -170,12 +161,7 @@ def _divided(
         left = waiting.long * between + missed / len(bernstein.SAMPLES)
         apart = np.maximum(most, np.concatenate([inside, at_ends], axis=1).max(axis=1))
         close = (left <= _NOTHING * size) | (apart <= waiting.allowed(size, rounding))
-        found.append(waiting.take(np.flatnonzero(close)))
-        waiting, left = halves.take(np.flatnonzero(np.repeat(~close, 2))), left[~close]
-    return [*found, waiting], float(left.sum())
-
-
-def _quadrature(count: int, parts: list[_Parts], error: float) -> EdgeQuadrature:
-    edge, start, long, values = (np.concatenate([getattr(part, name) for part in parts]) for name in _Parts._fields)
-    t, w = gauss_legendre(values.shape[1])
-    return EdgeQuadrature(count, edge, start[:, None] + long[:, None] * t, long[:, None] * w, values, error)
+        found.append(waiting.take(close))
+        waiting, left = halves.take(np.repeat(~close, 2)), left[~close]
+    parts = _Parts(*map(np.concatenate, zip(*found, waiting, strict=True)))
+    return EdgeQuadrature(count, parts.edge, parts.places(t), parts.long[:, None] * w, parts.values, float(left.sum()))

@@ -146,7 +146,3 @@ class AffineTriangles:
     def stress_maps(self) -> FloatArray:
         """From (Φ_ξξ, Φ_ηη, Φ_ξη) to (σ_xx, σ_yy, σ_xy) = (Φ_yy, Φ_xx, −Φ_xy), shape (n, 3, 3)."""
         return np.asarray(self.hessian_maps[:, [1, 0, 2]] * np.array([1.0, 1.0, -1.0])[:, None])
-
-    def points(self, barycentric: FloatArray) -> FloatArray:
-        """Points at barycentric coordinates (p, 3) of every triangle or (n, p, 3) of each; shape (n, p, 2)."""
-        return np.asarray(barycentric @ self.corners)

@@ -450,7 +450,7 @@ class StressProgram:
             at = space.curved.numbers
             own = reference[at] @ space.curved.functions[:, 3:, 3:]
             w[at], y[at] = own[..., :k], own[..., k:]
-        rows, shared = w.shape[1], space.differences.all_rows(w, np.arange(n))
+        rows, shared = w.shape[1], space.differences.all_rows(w)
         columns = np.repeat(np.arange(n * inner).reshape(n, inner), rows, axis=0)
         starts = inner * np.arange(n * rows + 1)
         own = sparse.csr_array((y.ravel(), columns.ravel(), starts), shape=(n * rows, n * inner))
