@@ -368,7 +368,7 @@ def refine() -> None:
         type=float,
         help="Refine the mesh until the two bounds agree to this relative difference, such as 1e-4.",
     ),
-    _ELEMENT,
+    _options(Settings, "degree"),
     _TIME_LIMIT,
     _VERBOSE,
     _JSON,
@@ -406,7 +406,7 @@ def limit() -> None:
         "--of", metavar="NAME", multiple=True, help="Contact, region or body to weaken; may be given several times."
     ),
     click.option("--accuracy", type=float, default=1e-3, show_default=True, help="Relative width of each bisection."),
-    _ELEMENT,
+    _options(Settings, "degree"),
     _TIME_LIMIT,
     _VERBOSE,
     _JSON,

@@ -45,7 +45,7 @@ from qvi_contact.element.triangle import gradient, quadrature
 from qvi_contact.errors import SolveError
 from qvi_contact.limit.conic import HELD, INFEASIBLE, ConicProgram
 from qvi_contact.limit.split import Nodes, coefficients_of, nodes_along, numbered, part_corners
-from qvi_contact.limit.stresses import ALONG, Carried, YieldCones, edge_coefficients, limited
+from qvi_contact.limit.stresses import ALONG, Carried, YieldCones, limited
 from qvi_contact.mechanism import RigidMotion
 from qvi_contact.mechanism.bodies import FLUID
 from qvi_contact.mesh.edges import Edges, linked
@@ -419,9 +419,7 @@ class FlowProgram:
         table = bernstein.product_integrals(degree, degree + 1)
         for rows, contact in limited(discretization):
             moved, edges, q = motion.contacts[contact.name], rows.points.edges, rows.rule.count
-            normal, shear = (
-                half[rows.rows].reshape(-1, q) @ edge_coefficients(rows).T for half in np.split(carried.tractions, 2)
-            )
+            normal, shear = (half[rows.rows].reshape(-1, q) for half in np.split(carried.tractions, 2))
             worked = np.einsum("ei,ij,ej->e", normal, table, moved.opening)
             worked -= np.einsum("ei,ij,ej->e", shear, table, moved.slip)
             part = moved.dissipation - worked * edges.length / self.space.mesh.length

@@ -104,7 +104,7 @@ def limit_proof(
 
     """
     with deadline(time_limit):
-        posed = LimitProblem.of(problem, checked_loads(problem, loads) if len(loads) else (), degree=degree)
+        posed = LimitProblem.of(problem, checked_loads(problem, loads) if len(loads) else (), degree)
         stated = Statement(problem, posed.names, posed.low.space.traction_degree)
         ways: dict[Callable[[], dict[str, Any]], str] = {lambda: exceeded_by_blocks(stated, posed): "upper"}
         if posed.names and problem.yields:

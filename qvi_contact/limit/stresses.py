@@ -40,7 +40,6 @@ from scipy import sparse
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, joined
-from qvi_contact.element import bernstein
 from qvi_contact.element.triangle import exponents
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.conic import HELD, ROUNDING, UNBOUNDED, ConicProgram
@@ -111,7 +110,7 @@ def whole_edge_rows(discretization: Discretization, signs: IntArray) -> tuple[sp
         if rows.law == "bilateral":
             sign = np.where((friction > 0.0).any(axis=1), signs[first : first + len(edges)], EITHER)
         first += len(edges)
-        plain = np.broadcast_to(edge_coefficients(rows), (len(edges), q, q))
+        plain = np.broadcast_to(np.eye(q), (len(edges), q, q))
         pressed, elevated = -sign[:, None, None] * plain, _times(np.ones((len(edges), 2)), plain)
         one_sided, every = sign != EITHER, np.ones(len(edges), dtype=bool)
         groups = [(one_sided, pressed[one_sided], 0.0 * plain[one_sided], np.zeros(one_sided.sum() * q))]
@@ -139,14 +138,6 @@ def both_signs(discretization: Discretization) -> BoolArray:
         friction = _below(discretization.problem, rows.points.edges, "Contact.friction", contact.friction)
         found.append(np.asarray((friction > 0.0).any(axis=1) & (rows.law == "bilateral")))
     return np.concatenate(found)
-
-
-def edge_coefficients(rows: ContactRows) -> FloatArray:
-    """Matrix (q, q) from the rows of an edge to Bernstein coefficients."""
-    rule = rows.rule
-    if rule.law_on == "edges":
-        return np.eye(rule.count)
-    return np.asarray(np.linalg.inv(bernstein.basis(rule.count - 1, rule.points)))
 
 
 def _times(ends: FloatArray, coefficients: FloatArray) -> FloatArray:
@@ -342,13 +333,13 @@ class StressProgram:
 
     def _with_signs(self, solve: Callable[[IntArray], Carried]) -> Carried:
         """The best with signs of bilateral pressure that a first program without friction there suggests."""
-        undecided, rule = both_signs(self.low), self.low.rule
+        undecided = both_signs(self.low)
         found = [solve(np.full(len(undecided), EITHER))]
         if undecided.any():
             trials = [np.full(len(undecided), PRESSURE)]
             if found[0].tractions is not None:
-                normal = rule.at_points(found[0].tractions[: self.low.qvi.m]).reshape(-1, rule.count)
-                trials.append(np.where(normal @ rule.weights > 0.0, TENSION, PRESSURE))
+                normal = found[0].tractions[: self.low.qvi.m].reshape(-1, self.low.rule.count)
+                trials.append(np.where(normal.sum(axis=1) > 0.0, TENSION, PRESSURE))
             found += [solve(trial) for trial in trials]
         return max(found, key=lambda each: each.factor)
 

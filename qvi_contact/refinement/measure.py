@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias
+from typing import Any, Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -36,9 +36,6 @@ from qvi_contact.solution.stress import COMPONENTS, cell_factors, held_along_z, 
 from solvers import QVISolution
 from solvers.derivative import Change, change
 from solvers.errors import known_name
-
-if TYPE_CHECKING:
-    from qvi_contact.discretization.space import LawOn
 
 Quantity: TypeAlias = str | Callable[[ContactResult], float]
 
@@ -401,7 +398,6 @@ class LimitFactor:
         side: Side | None = None,
         *,
         degree: int | None = None,
-        law_on: LawOn | None = None,
     ) -> float:
         """By how much the factor grows with a datum of the problem [1/unit of the datum].
 
@@ -422,11 +418,11 @@ class LimitFactor:
         side : "above" or "below", optional
             Needed where another mechanism begins at this value, to within 0.2 %, so that the derivatives from both
             sides differ; such values are good to about five digits. What is zero has only the one from above.
-        degree, law_on
+        degree
             As for `limit_load_factor`.
 
         """
-        posed = LimitProblem.of(problem, checked_loads(problem, self.loads), degree=degree, law_on=law_on)
+        posed = LimitProblem.of(problem, checked_loads(problem, self.loads), degree)
         if both_signs(posed.low).any():
             raise InputError("problem", "bilateral", "bilateral contacts with friction have no derivative: give none")
         if side not in (None, "above", "below"):
