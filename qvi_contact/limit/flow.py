@@ -1,26 +1,14 @@
 """Limit loads from above: velocities of the body, continuous on the split triangles, with jumps on its contacts.
 
-The support function π(ε) = sup {σ·ε : σ ∈ G} of a yield criterion is convex and positively homogeneous. So with the
-Bernstein coefficients ε_i of degree k = p − 2 of the strain rate of velocities v of degree p − 1 on the three parts of
-every triangle
+The program is (D37), and the difference of both sides (D38). With Bernstein coefficients ε_i of the strain rate, of
+degree k = p − 2 for velocities of degree p − 1, what a body of cones |(γ_j S, σ_xx − σ_yy, 2σ_xy)| ≤ a_j − β_j S
+dissipates is bounded by
 
     ∫ π(ε) dx  ≤  Σ |part| mean_i π(ε_i),     π(ε) = min Σ_j a_j s_j   s.t.   |(ρ_j, r_j)| ≤ s_j,
                                               Σ_j r_j = ((ε_xx − ε_yy)/2, ε_xy),   Σ_j (β_j s_j + γ_j ρ_j) = tr ε/2
 
-for cones |(γ_j S, σ_xx − σ_yy, 2σ_xy)| ≤ a_j − β_j S. On contacts jumps of v dissipate by the associated law (D23),
-coefficient by coefficient. A part of the body without strength moves as a rigid body. Normalised to one unit of power
-of the loads that are multiplied,
-
-    min  ∫ π(ε) + ∫ π([v]) ds − P_dead(v)   s.t.   P(v) = 1
-
-is an upper bound of the limit load for every v that the supports allow. On split triangles such velocities without
-change of volume are the rotated gradients of C1 stream functions of degree p, so that nothing locks.
-
-With the stress that carries α and the flow of power 1 both sides are apart by
-
-    upper − lower  =  Σ_T [ Σ w_i π(ε_i) − ∫_T σ·ε ]  +  Σ_E [ π_E − ∫_E (σ_N' w − σ_T [v]_T) ds ],
-
-and no part is negative, since σ is admissible at every point and π bounds what it can dissipate.
+Jumps on contacts dissipate by the associated law (D23), coefficient by coefficient. A part of the body without strength
+moves as a rigid body.
 
 In `docs/theory.md`: (D37), (D38).
 """

@@ -1,7 +1,7 @@
 """Proof files in rational numbers, for a checker that trusts nothing of this package.
 
 *From below*: rounding breaks the smoothness of Φ and its tractions by some 1e-16. So Φ is built again, exactly, by
-`rational`: prescribed tractions, and forces of plates, are linear equations between its ordinates. The file has its
+`split.Smooth`: prescribed tractions, and forces of plates, are linear equations between its ordinates. The file has its
 stresses.
 
 *From above*: velocities are zero in the directions in which no traction is prescribed. Rigid blocks, and plates that
@@ -34,7 +34,7 @@ from qvi_contact.limit.check_proof import FORMAT, at_factor, check, dissipated, 
 from qvi_contact.limit.check_proof import exponents as _exponents
 from qvi_contact.limit.flow import FlowProgram, Velocities
 from qvi_contact.limit.load_factor import LimitProblem, checked_loads
-from qvi_contact.limit.rational import (
+from qvi_contact.limit.split import (
     ONE,
     ZERO,
     OutOfBalanceError,
@@ -43,10 +43,11 @@ from qvi_contact.limit.rational import (
     Terms,
     Vector,
     combined,
+    lattice,
     middle,
+    part_corners,
     solved,
 )
-from qvi_contact.limit.split import lattice, part_corners
 from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.mechanism import RigidMotion, find_mechanism
 from qvi_contact.mesh.edges import Edges

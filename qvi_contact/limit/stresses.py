@@ -1,28 +1,13 @@
 """Limit loads from below: stresses in equilibrium whose Bernstein coefficients lie in the yield cones.
 
-On each of the three parts of a triangle, split at its barycentre, σ = (Φ_yy + φ, Φ_xx + φ, −Φ_xy) is a polynomial of
-degree k = p − 2 with coefficients
+The program is (D36), in unknowns z, the functions y inside a triangle, and the load factor α;
+contact laws hold on whole edges, (D24). Φ is C1 and σ(x) a convex combination of its coefficients: α is a lower bound
+of the limit load, whatever the solver did. What varies over a part counts from below by its own coefficients if it is
+affine there, from above by its means ∫ a B_i/∫ B_i, since ∫ a |ε| ≤ Σ |ε_i| ∫ a B_i; else by its least and its largest
+value, as far as samples show them.
 
-    σ_i = S_i (z, y) + s_i⁰ + α s_i¹
-
-in the unknowns z, the functions y inside a triangle, and the load factor α. Then
-
-    max α   s.t.   σ_i ∈ G for every i,   the contact laws on whole edges (D24),   resultants of plates
-
-is a second-order cone program. σ(x) = Σ B_i(x) σ_i is a convex combination, so σ(x) ∈ G everywhere, and Φ is C1: α is a
-lower bound of the limit load, whatever the solver did. What varies over a part counts from below by its own
-coefficients if it is affine there, from above by its means ∫ a B_i/∫ B_i, since ∫ a |ε| ≤ Σ |ε_i| ∫ a B_i; else by its
-least and its largest value, as far as samples show them.
-
-Contact laws hold on whole edges. Tractions of one edge are polynomials of degree p there. With their Bernstein
-coefficients N_k and T_k, affine functions nowhere above c, t_max and μ in place of these, and E the elevation to degree
-p + 1,
-
-    N_k ≤ 0,    ±T_k ≤ t_k,    ±(E T)_k + (μN)_k ≤ c_k,    (μN)_k = [(p + 1 − k) μ₀ N_k + k μ₁ N_{k−1}]/(p + 1)
-
-are sufficient for σ_N ≤ 0 and |σ_T| ≤ min(c + μ|σ_N|, t_max) at every point. Bilateral contacts with friction have a
-bound that grows with |σ_N|: on each edge one sign of σ_N is chosen, or none, and then friction does not count. Where no
-body yields these rows alone limit tractions, and the program is linear.
+Bilateral contacts with friction have a bound that grows with |σ_N|: on each edge one sign of σ_N is chosen, or none,
+and then friction does not count. Where no body yields contacts alone limit tractions, and the program is linear.
 
 In `docs/theory.md`: (D24), (D36).
 """
