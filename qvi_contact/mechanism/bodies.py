@@ -244,19 +244,21 @@ class Line:
     @classmethod
     def of(cls, contact: Contact, bodies: tuple[int, int], frame: Frame, edges: FloatArray, *, arc: bool) -> "Line":
         """With places where w ≥ μ |[v]_T| is asked for, and μ there, which is nowhere below the contact's own."""
-        mu, capped, pieces = contact.friction, contact.shear_limit is not None, edges
-        if not arc:
-            whole = np.array([[edges.min(), edges.max()]])
-            pieces = _parts(edges, _PIECES) if callable(mu) else _parts(whole, _CAPPED_PIECES if capped and mu else 1)
-        s = _between(pieces, np.linspace(0.0, 1.0, _SAMPLES + 1))
-        values = evaluate("Contact.friction", mu, *frame(s.ravel())[0].T, minimum=0.0).reshape(s.shape)
-        if arc:
-            places = edges.max() * bernstein.nodes(_DEGREE)
-            return cls(contact, bodies, frame, edges, arc, places, np.full(len(places), values.max()))
-        places, index = np.unique(pieces.ravel(), return_inverse=True)
-        friction = np.zeros(len(places))
-        np.maximum.at(friction, index, _above(values, capped).ravel())
-        return cls(contact, bodies, frame, edges, arc, places, friction)
+        mu, capped = contact.friction, contact.shear_limit is not None
+        if callable(mu):
+            marks = _between(edges, np.linspace(0.0, 1.0, 2 if arc else _PIECES + 1))
+            pieces = np.stack([marks[:, :-1].ravel(), marks[:, 1:].ravel()], axis=1)
+            s = _between(pieces, np.linspace(0.0, 1.0, _SAMPLES + 1))
+            values = evaluate("Contact.friction", mu, *frame(s.ravel())[0].T, minimum=0.0).reshape(s.shape)
+            if not arc:
+                places, index = np.unique(pieces.ravel(), return_inverse=True)
+                friction = np.zeros(len(places))
+                np.maximum.at(friction, index, _above(values, capped).ravel())
+                return cls(contact, bodies, frame, edges, arc, places, friction)
+            mu = float(values.max())
+        count = _CAPPED_PIECES if capped and mu else 1
+        places = edges.max() * bernstein.nodes(_DEGREE) if arc else np.linspace(edges.min(), edges.max(), count + 1)
+        return cls(contact, bodies, frame, edges, arc, places, np.full(len(places), float(mu)))
 
     @property
     def fixed(self) -> bool:
@@ -396,12 +398,6 @@ class Line:
 def _between(ends: FloatArray, t: FloatArray) -> FloatArray:
     """Affine functions (n, q) at points t from their values at both ends (n, 2)."""
     return np.asarray(ends[:, :1] + np.diff(ends, axis=1) * t)
-
-
-def _parts(pieces: FloatArray, count: int) -> FloatArray:
-    """Pieces (n, 2) divided into equal parts, (n · count, 2)."""
-    marks = _between(pieces, np.linspace(0.0, 1.0, count + 1))
-    return np.stack([marks[:, :-1].ravel(), marks[:, 1:].ravel()], axis=1)
 
 
 def lines(problem: ContactProblem, bodies: Bodies) -> tuple[Line, ...]:
