@@ -214,11 +214,9 @@ class FlowProgram:
         It goes a share of the way towards a flow inside all limits, as far as they leave room.
         """
         n, cones = self.space.basis.shape[1], self.cones
-        powers = [(name in self.names, row @ self.space.basis) for name, row in self._powers()]
-        live, dead = (
-            np.asarray(sum((row for multiplied, row in powers if multiplied is which), np.zeros(n)))
-            for which in (True, False)
-        )
+        live, dead = np.zeros((2, n))
+        for name, row in self._powers():
+            (live if name in self.names else dead)[:] += row @ self.space.basis
         # velocities of size 1 have a power of the size 1
         program = self._program(live / (float(np.abs(live).sum()) or 1.0), dead)
         found = program.solve()
@@ -385,11 +383,10 @@ class FlowProgram:
         opening, slip = slips.opening @ x[:n], slips.slip @ x[:n]
         paid = slips.costs * x[len(x) - len(slips.at) :]
         cost = np.asarray(np.bincount(slips.at, paid, len(opening)), dtype=np.float64)
-        found, start = {}, 0
-        for name, count in slips.lengths.items():
-            w, t, paid = (np.asarray(part[start : start + count * p]).reshape(-1, p) for part in (opening, slip, cost))
-            found[name] = ContactFlow(w, t, paid.sum(axis=1))
-            start += count * p
+        ends = np.cumsum([0, *slips.lengths.values()])[1:]
+        parts = (np.split(part.reshape(-1, p), ends) for part in (opening, slip, cost))  # the last of each is empty
+        found = {name: ContactFlow(w, t, spent.sum(axis=1))
+                 for name, w, t, spent in zip(slips.lengths, *parts, strict=False)}  # fmt: skip
         plates = {
             contact.name: RigidMotion(a, b, turn / space.mesh.length, contact.plate.pivot)
             for contact, (a, b, turn) in zip(space.plates, v[2 * space.count :].reshape(-1, 3).tolist(), strict=True)

@@ -143,8 +143,7 @@ def limit_load_factor(
     Returns
     -------
     LimitLoad
-        A float, the factor `lower`, with `upper` and `mechanism`; ``inf`` if every multiple can be carried, ``-inf`` if
-        none can.
+        Both sides.
 
     Raises
     ------

@@ -369,13 +369,6 @@ class StressProgram:
         bound = (float(h @ d + b @ nu) + rounding) / rate if rate > 0.0 else np.inf
         return Carried(factor, missed / size, np.asarray(N @ (units @ x) + n), bound, np.asarray(H.T @ d))
 
-    def room(self) -> float:
-        """How much all limits, over the stress of the loads, may be lowered for the mesh to carry some multiple.
-
-        Negative where it carries none: by so much they would have to be raised.
-        """
-        return self.program().room()[1]
-
     def program(self, signs: IntArray | None = None) -> ConicProgram:
         """The cone program for signs (e,) of σ_N on contact edges, see `whole_edge_rows`; by default for none."""
         (N, n), (S, s) = self._tractions, self._stress
