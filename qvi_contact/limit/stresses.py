@@ -96,11 +96,11 @@ def whole_edge_rows(discretization: Discretization, signs: IntArray) -> tuple[sp
             sign = np.where((friction > 0.0).any(axis=1), signs[first : first + len(edges)], EITHER)
         first += len(edges)
         plain = np.broadcast_to(np.eye(q), (len(edges), q, q))
-        pressed, elevated = -sign[:, None, None] * plain, _times(np.ones((len(edges), 2)), plain)
+        rubbed, elevated = _times(-sign[:, None] * friction, q), _times(np.ones((len(edges), 2)), q)
         one_sided, every = sign != EITHER, np.ones(len(edges), dtype=bool)
-        groups = [(one_sided, pressed[one_sided], 0.0 * plain[one_sided], np.zeros(one_sided.sum() * q))]
-        groups += [(every, _times(friction, pressed), one * elevated, _affine(cohesion, q) / stress)
-                   for one in (1.0, -1.0)]  # fmt: skip
+        pressed = -sign[one_sided, None, None] * np.eye(q)
+        groups = [(one_sided, pressed, 0.0 * pressed, np.zeros(len(pressed) * q))]
+        groups += [(every, rubbed, one * elevated, _affine(cohesion, q) / stress) for one in (1.0, -1.0)]
         if contact.shear_limit is not None:
             cap = _affine(_below(problem, edges, "Contact.shear_limit", contact.shear_limit), q - 1) / stress
             groups += [(every, 0.0 * plain, one * plain, cap) for one in (1.0, -1.0)]
@@ -125,12 +125,11 @@ def both_signs(discretization: Discretization) -> BoolArray:
     return np.concatenate(found)
 
 
-def _times(ends: FloatArray, coefficients: FloatArray) -> FloatArray:
-    """Coefficients (e, q + 1, r) of affine functions of end values (e, 2) times coefficients (e, q, r)."""
-    q = coefficients.shape[1]
-    k, none = np.arange(q + 1)[:, None], np.zeros_like(coefficients[:, :1])
-    own, before = np.concatenate([coefficients, none], axis=1), np.concatenate([none, coefficients], axis=1)
-    return np.asarray(((q - k) * ends[:, :1, None] * own + k * ends[:, 1:, None] * before) / q)
+def _times(ends: FloatArray, q: int) -> FloatArray:
+    """Matrices (e, q + 1, q) that multiply polynomials of q coefficients by affine functions of end values (e, 2)."""
+    k = np.arange(q + 1)[:, None]
+    own, before = (q - k) * np.eye(q + 1, q), k * np.eye(q + 1, q, -1)
+    return np.asarray((ends[:, :1, None] * own + ends[:, 1:, None] * before) / q)
 
 
 def _affine(ends: FloatArray, degree: int) -> FloatArray:
