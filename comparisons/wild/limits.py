@@ -112,7 +112,7 @@ def _why_nothing(problem: ContactProblem, load: str, degree: int, upper: float) 
     lacking = []
     for each in (problem, fine):
         posed = LimitProblem.of(each, (load,), degree=min(degree, 4))
-        lacking.append(-posed.stresses.room())
+        lacking.append(-posed.stresses.program().room()[1])
     if lacking[0] < ROUNDING:
         return "rounding: limits leave no room"
     if lacking[1] < LASTING * lacking[0]:

@@ -325,7 +325,7 @@ def refine() -> None:
         "--load", "loads", metavar="NAME", multiple=True, help="Name of a load to multiply; may be given several times."
     ),
     _option("target", "Refine the mesh until the two bounds agree to this relative difference, such as 1e-4."),
-    "degree law_on time_limit verbose json",
+    "degree time_limit verbose json",
     _option("plot", "Draw how the body gives way beyond the limit: .png, .svg or .pdf."),
     _option("vtk", "Write how a body that yields gives way for ParaView (.vtu)."),
     _option("report", "Write a report on one page (.html): both numbers, and how the body gives way."),
@@ -359,7 +359,7 @@ def limit() -> None:
         "--of", metavar="NAME", multiple=True, help="Contact, region or body to weaken; may be given several times."
     ),
     click.option("--accuracy", type=float, default=1e-3, show_default=True, help="Relative width of each bisection."),
-    "degree law_on time_limit verbose json",
+    "degree time_limit verbose json",
 )
 def safety() -> None:
     """Bounds of the factor by which friction, cohesion and strengths may be divided until the loads are just carried.

@@ -42,7 +42,6 @@ from solvers.settings import METHODS
 if TYPE_CHECKING:
     from qvi_contact.bracket import Bracket
 
-_SPACE: Final = ("degree", "law_on")
 _MOST: Final = 1_000_000  # values that are asked for at once
 _PARAMETERS: Final = ("friction", "load", "gap", "offset")
 _OWN: Final = ("parameter", "values", "of")  # arguments of `solve_sweep`, and keys of [sweep]
@@ -71,8 +70,8 @@ def _opened(
         yield problem_file, targets, options | element | typed
 
 
-def _space(options: dict[str, Any]) -> dict[str, Any]:
-    return {name: options[name] for name in _SPACE if name in options}
+def _some(options: dict[str, Any], *names: str) -> dict[str, Any]:
+    return {name: options[name] for name in names if name in options}
 
 
 def _ended(
@@ -121,7 +120,7 @@ def verify(result: str, tolerance: float | None, verbose: bool, as_json: bool) -
 def check(file: str, as_json: bool, **given: Any) -> int:
     """Print what a problem file describes."""
     with _opened(file, given) as (problem_file, targets, options):
-        problem, found = report.outline(problem_file, _space(options))
+        problem, found = report.outline(problem_file, _some(options, "degree", "law_on"))
     if "plot" in targets:
         from qvi_contact import plots
 
@@ -201,7 +200,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         _opened(file, given) as (problem_file, targets, options),
         solving(problem_file.title or "limit", verbose=verbose),
     ):
-        space = _space(options)
+        space = _some(options, "degree")
         told: dict[str, Any] = {**space, "time_limit": given["time_limit"], "verbose": verbose}
         problem, refinement, proof = problem_file.problem, None, targets.pop("proof", None)
         if proof is not None and not loads:
@@ -259,7 +258,7 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
     ):
         found = strength_reduction_factor(
             problem_file.problem, of=list(of) or None, accuracy=accuracy, time_limit=given["time_limit"],
-            **_space(options),
+            **_some(options, "degree"),
         )  # fmt: skip
     above = f"divided by {found.upper:.6g} they do not on any mesh" if found.upper < math.inf else "no bound above"
     said = f"strengths divided by {found.lower:.6g} carry the loads on this mesh; {above}"

@@ -5,10 +5,9 @@
 | `load_factor` | `limit_load_factor`, `strength_reduction_factor` and their answers             |
 | `stresses`    | from below: contact laws on whole edges, and stresses in the yield cones       |
 | `flow`        | from above: velocities, with jumps on contacts; where to refine                |
-| `split`       | polynomials on split triangles                                                 |
+| `split`       | polynomials on split triangles, and C1 functions in rational numbers           |
 | `conic`       | cone programs by Clarabel, and answers made to hold                            |
 | `proof`       | `limit_proof`: files that prove both sides                                     |
-| `rational`    | smooth functions and linear equations in rational numbers                      |
 | `check_proof` | a script that checks them, by Python's standard library alone                  |
 """
 

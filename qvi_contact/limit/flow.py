@@ -1,26 +1,14 @@
 """Limit loads from above: velocities of the body, continuous on the split triangles, with jumps on its contacts.
 
-The support function π(ε) = sup {σ·ε : σ ∈ G} of a yield criterion is convex and positively homogeneous. So with the
-Bernstein coefficients ε_i of degree k = p − 2 of the strain rate of velocities v of degree p − 1 on the three parts of
-every triangle
+The program is (D37), and the difference of both sides (D38). With Bernstein coefficients ε_i of the strain rate, of
+degree k = p − 2 for velocities of degree p − 1, what a body of cones |(γ_j S, σ_xx − σ_yy, 2σ_xy)| ≤ a_j − β_j S
+dissipates is bounded by
 
     ∫ π(ε) dx  ≤  Σ |part| mean_i π(ε_i),     π(ε) = min Σ_j a_j s_j   s.t.   |(ρ_j, r_j)| ≤ s_j,
                                               Σ_j r_j = ((ε_xx − ε_yy)/2, ε_xy),   Σ_j (β_j s_j + γ_j ρ_j) = tr ε/2
 
-for cones |(γ_j S, σ_xx − σ_yy, 2σ_xy)| ≤ a_j − β_j S. On contacts jumps of v dissipate by the associated law (D23),
-coefficient by coefficient. A part of the body without strength moves as a rigid body. Normalised to one unit of power
-of the loads that are multiplied,
-
-    min  ∫ π(ε) + ∫ π([v]) ds − P_dead(v)   s.t.   P(v) = 1
-
-is an upper bound of the limit load for every v that the supports allow. On split triangles such velocities without
-change of volume are the rotated gradients of C1 stream functions of degree p, so that nothing locks.
-
-With the stress that carries α and the flow of power 1 both sides are apart by
-
-    upper − lower  =  Σ_T [ Σ w_i π(ε_i) − ∫_T σ·ε ]  +  Σ_E [ π_E − ∫_E (σ_N' w − σ_T [v]_T) ds ],
-
-and no part is negative, since σ is admissible at every point and π bounds what it can dissipate.
+Jumps on contacts dissipate by the associated law (D23), coefficient by coefficient. A part of the body without strength
+moves as a rigid body.
 
 In `docs/theory.md`: (D37), (D38).
 """
@@ -45,7 +33,7 @@ from qvi_contact.element.triangle import gradient, quadrature
 from qvi_contact.errors import SolveError
 from qvi_contact.limit.conic import HELD, INFEASIBLE, ConicProgram
 from qvi_contact.limit.split import Nodes, coefficients_of, nodes_along, numbered, part_corners
-from qvi_contact.limit.stresses import ALONG, Carried, YieldCones, edge_coefficients, limited
+from qvi_contact.limit.stresses import ALONG, Carried, YieldCones, limited
 from qvi_contact.mechanism import RigidMotion
 from qvi_contact.mechanism.bodies import FLUID
 from qvi_contact.mesh.edges import Edges, linked
@@ -226,11 +214,9 @@ class FlowProgram:
         It goes a share of the way towards a flow inside all limits, as far as they leave room.
         """
         n, cones = self.space.basis.shape[1], self.cones
-        powers = [(name in self.names, row @ self.space.basis) for name, row in self._powers()]
-        live, dead = (
-            np.asarray(sum((row for multiplied, row in powers if multiplied is which), np.zeros(n)))
-            for which in (True, False)
-        )
+        live, dead = np.zeros((2, n))
+        for name, row in self._powers():
+            (live if name in self.names else dead)[:] += row @ self.space.basis
         # velocities of size 1 have a power of the size 1
         program = self._program(live / (float(np.abs(live).sum()) or 1.0), dead)
         found = program.solve()
@@ -397,11 +383,10 @@ class FlowProgram:
         opening, slip = slips.opening @ x[:n], slips.slip @ x[:n]
         paid = slips.costs * x[len(x) - len(slips.at) :]
         cost = np.asarray(np.bincount(slips.at, paid, len(opening)), dtype=np.float64)
-        found, start = {}, 0
-        for name, count in slips.lengths.items():
-            w, t, paid = (np.asarray(part[start : start + count * p]).reshape(-1, p) for part in (opening, slip, cost))
-            found[name] = ContactFlow(w, t, paid.sum(axis=1))
-            start += count * p
+        ends = np.cumsum([0, *slips.lengths.values()])[1:]
+        parts = (np.split(part.reshape(-1, p), ends) for part in (opening, slip, cost))  # the last of each is empty
+        found = {name: ContactFlow(w, t, spent.sum(axis=1))
+                 for name, w, t, spent in zip(slips.lengths, *parts, strict=False)}  # fmt: skip
         plates = {
             contact.name: RigidMotion(a, b, turn / space.mesh.length, contact.plate.pivot)
             for contact, (a, b, turn) in zip(space.plates, v[2 * space.count :].reshape(-1, 3).tolist(), strict=True)
@@ -419,9 +404,7 @@ class FlowProgram:
         table = bernstein.product_integrals(degree, degree + 1)
         for rows, contact in limited(discretization):
             moved, edges, q = motion.contacts[contact.name], rows.points.edges, rows.rule.count
-            normal, shear = (
-                half[rows.rows].reshape(-1, q) @ edge_coefficients(rows).T for half in np.split(carried.tractions, 2)
-            )
+            normal, shear = (half[rows.rows].reshape(-1, q) for half in np.split(carried.tractions, 2))
             worked = np.einsum("ei,ij,ej->e", normal, table, moved.opening)
             worked -= np.einsum("ei,ij,ej->e", shear, table, moved.slip)
             part = moved.dissipation - worked * edges.length / self.space.mesh.length

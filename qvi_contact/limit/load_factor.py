@@ -13,7 +13,6 @@ import numpy as np
 from qvi_contact.basics.checks import Field, FloatArray, positive_number
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.discretization.space import LawOn
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
 from qvi_contact.limit.flow import BodyMotion, FlowProgram
 from qvi_contact.limit.split import coefficients_of
@@ -106,7 +105,6 @@ def limit_load_factor(
     *,
     time_limit: float | None = None,
     degree: int | None = None,
-    law_on: LawOn | None = None,
     verbose: bool = False,
     **retired: Any,
 ) -> LimitLoad:
@@ -135,8 +133,8 @@ def limit_load_factor(
         "body" for the body force, or names of `BodyForces`.
     time_limit : float, optional
         Seconds for the linear programs, at most 300 for each of them in any case.
-    degree, law_on
-        Degree of the element, and what bounds tractions, see `discretize`.
+    degree : int, optional
+        Degree of the element, see `discretize`.
     verbose : bool
         Print what is asked for, and both sides with the time.
     **retired
@@ -145,8 +143,7 @@ def limit_load_factor(
     Returns
     -------
     LimitLoad
-        A float, the factor `lower`, with `upper` and `mechanism`; ``inf`` if every multiple can be carried, ``-inf`` if
-        none can.
+        Both sides.
 
     Raises
     ------
@@ -158,7 +155,7 @@ def limit_load_factor(
     """
     refuse_arguments(retired)
     with deadline(time_limit), Log(f"qvi_contact {__version__}: limit_load_factor", verbose, {}) as log:
-        posed = LimitProblem.of(problem, checked_loads(problem, loads), degree=degree, law_on=law_on)
+        posed = LimitProblem.of(problem, checked_loads(problem, loads), degree)
         log.begin({"loads": ", ".join(posed.names), "unknowns": posed.unknowns})
         limit = posed.limit
         gap = limit.bound - limit.lower
@@ -183,11 +180,11 @@ class LimitProblem:
     high: Discretization
 
     @classmethod
-    def of(cls, problem: ContactProblem, names: tuple[str, ...], **space: Any) -> LimitProblem:
-        """The analysis of checked loads; `space` is for `discretize`."""
+    def of(cls, problem: ContactProblem, names: tuple[str, ...], degree: int | None = None) -> LimitProblem:
+        """The analysis of checked loads. Contact laws hold on whole edges."""
         multiples = [multiplied(problem, names, factor) for factor in _SAMPLES]
         scales = Scales.of(multiples[1])
-        low = discretize(multiples[0], scales=scales, **space)  # in the same units, with the same degrees of freedom
+        low = discretize(multiples[0], degree=degree, law_on="edges", scales=scales)
         return cls(problem, names, low, low.with_data(multiples[1], scales))
 
     @property
@@ -342,7 +339,6 @@ def strength_reduction_factor(
     of: Sequence[str] | None = None,
     accuracy: float = 1e-3,
     degree: int | None = None,
-    law_on: LawOn | None = None,
     time_limit: float | None = None,
 ) -> StrengthReduction:
     """The factor by which strengths may be divided until the loads are just carried, from both sides.
@@ -359,7 +355,7 @@ def strength_reduction_factor(
         What is divided: names of contacts, of regions, and "body" for the body's own material. By default everything.
     accuracy : float
         Relative width at which the searches for both sides end, below 1.
-    degree, law_on, time_limit
+    degree, time_limit
         As for `limit_load_factor`.
 
     Raises
@@ -382,14 +378,13 @@ def strength_reduction_factor(
         raise InputError("of", of, f"give a list of names out of {', '.join(weak)}")
     chosen = frozenset(weak if of is None else (known_name("of", name, {"contacts and regions": weak}) for name in of))
     names = (*loads_of(problem), FLUID)
-    space: dict[str, Any] = {"degree": degree, "law_on": law_on}
 
     known: dict[float, tuple[float, float]] = {}  # by logarithms of factors
 
     def spare(u: float, side: int) -> float:
         """The logarithm of the share of the loads that is carried with strengths over e^u, and never zero."""
         if u not in known:
-            limit = LimitProblem.of(_reduced(problem, chosen, math.exp(u)), names, **space).limit
+            limit = LimitProblem.of(_reduced(problem, chosen, math.exp(u)), names, degree).limit
             known[u] = limit.lower, limit.upper
         share = known[u][side]
         return max(math.log(min(share, _MOST)), _LEAST) if share >= 1.0 else math.log(max(share, 1.0 / _MOST))

@@ -1,14 +1,10 @@
 """Proof files in rational numbers, for a checker that trusts nothing of this package.
 
-*From below*: rounding breaks the smoothness of Φ and its tractions by some 1e-16. So Φ is built again, exactly, by
-`rational`: prescribed tractions, and forces of plates, are linear equations between its ordinates. The file has its
-stresses.
-
-*From above*: velocities are zero in the directions in which no traction is prescribed. Rigid blocks, and plates that
-forces drive, have three numbers each. Bodies that keep their volume flow by a stream function ψ, v = (ψ_y, −ψ_x), C1 on
-each of them. Others have numbers at nodes. What is held is a set of linear equations between all of these, and so is
-what keeps contacts at the limits at which they are. What a contact or a body that dilates must keep holds with room, by
-a share of a flow inside all limits.
+*From below* Φ is built again, exactly, by `split.Smooth`: prescribed tractions, and forces of plates, are linear
+equations between its ordinates. *From above* unknown are the motions (a − θ y, b + θ x) of rigid parts and plates,
+stream functions ψ, v = (ψ_y, −ψ_x), of parts that keep their volume, and velocities at other nodes. What is held is a
+set of linear equations between these, and so is what keeps contacts of rigid parts at the limits at which they are.
+Other limits hold with room, by a share of a state inside all of them. See "Proof files" in `docs/theory.md`.
 """
 
 from __future__ import annotations
@@ -34,7 +30,7 @@ from qvi_contact.limit.check_proof import FORMAT, at_factor, check, dissipated, 
 from qvi_contact.limit.check_proof import exponents as _exponents
 from qvi_contact.limit.flow import FlowProgram, Velocities
 from qvi_contact.limit.load_factor import LimitProblem, checked_loads
-from qvi_contact.limit.rational import (
+from qvi_contact.limit.split import (
     ONE,
     ZERO,
     OutOfBalanceError,
@@ -43,10 +39,11 @@ from qvi_contact.limit.rational import (
     Terms,
     Vector,
     combined,
+    lattice,
     middle,
+    part_corners,
     solved,
 )
-from qvi_contact.limit.split import lattice, part_corners
 from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.mechanism import RigidMotion, find_mechanism
 from qvi_contact.mesh.edges import Edges
@@ -104,7 +101,7 @@ def limit_proof(
 
     """
     with deadline(time_limit):
-        posed = LimitProblem.of(problem, checked_loads(problem, loads) if len(loads) else (), degree=degree)
+        posed = LimitProblem.of(problem, checked_loads(problem, loads) if len(loads) else (), degree)
         stated = Statement(problem, posed.names, posed.low.space.traction_degree)
         ways: dict[Callable[[], dict[str, Any]], str] = {lambda: exceeded_by_blocks(stated, posed): "upper"}
         if posed.names and problem.yields:
@@ -521,12 +518,7 @@ def _value(terms: Terms, values: Sequence[Fraction]) -> Fraction:
 def _exactly(
     stated: Statement, space: Velocities, velocities: FloatArray, plates: Mapping[str, RigidMotion], keeps: BoolArray
 ) -> tuple[list[Any], dict[str, Any]]:
-    """Ordinates of velocities, and motions of plates about their pivots, that keep exactly what is held.
-
-    They are near those in floating point. Unknown are the motions (a − θ y, b + θ x) of rigid parts and plates, stream
-    functions of parts that keep their volume, and velocities at other nodes. Contacts of rigid parts that are at their
-    limit stay there exactly.
-    """
+    """Ordinates of velocities, and motions of plates about their pivots, near those given, that keep what is held."""
     rounded, values, rows = np.zeros((space.count, 2)), list[Fraction](), list[Terms]()
     rounded[space.global_] = velocities
     places, rigid, parts = _places(stated, space), space.rigid.tolist(), int(space.rigid.max()) + 1

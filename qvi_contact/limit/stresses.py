@@ -1,28 +1,13 @@
 """Limit loads from below: stresses in equilibrium whose Bernstein coefficients lie in the yield cones.
 
-On each of the three parts of a triangle, split at its barycentre, σ = (Φ_yy + φ, Φ_xx + φ, −Φ_xy) is a polynomial of
-degree k = p − 2 with coefficients
+The program is (D36), in unknowns z, the functions y inside a triangle, and the load factor α;
+contact laws hold on whole edges, (D24). Φ is C1 and σ(x) a convex combination of its coefficients: α is a lower bound
+of the limit load, whatever the solver did. What varies over a part counts from below by its own coefficients if it is
+affine there, from above by its means ∫ a B_i/∫ B_i, since ∫ a |ε| ≤ Σ |ε_i| ∫ a B_i; else by its least and its largest
+value, as far as samples show them.
 
-    σ_i = S_i (z, y) + s_i⁰ + α s_i¹
-
-in the unknowns z, the functions y inside a triangle, and the load factor α. Then
-
-    max α   s.t.   σ_i ∈ G for every i,   the contact laws on whole edges (D24),   resultants of plates
-
-is a second-order cone program. σ(x) = Σ B_i(x) σ_i is a convex combination, so σ(x) ∈ G everywhere, and Φ is C1: α is a
-lower bound of the limit load, whatever the solver did. What varies over a part counts from below by its own
-coefficients if it is affine there, from above by its means ∫ a B_i/∫ B_i, since ∫ a |ε| ≤ Σ |ε_i| ∫ a B_i; else by its
-least and its largest value, as far as samples show them.
-
-Contact laws hold on whole edges. Tractions of one edge are polynomials of degree p there. With their Bernstein
-coefficients N_k and T_k, affine functions nowhere above c, t_max and μ in place of these, and E the elevation to degree
-p + 1,
-
-    N_k ≤ 0,    ±T_k ≤ t_k,    ±(E T)_k + (μN)_k ≤ c_k,    (μN)_k = [(p + 1 − k) μ₀ N_k + k μ₁ N_{k−1}]/(p + 1)
-
-are sufficient for σ_N ≤ 0 and |σ_T| ≤ min(c + μ|σ_N|, t_max) at every point. Bilateral contacts with friction have a
-bound that grows with |σ_N|: on each edge one sign of σ_N is chosen, or none, and then friction does not count. Where no
-body yields these rows alone limit tractions, and the program is linear.
+Bilateral contacts with friction have a bound that grows with |σ_N|: on each edge one sign of σ_N is chosen, or none,
+and then friction does not count. Where no body yields contacts alone limit tractions, and the program is linear.
 
 In `docs/theory.md`: (D24), (D36).
 """
@@ -40,7 +25,6 @@ from scipy import sparse
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, joined
-from qvi_contact.element import bernstein
 from qvi_contact.element.triangle import exponents
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.conic import HELD, ROUNDING, UNBOUNDED, ConicProgram
@@ -111,12 +95,12 @@ def whole_edge_rows(discretization: Discretization, signs: IntArray) -> tuple[sp
         if rows.law == "bilateral":
             sign = np.where((friction > 0.0).any(axis=1), signs[first : first + len(edges)], EITHER)
         first += len(edges)
-        plain = np.broadcast_to(edge_coefficients(rows), (len(edges), q, q))
-        pressed, elevated = -sign[:, None, None] * plain, _times(np.ones((len(edges), 2)), plain)
+        plain = np.broadcast_to(np.eye(q), (len(edges), q, q))
+        rubbed, elevated = _times(-sign[:, None] * friction, q), _times(np.ones((len(edges), 2)), q)
         one_sided, every = sign != EITHER, np.ones(len(edges), dtype=bool)
-        groups = [(one_sided, pressed[one_sided], 0.0 * plain[one_sided], np.zeros(one_sided.sum() * q))]
-        groups += [(every, _times(friction, pressed), one * elevated, _affine(cohesion, q) / stress)
-                   for one in (1.0, -1.0)]  # fmt: skip
+        pressed = -sign[one_sided, None, None] * np.eye(q)
+        groups = [(one_sided, pressed, 0.0 * pressed, np.zeros(len(pressed) * q))]
+        groups += [(every, rubbed, one * elevated, _affine(cohesion, q) / stress) for one in (1.0, -1.0)]
         if contact.shear_limit is not None:
             cap = _affine(_below(problem, edges, "Contact.shear_limit", contact.shear_limit), q - 1) / stress
             groups += [(every, 0.0 * plain, one * plain, cap) for one in (1.0, -1.0)]
@@ -141,20 +125,11 @@ def both_signs(discretization: Discretization) -> BoolArray:
     return np.concatenate(found)
 
 
-def edge_coefficients(rows: ContactRows) -> FloatArray:
-    """Matrix (q, q) from the rows of an edge to Bernstein coefficients."""
-    rule = rows.rule
-    if rule.law_on == "edges":
-        return np.eye(rule.count)
-    return np.asarray(np.linalg.inv(bernstein.basis(rule.count - 1, rule.points)))
-
-
-def _times(ends: FloatArray, coefficients: FloatArray) -> FloatArray:
-    """Coefficients (e, q + 1, r) of affine functions of end values (e, 2) times coefficients (e, q, r)."""
-    q = coefficients.shape[1]
-    k, none = np.arange(q + 1)[:, None], np.zeros_like(coefficients[:, :1])
-    own, before = np.concatenate([coefficients, none], axis=1), np.concatenate([none, coefficients], axis=1)
-    return np.asarray(((q - k) * ends[:, :1, None] * own + k * ends[:, 1:, None] * before) / q)
+def _times(ends: FloatArray, q: int) -> FloatArray:
+    """Matrices (e, q + 1, q) that multiply polynomials of q coefficients by affine functions of end values (e, 2)."""
+    k = np.arange(q + 1)[:, None]
+    own, before = (q - k) * np.eye(q + 1, q), k * np.eye(q + 1, q, -1)
+    return np.asarray((ends[:, :1, None] * own + ends[:, 1:, None] * before) / q)
 
 
 def _affine(ends: FloatArray, degree: int) -> FloatArray:
@@ -342,13 +317,13 @@ class StressProgram:
 
     def _with_signs(self, solve: Callable[[IntArray], Carried]) -> Carried:
         """The best with signs of bilateral pressure that a first program without friction there suggests."""
-        undecided, rule = both_signs(self.low), self.low.rule
+        undecided = both_signs(self.low)
         found = [solve(np.full(len(undecided), EITHER))]
         if undecided.any():
             trials = [np.full(len(undecided), PRESSURE)]
             if found[0].tractions is not None:
-                normal = rule.at_points(found[0].tractions[: self.low.qvi.m]).reshape(-1, rule.count)
-                trials.append(np.where(normal @ rule.weights > 0.0, TENSION, PRESSURE))
+                normal = found[0].tractions[: self.low.qvi.m].reshape(-1, self.low.rule.count)
+                trials.append(np.where(normal.sum(axis=1) > 0.0, TENSION, PRESSURE))
             found += [solve(trial) for trial in trials]
         return max(found, key=lambda each: each.factor)
 
@@ -392,13 +367,6 @@ class StressProgram:
         rounding = float(np.abs(rest) @ np.abs(x[:-1]))
         bound = (float(h @ d + b @ nu) + rounding) / rate if rate > 0.0 else np.inf
         return Carried(factor, missed / size, np.asarray(N @ (units @ x) + n), bound, np.asarray(H.T @ d))
-
-    def room(self) -> float:
-        """How much all limits, over the stress of the loads, may be lowered for the mesh to carry some multiple.
-
-        Negative where it carries none: by so much they would have to be raised.
-        """
-        return self.program().room()[1]
 
     def program(self, signs: IntArray | None = None) -> ConicProgram:
         """The cone program for signs (e,) of σ_N on contact edges, see `whole_edge_rows`; by default for none."""

@@ -5,8 +5,8 @@ would carry if they were rigid. So three numbers a block decide: a small linear 
 
 | module      | contents                                             |
 |-------------|------------------------------------------------------|
-| `bodies`    | blocks, plates driven by force, work of loads        |
-| `lines`     | straight lines of contact, and what their laws admit |
+| `bodies`    | blocks, plates driven by force, work of loads; lines |
+|             | of contact, and what their laws admit                |
 | `mechanism` | proof, and bound of a load factor; linear programs   |
 """
 

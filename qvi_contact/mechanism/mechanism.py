@@ -28,8 +28,7 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import SolveError
-from qvi_contact.mechanism.bodies import Bodies, Work, works
-from qvi_contact.mechanism.lines import Line, lines
+from qvi_contact.mechanism.bodies import Bodies, Line, Work, lines, works
 from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Displacement
 from qvi_contact.problem.problem import ContactProblem

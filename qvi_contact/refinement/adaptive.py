@@ -244,7 +244,7 @@ def refine(
         Print a header, a line a round, and a footer with status and time.
     **options
         Fields of `Settings` and options of the method; ``degree`` is 5 by default, at most 11. For a limit load only
-        ``degree``, 4 by default, and ``law_on``.
+        ``degree``, 4 by default.
 
     Returns
     -------

@@ -458,7 +458,6 @@ def energies_between(answer: ContactResult, reference: ContactResult) -> FloatAr
 # limit loads: bisected is where the mesh gives way in another manner than the body would, by (D25). The mechanism of
 # the body alone does not say where: where another one is near its limit too, the mesh may lack stresses for both.
 
-_SPACE: Final = ("degree", "law_on")  # options of a limit load
 _SMALL: Final = 1e-6  # factors below count as this for relative errors
 _TWICE: Final = 2  # bisections of a triangle that halve all its edges
 _SHARE: Final = 0.6  # of the gap that is divided where bodies yield, at most
@@ -481,8 +480,8 @@ class LimitStrategy:
 
     def __post_init__(self) -> None:
         for name, value in self.settings.options.items():
-            if name not in _SPACE:
-                raise InputError(name, value, "is not for limit loads: give degree or law_on")
+            if name != "degree":
+                raise InputError(name, value, "is not for limit loads: give degree")
 
     def answer(self, mesh: TriangleMesh) -> LimitProblem:
         """Both sides on the mesh."""
