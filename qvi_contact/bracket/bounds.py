@@ -32,12 +32,9 @@ from qvi_contact.bracket.parts import (
     CellFields,
     EdgeParts,
     EdgeTractions,
-    bulk,
     by_cell,
     coefficients,
     edge_parts,
-    initial_work,
-    strain_energy,
 )
 from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_contacts, with_shares
 from qvi_contact.companion import CompanionResult, solve_companion, solve_companions
@@ -332,15 +329,14 @@ def _assemble(
     """Energies, their parts by cell and contact, and why the bounds are not guaranteed."""
     problem, mesh, u = discretization.problem, discretization.problem.mesh, stress.dofs
     fields = CellFields.of(discretization, u, companion.degree)
-    strain = strain_energy(fields, problem.compliances)
+    strain, held = fields.energy, 0.5 * fields.work(fields.at_rest, fields.at_rest)  # ½ ∫ ε⁰ : C : ε⁰
     complementary = strain - support_work(discretization, u) - obstacle_work(discretization, u)
-    work, held = initial_work(fields, problem.compliances).tolist()
-    complementary += work
+    complementary -= fields.work(fields.stress, fields.at_rest)
     size = max(strain, abs(complementary), held, 1e-300)
     inside, moved = np.zeros(mesh.cell_count), companion.has_state
     contacts, slack = dict[str, EdgeParts](), 0.0
     if moved:
-        inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
+        inside = fields.bulk(companion)
         own = EdgeTractions.of(discretization, u)
         contacts, slack = edge_parts(fields, discretization, own, given.bound, companion)
     lower = -complementary - slack if not refused else -np.inf
@@ -441,9 +437,8 @@ def other_solutions(result: ContactResult, *, time_limit: float | None = None) -
     distances, largest = np.full(len(results), np.nan), max(each.energies.strain for each in results)
     if companion is not None:
         for i, each in enumerate(results):
-            fields = CellFields.of(known, each.dofs, companion.degree)
-            strain = companion.cell_strain(*fields.t[:, -2:].T)
-            distances[i] = np.sqrt(bulk(fields, result.problem.compliances, strain).sum() / largest)
+            bulk = CellFields.of(known, each.dofs, companion.degree).bulk(companion)
+            distances[i] = np.sqrt(bulk.sum() / largest)
         compared = (
             "Their strains differ from those of the displacement model on the same mesh by "
             f"{', '.join(f'{100.0 * distance:.3g} %' for distance in np.sort(distances))} of the largest, in the "

@@ -463,13 +463,13 @@ def _vanishing(problem: ContactProblem) -> set[int]:
     demands = dict[tuple[int, int], tuple[list[FloatArray], list[FloatArray]]]()  # by body and vertex
     for edges, bodies, law in lines:
         if law is not None and has_coulomb(law) and law.normal_stiffness is None:
-            for vertex in (edges.first, edges.second):
-                places = zip(bodies.tolist(), vertex.tolist(), strict=True)
+            for vertices in (edges.first, edges.second):
+                places = zip(bodies.tolist(), vertices.tolist(), strict=True)
                 demands |= {place: ([none], [np.zeros(4)]) for place in places}
     for edges, bodies, law in lines:
         frames = frames_along(edges, np.array([0.0, 1.0]))
-        for end, vertex in enumerate((edges.first, edges.second)):
-            for edge, place in enumerate(zip(bodies.tolist(), vertex.tolist(), strict=True)):
+        for end, vertices in enumerate((edges.first, edges.second)):
+            for edge, place in enumerate(zip(bodies.tolist(), vertices.tolist(), strict=True)):
                 fixed, rows = demands.get(place, ([], []))
                 if law is None:
                     fixed += list(held[edge])

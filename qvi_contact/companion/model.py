@@ -177,28 +177,26 @@ class CompanionResult(PicklesFields):
 
         `InputError` if a point lies outside the body.
         """
-        return np.asarray(self._mean(x, y, self._displacement_in) * self.scales.displacement)
+        return self._mean(x, y, self.displacement_in)
 
     def stress(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Stress (σ_xx, σ_yy, σ_xy) = C (ε − ε⁰) at points, (...) to (..., 3) [stress]; on edges the mean of cells."""
         stress = self._mean(x, y, lambda cells, t: self.body.stress(self._v, cells, self.space.own(cells, t)))
         return stress * self.scales.stress
 
-    def cell_strain(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
-        """Strains (ε_xx, ε_yy, 2ε_xy) at reference points (k,) of every cell of the mesh, (cells, k, 3).
+    def cell_strain(self, t: ArrayLike) -> FloatArray:
+        """Strains (ε_xx, ε_yy, 2ε_xy) at reference points t (k, 2) of every cell of the mesh, (cells, k, 3).
 
         These are barycentric coordinates of the second and third corner.
         """
-        strain = self.body.strain(self._v, slice(None), self.space.own(slice(None), np.column_stack([tx, ty])))
+        strain = self.body.strain(self._v, slice(None), self.space.own(slice(None), np.asarray(t, dtype=float)))
         return np.asarray(strain * (self.scales.displacement / self.scales.length))
 
-    def cell_displacement(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
-        """Displacements at such points of every cell, (cells, k, 2) [length]."""
-        return np.asarray(self._displacement_in(slice(None), np.column_stack([tx, ty])) * self.scales.displacement)
-
-    def displacement_in(self, cells: IntArray, t: FloatArray) -> FloatArray:
-        """Displacements at one such point each, (n, 2), of cells given by number (n,), shape (n, 2) [length]."""
-        return np.asarray(self._displacement_in(cells, t[:, None])[:, 0] * self.scales.displacement)
+    def displacement_in(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
+        """Displacements (n, k, 2) at such points, (k, 2) or (n, k, 2), of cells given by number (n,) [length]."""
+        local = self._v.reshape(-1, 2)[self.space.table[cells]]
+        shape = self.space.cell.values(self.space.own(cells, t))
+        return np.asarray(shape @ local * self.scales.displacement)
 
     def trace(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """v_N and v_T at points t (k,), 0 to 1, of a contact's edges, (edges, k) each [length].
@@ -302,10 +300,6 @@ class CompanionResult(PicklesFields):
         senses[trace.columns] = turning_senses(self.problem.mesh.vertices, trace.edges)[:, None]
         parts = (x, y, trace.weights * scales.length, *stresses, *moved, states, senses)
         return CompanionContact(trace.name, *(part[order] for part in parts))
-
-    def _displacement_in(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
-        local = self._v.reshape(-1, 2)[self.space.table[cells]]
-        return np.asarray(self.space.cell.values(self.space.own(cells, t)) @ local)
 
     def _mean(self, x: ArrayLike, y: ArrayLike, values: Callable[[IntArray, FloatArray], FloatArray]) -> FloatArray:
         """Mean of what the cells that hold a point say."""

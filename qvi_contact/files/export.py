@@ -230,7 +230,7 @@ def write_vtu(
             raise InputError("bracket", repr(mesh), "belongs to another mesh: give the one of this result")
         if not companion.has_state:
             raise InputError("bracket", bracket.message, "there is no displacement in it to write")
-        moved = companion.cell_displacement(*t[:, -2:].T).reshape(-1, 2)
+        moved = companion.displacement_in(slice(None), t[:, -2:]).reshape(-1, 2)
         point_data["displacement"] = {"displacement": moved}
         cell_data["energy"] = {"energy gap": bracket.cell_gaps[number]}
     cells = (len(t) * np.arange(count)[:, None, None] + corners).reshape(-1, corners.shape[1])
