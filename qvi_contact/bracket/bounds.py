@@ -96,17 +96,15 @@ def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str,
             remedy = "this step of a history has slipped before along arcs: bracket the result of one solve"
             raise InputError("result", contact.name, remedy)
         slip = coefficients(known, rows.slip * known.scales.displacement)
-        meeting: dict[int, list[tuple[int, int]]] = {}
-        for end, vertices in enumerate((edges.first, edges.second)):
-            for edge, vertex in enumerate(vertices.tolist()):
-                meeting.setdefault(vertex, []).append((edge, -end))
-        for ends in meeting.values():
-            at = tuple(np.array(ends).T)
-            sense = edges.tangent[at[0]] @ edges.tangent[at[0][0]]
-            if (np.abs(sense) > 1.0 - PARALLEL).all():
-                slip[at] = np.sign(sense) * np.mean(np.sign(sense) * slip[at])
-        first, second = mesh.vertices[edges.first], mesh.vertices[edges.second]
-        changed[contact.name] = replace(contact, offset=EarlierSlip(contact.offset, first, second - first, slip))
+        ends, tangents = np.concatenate([edges.first, edges.second]), np.tile(edges.tangent, (2, 1))
+        _, first, at = np.unique(ends, return_index=True, return_inverse=True)
+        sense = (tangents * tangents[first[at]]).sum(axis=1)
+        bends = np.bincount(at, np.abs(sense) <= 1.0 - PARALLEL)[at] > 0.0
+        own = np.concatenate([slip[:, 0], slip[:, -1]])
+        mean = np.sign(sense) * (np.bincount(at, np.sign(sense) * own) / np.bincount(at))[at]
+        slip[:, 0], slip[:, -1] = np.split(np.where(bends, own, mean), 2)
+        start, along = mesh.vertices[edges.first], np.diff(mesh.vertices[[edges.first, edges.second]], axis=0)[0]
+        changed[contact.name] = replace(contact, offset=EarlierSlip(contact.offset, start, along, slip))
     if not changed:
         return result, ()
     step = known.with_data(with_contacts(result.problem, changed), known.scales)
@@ -118,9 +116,9 @@ def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str,
 def admissible_stress(
     discretization: Discretization, bound: FloatArray, result: ContactResult, tolerance: float
 ) -> tuple[ContactResult, str]:
-    """The stress of the result where it is admissible for a bound (e, q) up to the tolerance, else the best that is.
+    """The stress of the result where it obeys a bound (e, q), up to a share of the largest traction, else the best one.
 
-    The tolerance is relative to the largest contact traction. The message says why there is no such stress.
+    The message says why there is none.
     """
 
     def violation(result: ContactResult) -> float:

@@ -20,10 +20,9 @@ from qvi_contact.discretization.plates import COMPONENTS, centre_of
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
-from qvi_contact.problem.conditions import is_frictionless
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.contact_line import contact_states, turning_senses
+from qvi_contact.solution.contact_line import turning_senses
 from qvi_contact.solution.result import PlateMotion, plate_motion
 from qvi_contact.solution.stress import given_points, mean_at
 from qvi_contact.version import __version__
@@ -68,8 +67,6 @@ class CompanionContact:
         g − v_N ≥ 0 [length].
     slip : (n,) array
         v_T − w [length].
-    state : (n,) int array
-        `ContactState`.
     senses : (n,) array
         ±1, in which sense a tangential stress counts for the force, see `turning_senses`.
 
@@ -84,7 +81,6 @@ class CompanionContact:
     friction_bound: FloatArray
     gap: FloatArray
     slip: FloatArray
-    state: IntArray
     senses: FloatArray
 
     @property
@@ -283,22 +279,15 @@ class CompanionResult(PicklesFields):
     def _contact(self, trace: DisplacementContact) -> CompanionContact:
         state, scales, chosen = self._state, self.scales, trace.here
         n = state.contacts.count
-        normal, tangential, bound = state.tractions[:n][chosen], state.tractions[n:][chosen], state.bound[chosen]
-        gap, slip = -self._beyond[0, chosen], self._beyond[1, chosen]
-        unit = max(self.certificate.scales.get("stress", 1.0), 1e-300)
-        may_open = trace.contact.law == "unilateral"
-        frictionless = is_frictionless(trace.contact)
-        states = contact_states(
-            normal, tangential, bound, gap, slip, unit, may_open=may_open, frictionless=frictionless
-        )
         order = np.lexsort(np.round(trace.places, _DIGITS).T[::-1])
         x, y = (self.problem.mesh.origin + scales.length * trace.places).T
         fluid = np.where(state.live[:n][chosen], state.contacts.fluid[:n][chosen] / trace.weights, 0.0)
-        stresses = (scales.stress * part for part in (normal - fluid, tangential, bound))
-        moved = (scales.displacement * part for part in (gap, slip))
+        normal, tangential = state.tractions[:n][chosen] - fluid, state.tractions[n:][chosen]
+        stresses = (scales.stress * part for part in (normal, tangential, state.bound[chosen]))
+        moved = (scales.displacement * part for part in (-self._beyond[0, chosen], self._beyond[1, chosen]))
         senses = np.empty(trace.count)  # of the edge whose tangent a coefficient has
         senses[trace.columns] = turning_senses(self.problem.mesh.vertices, trace.edges)[:, None]
-        parts = (x, y, trace.weights * scales.length, *stresses, *moved, states, senses)
+        parts = (x, y, trace.weights * scales.length, *stresses, *moved, senses)
         return CompanionContact(trace.name, *(part[order] for part in parts))
 
     def _mean(self, x: ArrayLike, y: ArrayLike, values: Callable[[IntArray, FloatArray], FloatArray]) -> FloatArray:
