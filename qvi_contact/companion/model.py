@@ -385,10 +385,10 @@ def solve_companions(
     `slip_directions` displacements slip along the tangent of an edge where that says 1, against it where −1, and not at
     all where 0.
     """
-    scales, body, held = _body(problem, checked(problem, degree, tolerance))
-    (acting, remarks), found = load_vector(problem, body, scales), list[CompanionResult]()
-    both = zip(laws, slip_directions or [MappingProxyType[str, FloatArray]({})] * len(laws), strict=True)
-    contacts = [Contacts.of(problem, body.space, scales, law, slips) for law, slips in both]
+    slips = slip_directions or [MappingProxyType[str, FloatArray]({})] * len(laws)
+    body, held, contacts = _posed(problem, checked(problem, degree, tolerance), laws, slips)
+    scales, found = Scales.of(problem), list[CompanionResult]()
+    acting, remarks = load_vector(problem, body, scales)
     with limited_blas(1):
         try:
             load, size = acting + body.initial_load, body.space.size
@@ -416,16 +416,18 @@ def solve_companions(
     return tuple(found)
 
 
-def _body(problem: ContactProblem, cell: Triangle) -> tuple[Scales, Elasticity, Supports]:
-    """A problem on its elements: units, the body with its springs, what holds it."""
+def _posed(
+    problem: ContactProblem, cell: Triangle, laws: Sequence[Mapping[str, FloatArray] | None],
+    slips: Sequence[Mapping[str, FloatArray]],
+) -> tuple[Elasticity, Supports, list[Contacts]]:  # fmt: skip
+    """A problem on its elements: the body with its springs, what holds it, and its contacts under several laws."""
     scales = Scales.of(problem)
     space = DisplacementSpace.of(problem, cell, scales.length)
+    contacts = [Contacts.of(problem, space, scales, *each) for each in zip(laws, slips, strict=True)]
     at_rest = partial(scaled_stress_at_rest, problem, scales) if is_strained(problem) else None
-    body, held = Elasticity(space, moduli(problem, scales), at_rest), supports(problem, space, scales)
-    if any(contact.has_springs for contact in problem.contacts):
-        springs = Contacts.of(problem, space, scales).springs
-        body, held = replace(body, springs=springs), held.with_springs(springs.shape[0])
-    return scales, body, held
+    springs = contacts[0].springs
+    body = Elasticity(space, moduli(problem, scales), at_rest, springs)
+    return body, supports(problem, space, scales, springs.shape[0]), contacts
 
 
 def moduli(problem: ContactProblem, scales: Scales) -> FloatArray:
@@ -446,8 +448,8 @@ class BodyAtRest:
     @classmethod
     def of(cls, problem: ContactProblem, degree: int) -> BodyAtRest:
         """Displacements of a degree on the mesh of a problem; `FactorisationError` where K cannot be factorised."""
-        scales, moving, held = _body(problem, triangle(degree))
-        contacts, held = Contacts.of(problem, moving.space, scales), replace(held, values=np.zeros_like(held.values))
+        moving, held, (contacts,) = _posed(problem, triangle(degree), [None], [{}])
+        held = replace(held, values=np.zeros_like(held.values))
         with limited_blas(1):
             body = CondensedBody.of(moving, np.zeros(moving.size), held, contacts.rows)
         moved, driven = (contacts.rows @ body.supports.axes)[:, body.interface].toarray(), contacts.motions
