@@ -35,7 +35,7 @@ __getattr__ = front(
             "rectangle_norm",
             "star_norm",
         ),
-        "parts": ("CellFields", "EdgeTractions", "bulk", "by_cell", "slip_work"),
+        "parts": ("CellFields", "EdgeTractions", "by_cell", "slip_work"),
         "share": ("Share", "bodies_of"),
     },
 )

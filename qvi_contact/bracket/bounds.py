@@ -32,12 +32,9 @@ from qvi_contact.bracket.parts import (
     CellFields,
     EdgeParts,
     EdgeTractions,
-    bulk,
     by_cell,
     coefficients,
     edge_parts,
-    initial_work,
-    strain_energy,
 )
 from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_contacts, with_shares
 from qvi_contact.companion import CompanionResult, solve_companion, solve_companions
@@ -99,17 +96,15 @@ def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str,
             remedy = "this step of a history has slipped before along arcs: bracket the result of one solve"
             raise InputError("result", contact.name, remedy)
         slip = coefficients(known, rows.slip * known.scales.displacement)
-        meeting: dict[int, list[tuple[int, int]]] = {}
-        for end, vertices in enumerate((edges.first, edges.second)):
-            for edge, vertex in enumerate(vertices.tolist()):
-                meeting.setdefault(vertex, []).append((edge, -end))
-        for ends in meeting.values():
-            at = tuple(np.array(ends).T)
-            sense = edges.tangent[at[0]] @ edges.tangent[at[0][0]]
-            if (np.abs(sense) > 1.0 - PARALLEL).all():
-                slip[at] = np.sign(sense) * np.mean(np.sign(sense) * slip[at])
-        first, second = mesh.vertices[edges.first], mesh.vertices[edges.second]
-        changed[contact.name] = replace(contact, offset=EarlierSlip(contact.offset, first, second - first, slip))
+        ends, tangents = np.concatenate([edges.first, edges.second]), np.tile(edges.tangent, (2, 1))
+        _, first, at = np.unique(ends, return_index=True, return_inverse=True)
+        sense = (tangents * tangents[first[at]]).sum(axis=1)
+        bends = np.bincount(at, np.abs(sense) <= 1.0 - PARALLEL)[at] > 0.0
+        own = np.concatenate([slip[:, 0], slip[:, -1]])
+        mean = np.sign(sense) * (np.bincount(at, np.sign(sense) * own) / np.bincount(at))[at]
+        slip[:, 0], slip[:, -1] = np.split(np.where(bends, own, mean), 2)
+        start, along = mesh.vertices[edges.first], np.diff(mesh.vertices[[edges.first, edges.second]], axis=0)[0]
+        changed[contact.name] = replace(contact, offset=EarlierSlip(contact.offset, start, along, slip))
     if not changed:
         return result, ()
     step = known.with_data(with_contacts(result.problem, changed), known.scales)
@@ -121,9 +116,9 @@ def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str,
 def admissible_stress(
     discretization: Discretization, bound: FloatArray, result: ContactResult, tolerance: float
 ) -> tuple[ContactResult, str]:
-    """The stress of the result where it is admissible for a bound (e, q) up to the tolerance, else the best that is.
+    """The stress of the result where it obeys a bound (e, q), up to a share of the largest traction, else the best one.
 
-    The tolerance is relative to the largest contact traction. The message says why there is no such stress.
+    The message says why there is none.
     """
 
     def violation(result: ContactResult) -> float:
@@ -332,15 +327,14 @@ def _assemble(
     """Energies, their parts by cell and contact, and why the bounds are not guaranteed."""
     problem, mesh, u = discretization.problem, discretization.problem.mesh, stress.dofs
     fields = CellFields.of(discretization, u, companion.degree)
-    strain = strain_energy(fields, problem.compliances)
+    strain, held = fields.energy, 0.5 * fields.work(fields.at_rest, fields.at_rest)  # ½ ∫ ε⁰ : C : ε⁰
     complementary = strain - support_work(discretization, u) - obstacle_work(discretization, u)
-    work, held = initial_work(fields, problem.compliances).tolist()
-    complementary += work
+    complementary -= fields.work(fields.stress, fields.at_rest)
     size = max(strain, abs(complementary), held, 1e-300)
     inside, moved = np.zeros(mesh.cell_count), companion.has_state
     contacts, slack = dict[str, EdgeParts](), 0.0
     if moved:
-        inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
+        inside = fields.bulk(companion)
         own = EdgeTractions.of(discretization, u)
         contacts, slack = edge_parts(fields, discretization, own, given.bound, companion)
     lower = -complementary - slack if not refused else -np.inf
@@ -441,9 +435,8 @@ def other_solutions(result: ContactResult, *, time_limit: float | None = None) -
     distances, largest = np.full(len(results), np.nan), max(each.energies.strain for each in results)
     if companion is not None:
         for i, each in enumerate(results):
-            fields = CellFields.of(known, each.dofs, companion.degree)
-            strain = companion.cell_strain(*fields.t[:, -2:].T)
-            distances[i] = np.sqrt(bulk(fields, result.problem.compliances, strain).sum() / largest)
+            bulk = CellFields.of(known, each.dofs, companion.degree).bulk(companion)
+            distances[i] = np.sqrt(bulk.sum() / largest)
         compared = (
             "Their strains differ from those of the displacement model on the same mesh by "
             f"{', '.join(f'{100.0 * distance:.3g} %' for distance in np.sort(distances))} of the largest, in the "

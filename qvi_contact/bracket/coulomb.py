@@ -30,19 +30,9 @@ from qvi_contact.bracket.norms import (
     error_bound,
     friction_norm,
 )
-from qvi_contact.bracket.parts import (
-    EDGE_POINTS,
-    LOOSEST,
-    Bounds,
-    CellFields,
-    EdgeTractions,
-    bulk,
-    by_cell,
-    edge_parts,
-    strain_energy,
-)
+from qvi_contact.bracket.parts import EDGE_POINTS, LOOSEST, Bounds, CellFields, EdgeTractions, by_cell, edge_parts
 from qvi_contact.bracket.share import LeastChange, Share, SharedStress
-from qvi_contact.companion import CompanionResult
+from qvi_contact.companion import CompanionResult, CompanionState
 from qvi_contact.companion.model import MOST, BodyAtRest, solutions
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element import bernstein
@@ -165,10 +155,9 @@ class CoulombBounds:
 def coulomb_bounds(
     stress: SharedStress, companion: CompanionResult, reasons: tuple[str, ...] = ()
 ) -> CoulombBounds | str:
-    """T5 with T2: the bounds from a stress and a displacement, or why these two say nothing.
+    """T5 with T2: the bounds from a stress and a displacement that slips as its shares allow, or why they say nothing.
 
-    The stress τ + η has Bernstein coefficients as rows; the displacement v is one of the same problem on the same mesh,
-    and slips as the shares allow. Reasons say why neither is exactly admissible.
+    Reasons say why the two are not exactly admissible.
     """
     result, shares, known = stress.result, stress.shares, stress.result.discretization
     own, unit = EdgeTractions.of(known, result.dofs), known.scales.stress
@@ -182,7 +171,7 @@ def coulomb_bounds(
     problem = known.problem
     fields, before = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
     edges, slack = edge_parts(fields, known, own, own.bound, companion)
-    inside = bulk(fields, problem.compliances, companion.cell_strain(*fields.t[:, -2:].T))
+    inside = fields.bulk(companion)
     inside += by_cell(problem, {name: part.springs for name, part in edges.items()})
     missed = {name: np.maximum(part.contact, 0.0) + np.maximum(part.friction, 0.0) for name, part in edges.items()}
     norm = friction_norm(problem, shares, unit)
@@ -192,29 +181,18 @@ def coulomb_bounds(
         rest, soft = rest_on_arcs(known, result.dofs), float(problem.compliances[:, 0, 0].max())
         residual += rest * float(np.sqrt(soft * (np.concatenate(arcs) ** 2).sum()))
     defect = slack + float(sum(part.sum() for part in missed.values()))
-    s, cells = norm.value, 0.0 * inside
+    s, cells, moved = norm.value, 0.0 * inside, float(np.sqrt(2.0 * fields.less(before).energy))
     error = error_bound(residual, defect, s)
-    size = float(np.sqrt(2.0 * strain_energy(fields, problem.compliances)))
+    size = float(np.sqrt(2.0 * fields.energy))
     if norm.stopped is not None and error >= norm.stopped.reach:
         near, apart = (100.0 * value / size for value in (norm.stopped.reach, error))
         what = f"what sticks stops it for solutions within {near:.2g} % of this one, less than the bound {apart:.2g} %"
         norm, error = replace(norm, reason=UNHELD.format(what)), np.inf
     if s < LARGEST:
         cells = 2.0 * amplification(s) ** 2 * inside + by_cell(problem, missed) / coercivity(s)
-    return CoulombBounds(
-        shares,
-        norm,
-        residual,
-        defect,
-        error,
-        float(np.sqrt(2.0 * strain_energy(fields.less(before), problem.compliances))),
-        size,
-        cells,
-        (*reasons, *(() if norm.proved else (norm.reason,))),
-        stress.places,
-        result,
-        companion,
-    )
+    why = reasons if norm.proved else (*reasons, norm.reason)
+    parts = (norm, residual, defect, error, moved, size, cells, why, stress.places)
+    return CoulombBounds(shares, *parts, result, companion)
 
 
 _CUTS: Final = (1e-6, 1e-1)
@@ -241,8 +219,8 @@ def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
     problem, known, found = stress.problem, stress.discretization, dict[str, Bounds]()
     if not np.isfinite(errors.within) or any(bears_shear(each) and not has_coulomb(each) for each in problem.contacts):
         return {}
-    assert companion.state is not None
-    if 2 * companion.state.contacts.count > MOST:
+    state = companion.state
+    if state is None or 2 * state.contacts.count > MOST:
         return {}
     defect, stopped = defect_bound(errors.residual, errors.defect, errors.norm.value), errors.norm.stopped
     if stopped is not None:
@@ -251,7 +229,7 @@ def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
     body = BodyAtRest.of(problem, companion.degree)
     changes = LeastChange.of(known.qvi, sparse.csr_array(sparse.vstack([known.qvi.N, known.qvi.T, known.qvi.A])))
     for cut in _CUTS:
-        pairs = _Pairs(errors, defect, body, fields, changes, cut)
+        pairs = _Pairs(errors, defect, known, state, body, fields, changes, cut)
         for trace in body.contacts.traces:
             targets = {"normal_force": (-1.0, 0.0)} if trace.contact.law != "tied" else {}
             if trace.name in errors.shares and leads_one_way(problem.mesh.vertices, trace.edges):
@@ -267,22 +245,21 @@ def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
 
 
 class _Zones(NamedTuple):
-    """Where contacts are open, slip and press; 0 where that is less than a cut, infinite where nothing is asked.
+    """Where contacts are open, slip and press: what is less than a cut is 0, what nothing asks for infinite."""
 
-    By coefficient (n,), or of edges (e, q) and (e,) of contacts that are not tied.
-    """
-
-    opening: FloatArray  # (n,): coefficients of g − v_N ≥ 0 [length]
-    slip: FloatArray  # (n,): of |v_T − w| ≥ 0 [length]
-    pressure: FloatArray  # (e, q): of |τ_N| ≥ 0 [stress]
-    room: FloatArray  # (e, q): of m (c + μ|τ_N|) ≥ 0, m of `Share.room` [stress]
+    # opening, slip, (n,): coefficients of g − v_N and of |v_T − w| [length]; pressure, room, (e, q): of |τ_N| and of
+    # m (c + μ|τ_N|), m of `Share.room`, on edges of contacts that are not tied [stress]
+    opening: FloatArray
+    slip: FloatArray
+    pressure: FloatArray
+    room: FloatArray
     # (n,): coefficients on edges of which some coefficient touches the obstacle; does not slip, without friction none
     closed: BoolArray
     stuck: BoolArray
-    # (e,): edges of which some coefficient bears no pressure, and reaches the friction bound, without friction all:
-    # ζ_N = 0, and ζ_T = 0 there
+    # (e,): edges of which some coefficient bears no pressure, where ζ_N = 0; and these with those of which some reaches
+    # the friction bound, without friction all, where ζ_T = 0
     loose: BoolArray
-    sliding: BoolArray
+    smooth: BoolArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,42 +268,38 @@ class _Pairs:
 
     errors: CoulombBounds
     defect: float  # no less than Σ [stress × length²]
-    body: BodyAtRest  # displacements at rest
+    known: Discretization  # that of the stress
+    state: CompanionState  # that of the displacement
+    body: BodyAtRest  # displacements at rest; they have the unit of length D of the discretisation
     fields: CellFields  # τ
     changes: LeastChange  # of all tractions
     cut: float
 
-    @property
-    def known(self) -> Discretization:
-        """The discretisation of the stress."""
-        return self.errors.stress.discretization
-
-    @property
-    def unit(self) -> float:
-        """D: z is that large where its dimensionless coefficients are 1 [length]."""
-        return self.known.scales.displacement
-
     def bounds(self, goal: FloatArray) -> Bounds | None:
         """Bounds of ∫ a σ_N + b σ_T ds; None if no z meets the conditions of (D31)."""
+        known, scales, error = self.known, self.known.scales, self.errors.within
         c, z, plates = self._displacement(goal)
         change, parts = self._continuous(self._stress(c))
         ratio = self._ratio(goal, c, change)
-        if ratio is None:
+        second = np.inf if ratio is None else self.errors.norm.work(known.problem, parts, error, self.defect)
+        if ratio is None or not np.isfinite(second):
             return None
-        error, scales = self.errors.within, self.known.scales
-        second = self.errors.norm.work(self.known.problem, parts, error, self.defect)
-        if not np.isfinite(second):
-            return None
-        middle, residual = self._value(goal, c, z, plates, change)
-        middle -= float(goal.ravel() @ self.body.contacts.fluid) * scales.stress * scales.length
-        rest = (error * residual + ratio * self.defect + second) / self.unit + _ROUNDED * abs(middle)
+        u, other = self.errors.stress.dofs, self.errors.stress.dofs + known.basis @ change
+        work, residual = self._work(z, CellFields.of(known, other, self.errors.displacement.degree).less(self.fields))
+        for along in (support_work, obstacle_work):
+            work += along(known, other) - along(known, u)
+        contacts = self.body.contacts
+        adhesion = contacts.weights[: contacts.count] * contacts.law[1] * self._senses  # of cohesion, where v slips
+        load = self.state.load @ z + contacts.resultants @ plates - adhesion @ (c - goal)[1]
+        middle = (work - scales.energy * float(load)) / scales.displacement
+        middle -= float(goal.ravel() @ contacts.fluid) * scales.stress * scales.length
+        rest = (error * residual + ratio * self.defect + second) / scales.displacement + _ROUNDED * abs(middle)
         return Bounds(float(middle - rest), float(middle + rest))
 
     @cached_property
     def _zones(self) -> _Zones:
-        state, known, stress = self.errors.displacement.state, self.known, self.errors.stress
-        assert state is not None
-        n, unit, own = state.contacts.count, known.scales.stress, EdgeTractions.of(known, stress.dofs)
+        state, unit, own = self.state, self.known.scales.stress, EdgeTractions.of(self.known, self.errors.stress.dofs)
+        n = state.contacts.count
         moved, beyond = state.c.reshape(2, n), (state.c - state.contacts.obstacle).reshape(2, n)
         pressure, room = np.empty_like(own.normal), np.full_like(own.normal, np.inf)
         away, held = np.full((2, n), np.inf), np.zeros((2, n), dtype=bool)
@@ -338,7 +311,7 @@ class _Pairs:
             size = max(float(np.abs(whole).max(initial=0.0)), least)
             return np.where(values > max(self.cut * float(values.max(initial=0.0)), _NOISE * size), values, 0.0)
 
-        for trace, rows in zip(state.contacts.traces, known.contacts, strict=True):
+        for trace, rows in zip(state.contacts.traces, self.known.contacts, strict=True):
             if trace.contact.law == "tied":
                 continue
             here, e, share, parts = trace.here, rows.edges, self.errors.shares.get(trace.name), [-beyond[0, trace.here]]
@@ -351,15 +324,13 @@ class _Pairs:
                 away[half, here] = shown(part, moved[:, here], least)
                 held[half, on_edges[(away[half, on_edges] == 0.0).any(axis=1)]] = True
         loose, sliding = (np.asarray(part.any(axis=1)) for part in (pressure == 0.0, (room == 0.0) | np.isinf(room)))
-        opening, slip = self.unit * away
-        return _Zones(opening, slip, pressure, room, held[0], held[1], loose, sliding)
+        opening, slip = self.known.scales.displacement * away
+        return _Zones(opening, slip, pressure, room, held[0], held[1], loose, loose | sliding)
 
     @cached_property
     def _senses(self) -> FloatArray:
         """1 or −1 where v may slip along the tangent or against it, else 0 (n,)."""
-        state = self.errors.displacement.state
-        assert state is not None
-        return np.nan_to_num(state.contacts.slipping)
+        return np.nan_to_num(self.state.contacts.slipping)
 
     @cached_property
     def _turned(self) -> FloatArray:
@@ -405,8 +376,7 @@ class _Pairs:
     @cached_property
     def _held(self) -> tuple[sparse.csr_array, LeastChange]:
         """Rows of tractions that are to vanish, and changes that leave them as they are told."""
-        qvi, q, zones = self.known.qvi, self.known.rule.count, self._zones
-        held = (np.repeat(edges, q) for edges in (zones.loose, zones.loose | zones.sliding))
+        qvi, held = self.known.qvi, (np.repeat(part, self.known.rule.count) for part in self._zones[-2:])
         parts = [sparse.csr_array(part)[chosen] for part, chosen in zip((qvi.N, qvi.T), held, strict=True)]
         rows = sparse.csr_array(sparse.vstack([*parts, qvi.A]))
         return rows, LeastChange.of(qvi, rows)
@@ -418,11 +388,7 @@ class _Pairs:
         total, mass, still = np.zeros((3, len(self.known.problem.mesh.vertices)))
         rough = [rows for rows in self.known.contacts if rows.name in self.errors.shares]
         for rows in rough:
-            share, edges, held = (
-                self.errors.shares[rows.name],
-                rows.points.edges,
-                (zones.sliding | zones.loose)[rows.edges],
-            )
+            share, edges, held = self.errors.shares[rows.name], rows.points.edges, zones.smooth[rows.edges]
             bound = np.where(held[:, None], 1.0, share.weights)
             values = np.where(held[:, None], 0.0, shear[rows.edges] / bound)
             for end, vertices in enumerate((edges.first, edges.second)):
@@ -443,43 +409,30 @@ class _Pairs:
 
     def _ratio(self, goal: FloatArray, c: FloatArray, change: FloatArray) -> float | None:
         """The largest of m₁ to m₄; None if there is none."""
-        stress, zones, found = self.known.scales.stress, self._zones, 0.0
-        normal, shear = (
-            stress * (rows @ change).reshape(zones.room.shape) for rows in (self.known.qvi.N, self.known.qvi.T)
-        )
+        qvi, zones, scales, found = self.known.qvi, self._zones, self.known.scales, 0.0
         across, slip = c - goal
-        across = across + self._turned * slip
-        size = float(np.abs(normal).max())
-        pairs = [(self.unit * slip, zones.slip, self.unit), (self.unit * across, zones.opening, self.unit)]
-        for part, whole, unit in (*pairs, (normal, zones.pressure, size), (shear, zones.room, size)):
+        moved = (scales.displacement * part for part in (across + self._turned * slip, slip))
+        normal, shear = (scales.stress * (rows @ change).reshape(zones.room.shape) for rows in (qvi.N, qvi.T))
+        units = np.repeat([scales.displacement, float(np.abs(normal).max())], 2)
+        for part, whole, unit in zip((*moved, normal, shear), zones[:4], units, strict=True):
             none = whole == 0.0
             if np.abs(part[none]).max(initial=0.0) > _ROUNDING * unit:
                 return None
             found = max(found, float((np.abs(part[~none]) / whole[~none]).max(initial=0.0)))
         return found
 
-    def _value(
-        self, goal: FloatArray, c: FloatArray, z: FloatArray, plates: FloatArray, change: FloatArray
-    ) -> tuple[float, float]:
-        """The resultant as far as it is known [stress × length], and |ε(z) − cζ| of z with the unit of length D."""
-        known, scales, companion, contacts = self.known, self.known.scales, self.errors.displacement, self.body.contacts
-        assert companion.state is not None
-        u, fields, compliance = self.errors.stress.dofs, self.fields, known.problem.compliances
-        other = u + known.basis @ change
-        dual = CellFields.of(known, other, companion.degree).less(fields)
-        strain = self.body.body.body.strain(z, slice(None), fields.t[:, -2:]) * (self.unit / scales.length)
-        apart = strain - np.einsum("ckl,cgl->cgk", compliance, dual.stress)
-        size = float(np.einsum("cg,cgk,ckl,cgl->", fields.weights, apart, np.linalg.inv(compliance), apart))
+    def _work(self, z: FloatArray, dual: CellFields) -> tuple[float, float]:
+        """∫ τ : (ε(z) − cζ) + ε⁰ : ζ dx, and |ε(z) − cζ|, with springs, of z with the unit of length D."""
+        known, fields, companion = self.known, self.fields, self.errors.displacement
+        strain = self.body.body.body.strain(z, slice(None), fields.t)
+        strain = strain * (known.scales.displacement / known.scales.length)
+        apart = strain - np.einsum("ckl,cgl->cgk", fields.compliances, dual.stress)
+        size = float(dual.apart(strain).sum())
         work = float(np.einsum("cg,cgk,cgk->", fields.weights, fields.stress, apart))
-        work += float(np.einsum("cg,cgk,ckl,cgl->", fields.weights, dual.stress, compliance, fields.at_rest))  # ε⁰
-        stretched, t = contacts.stretched(z), gauss_legendre(EDGE_POINTS)[0]
+        work += fields.work(dual.stress, fields.at_rest)
+        stretched, t = self.body.contacts.stretched(z), gauss_legendre(EDGE_POINTS)[0]
         for own, each in zip(fields.springs, dual.springs, strict=True):
             missed = each.missed(companion.along(each.name, stretched, t))  # k (d + ζ/k): springs bear −τ and −ζ
             size += float((each.weights * missed**2).sum())
             work -= float((each.weights * own.traction * missed).sum())
-        work -= scales.energy * float(companion.state.load @ z + contacts.resultants @ plates)
-        for along in (support_work, obstacle_work):
-            work += along(known, other) - along(known, u)
-        adhesion = contacts.weights[: contacts.count] * contacts.law[1] * self._senses  # of cohesion, where v slips
-        work += scales.energy * float(adhesion @ (c - goal)[1])
-        return work / self.unit, float(np.sqrt(size))
+        return work, float(np.sqrt(size))

@@ -174,9 +174,10 @@ def _springs(discretization: Discretization, u: FloatArray) -> Iterator[SpringFi
 
 @dataclass(frozen=True, eq=False)
 class CellFields:
-    """Weights (cells, g), stress τ and σ⁰ = −C ε⁰ (cells, g, 3) at points t (g, d) of the reference cell; springs."""
+    """A stress τ and σ⁰ = −C ε⁰ (cells, g, 3) at points t (g, 2) of the reference cell, and springs that bear it."""
 
-    weights: FloatArray
+    compliances: FloatArray  # (cells, 3, 3): c
+    weights: FloatArray  # (cells, g)
     stress: FloatArray
     t: FloatArray
     at_rest: FloatArray
@@ -185,40 +186,42 @@ class CellFields:
     @classmethod
     def of(cls, discretization: Discretization, u: FloatArray, degree: int) -> "CellFields":
         """From degrees of freedom u of Φ, for integrals exact beside displacements of a degree and body potentials."""
-        largest = max(discretization.space.degree - 2, degree - 1, _POTENTIAL)
-        scales, (t, w) = discretization.scales, split_points(2 * largest + 1)
-        weights = discretization.space.cell_measures(t, w)
+        problem, scales, space = discretization.problem, discretization.scales, discretization.space
+        t, w = split_points(2 * max(space.degree - 2, degree - 1, _POTENTIAL) + 1)
+        weights = space.cell_measures(t, w) * scales.length**2
         points, stress = cell_stresses(discretization, u, t)
         at_rest, cells = np.zeros_like(stress), np.arange(len(stress))
-        if is_strained(discretization.problem):
-            at_rest = scaled_stress_at_rest(discretization.problem, scales, cells, points)
+        if is_strained(problem):
+            at_rest = scaled_stress_at_rest(problem, scales, cells, points)
         springs = tuple(_springs(discretization, u))
-        return cls(weights * scales.length**2, stress * scales.stress, t, at_rest * scales.stress, springs)
+        unit = scales.stress
+        return cls(problem.compliances, weights, stress * unit, t[:, -2:], at_rest * unit, springs)
 
     def less(self, other: "CellFields") -> "CellFields":
-        """The difference of the stresses."""
+        """The difference of the stresses, which no initial strain is part of."""
         pairs = zip(self.springs, other.springs, strict=True)
         springs = tuple(replace(one, traction=one.traction - two.traction) for one, two in pairs)
-        return replace(self, stress=self.stress - other.stress, springs=springs)
+        return replace(self, stress=self.stress - other.stress, at_rest=0.0 * self.at_rest, springs=springs)
 
+    def work(self, stress: FloatArray, other: FloatArray) -> float:
+        """∫ τ : c : τ' dx of two stresses at the points [stress × length²]."""
+        return float(np.einsum("cg,cgk,ckl,cgl->", self.weights, stress, self.compliances, other))
 
-def strain_energy(fields: CellFields, compliances: FloatArray) -> float:
-    """½ ∫ τ : c : τ dx and ½ ∫ τ²/k ds of springs [stress × length²]."""
-    work = float(np.einsum("cg,cgk,ckl,cgl->", fields.weights, fields.stress, compliances, fields.stress))
-    return 0.5 * (work + sum(float((each.weights * each.traction**2).sum()) for each in fields.springs))
+    @property
+    def energy(self) -> float:
+        """½ ∫ τ : c : τ dx and ½ ∫ τ²/k ds of springs [stress × length²]."""
+        springs = sum(float((each.weights * each.traction**2).sum()) for each in self.springs)
+        return 0.5 * (self.work(self.stress, self.stress) + springs)
 
+    def apart(self, strain: FloatArray) -> FloatArray:
+        """∫ (cτ + ε⁰ − ε) : C : (cτ + ε⁰ − ε) dx of each cell (cells,), from ε at the points (cells, g, 3)."""
+        missed = np.einsum("ckl,cgl->cgk", self.compliances, self.stress - self.at_rest) - strain
+        stiffness = np.linalg.inv(self.compliances)
+        return np.asarray(np.einsum("cg,cgk,ckl,cgl->c", self.weights, missed, stiffness, missed))
 
-def initial_work(fields: CellFields, compliances: FloatArray) -> FloatArray:
-    """(∫ ε⁰ : τ dx, ½ ∫ ε⁰ : C : ε⁰ dx) of an initial strain [stress × length²]."""
-    against = np.stack([-fields.stress, fields.at_rest / 2.0])
-    return np.asarray(np.einsum("cg,acgk,ckl,cgl->a", fields.weights, against, compliances, fields.at_rest))
-
-
-def bulk(fields: CellFields, compliances: FloatArray, strain: FloatArray) -> FloatArray:
-    """½ ∫ (cτ + ε⁰ − ε) : C : (cτ + ε⁰ − ε) dx of each cell (cells,), from ε(v) at these points (cells, g, 3)."""
-    difference = np.einsum("ckl,cgl->cgk", compliances, fields.stress - fields.at_rest) - strain
-    stiffness = np.linalg.inv(compliances)
-    return np.asarray(0.5 * np.einsum("cg,cgk,ckl,cgl->c", fields.weights, difference, stiffness, difference))
+    def bulk(self, companion: CompanionResult) -> FloatArray:
+        """Half of that for the strains of a displacement model."""
+        return 0.5 * self.apart(companion.cell_strain(self.t))
 
 
 def edge_parts(

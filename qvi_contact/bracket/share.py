@@ -30,7 +30,7 @@ from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.mechanism.bodies import blocks_of_cells
-from qvi_contact.mesh.edges import frames_along
+from qvi_contact.mesh.edges import Edges, frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
@@ -51,6 +51,7 @@ class Body:
 
     problem: ContactProblem  # its mesh and the conditions on its edges
     beyond: Mapping[str, str]  # by contact that is a joint seen from the side its normal points to: the joint's name
+    cells: IntArray  # its triangles among those of the whole, in ascending order, as its edges are
 
 
 def bodies_of(problem: ContactProblem) -> tuple[Body, ...]:
@@ -61,7 +62,8 @@ def bodies_of(problem: ContactProblem) -> tuple[Body, ...]:
     joints = tuple(joint for joint in problem.joints if joint.law != "tied")
     if not joints:
         outside = [each for each in problem.conditions if each not in problem.joints]
-        return (Body(replace(problem, conditions=outside) if problem.joints else problem, {}),)
+        alone = replace(problem, conditions=outside) if problem.joints else problem
+        return (Body(alone, {}, np.arange(problem.mesh.cell_count)),)
     if problem not in _PARTED:
         body = blocks_of_cells(problem)
         for joint in joints:
@@ -95,7 +97,7 @@ def _alone(problem: ContactProblem, cells: IntArray, joints: tuple[Contact, ...]
     mesh = problem.mesh.part(cells, sets)
     kept = [each for each in problem.conditions if each not in problem.joints and each.edges in mesh.edge_sets]
     regions = [each for each in problem.regions if each.name in mesh.region_names]
-    return Body(replace(problem, mesh=mesh, conditions=[*kept, *contacts], regions=regions), beyond)
+    return Body(replace(problem, mesh=mesh, conditions=[*kept, *contacts], regions=regions), beyond, cells)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,19 +164,15 @@ class Share:
 
 def shares_on(body: Body, whole: ContactProblem, shares: Mapping[str, Share]) -> dict[str, Share]:
     """Shares on one body from those of all: beyond a joint the normal of a contact is another, the tangent is not."""
-    found, mesh = dict[str, Share](), body.problem.mesh
+    found = dict[str, Share]()
     for contact in body.problem.contacts:
-        share = shares.get(body.beyond.get(contact.name, contact.name))
-        if share is None:
-            continue
-        near, far = (
-            each.vertices[np.column_stack([edges.first, edges.second])].reshape(-1, 4).tolist()
-            for each, edges in ((mesh, mesh.edges(contact.edges)), (whole.mesh, whole.mesh.edges(share.contact.edges)))
-        )
-        numbers = {tuple(place): number for number, place in enumerate(far)}
-        own, sign = [numbers[tuple(place)] for place in near], -1.0 if contact.name in body.beyond else 1.0
-        parts = (sign * share.values, share.weights, sign * share.slipping, share.room)
-        found[contact.name] = Share(contact, *(part[own] for part in parts))
+        beyond = contact.name in body.beyond
+        share = shares.get(body.beyond[contact.name] if beyond else contact.name)
+        if share is not None:
+            own = np.isin(whole.mesh.edges(share.contact.edges).cells[:, int(beyond)], body.cells)
+            sign = -1.0 if beyond else 1.0
+            parts = (sign * share.values, share.weights, sign * share.slipping, share.room)
+            found[contact.name] = Share(contact, *(part[own] for part in parts))
     return found
 
 
@@ -437,57 +435,54 @@ def spans(directions: FloatArray, wanted: FloatArray) -> bool:
     return bool(np.abs(known - wanted).max() <= PARALLEL)
 
 
+def _sides(problem: ContactProblem) -> Iterator[tuple[Edges, IntArray, Contact | None]]:
+    """Edges, the bodies (e,) they belong to, and their law: all of the boundary without one, joints on both sides.
+
+    A joint with one body on both sides is a crack: then all is one body, and joints have one side.
+    """
+    mesh, body = problem.mesh, blocks_of_cells(problem)
+    laws = [(each, mesh.edges(each.edges)) for each in problem.contacts if each.law != "tied"]
+    joined = [edges.cells for each, edges in laws if each in problem.joints]
+    cracked = any((body[cells[:, 0]] == body[cells[:, 1]]).any() for cells in joined)
+    if cracked:
+        body = np.zeros_like(body)
+    yield mesh.boundary, body[mesh.boundary.cells[:, 0]], None
+    for law, edges in laws:
+        for side in (0, 1) if law in problem.joints and not cracked else (0,):
+            yield edges, body[edges.cells[:, side]], law
+
+
 def _vanishing(problem: ContactProblem) -> set[int]:
     """Vertices where s must be 0: kinks, and where what meets a contact holds the normal part of R v.
 
-    There are none where springs across the contact take μ s v_T upon themselves.
+    With rows C w = D v of laws, for s = 1, and h · v = h · w = 0 of what is held, there is a w = R v for every v of a
+    body where the rank of all rows is that of those in w alone and of those in v alone. Springs across a contact take
+    μ s v_T upon themselves. On a joint both bodies have the same rows.
     """
-    places = {tuple(place): vertex for vertex, place in enumerate(problem.mesh.vertices.tolist())}
-    rough = {each.name for each in problem.contacts if has_coulomb(each) and each.normal_stiffness is None}
-    try:
-        bodies = bodies_of(problem)
-    except InputError:  # a crack, with one body on both sides
-        bodies = (Body(problem, {}),)
-    found: set[int] = set()
-    for body in bodies:
-        chosen = [each for each in body.problem.contacts if body.beyond.get(each.name, each.name) in rough]
-        found.update(places[place] for contact in chosen for place in _unfit(body, contact))
-    return found
-
-
-def _unfit(body: Body, contact: Contact) -> Iterator[tuple[float, ...]]:
-    """Places of vertices of a contact where what edges there demand of v and w = R v leaves none but s = 0.
-
-    With rows C w = D v of laws, for s = 1, and h · v = h · w = 0 of what is held, there is a w for every such v where
-    the rank of all rows is that of those in w alone and of those in v alone.
-    """
-    problem, mesh, none = body.problem, body.problem.mesh, np.zeros(2)
-    own, laws = mesh.edges(contact.edges), dict[int, Contact]()
-    for each in problem.contacts:
-        if each not in problem.joints:
-            laws |= dict.fromkeys(mesh.edge_set(each.edges).tolist(), each)
-    held = held_directions(problem)
-    lines = [(mesh.boundary, [(held[edge], laws.get(edge)) for edge in range(len(mesh.boundary))])]
-    for joint in problem.joints:
-        edges = mesh.edges(joint.edges)
-        lines.append((edges, [(np.empty((0, 2)), joint)] * len(edges)))
-    at_vertex = {vertex: ([none], [np.zeros(4)]) for vertex in np.concatenate([own.first, own.second]).tolist()}
-    for edges, demands in lines:
+    none, held, lines = np.zeros(2), held_directions(problem), list(_sides(problem))
+    demands = dict[tuple[int, int], tuple[list[FloatArray], list[FloatArray]]]()  # by body and vertex
+    for edges, bodies, law in lines:
+        if law is not None and has_coulomb(law) and law.normal_stiffness is None:
+            for vertices in (edges.first, edges.second):
+                places = zip(bodies.tolist(), vertices.tolist(), strict=True)
+                demands |= {place: ([none], [np.zeros(4)]) for place in places}
+    for edges, bodies, law in lines:
         frames = frames_along(edges, np.array([0.0, 1.0]))
         for end, vertices in enumerate((edges.first, edges.second)):
-            for edge in np.flatnonzero(np.isin(vertices, list(at_vertex))).tolist():
-                fixed, rows = at_vertex[int(vertices[edge])]
-                directions, law = demands[edge]
-                fixed += list(directions)
-                rows += [np.append(each, none) for each in directions]
-                if law is not None and law.law != "tied":
-                    normal, tangent = (part[edge, end] for part in frames)
-                    friction = law.friction if has_coulomb(law) else 0.0
-                    assert not callable(friction)
-                    sense = -friction if law.name in body.beyond else friction
-                    rows += [np.append(normal, -sense * tangent)] + [np.append(tangent, none)] * bears_shear(law)
-    for vertex, (fixed, rows) in at_vertex.items():
+            for edge, place in enumerate(zip(bodies.tolist(), vertices.tolist(), strict=True)):
+                fixed, rows = demands.get(place, ([], []))
+                if law is None:
+                    fixed += list(held[edge])
+                    rows += [np.append(each, none) for each in held[edge]]
+                    continue
+                normal, tangent = (part[edge, end] for part in frames)
+                friction = law.friction if has_coulomb(law) else 0.0
+                assert not callable(friction)
+                rows += [np.append(normal, -friction * tangent)] + [np.append(tangent, none)] * bears_shear(law)
+    found = set[int]()
+    for (_, vertex), (fixed, rows) in demands.items():
         both = [*rows, *(np.append(none, each) for each in fixed)]
         ranks = (int(np.linalg.matrix_rank(part, PARALLEL)) for part in (both, np.array(rows)[:, :2], fixed))
         if next(ranks) > sum(ranks):
-            yield tuple(mesh.vertices[vertex].tolist())
+            found.add(vertex)
+    return found

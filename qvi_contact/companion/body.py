@@ -20,7 +20,7 @@ are.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 
@@ -106,14 +106,9 @@ class Supports:
         w[self.index] = self.values
         return w
 
-    def with_springs(self, count: int) -> "Supports":
-        """The same, with as many degrees of freedom more that nothing prescribes."""
-        axes, inverse = (sparse.block_diag([Q, sparse.eye_array(count)], "csr") for Q in (self.axes, self.inverse))
-        return replace(self, axes=sparse.csr_array(axes), inverse=sparse.csr_array(inverse))
 
-
-def supports(problem: ContactProblem, space: DisplacementSpace, scales: Scales) -> Supports:
-    """Prescribed displacements; where two disagree in a corner their mean."""
+def supports(problem: ContactProblem, space: DisplacementSpace, scales: Scales, springs: int = 0) -> Supports:
+    """Prescribed displacements, of so many stretches of springs none; where two disagree in a corner their mean."""
     p, unit, reasons = space.degree, scales.displacement, list[str]()
     on_arcs, fixed = list[tuple[Edges, IntArray]](), list[tuple[IntArray, FloatArray]]()
     conditions = [(np.empty(0, dtype=np.int64), np.empty((0, 2)), np.empty(0))]  # d·v = value at coefficients
@@ -169,7 +164,8 @@ def supports(problem: ContactProblem, space: DisplacementSpace, scales: Scales) 
     Q.eliminate_zeros()
     index, values = (np.concatenate(part) for part in zip(*fixed, strict=True))
     order = np.argsort(index)
-    axes, inverse = _along_arcs(Q, on_arcs, p) if on_arcs else (Q, sparse.csr_array(Q.T))
+    turned = _along_arcs(Q, on_arcs, p) if on_arcs else (Q, Q.T)
+    axes, inverse = (sparse.csr_array(sparse.block_diag([part, sparse.eye_array(springs)])) for part in turned)
     return Supports(index[order], values[order], axes, inverse, bool(slanted.any() or on_arcs), tuple(reasons))
 
 
@@ -215,12 +211,12 @@ class Elasticity:
     at_rest: Callable[[IntArray, FloatArray], FloatArray] | None = None
     # (k, k): M of springs along contacts, with the energy ½ dᵀM d of their stretches d, which follow the degrees of
     # freedom of `space`: displacements v have the shape (size,) with the stretches
-    springs: sparse.csr_array | None = None
+    springs: sparse.csr_array = field(default_factory=lambda: sparse.csr_array((0, 0)))
 
     @property
     def size(self) -> int:
         """Number of degrees of freedom, with the stretches of springs."""
-        return self.space.size + (0 if self.springs is None else self.springs.shape[0])
+        return self.space.size + int(self.springs.shape[0])
 
     def stiffness(self) -> sparse.csr_array:
         """K with vᵀKv = ∫ ε:C:ε without springs, shape (size, size) of the space; cells with arcs by quadrature."""
@@ -282,19 +278,16 @@ class Elasticity:
     def energy(self, v: FloatArray) -> float:
         """½ ∫ (ε − ε⁰) : C : (ε − ε⁰) + ½ dᵀM d."""
         t, weights = self.points()
-        d = v[self.space.size :]
-        springs = 0.0 if self.springs is None else 0.5 * float(d @ (self.springs @ d))
-        stress = self.stress(v, slice(None), t)
+        d, stress = v[self.space.size :], self.stress(v, slice(None), t)
         work = np.einsum("cq,cqk,cqk->", weights, stress, stress @ np.linalg.inv(self.moduli))
-        return 0.5 * float(work) + springs
+        return 0.5 * (float(work) + float(d @ (self.springs @ d)))
 
     def force(self, v: FloatArray) -> FloatArray:
         """K v (size,), through stresses, and M d."""
         t, weights = self.points()
         stress = self.strain(v, slice(None), t) @ self.moduli.swapaxes(1, 2)
         found = self.virtual_work(stress * weights[..., None], t)
-        if self.springs is not None:
-            found[self.space.size :] = self.springs @ v[self.space.size :]
+        found[self.space.size :] = self.springs @ v[self.space.size :]
         return found
 
     def virtual_work(self, stress: FloatArray, t: FloatArray) -> FloatArray:
@@ -407,10 +400,9 @@ class CondensedBody:
         r, _ = factor.reduce((Q.T @ (load - body.force(Q @ supports.fixed)))[free])
         motions = (rigid @ _unheld(rigid[supports.index]))[interface]
         R = np.asarray(np.linalg.qr(motions)[0]) if motions.size else np.zeros((len(motions), 0))
-        if body.springs is not None:
-            more = body.size - size
-            S, interface = block_diag(S, body.springs.toarray()), np.append(interface, np.arange(size, body.size))
-            r, R = np.append(r, np.zeros(more)), np.pad(R, ((0, more), (0, 0)))
+        more = body.size - size  # springs
+        S, interface = block_diag(S, body.springs.toarray()), np.append(interface, np.arange(size, body.size))
+        r, R = np.append(r, np.zeros(more)), np.pad(R, ((0, more), (0, 0)))
         stiffened = S, True
         if len(S):
             rho = float(np.trace(S)) / len(S)

@@ -20,10 +20,9 @@ from qvi_contact.discretization.plates import COMPONENTS, centre_of
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
-from qvi_contact.problem.conditions import is_frictionless
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.contact_line import contact_states, turning_senses
+from qvi_contact.solution.contact_line import turning_senses
 from qvi_contact.solution.result import PlateMotion, plate_motion
 from qvi_contact.solution.stress import given_points, mean_at
 from qvi_contact.version import __version__
@@ -68,8 +67,6 @@ class CompanionContact:
         g − v_N ≥ 0 [length].
     slip : (n,) array
         v_T − w [length].
-    state : (n,) int array
-        `ContactState`.
     senses : (n,) array
         ±1, in which sense a tangential stress counts for the force, see `turning_senses`.
 
@@ -84,7 +81,6 @@ class CompanionContact:
     friction_bound: FloatArray
     gap: FloatArray
     slip: FloatArray
-    state: IntArray
     senses: FloatArray
 
     @property
@@ -177,28 +173,26 @@ class CompanionResult(PicklesFields):
 
         `InputError` if a point lies outside the body.
         """
-        return np.asarray(self._mean(x, y, self._displacement_in) * self.scales.displacement)
+        return self._mean(x, y, self.displacement_in)
 
     def stress(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Stress (σ_xx, σ_yy, σ_xy) = C (ε − ε⁰) at points, (...) to (..., 3) [stress]; on edges the mean of cells."""
         stress = self._mean(x, y, lambda cells, t: self.body.stress(self._v, cells, self.space.own(cells, t)))
         return stress * self.scales.stress
 
-    def cell_strain(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
-        """Strains (ε_xx, ε_yy, 2ε_xy) at reference points (k,) of every cell of the mesh, (cells, k, 3).
+    def cell_strain(self, t: ArrayLike) -> FloatArray:
+        """Strains (ε_xx, ε_yy, 2ε_xy) at reference points t (k, 2) of every cell of the mesh, (cells, k, 3).
 
         These are barycentric coordinates of the second and third corner.
         """
-        strain = self.body.strain(self._v, slice(None), self.space.own(slice(None), np.column_stack([tx, ty])))
+        strain = self.body.strain(self._v, slice(None), self.space.own(slice(None), np.asarray(t, dtype=float)))
         return np.asarray(strain * (self.scales.displacement / self.scales.length))
 
-    def cell_displacement(self, tx: ArrayLike, ty: ArrayLike) -> FloatArray:
-        """Displacements at such points of every cell, (cells, k, 2) [length]."""
-        return np.asarray(self._displacement_in(slice(None), np.column_stack([tx, ty])) * self.scales.displacement)
-
-    def displacement_in(self, cells: IntArray, t: FloatArray) -> FloatArray:
-        """Displacements at one such point each, (n, 2), of cells given by number (n,), shape (n, 2) [length]."""
-        return np.asarray(self._displacement_in(cells, t[:, None])[:, 0] * self.scales.displacement)
+    def displacement_in(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
+        """Displacements (n, k, 2) at such points, (k, 2) or (n, k, 2), of cells given by number (n,) [length]."""
+        local = self._v.reshape(-1, 2)[self.space.table[cells]]
+        shape = self.space.cell.values(self.space.own(cells, t))
+        return np.asarray(shape @ local * self.scales.displacement)
 
     def trace(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """v_N and v_T at points t (k,), 0 to 1, of a contact's edges, (edges, k) each [length].
@@ -285,27 +279,16 @@ class CompanionResult(PicklesFields):
     def _contact(self, trace: DisplacementContact) -> CompanionContact:
         state, scales, chosen = self._state, self.scales, trace.here
         n = state.contacts.count
-        normal, tangential, bound = state.tractions[:n][chosen], state.tractions[n:][chosen], state.bound[chosen]
-        gap, slip = -self._beyond[0, chosen], self._beyond[1, chosen]
-        unit = max(self.certificate.scales.get("stress", 1.0), 1e-300)
-        may_open = trace.contact.law == "unilateral"
-        frictionless = is_frictionless(trace.contact)
-        states = contact_states(
-            normal, tangential, bound, gap, slip, unit, may_open=may_open, frictionless=frictionless
-        )
         order = np.lexsort(np.round(trace.places, _DIGITS).T[::-1])
         x, y = (self.problem.mesh.origin + scales.length * trace.places).T
         fluid = np.where(state.live[:n][chosen], state.contacts.fluid[:n][chosen] / trace.weights, 0.0)
-        stresses = (scales.stress * part for part in (normal - fluid, tangential, bound))
-        moved = (scales.displacement * part for part in (gap, slip))
+        normal, tangential = state.tractions[:n][chosen] - fluid, state.tractions[n:][chosen]
+        stresses = (scales.stress * part for part in (normal, tangential, state.bound[chosen]))
+        moved = (scales.displacement * part for part in (-self._beyond[0, chosen], self._beyond[1, chosen]))
         senses = np.empty(trace.count)  # of the edge whose tangent a coefficient has
         senses[trace.columns] = turning_senses(self.problem.mesh.vertices, trace.edges)[:, None]
-        parts = (x, y, trace.weights * scales.length, *stresses, *moved, states, senses)
+        parts = (x, y, trace.weights * scales.length, *stresses, *moved, senses)
         return CompanionContact(trace.name, *(part[order] for part in parts))
-
-    def _displacement_in(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
-        local = self._v.reshape(-1, 2)[self.space.table[cells]]
-        return np.asarray(self.space.cell.values(self.space.own(cells, t)) @ local)
 
     def _mean(self, x: ArrayLike, y: ArrayLike, values: Callable[[IntArray, FloatArray], FloatArray]) -> FloatArray:
         """Mean of what the cells that hold a point say."""
@@ -402,10 +385,10 @@ def solve_companions(
     `slip_directions` displacements slip along the tangent of an edge where that says 1, against it where −1, and not at
     all where 0.
     """
-    scales, body, held = _body(problem, checked(problem, degree, tolerance))
-    (acting, remarks), found = load_vector(problem, body, scales), list[CompanionResult]()
-    both = zip(laws, slip_directions or [MappingProxyType[str, FloatArray]({})] * len(laws), strict=True)
-    contacts = [Contacts.of(problem, body.space, scales, law, slips) for law, slips in both]
+    slips = slip_directions or [MappingProxyType[str, FloatArray]({})] * len(laws)
+    body, held, contacts = _posed(problem, checked(problem, degree, tolerance), laws, slips)
+    scales, found = Scales.of(problem), list[CompanionResult]()
+    acting, remarks = load_vector(problem, body, scales)
     with limited_blas(1):
         try:
             load, size = acting + body.initial_load, body.space.size
@@ -433,16 +416,18 @@ def solve_companions(
     return tuple(found)
 
 
-def _body(problem: ContactProblem, cell: Triangle) -> tuple[Scales, Elasticity, Supports]:
-    """A problem on its elements: units, the body with its springs, what holds it."""
+def _posed(
+    problem: ContactProblem, cell: Triangle, laws: Sequence[Mapping[str, FloatArray] | None],
+    slips: Sequence[Mapping[str, FloatArray]],
+) -> tuple[Elasticity, Supports, list[Contacts]]:  # fmt: skip
+    """A problem on its elements: the body with its springs, what holds it, and its contacts under several laws."""
     scales = Scales.of(problem)
     space = DisplacementSpace.of(problem, cell, scales.length)
+    contacts = [Contacts.of(problem, space, scales, *each) for each in zip(laws, slips, strict=True)]
     at_rest = partial(scaled_stress_at_rest, problem, scales) if is_strained(problem) else None
-    body, held = Elasticity(space, moduli(problem, scales), at_rest), supports(problem, space, scales)
-    if any(contact.has_springs for contact in problem.contacts):
-        springs = Contacts.of(problem, space, scales).springs
-        body, held = replace(body, springs=springs), held.with_springs(springs.shape[0])
-    return scales, body, held
+    springs = contacts[0].springs
+    body = Elasticity(space, moduli(problem, scales), at_rest, springs)
+    return body, supports(problem, space, scales, springs.shape[0]), contacts
 
 
 def moduli(problem: ContactProblem, scales: Scales) -> FloatArray:
@@ -463,8 +448,8 @@ class BodyAtRest:
     @classmethod
     def of(cls, problem: ContactProblem, degree: int) -> BodyAtRest:
         """Displacements of a degree on the mesh of a problem; `FactorisationError` where K cannot be factorised."""
-        scales, moving, held = _body(problem, triangle(degree))
-        contacts, held = Contacts.of(problem, moving.space, scales), replace(held, values=np.zeros_like(held.values))
+        moving, held, (contacts,) = _posed(problem, triangle(degree), [None], [{}])
+        held = replace(held, values=np.zeros_like(held.values))
         with limited_blas(1):
             body = CondensedBody.of(moving, np.zeros(moving.size), held, contacts.rows)
         moved, driven = (contacts.rows @ body.supports.axes)[:, body.interface].toarray(), contacts.motions

@@ -229,7 +229,7 @@ def write_vtu(
             raise InputError("bracket", repr(mesh), "belongs to another mesh: give the one of this result")
         if not companion.has_state:
             raise InputError("bracket", bracket.message, "there is no displacement in it to write")
-        point_data["displacement"] = companion.cell_displacement(*t[:, -2:].T).reshape(-1, 2), "displacement"
+        point_data["displacement"] = companion.displacement_in(slice(None), t[:, -2:]).reshape(-1, 2), "displacement"
         cell_data["energy gap"] = bracket.cell_gaps[number], "energy"
     cells = (len(t) * np.arange(count)[:, None, None] + corners).reshape(-1, corners.shape[1])
     _write_grid(path, np.column_stack([x, y]), cells, point_data, cell_data, units)

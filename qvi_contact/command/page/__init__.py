@@ -264,7 +264,8 @@ def field_data(result: ContactResult, companion: CompanionResult | None, units: 
         return None
     strained = is_strained(result.problem) and result.problem.material.plane == "strain"
     mesh, wide = result.problem.mesh, 2 if len(samples.points) <= _SHORT else 4
-    moved = None if companion is None else companion.displacement_in(samples.cells, samples.reference[:, -2:])
+    reference = samples.reference[:, None, -2:]
+    moved = None if companion is None else companion.displacement_in(samples.cells, reference)[:, 0]
     largest = 0.0 if moved is None else float(np.hypot(*moved.T).max())
     return {
         "units": {"length": units.length, "stress": units.stress},
@@ -321,7 +322,7 @@ def _segments(mesh: TriangleMesh, edges: Edges, companion: CompanionResult | Non
     moved = None
     if companion is not None:
         flat, cells = points.reshape(-1, 2), np.repeat(edges.cells[:, 0], 3)
-        reference = mesh.reference(cells, flat)[:, -2:]
+        reference = mesh.reference(cells, flat)[:, None, -2:]
         moved = companion.displacement_in(cells, reference).reshape(points.shape)
     halves = [None if values is None else _floats(values[:, [0, 1, 1, 2]]) for values in (points, moved)]
     return {"points": halves[0], "displacement": halves[1]}
