@@ -211,7 +211,8 @@ def test_bounds(case):
     assert found.kind is BracketKind.PROBLEM
     assert found.guaranteed, found.reasons
     assert -1e-12 * found.strain <= found.gap < 0.02 * found.strain
-    assert found.cell_gaps.sum() == pytest.approx(found.gap, rel=1e-6, abs=1e-12)
+    within = 1e-10 * 3.0 * 2.0  # what a pressure within the tolerance of the solve does along a gap of 1
+    assert found.cell_gaps.sum() == pytest.approx(found.gap, rel=1e-6, abs=within)
     ours, theirs = result.contacts["bottom"], found.companion.contacts["bottom"]
     assert theirs.normal_force == pytest.approx(ours.normal_force, rel=1e-2)
     if case != "Tresca":
