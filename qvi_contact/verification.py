@@ -120,7 +120,7 @@ def worse_than_claimed(claimed: Certificate, computed: Certificate) -> float:
 
 
 def scales_difference(claimed: Certificate, computed: Certificate) -> float:
-    """Largest relative difference of the scales; "rounding" may be there or not, but is small."""
+    """Largest relative difference of the scales, over what is allowed; "rounding" may be there or not, but is small."""
     now, then = dict(computed.scales), dict(claimed.scales)
     if "rounding" not in now or "rounding" not in then:
         given = then.pop("rounding", now.pop("rounding", 0.0))
@@ -128,7 +128,8 @@ def scales_difference(claimed: Certificate, computed: Certificate) -> float:
             return np.inf
     if now.keys() != then.keys():
         return np.inf
-    return _largest([difference(float(then[name]), float(value)) for name, value in now.items()])
+    apart = {name: difference(float(then[name]), float(value)) for name, value in now.items()}
+    return _largest(value / (_SOFT if name in ("displacement", "energy") else _SCALES) for name, value in apart.items())
 
 
 def _largest(values: Iterable[float | FloatArray]) -> float:
@@ -169,7 +170,8 @@ DOCUMENT_VERSION: Final = 1
 """Grows when an entry of `Verification.document` changes its meaning or goes away."""
 
 _CLAIMED: Final = 0.1  # of its limit, by which a measure may be larger than it was said to be: rounding
-_SCALES: Final = 1e-6  # the stiffness of the contact that is in them is as accurate as its factorisation
+_SCALES: Final = 1e-6  # relative difference of scales
+_SOFT: Final = 0.3  # the same of those with the contact's stiffness: rounding shows in its few steps of power iteration
 _BOUND: Final = 10.0  # of the tolerance: results of the fixed point may hold that of its last iteration
 _SHOWN: Final = 5  # names in a sentence
 
@@ -354,8 +356,8 @@ def _rows(
         "Largest excess of a measure above the stored one, in units of its limit.",
     )  # fmt: skip
     yield _limited(
-        "claimed scales", scales_difference(result.certificate, certificate), _SCALES,
-        "Units of stress, displacement and energy by which the measures are divided.",
+        "claimed scales", scales_difference(result.certificate, certificate), 1.0,
+        "Units of stress, displacement and energy by which the measures are divided: difference over what is allowed.",
     )  # fmt: skip
     if not result.has_state:
         return
@@ -412,8 +414,11 @@ def _agreements(claims: Mapping[str, Any], again: ContactResult) -> Iterator[Che
         label = f"{contact}: {group}" if contact else group
         worst[label] = max(worst.get(label, (-1.0, "")), (difference(claimed, wanted, unit, rounding), name))
     for label, (value, name) in worst.items():
-        counted = name.endswith(".state")  # points whose state is another one
-        meaning = f"Stored fields of this group, beside those computed again. The worst is {name}."
+        counted = name.endswith(".state")
+        meaning = "Number of points whose state (open, stick, slip) is another one."
+        if not counted:
+            meaning = "Stored fields of this group, beside those computed again."
+            meaning += f" The worst is {name}." if value > 0.0 else ""
         yield _limited(label, value, 0.0 if counted else AGREEMENT, meaning)
 
 

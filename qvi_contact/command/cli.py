@@ -69,7 +69,8 @@ def _option(name: str, text: str = "") -> _Decorator:
     else:
         declared = Settings if name in keys_of(Settings) else RefineOptions
         kind, default = keys_of(declared)[name].kind, defaults_of(declared)[name]
-        said = described(declared)[name].rpartition(": `")[0] + "."
+        said = described(declared).get(name, "").rpartition(": `")[0]  # python -OO has no texts
+        said += "." if said else ""
         if default is not None:
             said += f"  [default: {default}]"
         if isinstance(kind, Choice):
@@ -187,6 +188,7 @@ def solve() -> None:
 
     \b
     Examples:
+        qvi-contact solve examples/punch.toml
         qvi-contact solve examples/punch.toml --degree 5 --plot punch.png
         qvi-contact solve examples/punch.toml --report punch.html
         qvi-contact solve examples/cyclic_shear.toml --json > cycle.json

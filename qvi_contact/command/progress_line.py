@@ -42,7 +42,7 @@ def solving(title: str, steps: int = 1, *, verbose: bool = False, silence: float
             yield line.advance
     finally:
         line.ended.set()
-        thread.join()
+        thread.join(_PATIENCE)  # nobody may read standard error
 
 
 class _Line:
@@ -73,13 +73,15 @@ class _Line:
 
     def show(self, silence: float) -> None:
         """Draw the line on a terminal, and elsewhere say now and then how far all is."""
-        if self.ended.wait(min(_PATIENCE, silence)):
+        patience = min(_PATIENCE, silence)
+        if self.ended.wait(patience):
             return
         if terminal.error_console().is_terminal:
             self._draw()
-        while not self.ended.wait(silence):
+        wait = silence - patience
+        while not self.ended.wait(wait):
             self._say(self._text, on_terminals=False)
-            silence *= 2.0
+            silence = wait = 2.0 * silence
 
     def _draw(self) -> None:
         """Rich's own line, with a bar where there are several steps."""

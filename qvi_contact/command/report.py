@@ -56,8 +56,9 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
         if line.has_fluid:
             effective = shown(line.effective_normal_force, result.rounding.force)
             yield f"contact {line.name}: effective normal force, without the pore pressure, {effective} {force}"
+    numbers = contact_numbers(result) if result.plates else {}
     for name in result.plates:
-        x, y, turned, across, up, moment = cells(contact_numbers(result)[name], PLATE_COLUMNS, result.rounding)
+        x, y, turned, across, up, moment = cells(numbers[name], PLATE_COLUMNS, result.rounding)
         yield f"obstacle {name} moves by ({x}, {y}) {units.displacement}, turns by {turned} rad"
         yield f"obstacle {name} pushes with ({across}, {up}) {force}, moment {moment} {units.engineering_moment}"
 

@@ -371,11 +371,10 @@ def _check_asked(file: ProblemFile, plan: SweepPlan | None, asked: Mapping[str, 
         remedy = "is for values of a sweep: give --store FILE with --set, or with a [sweep] in the problem file"
         refused = dict.fromkeys(("workers", "dask"), remedy)
     if plan is None and not file.times:
-        refused["store"] = (
-            "keeps steps of a history or rows of a sweep: give --set, or a file with a [history] or a [sweep]"
-        )
+        remedy = "keeps steps of a history or rows of a sweep: give --set, or a file with a [history] or a [sweep]"
+        refused = {"store": remedy} | refused
     elif plan is not None and plan.parameter not in _PARAMETERS:
-        refused["store"] = f"keeps rows of {', '.join(_PARAMETERS)}: sweep a constant without it"
+        refused = {"store": f"keeps rows of {', '.join(_PARAMETERS)}: sweep a constant without it"} | refused
     for name, remedy in refused.items():
         if asked[name] is not None:
             raise InputError(f"--{name}", asked[name], remedy)

@@ -196,6 +196,8 @@ class LineTable:
     def line(self, kind: str, taken: Iterable[str]) -> Sequence[Corner]:
         """The corners of a hole, joint or region."""
         hole = kind == "holes"
+        if not hole and not self.name:
+            raise InputError("name", schema.Missing(), schema.ADD)
         if not hole:
             new_name(self.name, taken, kind.removesuffix("s"))
         elif self.corners is not None and self.name:

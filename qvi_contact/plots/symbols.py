@@ -157,6 +157,7 @@ Written: TypeAlias = "tuple[Text, Sequence[Spot]]"
 _WRAP: Final = 44  # characters in a line of the legend
 _LONG: Final = 6  # powers of ten from which on numbers are written with them
 _RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_NOISE: Final = 1e-12  # of the larger end of a range, below which the other one is 0
 _UPRIGHT: Final = 0.3  # component of a normal below which a side counts as facing across it
 
 
@@ -183,7 +184,9 @@ def alignment(normal: FloatArray) -> dict[str, Any]:
 
 def value_range(name: str, values: FloatArray, unit: str) -> str:
     """The value or the range of values of a named quantity, with its unit."""
-    numbers = dict.fromkeys(beside([float(values.min()), float(values.max())]))  # one of two that are equal
+    ends = [float(values.min()), float(values.max())]
+    noise = _NOISE * max(map(abs, ends))
+    numbers = dict.fromkeys(beside([0.0 if abs(end) <= noise else end], 6)[0] for end in ends)  # one of two alike
     return f"{name} = {' … '.join(numbers)} {unit}".rstrip().replace(" ", "\xa0")  # kept on one line
 
 
@@ -229,7 +232,7 @@ def spread(axes: "Axes", written: Sequence[Written]) -> None:
         for place, align in (*spots, spots[0]):
             text.set_position(place.tolist())
             text.set(**align)
-            box = text.get_window_extent()
+            box = text.get_window_extent().padded(3.0)  # with its white ground
             if not any(box.overlaps(other) for other in taken):
                 break
         taken.append(box)

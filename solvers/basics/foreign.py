@@ -16,15 +16,16 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
-from threading import RLock, local
+from threading import Lock, RLock, local
 from typing import Any, Final, TextIO, cast
 
 
 class _Thread(local):
     """How many blocks of foreign code this thread is in.
 
-    Not a context variable: factors that the garbage collector frees enter such a block, and before Python 3.12 that may
-    be while another variable of the context is set. Setting one then ends the process with a segmentation fault.
+    Not a context variable: factors that the garbage collector frees enter such a block, and before Python 3.12 the
+    collector may run while another variable of the same context is set, as by `numpy.errstate`. Setting one then
+    ends the process with a segmentation fault.
     """
 
     depth = 0
@@ -86,19 +87,15 @@ def _flush_c() -> Callable[[None], Any]:
 
 
 class _StandardOutput:
-    """Hidden from when the first thread enters foreign code until the last one leaves it; `sys.stdout` meanwhile.
+    """Hidden from when the first thread enters foreign code until the last one leaves it.
 
-    As that it is silent in threads that run foreign code; others reach what descriptor 1 was. The garbage collector may
-    run at any place here, and factors that it frees enter foreign code themselves.
+    The garbage collector may run at any place here, and factors that it frees enter foreign code themselves.
     """
 
     def __init__(self) -> None:
         self._lock, self._inside = RLock(), 0
         self._kept: int | None = None
-        self._stream: TextIO | None = None  # which it stands for, also for who still holds this one later
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
+        self._filter: _Filter | None = None
 
     def hide(self) -> None:
         with self._lock:
@@ -106,32 +103,49 @@ class _StandardOutput:
             if self._inside > 1:
                 return
             self._kept = lead_nowhere()
-            if sys.stdout is not None and sys.stdout is not self:
-                self._stream, sys.stdout = sys.stdout, cast("TextIO", self)
+            if sys.stdout is not None:
+                self._filter = _Filter(sys.stdout, self._kept)
+                sys.stdout = cast("TextIO", self._filter)
 
     def show(self) -> None:
         with self._lock:
             if self._inside == 1:
                 _flush_c()(None)
-                if sys.stdout is self:  # else somebody has set another one
-                    sys.stdout = self._stream
+                if self._filter is not None:
+                    if sys.stdout is self._filter:  # else somebody has set another one
+                        sys.stdout = self._filter.stream
+                    self._filter.end()
                 if self._kept is not None:
                     os.dup2(self._kept, 1)
                     os.close(self._kept)
-                    self._kept = None
+                self._kept = self._filter = None
             self._inside -= 1
+
+
+class _Filter:
+    """`sys.stdout` meanwhile: silent in threads that run foreign code; others reach what descriptor 1 was."""
+
+    def __init__(self, stream: TextIO, kept: int | None) -> None:
+        self.stream, self._kept, self._lock = stream, kept, Lock()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
 
     def write(self, text: str) -> int:
         if _THREAD.depth:
             return sys.stderr.write(text) if _is_told() else len(text)
         with self._lock:
-            stream = cast("TextIO", self._stream)
-            if self._kept is None or not _is_standard(stream):
-                return stream.write(text)
-            data = text.replace("\n", os.linesep).encode(stream.encoding, stream.errors or "strict")
+            if self._kept is None or not _is_standard(self.stream):
+                return self.stream.write(text)
+            data = text.replace("\n", os.linesep).encode(self.stream.encoding, self.stream.errors or "strict")
             with open(self._kept, "wb", closefd=False) as place:
                 place.write(data)
             return len(text)
+
+    def end(self) -> None:
+        """What still holds this one goes the usual way again."""
+        with self._lock:
+            self._kept = None
 
 
 _STANDARD_OUTPUT: Final = _StandardOutput()

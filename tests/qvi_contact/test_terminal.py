@@ -158,7 +158,9 @@ def shown(environ, title, steps):
     """What a terminal shows of a method, a round, and another solve."""
     environ(FORCE_COLOR=1, COLUMNS=160)
     with redirect_stderr(io.StringIO()) as screen, solving(title, steps, silence=0.0) as advance:
-        while title not in screen.getvalue():
+        for _ in range(1000):
+            if title in screen.getvalue():
+                break
             time.sleep(0.01)
         advance("216 unknowns")
         report(Progress("fixed-point", remark="the condensed method ended stalled"))
@@ -175,11 +177,13 @@ def test_a_solve_under_way_is_shown_on_a_terminal(environ):
     assert "the condensed method ended stalled; next method: fixed-point\n" in found
 
 
-def test_off_a_terminal_it_is_silent(capfd):
+def test_off_a_terminal_it_is_silent(capfd, monkeypatch):
+    monkeypatch.setattr("qvi_contact.command.progress_line._PATIENCE", 0.0)
     with solving("plate") as advance:
         solve(compressed_plate(0.2, (3, 3)))
         report(Progress("fixed-point", remark="the condensed method ended stalled"))
         advance()
+        time.sleep(0.3)
     assert capfd.readouterr() == ("", "")
 
 
