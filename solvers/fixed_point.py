@@ -255,7 +255,7 @@ class _Loop:
         qvi, began, number = self.qvi, time.perf_counter(), len(self.history) + 1
         inner = self._solve_inner()
         if not _is_usable(inner):
-            result = no_result(qvi, inner.status, inner.message)
+            result = no_result(qvi, inner.status, inner.message, inner.seconds)
             self._record(result, np.inf, began)
             if not deadline.over:
                 self._recover(result)
@@ -292,7 +292,7 @@ class _Loop:
         if not _is_usable(witness.solve(threshold, form.centre(None, None), None)):
             return inner
         message = f"{inner.message}; but Clarabel solves this problem"
-        return no_result(form.problem, Status.BACKEND_FAILED, message)
+        return no_result(form.problem, Status.BACKEND_FAILED, message, inner.seconds)
 
     def _norm(self, v: Vector) -> float:
         return float(np.sqrt(self.qvi.W @ v**2))

@@ -251,6 +251,7 @@ def fitted(
     """
     if not callable(function):
         raise InputError(name, function, "give a function of an array (n,) that returns points (n, 2)")
+    edges = np.unique(np.sort(edges, axis=1), axis=0)
     given = _Given(name, function, finite_number("start", start), finite_number("stop", stop))
     if given.start == given.stop:
         raise InputError("stop", stop, "give another parameter than the one that the curve starts at")

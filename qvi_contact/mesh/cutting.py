@@ -313,7 +313,8 @@ def _arcs(mesh: MeshParts, topology: Topology, whole: IntArray, ends: IntArray, 
     """The mesh's arcs by parts of its edges (k,) with ends (k, 2) at shares (k, 2) of their lengths; each part once."""
     keys, taken, found = ends @ [int(ends.max()) + 1, 1], np.empty(0, dtype=np.int64), list[Curve]()
     for arc in mesh.arcs:
-        own = np.flatnonzero(np.isin(whole, topology.number(arc.edges)) & ~np.isin(keys, taken))
+        own = np.flatnonzero(np.isin(whole, topology.number(arc.edges)))
+        own = own[~np.isin(keys[own], taken)]
         own = own[np.unique(keys[own], return_index=True)[1]]
         taken = np.append(taken, keys[own])
         if len(own):
@@ -365,7 +366,8 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     vertex = place[np.concatenate([topology.ends[:, 0], hanging[apart, 0], topology.ends[:, 1]])]
     order = np.lexsort((share, edge))
     edge, share, vertex = edge[order], share[order], vertex[order]
-    kept = np.append(True, (np.diff(edge) > 0) | (np.diff(vertex) != 0))  # of two pieces that meet there one vertex
+    # of two pieces that meet there one vertex; the ends stay, equal ones too
+    kept = np.append(True, (np.diff(edge) > 0) | (np.diff(vertex) != 0) | (share[1:] == 1.0))
     edge, share, vertex = edge[kept], share[kept], vertex[kept]
     new_cells, parent = _fans(place[cells], topology, edge, vertex)
     fine = Topology.of(new_cells, len(first))

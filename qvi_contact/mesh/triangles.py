@@ -361,7 +361,7 @@ class TriangleMesh(PicklesFields):
             edges = (self.boundary if outer else self.interior).take(index)
             for part in (index, *vars(edges).values()):
                 part.setflags(write=False)
-            self._taken.setdefault(name, (index, edges))
+            return self._taken.setdefault(name, (index, edges))
         return self._taken[name]
 
     @cached_property

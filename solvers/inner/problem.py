@@ -1,7 +1,7 @@
 """The inner problem, friction bound given, and what every back end for it provides."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,15 +45,22 @@ def limited_rows(qvi: FrictionQVI) -> Sparse:
     return csc_array(vstack([qvi.N, qvi.T, -qvi.T]))
 
 
+def row_multipliers(y: Vector) -> tuple[Vector, Vector]:
+    """(m_N, m_T) of the multipliers y = (y_N, y_+, y_−) ≥ 0 (3m,) of G x ≤ h: y_N, and y_+ − y_−."""
+    y_N, y_plus, y_minus = np.split(y, 3)
+    return y_N, y_plus - y_minus
+
+
 @dataclass(frozen=True, eq=False)
 class InnerSolution:
-    """Result of one inner problem; signs as in `FrictionQVI`. Made by `answered` or `no_result`.
+    """Result of one inner problem; signs as in `FrictionQVI`, `y` is the certificate if infeasible.
 
     Attributes
     ----------
-    z, m_N, m_T, nu : (n,), (m,), (m,), (p,); NaN without a usable answer
+    z, m_N, m_T, nu : (n,), (m,), (m,), (p,); NaN if the back end gave nothing
     status : translated to the one vocabulary
     iterations : of the back end, 0 if it does not say
+    seconds : wall time of the call
     message : what the back end said, warnings included
 
     """
@@ -64,6 +71,7 @@ class InnerSolution:
     nu: Vector
     status: Status
     iterations: int = 0
+    seconds: float = 0.0
     message: str = ""
 
     @property
@@ -83,25 +91,10 @@ class InnerSolver(Protocol):
         ...
 
 
-def no_result(qvi: FrictionQVI, status: Status, message: str) -> InnerSolution:
+def no_result(qvi: FrictionQVI, status: Status, message: str, seconds: float = 0.0) -> InnerSolution:
     """Return an `InnerSolution` of NaN."""
     nan = np.full(max(qvi.n, qvi.m, qvi.p), np.nan)
-    return InnerSolution(nan[: qvi.n], nan[: qvi.m], nan[: qvi.m], nan[: qvi.p], status, 0, message)
-
-
-def answered(
-    qvi: FrictionQVI, centre: Centre, status: Status, message: str, x: Any, y: Any, nu: Any, iterations: int = 0
-) -> InnerSolution:
-    """What a back end has answered: the increment x (n,), y = (y_N, y_+, y_−) ≥ 0 (3m,) of G x ≤ h, and ν (p,).
-
-    (m_N, m_T) = (y_N, y_+ − y_−). There is no result where the status promises none, or x or y is None. ν is not looked
-    at where p = 0.
-    """
-    if not status.usable or x is None or y is None:
-        return no_result(qvi, Status.BACKEND_FAILED if status.usable else status, message)
-    y_N, y_plus, y_minus = np.split(np.array(y), 3)
-    nu = np.array(nu) if qvi.p else np.zeros(0)
-    return InnerSolution(centre.z + x, y_N, y_plus - y_minus, nu, status, iterations, message)
+    return InnerSolution(nan[: qvi.n], nan[: qvi.m], nan[: qvi.m], nan[: qvi.p], status, 0, seconds, message)
 
 
 def contradiction(problem: FrictionQVI, threshold: Vector, centre: Centre) -> InnerSolution | None:

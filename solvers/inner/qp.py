@@ -6,6 +6,8 @@ Quadratic Programming Solvers in Python.
 """
 
 import re
+import time
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -19,7 +21,7 @@ from solvers.basics.status import Status
 from solvers.basics.types import Sparse, Vector, load
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.linear_program import within_time
-from solvers.inner.problem import Centre, InnerSolution, answered, limited_rows
+from solvers.inner.problem import Centre, InnerSolution, limited_rows, no_result, row_multipliers
 
 
 class QPSolver:
@@ -35,17 +37,26 @@ class QPSolver:
         ]
 
     def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:
-        """Solve for the bound threshold (m,)."""
-        qvi, backend, (P, G, A) = self._qvi, self._backend, self._matrices
-        qpsolvers = load("qpsolvers")
+        """Solve for the bound threshold (m,); warnings end in the message."""
+        began, qvi, backend = time.perf_counter(), self._qvi, self._backend
+        P, G, A = self._matrices
         equalities = (A, centre.b) if qvi.p else (None, None)
-        problem = qpsolvers.Problem(P, -centre.f, G, centre.h(threshold), *equalities)
         initial = start.z - centre.z if backend.warm and start is not None and start.finite else None
-        settings = within_time(self._settings, backend.limit)
-        answer = qpsolvers.solve_problem(problem, self._name, initvals=initial, **settings)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            qpsolvers = load("qpsolvers")
+            problem = qpsolvers.Problem(P, -centre.f, G, centre.h(threshold), *equalities)
+            settings = within_time(self._settings, backend.limit)
+            answer = qpsolvers.solve_problem(problem, self._name, initvals=initial, **settings)
         word, iterations = _said(answer, backend.otherwise)
-        said = f"{self._name}: {word}"
-        return answered(qvi, centre, meaning(word), said, answer.x, answer.z, answer.y, iterations)
+        status, seconds = meaning(word), time.perf_counter() - began
+        message = "; ".join([f"{self._name}: {word}", *(str(w.message) for w in caught)])
+        if any(part is None or np.size(part) != size for part, size in ((answer.x, qvi.n), (answer.z, 3 * qvi.m))):
+            return no_result(qvi, Status.BACKEND_FAILED if status.usable else status, message, seconds)
+        m_N, m_T = row_multipliers(np.array(answer.z, dtype=np.float64))
+        nu = np.array(answer.y, dtype=np.float64) if qvi.p else np.zeros(0)
+        z = centre.z + np.array(answer.x, dtype=np.float64)
+        return InnerSolution(z, m_N, m_T, nu, status, iterations, seconds, message)
 
 
 def _said(answer: Any, otherwise: str) -> tuple[str, int]:
@@ -196,12 +207,14 @@ class DirectClarabel:
 
     def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:  # noqa: ARG002
         """Solve for the bound threshold (m,); `start` is not used."""
+        began = time.perf_counter()
         settings, seconds = self._solver.get_settings(), deadline.left
         if seconds < settings.time_limit:
             settings.time_limit = seconds
             self._solver.update(settings=settings)
         self._solver.update(q=-centre.f, b=np.concatenate([centre.b, centre.h(threshold)]))
         answer = self._solver.solve()
-        word, (nu, y) = str(answer.status), np.split(np.array(answer.z), [self._qvi.p])
-        said = f"clarabel: {word}"
-        return answered(self._qvi, centre, meaning(word), said, answer.x, y, nu, int(answer.iterations))
+        word, z, multipliers = str(answer.status), centre.z + np.array(answer.x), np.array(answer.z)
+        m_N, m_T = row_multipliers(multipliers[self._qvi.p :])
+        nu, seconds = multipliers[: self._qvi.p], time.perf_counter() - began
+        return InnerSolution(z, m_N, m_T, nu, meaning(word), int(answer.iterations), seconds, f"clarabel: {word}")

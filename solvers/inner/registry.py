@@ -1,22 +1,18 @@
 """Names of inner solvers: what exists, what is installed, and how one is built."""
 
 import sys
-import warnings
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from typing import Any, Final
 
 from solvers.basics.foreign import foreign_code
-from solvers.basics.status import Status
-from solvers.basics.types import Vector
 from solvers.errors import SolverUnavailableError
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner import qp, socp
-from solvers.inner.linear_program import BackendFailure, attempt, one_line, real_vector
-from solvers.inner.problem import Centre, InnerSolution, InnerSolver, no_result
+from solvers.inner.linear_program import Guarded
+from solvers.inner.problem import InnerSolver
 
 _FREE = frozenset(
     {"clarabel", "cvxopt", "daqp", "ecos", "highspy", "osqp", "piqp", "proxsuite", "qpalm", "quadprog", "scs"}
@@ -45,33 +41,6 @@ _KINDS: Final[Mapping[str, Callable[..., InnerSolver]]] = {
     "direct": qp.DirectClarabel,
     "socp": socp.SOCPSolver,
 }
-
-
-class Guarded:
-    """Another inner solver; what it raises, and an answer that is none, is a result with the status backend_failed."""
-
-    def __init__(self, name: str, qvi: FrictionQVI, solver: InnerSolver) -> None:
-        self.packages = solver.packages
-        self._name, self._qvi, self._solver = name, qvi, solver
-
-    def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:
-        """As `InnerSolver.solve`; warnings end in the message."""
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            answer = attempt(self._name, lambda: self._checked(self._solver.solve(threshold, centre, start)))
-        if isinstance(answer, BackendFailure):
-            return no_result(self._qvi, Status.BACKEND_FAILED, str(answer))
-        return replace(answer, message=one_line("; ".join([answer.message, *(str(each.message) for each in caught)])))
-
-    def _checked(self, answer: object) -> InnerSolution:
-        """An answer of the promised form, and finite where it claims to be one; how good it is others judge."""
-        if not isinstance(answer, InnerSolution):
-            raise TypeError(f"the answer is {type(answer).__name__}, not an InnerSolution")
-        for part, size in {"z": self._qvi.n, "m_N": self._qvi.m, "m_T": self._qvi.m, "nu": self._qvi.p}.items():
-            real_vector(part, getattr(answer, part), size)
-        if answer.status.usable and not answer.finite:
-            return no_result(self._qvi, Status.BACKEND_FAILED, f"{answer.message}; result is not finite")
-        return answer
 
 
 def check_name(name: object) -> str:

@@ -4,6 +4,8 @@ Friction bound and `Centre` are parameters (DPP), |T x + t0| ≤ thr one two-dim
 point, the energy the square of a norm, ½|R x|² − fᵀx with RᵀR = K. Cite: S. Diamond, S. Boyd, CVXPY, JMLR 2016.
 """
 
+import time
+import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
@@ -13,12 +15,13 @@ import numpy as np
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import splu
 
+from solvers.basics.status import Status
 from solvers.basics.types import Sparse, Vector, load
 from solvers.errors import InputError
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner import qp
 from solvers.inner.linear_program import within_time
-from solvers.inner.problem import Centre, InnerSolution, answered
+from solvers.inner.problem import Centre, InnerSolution, no_result
 from solvers.inner.qp import QPBackend
 
 _AS_QP = ("clarabel", "copt", "ecos", "gurobi", "mosek", "scs")
@@ -35,36 +38,49 @@ class SOCPSolver:
     """One cvxpy problem for one QVI; `solve` only sets the parameters."""
 
     def __init__(self, qvi: FrictionQVI, name: str, tolerance: float, options: Mapping[str, Any] | None = None) -> None:
-        cp, backend = load("cvxpy"), BACKENDS[name]
+        cp = load("cvxpy")
+
+        backend = BACKENDS[name]
         self.packages: tuple[str, ...] = ("cvxpy", backend.module)
         self._qvi, self._name = qvi, name
         self._settings = backend.settings(tolerance) if options is None else dict(options)
-        x = self._x = cp.Variable(qvi.n)
-        threshold, f = cp.Parameter(qvi.m, nonneg=True), cp.Parameter(qvi.n)
-        n0, t0, *b = (cp.Parameter(size) for size in (qvi.m, qvi.m, qvi.p) if size)
-        self._parameters = [threshold, f, n0, t0, *b]
-        friction = cp.SOC(threshold, cp.reshape(qvi.T @ x + t0, (1, qvi.m), order="C"), axis=0)
-        self._rows = [qvi.N @ x + n0 <= 0, friction, *(qvi.A @ x == given for given in b)]
-        energy = 0.5 * cp.sum_squares(square_root(qvi.K) @ x) - f @ x
-        self._problem = cp.Problem(cp.Minimize(energy), self._rows)
-        assert self._problem.is_dpp()
+        self._x = cp.Variable(qvi.n)
+        self.threshold = cp.Parameter(qvi.m, nonneg=True)
+        self._f, self._n0, self._t0 = cp.Parameter(qvi.n), cp.Parameter(qvi.m), cp.Parameter(qvi.m)
+        self._b = cp.Parameter(qvi.p) if qvi.p else None
+        self._normal = qvi.N @ self._x + self._n0 <= 0
+        tangential = cp.reshape(qvi.T @ self._x + self._t0, (1, qvi.m), order="C")
+        self._friction = cp.SOC(self.threshold, tangential, axis=0)
+        self._equality = [qvi.A @ self._x == self._b] if qvi.p else []
+        energy = 0.5 * cp.sum_squares(square_root(qvi.K) @ self._x) - self._f @ self._x
+        self.problem = cp.Problem(cp.Minimize(energy), [self._normal, self._friction, *self._equality])
+        assert self.problem.is_dpp()
 
     def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:  # noqa: ARG002
         """Solve for the bound threshold (m,); cvxpy does not pass a start on."""
-        qvi, values = self._qvi, (np.maximum(threshold, 0.0), centre.f, centre.n0, centre.t0, centre.b)
-        for parameter, value in zip(self._parameters, values, strict=False):  # no b without equations
-            parameter.value = value
-        self._problem.solve(solver=self._name.upper(), **within_time(self._settings, BACKENDS[self._name].limit))
-        word, y = str(self._problem.status), None
-        normal, friction, *equality = self._rows
-        v = friction.dual_variables[1].value
-        if v is not None and normal.dual_value is not None:
-            # cvxpy's Lagrangian subtracts (u, v)·(thr, T x + t0) for the cone, hence m_T = −v.
-            y = np.concatenate([normal.dual_value, -v.ravel(), np.zeros(qvi.m)])
-        nu = equality[0].dual_value if qvi.p else None
-        iterations = int(getattr(self._problem.solver_stats, "num_iters", 0) or 0)
-        said = f"{self._name}: {word}"
-        return answered(qvi, centre, qp.meaning(word), said, self._x.value, y, nu, iterations)
+        began = time.perf_counter()
+        self.threshold.value = np.maximum(threshold, 0.0)
+        self._f.value, self._n0.value, self._t0.value = centre.f, centre.n0, centre.t0
+        if self._b is not None:
+            self._b.value = centre.b
+        settings = within_time(self._settings, BACKENDS[self._name].limit)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            self.problem.solve(solver=self._name.upper(), **settings)
+        word, seconds = str(self.problem.status), time.perf_counter() - began
+        message = "; ".join([f"{self._name}: {word}", *(str(warning.message) for warning in caught)])
+        status = qp.meaning(word)
+        # cvxpy's Lagrangian subtracts (u, v)·(thr, T x + t0) for the cone, hence m_T = −v.
+        qvi, duals = self._qvi, self._friction.dual_variables
+        parts = [self._x.value, self._normal.dual_value, duals[1].value]
+        parts += [row.dual_value for row in self._equality]
+        if not status.usable or any(part is None for part in parts):
+            status = status if not status.usable else Status.BACKEND_FAILED
+            return no_result(qvi, status, message, seconds)
+        arrays = [np.array(part, dtype=np.float64).ravel() for part in parts]
+        nu = arrays[3] if qvi.p else np.zeros(0)
+        iterations = int(getattr(self.problem.solver_stats, "num_iters", 0) or 0)
+        return InnerSolution(centre.z + arrays[0], arrays[1], -arrays[2], nu, status, iterations, seconds, message)
 
 
 # A square root of a sparse positive definite matrix: RᵀR = K.
