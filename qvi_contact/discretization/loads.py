@@ -270,7 +270,7 @@ def contact_rows(
             fluid = along_edges(problem.mesh, points.edges, name, *given, minimum=0.0)
             coefficients = fluid.coefficients(degree)
             pressure = (coefficients @ legendre.basis(degree, points.reference).T).ravel()
-            misfit = fluid.misfit(coefficients)
+            misfit = fluid.misfit(coefficients) if callable(contact.pore_pressure) else 0.0
         rows = ContactRows(
             contact.name,
             contact.law,

@@ -295,7 +295,7 @@ class Basis:
             factors = sparse.csr_array(factors)
         rows = full[n:-1]
         half = factors.T @ (rows[:, :n] + rows[:, n:-1] @ factors / 2.0)
-        found: Any = full[:n, :n] + half + half.T
+        found: Any = full[:n, :n] + (half + half.T)  # symmetric to the last bit
         return found if few else found.tocsc()
 
 

@@ -9,6 +9,7 @@ asked to be followed: what that explains is no reason to halve a part.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.element import bernstein, legendre
 from qvi_contact.element.legendre import gauss_legendre
+from solvers.basics.types import read_only
 
 Function: TypeAlias = Callable[[IntArray, FloatArray], FloatArray]
 """Values (k, q) at reference points t (k, q) of edges by number (k,)."""
@@ -129,6 +131,16 @@ def constant(value: float, count: int, points: int = 8) -> EdgeQuadrature:
     return EdgeQuadrature(count, np.arange(count), each * t, each * w, np.full((count, points), float(value)), 0.0)
 
 
+@cache
+def _interpolations(points: int) -> tuple[FloatArray, ...]:
+    """From so many points of a part to those of its halves, just inside its ends, and to the samples of an edge."""
+    t = gauss_legendre(points)[0]
+    halfway = np.concatenate([t / 2.0, (1.0 + t) / 2.0])
+    found = tuple(bernstein.gauss_interpolation(points, places) for places in (halfway, _ENDS, bernstein.SAMPLES))
+    read_only(*found)
+    return found
+
+
 def adapted(function: Function, count: int, points: int = 8, rounding: FloatArray | None = None) -> EdgeQuadrature:
     """Quadrature of a function on so many edges, with so many Gauss points on each part.
 
@@ -142,11 +154,7 @@ def adapted(function: Function, count: int, points: int = 8, rounding: FloatArra
     whole = _Parts.of(function, every, np.zeros(count), np.ones(count), t)
     samples = function(every, np.tile(bernstein.SAMPLES, (count, 1)))
     size = max(float(np.abs(values).max()) for values in (samples, whole.values))
-    # from the points of a part to those of its halves, just inside its ends, and to the samples of an edge
-    halfway = np.concatenate([t / 2.0, (1.0 + t) / 2.0])
-    to_halves, to_ends, to_samples = (
-        bernstein.gauss_interpolation(points, places) for places in (halfway, _ENDS, bernstein.SAMPLES)
-    )
+    to_halves, to_ends, to_samples = _interpolations(points)
     even = np.abs(samples - whole.values @ to_samples).max(axis=1) <= whole.allowed(size, rounding)
     found, waiting, left = [whole.take(even)], whole.take(~even), np.zeros(0)
     edges = len(waiting.edge)

@@ -22,7 +22,7 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.loads import potential_at
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.errors import InputError
+from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.conic import ConicProgram
 from qvi_contact.limit.load_factor import LimitProblem, checked_loads, loads_of, multiplied
 from qvi_contact.limit.stresses import StressProgram, both_signs
@@ -218,6 +218,7 @@ Side: TypeAlias = Literal["above", "below"]
 
 _AGREE: Final = 1e-6  # relative difference of two one-sided derivatives that is none
 _NEXT: Final = 1e-7  # of a datum: step between two programs whose rows are compared
+_CLOSED: Final = 1e-6  # duality gap of programs whose multipliers are good enough
 _NEAR: Final = 1e-3  # the same for derivatives at either side of a change of mechanism
 _SAME: Final = 1e-4  # relative difference of these that counts as none: they are extrapolated
 
@@ -373,8 +374,8 @@ class LimitFactor:
             LimitFactor(["drag"]).derivative(problem, "ground.friction")
 
         It is that of `LimitLoad.lower`, the factor of the mesh, which is that of the body where both sides agree, from
-        the multipliers of its program. `InputError` if there is no such name, no finite factor, derivatives from both
-        sides differ, or bilateral contacts have friction.
+        the multipliers of its program; `SolveError` if these are not found. `InputError` if there is no such name, no
+        finite factor, derivatives from both sides differ, or bilateral contacts have friction.
 
         Parameters
         ----------
@@ -409,6 +410,10 @@ class LimitFactor:
                 raise InputError(
                     "loads", ", ".join(posed.names), "there is no finite limit load here: it has no derivative"
                 )
+            value = float(base.q @ found.x)
+            if not abs(value + float(base.b @ found.multipliers)) <= _CLOSED * abs(value):
+                remedy = "the solver does not find its multipliers; compare factors of limit_load_factor at two values"
+                raise SolveError(f"derivative by {parameter}: {remedy}")
             moved = further.b - base.b - (further.A @ found.x - base.A @ found.x)
             return float(found.multipliers @ moved) / (_NEXT * unit)
 
