@@ -254,7 +254,7 @@ def writing(path: str | Path, fingerprint: str, parameter: Parameter, values: Se
     with _DATABASE.writing(place, declare) as connection:
         stored, found, planned = _plan(connection, place)
         if (found, stored, planned) != (fingerprint, parameter, tuple(values)):
-            remedy = f"holds another sweep, of {len(planned)} values (or other data or options): give another file"
+            remedy = f"holds another sweep, of {len(planned)} values, or data or options changed: give another file"
             raise InputError("store", str(path), remedy)
         yield SweepStore(place, connection)
 

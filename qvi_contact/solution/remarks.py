@@ -147,7 +147,7 @@ def _about_contacts(result: ContactResult) -> Iterator[str]:
 #
 # Two displacement fields with the stresses of a result differ by a rigid motion v of each body between joints, and of
 # each plate in the components in which a force drives it. Both keep supports and contact laws if d·v = 0 for every
-# prescribed component d·u, and along the contacts, with [v] as in `mechanism.lines`,
+# prescribed component d·u, and along the contacts, with [v] as in `mechanism.bodies`,
 #
 #     M(v) = ∫_{closed} −σ_N' [v]_N² ds + ∫_{stick} (b − |σ_T|) [v]_T² ds = 0:
 #

@@ -151,6 +151,10 @@ def test_steps_of_a_history_are_bracketed_each_for_itself(law):
     assert not any("steps before" in reason for reason in first.reasons)
     assert any("steps before" in reason for reason in last.reasons)
     assert not last.guaranteed
+    at = np.array([0.5, 1.0, 1.5])
+    slips = [last.problem.contacts[0].offset(at + side, 0.0 * at) for side in (-1e-9, 1e-9)]
+    assert slips[0] == pytest.approx(slips[1], rel=1e-6, abs=1e-10)  # the slip before, continuous
+    assert np.abs(slips[0]).max() > 1e-5
     same = replace(last.problem, mesh=mesh.refined(np.ones(len(mesh.cells), dtype=bool)))
     fine = solve(same, degree=5)
     assert last.lower <= fine.bracket.lower < fine.bracket.upper <= last.upper
@@ -207,7 +211,8 @@ def test_bounds(case):
     assert found.kind is BracketKind.PROBLEM
     assert found.guaranteed, found.reasons
     assert -1e-12 * found.strain <= found.gap < 0.02 * found.strain
-    assert found.cell_gaps.sum() == pytest.approx(found.gap, rel=1e-6, abs=1e-12)
+    within = 1e-10 * 3.0 * 2.0  # what a pressure within the tolerance of the solve does along a gap of 1
+    assert found.cell_gaps.sum() == pytest.approx(found.gap, rel=1e-6, abs=within)
     ours, theirs = result.contacts["bottom"], found.companion.contacts["bottom"]
     assert theirs.normal_force == pytest.approx(ours.normal_force, rel=1e-2)
     if case != "Tresca":
