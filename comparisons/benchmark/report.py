@@ -69,10 +69,10 @@ def growth_of(found: DataFrame, by: str, size: str, over: str, values: Sequence[
 def runs_of(rows: Rows) -> DataFrame:
     """One line a sequence and way.
 
-    The columns are sequence, way, solved and planned (numbers of problems), iterations (of all but the first), later
-    (mean processor time of a problem after the first) and together (time of all), both over the median of single
-    solves, force (largest difference of a force from that of single solves, of histories from cold starts, over the
-    largest normal force), and accuracy (the worst that a certificate confirms).
+    The columns are sequence, way, solved and planned (numbers of problems), later (mean processor time of a problem
+    after the first) and together (time of all), both over the median of single solves, force (largest difference of a
+    force from that of single solves, of histories from cold starts, over the largest normal force), and accuracy (the
+    worst that a certificate confirms).
     """
     lines = []
     for row, way in ((row, way) for row in rows if row.status == DONE for way in WAYS):
@@ -83,12 +83,11 @@ def runs_of(rows: Rows) -> DataFrame:
         compared = way != "single" and forces.shape == expected.shape
         lines.append({
             "sequence": name, "way": way, "solved": found["status"].count("solved"), "planned": len(found["status"]),
-            "iterations": int(sum(found["iterations"][1:])),
             "later": statistics.fmean(found["seconds"][1:] or [math.nan]) / one,
             "together": sum(found["seconds"]) / one, "accuracy": max(found["accuracy"]),
             "force": float(np.abs(forces - expected).max() / np.abs(expected[0]).max()) if compared else np.nan,
         })  # fmt: skip
-    columns = ("sequence", "way", "solved", "planned", "iterations", "later", "together", "force", "accuracy")
+    columns = ("sequence", "way", "solved", "planned", "later", "together", "force", "accuracy")
     return DataFrame(lines, columns=columns)
 
 
@@ -118,14 +117,13 @@ def _of_sequences(runs: DataFrame) -> dict[str, Any]:
     if runs.empty:
         return {"sequences": 0}
     warm, cold = (runs[runs.way == way].set_index("sequence") for way in ("warm", "cold"))
-    saved = 1.0 - warm.iterations / cold.iterations
-    usual = saved.drop("depth", errors="ignore")
+    sweeps = [each.later[[not CHAINS[name].history for name in each.index]] for each in (warm, cold)]
     return {
         "sequences": len(warm), "steps": int(runs.planned.sum()), "steps_solved": int(runs.solved.sum()),
         "cycle": warm.later.get("cycle"), "cycle_cold": cold.later.get("cycle"),
         "friction_whole": warm.together.get("friction"), "friction_cold": cold.together.get("friction"),
-        "friction_planned": warm.planned.get("friction"), "least": usual.min(), "most": usual.max(),
-        "depth": -saved.get("depth", math.nan),
+        "friction_planned": warm.planned.get("friction"),
+        **dict(zip(("later", "later_cold"), (span(each, _HUNDREDTHS) for each in sweeps), strict=True)),
     }  # fmt: skip
 
 

@@ -47,7 +47,7 @@ def whole(cells: Sequence[int], friction: Sequence[float], factorisation: str) -
 
 def sequences(quick: bool = False) -> Study:
     """Histories and sweeps, each solved in the three ways of `WAYS`, on one thread."""
-    return _study("sequences", 1, ({"sequence": name, "quick": quick} for name in CHAINS), threads=1)
+    return _study("sequences", 2, ({"sequence": name, "quick": quick} for name in CHAINS), threads=1)
 
 
 def walls(blocks: Sequence[int], loads: Sequence[float]) -> Study:
@@ -227,18 +227,23 @@ EVERY: Final = 4
 def solve_sequences(case: Mapping[str, Any]) -> dict[str, Any]:
     """Solve a sequence in all ways, one after the other in this process.
 
-    The problems of a history are solved by themselves without the slip before them, for their time alone. Of each way:
+    Meshes keep matrices, so each way has one of its own, and each problem that is solved by itself. The problems of a
+    history are solved by themselves without the slip before them, for their time alone. Of each way:
     seconds of processor time, iterations, status, accuracy, and normal and tangential force on the contact, one number
     for each problem, of single solves for every fourth.
     """
     chain, every = CHAINS[case["sequence"]], 5 if case["quick"] else 1
-    base, values = chain.problem(chain.coarse if case["quick"] else chain.cells), chain.values[::every]
-    task = SweepTask(base, chain.parameter, tuple(contact.name for contact in base.contacts))
+    values = chain.values[::every]
+
+    def made() -> SweepTask:
+        base = chain.problem(chain.coarse if case["quick"] else chain.cells)
+        return SweepTask(base, chain.parameter, tuple(contact.name for contact in base.contacts))
+
     names = ("seconds", "iterations", "status", "accuracy", "normal", "tangential")
     found: dict[str, Any] = {}
     for way in WAYS:
         told: list[tuple[Any, ...]] = []
-        last = [time.process_time()]
+        last = [0.0]
 
         def hear(_: int, result: ContactResult, told: list[Any] = told, last: list[float] = last) -> None:
             seconds, line = time.process_time() - last[0], next(iter(result.contacts.values()))
@@ -246,14 +251,18 @@ def solve_sequences(case: Mapping[str, Any]) -> dict[str, Any]:
                          line.normal_force, line.tangential_force))  # fmt: skip
             last[0] = time.process_time()
 
-        problems = [task.changed(value) for value in values]
         if way == "single":
-            for problem in problems[::EVERY]:
+            for problem in [made().changed(value) for value in values[::EVERY]]:
+                last[0] = time.process_time()
                 hear(0, solve(problem))
-        elif chain.history:
-            solve_history(problems, hear, warm_start=way == "warm")
         else:
-            solve_sweep(base, chain.parameter, values, callback=hear, warm_start=way == "warm")
+            task = made()
+            problems = [task.changed(value) for value in values]
+            last[0] = time.process_time()
+            if chain.history:
+                solve_history(problems, hear, warm_start=way == "warm")
+            else:
+                solve_sweep(task.problem, chain.parameter, values, callback=hear, warm_start=way == "warm")
         found[way] = dict(zip(names, map(list, zip(*told, strict=True)), strict=True))
     return found
 

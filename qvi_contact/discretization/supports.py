@@ -295,8 +295,11 @@ class Basis:
             factors = sparse.csr_array(factors)
         rows = full[n:-1]
         half = factors.T @ (rows[:, :n] + rows[:, n:-1] @ factors / 2.0)
-        found: Any = full[:n, :n] + (half + half.T)  # symmetric to the last bit
-        return found if few else found.tocsc()
+        if few:
+            return full[:n, :n] + (half + half.T)  # symmetric to the last bit
+        own, half = (sparse.coo_array(each) for each in (full[:n, :n], half))
+        pairs = np.concatenate([own.row, half.row, half.col]), np.concatenate([own.col, half.col, half.row])
+        return sparse.coo_array((np.concatenate([own.data, half.data, half.data]), pairs), shape=(n, n)).tocsc()
 
 
 @dataclass(frozen=True, eq=False)
