@@ -15,6 +15,7 @@ In `docs/theory.md`: (D24), (D36).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, TypeAlias
@@ -69,8 +70,9 @@ class Carried:
     # (2 m,) then, too: multipliers of tractions, moments of the opening w and of the slip −[v]_T in the motion with
     # which the mesh gives way, on which the loads do the work 1
     motion: FloatArray | None = None
-    unknowns: FloatArray | None = None  # (n,) where bodies yield: (z, y, α)
-    stress: FloatArray | None = None  # (cells, 3, count, 3) then, too: coefficients of (σ_xx, σ_yy, σ_xy), φ included
+    unknowns: FloatArray | None = None  # (n,): (z, y, α); None if α is not finite
+    # (cells, 3, count, 3) where bodies yield: coefficients of (σ_xx, σ_yy, σ_xy), φ included
+    stress: FloatArray | None = None
 
 
 def limited(discretization: Discretization) -> list[tuple[ContactRows, Contact]]:
@@ -282,18 +284,25 @@ class StressProgram:
         """The largest factor. The stresses go a share of the way towards a state inside all limits, as far as can be.
 
         They are those of the program in which 1e-8 of all limits is kept back, if it has an answer: where limits leave
-        no room, rounding decides of that.
+        no room, rounding decides of that. Where no body yields they are those of the simplex method, if it has one.
         """
+
+        def answers(signs: IntArray, program: ConicProgram) -> Iterator[FloatArray | str | None]:
+            with suppress(SolveError):
+                if not self.low.problem.yields:
+                    yield self._by_simplex(signs).unknowns
+            for each in (program.tightened(_TIGHTER), program):
+                found = each.solve()
+                yield found if isinstance(found, str) else found.x
 
         def solve(signs: IntArray) -> Carried:
             program, best = self.program(signs), Carried(-np.inf)
-            for each in (program.tightened(_TIGHTER), program):
-                found = each.solve()
-                if isinstance(found, str):
-                    if found == UNBOUNDED:
+            for found in answers(signs, program):
+                if found is None or isinstance(found, str):
+                    if isinstance(found, str) and found == UNBOUNDED:
                         return Carried(np.inf)
                     continue
-                x, violation = program.repaired(found.x, share)
+                x, violation = program.repaired(found, share)
                 grown = max(1.0, program.size(x) / max(1.0, program.size(0.0 * x)))  # stresses beyond loads and limits
                 if violation * grown <= HELD:  # else the solver has given up
                     (N, n), (S, s) = self._tractions, self._stress
@@ -336,7 +345,7 @@ class StressProgram:
         largest = abs(H @ sparse.diags_array(forces)).max(axis=1).toarray().ravel()
         H, limit = sparse.csr_array(sparse.diags_array(1.0 / largest) @ H), limit / largest
         (N, n), (A, b), kept = self._tractions, self._equations, np.append(np.arange(self.low.qvi.n), -1)
-        N = N[:, kept]
+        wide, N = np.zeros(N.shape[1]), N[:, kept]
         rows, h = sparse.csr_array(H @ N), limit - H @ n
         columns = np.sqrt(np.asarray(rows.multiply(rows).sum(axis=0))).ravel()
         columns[columns == 0.0] = columns[-1] = 1.0
@@ -348,10 +357,10 @@ class StressProgram:
         if answer.status == NO_LIMIT:
             return Carried(np.inf)
         if answer.status == INFEASIBLE:  # the least t ≥ 0 with G x ≤ h + t says by how much
-            wide, equal = (sparse.csc_array(sparse.hstack([part, sparse.csc_array(np.full((part.shape[0], 1), t))]))
+            least, equal = (sparse.csc_array(sparse.hstack([part, sparse.csc_array(np.full((part.shape[0], 1), t))]))
                            for part, t in ((G, -1.0), (E, 0.0)))  # fmt: skip
             equations |= {"A_eq": equal} if len(b) else {}
-            nearest = solved(np.append(0.0 * cost, 1.0), A_ub=wide, b_ub=h, bounds=[*free, (0.0, None)], **equations)
+            nearest = solved(np.append(0.0 * cost, 1.0), A_ub=least, b_ub=h, bounds=[*free, (0.0, None)], **equations)
             if nearest.solved and nearest.x[-1] > CERTIFIED * max(1.0, float(np.abs(h).max())):
                 return Carried(-np.inf, bound=-np.inf)
             raise SolveError(_AT_LIMIT)
@@ -366,7 +375,8 @@ class StressProgram:
         *rest, rate = (G.T @ d + E.T @ nu).tolist()
         rounding = float(np.abs(rest) @ np.abs(x[:-1]))
         bound = (float(h @ d + b @ nu) + rounding) / rate if rate > 0.0 else np.inf
-        return Carried(factor, missed / size, np.asarray(N @ (units @ x) + n), bound, np.asarray(H.T @ d))
+        wide[kept] = np.asarray(units @ x)
+        return Carried(factor, missed / size, np.asarray(N @ wide[kept] + n), bound, np.asarray(H.T @ d), wide)
 
     def program(self, signs: IntArray | None = None) -> ConicProgram:
         """The cone program for signs (e,) of σ_N on contact edges, see `whole_edge_rows`; by default for none."""

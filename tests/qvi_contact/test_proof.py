@@ -12,10 +12,21 @@ import numpy as np
 import pytest
 
 import qvi_contact.limit
-from qvi_contact import InputError, SolveError, Tresca, TriangleMesh, limit_load_factor, limit_proof, save_problem
+from qvi_contact import (
+    InputError,
+    SolveError,
+    Tresca,
+    TriangleMesh,
+    limit_load_factor,
+    limit_proof,
+    load_problem,
+    save_problem,
+)
 from qvi_contact.limit import check
 from qvi_contact.problem import Contact, ContactProblem, Material, Mises, MohrCoulomb, Region, RigidPlate, Traction
 from tests.qvi_contact.test_limit_yielding import random_body, stretched
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def heavy_wall(strength=None):
@@ -80,6 +91,7 @@ def on_rock(strength):
         (stretched(Mises(1.0), "stress"), "top"),
         (heavy_wall(MohrCoulomb(2.0, 0.6)), "push"),
         (on_rock(Tresca(0.7)), "top"),
+        (load_problem(EXAMPLES / "dragged_block_holds.toml").problem, "drag"),  # by the simplex method
         (random_body(14), "push"),  # shear beyond its bound in one ordinate, but nowhere
     ],
 )
