@@ -143,9 +143,9 @@ class ContactBounds:
         return found, least
 
 
-def affordable(qvi: FrictionQVI, largest: int = LARGEST) -> bool:
+def affordable(qvi: FrictionQVI) -> bool:
     """Whether the contact is small enough."""
-    return 0 < qvi.m <= largest and qvi.n > 0
+    return 0 < qvi.m <= LARGEST and qvi.n > 0
 
 
 def solve_pivoting(

@@ -287,19 +287,20 @@ class StressProgram:
         no room, rounding decides of that. Where no body yields they are those of the simplex method, if it has one.
         """
 
-        def answers(signs: IntArray, program: ConicProgram) -> Iterator[FloatArray | str | None]:
+        def answers(signs: IntArray, program: ConicProgram) -> Iterator[FloatArray | str]:
             with suppress(SolveError):
-                if not self.low.problem.yields:
-                    yield self._by_simplex(signs).unknowns
+                found = None if self.low.problem.yields else self._by_simplex(signs).unknowns
+                if found is not None:
+                    yield found
             for each in (program.tightened(_TIGHTER), program):
-                found = each.solve()
-                yield found if isinstance(found, str) else found.x
+                answer = each.solve()
+                yield answer if isinstance(answer, str) else answer.x
 
         def solve(signs: IntArray) -> Carried:
             program, best = self.program(signs), Carried(-np.inf)
             for found in answers(signs, program):
-                if found is None or isinstance(found, str):
-                    if isinstance(found, str) and found == UNBOUNDED:
+                if isinstance(found, str):
+                    if found == UNBOUNDED:
                         return Carried(np.inf)
                     continue
                 x, violation = program.repaired(found, share)
