@@ -136,7 +136,8 @@ def hanging_vertices(
     along = second - first
     lengths = np.hypot(*along.T)
     candidates = np.unique(topology.ends[outer])
-    edge, vertex = _near(vertices[candidates], (first + second) / 2.0, lengths * (0.5 - 1e-6))
+    inside = np.where(lengths > 0.0, lengths * (0.5 - 1e-6), -1.0)  # edges without length hold nothing
+    edge, vertex = _near(vertices[candidates], (first + second) / 2.0, inside)
     vertex = candidates[vertex]
     offset, chord = vertices[vertex] - first[edge], along[edge]
     straight = (offset * chord).sum(axis=1) / lengths[edge] ** 2

@@ -370,3 +370,13 @@ def test_loads_out_of_balance_as_a_whole():
         discretize(ContactProblem(mesh, STEEL, [balanced[0], Traction("outside", x=-0.3, y=0.0)]))
     assert caught.value.value == pytest.approx(1.2, rel=1e-9)
     assert "themselves" not in caught.value.remedy
+
+
+def test_a_curve_is_the_same_from_edges_in_any_order_and_direction():
+    """Those of a mesh file are in none."""
+    points = curves.ellipse((0.0, 0.0), (2.0, 1.0))
+    vertices = points(np.linspace(0.0, 2.0, 7))
+    edges = np.column_stack([np.arange(6), np.arange(1, 7)])
+    one, other = (curves.fitted("rim", points, 0.0, 2.0 * np.pi, each, vertices) for each in (edges, edges[::-1, ::-1]))
+    assert np.array_equal(one.edges, other.edges)
+    assert one.coefficients == pytest.approx(other.coefficients, abs=1e-12)

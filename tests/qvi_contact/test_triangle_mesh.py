@@ -363,6 +363,18 @@ class TestJoined:
         with pytest.raises(InputError, match="exists already"):
             TriangleMesh.joined("foot", [self.below(), self.above((2, 2))])
 
+    def test_a_triangle_without_area_is_told_and_not_left_out(self, tmp_path):
+        below, above = self.below(), self.above((2, 2))
+        vertices = np.vstack([below.vertices, above.vertices])
+        cells = np.vstack([below.cells, above.cells + len(below.vertices), [[0, 0, 1]]]) + 1
+        lines = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$Nodes", str(len(vertices))]
+        lines += [f"{number} {x} {y} 0" for number, (x, y) in enumerate(vertices.tolist(), 1)]
+        lines += ["$EndNodes", "$Elements", str(len(cells))]
+        lines += [f"{number} 2 2 0 1 {a} {b} {c}" for number, (a, b, c) in enumerate(cells.tolist(), 1)]
+        (tmp_path / "a.msh").write_text("\n".join([*lines, "$EndElements", ""]))
+        with pytest.raises(InputError, match="no area"):
+            TriangleMesh.load(tmp_path / "a.msh", join="seam")
+
     def test_in_a_mesh_file(self, tmp_path):
         meshio = pytest.importorskip("meshio")
         one, other = self.below(), self.above((4, 3))
