@@ -132,12 +132,12 @@ def hanging_vertices(
     And the shares (k,) of the edges' lengths at which they do. Edges follow their arcs where `bends` are given.
     """
     outer = np.flatnonzero(topology.boundary)
+    outer = outer[(np.diff(vertices[topology.ends[outer]], axis=1) != 0.0).any(axis=(1, 2))]  # others hold nothing
     first, second = vertices[topology.ends[outer]].swapaxes(0, 1)
     along = second - first
     lengths = np.hypot(*along.T)
     candidates = np.unique(topology.ends[outer])
-    inside = np.where(lengths > 0.0, lengths * (0.5 - 1e-6), -1.0)  # edges without length hold nothing
-    edge, vertex = _near(vertices[candidates], (first + second) / 2.0, inside)
+    edge, vertex = _near(vertices[candidates], (first + second) / 2.0, lengths * (0.5 - 1e-6))
     vertex = candidates[vertex]
     offset, chord = vertices[vertex] - first[edge], along[edge]
     straight = (offset * chord).sum(axis=1) / lengths[edge] ** 2
