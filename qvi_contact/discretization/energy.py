@@ -88,30 +88,31 @@ class TriangleEnergy(PicklesFields):
             )
             raise InputError("ContactProblem.mesh", float(elongations[thinnest]), remedy)
 
-    @property
+    @cached_property
     def roots(self) -> FloatArray:
-        """U, upper triangular, times the transformation to the reference triangle; (cells, k, k) on differences w."""
-        return self._condensed[0]
+        """U, upper triangular, times the transformation to the reference triangle; (cells, k, k) on differences w.
 
-    @property
+        Of ½ |R (v, w)|² with RᵀR the energies, interior degrees of freedom v first: the least over v.
+        """
+        element = self.space.element
+        found = np.empty((len(self.space.triangles), element.shared - _AFFINE, element.shared - _AFFINE))
+        for cells, R in self._triangular():
+            own = R[:, element.interior :, element.interior :]
+            found[cells] = own @ self.space.transformations(cells) if isinstance(cells, slice) else own
+        return found
+
+    @cached_property
     def inner(self) -> FloatArray:
         """−K_vv⁻¹ K_vu (cells, interior, k), from the degrees of freedom of the reference triangle behind the third.
 
-        Where triangles have arcs, from differences w.
+        Where triangles have arcs, from differences w. Only stresses inside the body need it.
         """
-        return self._condensed[1]
-
-    @cached_property
-    def _condensed(self) -> tuple[FloatArray, FloatArray]:
-        """Of ½ |R (v, w)|² with RᵀR the energies, interior degrees of freedom v first: the least over v."""
-        element, count = self.space.element, len(self.space.triangles)
+        element = self.space.element
         v, w = slice(0, element.interior), slice(element.interior, None)
-        roots = np.empty((count, element.shared - _AFFINE, element.shared - _AFFINE))
-        inner = np.empty((count, element.interior, element.shared - _AFFINE))
+        found = np.empty((len(self.space.triangles), element.interior, element.shared - _AFFINE))
         for cells, R in self._triangular():
-            inner[cells] = -np.linalg.solve(R[:, v, v], R[:, v, w])
-            roots[cells] = R[:, w, w] @ self.space.transformations(cells) if isinstance(cells, slice) else R[:, w, w]
-        return roots, inner
+            found[cells] = -np.linalg.solve(R[:, v, v], R[:, v, w])
+        return found
 
     def _triangular(self) -> Iterator[tuple[slice | IntArray, FloatArray]]:
         """R (n, …) of all triangles in blocks, as if they were straight, then once more of those that have arcs."""

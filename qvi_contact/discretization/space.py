@@ -23,7 +23,7 @@ force to the caller, who adds it to σ_N, or to σ_xx and σ_yy.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Final, Literal, NamedTuple, TypeAlias
 from weakref import WeakKeyDictionary
@@ -48,6 +48,7 @@ FAMILY: Final = "Hsieh-Clough-Tocher"
 _INWARD: Final = 1e-9  # how far points of a part that is drawn lie inside it, as a share of its size
 _ARCS, _STRAIGHT = 6, -4  # degree of quadrature beyond twice that of Φ where triangles have arcs, and where not
 _THREE: Final = np.arange(3)
+_TURNED: Final = np.array([-1.0, 1.0])  # factors of (t_y, t_x)
 _AFFINE: Final = 3  # degrees of freedom of the first corner of a triangle, which an affine function is made of
 _CORNERS: Final = 6  # differences in the other two corners
 
@@ -139,7 +140,8 @@ class Functionals(NamedTuple):
         return sparse.csr_array((self.values[there], columns, starts), shape=(len(starts) - 1, self.size))
 
 
-class Differences(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Differences:
     """Degrees of freedom (N,) triangle by triangle as differences w (n, k) to the affine function of the first corner.
 
     Rows on w are not multiplied into this where they are applied: large numbers cancel in w, and nowhere else.
@@ -153,19 +155,27 @@ class Differences(NamedTuple):
 
     def apply(self, u: FloatArray) -> FloatArray:
         """Of degrees of freedom (N,): w (n, k)."""
-        table, values, k = self.corners.values, u[self.corners.columns], np.arange(_CORNERS)
+        values, (own, first, slopes) = u[self.corners.columns], self._factors
         # what is alike is subtracted first: so the large numbers cancel without rounding
-        corners = table[:, k, 3 + k] * values[:, 3:] + table[:, k, k % 3] * values[:, k % 3]
-        corners[:, ::3] += (table[:, ::3, 1:3] @ values[:, 1:3, None])[:, :, 0]
+        corners = own * values[:, 3:].reshape(-1, 2, 3) + first * values[:, None, :3]
+        corners[:, :, :1] += slopes @ values[:, 1:3, None]
+        corners = corners.reshape(-1, _CORNERS)
         if self.beyond is not None:
             corners += (self.beyond @ u).reshape(corners.shape)
         return np.concatenate([corners, self.units * u[self.edges]], axis=1)
+
+    @cached_property
+    def _factors(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Of a corner's own degrees of freedom, of the same of the first (n, 2, 3), of its slopes in Φ (n, 2, 2)."""
+        table, k = self.corners.values, np.arange(_CORNERS)
+        own, first = (table[:, k, at].reshape(-1, 2, 3) for at in (3 + k, k % 3))
+        return own, first, np.ascontiguousarray(table[:, ::3, 1:3])
 
     def magnitudes(self, sizes: FloatArray) -> FloatArray:
         """`apply` with + for every −: the size (n, k) of the numbers that enter, from sizes (N,)."""
         corners = self.corners._replace(values=np.abs(self.corners.values))
         beyond = None if self.beyond is None else abs(self.beyond)
-        return self._replace(corners=corners, beyond=beyond).apply(sizes)
+        return replace(self, corners=corners, beyond=beyond).apply(sizes)
 
     def adjoint(self, w: FloatArray) -> FloatArray:
         """The transposed map from w (n, k) to degrees of freedom (N,)."""
@@ -273,17 +283,28 @@ class StressSpace(PicklesFields):
         return length / self.mesh.length
 
     def traces(self, edges: Edges) -> Functionals:
-        """Coefficients of Legendre of σ_N without φ, then of σ_T, along edges: 2 (p − 1) functionals an edge."""
+        """Coefficients of Legendre of σ_N without φ, then of σ_T, along edges: 2 (p − 1) functionals an edge.
+
+        N_0, N_1, N_2 …, then Q_0, Q_1 … times −n·m: on straight edges each is one of the `resultants`.
+        """
         if edges not in self._traces:
-            self._traces[edges] = self._traces_of(edges)
+            if (edges.cells[:, 1] < 0).all():
+                at = np.searchsorted(self.mesh.topology.outer, edges.number)
+                self._traces[edges] = self._traces_on_boundary.take(at)
+            else:
+                self._traces[edges] = self._traces_of(edges)
         return self._traces[edges]
 
     @cached_property
     def _traces(self) -> WeakKeyDictionary[Edges, Functionals]:
         return WeakKeyDictionary()
 
+    @cached_property
+    def _traces_on_boundary(self) -> Functionals:
+        """Those of all edges of the boundary: every condition takes some of them."""
+        return self._traces_of(self.mesh.boundary)
+
     def _traces_of(self, edges: Edges) -> Functionals:
-        """N_0, N_1, N_2 …, then Q_0, Q_1 … times −n·m: on straight edges each is one of the resultants."""
         columns, known = self._resultants(edges)
         (m, factor), h, count = frame(edges), self.lengths(edges)[:, None], self.degree - 1
         along, across = ((vectors[:, :, None] * known[:, :2]).sum(axis=1) / h for vectors in (edges.tangent, m))
@@ -298,8 +319,7 @@ class StressSpace(PicklesFields):
 
     def resultants(self, edges: Edges) -> Functionals:
         """What both tractions prescribe, 2p − 2 an edge: ∇Φ_b − ∇Φ_a, Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2, N_k, Q_k."""
-        columns, values = self._resultants(edges)
-        return self._scaled(edges, columns, values)
+        return self._scaled(edges, *self._resultants(edges))
 
     def _resultants(self, edges: Edges) -> tuple[IntArray, FloatArray]:
         """`resultants` on values of Φ, its slopes and N_k, Q_k as such: columns (n, l) and values (n, 2p − 2, l)."""
@@ -360,20 +380,20 @@ class StressSpace(PicklesFields):
 
     def tractions(self, u: FloatArray, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """σ_N without φ and σ_T of u (N,) at the points t (q,) along each of n edges, edge by edge, (n q,) each."""
-        values = legendre.basis(self.traction_degree, t)
+        values = legendre.basis_at(self.traction_degree, tuple(t))
         found = self.traces(edges).apply(u).reshape(len(edges), 2, self.traction_degree + 1) @ values.T
         return found[:, 0].ravel(), found[:, 1].ravel()
 
     def traction_load(self, normal: FloatArray, shear: FloatArray, edges: Edges, t: FloatArray) -> FloatArray:
         """Σ normal σ_N + shear σ_T over the same points, a vector over all u (N,): `tractions` transposed."""
-        weights = np.stack([normal, shear]).reshape(2, len(edges), -1) @ legendre.basis(self.traction_degree, t)
+        weights = np.stack([normal, shear]).reshape(2, len(edges), -1) @ legendre.basis_at(self.traction_degree, tuple(t))
         return self.traces(edges).adjoint(weights.swapaxes(0, 1).reshape(len(edges), -1))
 
     def trace_rows(self, edges: Sequence[Edges], t: FloatArray) -> Functionals:
         """(2 n, q): σ_N without φ at the points t (q,) along each of these edges, set after set, then σ_T."""
         if not edges:
             return Functionals(np.zeros((0, 1), dtype=np.int64), np.zeros((0, len(t), 1)), self.size)
-        values, parts = legendre.basis(self.traction_degree, t), [self.traces(part) for part in edges]
+        values, parts = legendre.basis_at(self.traction_degree, tuple(t)), [self.traces(part) for part in edges]
         halves = slice(self.degree - 1), slice(self.degree - 1, None)
         found = np.concatenate([values @ part.values[:, half] for half in halves for part in parts])
         return Functionals(np.tile(np.concatenate([part.columns for part in parts]), (2, 1)), found, self.size)
@@ -445,5 +465,5 @@ def split_points(degree: int) -> tuple[FloatArray, FloatArray]:
 
 def frame(edges: Edges) -> tuple[FloatArray, FloatArray]:
     """The normal m = (−t_y, t_x) left of the tangents of edges (n, 2), and −n·m (n,), the factor of Φ_tm in σ_T."""
-    m = np.column_stack([-edges.tangent[:, 1], edges.tangent[:, 0]])
+    m = edges.tangent[:, ::-1] * _TURNED
     return m, -np.sign((edges.normal * m).sum(axis=1))

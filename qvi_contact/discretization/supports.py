@@ -54,9 +54,9 @@ class _Conditions(NamedTuple):
     """Rows C u = d, scaled so that d are forces, moments and degrees of freedom, dimensionless."""
 
     C: Functionals
-    is_load: BoolArray  # (r,): whether d is a force or moment
     number: IntArray  # (r,): the edge that each belongs to
-    data: Callable[[Sequence[EdgeQuadrature]], FloatArray]  # d of what Φ has to make up for each of the components
+    # d (r,) of what Φ has to make up for each of the components, and which of them are forces and moments
+    data: Callable[[Sequence[EdgeQuadrature]], tuple[FloatArray, BoolArray]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +108,8 @@ class Supports(PicklesFields):
         """
         if not any(part.values.any() for part in given):
             return np.zeros(self.space.size), 0.0
-        d = self._conditions.data(given)
-        largest = float(np.abs(d[self._conditions.is_load]).max(initial=0.0))
+        d, is_load = self._conditions.data(given)
+        largest = float(np.abs(d[is_load]).max(initial=0.0))
         u, misfit = self.elimination.particular(np.concatenate([np.zeros(3), d[self._walk[0]]]))
         imbalance = float(np.abs(misfit).max(initial=0.0))
         return u, imbalance if imbalance > _BALANCED * largest else 0.0
@@ -127,32 +127,35 @@ class Supports(PicklesFields):
         order = np.argsort(number, kind="stable")
         twice = np.flatnonzero(number[order][1:] == number[order][:-1])
         one, other = order[twice], order[twice + 1]
-        single = np.delete(order, np.concatenate([twice, twice + 1]))
+        alone_there = np.ones(len(order), dtype=bool)
+        alone_there[twice] = alone_there[twice + 1] = False
+        single = order[alone_there]
         both, alone = edges.take(one), edges.take(single)
-        h, m = space.lengths(alone), frame(both)[0]
-        scale = np.column_stack([h, h**2 / 6.0, np.ones((len(single), degree - 1))])
-        t = gauss_legendre(self.points)[0]
-        d = vectors_along(alone, direction[single], t, turns=turns[single])
-        values, project = legendre.basis(degree, t), legendre.from_values(degree, len(t))
+        scale = np.ones((len(single), degree + 1))
+        scale[:, 0] = h = space.lengths(alone)
+        scale[:, 1] = h**2 / 6.0
         traces = space.traces(alone)
         combined: FloatArray = np.zeros((len(single), degree + 1, traces.columns.shape[1]))
-        halves = traces.values[:, : degree + 1], traces.values[:, degree + 1 :]
-        for axis, found in zip(frames_along(alone, t), halves, strict=True):
-            share = (d * axis).sum(axis=-1)
-            share = np.where(np.abs(share) <= _PARALLEL, 0.0, share)
-            matrices = share[:, :1, None] * np.eye(degree + 1)  # of straight edges
+        for axis, half in ((alone.normal, slice(degree + 1)), (alone.tangent, slice(degree + 1, None))):
+            share = (direction[single] * axis).sum(axis=1)
+            share[np.abs(share) <= _PARALLEL] = 0.0
+            part = (share[:, None] * scale)[:, :, None] * traces.values[:, half]
             if alone.curved:
-                matrices[alone.bent] = project @ (share[alone.bent][:, :, None] * values)
-            combined += (matrices * scale[:, :, None]) @ found
-        # what the other component has no part in: where there is none, the direction itself
-        against, against_turns = np.column_stack([direction[:, 1], -direction[:, 0]]), turns.copy()
-        against[one], against[other] = direction[other], direction[one]
-        against_turns[one], against_turns[other] = turns[other], turns[one]
-        factor, norms = frame(edges)[1][:, None, None], 2.0 * np.arange(degree + 1) + 1.0
+                arcs, bent, t = alone.take(alone.bent), single[alone.bent], gauss_legendre(self.points)[0]
+                d = vectors_along(arcs, direction[bent], t, turns=turns[bent])
+                along = (d * vectors_along(arcs, axis[alone.bent], t)).sum(axis=2)
+                along[np.abs(along) <= _PARALLEL] = 0.0
+                matrices = legendre.from_values(degree, len(t)) @ (along[:, :, None] * legendre.basis(degree, t))
+                part[alone.bent] = (matrices * scale[alone.bent, :, None]) @ traces.values[alone.bent, half]
+            combined += part
 
-        def data(given: Sequence[EdgeQuadrature]) -> FloatArray:
-            found = EdgeQuadrature.joined(given)
-            edge, t, chosen = found.edge, found.t, edges.take(found.edge)
+        def data(given: Sequence[EdgeQuadrature]) -> tuple[FloatArray, BoolArray]:
+            found, norms = EdgeQuadrature.joined(given), 2.0 * np.arange(degree + 1) + 1.0
+            edge, t, chosen, factor = found.edge, found.t, edges.take(found.edge), frame(edges)[1][:, None, None]
+            # what the other component has no part in: where there is none, the direction itself
+            against, against_turns = np.column_stack([direction[:, 1], -direction[:, 0]]), turns.copy()
+            against[one], against[other] = direction[other], direction[one]
+            against_turns[one], against_turns[other] = turns[other], turns[one]
             own = vectors_along(chosen, direction[edge], t, turns=turns[edge])
             dual = vectors_along(chosen, against[edge], t, turns=against_turns[edge])
             dual = np.stack([-dual[..., 1], dual[..., 0]], axis=-1)  # at right angles to the other component
@@ -163,16 +166,17 @@ class Supports(PicklesFields):
             resultants = N * shapes[..., 0] + Q * shapes[..., 1]
             of_data = found.integrals(np.concatenate([resultants, N * scaled[..., 2:], Q * scaled[..., 1:]], axis=-1))
             vectors, lengths = of_data[one] + of_data[other], space.lengths(both)[:, None]
-            vectors[:, :2] = lengths * (vectors[:, :1] * both.tangent + vectors[:, 1:2] * m)
+            vectors[:, :2] = lengths * (vectors[:, :1] * both.tangent + vectors[:, 1:2] * frame(both)[0])
             vectors[:, 2:3] *= lengths**2
-            return np.concatenate([vectors.ravel(), (found.coefficients(degree)[single] * scale).ravel()])
+            d = np.concatenate([vectors.ravel(), (found.coefficients(degree)[single] * scale).ravel()])
+            loads = np.tile(of_both < 3, len(one)), np.tile(of_alone < 2, len(single))
+            return d, np.concatenate(loads)
 
         rows = [space.resultants(both).rows(), Functionals(traces.columns, combined, space.size).rows()]
         columns, entries = np.concatenate([r.columns for r in rows]), np.concatenate([r.values for r in rows])
         of_both, of_alone = np.arange(2 * degree + 2), np.arange(degree + 1)
-        is_load = np.concatenate([np.tile(of_both < 3, len(one)), np.tile(of_alone < 2, len(single))])
         numbers = np.concatenate([np.repeat(number[one], len(of_both)), np.repeat(number[single], len(of_alone))])
-        return _Conditions(Functionals(columns, entries, space.size), is_load, numbers, data)
+        return _Conditions(Functionals(columns, entries, space.size), numbers, data)
 
     @cached_property
     def _walk(self) -> tuple[IntArray, IntArray, int]:

@@ -194,25 +194,34 @@ class HsiehCloughTocher:
         Φ_ξ = Jᵀ ∇Φ in corners. On an edge Φ_ee = h² Φ_tt and Φ_em = h (α Φ_tn + β Φ_tt) with the median's vector
         m = α n + β t, where the coefficient N₁ of Φ_tt follows from the corners.
         """
-        B = np.zeros((len(triangles), self.shared, self.shared))
-        for v in range(3):
-            B[:, 3 * v, 3 * v] = 1.0
-            B[:, 3 * v + 1 : 3 * v + 3, 3 * v + 1 : 3 * v + 3] = triangles.jacobians.swapaxes(1, 2)
-        a, b = (triangles.corners[:, ends] for ends in np.transpose(EDGES))
-        h = np.hypot(*np.moveaxis(b - a, -1, 0))
+        n, (a, b) = len(triangles), (triangles.corners[:, ends] for ends in np.transpose(EDGES))
+        h = np.sqrt(np.square(b - a).sum(axis=2))
         t, median = (b - a) / h[..., None], triangles.corners - (a + b) / 2.0
         alpha = t[..., 0] * median[..., 1] - t[..., 1] * median[..., 0]
         beta = (median * t).sum(axis=2)
-        normals = self.degree - 3  # coefficients N_k of an edge
-        start = 9 + self.on_edge * np.arange(3)[:, None]
-        N, Q = start + np.arange(normals), start + normals + np.arange(normals + 1)
-        B[:, N, N] = np.square(h)[:, :, None]
-        B[:, Q, Q] = (alpha * h)[:, :, None]
-        B[:, Q[:, 1:], N] = (beta * h)[:, :, None]
-        for end, sign in zip(np.transpose(EDGES), (6.0, -6.0), strict=True):
-            B[:, Q[:, 0], 3 * end] = sign * beta / h
-            B[:, Q[:, :1], 3 * end[:, None] + np.array([1, 2])] = 3.0 * beta[..., None] * t
+        slopes, bent = triangles.jacobians.swapaxes(1, 2).reshape(n, 4), (3.0 * beta[..., None] * t).reshape(n, 6)
+        corners = 6.0 * beta / h
+        parts = [np.ones((n, 1)), slopes, np.square(h), alpha * h, beta * h, corners, -corners, bent]
+        row, column, number = self._pattern
+        B = np.zeros((n, self.shared, self.shared))
+        B[:, row, column] = np.concatenate(parts, axis=1)[:, number]
         return B
+
+    @cached_property
+    def _pattern(self) -> tuple[IntArray, IntArray, IntArray]:
+        """Row and column of each entry of `transformations` that is not zero, and which of its 26 numbers it is."""
+        found = list[tuple[int, int, int]]()
+        for v in range(3):
+            at = 3 * v
+            found += [(at, at, 0), *((at + 1 + i, at + 1 + j, 1 + 2 * i + j) for i in (0, 1) for j in (0, 1))]
+            N = range(9 + self.on_edge * v, 6 + self.degree + self.on_edge * v)  # edges have the numbers of corners
+            Q = range(N.stop, N.start + self.on_edge)
+            found += [*((k, k, 5 + v) for k in N), *((k, k, 8 + v) for k in Q)]
+            found += [(q, k, 11 + v) for q, k in zip(Q[1:], N, strict=True)]
+            for end, first in zip(EDGES[v], (14, 17), strict=True):
+                found += [(Q[0], 3 * end, first + v), *((Q[0], 3 * end + 1 + i, 20 + 2 * v + i) for i in (0, 1))]
+        row, column, number = np.array(found).T
+        return row, column, number
 
     def reference_functions(self, barycentric: FloatArray, order: int) -> FloatArray:
         """Values (1), gradients (2) or Hessians (3 components xx, yy, xy) on the reference triangle, by order 0, 1, 2.

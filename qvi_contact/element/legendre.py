@@ -1,6 +1,6 @@
 """Polynomials on [0, 1] by coefficients of Legendre, p(t) = Σ c_k P_k(2t − 1), and Gauss points."""
 
-from functools import cache
+from functools import cache, lru_cache
 from math import comb
 
 import numpy as np
@@ -16,6 +16,14 @@ def basis(degree: int, t: FloatArray) -> FloatArray:
         values[..., 1] = x
     for k in range(2, degree + 1):  # k P_k = (2k − 1) x P_(k−1) − (k − 1) P_(k−2)
         values[..., k] = (values[..., k - 1] * x * (2 * k - 1) - values[..., k - 2] * (k - 1)) / k
+    return values
+
+
+@lru_cache(maxsize=64)
+def basis_at(degree: int, t: tuple[float, ...]) -> FloatArray:
+    """The same at few points that are asked for again and again, kept and read only, shape (q, degree + 1)."""
+    values = basis(degree, np.array(t))
+    values.flags.writeable = False
     return values
 
 

@@ -21,6 +21,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 CORNERS: Final[FloatArray] = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(0.75)]])
 """Corners of the reference triangle: equilateral, so that no corner and no direction is preferred."""
 CORNERS.flags.writeable = False
+_TO_UNIT: Final[FloatArray] = np.linalg.inv(CORNERS[1:] - CORNERS[0])  # edges of the reference triangle to (1, 0), (0, 1)
 
 EDGES: Final = ((1, 2), (0, 2), (0, 1))
 """Corners of the three edges, edge s opposite to corner s, the lower corner first."""
@@ -115,8 +116,7 @@ class AffineTriangles:
     @cached_property
     def jacobians(self) -> FloatArray:
         """J = ∂x/∂ξ, shape (n, 2, 2)."""
-        reference = np.linalg.inv(CORNERS[1:] - CORNERS[0])
-        return np.asarray((reference @ (self.corners[:, 1:] - self.corners[:, :1])).swapaxes(1, 2))
+        return np.asarray((_TO_UNIT @ (self.corners[:, 1:] - self.corners[:, :1])).swapaxes(1, 2))
 
     @cached_property
     def scales(self) -> FloatArray:
@@ -132,7 +132,7 @@ class AffineTriangles:
     @cached_property
     def elongations(self) -> FloatArray:
         """Longest side over the height on it, shape (n,)."""
-        sides = self.corners - np.roll(self.corners, 1, axis=1)
+        sides = self.corners - self.corners[:, [2, 0, 1]]
         return np.asarray(np.square(sides).sum(axis=2).max(axis=1) / (self.scales * np.sqrt(0.75)))
 
     @cached_property

@@ -119,8 +119,10 @@ def pieces(topology: Topology, count: int) -> IntArray:
 
 def same_places(vertices: FloatArray) -> IntArray:
     """Pairs (k, 2) of vertices too near each other to be told apart, in order."""
-    reach = np.full(len(vertices), _SAME * float(np.ptp(vertices, axis=0).max()))
-    pairs = np.column_stack(_near(vertices, vertices, reach))
+    reach = _SAME * float(np.ptp(vertices, axis=0).max())
+    if np.diff(np.sort(vertices @ _ASLANT)).min(initial=np.inf) > 2.0 * reach:  # as nearly always
+        return np.empty((0, 2), dtype=np.int64)
+    pairs = np.column_stack(_near(vertices, vertices, np.full(len(vertices), reach)))
     return pairs[pairs[:, 0] < pairs[:, 1]]
 
 
@@ -139,20 +141,24 @@ def hanging_vertices(
     candidates = np.unique(topology.ends[outer])
     edge, vertex = _near(vertices[candidates], (first + second) / 2.0, lengths * (0.5 - 1e-6))
     vertex = candidates[vertex]
-    offset, chord = vertices[vertex] - first[edge], along[edge]
-    straight = (offset * chord).sum(axis=1) / lengths[edge] ** 2
-    bend = np.zeros((len(edge), 2)) if bends is None else bends[outer[edge]]
-    low, high = np.zeros(len(edge)), np.ones(len(edge))
-    for _ in range(_HALVINGS if bend.any() else 0):  # an arc of less than 180° goes on along its chord
-        middle = (low + high) / 2.0
-        ahead = (arc_offsets(chord, bend, middle[:, None])[:, 0] * chord).sum(axis=1) > straight * lengths[edge] ** 2
-        low, high = np.where(ahead, low, middle), np.where(ahead, middle, high)
+    offset, chord, length = vertices[vertex] - first[edge], along[edge], lengths[edge]
+    share = (offset * chord).sum(axis=1) / length**2
+    distance, rounding = np.hypot(*(share[:, None] * chord - offset).T) / length, np.full(len(edge), _ON_EDGE)
+    bend = np.zeros((len(edge), 0)) if bends is None else bends[outer[edge]]
     arc = bend.any(axis=1)
-    share = np.where(arc, (low + high) / 2.0, straight)
-    distance = np.hypot(*(arc_offsets(chord, bend, share[:, None])[:, 0] - offset).T) / lengths[edge]
-    # data of an arc are rounded by a share of its radius, which is about the edge's length over the angle it turns by
-    turn = np.ptp(angles(bend, np.array([0.0, 1.0])), axis=1)
-    rounding = np.where(arc, np.minimum(ROUNDING / np.where(arc, turn, 1.0), _FARTHEST), _ON_EDGE)
+    if arc.any():
+        chord, bend, wanted = chord[arc], bend[arc], share[arc] * length[arc] ** 2
+        low, high = np.zeros(len(bend)), np.ones(len(bend))
+        for _ in range(_HALVINGS):  # an arc of less than 180° goes on along its chord
+            middle = (low + high) / 2.0
+            ahead = (arc_offsets(chord, bend, middle[:, None])[:, 0] * chord).sum(axis=1) > wanted
+            low, high = np.where(ahead, low, middle), np.where(ahead, middle, high)
+        share[arc] = (low + high) / 2.0
+        away = arc_offsets(chord, bend, share[arc, None])[:, 0] - offset[arc]
+        distance[arc] = np.hypot(*away.T) / length[arc]
+        # data of an arc are rounded by a share of its radius, which is about the edge's length over its angle
+        turn = np.ptp(angles(bend, np.array([0.0, 1.0])), axis=1)
+        rounding[arc] = np.minimum(ROUNDING / turn, _FARTHEST)
     hanging = distance <= rounding
     return np.column_stack([vertex[hanging], outer[edge[hanging]]]), share[hanging]
 

@@ -25,8 +25,6 @@ from typing import Final, Self
 
 import numpy as np
 from numpy.polynomial.legendre import legval
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.element.legendre import from_values, gauss_legendre
@@ -54,14 +52,16 @@ class Topology:
     def of(cls, cells: IntArray, vertices: int) -> "Topology":
         """Edges of triangles (m, 3), whose corners are in ascending order, among so many vertices."""
         pairs = cells[:, EDGES].reshape(-1, 2)
-        keys, index, count = np.unique(pairs[:, 0] * vertices + pairs[:, 1], return_inverse=True, return_counts=True)
-        order = np.argsort(index, kind="stable")
-        start = np.concatenate([[0], np.cumsum(count)[:-1]])
-        beside = np.full((len(keys), 2), -1)
-        beside[:, 0] = order[start] // 3
-        shared = count > 1
-        beside[shared, 1] = order[start[shared] + 1] // 3
-        return cls(np.column_stack(np.divmod(keys, vertices)), index.reshape(-1, 3), beside, count, keys, vertices)
+        keys = pairs[:, 0] * vertices + pairs[:, 1]
+        order = np.argsort(keys, kind="stable")
+        start = np.flatnonzero(np.diff(keys[order], prepend=-1))  # where the next edge begins
+        count = np.diff(start, append=len(keys))
+        index = np.empty_like(order)
+        index[order] = np.repeat(np.arange(len(start)), count)
+        beside, shared = np.full((len(start), 2), -1), count > 1
+        first = order[start]
+        beside[:, 0], beside[shared, 1] = first // 3, order[start[shared] + 1] // 3
+        return cls(pairs[first], index.reshape(-1, 3), beside, count, keys[first], vertices)
 
     @cached_property
     def boundary(self) -> BoolArray:
@@ -87,9 +87,16 @@ class Topology:
 
 
 def linked(first: IntArray, second: IntArray, count: int) -> IntArray:
-    """Numbers (count,) of the sets into which pairs join so many things."""
-    graph = sparse.csr_array((np.ones(first.size), (first.ravel(), second.ravel())), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+    """Numbers (count,) of the sets into which pairs join so many things, sets in the order of their first things."""
+    least = np.arange(count)  # the lowest thing that each is known to be joined to
+    while True:
+        pairs = np.sort(least[np.stack([first.ravel(), second.ravel()])], axis=0)
+        low, high = pairs[:, pairs[0] < pairs[1]]
+        if not len(low):
+            return np.unique(least, return_inverse=True)[1]
+        np.minimum.at(least, high, low)
+        while (least[least] < least).any():
+            least = least[least]
 
 
 def chains(ends: IntArray) -> list[IntArray]:

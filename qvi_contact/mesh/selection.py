@@ -41,6 +41,8 @@ def point(name: str, value: object) -> tuple[float, float]:
 
 def numbers_of(name: str, value: Any, kind: type) -> Any:
     """An array of numbers, whole ones if the kind is int."""
+    if kind is int and type(value) is np.ndarray and value.dtype == np.int64:
+        return value.copy()
     found = real_array(name, value, "give an array of real numbers")
     whole = kind is not int or bool((np.abs(found) < _LARGEST).all() and (found == np.rint(found)).all())
     if np.asarray(value).dtype == bool or not whole:

@@ -272,21 +272,21 @@ class Energy:
 
     def state(self, z: Vector) -> tuple[float, Vector]:
         """The size of the energy, ½|r(z)|² ≥ 0, and its gradient Rᵀr(z) − load; without a root ½ zᵀKz and K z − f."""
-        return self._at(z) if z.any() else self.at_zero
-
-    @cached_property
-    def at_zero(self) -> tuple[float, Vector]:
-        """Both at z = 0, where every solve begins, more than once."""
-        strain, gradient = self._at(np.zeros(self.K.shape[0]))
-        gradient.setflags(write=False)
-        return strain, gradient
-
-    def _at(self, z: Vector) -> tuple[float, Vector]:
+        if not z.any():
+            return self.at_zero
         if self.root is None or self.load is None:
             force = self.K @ z
             return 0.5 * float(z @ force), np.asarray(force - self.f)
         r = self.root.apply(z)
         return 0.5 * float(r @ r), np.asarray(self.root.adjoint(r) - self.load)
+
+    @cached_property
+    def at_zero(self) -> tuple[float, Vector]:
+        """Both at z = 0, where every solve begins, more than once: ½|r₀|² and −f."""
+        gradient = 0.0 - self.f  # without negative zeros
+        gradient.setflags(write=False)
+        r = np.zeros(1) if self.root is None else self.root.apply(np.zeros(len(self.f)))
+        return 0.5 * float(r @ r), gradient
 
 
 class BondedState:
