@@ -386,7 +386,8 @@ class StressSpace(PicklesFields):
 
     def traction_load(self, normal: FloatArray, shear: FloatArray, edges: Edges, t: FloatArray) -> FloatArray:
         """Σ normal σ_N + shear σ_T over the same points, a vector over all u (N,): `tractions` transposed."""
-        weights = np.stack([normal, shear]).reshape(2, len(edges), -1) @ legendre.basis_at(self.traction_degree, tuple(t))
+        values = legendre.basis_at(self.traction_degree, tuple(t))
+        weights = np.stack([normal, shear]).reshape(2, len(edges), -1) @ values
         return self.traces(edges).adjoint(weights.swapaxes(0, 1).reshape(len(edges), -1))
 
     def trace_rows(self, edges: Sequence[Edges], t: FloatArray) -> Functionals:

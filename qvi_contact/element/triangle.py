@@ -21,7 +21,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 CORNERS: Final[FloatArray] = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(0.75)]])
 """Corners of the reference triangle: equilateral, so that no corner and no direction is preferred."""
 CORNERS.flags.writeable = False
-_TO_UNIT: Final[FloatArray] = np.linalg.inv(CORNERS[1:] - CORNERS[0])  # edges of the reference triangle to (1, 0), (0, 1)
+_TO_UNIT: Final[FloatArray] = np.linalg.inv(CORNERS[1:] - CORNERS[0])  # from its edges to (1, 0) and (0, 1)
 
 EDGES: Final = ((1, 2), (0, 2), (0, 1))
 """Corners of the three edges, edge s opposite to corner s, the lower corner first."""
