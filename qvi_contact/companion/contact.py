@@ -47,12 +47,12 @@ from scipy import sparse
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.companion.body import MISFIT, PARALLEL, CondensedBody, along_arcs, edge_data, load_points, moments
 from qvi_contact.companion.space import DisplacementSpace, spread
-from qvi_contact.discretization.plates import COMPONENTS, centre_of, independent_rows
+from qvi_contact.discretization.plates import COMPONENTS, independent_rows
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import Edges, frames_along, linked
+from qvi_contact.mesh.edges import Edges, centre_of, frames_along, linked
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, RigidPlate
 from qvi_contact.problem.fields import along_edges
@@ -189,7 +189,7 @@ class DisplacementContact:
 
     def motions(self) -> Iterator[tuple[FloatArray, float]]:
         """For each force or moment on a plate what c (2, n) of the plate is when it moves by 1, and that force."""
-        plate, centre = self.contact.plate, centre_of(self.mesh, self.edges)
+        plate, centre = self.contact.plate, centre_of(self.mesh.vertices, self.edges)
         for component in COMPONENTS if plate is not None else ():
             if plate is not None and getattr(plate, component) is not None:
                 moment = component == "moment"

@@ -16,10 +16,11 @@ from qvi_contact.companion.body import PARALLEL, CondensedBody, Elasticity, Supp
 from qvi_contact.companion.contact import Contacts, DisplacementContact, admissible, dual_problem
 from qvi_contact.companion.space import DisplacementSpace, Triangle, triangle
 from qvi_contact.discretization.loads import scaled_stress_at_rest
-from qvi_contact.discretization.plates import COMPONENTS, centre_of
+from qvi_contact.discretization.plates import COMPONENTS
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.edges import centre_of
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import turning_senses
@@ -258,7 +259,7 @@ class CompanionResult(PicklesFields):
                     for part in COMPONENTS
                     if getattr(plate, part) is not None
                 }
-                found[trace.name] = plate_motion(plate, centre_of(self.problem.mesh, trace.edges), own)
+                found[trace.name] = plate_motion(plate, centre_of(self.problem.mesh.vertices, trace.edges), own)
         return MappingProxyType(Named("plates", "contacts with a plate or pin", found))
 
     @property

@@ -298,7 +298,9 @@ def _contact_matrices(
         Y = supports.basis.rows(supports.space.trace_rows(edges, rule.points))  # σ_N of all contacts, then σ_T
         r = Y.shape[0]
         if are_few(r, r):  # E: the same block for every edge
-            E: Any = np.kron(np.eye(r // rule.count), rule.from_points)
+            E: Any = np.zeros((r // rule.count, rule.count) * 2)
+            E[np.arange(len(E)), :, np.arange(len(E))] = rule.from_points
+            E = E.reshape(r, r)
         else:
             E = sparse.kron(sparse.eye_array(r // rule.count), rule.from_points, format="csc")
         rows, weights = E @ Y, joined([rows.row_weights for rows in contacts])

@@ -118,8 +118,6 @@ class Frames:
 
     def across(self, edges: Edges) -> BoolArray:
         """Which edges have ends that count from different frames, shape (n,)."""
-        if not len(self.origins):
-            return np.zeros(len(edges), dtype=bool)
         return np.asarray(np.diff(self._jumps(*self._ends(edges)).indptr) > 0)
 
     @cached_property

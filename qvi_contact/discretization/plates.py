@@ -27,8 +27,7 @@ from qvi_contact.discretization.loads import ContactRows, EdgePoints, has_body_f
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import Edges, cross, vectors_along
-from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.mesh.edges import centre_of, cross, vectors_along
 from qvi_contact.problem.conditions import DRIVES
 from qvi_contact.problem.problem import ContactProblem
 
@@ -113,7 +112,7 @@ def plate_rows(
         driven = {name: float(value) for name in COMPONENTS if (value := getattr(plate, name, None)) is not None}
         if plate is None or not driven:
             continue
-        centre, length = centre_of(problem.mesh, contact.points.edges), float(contact.points.weights.sum())
+        centre, length = centre_of(problem.mesh.vertices, contact.points.edges), float(contact.points.weights.sum())
         reference, points = plate.reference(*centre), contact.points.for_resultants()
         arm = max(abs(at - place) for at, place in zip(centre, reference, strict=True)) / scales.length
         for name, given in driven.items():
@@ -143,12 +142,6 @@ def plate_rows(
             raise InputError(f"RigidPlate.{row.component}", row.given, remedy)
     determined = tuple(row for index, row in enumerate(rows) if index not in kept)
     return PlateRows(resultants, b[kept], tuple(rows[index] for index in kept), determined)
-
-
-def centre_of(mesh: TriangleMesh, edges: Edges) -> tuple[float, float]:
-    """Centre of a contact's line, by the middles of its edges [length]."""
-    x, y = mesh.points_along(edges, np.array([0.5]))
-    return float(np.average(x[:, 0], weights=edges.length)), float(np.average(y[:, 0], weights=edges.length))
 
 
 def independent_rows(A: FloatArray, least: FloatArray) -> tuple[list[int], dict[int, FloatArray]]:

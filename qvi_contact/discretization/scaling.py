@@ -8,7 +8,7 @@ import numpy as np
 from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.basics.units import Rounding
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.edges import Edges, centre_of
 from qvi_contact.problem.conditions import Displacement, Traction
 from qvi_contact.problem.material import is_strained, stress_at_rest
 from qvi_contact.problem.problem import ContactProblem
@@ -113,13 +113,11 @@ def _plate_stresses(problem: ContactProblem) -> list[float]:
     for contact in problem.contacts:
         if contact.plate is not None:
             plate, edges = contact.plate, problem.mesh.edges(contact.edges)
-            lengths = edges.length
-            length = float(lengths.sum())
-            middles = problem.mesh.points_along(edges, np.array([0.5]))
-            centre = np.array([np.average(part[:, 0], weights=lengths) for part in middles])
+            length = float(edges.length.sum())
             sizes += [abs(plate.force_x or 0.0) / length, abs(plate.force_y or 0.0) / length]
             if plate.moment is not None:
-                arm = float(np.abs(centre - plate.reference(*centre)).max())
+                centre = centre_of(problem.mesh.vertices, edges)
+                arm = max(abs(at - place) for at, place in zip(centre, plate.reference(*centre), strict=True))
                 sizes.append(abs(plate.moment_about(*centre)) / (length * max(length, arm)))
     return sizes
 

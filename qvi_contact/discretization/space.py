@@ -269,13 +269,12 @@ class StressSpace(PicklesFields):
     @cached_property
     def units(self) -> FloatArray:
         """Φ, its slopes, N_k, Q_k, a_k or b_k over the degree of freedom that stands for it, shape (N,)."""
+        found, frames, vertices = np.ones(self.size), self.frames, 3 * len(self.sizes)
+        found[:vertices:3] = np.where(frames.is_centre, 1.0, self.sizes)
         first, second = self.vertices[self.mesh.topology.ends].swapaxes(0, 1)
-        values = np.where(self.frames.is_centre, 1.0, self.sizes)
-        at_vertices = np.column_stack([values, np.ones((len(self.sizes), 2))]).ravel()
-        on_edges = np.repeat(1.0 / np.hypot(*(second - first).T), self.element.on_edge)
-        holes = self.frames.holes / self.mesh.length
-        of_holes = np.column_stack([holes, np.ones((len(holes), 2))]).ravel()
-        return np.concatenate([at_vertices, on_edges, of_holes])
+        found[vertices : frames.start] = np.repeat(1.0 / np.hypot(*(second - first).T), self.element.on_edge)
+        found[frames.start :: 3] = frames.holes / self.mesh.length
+        return found
 
     def lengths(self, edges: Edges) -> FloatArray:
         """Dimensionless lengths of edges (n,), of arcs those of their chords."""

@@ -192,8 +192,9 @@ class Supports(PicklesFields):
         if len(frames.centres):
             gauge, order = int(frames.centres[0]), np.argsort(np.round(np.log2(space.sizes)), kind="stable")
             seeds = [*frames.centres.tolist(), *order[on_lines[order]].tolist()]
-        last = frames.across(_edges_of(space, numbers))
-        place = np.full(len(lines), len(lines))
+        place, last = np.full(len(lines), len(lines)), np.zeros(len(lines), dtype=bool)
+        if len(frames.origins):
+            last = frames.across(_edges_of(space, numbers))
         place[~last], age = walk(lines[~last], seeds, len(space.vertices))
         age[frames.centres] = 0  # which are solved for where nothing else is left
         return np.argsort(place[np.searchsorted(numbers, number)], kind="stable"), age, gauge
@@ -325,10 +326,12 @@ class Elimination:
         """
         all_values, ages = C.values[:, 0], age.tolist()
         alone = np.flatnonzero((all_values != 0.0).sum(axis=1) == 1)  # rows that prescribe one degree of freedom itself
-        fixed, first = np.unique(C.columns[alone, np.abs(all_values[alone]).argmax(axis=1)], return_index=True)
-        taken: list[int] = alone[first].tolist()
-        solved: dict[int, dict[int, float]] = {pivot: {} for pivot in fixed.tolist()}
-        others = np.delete(np.arange(len(all_values)), taken)
+        fixed = C.columns[alone, np.abs(all_values[alone]).argmax(axis=1)]
+        first = dict(zip(reversed(fixed.tolist()), reversed(alone.tolist()), strict=True))  # of those of one pivot
+        taken, solved = list(first.values()), {pivot: dict[int, float]() for pivot in first}
+        rest = np.ones(len(all_values), dtype=bool)
+        rest[taken] = False
+        others = np.flatnonzero(rest)
         largest = np.abs(all_values[others]).max(axis=1, initial=0.0).tolist()
         parts = (part.tolist() for part in (others, C.columns[others], all_values[others]))
         for most, row, columns, values in zip(largest, *parts, strict=True):

@@ -22,6 +22,10 @@ CORNERS: Final[FloatArray] = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(0.7
 """Corners of the reference triangle: equilateral, so that no corner and no direction is preferred."""
 CORNERS.flags.writeable = False
 _TO_UNIT: Final[FloatArray] = np.linalg.inv(CORNERS[1:] - CORNERS[0])  # from its edges to (1, 0) and (0, 1)
+_TWICE: Final[FloatArray] = np.array(
+    [1.0, 1.0, 2.0, 1.0, 1.0, 2.0, 1.0, 1.0, 1.0]
+)  # see `AffineTriangles.hessian_maps`
+_SIGNS: Final[FloatArray] = np.array([[1.0], [1.0], [-1.0]])  # of stresses in second derivatives
 
 EDGES: Final = ((1, 2), (0, 2), (0, 1))
 """Corners of the three edges, edge s opposite to corner s, the lower corner first."""
@@ -138,11 +142,13 @@ class AffineTriangles:
     @cached_property
     def hessian_maps(self) -> FloatArray:
         """From (Φ_ξξ, Φ_ηη, Φ_ξη) to (Φ_xx, Φ_yy, Φ_xy), shape (n, 3, 3)."""
-        (a, b), (c, d) = np.linalg.inv(self.jacobians).transpose(1, 2, 0)
-        rows = [[a * a, c * c, 2.0 * a * c], [b * b, d * d, 2.0 * b * d], [a * b, c * d, a * d + b * c]]
-        return np.moveaxis(np.array(rows), 2, 0)
+        inverse = np.linalg.inv(self.jacobians).reshape(-1, 4)  # (a, b), (c, d)
+        # a² c² 2ac, b² d² 2bd, ab cd ad + bc
+        found = inverse[:, [0, 2, 0, 1, 3, 1, 0, 2, 0]] * inverse[:, [0, 2, 2, 1, 3, 3, 1, 3, 3]] * _TWICE
+        found[:, 8] += inverse[:, 1] * inverse[:, 2]
+        return np.asarray(found.reshape(-1, 3, 3))
 
     @cached_property
     def stress_maps(self) -> FloatArray:
         """From (Φ_ξξ, Φ_ηη, Φ_ξη) to (σ_xx, σ_yy, σ_xy) = (Φ_yy, Φ_xx, −Φ_xy), shape (n, 3, 3)."""
-        return np.asarray(self.hessian_maps[:, [1, 0, 2]] * np.array([1.0, 1.0, -1.0])[:, None])
+        return np.asarray(self.hessian_maps[:, [1, 0, 2]] * _SIGNS)

@@ -18,7 +18,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import Curve, checked_bends, circle, ellipse, fitted
 from qvi_contact.mesh.grid import graded_lines, on_line
 from qvi_contact.mesh.outline import Corner, Point
-from qvi_contact.mesh.selection import checked_pairs, edges_in_box, edges_on_segment, new_name
+from qvi_contact.mesh.selection import checked_set, edges_in_box, edges_on_segment, new_name
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.material import Plane, Region
 
@@ -293,7 +293,8 @@ class ArcTable:
             return curve.checked("", mesh.vertices, mesh.topology)
         if self.name is not None:
             return self.curve(mesh.pairs(self.name), mesh.vertices)
-        return self.curve(checked_pairs("edges", self.edges or [], mesh.topology, mesh.vertices), mesh.vertices)
+        chosen = checked_set("edges", self.edges or [], mesh.topology, mesh.vertices)
+        return self.curve(mesh.topology.ends[chosen], mesh.vertices)
 
     def curve(self, pairs: IntArray, vertices: FloatArray) -> Curve:
         """The edges (k, 2) on this circle or ellipse."""

@@ -29,7 +29,7 @@ from qvi_contact.mesh.edges import (
     stretches,
     turned,
 )
-from qvi_contact.mesh.selection import checked_pairs, point
+from qvi_contact.mesh.selection import checked_set, point
 
 ROUNDING: Final = 1.5e-6
 """Distance of a vertex from its circle over the radius, or from another curve over its size, that is taken as rounding
@@ -69,13 +69,13 @@ class Curve:
         `InputError` if edges are no edges of the mesh, or given twice, or bends are not one row of angles for each; its
         field begins with the name if there is one.
         """
-        pairs, given = checked_pairs(name or "edges", self.edges, topology, vertices), np.asarray(self.edges)
+        chosen, given = checked_set(name or "edges", self.edges, topology, vertices), np.asarray(self.edges)
         bends = checked_bends(f"{name}.bends" if name else "bends", self.coefficients, len(given))
-        if len(pairs) != len(bends):
+        if len(chosen) != len(bends):
             raise InputError(name or "edges", len(bends), "an edge is given twice: give each once")
         back = given[:, 0] > given[:, 1]
         bends = np.where(back[:, None], reversed_bends(bends), bends)
-        return Curve(pairs, bends[np.argsort(topology.number(given))])
+        return Curve(topology.ends[chosen], bends[np.argsort(topology.number(given))])
 
     def _places(self, pairs: IntArray) -> IntArray:
         """Which of the edges these (n, 2) are; edges are in ascending order."""

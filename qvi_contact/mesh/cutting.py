@@ -66,19 +66,21 @@ def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> N
     overlap = "the triangles at the edge of these vertices around {} lie on one side of it and overlap: correct one"
     _refuse(folded, topology.ends, overlap, middles)
     hanging = hanging_vertices(vertices, topology)[0]
-    inside = (
-        "the first of these vertices, at {}, lies inside the edge of the others: divide the triangle there. Two bodies "
-        "whose vertices do not match along a line are meshed as one with common nodes (BooleanFragments in Gmsh), or "
-        "`join` with a name for the line does so; a Contact along it separates them"
-    )
-    named = np.column_stack([hanging[:, 0], topology.ends[hanging[:, 1]]])
-    _refuse(np.ones(len(named), dtype=bool), named, inside, vertices[named[:, 0]])
+    if len(hanging):
+        remedy = (
+            "the first of these vertices, at {}, lies inside the edge of the others: divide the triangle there. Two "
+            "bodies whose vertices do not match along a line are meshed as one with common nodes (BooleanFragments in "
+            "Gmsh), or `join` with a name for the line does so; a Contact along it separates them"
+        )
+        named = np.column_stack([hanging[:, 0], topology.ends[hanging[:, 1]]])
+        _refuse(np.ones(len(named), dtype=bool), named, remedy, vertices[named[:, 0]])
     same = same_places(vertices)
-    twins = (
-        "these vertices lie in the same place {}: merge them (Coherence Mesh in Gmsh), and name the line if two bodies "
-        "touch there; a Contact along it separates them"
-    )
-    _refuse(np.ones(len(same), dtype=bool), same, twins, vertices[same[:, 0]])
+    if len(same):
+        remedy = (
+            "these vertices lie in the same place {}: merge them (Coherence Mesh in Gmsh), and name the line if two "
+            "bodies touch there; a Contact along it separates them"
+        )
+        _refuse(np.ones(len(same), dtype=bool), same, remedy, vertices[same[:, 0]])
     pinched = np.bincount(topology.ends[topology.boundary].ravel(), minlength=len(vertices)) > 2
     alone = "this vertex at {} alone connects two parts of the body: fill or cut there"
     _refuse(pinched, all_vertices, alone, vertices)
@@ -134,14 +136,16 @@ def hanging_vertices(
     And the shares (k,) of the edges' lengths at which they do. Edges follow their arcs where `bends` are given.
     """
     outer = np.flatnonzero(topology.boundary)
-    outer = outer[(np.diff(vertices[topology.ends[outer]], axis=1) != 0.0).any(axis=(1, 2))]  # others hold nothing
     first, second = vertices[topology.ends[outer]].swapaxes(0, 1)
-    along = second - first
-    lengths = np.hypot(*along.T)
+    lengths = np.hypot(*(second - first).T)
+    if not lengths.all():  # others hold nothing
+        outer, first, second, lengths = (each[lengths > 0.0] for each in (outer, first, second, lengths))
     candidates = np.unique(topology.ends[outer])
     edge, vertex = _near(vertices[candidates], (first + second) / 2.0, lengths * (0.5 - 1e-6))
+    if not len(edge):
+        return np.empty((0, 2), dtype=np.int64), np.empty(0)
     vertex = candidates[vertex]
-    offset, chord, length = vertices[vertex] - first[edge], along[edge], lengths[edge]
+    offset, chord, length = vertices[vertex] - first[edge], (second - first)[edge], lengths[edge]
     share = (offset * chord).sum(axis=1) / length**2
     distance, rounding = np.hypot(*(share[:, None] * chord - offset).T) / length, np.full(len(edge), _ON_EDGE)
     bend = np.zeros((len(edge), 0)) if bends is None else bends[outer[edge]]

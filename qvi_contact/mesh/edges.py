@@ -294,6 +294,7 @@ def _arc(first: FloatArray, second: FloatArray, bend: FloatArray, t: FloatArray)
 
 # edges with their normals and cells
 
+_TURNED: Final = np.array([-1.0, 1.0])  # factors of (t_y, t_x) that turn a vector by 90°
 _UPRIGHT: Final = 1e-9  # x over the length of a vector that is vertical but for rounding
 
 
@@ -353,7 +354,7 @@ def outward_normals(vertices: FloatArray, cells: IntArray, topology: Topology, e
     """Unit normals of edges that point out of the first triangle at each, shape (k, 2)."""
     first, second = vertices[topology.ends[edges]].swapaxes(0, 1)
     along = second - first
-    normal = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
+    normal = along[:, ::-1] * _TURNED / np.hypot(*along.T)[:, None]
     inner = vertices[cells[topology.cells[edges, 0]]].mean(axis=1)
     inward = ((inner - first) * normal).sum(axis=1) > 0.0
     return np.asarray(np.where(inward[:, None], -normal, normal))
@@ -372,8 +373,10 @@ def edges_of(vertices: FloatArray, cells: IntArray, topology: Topology, bends: F
     swapped = (beside[:, 1] >= 0) & _points_back(normal[:, ::-1])
     normal = np.where(swapped[:, None], -normal, normal)
     beside = np.where(swapped[:, None], beside[:, ::-1], beside)
-    bend = np.where(back[:, None], reversed_bends(bends[numbers]), bends[numbers])
-    length = length * stretches(bend)
+    bend = bends[numbers]
+    if bend.any():
+        bend = np.where(back[:, None], reversed_bends(bend), bend)
+        length = length * stretches(bend)
     ends = np.where(back, second, first), np.where(back, first, second)
     return Edges(*ends, beside, normal, tangent, length, bend, numbers)
 
@@ -390,6 +393,13 @@ def points_along(vertices: FloatArray, edges: Edges, t: FloatArray) -> FloatArra
     if not edges.curved:
         return np.asarray(first[:, None, :] + (second - first)[:, None, :] * np.asarray(t)[..., None])
     return np.asarray(first[:, None, :] + arc_offsets(second - first, edges.bend, t))
+
+
+def centre_of(vertices: FloatArray, edges: Edges) -> tuple[float, float]:
+    """Centre of the line that edges make up, by their middles [length]."""
+    middles = points_along(vertices, edges, np.array([0.5]))[:, 0]
+    x, y = ((middles * edges.length[:, None]).sum(axis=0) / edges.length.sum()).tolist()
+    return x, y
 
 
 def frames_along(edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:

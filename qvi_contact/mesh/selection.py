@@ -50,8 +50,8 @@ def numbers_of(name: str, value: Any, kind: type) -> Any:
     return found.astype(np.int64) if kind is int else found
 
 
-def checked_pairs(name: str, pairs: ArrayLike, topology: Topology, vertices: FloatArray) -> IntArray:
-    """Vertices (k, 2) of the edges of a set, all on the boundary or all inside the body."""
+def checked_set(name: str, pairs: ArrayLike, topology: Topology, vertices: FloatArray) -> IntArray:
+    """Numbers (k,) in `topology` of the edges of a set, ascending, all on the boundary or all inside the body."""
     new_name(name)
     found = numbers_of(name, pairs, int)
     if found.ndim != 2 or found.shape[1] != 2 or not len(found):
@@ -62,16 +62,16 @@ def checked_pairs(name: str, pairs: ArrayLike, topology: Topology, vertices: Flo
         x, y = vertices[found[np.argmin(outer)]].mean(axis=0)
         remedy = f"lies partly on the boundary and partly inside, as around ({x:.6g}, {y:.6g}): make two sets of it"
         raise InputError("TriangleMesh.edge_sets", name, remedy)
-    chosen = topology.ends[np.unique(number)]
+    chosen = np.unique(number)
     chosen.flags.writeable = False
-    return chosen
+    return np.asarray(chosen)
 
 
 def known_edges(name: str, pairs: IntArray, topology: Topology) -> IntArray:
     """Numbers of the edges between pairs of vertices (k, 2), or `InputError`."""
     number = topology.number(pairs)
-    wrong = (number < 0) | ((pairs < 0) | (pairs >= topology.base)).any(axis=1)
-    if wrong.any():
+    if number.min(initial=0) < 0 or pairs.min(initial=0) < 0 or pairs.max(initial=0) >= topology.base:
+        wrong = (number < 0) | ((pairs < 0) | (pairs >= topology.base)).any(axis=1)
         raise InputError(name, pairs[np.argmax(wrong)].tolist(), "no edge of the mesh joins these vertices")
     return number
 
@@ -97,7 +97,7 @@ def chosen_edges(name: str, where: Where, inside: bool, topology: Topology, vert
         candidates: IntArray = topology.ends[among]
         pairs: IntArray = candidates[selected(name, where, vertices[candidates].mean(axis=1))]
     else:
-        pairs = checked_pairs(name, where, topology, vertices)
+        pairs = topology.ends[checked_set(name, where, topology, vertices)]
     if not len(pairs) or not among[topology.number(pairs)].all():
         raise InputError(name, where, f"no {'interior' if inside else 'boundary'} edge lies there: check the set")
     return pairs

@@ -33,8 +33,8 @@ from qvi_contact.mesh.selection import (
     PointSearch,
     Range,
     Where,
-    checked_pairs,
     checked_region,
+    checked_set,
     chosen_edges,
     edges_on_segment,
     new_name,
@@ -80,8 +80,12 @@ class TriangleMesh(PicklesFields):
             object.__setattr__(self, name, found)
         refuse_flaws(self.vertices, self.cells, self.topology)
         edge_sets = mapping("TriangleMesh.edge_sets", self.edge_sets, _EDGE_SETS)
-        pairs = {name: checked_pairs(name, given, self.topology, self.vertices) for name, given in edge_sets.items()}
+        numbers = {name: checked_set(name, given, self.topology, self.vertices) for name, given in edge_sets.items()}
+        pairs = {name: self.topology.ends[number] for name, number in numbers.items()}
+        for each in pairs.values():
+            each.flags.writeable = False
         object.__setattr__(self, "edge_sets", MappingProxyType(pairs))
+        vars(self)["_numbers"] = numbers
         named = mapping("TriangleMesh.regions", self.regions, "names to numbers of triangles")
         regions = {name: checked_region(name, given, len(self.cells)) for name, given in named.items()}
         object.__setattr__(self, "regions", MappingProxyType(regions))

@@ -24,10 +24,9 @@ from qvi_contact.basics.checks import FloatArray, evaluate, real_array
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import laws_vary
-from qvi_contact.discretization.plates import centre_of
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import cross
+from qvi_contact.mesh.edges import centre_of, cross
 from qvi_contact.problem.conditions import Displacement, components
 from qvi_contact.problem.problem import ContactProblem, direction_of, run_digest
 from qvi_contact.solution.result import ContactResult, contact_numbers, forces_units, overall_status
@@ -336,7 +335,7 @@ def _of_obstacle(step: ContactResult, name: str) -> dict[str, tuple[float, float
         return {"x": (motion.x, force.x), "y": (motion.y, force.y), "rotation": (motion.rotation, force.moment)}
     along = float(line.weights @ (rows.offset * scales.displacement) / line.weights.sum())
     if plate is not None:
-        motion, (x, y) = step.plates[name], centre_of(problem.mesh, rows.points.edges)
+        motion, (x, y) = step.plates[name], centre_of(problem.mesh.vertices, rows.points.edges)
         in_x = motion.x - motion.rotation * (y - plate.pivot[1])
         in_y = motion.y + motion.rotation * (x - plate.pivot[0])
         along += float(rows.points.edges.tangent[0] @ (in_x, in_y))

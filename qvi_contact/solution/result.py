@@ -15,8 +15,8 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import SHARE, Rounding, Units
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical, scaled_stress_at_rest
-from qvi_contact.discretization.plates import centre_of
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.edges import centre_of
 from qvi_contact.problem.conditions import DRIVES, RigidPlate
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
@@ -340,7 +340,7 @@ class ContactResult(PicklesFields):
         moved = {}
         for contact, rows in zip(self.problem.contacts, self.discretization.contacts, strict=True):
             if contact.plate is not None:
-                centre = centre_of(self.problem.mesh, rows.points.edges)
+                centre = centre_of(self.problem.mesh.vertices, rows.points.edges)
                 moved[contact.name] = plate_motion(contact.plate, centre, motion.get(contact.name, {}))
         return MappingProxyType(Named("plates", _WITH_PLATE, moved))
 

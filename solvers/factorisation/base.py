@@ -231,7 +231,7 @@ def eliminated(own: Matrix, coupling: Matrix, others: Matrix, backend: str) -> t
 
 def symmetric(upper: Matrix) -> Matrix:
     """The symmetric matrix whose upper triangle this is."""
-    return np.asarray(np.triu(upper) + np.triu(upper, 1).T)
+    return np.where(np.tri(len(upper), k=-1, dtype=bool), upper.T, upper)
 
 
 @contextmanager
