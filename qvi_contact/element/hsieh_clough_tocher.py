@@ -150,8 +150,8 @@ class HsiehCloughTocher:
 
     @cached_property
     def _energies(self) -> FloatArray:
-        """∫ (H_a ⊗ H_b + H_b ⊗ H_a)/(1 + δ_ab) on the reference triangle for `_PAIRS`, shape (6, dimension²)."""
-        hessians = self._weighted_hessians
+        """∫ (H_a ⊗ H_b + H_b ⊗ H_a)/(1 + δ_ab) of `interior_first` on the reference triangle for `_PAIRS`, (6, …)."""
+        hessians = self._weighted_hessians[:, :, self.interior_first]
         products = [hessians[a].T @ hessians[b] for a, b in _PAIRS]
         symmetric = [
             product if a == b else product + product.T for product, (a, b) in zip(products, _PAIRS, strict=True)
@@ -159,11 +159,11 @@ class HsiehCloughTocher:
         return np.stack(symmetric).reshape(len(_PAIRS), -1)
 
     def energies(self, triangles: AffineTriangles, compliances: FloatArray) -> FloatArray:
-        """∫ c σ:τ of the reference functions on n triangles, exactly, (n, dimension, dimension), with c (n, 3, 3)."""
-        maps = triangles.stress_maps
+        """∫ c σ:τ of the reference functions `interior_first` on n triangles, exactly, (n, …, …), with c (n, 3, 3)."""
+        maps, count = triangles.stress_maps, len(self.interior_first)
         weights = triangles.scales[:, None, None] * (maps.swapaxes(1, 2) @ compliances @ maps)
-        chosen = np.stack([weights[:, a, b] for a, b in _PAIRS], axis=1)
-        return np.asarray(chosen @ self._energies).reshape(-1, self.dimension, self.dimension)
+        a, b = np.transpose(_PAIRS)
+        return np.asarray(weights[:, a, b] @ self._energies).reshape(-1, count, count)
 
     def energy_rows(self, triangles: AffineTriangles, compliances: FloatArray) -> FloatArray:
         """Rows S (n, 3 q, dimension), SᵀS = `energies`, stresses at q points: what small energies are not lost in."""
@@ -181,8 +181,7 @@ class HsiehCloughTocher:
         soft = in_plane < _NEARLY * (compliances[:, 0, 0] + compliances[:, 1, 1])
         small, order = (triangles.elongations > _LONG) | soft, self.interior_first
         if not small.any():
-            energies = self.energies(triangles, compliances)[:, order[:, None], order]
-            return np.asarray(np.linalg.cholesky(energies).swapaxes(1, 2))
+            return np.asarray(np.linalg.cholesky(self.energies(triangles, compliances)).swapaxes(1, 2))
         R = np.empty((len(triangles), len(order), len(order)))
         R[~small] = self.roots(triangles.take(~small), compliances[~small])
         R[small] = np.linalg.qr(self.energy_rows(triangles.take(small), compliances[small])[:, :, order], mode="r")
