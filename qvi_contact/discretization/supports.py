@@ -299,9 +299,18 @@ class Basis:
             full = sparse.coo_array((blocks.ravel(), pairs), shape=(size, size)).tocsr()
             factors = sparse.csr_array(factors)
         rows = full[n:-1]
-        half = factors.T @ (rows[:, :n] + rows[:, n:-1] @ factors / 2.0)
+        right = rows[:, :n] + rows[:, n:-1] @ factors / 2.0
         if few:
-            return full[:n, :n] + (half + half.T)  # symmetric to the last bit
+            K, led = (
+                full[:n, :n].copy(),
+                factors.any(axis=0).nonzero()[0],
+            )  # what others follow from: H has no other rows
+            half = factors[:, led].T @ right
+            half[:, led] = (half[:, led] + half[:, led].T) / 2.0  # so that K is symmetric to the last bit
+            K[led] += half
+            K[:, led] += half.T
+            return K
+        half = factors.T @ right
         own, half = (sparse.coo_array(each) for each in (full[:n, :n], half))
         pairs = np.concatenate([own.row, half.row, half.col]), np.concatenate([own.col, half.col, half.row])
         return sparse.coo_array((np.concatenate([own.data, half.data, half.data]), pairs), shape=(n, n)).tocsc()
