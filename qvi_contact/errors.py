@@ -6,11 +6,11 @@ that are gone are refused here, each with what to do instead.
 """
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 try:
-    from solvers.errors import InputError, QVIError, SolveError, SolverUnavailableError, UnknownNameError
+    from solvers.errors import InputError, QVIError, SolveError, SolverUnavailableError, UnknownNameError, closest
 except ImportError as error:
     _taken = getattr(sys.modules.get("solvers"), "__file__", None)
     if _taken is None:
@@ -46,9 +46,9 @@ def refuse_retired(name: str) -> None:
         raise InputError("name", name, RETIRED[name])
 
 
-def refuse_arguments(given: Mapping[str, Any]) -> None:
-    """`InputError` with what to do instead for a retired argument, `TypeError` for any other that is unknown."""
+def refuse_arguments(given: Mapping[str, Any], known: Sequence[str]) -> None:
+    """`InputError` with what to do instead for an argument that was retired, or is none of those known."""
     for name, value in given.items():
-        if name in RETIRED:
-            raise InputError(name, value, RETIRED[name])
-        raise TypeError(f"unexpected keyword argument {name!r}")
+        near, listed = closest(name, known), f"the options here are {', '.join(known)}"
+        remedy = listed if near is None else f"did you mean {near!r}? Otherwise: {listed}"
+        raise InputError(name, value, RETIRED.get(name, remedy))

@@ -171,7 +171,7 @@ DOCUMENT_VERSION: Final = 1
 
 _CLAIMED: Final = 0.1  # of its limit, by which a measure may be larger than it was said to be: rounding
 _SCALES: Final = 1e-6  # relative difference of scales
-_SOFT: Final = 0.3  # the same of those with the contact's stiffness: rounding shows in its few steps of power iteration
+_SOFT: Final = 0.3  # the same of those with the contact's stiffness, in which rounding showed in earlier files
 _BOUND: Final = 10.0  # of the tolerance: results of the fixed point may hold that of its last iteration
 _SHOWN: Final = 5  # names in a sentence
 

@@ -74,10 +74,12 @@ def run(command: click.Command, name: str) -> None:
     for each in (sys.stdout, sys.stderr):
         if isinstance(each, io.TextIOWrapper):  # terminals that cannot show a letter show a question mark
             each.reconfigure(errors="replace")
-    stream = sys.stdout
+    stream, errors = sys.stdout, sys.stderr
     output = _Output(stream)
     if stream is not None:  # None where the shell has closed it
         sys.stdout = cast("TextIO", output)
+    if errors is not None:
+        sys.stderr = cast("TextIO", _Errors(errors))
     try:
         with _leaving_at_sigterm():
             status = _status(command, name)
@@ -90,7 +92,7 @@ def run(command: click.Command, name: str) -> None:
         if not isinstance(error, BrokenPipeError):
             status = _complain(name, f"standard output: cannot be written ({error.strerror or error})")
     finally:
-        sys.stdout = stream
+        sys.stdout, sys.stderr = stream, errors
         if output.error is not None:
             output.give_up()
     atexit.register(lead_nowhere)
@@ -172,6 +174,17 @@ class _Output:
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, self._stream.fileno())
             os.close(nowhere)
+
+
+class _Errors(_Output):
+    """Standard error that goes nowhere once it cannot be written. At a broken pipe Rich would end standard output."""
+
+    @contextmanager
+    def _remembering(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError:
+            self.give_up()
 
 
 def _complain(name: str, message: str) -> int:

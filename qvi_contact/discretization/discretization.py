@@ -206,7 +206,7 @@ def discretize(
     scales : Scales, optional
         Units of the dimensionless problem; those of the problem by default.
     **retired
-        Nothing: arguments of version 0.1 are refused with what to do instead.
+        Nothing: unknown arguments, and those of version 0.1, are refused with what to do instead.
 
     Notes
     -----
@@ -227,7 +227,7 @@ def discretize(
 
     """
     if retired:
-        refuse_arguments(retired)
+        refuse_arguments(retired, ("degree", "law_on", "scales"))
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
     if scales is not None and not isinstance(scales, Scales):

@@ -21,7 +21,10 @@ _WIDTH: Final = 110  # characters in a line of numbers
 
 
 def save_problem(path: str | Path, problem: ContactProblem, **details: Any) -> None:
-    """Write a problem file, whole or not at all; details are those of `problem_to_toml`."""
+    """Write a problem file, whole or not at all, without `[solve]`, `[refine]`, `[sweep]` and times of a `[history]`.
+
+    Details are those of `problem_to_toml`, which says more.
+    """
     write_text(path, problem_to_toml(problem, **details))
 
 
@@ -33,9 +36,12 @@ def problem_to_toml(
     Numbers are kept to the last digit, the mesh triangle by triangle. Conditions get ordered by kind, which has no
     meaning. Title and description say what to call it, units are labels of numbers. `InputError` if a function is one
     of Python, which a file cannot hold, or expressions disagree about constants or time.
+
+    Of a file that was read this is `ProblemFile.problem`, the state at its first time. Its `[solve]`, `[refine]`,
+    `[sweep]` and the times of its `[history]` are not written: copy them from there.
     """
     if not isinstance(problem, ContactProblem):
-        raise InputError("problem", problem, "give a ContactProblem")
+        raise InputError("problem", problem, "give a ContactProblem, such as the problem of a file that was read")
     for name, value in (("title", title), ("description", description)):
         if not isinstance(value, str):
             raise InputError(name, value, "give a text")

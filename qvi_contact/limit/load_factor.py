@@ -31,6 +31,7 @@ from solvers.errors import known_name
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+OPTIONS: Final = ("degree", "time_limit")  # of all limit analyses
 _SAMPLES = (1.0, 2.0)  # load factors at which the problem is discretised; it is affine in between and beyond
 _FOLLOWED = 1e-9  # misfit of a body force, relative, that is rounding
 _FARTHEST: Final = math.log(1e4)  # factors of strength beyond count as infinite, and below the inverse as zero
@@ -138,7 +139,8 @@ def limit_load_factor(
     verbose : bool
         Print what is asked for, and both sides with the time.
     **retired
-        Nothing: arguments of version 0.1 are refused with what to do instead.
+        Nothing: unknown arguments, and those of version 0.1, are refused with what to do instead. Contact laws hold on
+        whole edges always.
 
     Returns
     -------
@@ -153,7 +155,7 @@ def limit_load_factor(
         If a linear program is not solved, that of the mesh to a relative accuracy of 1e-7, or not in time.
 
     """
-    refuse_arguments(retired)
+    refuse_arguments(retired, (*OPTIONS, "verbose"))
     with deadline(time_limit), Log(f"qvi_contact {__version__}: limit_load_factor", verbose, {}) as log:
         posed = LimitProblem.of(problem, checked_loads(problem, loads), degree)
         log.begin({"loads": ", ".join(posed.names), "unknowns": posed.unknowns})
@@ -340,6 +342,7 @@ def strength_reduction_factor(
     accuracy: float = 1e-3,
     degree: int | None = None,
     time_limit: float | None = None,
+    **retired: Any,
 ) -> StrengthReduction:
     """The factor by which strengths may be divided until the loads are just carried, from both sides.
 
@@ -355,7 +358,7 @@ def strength_reduction_factor(
         What is divided: names of contacts, of regions, and "body" for the body's own material. By default everything.
     accuracy : float
         Relative width at which the searches for both sides end, below 1.
-    degree, time_limit
+    degree, time_limit, **retired
         As for `limit_load_factor`.
 
     Raises
@@ -368,6 +371,7 @@ def strength_reduction_factor(
     """
     from scipy.optimize import brentq  # slow to import, and solves do not need it
 
+    refuse_arguments(retired, ("of", "accuracy", *OPTIONS))
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
     if not positive_number("accuracy", accuracy) < 1.0:

@@ -25,11 +25,11 @@ from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, ev
 from qvi_contact.basics.writing import write_text
 from qvi_contact.element import legendre
 from qvi_contact.element.triangle import EDGES
-from qvi_contact.errors import InputError, SolveError
+from qvi_contact.errors import InputError, SolveError, refuse_arguments
 from qvi_contact.limit.check_proof import FORMAT, at_factor, check, dissipated, dot, gradient, less, triangles
 from qvi_contact.limit.check_proof import exponents as _exponents
 from qvi_contact.limit.flow import FlowProgram, Velocities
-from qvi_contact.limit.load_factor import LimitProblem, checked_loads
+from qvi_contact.limit.load_factor import OPTIONS, LimitProblem, checked_loads
 from qvi_contact.limit.split import (
     ONE,
     ZERO,
@@ -70,6 +70,7 @@ def limit_proof(
     *,
     degree: int | None = None,
     time_limit: float | None = None,
+    **retired: Any,
 ) -> dict[str, Any]:
     """A proof in rational numbers of both sides of `limit_load_factor`, or that the loads cannot be carried.
 
@@ -84,7 +85,7 @@ def limit_proof(
         The problem: straight triangles; friction, strengths and caps that are numbers.
     loads : sequence of str
         Names of the loads to multiply, see `limit_load_factor`.
-    degree, time_limit
+    degree, time_limit, **retired
         As for `limit_load_factor`.
 
     Returns
@@ -100,6 +101,7 @@ def limit_proof(
         If there is no finite bound, or no proof holds in exact arithmetic.
 
     """
+    refuse_arguments(retired, OPTIONS)
     with deadline(time_limit):
         posed = LimitProblem.of(problem, checked_loads(problem, loads) if len(loads) else (), degree)
         stated = Statement(problem, posed.names, posed.low.space.traction_degree)

@@ -329,7 +329,7 @@ class Line:
     def surrounded(self, bodies: Bodies, v: FloatArray) -> "Line":
         """The line with these places, and others closer and closer to them, where a cap sets in there."""
         line = self
-        for s in self.crossings(bodies, v) if self.capped else ():
+        for s in self.crossings(bodies, v) if self.capped and not self.arc else ():
             at = int(np.argmin(np.abs(self.places - s)))
             beside = self.places[max(at - 1, 0) : at + 2, None]
             for place in [s, *(self.places[at] + (beside - self.places[at]) * _NEARER).ravel()]:

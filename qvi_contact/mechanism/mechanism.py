@@ -308,7 +308,10 @@ class Rigid:
             idle = 0 if before - value > _SETTLED * abs(value) else idle + 1
             if idle == 2:
                 break
-            chosen, before = tuple(line.surrounded(self.bodies, motion) for line in chosen), value
+            finer, before = tuple(line.surrounded(self.bodies, motion) for line in chosen), value
+            if finer == chosen:  # the same lines, as on arcs
+                break
+            chosen = finer
         return None if found is None or not found[0].any() else self._mechanism(found[0], names)
 
     def _mechanism(self, v: FloatArray, names: Iterable[str]) -> Mechanism:

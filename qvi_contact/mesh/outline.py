@@ -189,9 +189,12 @@ def _steps(name: str, corner: Corner, following: Corner, size: float) -> FloatAr
         raise InputError(name, corner.centre, remedy)
     first, last = (float(np.arctan2(*(end - centre)[::-1])) for end in (start, stop))
     turn = (first - last if corner.clockwise else last - first) % (2.0 * np.pi)
-    count = int(np.ceil(max(turn * radius / size, turn / _WIDEST) - 1e-9))
-    if count > _MOST_LINES:
-        raise InputError(name, size, f"would divide this arc into {count} chords, at most {_MOST_LINES}: give more")
+    chords = np.ceil(max(turn * radius / size, turn / _WIDEST) - 1e-9)  # infinite for the smallest sizes
+    if chords > _MOST_LINES:
+        raise InputError(name, size, f"would divide this arc into {chords:g} chords, at most {_MOST_LINES}: give more")
+    if chords < 1.0:
+        raise InputError(name, corner.centre, "is too far from this arc: leave the centre out, the line is straight")
+    count = int(chords)
     angles = first + (-1.0 if corner.clockwise else 1.0) * turn * np.arange(count) / count
     points = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
     points[0] = start

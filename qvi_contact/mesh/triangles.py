@@ -187,7 +187,7 @@ class TriangleMesh(PicklesFields):
         Their vertices need not match there: those of either side are put into the other, and triangles are cut. Parts
         of one name are one. A named part of the boundary loses the edges that are in the joint, unless all of it is.
         """
-        if not isinstance(meshes, Sequence) or not all(isinstance(mesh, TriangleMesh) for mesh in meshes):
+        if not (isinstance(meshes, Sequence) and meshes and all(isinstance(mesh, TriangleMesh) for mesh in meshes)):
             raise InputError("meshes", meshes, "give a list of TriangleMesh")
         return cls(*joined(stacked([mesh._parts for mesh in meshes]), name))
 

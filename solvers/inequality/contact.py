@@ -23,6 +23,7 @@ from solvers.inequality.rows import (
     checked_vector,
     columns_of,
     dense,
+    generic_vector,
     scaled_columns,
     stacked,
     stored,
@@ -31,6 +32,7 @@ from solvers.inequality.rows import (
 from solvers.inequality.traces import TraceCoordinates, TractionFactor, trace_coordinates
 
 _POWER_STEPS = 10
+_OTHER_WAVES = 1e-8  # in the first vector: of a uniform traction, where balance fixes it, only rounding is left
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +152,7 @@ class CondensedContact:
             return 0.0
         relief = self.system.relief(tractions)
         total = float(weights.sum())
-        v: Vector = np.ones(len(weights))
+        v = 1.0 + _OTHER_WAVES * generic_vector(len(weights))
         radius = 0.0
         for _ in range(_POWER_STEPS):
             v = relief(weights * v)

@@ -26,6 +26,7 @@ from qvi_contact import (
     discretize,
     graded_lines,
     limit_load_factor,
+    limit_proof,
     load_problem,
     load_result,
     loop_area,
@@ -37,6 +38,7 @@ from qvi_contact import (
     solve_companion,
     solve_history,
     solve_sweep,
+    strength_reduction_factor,
 )
 from qvi_contact.bracket import bracket
 from qvi_contact.export import write_vtu
@@ -105,6 +107,16 @@ WRONG = {
 def test_wrong_options_are_refused_at_once(entry, tmp_path):
     for option, wrong in WRONG.items():
         refused(lambda value, option=option: ENTRIES[entry](tmp_path, **{option: value}), wrong, option)
+
+
+@pytest.mark.parametrize("use", [limit_load_factor, limit_proof, strength_reduction_factor, discretize])
+def test_unknown_options_of_limits_are_refused_as_those_of_solves(use):
+    given = [UNTOUCHED] if use in (strength_reduction_factor, discretize) else [UNTOUCHED, ["body"]]
+    unknown = {"colour": "red", "contact_rows": "gauss"} | ({} if use is discretize else {"law_on": "points"})
+    for option, wrong in unknown.items():
+        refused(lambda value, option=option: use(*given, **{option: value}), wrong, option)
+    with pytest.raises(InputError, match="did you mean 'degree'"):
+        use(*given, degre=5)
 
 
 def test_wrong_options_of_a_bracket_and_of_the_algebraic_solve():

@@ -88,6 +88,8 @@ class TestPolygons:
             ({"corners": [(0, 0), (1, math.nan), (1, 1)]}, "Corner.at", "finite"),
             ({"corners": [(0, 0), (1, 0, 0), (1, 1)]}, "Corner.at", "pair"),
             ({"corners": [Corner((0, 0), centre=(0.4, 0.0)), (1, 0), (1, 1)]}, "corners", "from its centre"),
+            ({"corners": [Corner((0, 0), centre=(0.5, -1e17)), (1, 0), (1, 1)]}, "corners", "too far"),
+            ({"corners": Corner.circle((0.0, 0.0), 1e200, size=1e-200)}, "corners", "inf chords"),
             ({"size": 0.0}, "size", "greater than 0"),
             ({"size": 1e-9}, "size", "too small"),
             ({"size": 1e-4}, "size", "triangles"),

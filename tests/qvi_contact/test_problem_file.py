@@ -242,6 +242,8 @@ def test_pins_move_in_time_and_are_written_as_gap_and_plate(tmp_path):
     assert contact == Contact.pin("top", 0.2, (0.25, 2.0), 0.9, x=1e-3, force_y=-1.0, name=contact.name)
     save_problem(tmp_path / "pin.toml", file.problems[1])
     assert load_problem(tmp_path / "pin.toml").problem.contacts == (contact,)
+    with pytest.raises(InputError, match="the problem of a file that was read"):
+        save_problem(tmp_path / "pin.toml", file)  # not its times, nor how to solve it
 
 
 def test_files_that_are_no_text_or_not_there(tmp_path):

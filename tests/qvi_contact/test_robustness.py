@@ -66,6 +66,14 @@ def test_the_stiffness_of_a_contact_does_not_depend_on_what_its_rows_are():
     assert bernstein.contact_stiffness == pytest.approx(gauss.contact_stiffness, rel=1e-9)
 
 
+def test_nor_on_rounding():
+    """A block that nothing else holds: balance fixes uniform tractions, of which power iteration could make nothing."""
+    loads = [Traction(side, normal=-float(side == "top"), tangential=0.0) for side in ("left", "right", "top")]
+    block = ContactProblem(TriangleMesh.rectangle((4, 2), 2.0), Material(1e3, 0.2), [Contact("bottom", 0.3), *loads])
+    gauss, bernstein = (discretized(block, law_on=rows).qvi.contact_stiffness for rows in ("points", "edges"))
+    assert bernstein == pytest.approx(gauss, rel=1e-5)
+
+
 def test_tractions_that_count_as_none_are_remarked_on():
     seen, unseen = drawn_along(1e-5, 4), drawn_along(1e-8, 4)
     assert seen.remarks == ()

@@ -203,6 +203,13 @@ def test_a_worker_without_work_ends():
         assert process.wait(timeout=60) == -signal.SIGKILL
 
 
+def test_an_order_that_comes_when_its_run_is_over_starts_no_process(mark):
+    """As where the client of a cluster left while Dask had the order on its way."""
+    runs.forget("late")
+    outcome = runs.do_there("late", pickle.dumps(numbers), Limits(), (0, 0.0))
+    assert (outcome.status, outcome.reason, workers(mark)) == ("crashed", "stopped", [])
+
+
 def test_numbers_of_workers_that_cannot_be():
     for count in (0, 1.5, 10_001):
         with pytest.raises(InputError) as caught:

@@ -2,9 +2,10 @@
 
 import json
 import os
+import pickle
 import sqlite3
 import time
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from qvi_contact import InputError, TriangleMesh, read_sweep, solve, solve_sweep
 from qvi_contact.basics import Units
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Traction
+from qvi_contact.runs import Outcome, Workers
 from solvers import Status
 from tests.run_tasks import deadly
 
@@ -189,6 +191,34 @@ def test_several_processes_find_the_same(tmp_path):
     assert two.statuses == one.statuses
     names = ["friction", "normal_force", "tangential_force", "share_slip"]
     assert two.to_frame()[names].to_numpy() == pytest.approx(one.to_frame()[names].to_numpy(), rel=1e-7)
+
+
+def test_rows_that_come_in_any_order_are_each_on_disk_before_the_next(tmp_path, monkeypatch):
+    """As those of a cluster: the first slice comes last, as its worker was lost, and is done again value by value."""
+    path, values, seen = tmp_path / "a.sqlite", np.linspace(0.05, 0.5, 20), []
+
+    @contextmanager
+    def ready(_, job, __):
+        _, rows = pickle.loads(job)()
+
+        def outcomes(slices):
+            lost = slices.popleft()
+            while slices:
+                part = slices.pop()
+                yield part, Outcome("done", rows(part))
+                seen.extend(number for number, _ in part.planned)
+                assert sorted(row.number for row in read_sweep(path).rows()) == sorted(seen)
+                if lost is not None and not slices:
+                    yield lost, Outcome("crashed", None, "lost")
+                    lost = None
+
+        yield 2, outcomes
+
+    monkeypatch.setattr(Workers, "ready", ready)
+    stored = solve_sweep(PLATE, "friction", values, store=path, workers=2)
+    assert (stored.status, stored.values) == (Status.SOLVED, tuple(values))
+    assert sorted(seen) == list(range(1, 21))
+    assert sorted(seen[-2:]) == [1, 2]
 
 
 def test_functions_that_other_processes_cannot_have(tmp_path):

@@ -66,13 +66,18 @@ def test_a_fault_of_the_program_is_not_blamed_on_the_input(shell):
 SCRIPT = """
 import sys, click
 from qvi_contact.basics import run
+from qvi_contact.basics.terminal import error_console
 
 @click.command()
 @click.option("--lines", default=1)
 @click.option("--rich", is_flag=True)
 @click.option("--late", is_flag=True)
-def write(lines, rich, late):
+@click.option("--told", is_flag=True)
+def write(lines, rich, late, told):
     from rich.console import Console
+    if told:
+        error_console().print("progress")
+        print("what -v says", file=sys.stderr)
     for number in range(lines):
         sys.stdout.write("words\\n") if late else Console().print("words") if rich else click.echo("words")
 
@@ -106,6 +111,13 @@ def test_a_closed_pipe_is_silent():
         process.stdout.close()
         err = process.stderr.read()
     assert (process.returncode, err) == (1, "")
+
+
+def test_an_answer_is_the_same_where_nobody_reads_standard_error():
+    with piped("--told", stdout=subprocess.PIPE) as process:
+        process.stderr.close()
+        out = process.stdout.read()
+    assert (process.returncode, out) == (0, "words\n")
 
 
 class Broken(io.StringIO):

@@ -128,6 +128,12 @@ class TestNorms:
         assert rectangle_constant(0.3, 0.4, 1.0, 0.6, np.inf) == np.inf  # a share that jumps
         assert found.value == pytest.approx(0.2 * 3.75079, rel=1e-5)
 
+    def test_what_is_no_number_proves_nothing(self, monkeypatch):
+        monkeypatch.setattr("qvi_contact.bracket.norms.rectangle_norm", lambda *_: np.nan)
+        problem = compressed_plate(0.2, (2, 2))
+        found = friction_norm(problem, shared(problem, 1.0))
+        assert (found.proved, found.value > 0.0) == (False, True)
+
     @pytest.mark.parametrize(
         "problem",
         [compressed_plate(0.5, (3, 3), width=2.0),
