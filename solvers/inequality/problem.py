@@ -299,7 +299,7 @@ class FrictionQVI(PicklesFields):
 
 _DENSE_LIMIT = 20_000_000  # entries of C up to which it is computed
 _CORRECTIONS = 4
-_FORESEEN = 1e-11  # contraction of the bonded state's corrections below which they change nothing
+_FORESEEN = 1e-12  # contraction of the bonded state's corrections below which they change nothing
 _ROUNDED = 1e-13  # traction of a correction, over the largest bonded one, that is not worth it
 
 
