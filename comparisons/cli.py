@@ -221,7 +221,7 @@ def peers(friction: tuple[float, ...], cells: tuple[int, ...], levels: int, repe
     return Plan([study.peers_study(friction, cells, repeat, levels)], report.report)
 
 
-@experiment(timeout=600.0, short_help="Bounds beside displacements of another code, NGSolve.")
+@experiment(timeout=600.0, needs=("ngsolve",), short_help="Bounds beside displacements of another code, NGSolve.")
 @click.option("--count", type=COUNT, metavar="NUMBER", default=140, show_default=True,
               help="Problems of each family, and as many more with springs.")  # fmt: skip
 @click.option("--polygons", type=COUNT, metavar="NUMBER", default=650, show_default=True,
@@ -242,7 +242,8 @@ def bounds(count: int, polygons: int) -> Plan:
     return Plan([study.declared(count), study.refined(polygons)], study.report)
 
 
-@experiment(timeout=120.0, memory=4096, short_help="Generated problems: what becomes of each.")
+@experiment(timeout=120.0, memory=4096, needs=("daqp", "quadprog"),
+            short_help="Generated problems: what becomes of each.")  # fmt: skip
 @click.option("--each", type=COUNT, metavar="NUMBER", default=20, show_default=True, help="Problems of each family.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True,
               help="Number of the first one; each number makes another problem, always the same.")  # fmt: skip
