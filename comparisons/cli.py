@@ -102,13 +102,13 @@ def benchmark_wall(blocks: tuple[int, ...], load: tuple[float, ...]) -> Plan:
     return Plan([study.walls(blocks, load)], report.wall_report)
 
 
-@click.command(cls=ListCommand)
+@click.command(cls=ListCommand, short_help="The verification manual: numbers beside known ones.")
 @click.option("--out", metavar="FOLDER", callback=folder_option, help="Folder for Markdown, HTML page and picture.")
 @click.option("--only", metavar="NAME…", multiple=True, help="Chapters or problems to run, such as ssnv128.")
 @click.option("--quick", is_flag=True, help="Coarse meshes and few cases of every problem.")
 @click.option("-v", "--verbose", is_flag=True, help="The table of the chapters too.")
 def verify(out: Path | None, only: tuple[str, ...], quick: bool, verbose: bool) -> int:
-    """The verification manual: problems whose answer is known otherwise, row by row.
+    """Compare numbers of this package with known ones, row by row: the verification manual.
 
     Closed forms, equilibrium, printed numbers, other codes, and methods against each other. The exit status is 0 if
     every row passed, 1 if not.
@@ -201,8 +201,8 @@ _CONVERGENCE: Final = (
 def peers(friction: tuple[float, ...], cells: tuple[int, ...], levels: int, repeat: int, getfem: str | None) -> Plan:
     """Compare the force of the compressed plate with that of displacement codes, for its cost.
 
-    The codes are NGSolve (Nitsche's method, degrees 2 to 6), GetFEM (its contact brick, degrees 2 to 4), and this
-    package on triangles of degree 3 to 6. Its stresses and displacements together also bound the force, under slip too.
+    The codes are NGSolve (Nitsche's method, degrees 2 to 8), GetFEM (its contact brick, degrees 2 to 4), and this
+    package on triangles of degree 3 to 8. Its stresses and displacements together also bound the force, under slip too.
 
     The meshes have equal cells, cells graded to the free corner, and cells graded to the corner and to the end of the
     stick zone. Measured are force, unknowns, time and memory. Each case runs in a process of its own, on one thread.
@@ -221,7 +221,7 @@ def peers(friction: tuple[float, ...], cells: tuple[int, ...], levels: int, repe
     return Plan([study.peers_study(friction, cells, repeat, levels)], report.report)
 
 
-@experiment(timeout=600.0, short_help="Bounds beside displacements of another code, NGSolve.")
+@experiment(timeout=600.0, needs=("ngsolve",), short_help="Bounds beside displacements of another code, NGSolve.")
 @click.option("--count", type=COUNT, metavar="NUMBER", default=140, show_default=True,
               help="Problems of each family, and as many more with springs.")  # fmt: skip
 @click.option("--polygons", type=COUNT, metavar="NUMBER", default=650, show_default=True,
@@ -242,7 +242,8 @@ def bounds(count: int, polygons: int) -> Plan:
     return Plan([study.declared(count), study.refined(polygons)], study.report)
 
 
-@experiment(timeout=120.0, memory=4096, short_help="Generated problems: what becomes of each.")
+@experiment(timeout=120.0, memory=4096, needs=("daqp", "quadprog"),
+            short_help="Generated problems: what becomes of each.")  # fmt: skip
 @click.option("--each", type=COUNT, metavar="NUMBER", default=20, show_default=True, help="Problems of each family.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True,
               help="Number of the first one; each number makes another problem, always the same.")  # fmt: skip
@@ -265,7 +266,7 @@ def wild(each: int, seed: int, only: tuple[str, ...]) -> Plan:
     return Plan([study.declared(only, each, seed)], study.report)
 
 
-@experiment(timeout=300.0, short_help="Whether both sides of limit loads, and their proofs, are in order.")
+@experiment(timeout=300.0, short_help="Limit loads of generated bodies, and their proofs.")
 @click.option("--count", type=COUNT, metavar="NUMBER", default=200, show_default=True, help="Problems.")
 def limits(count: int) -> Plan:
     """Bound the limit loads of generated bodies that yield, with contacts, from both sides, and prove both.

@@ -99,7 +99,7 @@ _ALL: Final = [
             (4, 2), [(0.97, 2.0)], partial(punch, 0.3)),
     # the change from stick to slip, x = 1, is on no vertex of equal cells; ∫ 3a x² dx with a = 30/(3·2²) over [0, 2]
     Problem("block", "Block with an exact solution: sticks and slips", "base", "tangential_force", (2.0, 1.0), (3, 2),
-            [(1.0, 0.0)], _block, (20.0, 0.0), "closed form, `gallery.stick_slip_block`"),
+            [(1.0, 0.0)], _block, (20.0, 0.0), "closed form, gallery.stick_slip_block"),
 ]  # fmt: skip
 
 PROBLEMS: Final = {problem.name: problem for problem in _ALL}

@@ -15,12 +15,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import click
 
 from qvi_contact.basics.terminal import Command
+from qvi_contact.errors import InputError
 
 if TYPE_CHECKING:  # help comes at once: what runs studies is loaded by those who do
     from comparisons.lab.reports import Report
@@ -85,11 +87,11 @@ class Experiment(ListCommand):
 
 
 def experiment(
-    *, timeout: float | None = None, memory: int | None = None, short_help: str
+    *, timeout: float | None = None, memory: int | None = None, needs: Sequence[str] = (), short_help: str
 ) -> Callable[[Callable[..., Plan]], Experiment]:
     """Decorator of a function that makes a `Plan` of a command's own options: the command, with those that all have.
 
-    `timeout` [s] and `memory` [MiB] are defaults of what a case may take.
+    `timeout` [s] and `memory` [MiB] are defaults of what a case may take. Without the packages `needs` nothing is run.
     """
 
     def made(plan: Callable[..., Plan]) -> Experiment:
@@ -110,8 +112,11 @@ def experiment(
             tables = [place / f"{study.name}.jsonl.gz" for study in studies]
             if not again:
                 writable_folder(store.parent, "--store")
-                for study in studies:
-                    read_rows(study, store)
+                pending = sum(len(study.cases) - len(read_rows(study, store)) for study in studies)
+                lacking = [name for name in needs if find_spec(name) is None]
+                if pending and lacking and limits["dask"] is None:  # workers of a cluster have their own
+                    remedy = f"is missing: python -m pip install {' '.join(lacking)}"
+                    raise InputError("installation", ", ".join(lacking), remedy)
                 try:
                     done = [run_study(study, store, **limits) for study in studies]
                 except KeyboardInterrupt:

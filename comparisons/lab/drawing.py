@@ -6,7 +6,7 @@ from typing import Any, Final
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from qvi_contact.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, new_figure, settings, svg_text
 
@@ -52,7 +52,8 @@ def grid(axes: Axes) -> None:
 
 
 def plain_ticks(*axes: Any) -> None:
-    """Decades as plain numbers: quicker to read, and to draw, than powers of ten."""
+    """1, 2 and 5 of each decade as plain numbers: quicker to read, and to draw, than powers of ten."""
     for axis in axes:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())

@@ -115,6 +115,7 @@ class Report:
         from rich.markdown import Markdown
 
         text = re.sub(r"<details>.*?</details>|^<a id=[^\n]*$|^!\[[^\n]*$", "", self.text, flags=re.M | re.S)
+        text = re.sub(r"^(#+) [^\n]*\s+(?=(?!\1#)#|\Z)", "", text, flags=re.M)  # headings with nothing below
         if not tables:
             text = "".join([f"# {self.title}\n", *(match[0] for match in _FINDINGS.finditer(text))])
         console = Console(highlight=False, emoji=False)

@@ -165,10 +165,12 @@ def report(rows: Sequence[Row]) -> Report:
         runs=("held", "size"), held=("held", "sum"), below=("proved_lower", "count"), above=("proved_upper", "count")
     ).reset_index()  # fmt: skip
     sides = solved[["held", "missing_lower", "missing_upper"]].set_axis(["held", "lower", "upper"], axis=1)
-    missing = sides.melt(["held"], ["lower", "upper"], "side", "told").replace("", None).groupby(["side", "told"])
+    missing = sides.melt(["held"], ["lower", "upper"], "side", "told").replace("", None)
+    missing = missing.assign(told=missing.told.str.replace(r"(?<=triangle )\d+", "…", regex=True))  # one row a reason
     nothing = solved.groupby("nothing").agg(runs=("held", "size"), tension=("tension", "sum")).reset_index()
+    missing = missing.value_counts(["side", "told"], sort=False).reset_index(name="runs")
     tables = {
-        "strengths": strengths, "nothing": nothing, "missing": missing.size().reset_index(name="runs"),
+        "strengths": strengths, "nothing": nothing, "missing": missing,
         "others": runs[runs.status != "solved"],
     }  # fmt: skip
     return render("comparisons.wild", "limits", values_of(runs), tables, {}, rows, template="limits.md")

@@ -186,7 +186,7 @@ def coulomb_bounds(
     size = float(np.sqrt(2.0 * fields.energy))
     if norm.stopped is not None and error >= norm.stopped.reach:
         near, apart = (100.0 * value / size for value in (norm.stopped.reach, error))
-        what = f"what sticks stops it for solutions within {near:.2g} % of this one, less than the bound {apart:.2g} %"
+        what = f"the part that sticks holds it only if the error is below {near:.2g} %, and the bound is {apart:.2g} %"
         norm, error = replace(norm, reason=UNHELD.format(what)), np.inf
     if s < LARGEST:
         cells = 2.0 * amplification(s) ** 2 * inside + by_cell(problem, missed) / coercivity(s)

@@ -261,7 +261,7 @@ LARGEST: Final = 2.0
 """The norm s from which on nothing is bounded."""
 
 UNHELD: Final = (
-    "Friction alone holds a body along its contacts, and {}. Nothing is known of its errors: hold the body along a "
+    "Friction alone holds a body along its contacts, and {}. Its errors are not bounded: hold the body along a "
     "contact if there is a support in reality."
 )
 _DEGREE: Final = 3  # of displacements by which a norm is computed
@@ -462,7 +462,7 @@ class _Energies:
         if len(keys) < count or not abs(size[count - 1, count - 1]) > _STOPS * abs(size[0, 0]):
             bears = {name: bool((share.room * share.weights).any()) for name, share in shares.items()}
             names = [repr(each.name) for each in moving if not bears[each.name]] or [repr(each.name) for each in moving]
-            return f"no part of {' and '.join(names)} sticks that would stop it"
+            return f"no part of {' and '.join(names)} sticks that would hold it"
         chosen = order[:count]
         means, d = means[chosen], motions @ np.linalg.inv(keys[chosen])
         masses, others, image = np.diag(means @ d), null_space(means), self.image(shares)

@@ -119,7 +119,7 @@ def limit_proof(
             except (InputError, SolveError) as error:
                 errors.setdefault(side, error)
             except (ValueError, OutOfBalanceError) as error:
-                remedy = "take a mesh that is less graded, or change the loads that are not multiplied by a millionth"
+                remedy = "take a mesh that is less graded, or change by a millionth the loads that are not multiplied"
                 errors.setdefault(side, SolveError(f"proof: in exact arithmetic {error}: {remedy}"))
             else:
                 bound = lower if side == "lower" else upper

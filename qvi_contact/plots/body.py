@@ -301,7 +301,7 @@ def _tractions(axes: "Axes", part: Carried, scale: float, reach: float, spacing:
     axes.plot(*border.T, color=style.VERMILLION, linewidth=0.9, zorder=3.2)
     if part.fluid.any():
         fluid = part.place + scale * part.fluid[:, None] * part.normal
-        dashed: dict[str, Any] = {"linestyle": (0, (4, 1.5)), "label": "of it the fluid's"}
+        dashed: dict[str, Any] = {"linestyle": (0, (4, 1.5)), "label": "pressure of the fluid"}
         axes.plot(*fluid.T, color=style.BLUE, linewidth=0.9, zorder=3.3, **dashed)
     at = spaced(part.s, spacing, least=0)  # none where there is no room for one
     place, normal, tangent = (between(at, part.s, values) for values in (part.place, part.normal, part.tangent))

@@ -92,7 +92,8 @@ def _placed(
     place_of = body.get_subplotspec()
     assert place_of is not None  # all were made by `subplots`
     grid = place_of.get_gridspec()
-    answer, foot = (textwrap.fill(text, count) for text, count in ((answer, 88), (foot, 140)))
+    together = ((text.replace(" = ", "\u00a0=\u00a0"), count) for text, count in ((answer, 88), (foot, 140)))
+    answer, foot = (textwrap.fill(text, count).replace("\u00a0", " ") for text, count in together)
     above = 0.1 + 0.22 * bool(title) + 0.17 * (answer.count("\n") + 1)
     below = 0.06 + 0.12 * (foot.count("\n") + 1)
     texts = [

@@ -124,9 +124,12 @@ def ground(axes: "Axes", line: FloatArray, normal: FloatArray, size: float) -> N
 
 
 def springs(axes: "Axes", start: FloatArray, end: FloatArray) -> None:
-    """Draw springs between points (n, 2) as zigzag lines."""
+    """Draw springs between points (n, 2) as zigzag lines, none wider than the springs are apart."""
     along = end - start
     side = along[:, ::-1] * [-1.0, 1.0]
+    if len(start) > 1:
+        apart = np.median(np.hypot(*np.diff(start, axis=0).T))
+        side /= np.maximum(np.hypot(*side.T)[:, None] / apart, 1.0)
     points = [start + share * along + across * side for share, across in _ZIGZAG.T]
     axes.add_collection(lines(np.stack(points, axis=1), GREEN, "solid", 1.0), autolim=False)
 

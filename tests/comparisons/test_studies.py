@@ -121,6 +121,15 @@ def test_bad_options_are_one_line_and_start_nothing(words, named, tmp_path):
 
 
 @pytest.mark.usefixtures("in_tmp_path")
+@pytest.mark.parametrize(("name", "package"), [("wild", "daqp"), ("bounds", "ngsolve")])
+def test_a_study_without_the_package_it_needs_starts_nothing(name, package, monkeypatch):
+    """It would find nothing wrong in problems that are not judged."""
+    monkeypatch.setattr("comparisons.lab.commands.find_spec", lambda module: None if module == package else module)
+    assert f"pip install {package}" in refused_command(name)
+    assert not [path for path in Path().rglob("*") if path.is_file()]
+
+
+@pytest.mark.usefixtures("in_tmp_path")
 @pytest.mark.parametrize("place", ["", "file", "file/below", "/proc/below"])
 @pytest.mark.parametrize("name", ["wild", "paper", "verify"])
 def test_a_folder_that_cannot_be_written_is_refused_before_any_work(name, place, tmp_path):

@@ -143,7 +143,7 @@ def by_differences(number: int) -> tuple[ContactResult, FloatArray, FloatArray, 
 
 @NUMBERS("peaks", 4)
 def peaks(p: int, quick: bool) -> Iterator[Row]:
-    """Peaks that `refine` finds, and the errors it estimates, a factor of safety of 1.5 in them, over the true ones."""
+    """Peaks that refine finds, and the errors it estimates, a factor of safety of 1.5 in them, over the true ones."""
     hole, bore, roll = stretched(sheet(2, 4)), ring(2), cylinder_on_block(0.01, 4, 2)
     tip, inside = (float(kirsch(np.array([x]), np.array([0.0]))[0, 1]) for x in (1.25, 1.6))
     hoop = float(lame(np.array([1.0]), np.array([0.0]))[0, 1])

@@ -89,7 +89,7 @@ def graded_equilibrium_model(p: int, quick: bool) -> Iterator[Row]:
 
 @PLATE("plate-limits", 5)
 def limits_of_the_force(p: int, quick: bool) -> Iterator[Row]:
-    """P/2 to eight digits: the triangles that `refine` makes for a target of 1e-8."""
+    """P/2 to eight digits: the triangles that refine makes for a target of 1e-8."""
     target = 1e-5 if quick else 1e-8
     for friction in (1.0,) if quick else tuple(LIMITS):
         limit, uncertainty = LIMITS[friction]
@@ -202,7 +202,7 @@ _CORNERED: Final = {
 
 @BOUNDS("bounds-refined", 3, 4, 5)
 def orders_of_refined_bounds(p: int, quick: bool) -> Iterator[Row]:
-    """How fast guaranteed bounds close by `refine` in the number of unknowns, whatever corners the body has.
+    """How fast guaranteed bounds close by refine in the number of unknowns, whatever corners the body has.
 
     Meshes of the best grading have order p − 1 in the end. While a mesh still grows into corners it may be more.
     """
