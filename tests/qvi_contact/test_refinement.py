@@ -185,6 +185,7 @@ def test_an_exact_solution_is_recognised_at_once():
         assert outcome.status is RefinementStatus.REACHED
         assert len(outcome.rounds) == 1
         assert outcome.value == pytest.approx(value, rel=1e-9, abs=1e-9)
+    assert outcome.unit == pytest.approx(1e-6 * 2.09e5 * 1e-3)
 
 
 def test_a_body_without_loads_is_known_at_once():
