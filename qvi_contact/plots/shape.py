@@ -23,8 +23,9 @@ from qvi_contact.companion import DisplacementSpace, Elasticity
 from qvi_contact.companion.space import barycentric, triangle
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.mechanism import RigidMotion
 from qvi_contact.mesh.edges import Edges, vectors_along
-from qvi_contact.problem.conditions import Displacement
+from qvi_contact.problem.conditions import SPRINGS, Displacement
 from qvi_contact.problem.material import stress_at_rest
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import stress_in_cells
@@ -125,16 +126,14 @@ def faces(result: ContactResult, name: str) -> tuple[FloatArray, FloatArray]:
     normal, along = rows.points.normals, rows.points.tangents
     contact, gap = result.problem.contacts[index], unit * rows.gap
     outwards, sideways = gap - line.gap, unit * (rows.offset + rows.slip) + line.slip
-    if contact.normal_stiffness is not None:
-        stiffness = evaluate("Contact.normal_stiffness", contact.normal_stiffness, line.x, line.y)
-        outwards -= line.effective_normal_stress / stiffness
-    if contact.tangential_stiffness is not None:
-        stiffness = evaluate("Contact.tangential_stiffness", contact.tangential_stiffness, line.x, line.y)
-        sideways -= line.tangential_stress / stiffness
+    borne = (outwards, line.effective_normal_stress), (sideways, line.tangential_stress)
+    for kind, (moved, stress) in zip(SPRINGS, borne, strict=True):
+        if getattr(contact, kind) is not None:
+            moved -= stress / evaluate(f"Contact.{kind}", getattr(contact, kind), line.x, line.y)
     body, obstacle = outwards[:, None] * normal + sideways[:, None] * along, gap[:, None] * normal
     plate = contact.plate
     if plate is not None and name in result.plates:  # one that is driven by force
-        motion, x, y = result.plates[name], line.x - plate.pivot[0], line.y - plate.pivot[1]
-        moved = np.column_stack([motion.x - motion.rotation * y, motion.y + motion.rotation * x])
-        body, obstacle = body + moved, obstacle + moved
+        motion = result.plates[name]
+        rigid = RigidMotion(motion.x, motion.y, motion.rotation, plate.pivot).at(np.column_stack([line.x, line.y]))
+        body, obstacle = body + rigid, obstacle + rigid
     return body, obstacle
