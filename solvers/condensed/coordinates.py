@@ -154,19 +154,11 @@ class DenseCoordinates(_Tractions):
 #         [0            0  0 ]
 #         [C            0  0 ]
 #
-# Newton's matrix is K plus, with D = diag(λ/s), one 2 × 2 block at each contact point,
-#
-#     H = K + [N; T]ᵀ M [N; T],    M_i = W_i [Σ_N D                0  ],
-#                                            [−mu p' (D₊ − D₋)  Σ_T D]
-#
-# Σ_N, Σ_T over the bounds of either traction, p' = dp/dσ_N, which is −1 but at bilateral points. It has K's pattern: it
-# is analysed once, and filled by one sparse matrix G, which adds G (M_NN, M_TN, M_TT) to those of K's entries that
-# contact points touch. Equations are springs beside it, of a stiffness ω so large that C x − h/ω = d says the same but
-# for a rounding that refinement takes away:
-#
-#     (H + CᵀωC) x = f + Cᵀω d,    h = ω (C x − d).
-#
-# At points without friction they are blocks M_TT; the few rows of A, long as they may be, are a matrix of low rank.
+# Newton's matrix H of (D33), whose blocks have −mu p' in the place of mu at bilateral points, p' = dp/dσ_N, has K's
+# pattern: it is analysed once, and filled by one sparse matrix G, which adds G (M_NN, M_TN, M_TT) to those of K's
+# entries that contact points touch. Equations are springs beside it, of a stiffness ω so large that C x − h/ω = d says
+# the same but for a rounding that refinement takes away: (H + CᵀωC) x = f + Cᵀω d, h = ω (C x − d). At points without
+# friction they are blocks M_TT; the few rows of A, long as they may be, are a matrix of low rank.
 
 
 _NEAR_FROM = 12_000  # contact points, above which a start near the bonded solution is the first, else the last

@@ -366,16 +366,8 @@ def _pair(difference: Vector, product: Vector) -> tuple[Vector, Vector]:
     return np.where(difference > 0.0, larger, smaller), np.where(difference > 0.0, smaller, larger)
 
 
-# Following the central path of `interior_point` by its arc length, where it turns back.
-#
-# The points with s λ = τ ω form a curve. For a monotone problem τ falls along it all the way; with the moving threshold
-# of Coulomb friction it may rise for a while, and a method that forces τ down stalls at the turn. Here log τ is an
-# unknown like the others, and the step goes along the tangent
-#
-#     T ∝ (dlog τ, ds/s, dλ/λ),   norm² = (dlog τ)² + Σ W ((ds/s)² + (dλ/λ)²) / Σ W,
-#
-# pull and push counted as further s and λ, with Newton steps normal to it (pseudo-arclength continuation, H. B.
-# Keller, 1977). Of the two directions it takes the one in which τ falls where det of Newton's matrix is positive and
+# Following the central path by its arc length, where it turns back: (D7), in which pull and push count as further s and
+# λ. Of the two directions of the tangent it takes the one in which τ falls where det of Newton's matrix is positive and
 # rises where it is negative: at a turn both change their signs, so the curve from τ = ∞ is followed to its end, and no
 # step across a sharp turn can make it go back. Where the sign is not known, it is the direction in which the curve was
 # followed so far.
