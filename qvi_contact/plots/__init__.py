@@ -22,9 +22,8 @@ __all__ = [
 __getattr__ = front(
     __name__,
     {
-        "body": ("draw_contours",),
+        "body": ("Shape", "draw_contours"),
         "figures": ("mesh_figure",),
-        "shape": ("Shape",),
         "style": ("cell_outlines", "edge_lines", "new_figure", "require_matplotlib"),
         "symbols": ("beside", "runs", "value_range"),
     },

@@ -1,12 +1,7 @@
 """(D2) on the unknowns that contact rows touch, in trace coordinates y.
 
-About a point z with the gradient γ of the energy there, eliminating the interior I leaves, for dz_Γ = P⁻¹ D y,
-
-    S_y y + c + Eᵀ m + A_yᵀ ν = 0,    A_y y = b − A z,    (σ_N, σ_T)(z + dz) = (σ_N, σ_T)(z) + E y,
-    S_y = D P⁻ᵀ S P⁻¹ D,   c = D P⁻ᵀ (γ_Γ − K_ΓI K_II⁻¹ γ_I),   D with which the diagonal of S_y is 1.
-
-γ is computed without the rounding inside K where the problem has an `EnergyRoot`, so that moving z repairs what S
-lacks.
+Eliminating the interior about a point z leaves (D4), with c for γ_y. The gradient γ there is computed without the
+rounding inside K where the problem has an `EnergyRoot`, so that moving z repairs what S lacks.
 
 In `docs/theory.md`: (D4), (D33).
 """
