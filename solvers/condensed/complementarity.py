@@ -21,8 +21,7 @@ from scipy.sparse.linalg import splu
 
 from solvers.basics.types import IntVector, Matrix, SparseRows, Vector
 from solvers.certificate.certificate import body_scales
-from solvers.condensed.coordinates import Coordinates, NewtonSystem
-from solvers.condensed.systems import FRICTION_SHARES, SLOTS, Expansion, PathWeights
+from solvers.condensed.systems import FRICTION_SHARES, SLOTS, Coordinates, Expansion, NewtonSystem, PathWeights
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import Rows, are_few, dense, echelon, largest, scaled
 
