@@ -22,10 +22,10 @@ import numpy as np
 import qvi_contact
 from qvi_contact import files
 from qvi_contact.basics.schema import keys_of
+from qvi_contact.basics.terminal import solving
 from qvi_contact.basics.writing import check_suffix, check_writable, identity, write_text
 from qvi_contact.command import report
 from qvi_contact.command.cli import TARGETS
-from qvi_contact.command.progress_line import solving
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ELEMENT_OPTIONS, ProblemFile, SweepPlan, load_problem
 from qvi_contact.problem.problem import ContactProblem
