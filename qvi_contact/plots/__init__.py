@@ -24,7 +24,7 @@ __getattr__ = front(
     {
         "body": ("Shape", "draw_contours"),
         "figures": ("mesh_figure",),
-        "style": ("cell_outlines", "edge_lines", "new_figure", "require_matplotlib"),
-        "symbols": ("beside", "runs", "value_range"),
+        "problem": ("runs",),
+        "style": ("beside", "cell_outlines", "edge_lines", "new_figure", "require_matplotlib", "value_range"),
     },
 )

@@ -29,8 +29,8 @@ from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mechanism import RigidMotion
 from qvi_contact.mesh.edges import Edges, cross, vectors_along
 from qvi_contact.plots import style
-from qvi_contact.plots.problem import SPRING, draw_symbols
-from qvi_contact.plots.symbols import Written, alignment, beside, between, ground, spaced, springs, write
+from qvi_contact.plots.problem import SPRING, between, draw_symbols, ground, spaced, springs
+from qvi_contact.plots.style import Written, alignment, beside, write
 from qvi_contact.plots.tractions import pieces_along
 from qvi_contact.problem.conditions import SPRINGS, Displacement
 from qvi_contact.problem.material import stress_at_rest
@@ -265,7 +265,7 @@ class Drawn:
     pressure: float
     """The largest on all contacts [stress]."""
     written: list[Written]
-    """Numbers of resultants, each with other places that it may have, see `symbols.spread`."""
+    """Numbers of resultants, each with other places that it may have, see `style.spread`."""
 
 
 def draw_body(

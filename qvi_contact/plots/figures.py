@@ -17,8 +17,7 @@ from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots import style
 from qvi_contact.plots.body import Scales, draw_body
 from qvi_contact.plots.problem import draw_problem, draw_symbols
-from qvi_contact.plots.style import lines
-from qvi_contact.plots.symbols import Written, beside, spread
+from qvi_contact.plots.style import Written, beside, lines, spread
 from qvi_contact.plots.tractions import contact_tractions
 from qvi_contact.problem.conditions import CARTESIAN, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
