@@ -34,6 +34,8 @@ from numpy.polynomial import polynomial
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, check_field, finite_number, positive_number
+from qvi_contact.element import bernstein
+from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.grid import rectangle_lines
 from qvi_contact.problem.material import Material, Plane
@@ -47,10 +49,8 @@ _COMPONENTS = ((0, 2, 1.0), (2, 0, 1.0), (1, 1, -1.0))
 """σ_xx, σ_yy, σ_xy as derivatives of Φ: order in x, order in y, factor."""
 _EPSILON = float(np.finfo(float).eps)
 
-_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
-GAUSS_POINTS: Final[FloatArray] = (_POINTS + 1.0) / 2.0
+GAUSS_POINTS, GAUSS_WEIGHTS = gauss_legendre(4)
 """Four on [0, 1]: exact for the energy, and where the paper checks the friction law on the side of an element."""
-GAUSS_WEIGHTS: Final[FloatArray] = _WEIGHTS / 2.0
 
 # in powers of t, columns: value at 0, slope at 0, value at 1, slope at 1
 _HERMITE: Final = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-3.0, -2.0, 3.0, -1.0], [2.0, 1.0, -2.0, 1.0]])
@@ -188,16 +188,10 @@ class QuarterPlate:
         The friction law (1.6) holds at four points of every edge only. Between them the quadratic ±σ_T + μσ_N has its
         maximum at an end, or where its slope is zero.
         """
-        _, normal, shear = self.tractions(z, np.array([0.0, 0.5, 1.0]))
-        largest = 0.0
-        for sign in (1.0, -1.0):
-            first, middle, last = (sign * shear + self.friction * normal).T
-            slope, bend = 4.0 * middle - 3.0 * first - last, 2.0 * (first - 2.0 * middle + last)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                top = np.clip(np.nan_to_num(-slope / (2.0 * bend)), 0.0, 1.0)
-            values = np.stack([first, last, first + top * (slope + top * bend)])
-            largest = max(largest, float(values.max()))
-        return largest
+        _, normal, shear = self.tractions(z, bernstein.nodes(2))
+        sides = (sign * shear + self.friction * normal for sign in (1.0, -1.0))
+        largest = (bernstein.largest_quadratic(values @ bernstein.from_values(2).T) for values in sides)
+        return max(0.0, *(float(values.max()) for values in largest))
 
     def stress(self, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(x, y, σ) at the 4 × 4 Gauss points of each element, shapes (m,), (m,), (m, 3) with xx, yy, xy.

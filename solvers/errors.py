@@ -70,6 +70,12 @@ def plain(value: object) -> str:
         return repr(value)
 
 
+def one_line(text: str, most: int = 500) -> str:
+    """The text without line breaks, cut where it has more characters."""
+    line = " ".join(text.split())
+    return line if len(line) <= most else f"{line[: most - 1]}…"
+
+
 def _shorten(value: object) -> str:
     """`plain` on one line, in at most 120 characters: of a path its end says more than its middle."""
     text = " ".join(plain(value).split())

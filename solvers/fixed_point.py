@@ -28,10 +28,10 @@ from solvers.basics.status import Status
 from solvers.basics.types import Matrix, Vector
 from solvers.certificate.certificate import certify, scales_at
 from solvers.certificate.feasibility import Feasibility, check_feasibility
-from solvers.errors import InputError
+from solvers.errors import InputError, one_line
 from solvers.inequality.problem import Compliance, FrictionQVI
 from solvers.inequality.rows import independent_rows, largest
-from solvers.inner.linear_program import is_failure, one_line
+from solvers.inner.linear_program import is_failure
 from solvers.inner.problem import Centre, InnerSolution, InnerSolver, contradiction, no_result
 from solvers.inner.registry import make_inner, versions
 from solvers.settings import FixedPointOptions

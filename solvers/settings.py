@@ -23,11 +23,6 @@ DEFAULT_INNER: Final = "qp:clarabel"
 STARTED: Final = ("condensed", "fixed-point")
 """Methods that take a start: a state is for both, a pressure for the fixed point."""
 
-SYSTEMS: Final = ("auto", "dense", "sparse")
-VARIANTS: Final = ("plain", "damped", "anderson")
-FORMS: Final = ("auto", "full", "condensed")
-RULES: Final = ("printed", "accumulating")
-
 
 @dataclass(frozen=True, kw_only=True)
 class CondensedOptions:
@@ -67,7 +62,7 @@ class CondensedOptions:
             if not isinstance(self.initial, Start):
                 remedy = "give the result of an earlier problem: the condensed method cannot start from a pressure"
                 raise InputError("initial", type(self.initial).__name__, f"{remedy} alone")
-        one_of("system", self.system, SYSTEMS)
+        one_of("system", self.system, ("auto", "dense", "sparse"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,8 +106,8 @@ class FixedPointOptions:
     def __post_init__(self) -> None:
         from solvers.basics.checks import finite_number, one_of, whole_number
 
-        one_of("variant", self.variant, VARIANTS)
-        one_of("form", self.form, FORMS)
+        one_of("variant", self.variant, ("plain", "damped", "anderson"))
+        one_of("form", self.form, ("auto", "full", "condensed"))
         if not 0 < finite_number("damping", self.damping) <= 1:
             raise InputError("damping", self.damping, "give a number in (0, 1]")
         for name in ("memory", "max_iterations", "patience"):
@@ -152,7 +147,7 @@ class UzawaOptions:
     def __post_init__(self) -> None:
         from solvers.basics.checks import one_of, positive_number, whole_number
 
-        one_of("rule", self.rule, RULES)
+        one_of("rule", self.rule, ("printed", "accumulating"))
         for name in ("omega_T", "omega_N", "step_decay"):
             if getattr(self, name) is not None:
                 positive_number(name, getattr(self, name))

@@ -5,7 +5,7 @@ from solvers.basics.front import front
 __getattr__ = front(
     __name__,
     {
-        "terminal": ("run",),
+        "terminal": ("run", "solving"),
         "units": ("Rounding", "Units"),
         "writing": ("check_writable", "replacing", "writable_folder", "write_text"),
     },

@@ -133,6 +133,10 @@ class Rounding:
             energy=share * stress * displacement * length,
         )
 
+    def of_kind(self, kind: str) -> float:
+        """That of numbers in this one of the `Units`, such as "force" or "engineering_force"; of rotations for none."""
+        return float(getattr(self, kind.removeprefix("engineering_") or "rotation"))
+
     @classmethod
     def largest(cls, each: Iterable["Rounding"]) -> "Rounding":
         """That of several results which are shown together, such as the steps of a history."""

@@ -5,9 +5,7 @@ need data that are the same in both models. Functions are looked at in `bernstei
 of every cell.
 
 If the only datum that is not zero is a displacement a of one support or obstacle, constant along it, and no energy is
-lost in friction, all equations and inequalities are homogeneous. Then ∫ σ : ε(u) dx = a R with R the resultant that
-belongs to a, hence J(u) = ½ a R, and the bounds of J(u) are bounds of ½ a R: for a plate pressed into the body by U,
-a = g = −U, R = −P and P lies between −2 J*(τ)/U and 2 J(v)/U.
+lost in friction, then J(u) = ½ a R with R the resultant that belongs to a, (D21): bounds of J(u) are bounds of R.
 
 In `docs/theory.md`: (D19), (D20), (D21).
 """

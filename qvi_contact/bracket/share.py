@@ -31,7 +31,6 @@ from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.mechanism.bodies import blocks_of_cells
 from qvi_contact.mesh.edges import Edges, frames_along
-from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
@@ -81,7 +80,6 @@ _PARTED: WeakKeyDictionary[ContactProblem, tuple[Body, ...]] = WeakKeyDictionary
 
 def _alone(problem: ContactProblem, cells: IntArray, joints: tuple[Contact, ...]) -> Body:
     """One body with the conditions on its edges; what a tied joint bonds is one body."""
-    assert isinstance(problem.mesh, TriangleMesh)
     sets, beyond, contacts = dict(problem.mesh.edge_sets), {}, []
     for joint in joints:
         edges, other = problem.mesh.edges(joint.edges), f"{joint.name}, beyond"

@@ -8,6 +8,5 @@ __getattr__ = front(
         "cli": ("group",),
         "page": ("number", "result_page", "result_tables"),
         "report": ("result_lines",),
-        "progress_line": ("solving",),
     },
 )

@@ -163,8 +163,7 @@ def cells(
     numbers: Mapping[str, float] | None, columns: Mapping[str, str], least: Rounding, digits: int = 6
 ) -> list[str]:
     """The numbers of these columns for people, those that are rounding as 0; none where there are none."""
-    sizes = {name: getattr(least, kind.removeprefix("engineering_") or "rotation") for name, kind in columns.items()}
-    return [] if numbers is None else [shown(numbers[name], size, digits) for name, size in sizes.items()]
+    return [] if numbers is None else [shown(numbers[name], least.of_kind(of), digits) for name, of in columns.items()]
 
 
 def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:

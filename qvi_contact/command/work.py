@@ -22,12 +22,12 @@ import numpy as np
 import qvi_contact
 from qvi_contact import files
 from qvi_contact.basics.schema import keys_of
+from qvi_contact.basics.terminal import solving
 from qvi_contact.basics.writing import check_suffix, check_writable, identity, write_text
 from qvi_contact.command import report
 from qvi_contact.command.cli import TARGETS
-from qvi_contact.command.progress_line import solving
 from qvi_contact.errors import InputError
-from qvi_contact.files.problem_file import ProblemFile, SweepPlan, load_problem
+from qvi_contact.files.problem_file import ELEMENT_OPTIONS, ProblemFile, SweepPlan, load_problem
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.settings import RefineOptions, Settings
@@ -68,10 +68,6 @@ def _opened(
         if "method" in typed and typed["method"] != Settings.of(None, options).chosen:
             options = {name: value for name, value in options.items() if name in known}
         yield problem_file, targets, options | element | typed
-
-
-def _some(options: dict[str, Any], *names: str) -> dict[str, Any]:
-    return {name: options[name] for name in names if name in options}
 
 
 def _ended(
@@ -120,7 +116,8 @@ def verify(result: str, tolerance: float | None, verbose: bool, as_json: bool) -
 def check(file: str, as_json: bool, **given: Any) -> int:
     """Print what a problem file describes."""
     with _opened(file, given) as (problem_file, targets, options):
-        problem, found = report.outline(problem_file, _some(options, "degree", "law_on"))
+        element: dict[str, Any] = {name: options[name] for name in ELEMENT_OPTIONS if name in options}
+        problem, found = report.outline(problem_file, element)
     if "plot" in targets:
         from qvi_contact import plots
 
@@ -200,11 +197,11 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         _opened(file, given) as (problem_file, targets, options),
         solving(problem_file.title or "limit", verbose=verbose),
     ):
-        space = _some(options, "degree")
-        told: dict[str, Any] = {**space, "time_limit": given["time_limit"], "verbose": verbose}
+        degree = options.get("degree")
+        told: dict[str, Any] = {"degree": degree, "time_limit": given["time_limit"], "verbose": verbose}
         problem, refinement, proof = problem_file.problem, None, targets.pop("proof", None)
         if proof is not None and not loads:
-            click.echo("\n".join(_write_proof(proof, problem, (), space.get("degree"))))
+            click.echo("\n".join(_write_proof(proof, problem, (), degree)))
             return 0
         checked_loads(problem, loads, "--load")
         if target is None:
@@ -212,7 +209,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         else:
             refinement = refined(problem, target=target, quantity=LimitFactor(list(loads)), **told)
             found, problem = refinement.limit, refinement.problem
-        proved = [] if proof is None else _write_proof(proof, problem, loads, space.get("degree"))
+        proved = [] if proof is None else _write_proof(proof, problem, loads, degree)
     said, units, missing = report.limit_lines(loads, found, refinement), problem_file.units, {}
     if found.mechanism is None and found.collapse is None:
         missing["plot"] = "there is no mechanism to draw in"
@@ -258,7 +255,7 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
     ):
         found = strength_reduction_factor(
             problem_file.problem, of=list(of) or None, accuracy=accuracy, time_limit=given["time_limit"],
-            **_some(options, "degree"),
+            degree=options.get("degree"),
         )  # fmt: skip
     above = f"divided by {found.upper:.6g} they do not on any mesh" if found.upper < math.inf else "no bound above"
     said = f"strengths divided by {found.lower:.6g} carry the loads on this mesh; {above}"

@@ -39,9 +39,6 @@ from solvers import Status
 
 # steps of a history
 
-_FORMAT: Final = "qvi_contact steps"
-_VERSION: Final = 1
-
 Restore = Callable[[int, Scales], Discretization]
 """The problem of a step, from 1, in these units, without earlier slip."""
 
@@ -61,7 +58,7 @@ class StepStore(Sequence[ContactResult]):
         self._near: tuple[int, ContactResult] | None = None
         self._part: range | None = None  # numbers of steps, where only some are meant
         header = self._folder / "store.json"
-        told = {"format": _FORMAT, "version": _VERSION, "fingerprint": fingerprint, "planned": planned}
+        told = {"format": "qvi_contact steps", "version": 1, "fingerprint": fingerprint, "planned": planned}
         if header.exists():
             try:
                 found: Any = json.loads(header.read_text(encoding="utf-8"))
@@ -152,7 +149,6 @@ _TABLES: Final = (
 )
 _DATABASE: Final = Database("the store of a sweep", 0x51564957, 1, _TABLES, "results")  # "QVIW"
 
-_RESULT: Final = "INSERT INTO results VALUES (?, ?, ?, ?, ?, ?)"
 _CONTACT: Final = f"INSERT INTO contacts VALUES (?, ?, {', '.join('?' * len(SUMMARY_COLUMNS))})"
 _DONE: Final = """
     SELECT number, value, status, message, iterations, accuracy, seconds
@@ -228,7 +224,7 @@ class SweepStore:
         with _DATABASE.explained(self._path), self._connection:
             for row in rows:
                 found = (row.number, str(row.status), row.message, row.iterations, row.accuracy, row.seconds)
-                self._connection.execute(_RESULT, found)
+                self._connection.execute("INSERT INTO results VALUES (?, ?, ?, ?, ?, ?)", found)
                 for name, summary in row.contacts.items():
                     self._connection.execute(
                         _CONTACT, (row.number, name, *(summary.get(key) for key in SUMMARY_COLUMNS))

@@ -153,10 +153,7 @@ def _below(problem: ContactProblem, edges: Edges, name: str, field: Field) -> Fl
 class YieldCones:
     """Rows |(γ S, σ_xx − σ_yy, 2σ_xy)| ≤ a − β S on coefficients, S = σ_xx + σ_yy, for one side of the limit load.
 
-    Where the angle of friction of a `MohrCoulomb` body varies from φ₀ to φ₁ on a part, stresses keep the cones of both,
-    and so those of all angles between: 2c cos φ − S sin φ ≥ 0 is concave in φ. What flow dissipates is that of one cone
-    around all of them, β = sin φ₁ with a larger by (S sin φ₁ − S sin φ₀) at the largest S that can be carried.
-
+    What becomes of angles of friction that vary says "Friction that varies" in `docs/theory.md`.
     """
 
     degree: int  # k

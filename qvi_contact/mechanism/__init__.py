@@ -10,12 +10,8 @@ would carry if they were rigid. So three numbers a block decide: a small linear 
 | `mechanism` | proof, and bound of a load factor; linear programs   |
 """
 
-from typing import TYPE_CHECKING
-
+from qvi_contact.mechanism.mechanism import ContactMotion, Mechanism, RigidMotion, find_mechanism, upper_bound
 from solvers.basics.front import front
-
-if TYPE_CHECKING:
-    from qvi_contact.mechanism.mechanism import ContactMotion, Mechanism, RigidMotion, find_mechanism, upper_bound
 
 __all__ = ["ContactMotion", "Mechanism", "RigidMotion", "find_mechanism", "upper_bound"]
 
@@ -23,6 +19,6 @@ __getattr__ = front(
     __name__,
     {
         "bodies": ("Bodies", "works"),
-        "mechanism": ("ContactMotion", "Mechanism", "Rigid", "RigidMotion", "find_mechanism", "upper_bound"),
+        "mechanism": ("Rigid",),
     },
 )

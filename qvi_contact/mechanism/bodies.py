@@ -85,15 +85,14 @@ class Bodies:
             corners = mesh.vertices[np.unique(mesh.cells[of_cells == block])]
             centre.append((corners.min(axis=0) + corners.max(axis=0)) / 2.0)
             size.append(np.hypot(*(corners - centre[-1]).T).max())
-        driven = [contact for contact in problem.contacts if contact.plate is not None]
-        for contact in driven:
-            plate, edges = contact.plate, mesh.edges(contact.edges)
-            assert plate is not None
+        driven = [(contact, contact.plate) for contact in problem.contacts if contact.plate is not None]
+        for contact, plate in driven:
+            edges = mesh.edges(contact.edges)
             ends = mesh.vertices[np.concatenate([edges.first, edges.second])]
             centre.append(np.array(plate.reference(*ends.mean(axis=0))))
             size.append(np.hypot(*(ends - centre[-1]).T).max())
             free.append(np.array([part is not None for part in (plate.force_x, plate.force_y, plate.moment)]))
-        names = tuple(contact.name for contact in driven)
+        names = tuple(contact.name for contact, _ in driven)
         return cls(of_cells, blocks, names, np.array(centre), np.array(size), np.array(free))
 
     def rows(self, body: IntArray, points: FloatArray, direction: FloatArray) -> FloatArray:

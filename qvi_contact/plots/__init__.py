@@ -22,10 +22,9 @@ __all__ = [
 __getattr__ = front(
     __name__,
     {
-        "body": ("draw_contours",),
+        "body": ("Shape", "draw_contours"),
         "figures": ("mesh_figure",),
-        "shape": ("Shape",),
-        "style": ("cell_outlines", "edge_lines", "new_figure", "require_matplotlib"),
-        "symbols": ("beside", "runs", "value_range"),
+        "problem": ("runs",),
+        "style": ("beside", "cell_outlines", "edge_lines", "new_figure", "require_matplotlib", "value_range"),
     },
 )

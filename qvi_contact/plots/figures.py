@@ -17,8 +17,7 @@ from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots import style
 from qvi_contact.plots.body import Scales, draw_body
 from qvi_contact.plots.problem import draw_problem, draw_symbols
-from qvi_contact.plots.style import lines
-from qvi_contact.plots.symbols import Written, beside, spread
+from qvi_contact.plots.style import Written, beside, lines, spread
 from qvi_contact.plots.tractions import contact_tractions
 from qvi_contact.problem.conditions import CARTESIAN, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
@@ -62,7 +61,9 @@ def result_figure(
     for name in panels or ():
         known_name("panels", name, {"contacts": names})
     if not result.has_state:
-        return _motion_figure(result.problem, result.mechanism, title, _reason(result), result.solution.message, units)
+        said = result.message.removesuffix(result.solution.message).rstrip(": ")
+        reason = f"{said or f'Not solved: {result.status.words}'}. {result.status.advice}"
+        return _motion_figure(result.problem, result.mechanism, title, reason, result.solution.message, units)
     if panels is None:
         panels = [line.name for line in result.contacts.values() if not line.path.line[-1]][:_PANELS]
     with style.settings():
@@ -139,12 +140,6 @@ def _answer(result: ContactResult, units: Units) -> str:
         said.append(f"{line.name}: {', '.join(words)}")
     status = "" if result.status is Status.SOLVED else f"Not solved ({result.status.words}). "
     return status + "; ".join(said) + ("." if said else "")
-
-
-def _reason(result: ContactResult) -> str:
-    """Why there is no stress state, and what to do."""
-    reason = result.message.removesuffix(result.solution.message).rstrip(": ") or f"Not solved: {result.status.words}"
-    return f"{reason}. {result.status.advice}"
 
 
 def _body_force(problem: ContactProblem) -> str:

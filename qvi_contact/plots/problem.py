@@ -1,14 +1,17 @@
-"""A problem before it is solved: body, materials, conditions, loads, contacts."""
+"""A problem before it is solved: body, materials, conditions, loads, contacts; and what such pictures are made of."""
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, evaluate
 from qvi_contact.basics.schema import defaults_of, keys_of
 from qvi_contact.basics.units import Units
-from qvi_contact.plots import style, symbols
+from qvi_contact.mesh.edges import Edges, angles, arc_offsets, chains, frames_along
+from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.plots import style
 from qvi_contact.problem.conditions import (
     CARTESIAN,
     LOCAL,
@@ -37,6 +40,11 @@ _AWAY: Final = 0.018  # distance from the body at which obstacles and symbols ar
 _SAMPLES: Final = 64  # points along the body's length where the range of a field is looked at
 _MATERIALS: Final = 8  # so many materials are explained in the legend
 
+_OBLIQUE: Final = 0.05  # sine of the angle to a side below which an arrow counts as lying along it
+CORNER: Final = 0.64  # cosine of the angle, 50 degrees, by which edges of one run may turn
+_ZIGZAG: Final = np.array([[0.0, 0.15, 0.25, 0.42, 0.58, 0.75, 0.85, 1.0], [0.0, 0.0, 0.3, -0.3, 0.3, -0.3, 0.0, 0.0]])
+_STRAIGHT: Final = 1e-12  # 1 − cosine of the angle of edges that lie on one straight line
+
 _CENTRED: Final[dict[str, Any]] = {"ha": "center", "va": "center"}
 
 _INDEX: Final = {"x": "_x", "y": "_y", "normal": "_N", "tangential": "_T"}  # of t, σ and u in the legend
@@ -54,6 +62,147 @@ _MIRROR: Final[dict[str, Any]] = {"color": style.GREEN, "linewidth": 1.4, "lines
 _TOUCHING: Final[dict[str, Any]] = {"color": "black", "linewidth": 1.8}
 _HELD_TOGETHER: Final[dict[str, Any]] = {"color": style.GREY, "linewidth": 1.0, "linestyle": ":"}
 _JOINT: Final[dict[str, Any]] = {"color": style.ORANGE, "linewidth": 2.0, "linestyle": (0, (3, 1.5))}
+
+
+class Places(NamedTuple):
+    """Points (n, 2) along a run [length], and outward unit normals and tangents, where two edges meet halfway."""
+
+    points: FloatArray
+    normals: FloatArray
+    tangents: FloatArray
+
+
+def between(at: FloatArray, s: FloatArray, values: FloatArray) -> FloatArray:
+    """Values (k, 2) at places s (k,) along a line, at other places (n, 2)."""
+    return np.column_stack([np.interp(at, s, each) for each in values.T])
+
+
+def spaced(s: FloatArray, distance: float, least: int = 1) -> FloatArray:
+    """Places about `distance` apart along a line from the first of s to the last, as far from them as half of that."""
+    length = float(s[-1] - s[0])
+    count = max(least, round(length / distance))
+    return np.asarray(s[0] + (np.arange(count) + 0.5) / max(count, 1) * length)
+
+
+class Run:
+    """Adjoining edges without a corner between them: a straight side, or an arc as short pieces.
+
+    The line has the ends of the edges (n + 1, 2) in the direction of their tangents [length]; normals (n, 2) point
+    outwards. Edges turn by the angles (n,) [rad], 0 where they are straight, and are drawn as arcs of circles.
+    """
+
+    def __init__(self, line: FloatArray, normals: FloatArray, turns: FloatArray) -> None:
+        self.line, self.normals, self._turns = line, normals, turns
+        self._steps = np.diff(line, axis=0)
+        self._lengths = np.hypot(*self._steps.T)
+        self._tangents = self._steps / self._lengths[:, None]
+        self._along = np.concatenate([[0.0], np.cumsum(self._lengths)])
+        self.length = float(self._along[-1])
+
+    def at(self, share: float) -> Places:
+        """The place at a share of the length, 0 to 1."""
+        return self._places(np.array([share * self.length]))
+
+    def points(self, distance: float, least: int = 2) -> Places:
+        """Points about `distance` apart, as far from the ends as half of that, at least `least`."""
+        return self._places(spaced(self._along, distance, least))
+
+    def ends_and_points(self, distance: float) -> Places:
+        """Points about `distance` apart from end to end, at least both ends and those where the run turns."""
+        turns = (self._tangents[1:] * self._tangents[:-1]).sum(axis=1) < 1.0 - _STRAIGHT
+        even = np.linspace(0.0, self.length, max(1, round(self.length / distance)) + 1)
+        return self._places(np.sort(np.concatenate([even, self._along[1:-1][turns]])))
+
+    def _places(self, s: FloatArray) -> Places:
+        last = len(self._lengths) - 1
+        before, after = (np.clip(np.searchsorted(self._along, s, side) - 1, 0, last) for side in ("left", "right"))
+        shares = (s - self._along[after]) / self._lengths[after]
+        bends = np.column_stack([np.zeros(len(s)), self._turns[after] / 2.0])
+        points = self.line[after] + arc_offsets(self._steps[after], bends, shares[:, None])[:, 0]
+        middle = (values[before] + values[after] for values in (self.normals, self._tangents))
+        return Places(points, *(vectors / np.hypot(*vectors.T)[:, None] for vectors in middle))
+
+
+def runs(mesh: TriangleMesh, edges: Edges) -> list[Run]:
+    """Edges joined to runs, which end in corners, in branches, and where the tangent changes its sense."""
+    ends = np.column_stack([edges.first, edges.second])
+    return [run for chain in chains(ends) for run in _runs_of(mesh, edges.take(chain))]
+
+
+def _runs_of(mesh: TriangleMesh, edges: Edges) -> Iterator[Run]:
+    """Runs of one line of edges."""
+    following = edges.take(np.roll(np.arange(len(edges)), -1))
+    onward, back = edges.second == following.first, edges.first == following.second
+    facing, turn = (
+        np.where(onward, (one[:, 1] * other[:, 0]).sum(axis=1), (one[:, 0] * other[:, 1]).sum(axis=1))
+        for one, other in zip(*(frames_along(each, np.array([0.0, 1.0])) for each in (edges, following)), strict=True)
+    )
+    joined = (onward | back) & (turn > CORNER) & (facing > CORNER)
+    if len(edges) < 3 or joined.all():  # no closed line, or one without a corner
+        joined[-1] = False
+    shift = int(np.argmin(joined)) + 1  # a closed line begins behind a corner
+    order = np.roll(np.arange(len(edges)), -shift)
+    for part in np.split(order, np.flatnonzero(~joined[order])[:-1] + 1):
+        piece = edges.take(part if len(part) == 1 or onward[part[0]] else part[::-1])
+        if piece.curved:  # as shorter ones, whose chords are near enough to be drawn
+            t = np.linspace(0.0, 1.0, style.CHORDS + 1)
+            points = np.stack(mesh.points_along(piece, t), axis=-1)
+            line = np.concatenate([points[:, :-1].reshape(-1, 2), points[-1, -1:]])
+            normals = frames_along(piece, (t[1:] + t[:-1]) / 2.0)[0].reshape(-1, 2)
+            yield Run(line, normals, np.diff(angles(piece.bend, t), axis=1).ravel())
+        else:
+            yield Run(mesh.vertices[np.append(piece.first, piece.second[-1])], piece.normal, np.zeros(len(piece)))
+
+
+def ground(axes: "Axes", line: FloatArray, normal: FloatArray, size: float) -> None:
+    """Draw a rigid obstacle: a line of points (n, 2) and oblique strokes of a given size on its far side (n, 2)."""
+    axes.plot(*line.T, color="black", linewidth=1.0)
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    begin, outward = (between(spaced(s, size), s, values) for values in (line, normal))
+    sideways = np.column_stack([outward[:, 1], -outward[:, 0]])
+    strokes = np.stack([begin, begin + 0.7 * size * (outward + sideways)], axis=1)
+    axes.add_collection(style.lines(strokes, "black", "solid", 0.6))
+
+
+def springs(axes: "Axes", start: FloatArray, end: FloatArray) -> None:
+    """Draw springs between points (n, 2) as zigzag lines, none wider than the springs are apart."""
+    along = end - start
+    side = along[:, ::-1] * [-1.0, 1.0]
+    if len(start) > 1:
+        apart = np.median(np.hypot(*np.diff(start, axis=0).T))
+        side /= np.maximum(np.hypot(*side.T)[:, None] / apart, 1.0)
+    points = [start + share * along + across * side for share, across in _ZIGZAG.T]
+    axes.add_collection(style.lines(np.stack(points, axis=1), style.GREEN, "solid", 1.0), autolim=False)
+
+
+def arrows(axes: "Axes", places: Places, vectors: FloatArray, away: float, look: dict[str, Any]) -> FloatArray:
+    """Draw vectors (n, 2) that act at places of a side, those of no length left out; both ends of all (2 k, 2).
+
+    An arrow into the body ends at its point, one out of the body begins there; one along the side is centred, at the
+    distance `away`.
+    """
+    size = np.hypot(*vectors.T)
+    shown = size > 0.02 * size.max(initial=0.0)
+    points, vectors, normals, size = places.points[shown], vectors[shown], places.normals[shown], size[shown]
+    outward = ((vectors * normals).sum(axis=1) / size)[:, None]
+    tails = np.where(outward < -_OBLIQUE, points - vectors, points)
+    tails = np.where(np.abs(outward) <= _OBLIQUE, points - vectors / 2.0 + away * normals, tails)
+    settings = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.005, "headwidth": 4.0, "zorder": 5}
+    axes.quiver(*tails.T, *vectors.T, **{**settings, **look})
+    return np.concatenate([tails, tails + vectors])
+
+
+def merged(conditions: Sequence[Condition]) -> list[Condition]:
+    """The conditions, the two components of one edge set's traction or displacement in one where they are apart."""
+    found: dict[object, Condition] = {}
+    for number, condition in enumerate(conditions):
+        if isinstance(condition, Traction | Displacement):
+            given: dict[str, Any] = components(condition)
+            own = type(condition), condition.edges, set(given) <= set(CARTESIAN)
+            found[own] = replace(found.get(own, condition), **given)
+        else:
+            found[number] = condition
+    return list(found.values())
 
 
 def draw_symbols(
@@ -96,7 +245,7 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
     margin = (_AWAY + _ARROW + 0.06) * problem.mesh.length
     style.show_all(axes, np.array([low - margin, high + margin]), sketch.units)
     axes.set_anchor("W")  # towards the left where equal scales leave room, which the legend takes
-    symbols.spread(axes, sketch.written)
+    style.spread(axes, sketch.written)
 
 
 class _Sketch:
@@ -116,11 +265,11 @@ class _Sketch:
     ) -> None:
         self.axes, self.problem, self.units, self.moved, self.size = axes, problem, units, moved, size
         self.length = problem.mesh.length
-        self.conditions = symbols.merged(problem.conditions)
+        self.conditions = merged(problem.conditions)
         self.ends: list[FloatArray] = []  # of arrows
         self.entries: list[Any] = []  # what the legend shows
         self.groups: dict[str, list[str]] = {"free": [], "symmetry": []}  # edge sets that share an entry
-        self.written: list[symbols.Written] = []
+        self.written: list[style.Written] = []
 
     def body(self) -> None:
         """Cells filled by material, grid, outline."""
@@ -152,19 +301,19 @@ class _Sketch:
                 look_of = {"fontsize": "small", "bbox": box, "zorder": 6, **_CENTRED}
                 self.axes.text(place[0], place[1], str(index + 1), **look_of)
             if index < _MATERIALS:
-                self.entries.append(Patch(**look, edgecolor="#999999", label=symbols.wrapped(text)))
+                self.entries.append(Patch(**look, edgecolor="#999999", label=style.wrapped(text)))
         style.draw_grid(self.axes, mesh)
         style.draw_outline(self.axes, mesh, "#999999", 0.6)
         values = evaluate("ContactProblem.body_potential", self.problem.body_potential, *mesh.vertices.T)
         if np.ptp(values) > 0.0:
-            self._entry(symbols.value_range("body force, potential φ", values, self.units.stress), {"color": "none"})
+            self._entry(style.value_range("body force, potential φ", values, self.units.stress), {"color": "none"})
 
     def condition(self, condition: Condition) -> None:
         """One condition in its symbols."""
         drawn = getattr(self, type(condition).__name__.lower())
         drawn(condition, self._runs(condition))
 
-    def traction(self, condition: Traction, pieces: Sequence[symbols.Run]) -> None:
+    def traction(self, condition: Traction, pieces: Sequence[Run]) -> None:
         values, given = self._given(condition, pieces)
         if any(value.any() for value in values.values()):
             self._line(pieces, _LOADED)
@@ -174,7 +323,7 @@ class _Sketch:
             self._line(pieces, _FREE)
             self.groups["free"].append(condition.edges)
 
-    def displacement(self, condition: Displacement, pieces: Sequence[symbols.Run]) -> None:
+    def displacement(self, condition: Displacement, pieces: Sequence[Run]) -> None:
         values, given = self._given(condition, pieces)
         self._line(pieces, _HELD)
         held = [name for name, value in values.items() if not value.any()]
@@ -185,13 +334,13 @@ class _Sketch:
             self._arrows(condition, pieces, {"facecolor": "white", "edgecolor": style.BLUE, "linewidth": 0.7})
         self._entry(f"{condition.edges}: {given}", _HELD, marker=">" if moved else "^", filled=len(held) == 2)
 
-    def symmetry(self, condition: Symmetry, pieces: Sequence[symbols.Run]) -> None:
+    def symmetry(self, condition: Symmetry, pieces: Sequence[Run]) -> None:
         self._line(pieces, _MIRROR)
         for run in pieces:
             self._mark(self._beside(run).points, "o", style.GREEN)
         self.groups["symmetry"].append(condition.edges)
 
-    def contact(self, contact: Contact, pieces: Sequence[symbols.Run]) -> None:
+    def contact(self, contact: Contact, pieces: Sequence[Run]) -> None:
         joint = contact in self.problem.joints
         look = _JOINT if joint else _TOUCHING
         self._line(pieces, look)
@@ -201,7 +350,7 @@ class _Sketch:
             for run in pieces:
                 places = run.points(_SPACING * self.length, least=1)
                 half = 0.5 * SPRING * self.length * places.normals
-                symbols.springs(self.axes, places.points - half, places.points + half)
+                springs(self.axes, places.points - half, places.points + half)
         self._write(contact.name, _on_line(pieces) if joint else self._beyond(contact, pieces), "black")
         self._entry(f"{'joint' if joint else 'contact'} {contact.name}: {', '.join(self._law(contact, pieces))}", look)
 
@@ -210,7 +359,7 @@ class _Sketch:
         contacts = {contact.edges for contact in self.problem.contacts}
         ruled = dict.fromkeys(condition.edges for condition in self.problem.conditions)
         for name in (name for name in ruled if name not in contacts):
-            pieces = symbols.runs(self.problem.mesh, self.problem.mesh.edges(name))
+            pieces = runs(self.problem.mesh, self.problem.mesh.edges(name))
             longest = max(run.length for run in pieces)
             for run in [run for run in pieces if run.length > _WORTH_A_NAME * longest][:_NAMED]:
                 first, *inside = self._spots(run, -1.0)
@@ -219,7 +368,7 @@ class _Sketch:
                 self._write(name, [first, *rest], style.GREY)
         for name in self.problem.mesh.joint_names:
             if name not in contacts:
-                pieces = symbols.runs(self.problem.mesh, self.problem.mesh.edges(name))
+                pieces = runs(self.problem.mesh, self.problem.mesh.edges(name))
                 self._line(pieces, _HELD_TOGETHER)
                 self._write(name, _on_line(pieces), style.GREY)
                 self._entry(f"{name}: inner line without a contact", _HELD_TOGETHER)
@@ -232,10 +381,10 @@ class _Sketch:
                 self._entry(f"{name}: {', '.join(self.groups[name])}", look, marker=marker)
         self.axes.legend(handles=self.entries, loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False)
 
-    def _runs(self, condition: Condition) -> list[symbols.Run]:
-        return symbols.runs(self.problem.mesh, self.problem.mesh.edges(condition.edges))
+    def _runs(self, condition: Condition) -> list[Run]:
+        return runs(self.problem.mesh, self.problem.mesh.edges(condition.edges))
 
-    def _line(self, pieces: Sequence[symbols.Run], look: dict[str, Any]) -> None:
+    def _line(self, pieces: Sequence[Run], look: dict[str, Any]) -> None:
         for run in pieces if self.size == 1.0 else ():
             self.axes.plot(*run.line.T, solid_capstyle="butt", zorder=3, **look)
 
@@ -244,24 +393,22 @@ class _Sketch:
 
         face = look["color"] if filled else "white"
         self.entries.append(
-            Line2D([], [], marker=marker, markersize=5, markerfacecolor=face, label=symbols.wrapped(text), **look)
+            Line2D([], [], marker=marker, markersize=5, markerfacecolor=face, label=style.wrapped(text), **look)
         )
 
-    def _along(self, pieces: Sequence[symbols.Run]) -> symbols.Places:
+    def _along(self, pieces: Sequence[Run]) -> Places:
         """Places along the pieces, ends included."""
         places = [run.ends_and_points(self.length / _SAMPLES) for run in pieces]
-        return symbols.Places(*map(np.concatenate, zip(*places, strict=True)))
+        return Places(*map(np.concatenate, zip(*places, strict=True)))
 
-    def _given(
-        self, condition: Traction | Displacement, pieces: Sequence[symbols.Run]
-    ) -> tuple[dict[str, FloatArray], str]:
+    def _given(self, condition: Traction | Displacement, pieces: Sequence[Run]) -> tuple[dict[str, FloatArray], str]:
         """Values of the given components along the pieces, and their ranges in words."""
         signs, unit = ("tσ", self.units.stress) if isinstance(condition, Traction) else ("uu", self.units.length)
         values = _values(condition, self._along(pieces))
-        words = [symbols.value_range(signs[name in LOCAL] + _INDEX[name], each, unit) for name, each in values.items()]
+        words = [style.value_range(signs[name in LOCAL] + _INDEX[name], each, unit) for name, each in values.items()]
         return values, ", ".join(words)
 
-    def _arrows(self, condition: Traction | Displacement, pieces: Sequence[symbols.Run], look: dict[str, Any]) -> None:
+    def _arrows(self, condition: Traction | Displacement, pieces: Sequence[Run], look: dict[str, Any]) -> None:
         """Arrows, the longest one of all conditions of a kind in full length."""
 
         def most(condition: Traction | Displacement) -> float:
@@ -275,9 +422,9 @@ class _Sketch:
             vectors = _vectors(condition, places) * (self.size * _ARROW * self.length / largest)
             slender = {} if self.size == 1.0 else {"width": 0.0035}
             places = places._replace(points=self.moved(places.points))
-            self.ends.append(symbols.arrows(self.axes, places, vectors, _AWAY * self.length, look | slender))
+            self.ends.append(arrows(self.axes, places, vectors, _AWAY * self.length, look | slender))
 
-    def _supports(self, pieces: Sequence[symbols.Run], held: Sequence[str]) -> None:
+    def _supports(self, pieces: Sequence[Run], held: Sequence[str]) -> None:
         """Triangles that point at the body, diamonds where only a component along the side is held."""
         from matplotlib.markers import MarkerStyle
         from matplotlib.transforms import Affine2D
@@ -293,7 +440,7 @@ class _Sketch:
                 marker = MarkerStyle("^", transform=Affine2D().scale(*_SLIM).rotate_deg(float(angle)))
                 self._mark(places.points[across & (angles == angle)], marker, style.BLUE, filled=both)
 
-    def _beside(self, run: symbols.Run) -> symbols.Places:
+    def _beside(self, run: Run) -> Places:
         """Places of symbols beside a run."""
         places = run.points(_SPACING * self.length, least=1)
         points = self.moved(places.points) + _AWAY * self.length * places.normals
@@ -316,35 +463,35 @@ class _Sketch:
             distance = (0.5 * _AWAY + SPRING * self.size * contact.has_springs) * self.length + rise * (gap - least)
             if contact.has_springs:
                 few = run.points(_SPACING * self.length, least=1)
-                symbols.springs(self.axes, few.points, few.points + distance.mean() * few.normals)
+                springs(self.axes, few.points, few.points + distance.mean() * few.normals)
             line = places.points + distance[:, None] * places.normals
-            symbols.ground(self.axes, line, places.normals, 0.025 * self.size * self.length)
+            ground(self.axes, line, places.normals, 0.025 * self.size * self.length)
         plate = contact.plate
         force = np.zeros((1, 2)) if plate is None else np.array([[plate.force_x or 0.0, plate.force_y or 0.0]])
         if force.any():
-            middle, away = symbols.Places(*np.mean([run.at(0.5) for run in pieces], axis=0)), 2.0 * _AWAY * self.length
+            middle, away = Places(*np.mean([run.at(0.5) for run in pieces], axis=0)), 2.0 * _AWAY * self.length
             vector = 1.2 * _ARROW * self.length * force / np.hypot(*force[0])
             place = middle._replace(points=middle.points + away * middle.normals)
-            symbols.arrows(self.axes, place, vector, away, {"color": "black", "width": 0.012})
+            arrows(self.axes, place, vector, away, {"color": "black", "width": 0.012})
 
-    def _spots(self, run: symbols.Run, way: float) -> list[symbols.Spot]:
+    def _spots(self, run: Run, way: float) -> list[style.Spot]:
         """Where a name may stand beside a run, outside (1) or inside (−1)."""
         outwards = [(at.points[0], way * at.normals[0]) for at in map(run.at, _ALONG)]
-        return [(point + 0.015 * self.length * normal, symbols.alignment(normal)) for point, normal in outwards]
+        return [(point + 0.015 * self.length * normal, style.alignment(normal)) for point, normal in outwards]
 
-    def _beyond(self, contact: Contact, pieces: Sequence[symbols.Run]) -> list[symbols.Spot]:
+    def _beyond(self, contact: Contact, pieces: Sequence[Run]) -> list[style.Spot]:
         """Where the name of an obstacle may stand: behind its middle, or on both sides of the force on a plate."""
         run = max(pieces, key=lambda run: run.length)
         (middle,), (outward,), (along,) = run.at(0.5)
         place = middle + (2.0 * _AWAY + 0.03 + SPRING * contact.has_springs) * self.length * outward
         aside = [np.zeros(2)] if contact.plate is None else [-along, along]
         shift = max(0.3 * run.length, 0.05 * self.length)
-        return [(place + shift * way, symbols.alignment(outward + way)) for way in aside]
+        return [(place + shift * way, style.alignment(outward + way)) for way in aside]
 
-    def _write(self, text: str, spots: Sequence[symbols.Spot], colour: str) -> None:
-        self.written.append(symbols.write(self.axes, text, spots, colour))
+    def _write(self, text: str, spots: Sequence[style.Spot], colour: str) -> None:
+        self.written.append(style.write(self.axes, text, spots, colour))
 
-    def _law(self, contact: Contact, pieces: Sequence[symbols.Run]) -> Iterator[str]:
+    def _law(self, contact: Contact, pieces: Sequence[Run]) -> Iterator[str]:
         """The contact's data, without those that do nothing."""
         if contact.law != "unilateral":
             yield contact.law
@@ -354,36 +501,36 @@ class _Sketch:
             if each.symbol and value is not None and (each.tied or contact.law != "tied"):
                 values = evaluate(f"Contact.{name}", value, *places.points.T)
                 if values.any() or defaults_of(Contact).get(name) is None:
-                    yield symbols.value_range(each.symbol, values, getattr(self.units, each.unit, ""))
+                    yield style.value_range(each.symbol, values, getattr(self.units, each.unit, ""))
         plate = contact.plate
         for name, each in keys_of(RigidPlate).items() if plate is not None else ():
             value = getattr(plate, name)
             if each.symbol and value is not None:
                 about = " about\xa0({:.4g}, {:.4g})".format(*plate.pivot) if plate and name == "moment" else ""
                 unit = getattr(self.units, f"engineering_{each.unit}", getattr(self.units, each.unit, each.unit))
-                yield symbols.value_range(each.symbol, np.array([value]), unit) + about
+                yield style.value_range(each.symbol, np.array([value]), unit) + about
 
 
-def _directions(component: str, places: symbols.Places) -> FloatArray:
+def _directions(component: str, places: Places) -> FloatArray:
     """Unit vectors (n, 2) of a component at places."""
     if component in LOCAL:
         return places.normals if component == "normal" else places.tangents
     return np.tile(np.eye(2)[CARTESIAN.index(component)], (len(places.points), 1))
 
 
-def _values(condition: Traction | Displacement, places: symbols.Places) -> dict[str, FloatArray]:
+def _values(condition: Traction | Displacement, places: Places) -> dict[str, FloatArray]:
     """Values of the given components at places, by name."""
     kind, given = type(condition).__name__, components(condition)
     return {name: evaluate(f"{kind}.{name}", value, *places.points.T) for name, value in given.items()}
 
 
-def _vectors(condition: Traction | Displacement, places: symbols.Places) -> FloatArray:
+def _vectors(condition: Traction | Displacement, places: Places) -> FloatArray:
     """The prescribed vectors (n, 2) at places; zero in components that are not given."""
     parts = [value[:, None] * _directions(name, places) for name, value in _values(condition, places).items()]
     return np.asarray(np.sum(parts, axis=0))
 
 
-def _on_line(pieces: Sequence[symbols.Run]) -> list[symbols.Spot]:
+def _on_line(pieces: Sequence[Run]) -> list[style.Spot]:
     """Where the name of a line inside the body may stand."""
     run = max(pieces, key=lambda run: run.length)
     return [(run.at(share).points[0], _CENTRED) for share in _ON_LINE]

@@ -1,4 +1,4 @@
-"""Colours, line styles and files of all pictures, also inside pages.
+"""Colours, line styles, words and files of all pictures, also inside pages.
 
 Colours are from the Okabe-Ito palette, colour maps from those that colour-blind people can read, and nothing depends
 on colour alone: line style, hatching and markers say the same.
@@ -8,11 +8,12 @@ import html
 import io
 import os
 import re
+import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 from urllib.parse import quote
 
 import numpy as np
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import LineCollection
     from matplotlib.figure import Figure
+    from matplotlib.text import Text
 
 BLUE, ORANGE, GREEN, GREY, VERMILLION = "#0072B2", "#E69F00", "#009E73", "#666666", "#D55E00"
 PURPLE, SKY = "#CC79A7", "#56B4E9"
@@ -194,6 +196,83 @@ def legend_below(axes: "Axes", shown: "Sequence[Axes]", columns: int) -> None:
     place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.4}
     look: dict[str, Any] = {"frameon": False, "columnspacing": 1.2, "handlelength": 1.8, "fontsize": "small"}
     axes.legend(handles=list(handles.values()), ncols=columns, **look, **place)
+
+
+Spot: TypeAlias = tuple[FloatArray, dict[str, Any]]
+"""Where a text may stand [length], and how it is aligned there."""
+
+Written: TypeAlias = "tuple[Text, Sequence[Spot]]"
+"""A text at the first of the spots that it may have."""
+
+_WRAP: Final = 44  # characters in a line of the legend
+_LONG: Final = 6  # powers of ten from which on numbers are written with them
+_RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_NOISE: Final = 1e-12  # of the larger end of a range, below which the other one is 0
+_UPRIGHT: Final = 0.3  # component of a normal below which a side counts as facing across it
+
+
+def alignment(normal: FloatArray) -> dict[str, Any]:
+    """How a text beside a side is aligned, so that it grows away from the body."""
+    x, y = normal.tolist()
+    across = "center" if abs(x) < _UPRIGHT else "left" if x > 0.0 else "right"
+    upward = "center" if abs(y) < _UPRIGHT else "bottom" if y > 0.0 else "top"
+    return {"ha": across, "va": upward}
+
+
+def value_range(name: str, values: FloatArray, unit: str) -> str:
+    """The value or the range of values of a named quantity, with its unit."""
+    ends = [float(values.min()), float(values.max())]
+    noise = _NOISE * max(map(abs, ends))
+    numbers = dict.fromkeys(beside([0.0 if abs(end) <= noise else end], 6)[0] for end in ends)  # one of two alike
+    return f"{name} = {' … '.join(numbers)} {unit}".rstrip().replace(" ", "\xa0")  # kept on one line
+
+
+def beside(values: Sequence[float], digits: int = 4) -> list[str]:
+    """Numbers that stand beside each other, to the last place of the largest with so many digits: noise is 0."""
+    largest = max((abs(value) for value in values), default=0.0)
+    power = int(np.floor(np.log10(largest))) if 0.0 < largest < np.inf else 0
+    tens = power if abs(power) >= _LONG else 0
+    places = digits - 1 - power + tens
+    rounded = np.round(np.divide(values, 10.0**tens), places).tolist()
+    found = [f"{value + 0.0:.{max(places, 0)}f}".replace("-", "−") for value in rounded]
+    found = [text.rstrip("0").rstrip(".") if "." in text else text for text in found]
+    return [text + f" · 10{str(tens).translate(_RAISED)}" * (tens != 0 and text != "0") for text in found]
+
+
+def wrapped(text: str) -> str:
+    """The text in lines short enough for a legend."""
+    return plain_text(textwrap.fill(text, _WRAP, subsequent_indent="   ", break_on_hyphens=False))
+
+
+def write(axes: "Axes", text: str, spots: Sequence[Spot], colour: str = "black") -> Written:
+    """Write a text at the first of the spots; the others are taken where texts would overlap, see `spread`."""
+    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.7}
+    look: dict[str, Any] = {"fontsize": "small", "zorder": 6, "bbox": box, "color": colour}
+    (x, y), align = spots[0]
+    return axes.text(x, y, plain_text(text), **look, **align), spots
+
+
+def spread(axes: "Axes", written: Sequence[Written]) -> None:
+    """Move each text to the first of its spots where it covers none of those before it; without one it stays."""
+    figure = axes.get_figure(root=True)
+    if figure is None or not written:
+        return
+    engine = figure.get_layout_engine()
+    if axes.get_axes_locator() is not None:  # a panel inside another one, which gets its place while that is drawn
+        figure.draw_without_rendering()
+    else:  # sizes are known once the layout is; drawing without a picture would take as long again
+        if engine is not None:
+            engine.execute(figure)
+        axes.apply_aspect()
+    taken: list[Any] = []
+    for text, spots in written:
+        for place, align in (*spots, spots[0]):
+            text.set_position(place.tolist())
+            text.set(**align)
+            box = text.get_window_extent().padded(3.0)  # with its white ground
+            if not any(box.overlaps(other) for other in taken):
+                break
+        taken.append(box)
 
 
 _WIDTH: Final = re.compile(r'\swidth="([\d.]+)pt"')

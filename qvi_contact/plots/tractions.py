@@ -43,7 +43,6 @@ def contact_tractions(axes: "Axes", line: ContactLine, units: Units | None = Non
 
     A negative pressure is tension, which bilateral and tied contacts can carry. Where a fluid presses in the contact it
     is drawn three times: in all, of the fluid, and the effective pressure, which friction depends on.
-
     """
     units = plain_units(units)
     (pieces, label), prime = pieces_along(line), "'" if line.has_fluid else ""

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from functools import partial
 from types import MappingProxyType
 from typing import Any, Final
@@ -35,40 +34,34 @@ from qvi_contact.solution.solver import discretized, solve
 from qvi_contact.solution.stress import loads_followed
 from solvers import Status
 from solvers.basics.progress import deadline
+from solvers.basics.status import Ending
 
 _BULK: Final = 0.6  # Dörfler's share of the difference that is marked
 
 
-class RefinementStatus(StrEnum):
+class RefinementStatus(Ending):
     """How a refinement ended. The value is a word for files and tables, `advice` a sentence for the user."""
 
-    REACHED = "reached"
-    NO_GUARANTEE = "no_guarantee"
-    UNKNOWNS = "unknowns"
-    ROUNDS = "rounds"
-    THIN_CELLS = "thin_cells"
-    UNSOLVED = "unsolved"
-    TIME_LIMIT = "time_limit"
-
-    @property
-    def advice(self) -> str:
-        """What to do about it, in one sentence."""
-        return _ADVICE[self]
-
-
-_ADVICE = {
-    RefinementStatus.REACHED: "Nothing to do: the error, estimated or bounded, is within the target.",
-    RefinementStatus.NO_GUARANTEE: "The error is within the target, but no guaranteed bound, as was asked for: "
-    "accept it as it is, or read why in result.bracket (reasons, coulomb, coulomb_reason).",
-    RefinementStatus.UNKNOWNS: "The next mesh would have more unknowns than allowed: raise max_unknowns, or accept the "
-    "estimate.",
-    RefinementStatus.ROUNDS: "The rounds are used up: raise max_rounds, or accept the estimate.",
-    RefinementStatus.THIN_CELLS: "The cells with the largest error are as thin as double precision allows: accept the "
-    "estimate.",
-    RefinementStatus.UNSOLVED: "A problem of the refinement was not solved. Its message says what to do.",
-    RefinementStatus.TIME_LIMIT: "The time limit was reached: allow more time (time_limit), or accept the estimate "
-    "of the last round.",
-}
+    REACHED = "reached", "Nothing to do: the error, estimated or bounded, is within the target."
+    NO_GUARANTEE = (
+        "no_guarantee",
+        "The error is within the target, but no guaranteed bound, as was asked for: accept it as it is, or read why in "
+        "result.bracket (reasons, coulomb, coulomb_reason).",
+    )
+    UNKNOWNS = (
+        "unknowns",
+        "The next mesh would have more unknowns than allowed: raise max_unknowns, or accept the estimate.",
+    )
+    ROUNDS = "rounds", "The rounds are used up: raise max_rounds, or accept the estimate."
+    THIN_CELLS = (
+        "thin_cells",
+        "The cells with the largest error are as thin as double precision allows: accept the estimate.",
+    )
+    UNSOLVED = "unsolved", "A problem of the refinement was not solved. Its message says what to do."
+    TIME_LIMIT = (
+        "time_limit",
+        "The time limit was reached: allow more time (time_limit), or accept the estimate of the last round.",
+    )
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.basics.units import Units
+from qvi_contact.basics.units import Rounding, Units
 from qvi_contact.discretization.loads import potential_at
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError
@@ -49,6 +49,7 @@ _UNITS: Final = {
     **dict.fromkeys((*COMPONENTS, "pressure"), "stress"),
 }
 """Which of the `Units` kinds of numbers are in, all but forces."""
+_FORCE: Final = "engineering_force"
 
 _SMALL: Final = 1e-6  # of the problem's unit: numbers below count as this for relative errors
 _ON: Final = 1e-6  # of the body's length: distance from a contact that is rounding
@@ -70,16 +71,8 @@ class Measure:
         if self.kind == "energy":
             return result.energies.strain
         scales = result.discretization.scales
-        force = scales.stress * scales.length
-        sizes = {
-            "engineering_energy": scales.energy,
-            "engineering_moment": force * scales.length,
-            "displacement": scales.displacement,
-            "": scales.displacement / scales.length,
-            "stress": scales.stress,
-        }
-        size = sizes.get(_UNITS.get(self.kind, ""), force) if self.kind else 0.0
-        return max(abs(value), _SMALL * size)
+        least = Rounding.of(scales.stress, scales.displacement, scales.length, _SMALL)
+        return max(abs(value), least.of_kind(_UNITS.get(self.kind, _FORCE)) if self.kind else 0.0)
 
     @property
     def bounded(self) -> bool:
@@ -124,7 +117,7 @@ class Measure:
 def unit_of(quantity: str, units: Units) -> str:
     """The unit of a quantity of a refinement by its name, that of forces for a function."""
     kind = quantity.partition("(")[0].rpartition(".")[2]
-    chosen = _UNITS.get(kind.removeprefix("largest_").removeprefix("smallest_"), "engineering_force")
+    chosen = _UNITS.get(kind.removeprefix("largest_").removeprefix("smallest_"), _FORCE)
     return str(getattr(units, chosen)) if chosen else "rad"
 
 
@@ -227,8 +220,7 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
     """See `ContactResult.derivative`."""
     if not result.certificate.passed:
         raise InputError("result", result.status.value, "derivatives need a solved result")
-    if side not in (None, "above", "below"):
-        raise InputError("side", side, "give 'above' or 'below', or leave it out")
+    _check_side(side)
     measure = Measure.of(result.problem, quantity)
     at_point = measure.point and measure.kind in ("xx", "yy", "xy", "slip")
     if not at_point and (measure.kind == "energy" or not measure.bounded):  # no affine function of the solution
@@ -262,8 +254,17 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
     below, _ = one_sided(-1.0)
     if side == "below" or abs(above - below) <= _AGREE * max(abs(above), abs(below)):
         return below
-    remedy = f"a point changes its state here: the derivative is {below:.6g} from below and {above:.6g} from above; "
-    raise InputError("side", None, remedy + "ask for one of them")
+    raise _sides_differ("a point changes its state", below, above)
+
+
+def _check_side(side: object) -> None:
+    if side not in (None, "above", "below"):
+        raise InputError("side", side, "give 'above' or 'below', or leave it out")
+
+
+def _sides_differ(why: str, below: float, above: float) -> InputError:
+    remedy = f"the derivative is {below:.6g} from below and {above:.6g} from above; ask for one of them"
+    return InputError("side", None, f"{why} here: {remedy}")
 
 
 _Path: TypeAlias = tuple[str | int, ...]
@@ -393,8 +394,7 @@ class LimitFactor:
         posed = LimitProblem.of(problem, checked_loads(problem, self.loads))
         if both_signs(posed.low).any():
             raise InputError("problem", "bilateral", "bilateral contacts with friction have no derivative: give none")
-        if side not in (None, "above", "below"):
-            raise InputError("side", side, "give 'above' or 'below', or leave it out")
+        _check_side(side)
         datum = _datum(problem, posed.low.scales, parameter, limit=True)
         unit = datum.unit
 
@@ -425,5 +425,4 @@ class LimitFactor:
             return below
         if abs(above - below) <= _SAME * max(abs(above), abs(below), 1e-3 / unit):
             return at(0.0)
-        remedy = f"another mechanism begins here: the derivative is {below:.6g} from below and {above:.6g} from above; "
-        raise InputError("side", None, remedy + "ask for one of them")
+        raise _sides_differ("another mechanism begins", below, above)

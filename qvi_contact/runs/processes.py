@@ -35,7 +35,8 @@ from uuid import uuid4
 
 from qvi_contact.basics.checks import whole_number
 from qvi_contact.errors import InputError, QVIError
-from qvi_contact.runs.worker import IDLE, names_shortage, one_line
+from qvi_contact.runs.worker import IDLE, names_shortage
+from solvers.errors import one_line
 
 if TYPE_CHECKING:
     from distributed import Client, Future

@@ -21,6 +21,8 @@ from pathlib import Path
 from threading import Thread
 from typing import Any, Final
 
+from solvers.errors import one_line
+
 if sys.platform != "win32":
     import fcntl
     import resource
@@ -30,8 +32,6 @@ IDLE: Final = 60.0
 
 SHORTAGE: Final = ("MemoryError", "bad_alloc", "Cannot allocate memory", "failed to map segment")
 """Words of libraries that got no memory."""
-
-_LONGEST: Final = 300
 
 
 def main(link: int, lifeline: int | None) -> None:
@@ -103,12 +103,6 @@ def of_exception(error: BaseException) -> tuple[str, str]:
 def names_shortage(text: str) -> bool:
     """Whether these are the words of a library that got no memory."""
     return any(word in text for word in SHORTAGE)
-
-
-def one_line(text: str) -> str:
-    """The text without line breaks, cut where it gets long."""
-    line = " ".join(text.split())
-    return line if len(line) <= _LONGEST else line[: _LONGEST - 1] + "…"
 
 
 def limit_memory(mebibytes: int | None) -> None:

@@ -73,14 +73,11 @@ def real_array(field: str, value: object, remedy: str = "give real numbers") -> 
     try:
         array = np.asarray(value)
         entries = array.flat if array.dtype.kind == "O" else ()
-        if array.dtype.kind in "biufO" and not any(map(_is_no_number, entries)):
+        # of these Python would make a number that is not the one given
+        no_numbers = (each is None or isinstance(each, complex | np.complexfloating | str | bytes) for each in entries)
+        if array.dtype.kind in "biufO" and not any(no_numbers):
             with np.errstate(over="ignore"):  # infinity is refused where it must be
                 return np.array(array, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(field, value, remedy) from error
     raise InputError(field, value, remedy)
-
-
-def _is_no_number(entry: object) -> bool:
-    """Whether Python would make a number of it that is not the one given."""
-    return entry is None or isinstance(entry, complex | np.complexfloating | str | bytes)

@@ -1,21 +1,26 @@
 """How a solve ended: one vocabulary for every method and back end."""
 
 from enum import StrEnum
+from typing import Self
 
 
-class Status(StrEnum):
-    """How a solve ended. The value is a word for files and tables, `advice` a sentence for the user."""
+class Ending(StrEnum):
+    """How something ended. The value is a word for files and tables, `advice` a sentence for the user."""
 
     advice: str
     """What it means and what to do about it."""
     words: str
     """The value as it stands in a sentence."""
 
-    def __new__(cls, value: str, advice: str = "") -> "Status":
+    def __new__(cls, value: str, advice: str = "") -> Self:
         """A member of this value."""
         found = str.__new__(cls, value)
         found._value_, found.advice, found.words = value, advice, value.replace("_", " ")
         return found
+
+
+class Status(Ending):
+    """How a solve ended. The value is a word for files and tables, `advice` a sentence for the user."""
 
     SOLVED = "solved", "Nothing to do: the certificate passed on the original data."
     INACCURATE = (

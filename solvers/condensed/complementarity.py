@@ -1,18 +1,7 @@
-"""Contact and friction as one mixed complementarity problem in trace coordinates y.
+"""Contact and friction as one mixed complementarity problem (D5) in trace coordinates y.
 
-With the pressure p = −σ_N, at bilateral points |σ_N|, every condition is a slack
-
-    normal      s = −σ_N                            at unilateral points
-    friction    s = cohesion + mu p − σ_T,          multiplier λ₊
-                s = cohesion + mu p + σ_T,          multiplier λ₋       at points with friction
-    cap         s = cap − σ_T and cap + σ_T         where mu > 0 and the cap is finite
-
-with s ≥ 0, λ ≥ 0, s λ = 0, m_N = W λ_N and m_T = W Σ (λ₊ − λ₋). As |σ_N| = −σ_N the threshold is linear in y and needs
-no outer iteration; the problem is not symmetric, since the pressure in the threshold has no multiplier of its own:
-
-    S y + c + Bᵀ W λ + Aᵀ ν = 0,    s = slack(y, p),    A y = b,
-
-rows of B the tractions on which λ works. At bilateral points with friction |σ_N| has a kink. There
+Slacks s are first the normal ones, s = −σ_N, then those of friction and of caps: upper bounds of σ_T, then lower ones.
+The letter c stands for γ_y. At bilateral points with friction p = |σ_N| has a kink. There
 
     σ_N = pull − push,    p = pull + push,    pull ≥ 0,  push ≥ 0,  pull push = 0,
 
@@ -32,8 +21,7 @@ from scipy.sparse.linalg import splu
 
 from solvers.basics.types import IntVector, Matrix, SparseRows, Vector
 from solvers.certificate.certificate import body_scales
-from solvers.condensed.coordinates import Coordinates, NewtonSystem
-from solvers.condensed.systems import FRICTION_SHARES, SLOTS, Expansion, PathWeights
+from solvers.condensed.systems import FRICTION_SHARES, SLOTS, Coordinates, Expansion, NewtonSystem, PathWeights
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import Rows, are_few, dense, echelon, largest, scaled
 

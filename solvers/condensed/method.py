@@ -1,6 +1,6 @@
 """The condensed method: (D2) solved directly on what the contact feels, to the last digits.
 
-    1  eliminate the interior once, with the Schur complement S on the contact's unknowns     (`coordinates`)
+    1  eliminate the interior once, with the Schur complement S on the contact's unknowns     (`systems`)
        or, where the contact is a large share of the body, nothing: all matrices are sparse
     2  solve the mixed complementarity problem there by an interior point method              (`interior_point`)
        where it stalls, follow the central path around its turns                              (`CentralPath`)
@@ -36,9 +36,8 @@ from numpy.linalg import LinAlgError
 from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.condensed.complementarity import Complementarity
-from solvers.condensed.coordinates import Coordinates, DenseCoordinates, SparseCoordinates
 from solvers.condensed.interior_point import CentralPath, InteriorPoint, Measures, Point, Residuals, start_near
-from solvers.condensed.systems import PathWeights
+from solvers.condensed.systems import Coordinates, DenseCoordinates, PathWeights, SparseCoordinates
 from solvers.inequality.body import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import largest

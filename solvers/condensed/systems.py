@@ -1,8 +1,9 @@
-"""What the interior point method needs of linear algebra, and the dense way: S on the free trace coordinates by LU.
+"""(D2) on the unknowns that contact rows touch, in trace coordinates y, and Newton's matrices there: dense, or sparse.
 
-The other way, sparse in all unknowns, is in `coordinates`. For the last digits there is `Saddle`.
+Eliminating the interior about a point z leaves (D4), with c for γ_y. The gradient γ there is computed without the
+rounding inside K where the problem has an `EnergyRoot`, so that moving z repairs what S lacks.
 
-In `docs/theory.md`: (D6).
+In `docs/theory.md`: (D4), (D6), (D33).
 """
 
 from __future__ import annotations
@@ -15,9 +16,14 @@ from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.linalg.lapack import dgetrf, dgetrs, dpotrf, dpotrs
+from scipy.sparse import csc_array, csr_array, diags_array, hstack, vstack
 
-from solvers.basics.types import Matrix, Vector
+from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
+from solvers.factorisation import FactorisationError
 from solvers.factorisation.base import State
+from solvers.factorisation.choice import Refactorisation
+from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.rows import Rows, transposed
 
 if TYPE_CHECKING:
     from solvers.condensed.complementarity import Complementarity
@@ -49,6 +55,9 @@ last cells of the lowest bed, where steps become short; small problems take more
 MANY_POINTS_PATIENCE = 15  # close to the limit the gap hovers for a while and goes on
 MANY_POINTS_STRAGGLERS = 0.02
 
+SLOTS: Final = (1.0, -1.0, 1.0, -1.0)
+"""Sign of each bound of a traction: friction above and below, or pressure; cap above and below."""
+
 Solve: TypeAlias = Callable[[Vector], Vector]
 """From a force (k,) to coordinates (k,)."""
 
@@ -67,6 +76,112 @@ class Expansion:
     energy: float  # that of (D2) at y = 0, z with its interior in equilibrium
     state: State  # of the elimination, what `Factorisation.expand` takes
     held: Vector  # multipliers of equations that are coordinates
+
+
+_NOTHING: Vector = np.zeros(0)
+
+
+class _Tractions:
+    """What is the same in all coordinates: E (2m, k), tractions by coordinates, and its halves."""
+
+    E: Rows
+
+    @cached_property
+    def E_N(self) -> Rows:  # noqa: N802  # letters of (D2)
+        """The rows (m, k) of normal tractions."""
+        return self.E[: self.E.shape[0] // 2]
+
+    @cached_property
+    def E_T(self) -> Rows:  # noqa: N802
+        """The rows (m, k) of tangential tractions."""
+        return self.E[self.E.shape[0] // 2 :]
+
+    def tractions(self, base: Expansion, y: Vector) -> tuple[Vector, Vector]:
+        """(σ_N, σ_T) (m,) each."""
+        return base.normal + self.E_N @ y, base.tangential + self.E_T @ y
+
+
+class DenseCoordinates(_Tractions):
+    """The maps between z and trace coordinates y (k,), in which a problem is posed about a base, and S_y.
+
+    Attributes
+    ----------
+    shares : of friction, see `FRICTION_SHARES`
+    stiffness : S_y (k, k), the energy is ½ yᵀ stiffness y + cᵀy + const
+    A : A_y (p, k) equations, and frictionless : points with σ_T = 0, that are solved for some of the coordinates
+
+    """
+
+    name = "condensed"  # form of the result
+
+    def __init__(self, qvi: FrictionQVI) -> None:
+        interface = qvi.condensed_contact
+        self._qvi, self._system = qvi, interface.system
+        self._coordinates, self._scale, self.stiffness, self.E, self.A = interface.reduced
+        self.frictionless = np.flatnonzero(qvi.frictionless)
+        self._many = not qvi.stiffness.condensing_pays(qvi.contact)
+        self.shares = MANY_POINTS_SHARES if self._many else FRICTION_SHARES
+
+    @property
+    def size(self) -> int:
+        """Number of trace coordinates k."""
+        return len(self._scale)
+
+    def forces(self, rows: Rows) -> Rows:
+        """Rowsᵀ (k, q), which turns multipliers of rows (q, k) into forces."""
+        return transposed(rows)
+
+    def system(self, S: Matrix | SparseRows) -> DenseSystem:
+        """Newton's matrices for S (u, u), that of the coordinates that equations leave free."""
+        return DenseSystem(np.asarray(S), many=self._many)
+
+    def held(self, base: Expansion, y: Vector) -> Vector:  # noqa: ARG002  # no equation is a coordinate
+        """Multipliers of equations that are coordinates, at y."""
+        return base.held
+
+    def equation_multipliers(self, held: Vector) -> tuple[Vector, Vector] | None:  # noqa: ARG002
+        """(ν (p,), m_T (m,) of points without friction) for these; None where equations are solved."""
+        return None
+
+    def length(self, y: Vector) -> float:
+        """Energy norm of a step."""
+        return float(np.sqrt(abs(y @ (self.stiffness @ y))))
+
+    def base(self, z: Vector, held: Vector = _NOTHING) -> Expansion:
+        """The reduced problem about z: one gradient and one forward elimination, at z = 0 those of a problem before."""
+        qvi = self._qvi
+        strain, gradient = qvi.state(z)
+        if z.any():
+            reduced, state = self._system.factor.reduce(-gradient)
+            energy = qvi.energy(z)  # the interior is in equilibrium there
+        else:
+            reduced, state, energy = qvi.bonded_state.at_rest  # friction, cohesion and caps change nothing of it
+        c = -self._scale * self._coordinates.from_unknowns(reduced)
+        return Expansion(
+            z, c, qvi.b - qvi.contact.A @ z, qvi.normal(z), qvi.tangential(z), -reduced, strain, energy, state, held
+        )
+
+    def move(self, base: Expansion, y: Vector) -> Vector:
+        """The point z + dz whose trace coordinates are y, its interior in equilibrium."""
+        return np.asarray(base.z + self._system.factor.expand(base.state, self._unknowns(y)))
+
+    def bonded(self, base: Expansion) -> Vector:
+        """Trace coordinates (k,) of the bonded solution, on which no contact law acts."""
+        values, _ = self._system.solve_interface(-base.reduced, base.equality)
+        return self._coordinates.from_values(values) / self._scale
+
+    def coordinates(self, z: Vector) -> Vector:
+        """Trace coordinates (k,) of a point z (n,), counted from z = 0."""
+        return np.asarray(self._coordinates.from_values(z[self._system.interface]) / self._scale)
+
+    def defect(self, before: Expansion, y: Vector, after: Expansion) -> float:
+        """Energy norm of what the reduced problem missed on the way from one base to the next, y its step."""
+        predicted = before.reduced + self._system.schur @ self._unknowns(y)
+        missed = after.reduced - predicted
+        return float(np.sqrt(abs(missed @ self._system.solve_interface(missed)[0])))
+
+    def _unknowns(self, y: Vector) -> Vector:
+        return np.asarray(self._coordinates.to_unknowns(self._scale * y))
 
 
 class DenseSystem:
@@ -122,95 +237,263 @@ class DenseSystem:
         return None if info else factor
 
 
-# Newton steps of `interior_point` without the elimination of stiff bounds, for the last digits.
+# (D2) in all unknowns, for contacts that are a large share of a body: nothing is eliminated, all stays sparse.
 #
-# Eliminating λ adds W λ/s times the square of a row to S. Once s is tiny that swamps S in all directions in which
-# several rows act together, and the multipliers lose what the gap gains. Here tractions t = T y with W D |T|² > 1 keep
-# the force f = Σ ± dλ of their bounds as an unknown, D = Σ λ/s over the bounds of the traction, ± their side:
+# Coordinates are y = (x, t, h): unknowns x = D^½ z with which the diagonal of K is 1, the traces t = Y z of [N; T] = E
+# Y, all of them, whether they depend on each other or not, and multipliers h of equations C x = d, rows of length one:
+# σ_T = 0 at points without friction, and A z = b. Traces grow with every step by what the step says, so that t = Y z
+# but for rounding, and slacks that are taken from E t fit each other exactly. Forces of bounds act on x alone:
 #
-#     [S + BᵀW diag(λ/s) C over the others   TᵀW  ] (dy)   (−force − BᵀW (target + λ r)/s over the others)
-#     [Σ ± λ/s C / D                         −1/D ] (f )  = (−Σ ± (target + λ r)/s / D                   )
+#     S = [D^-½ K D^-½  0  Cᵀ],      E_y = [0  E  0],      Eᵀ m stands for D^-½ Yᵀ Eᵀ m on x, and 0 on t and h.
+#         [0            0  0 ]
+#         [C            0  0 ]
 #
-# with r the residual of the slacks. One row a traction, not one a bound: an open point has three bounds on two
-# tractions. The matrix is larger, so this is for when the smaller one has done what it can.
-#
-# Slacks that are tiny change by what forces say, not by differences of the much larger tractions. With a = target/s and
-# g = −r + the change of the friction bound, ds_j = g_j − ±_j dt and f = Σ ±_i (a_i − λ_i/s_i ds_i) give
-#
-#     ds_j = (Σ_i λ_i/s_i (g_j − ±_i ±_j g_i) − ±_j (f − Σ ±_i a_i)) / D,
-#
-# in which the two bounds on either side of a point that opens, s₊ + s₋ = 2 mu p, keep their sum.
+# Newton's matrix H of (D33), whose blocks have −mu p' in the place of mu at bilateral points, p' = dp/dσ_N, has K's
+# pattern: it is analysed once, and filled by one sparse matrix G, which adds G (M_NN, M_TN, M_TT) to those of K's
+# entries that contact points touch. Equations are springs beside it, of a stiffness ω so large that C x − h/ω = d says
+# the same but for a rounding that refinement takes away: (H + CᵀωC) x = f + Cᵀω d, h = ω (C x − d). At points without
+# friction they are blocks M_TT; the few rows of A, long as they may be, are a matrix of low rank.
 
 
-SLOTS: Final = (1.0, -1.0, 1.0, -1.0)
-"""Sign of each bound of a traction: friction above and below, or pressure; cap above and below."""
-
-_SIDES = np.array(SLOTS)
-_SAME_SIDE = np.outer(_SIDES, _SIDES)
-_REFINEMENTS = 2
-_STIFFEST = 1e15  # W D |T|² as it is factorised: of dependent rows no pivot vanishes; refinement knows the true one
+_NEAR_FROM = 12_000  # contact points, above which a start near the bonded solution is the first, else the last
+_ROUNDING = 1e-14  # rows of equations shorter than this beside the longest are rounding
+_SPRING = 1e6  # least ω: refinement gains as many digits each time, and dependent rows make noise of ω roundings in h
 
 
-class Saddle:
-    """The factorised matrix for slacks s, multipliers λ and the slope of |σ_N| at bilateral points; stiff tractions."""
+class SparseCoordinates(_Tractions):
+    """The maps between z and the coordinates y = (x, t, h), with the methods of `DenseCoordinates`."""
 
-    def __init__(self, problem: Complementarity, s: Vector, lam: Vector, slope: Vector) -> None:
-        self.problem, self.s, self.lam, self.slope = problem, s, lam, slope
-        k, W, (T, N, sizes) = problem.S.shape[0], problem.W, problem.dense_rows
-        D, e = problem.blocks(lam / s, slope)
-        sizes = sizes * D  # W D |T|²
-        stiff = (sizes > 1.0).nonzero()[0]
-        soft = np.where(sizes > 1.0, 0.0, W)
-        rows = T + (e / D)[:, None] * N  # Σ ± λ/s C / D
-        matrix = np.zeros((k + stiff.size,) * 2)
-        matrix[:k, :k] = problem.S + (T.T * (soft * D)) @ rows
-        matrix[:k, k:] = T[stiff].T * W[stiff]
-        matrix[k:, :k] = rows[stiff]
-        diagonal = np.arange(k, k + stiff.size)
-        matrix[diagonal, diagonal] = -1.0 / D[stiff]
-        tiny = np.finfo(np.float64).tiny
-        size = np.abs(matrix)
-        left = 1.0 / np.maximum.reduce(size, axis=1, initial=tiny)
-        size *= left[:, None]
-        right = 1.0 / np.maximum.reduce(size, axis=0, initial=tiny)
-        regular = np.multiply(left[:, None] * matrix, right, order="F")
-        regular[diagonal, diagonal] *= np.maximum(1.0, sizes[stiff] / _STIFFEST)
-        factor, pivots, info = dgetrf(regular, overwrite_a=1)
-        if info > 0 or not np.isfinite(factor).all():
-            raise LinAlgError("it is singular")
-        self.stiff, self.D, self.soft = stiff, D, soft  # D of all tractions; soft: W, 0 of those that are stiff
-        self.matrix, self.left, self.right = matrix, left, right  # with the scales of equations and of unknowns
-        self.factor, self.pivots = factor, pivots
+    name = "full"
 
-    def solve(self, force: Vector, slack: Vector, comp: Vector) -> tuple[Vector, Vector, Vector]:
-        """(dy, ds, dλ) for residuals of y and of the slacks, and the wanted change of s λ."""
-        problem, k = self.problem, force.size
-        moved = problem.summed((comp + self.lam * slack) / self.s)
-        right = np.concatenate([-force - problem.forces @ (self.soft * moved), -(moved / self.D)[self.stiff]])
-        x = self.right * dgetrs(self.factor, self.pivots, self.left * right)[0]
-        for _ in range(_REFINEMENTS):
-            x += self.right * dgetrs(self.factor, self.pivots, self.left * (right - self.matrix @ x))[0]
-        s = self._slacks(x[:k], x[k:], slack, comp)
-        return x[:k], s, (comp - self.lam * s) / self.s
+    def __init__(self, qvi: FrictionQVI) -> None:
+        self._qvi, self._linear = qvi, qvi.linear_system
+        near = (NEAR_BONDED_SHARES,)
+        self.shares = near + MANY_POINTS_SHARES if qvi.m > _NEAR_FROM else MANY_POINTS_SHARES + near
+        diagonal = qvi.K.diagonal()
+        self._scale: Vector = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        rows, E = qvi.contact.factor.rows, csr_array(qvi.contact.factor.interpolation)
+        self._Y = csr_array(rows @ diags_array(self._scale))
+        self._points: IntVector = np.flatnonzero(qvi.frictionless)  # without friction
+        equations = csr_array(vstack([csr_array(qvi.T)[self._points], qvi.A]) @ diags_array(self._scale))
+        lengths = np.sqrt(np.asarray(equations.multiply(equations).sum(axis=1)).ravel())
+        self._free = lengths > _ROUNDING * lengths.max(initial=0.0)  # what is prescribed cannot be changed
+        self._lengths: Vector = np.where(self._free, lengths, 1.0)
+        self.equations = csr_array(diags_array(1.0 / self._lengths) @ equations)
+        count = len(lengths)
+        self.E = csr_array(hstack([csr_array((2 * qvi.m, qvi.n)), E, csr_array((2 * qvi.m, count))]))
+        self.A, self.frictionless = np.zeros((0, self.size)), np.zeros(0, dtype=np.int64)  # none is solved for any
+        K = _scaled(qvi.K, self._scale, rows.shape[0])
+        coupling = csr_array((self.equations.data, self.equations.indices, self.equations.indptr), (count, K.shape[0]))
+        self._K = K
+        beside = csr_array(hstack([coupling, csr_array((count, count))]))
+        self.stiffness = csr_array(vstack([hstack([K, coupling.T]), beside])) if count else K
 
-    def _slacks(self, y: Vector, forces: Vector, slack: Vector, comp: Vector) -> Vector:
-        """The changes of s (q,), those of stiff tractions by their forces."""
-        problem, stiff, D = self.problem, self.stiff, self.D[self.stiff]
-        s = -slack - problem.change(y, self.slope)
-        net = forces - problem.summed(comp / self.s)[stiff]
-        count = int(stiff.searchsorted(problem.count))
-        s[stiff[:count]] = -net[:count] / D[:count]  # of the one bound of a normal traction
-        if count == stiff.size:
-            return s
-        free, coulomb = -slack, problem.coulomb  # g
-        pressed = problem.pressed[coulomb]
-        free[coulomb] += problem.friction[coulomb] * (s + slack)[pressed]
-        if problem.split.size:
-            free += problem.friction_of(self.slope * problem.split_change(y))
-        bounds, n = problem.slots[stiff[count:]], problem.slots.shape[1]
-        there = bounds >= 0
-        g, ratio = free[bounds], np.where(there, (self.lam / self.s)[bounds], 0.0)
-        pairs = g[:, :, None] - _SAME_SIDE[:n, :n] * g[:, None, :]  # exactly zero for a bound with itself
-        resisted = np.add.reduce(pairs * ratio[:, None, :], axis=2) - net[count:, None] * _SIDES[:n]
-        s[bounds[there]] = (resisted / D[count:, None])[there]
-        return s
+    @property
+    def size(self) -> int:
+        """Number of coordinates k = n + r + equations."""
+        return int(sum(self._Y.shape)) + len(self._lengths)
+
+    @property
+    def springs(self) -> tuple[Vector, Vector]:
+        """ω of the equations, at points without friction proportional to their weights; as entries of M_TT (m,)."""
+        points, blocks = self._points, np.zeros(self._qvi.m)
+        weights, squares = self._qvi.W[points], self._lengths[: len(points)] ** 2
+        blocks[points] = weights * (_SPRING / float((weights * squares).min(initial=np.inf)))
+        return np.append(blocks[points] * squares, np.full(self._qvi.p, _SPRING)), blocks
+
+    def base(self, z: Vector, held: Vector = _NOTHING) -> Expansion:
+        """The problem about z, with these multipliers of equations, 0 by default: one gradient."""
+        qvi, count = self._qvi, len(self._lengths)
+        energy, gradient = qvi.state(z)
+        normal, tangential, missed = qvi.normal(z), qvi.tangential(z), qvi.b - qvi.contact.A @ z
+        held = held if len(held) else np.zeros(count)
+        c = np.zeros(self.size)
+        c[: qvi.n] = self._scale * gradient + self.equations.T @ held
+        c[self.size - count :] = self._free * np.concatenate([tangential[self._points], -missed]) / self._lengths
+        state = np.zeros((0, 0))
+        return Expansion(z, c, missed, normal, tangential, gradient, energy, qvi.energy(z), state, held)
+
+    def move(self, base: Expansion, y: Vector) -> Vector:
+        """The point z + dz whose coordinates are y."""
+        return np.asarray(base.z + self._scale * y[: self._qvi.n])
+
+    def held(self, base: Expansion, y: Vector) -> Vector:
+        """See `DenseCoordinates`."""
+        return base.held + y[self.size - len(self._lengths) :]
+
+    def equation_multipliers(self, held: Vector) -> tuple[Vector, Vector]:
+        """(ν (p,), m_T (m,) of points without friction) for multipliers h of the equations."""
+        forces, m_T = held / self._lengths, np.zeros(self._qvi.m)
+        m_T[self._points] = forces[: len(self._points)]
+        return forces[len(self._points) :], m_T
+
+    def bonded(self, base: Expansion) -> Vector:
+        """Coordinates (k,) of the bonded solution, on which no contact law acts."""
+        return self.coordinates(self._linear.solve(-base.reduced, base.equality)[0])
+
+    def length(self, y: Vector) -> float:
+        """Energy norm of a step."""
+        x = y[: self._K.shape[0]]
+        return float(np.sqrt(abs(x @ (self._K @ x))))
+
+    def defect(self, before: Expansion, y: Vector, after: Expansion) -> float:
+        """Energy norm of what K as it is assembled missed on the way from one base to the next, y its step."""
+        return self.norm(after.c - before.c - self.stiffness @ y)
+
+    def norm(self, force: Vector) -> float:
+        """√(fᵀ S⁻¹ f) of a force (k,)."""
+        f = force[: self._qvi.n] / self._scale
+        return float(np.sqrt(abs(f @ self._linear.solve(f)[0])))
+
+    def coordinates(self, z: Vector) -> Vector:
+        """Coordinates (k,) of a point z (n,), counted from z = 0."""
+        return self.whole(z / self._scale, np.zeros(len(self._lengths)))
+
+    def whole(self, x: Vector, held: Vector) -> Vector:
+        """(x, t, h) (k,)."""
+        return np.concatenate([x, self._Y @ x, held])
+
+    def forces(self, rows: Rows) -> Rows:
+        """Rowsᵀ (k, q), which turns multipliers of rows (q, k) into forces: those on t are brought to x."""
+        n, r = self._qvi.n, self._Y.shape[0]
+        on_traces = csr_array(rows)[:, n : n + r]
+        return csr_array(vstack([self._Y.T @ on_traces.T, csr_array((self.size - n, rows.shape[0]))]))
+
+    def system(self, S: Matrix | SparseRows) -> SparseSystem:  # noqa: ARG002  # it is this one's own
+        """Newton's matrices, analysed once."""
+        return SparseSystem(self, *self._analysed)
+
+    @cached_property
+    def _analysed(self) -> tuple[Filling, Refactorisation]:
+        """The pattern of Newton's matrices, and what factorises them; every start takes these."""
+        rows, m = csr_array(self._qvi.contact_rows @ diags_array(self._scale)), self._qvi.m
+        filling = _filling(self._K, rows[:m], rows[m:])
+        return filling, self._qvi.stiffness.refactorisation(filling.starts, filling.columns)
+
+
+class Filling(NamedTuple):
+    """A pattern in compressed rows, K's entries in it, and what blocks change."""
+
+    starts: IntVector  # the pattern of H (n, n)
+    columns: IntVector
+    rows: IntVector
+    diagonal: IntVector  # (n,) places in it
+    entries: Vector  # those of K, its diagonal 1
+    changed: IntVector  # places at which blocks add; `G` (changed, 3m) by what
+    G: Sparse
+
+
+class SparseSystem:
+    """Newton's matrices as sparse ones of K's pattern."""
+
+    patience, stragglers = MANY_POINTS_PATIENCE, MANY_POINTS_STRAGGLERS
+    longest = 0.9999  # where nothing bends the way
+    small = 5e-4  # edges are many rather than of many lengths
+    last_digits = False
+    orientation = 0  # PARDISO does not tell
+
+    def __init__(self, whole: SparseCoordinates, filling: Filling, factor: Refactorisation) -> None:
+        self._whole, self._filling, self._factor = whole, filling, factor
+        self._size = len(filling.starts) - 1
+        self._values = np.empty_like(filling.entries)  # of H, whichever was filled last
+        self._springs, self._blocks = whole.springs
+        points = int(np.count_nonzero(self._blocks))
+        self._sheared, self._across = whole.equations[:points], whole.equations[points:]
+
+    def norm(self, force: Vector) -> float:
+        """See `DenseSystem`."""
+        return self._whole.norm(force)
+
+    def factorised(self, problem: Complementarity, ratio: Vector, slope: Vector) -> Solve:
+        """See `DenseSystem`. Only the last one can be solved with."""
+        blocks = problem.spread(*problem.blocks(ratio, slope))
+        if not np.isfinite(blocks).all():
+            raise LinAlgError("it is not finite")
+        blocks[2 * len(self._blocks) :] += self._blocks
+        values, scale = self._filled(blocks)
+        try:
+            self._factor.factorise(values)
+        except FactorisationError as error:
+            if error.reason != "singular":
+                raise
+            raise LinAlgError("it is singular") from error
+
+        def inverse(force: Vector) -> Vector:
+            return np.asarray(scale * self._factor.solve(scale * force))
+
+        across, points = self._across, self._sheared.shape[0]
+        columns = np.array([inverse(row) for row in across.toarray()]).reshape(across.shape).T
+        relief = across @ columns + np.diag(1.0 / self._springs[points:])
+
+        def solve(force: Vector) -> Vector:
+            wanted = force[len(force) - len(self._springs) :]
+            x = inverse(force[: self._size] + self._sheared.T @ (self._springs * wanted)[:points])
+            held = np.linalg.solve(relief, across @ x - wanted[points:])
+            x = x - columns @ held
+            sheared = self._springs[:points] * (self._sheared @ x - wanted[:points])
+            return self._whole.whole(x, np.concatenate([sheared, held]))
+
+        return solve
+
+    def _filled(self, blocks: Vector) -> tuple[Vector, Vector]:
+        """H's entries, rows and columns scaled to a diagonal of 1, and the scale (n,)."""
+        filling, values = self._filling, self._values
+        np.copyto(values, filling.entries)
+        values[filling.changed] += filling.G @ blocks
+        scale = 1.0 / np.sqrt(np.maximum(values[filling.diagonal], 1.0))
+        values *= scale[filling.rows]
+        values *= scale[filling.columns]
+        return values, scale
+
+
+Coordinates: TypeAlias = DenseCoordinates | SparseCoordinates
+NewtonSystem: TypeAlias = DenseSystem | SparseSystem
+
+
+def _scaled(K: Sparse, scale: Vector, more: int) -> SparseRows:
+    """diag(scale) K diag(scale) by rows, as it is symmetric, indices sorted; so many zero rows and columns more."""
+    if not K.has_sorted_indices:
+        K = K.sorted_indices()
+    columns = np.repeat(np.arange(K.shape[0]), np.diff(K.indptr))
+    starts = np.append(K.indptr, np.full(more, K.indptr[-1], dtype=K.indptr.dtype))
+    return csr_array((K.data * scale[K.indices] * scale[columns], K.indices, starts), (K.shape[0] + more,) * 2)
+
+
+def _filling(K: SparseRows, N: SparseRows, T: SparseRows) -> Filling:
+    """For H = K + Σ M_NN NᵀN + M_TN TᵀN + M_TT TᵀT over contact points; K may have zero rows behind the n of N."""
+    m, n = N.shape
+    products = [_products(left, right) for left, right in ((N, N), (T, N), (T, T))]
+    own_starts = K.indptr[: n + 1]
+    own = np.repeat(np.arange(n, dtype=np.int64), np.diff(own_starts)) * n + K.indices
+    keys = np.concatenate([rows * n + columns for _, rows, columns, _ in products])
+    pattern, entries = own, K.data
+    missing = keys[_places(own, keys) < 0]
+    if len(missing):
+        pattern = np.union1d(own, np.concatenate([missing, (missing % n) * n + missing // n]))
+        entries = np.zeros(len(pattern))
+        entries[_places(pattern, own)] = K.data
+    rows, columns = pattern // n, pattern % n
+    starts = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=n))])
+    points = np.concatenate([number * m + point for number, (point, *_) in enumerate(products)])
+    values = np.concatenate([value for *_, value in products])
+    changed, places = np.unique(_places(pattern, keys), return_inverse=True)
+    G = csc_array((values, (places, points)), (len(changed), 3 * m))
+    diagonal = _places(pattern, np.arange(n) * (n + 1))
+    return Filling(starts, columns, rows, diagonal, entries, changed, G)
+
+
+def _places(pattern: IntVector, keys: IntVector) -> IntVector:
+    """Where keys stand in a sorted pattern, −1 where they do not."""
+    found = np.minimum(np.searchsorted(pattern, keys), len(pattern) - 1)
+    return np.where(pattern[found] == keys, found, -1)
+
+
+def _products(left: SparseRows, right: SparseRows) -> tuple[IntVector, IntVector, IntVector, Vector]:
+    """(point, row, column, value) of all entries of leftᵢᵀ rightᵢ, for each point i."""
+    counts = np.diff(right.indptr)[np.repeat(np.arange(left.shape[0]), np.diff(left.indptr))]
+    first = np.repeat(np.arange(left.nnz), counts)  # entry of left
+    point = np.repeat(np.arange(left.shape[0]), np.diff(left.indptr))[first]
+    within = np.arange(len(first)) - np.repeat(np.cumsum(counts) - counts, counts)
+    second = right.indptr[point] + within
+    rows, columns = (part.astype(np.int64) for part in (left.indices[first], right.indices[second]))
+    return point, rows, columns, left.data[first] * right.data[second]

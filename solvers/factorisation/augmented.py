@@ -1,15 +1,7 @@
-"""K = RᵀR eliminated without forming K, where K has lost to rounding what R still holds.
+"""K = RᵀR eliminated without forming K, where K has lost to rounding what R still holds, (D9).
 
 The augmented system [−1 R; Rᵀ 0] of the rows r = R x and the unknowns x has the condition of R, the square root of
 that of K = RᵀR. Its stable elimination is the orthogonal one: multifrontal QR by nested dissection with dense fronts.
-A row comes in with the first of its unknowns, and at each front
-
-    Q [rows] = [U₁₁ U₁₂]    with the unknowns of the front first.
-               [ 0  U₂₂]
-
-U₁₁ and U₁₂ stay, U₂₂ goes on as rows of a later front. What arrives at the last one is the triangular factor U of the
-Schur complement S = UᵀU on the interface. The relative error of S is of order ε cond(R), with the columns of R scaled
-to length one; that of a factorised K is ε cond(R)².
 
 Sources: J. Liu, On general row merging schemes for sparse Givens transformations, SIAM J. Sci. Stat. Comput. 7 (1986);
 Å. Björck, Numerical Methods for Least Squares Problems (1996), sections 2.5 and 6.6.

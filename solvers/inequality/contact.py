@@ -186,7 +186,7 @@ class CondensedContact:
 
 
 class ReducedContact(NamedTuple):
-    """A contact in trace coordinates y, see `solvers.condensed.coordinates`."""
+    """A contact in trace coordinates y, see `solvers.condensed.systems`."""
 
     coordinates: TraceCoordinates  # those of the unknowns Γ
     scale: Vector  # the diagonal of D (k,), with which that of S_y is 1

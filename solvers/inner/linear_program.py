@@ -14,6 +14,7 @@ from solvers.basics.foreign import foreign_code
 from solvers.basics.progress import deadline
 from solvers.basics.status import Status
 from solvers.basics.types import Vector
+from solvers.errors import one_line
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.problem import Centre, InnerSolution, InnerSolver, no_result
 
@@ -97,7 +98,6 @@ def _answer(cost: Vector, program: dict[str, Any]) -> Answer:
 
 _Answer = TypeVar("_Answer")
 
-_MOST_LETTERS: Final = 500  # characters of what a back end says
 _PANIC: Final = "PanicException"  # of Rust, which is no Exception
 
 
@@ -133,12 +133,6 @@ def real_vector(name: str, value: object, size: int) -> Vector:
     if array.shape != (size,) or array.dtype.kind != "f":
         raise TypeError(f"{name} is {array.dtype}{list(array.shape)}, not {size} real numbers")
     return array
-
-
-def one_line(text: str) -> str:
-    """The text without line breaks, cut where it is long."""
-    joined = " ".join(text.split())
-    return joined if len(joined) <= _MOST_LETTERS else f"{joined[: _MOST_LETTERS - 1]}…"
 
 
 def within_time(settings: Mapping[str, Any], name: str) -> dict[str, Any]:

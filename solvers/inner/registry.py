@@ -10,7 +10,7 @@ from typing import Any, Final
 from solvers.basics.foreign import foreign_code
 from solvers.errors import SolverUnavailableError
 from solvers.inequality.problem import FrictionQVI
-from solvers.inner import qp, socp
+from solvers.inner import qp
 from solvers.inner.linear_program import Guarded
 from solvers.inner.problem import InnerSolver
 
@@ -39,7 +39,7 @@ def make_inner(name: str, qvi: FrictionQVI, tolerance: float, options: Mapping[s
 _KINDS: Final[Mapping[str, Callable[..., InnerSolver]]] = {
     "qp": qp.QPSolver,
     "direct": qp.DirectClarabel,
-    "socp": socp.SOCPSolver,
+    "socp": qp.SOCPSolver,
 }
 
 
@@ -83,5 +83,5 @@ def _catalogue() -> dict[str, tuple[str, ...]]:
     return {
         **{f"qp:{name}": ("qpsolvers", entry.module) for name, entry in sorted(qp.BACKENDS.items())},
         "direct:clarabel": ("clarabel",),
-        **{f"socp:{name}": ("cvxpy", entry.module) for name, entry in sorted(socp.BACKENDS.items())},
+        **{f"socp:{name}": ("cvxpy", entry.module) for name, entry in sorted(qp.SOCP_BACKENDS.items())},
     }

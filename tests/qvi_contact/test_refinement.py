@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from qvi_contact import InputError, RefinementStatus, RigidPlate, TriangleMesh, refine, solve
-from qvi_contact.command import progress_line
+from qvi_contact.basics import solving
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 from qvi_contact.refinement import energies_between, places, reference_problem
@@ -185,6 +185,7 @@ def test_an_exact_solution_is_recognised_at_once():
         assert outcome.status is RefinementStatus.REACHED
         assert len(outcome.rounds) == 1
         assert outcome.value == pytest.approx(value, rel=1e-9, abs=1e-9)
+    assert outcome.unit == pytest.approx(1e-6 * 2.09e5 * 1e-3)
 
 
 def test_a_body_without_loads_is_known_at_once():
@@ -393,7 +394,7 @@ def test_no_time_for_the_first_round():
 
 
 def test_long_work_has_a_line_now_and_then(capfd):
-    with progress_line.solving("plate", silence=0.01):
+    with solving("plate", silence=0.01):
         report(Progress("condensed"))
         err = ""
         while err.count("\n") < 2:

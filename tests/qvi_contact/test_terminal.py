@@ -15,7 +15,7 @@ import click
 import pytest
 
 from qvi_contact import InputError, SolveError, solve
-from qvi_contact.command import solving
+from qvi_contact.basics import solving
 from qvi_contact.gallery import compressed_plate
 from solvers.basics import Progress, report
 
@@ -190,7 +190,7 @@ def test_a_solve_under_way_is_shown_on_a_terminal(environ):
 
 
 def test_off_a_terminal_it_is_silent(capfd, monkeypatch):
-    monkeypatch.setattr("qvi_contact.command.progress_line._PATIENCE", 0.0)
+    monkeypatch.setattr("qvi_contact.basics.terminal._PATIENCE", 0.0)
     with solving("plate") as advance:
         solve(compressed_plate(0.2, (3, 3)))
         report(Progress("fixed-point", remark="the condensed method ended stalled"))

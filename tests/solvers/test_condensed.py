@@ -206,7 +206,8 @@ def test_where_newton_matrices_are_singular_other_starts_follow(monkeypatch):
         factor, pivots, info = dgetrf(matrix, **options)
         return factor, pivots, 1 if len(made) in calls else info
 
-    monkeypatch.setattr("solvers.condensed.systems.dgetrf", singular)
+    for place in ("systems", "interior_point"):
+        monkeypatch.setattr(f"solvers.condensed.{place}.dgetrf", singular)
     accuracies = []
     for calls in (range(2, 100), range(4, 100)):
         made.clear()
