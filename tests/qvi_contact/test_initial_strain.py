@@ -72,6 +72,16 @@ def test_a_held_block(plane, factor):
     assert result.energies.complementary == pytest.approx(-energy, rel=1e-9)
 
 
+def test_a_prestress_in_the_plane_has_no_part_along_z():
+    """What is held all around is not strained: its stress is the prestress, and σ_zz = 0."""
+    held = [Displacement(name, 0.0, 0.0) for name in SIDES]
+    problem = ContactProblem(TriangleMesh.rectangle((2, 2)), steel("strain", prestress=(3.0, -7.0, 2.0)), held)
+    place = np.array([0.3]), np.array([0.4])
+    stress = solve(problem).stress(*place)
+    assert stress == pytest.approx(np.array([[3.0, -7.0, 2.0]]), rel=1e-9)
+    assert stress_along_z(problem, np.array([0]), *place, stress) == pytest.approx(0.0, abs=1e-9)
+
+
 def manufactured(mesh, materials, held):
     """A displacement of degree 3 and the stress of an Airy function of degree 4, which a prestress makes fit."""
     rng = np.random.default_rng(0)
