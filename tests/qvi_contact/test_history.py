@@ -9,6 +9,7 @@ import pytest
 
 from qvi_contact import Expression, InputError, TriangleMesh, solve, solve_history
 from qvi_contact.files import OWN, write_archive
+from qvi_contact.files.archive import STORE
 from qvi_contact.plots import history_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Polynomial, Traction
 from qvi_contact.solution import loop_area
@@ -263,12 +264,34 @@ def test_it_goes_on_where_it_stopped(begun, whole):
     assert done(begun)[0] == []
 
 
-def test_a_damaged_step_is_solved_again(begun, whole):
+@pytest.mark.parametrize("of_another_history", [False, True])
+def test_a_damaged_step_is_solved_again(begun, whole, of_another_history):
     path = begun / "step-000003.npz"
-    path.write_bytes(path.read_bytes()[:-100])
+    if of_another_history:
+        with np.load(path) as archive:
+            arrays = {name: archive[name] for name in archive.files if name not in OWN}
+        write_archive(path, arrays | {STORE: "another"})
+    else:
+        path.write_bytes(path.read_bytes()[:-100])
     told, history = done(begun)
     assert told == [3, 4, 5, 6, 7]
     same(history, whole)
+
+
+def test_a_last_step_that_is_not_carried_is_there_and_tried_again(tmp_path):
+    free = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+    pushed = [
+        ContactProblem(TriangleMesh.rectangle((2, 1), 2.0), Material(1000.0, 0.3),
+                       [Contact("bottom", 0.3, name="plate"), Traction("top", shear, -1.0), *free])
+        for shear in (0.1, 0.2, 0.4, 0.1)
+    ]  # fmt: skip
+    for told in ([1, 2, 3], [3]):
+        seen = []
+        history = solve_history(pushed, lambda number, _, seen=seen: seen.append(number), store=tmp_path / "steps")
+        assert seen == told
+        assert history.statuses == (Status.SOLVED, Status.SOLVED, Status.INFEASIBLE)
+        assert [step.status for step in history.steps] == list(history.statuses)
+        assert history.steps[1].contacts["plate"].tangential_force == pytest.approx(-0.4, rel=1e-8)
 
 
 @pytest.mark.parametrize(
