@@ -80,6 +80,16 @@ def test_given_bound():
     assert one.contacts["base"].tangential_force == pytest.approx(other.contacts["base"].tangential_force, rel=1e-9)
 
 
+@pytest.mark.parametrize("bond", [2.0, 5.0])
+def test_a_bond_slips_at_the_smaller_of_its_bounds(bond):
+    """A layer of height 1 sheared by w slips by w − t/G, with t = min(c, 3) on its base."""
+    sides = [kind for name in ("left", "right") for kind in (Displacement(name, y=0.0), Traction(name, x=0.0))]
+    base = Contact("bottom", 0.0, cohesion=bond, shear_limit=3.0, law="bilateral", name="base")
+    line = companion_of(ContactProblem(MESH, STEEL, [base, Displacement("top", 0.02, 0.0), *sides])).contacts["base"]
+    assert line.tangential_stress == pytest.approx(-min(bond, 3.0), rel=1e-8)
+    assert line.slip == pytest.approx(0.02 - min(bond, 3.0) * 2.6 / 1000.0, rel=1e-8)
+
+
 def test_friction_where_slip_changes_sign():
     """The integral itself is in the energy, not the sum over coefficients that bounds it from above."""
     mesh = TriangleMesh.rectangle((3, 2), 2.0, 1.0)
