@@ -303,11 +303,17 @@ class TestReasons:
         assert line.weights @ line.friction_bound == pytest.approx(0.246 + 0.4385, rel=1e-12)
 
     def test_loads_that_no_quadrature_integrates(self):
-        rough = joined(
-            Contact.frictionless("bottom"), Traction("top", 0.0, lambda x, y: -1.0 - np.sin(1e6 * x) + 0 * y)
-        )
-        (reason,) = solve_companion(rough).reasons
-        assert reason.startswith("Traction.y")
+        def wave(x, y):
+            return 2.0 + np.sin(1e6 * x) + 0 * y
+
+        smooth, rough = Contact.frictionless("bottom"), Contact("bottom", 0.0, cohesion=wave)
+        for problem, told in (
+            (joined(smooth, Traction("top", 0.0, lambda x, y: -wave(x, y))), "Traction.y"),
+            (joined(rough), "The cohesion of 'bottom'"),
+            (replace(joined(smooth), body_potential=lambda x, _: 0.1 * np.sin(29.0 * x)), "Loads are not polynomials"),
+        ):
+            (reason,) = solve_companion(problem).reasons
+            assert reason.startswith(told)
 
     @pytest.mark.parametrize("kind", ["gap", "offset", "support"])
     def test_peaks_between_nodes_and_quadrature(self, kind):
