@@ -265,9 +265,12 @@ class TestScope:
         """What is beyond the bound of friction is taken off it, and counts."""
         more, result = chain(0.2)[1], solve(with_law(chain(0.2)[1].problem, friction=0.15), degree=4)
         fine = solve(with_law(chain(0.2)[-1].problem, friction=0.15), degree=4)
-        found = carrying(result, more.solution.z).bracket.coulomb
+        given = carrying(result, more.solution.z)
+        found = given.bracket.coulomb
         assert found.moved > 0.1 * found.error
-        assert found.error > energy_apart(carrying(result, more.solution.z), fine)
+        assert found.moved == pytest.approx(energy_apart(given, found.stress), rel=1e-9)
+        assert found.size**2 == pytest.approx(2.0 * found.stress.energies.strain, rel=1e-9)
+        assert found.error > energy_apart(given, fine)
 
 
 @pytest.mark.parametrize(("friction", "limit"), [(0.1, 212.242424), (0.2, 214.23323205)])
