@@ -26,6 +26,7 @@ from qvi_contact.bracket import (
     star_norm,
 )
 from qvi_contact.companion import BodyAtRest
+from qvi_contact.element import gauss_legendre
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
 from qvi_contact.mesh import TriangleMesh
 from qvi_contact.refinement import bulk
@@ -251,6 +252,18 @@ class TestScope:
         result = solve(ContactProblem(mesh, Material(1.0, 0.3, "stress"), [contact, *loads]), degree=6)
         values = result.bracket.coulomb.shares["bottom"].at(np.array([0.0, 1e-4, 1.0 - 1e-4, 1.0]))
         assert max(np.abs(values[:, 1] - values[:, 0]).max(), np.abs(values[:, 3] - values[:, 2]).max()) < 1e-3
+
+    def test_pressure_where_displacements_leave_the_obstacle_counts(self):
+        """δ = ∫ |τ_N| (g − v_N) ds, on a contact that opens inside an edge."""
+        mesh, gap = TriangleMesh.rectangle((4, 2), 2.0, 1.0), Polynomial([[0.0275], [0.0185]])
+        loads = [Displacement("top", -0.0185, -0.045), *FREE]
+        problem = ContactProblem(mesh, Material(1.0, 0.3), [Contact("bottom", 0.8, gap=gap), *loads])
+        found, (t, weights) = solve(problem, degree=3, tolerance=1e-10).bracket.coulomb, gauss_legendre(6)
+        edges = mesh.edges("bottom")
+        x, y = mesh.points_along(edges, t)
+        opening = gap(x, y) - found.displacement.trace("bottom", t)[0]
+        defect = -edges.length @ (found.stress.stress(x, y)[..., 1] * opening) @ weights
+        assert 0.0 < found.defect == pytest.approx(defect, rel=1e-6)
 
     @pytest.mark.parametrize(("x", "y", "what"), [(1e-3, 0.0, "what holds the slip"), (0.0, -1e-3, "the obstacle")])
     def test_supports_that_contradict_the_contact_are_named(self, x, y, what):
