@@ -165,9 +165,28 @@ class TestNorms:
         assert 0.0 < computed_norm(problem, shares) < rectangle_norm(problem, shares)
 
     def test_where_nothing_is_proved_it_is_computed(self):
-        found = friction_norm(half_disc(0.3), shared(half_disc(0.3), 1.0))
-        assert not found.proved
-        assert 0.6 < found.value < 1.0
+        """Of bodies that no proof is for, and of a plate that a force drives."""
+        plate = compressed_plate(0.2)
+        *others, contact = plate.conditions
+        driven = replace(contact, plate=RigidPlate(force_y=-10.0, x=0.0, rotation=0.0))
+        for problem, most in ((half_disc(0.3), 1.0), (replace(plate, conditions=[*others, driven]), 0.75)):
+            found = friction_norm(problem, shared(problem, 1.0))
+            assert not found.proved
+            assert 0.2 < found.value < most
+
+    @pytest.mark.parametrize("both", [(0.1, 0.1), (0.1, 0.02), (0.02, 0.1)])
+    def test_of_several_bodies_it_is_the_largest(self, both):
+        mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0).with_joint("seam", lambda x, _: x == 1.0)
+        mesh = mesh.with_edges("one", lambda x, y: (y == 0.0) & (x < 1.0))
+        mesh = mesh.with_edges("two", lambda x, y: (y == 0.0) & (x > 1.0))
+        feet = [Contact(name, friction) for name, friction in zip(("one", "two"), both, strict=True)]
+        sides = [Contact("seam", 0.0), Traction("top", 0.0, -1.0)]
+        sides += [kind for end in ("left", "right") for kind in (Displacement(end, x=0.0), Traction(end, y=0.0))]
+        problem = ContactProblem(mesh, Material(1.0, 0.3), [*feet, *sides])
+        shares = {name: share for name, share in shared(problem, 1.0).items() if name != "seam"}
+        found = friction_norm(problem, shares)
+        assert found.proved
+        assert found.value == pytest.approx(0.52346, rel=1e-4)
 
 
 def quotient(problem, degree):
@@ -264,6 +283,13 @@ class TestScope:
         opening = gap(x, y) - found.displacement.trace("bottom", t)[0]
         defect = -edges.length @ (found.stress.stress(x, y)[..., 1] * opening) @ weights
         assert 0.0 < found.defect == pytest.approx(defect, rel=1e-6)
+
+    def test_forces_beside_a_bond_have_no_bounds(self):
+        mesh, walls = TriangleMesh.rectangle((3, 2), 2.0, 1.0), [Contact("bottom", 0.1), Contact.tresca("top", 0.1)]
+        loads = [Displacement("left", 1e-3, 0.0), Traction("right", 0.0, 0.0)]
+        found = solve(ContactProblem(mesh, Material(1.0, 0.3), [*walls, *loads])).bracket.coulomb
+        assert np.isfinite(found.error)
+        assert found.forces == {}
 
     @pytest.mark.parametrize(("x", "y", "what"), [(1e-3, 0.0, "what holds the slip"), (0.0, -1e-3, "the obstacle")])
     def test_supports_that_contradict_the_contact_are_named(self, x, y, what):
