@@ -279,19 +279,17 @@ def test_a_damaged_step_is_solved_again(begun, whole, of_another_history):
 
 
 def test_a_last_step_that_is_not_carried_is_there_and_tried_again(tmp_path):
-    free = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
-    pushed = [
-        ContactProblem(TriangleMesh.rectangle((2, 1), 2.0), Material(1000.0, 0.3),
-                       [Contact("bottom", 0.3, name="plate"), Traction("top", shear, -1.0), *free])
-        for shear in (0.1, 0.2, 0.4, 0.1)
-    ]  # fmt: skip
-    for told in ([1, 2, 3], [3]):
+    ground = [Contact("bottom", 0.3), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+    loads = [Traction("top", shear, -1.0) for shear in (0.2, 0.4, 0.1)]
+    mesh, material = TriangleMesh.rectangle((2, 1), 2.0), Material(1000.0, 0.3)
+    pushed = [ContactProblem(mesh, material, [*ground, load]) for load in loads]
+    for told in ([1, 2], [2]):
         seen = []
         history = solve_history(pushed, lambda number, _, seen=seen: seen.append(number), store=tmp_path / "steps")
         assert seen == told
-        assert history.statuses == (Status.SOLVED, Status.SOLVED, Status.INFEASIBLE)
+        assert history.statuses == (Status.SOLVED, Status.INFEASIBLE)
         assert [step.status for step in history.steps] == list(history.statuses)
-        assert history.steps[1].contacts["plate"].tangential_force == pytest.approx(-0.4, rel=1e-8)
+        assert history.steps[0].contacts["bottom"].tangential_force == pytest.approx(-0.4, rel=1e-8)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,6 @@ from qvi_contact.command import (
     result_page,
     result_tables,
 )
-from qvi_contact.command.page import contact_data
 from qvi_contact.files import problem_from_toml
 from qvi_contact.plots import mesh_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
@@ -360,17 +359,6 @@ def test_what_an_overlap_alone_loads_has_the_pressure_as_its_unit(overlapping):
             assert (cell == "0") == (abs(value) <= least)
     assert line.shown_forces[1] == "0"
     assert not tiny(" ".join(report))
-
-
-def test_a_fluid_in_a_contact_is_shown_beside_what_the_contact_carries():
-    """A block 2 wide under 2, of which a fluid carries 0.5."""
-    sides = [Traction("top", x=0.0, y=-2.0), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
-    wet = Contact("bottom", 0.5, pore_pressure=0.5, name="bed")
-    result = solve(ContactProblem(TriangleMesh.rectangle((2, 1), 2.0), Material(1e3, 0.0), [wet, *sides]))
-    shown = contact_data(result.contacts["bed"], UNITS)
-    assert shown["pressure"] == pytest.approx([1.5] * 6)
-    assert shown["fluid"] == [0.5] * 6
-    assert any("without the pore pressure, 3 " in line for line in result_lines(result, UNITS))
 
 
 def test_a_joint_without_friction_is_open_or_closed(overlapping):

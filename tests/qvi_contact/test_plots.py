@@ -335,12 +335,6 @@ class TestBody:
         (text,) = (text.get_text() for text in axes.texts if text.get_text().startswith("plane"))
         assert text.splitlines()[0] == f"plane: {beside([np.hypot(*push)])[0]} N/mm"
 
-    def test_a_body_force_is_an_arrow_where_it_pulls(self):
-        """It is −∇φ, down and to the left."""
-        hung = [Displacement("top", x=0.0, y=0.0), Traction("bottom", 0.0, 0.0), *FREE]
-        block = ContactProblem(MESH, Material(1e2, 0.3), hung, body_potential=lambda x, y: x + y)
-        assert "↙ body force" in result_figure(solve(block)).axes[0].get_legend_handles_labels()[1]
-
     def test_eccentricity_and_line_of_thrust_of_joints(self):
         axes = new_axes()
         draw_body(axes, leaning())

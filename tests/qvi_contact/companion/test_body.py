@@ -305,15 +305,14 @@ def test_arcs_that_are_moved(turn):
         radial, around = even + widened / r2, turn / r2
         return np.stack([radial * x - around * y, radial * y + around * x])
 
-    normal = {"inner": -(even + widened / INNER**2) * INNER, "outer": (even + widened / OUTER**2) * OUTER}
+    inner, outer = -(even + widened / INNER**2) * INNER, (even + widened / OUTER**2) * OUTER
+    arcs = [Displacement("inner", normal=inner), Traction("inner", tangential=0.0)]
+    arcs += [Traction("outer", normal=0.0, tangential=0.0), Symmetry("bottom"), Symmetry("left")]
     if turn:  # tangents of arcs have t_x > 0
-        arcs = [Displacement("inner", normal=normal["inner"], tangential=-turn / INNER)]
-        arcs += [Displacement("outer", normal=normal["outer"], tangential=-turn / OUTER)]
+        arcs = [Displacement("inner", normal=inner, tangential=-turn / INNER)]
+        arcs += [Displacement("outer", normal=outer, tangential=-turn / OUTER)]
         parts = [lambda *at: field(*at)[0], lambda *at: field(*at)[1]]
         arcs += [Displacement("bottom", *parts), Displacement("left", *parts)]
-    else:
-        arcs = [Displacement("inner", normal=normal["inner"]), Traction("inner", tangential=0.0)]
-        arcs += [Traction("outer", normal=0.0, tangential=0.0), Symmetry("bottom"), Symmetry("left")]
     found = companion_of(ContactProblem(quarter(2, 4), Material(1000.0, NU), arcs), degree=4)
     r, angle = np.random.default_rng(1).uniform([[1.02], [0.02]], [[1.98], [1.55]], (2, 50))
     x, y = r * np.cos(angle), r * np.sin(angle)
