@@ -253,10 +253,7 @@ def test_any_multiple_and_none():
 
 @pytest.mark.parametrize(
     ("options", "status"),
-    [
-        ({"max_rounds": 2}, RefinementStatus.ROUNDS),
-        ({"max_unknowns": 300}, RefinementStatus.UNKNOWNS),
-    ],
+    [({"max_rounds": 2}, RefinementStatus.ROUNDS), ({"max_unknowns": 300}, RefinementStatus.UNKNOWNS)],
 )
 def test_ends(options, status):
     found = refined(triangles(), "wind", **options)
