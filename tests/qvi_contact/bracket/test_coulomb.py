@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.linalg import eigh
 
-from qvi_contact import Contact, ContactProblem, Displacement, Material, Polynomial, RigidPlate, Traction, solve
+from qvi_contact import Contact, ContactProblem, Displacement, Material, Polynomial, Region, RigidPlate, Traction, solve
 from qvi_contact.bracket import (
     Share,
     amplification,
@@ -32,7 +32,7 @@ from qvi_contact.mesh import TriangleMesh
 from qvi_contact.refinement import bulk
 from qvi_contact.solution import ContactResult
 from tests.cases import examples
-from tests.qvi_contact.builders import bernstein, energy_apart, half_disc, sheared_layer
+from tests.qvi_contact.builders import bernstein, energy_apart, half_disc, holed, sheared_layer
 
 FREE = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
 
@@ -173,6 +173,22 @@ class TestNorms:
             found = friction_norm(problem, shared(problem, 1.0))
             assert not found.proved
             assert 0.2 < found.value < most
+
+    def test_where_no_proof_holds(self):
+        """Two materials, rough sides that meet at a corner, a hole, a share that is not the same on all edges."""
+        soft = Region(Material(1.0, 0.1), x=(0.0, compressed_plate(0.1).mesh.length / 2.0))
+        problems = [replace(plate, regions=[soft]) for plate in (compressed_plate(0.1), clamped_plate(0.1))]
+        ring, whole = holed(2, [(0.0, 0.0)], (-1.5, -1.5), (1.5, 1.5)), TriangleMesh.rectangle((2, 2), 2.0, 1.0)
+        for mesh, foot in ((ring, lambda _, y: y < -1.4), (whole, lambda x, y: (y == 0.0) | (x == 0.0))):
+            mesh = mesh.with_edges("foot", foot).with_edges("rest", lambda x, y, foot=foot: ~foot(x, y))
+            held = Contact("foot", 0.1), Displacement("rest", 0.0, 0.0)
+            problems.append(ContactProblem(mesh, Material(1.0, 0.3), held))
+        cases = [(problem, shared(problem, 1.0)) for problem in problems]
+        (share,) = shared(half_disc(0.1), 1.0).values()
+        part = np.arange(len(share.values)) == 0
+        cases += [(half_disc(0.1), {"base": replace(share, slipping=np.where(part, 0.5, share.slipping))})]
+        for problem, shares in cases:
+            assert rectangle_norm(problem, shares) == star_norm(problem, shares) == np.inf
 
     @pytest.mark.parametrize("both", [(0.1, 0.1), (0.1, 0.02), (0.02, 0.1)])
     def test_of_several_bodies_it_is_the_largest(self, both):
