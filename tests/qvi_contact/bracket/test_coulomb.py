@@ -301,7 +301,9 @@ class TestScope:
         assert 0.0 < found.defect == pytest.approx(defect, rel=1e-6)
 
     def test_forces_beside_a_bond_have_no_bounds(self):
+        """Nor has anything under a cap of friction."""
         free = compressed_plate(0.2, (2, 2))
+        assert "without a limit" in solve(with_law(free, shear_limit=50.0)).bracket.coulomb_reason
         bonded = [Contact.tresca("right", 5.0) if each.edges == "right" else each for each in free.conditions]
         found = solve(replace(free, conditions=bonded), degree=4).bracket.coulomb
         assert np.isfinite(found.error)
