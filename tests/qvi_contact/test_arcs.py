@@ -14,6 +14,7 @@ from qvi_contact.mechanism import Rigid
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from qvi_contact.refinement import places
 from qvi_contact.solution import turning_senses
+from qvi_contact.solution.stress import rest_on_arcs
 from tests.qvi_contact.builders import INNER, NU, OUTER, WIDENED, A, polygon, quarter
 
 
@@ -34,6 +35,11 @@ def test_resultants_of_arcs_are_exact():
     """Pressure on a quarter of a circle has the force of its projections, and no moment about the centre."""
     pressure = solve(under_pressure(quarter(1, 2)), degree=3).resultant("inner")
     assert [pressure.x, pressure.y, pressure.moment] == pytest.approx([1.0, 1.0, 0.0], abs=1e-13)
+
+
+def test_what_stresses_miss_of_tractions_on_arcs_vanishes_by_the_order():
+    coarse, fine = (solve(under_pressure(quarter(n, 2 * n)), degree=4) for n in (1, 2))
+    assert 0.0 < rest_on_arcs(fine.discretization, fine.dofs) < rest_on_arcs(coarse.discretization, coarse.dofs) / 7.0
 
 
 def test_frames_of_data_are_alike():

@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 
 from qvi_contact import TriangleMesh
-from qvi_contact.gallery import (
-    arc,
-    fan,
-    press_fit,
-    rings,
-)
+from qvi_contact.gallery import arc, fan, press_fit, rings
 from qvi_contact.mechanism import Bodies
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Polynomial, Traction
 from qvi_contact.solution import motions_in_words

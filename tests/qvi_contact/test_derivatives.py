@@ -12,6 +12,7 @@ from qvi_contact.problem import (
     Expression,
     Material,
     MohrCoulomb,
+    RigidPlate,
     Symmetry,
     Traction,
 )
@@ -88,6 +89,22 @@ def test_a_contact_that_just_slips():
     assert result.derivative("top.tangential_force", "top.cohesion", "above") == pytest.approx(0.0, abs=1e-8)
     held = solve(replace(problem, conditions=[*sides, replace(top, offset=0.5 * bond / shear)]))
     assert held.derivative("top.tangential_force", "top.offset") == pytest.approx(shear, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("law", "friction", "cohesion", "weight"),
+    [({"cohesion": 0.5}, 6.0, 2.0, -0.3), ({"cohesion": 0.1, "shear_limit": 0.4}, 0.0, 0.0, 0.0)],
+)
+def test_what_drags_a_sliding_block(law, friction, cohesion, weight):
+    """Under 6 on a length of 2: by 6 μ + 2 c, or by twice the cap, which then alone counts."""
+    lid = Contact("top", 0.0, law="tied", plate=RigidPlate(force_y=-6.0, x=0.5, rotation=0.0))
+    ground = Contact("bottom", 0.3, name="ground", **law)
+    sides = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+    result = solve(ContactProblem(TriangleMesh.rectangle((2, 1), 2.0), Material(E, NU), [ground, lid, *sides]))
+    assert result.contacts["ground"].shares["slip"] == pytest.approx(1.0)
+    known = {"ground.friction": friction, "ground.cohesion": cohesion, "top.force_y": weight, "top.x": 0.0}
+    for name, value in {**known, **({"ground.shear_limit": 2.0} if "shear_limit" in law else {})}.items():
+        assert -result.derivative("ground.tangential_force", name) == pytest.approx(value, rel=1e-8, abs=1e-9)
 
 
 def test_what_has_no_derivative_is_refused():

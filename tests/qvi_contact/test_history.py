@@ -9,6 +9,7 @@ import pytest
 
 from qvi_contact import Expression, InputError, TriangleMesh, solve, solve_history
 from qvi_contact.files import OWN, write_archive
+from qvi_contact.files.archive import STORE
 from qvi_contact.plots import history_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Polynomial, Traction
 from qvi_contact.solution import loop_area
@@ -263,12 +264,32 @@ def test_it_goes_on_where_it_stopped(begun, whole):
     assert done(begun)[0] == []
 
 
-def test_a_damaged_step_is_solved_again(begun, whole):
+@pytest.mark.parametrize("of_another_history", [False, True])
+def test_a_damaged_step_is_solved_again(begun, whole, of_another_history):
     path = begun / "step-000003.npz"
-    path.write_bytes(path.read_bytes()[:-100])
+    if of_another_history:
+        with np.load(path) as archive:
+            arrays = {name: archive[name] for name in archive.files if name not in OWN}
+        write_archive(path, arrays | {STORE: "another"})
+    else:
+        path.write_bytes(path.read_bytes()[:-100])
     told, history = done(begun)
     assert told == [3, 4, 5, 6, 7]
     same(history, whole)
+
+
+def test_a_last_step_that_is_not_carried_is_there_and_tried_again(tmp_path):
+    ground = [Contact("bottom", 0.3), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+    loads = [Traction("top", shear, -1.0) for shear in (0.2, 0.4, 0.1)]
+    mesh, material = TriangleMesh.rectangle((2, 1), 2.0), Material(1000.0, 0.3)
+    pushed = [ContactProblem(mesh, material, [*ground, load]) for load in loads]
+    for told in ([1, 2], [2]):
+        seen = []
+        history = solve_history(pushed, lambda number, _, seen=seen: seen.append(number), store=tmp_path / "steps")
+        assert seen == told
+        assert history.statuses == (Status.SOLVED, Status.INFEASIBLE)
+        assert [step.status for step in history.steps] == list(history.statuses)
+        assert history.steps[0].contacts["bottom"].tangential_force == pytest.approx(-0.4, rel=1e-8)
 
 
 @pytest.mark.parametrize(

@@ -72,6 +72,28 @@ def test_a_held_block(plane, factor):
     assert result.energies.complementary == pytest.approx(-energy, rel=1e-9)
 
 
+def test_layers_of_two_temperatures_lift_what_lies_on_them():
+    """By α (h₁ T₁ + h₂ T₂) less p/E; each temperature has its own layer's derivative α h."""
+    mesh = TriangleMesh.rectangle((1, 4)).with_region("upper", lambda _, y: y > 0.75)
+    lid = Contact("top", 0.0, law="bilateral", plate=RigidPlate(force_y=-4.0, x=0.0, rotation=0.0))
+    sides = [Symmetry("left"), Symmetry("bottom"), Traction("right", 0.0, 0.0)]
+    layers = [Region(steel(), name="upper", temperature=10.0)]
+    result = solve(ContactProblem(mesh, steel(), [*sides, lid], temperature=5.0, regions=layers))
+    assert result.plates["top"].y == pytest.approx(ALPHA * (0.75 * 5.0 + 0.25 * 10.0) - 4.0 / E, rel=1e-9)
+    for name, height in (("temperature", 0.75), ("upper.temperature", 0.25)):
+        assert result.derivative("top.y", name) == pytest.approx(ALPHA * height, rel=1e-8)
+
+
+def test_a_prestress_in_the_plane_has_no_part_along_z():
+    """What is held all around is not strained: its stress is the prestress, and σ_zz = 0."""
+    held = [Displacement(name, 0.0, 0.0) for name in SIDES]
+    problem = ContactProblem(TriangleMesh.rectangle((2, 2)), steel("strain", prestress=(3.0, -7.0, 2.0)), held)
+    place = np.array([0.3]), np.array([0.4])
+    stress = solve(problem).stress(*place)
+    assert stress == pytest.approx(np.array([[3.0, -7.0, 2.0]]), rel=1e-9)
+    assert stress_along_z(problem, np.array([0]), *place, stress) == pytest.approx(0.0, abs=1e-9)
+
+
 def manufactured(mesh, materials, held):
     """A displacement of degree 3 and the stress of an Airy function of degree 4, which a prestress makes fit."""
     rng = np.random.default_rng(0)

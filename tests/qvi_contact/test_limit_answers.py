@@ -207,6 +207,16 @@ def triangles():
     return wall(TriangleMesh.rectangle((2, 4), 1.0, 4.0))
 
 
+def test_a_limit_that_only_stresses_bound():
+    """What cannot part and is rough has no mechanism: the bound from above stays infinite, in every round."""
+    held = triangles()
+    base = Contact("bottom", 0.5, law="bilateral", name="base")
+    found = refined(replace(held, conditions=[base, *held.conditions[1:]]), "wind", max_rounds=2)
+    assert found.status is RefinementStatus.ROUNDS
+    assert [each.estimate for each in found.rounds] == [math.inf, math.inf]
+    assert 0.0 < found.limit.lower < found.limit.upper == math.inf
+
+
 def test_only_at_the_toe():
     """Every round quarters the distance, with cells beside the toe only."""
     found = refined(triangles(), "wind")
@@ -243,10 +253,7 @@ def test_any_multiple_and_none():
 
 @pytest.mark.parametrize(
     ("options", "status"),
-    [
-        ({"max_rounds": 2}, RefinementStatus.ROUNDS),
-        ({"max_unknowns": 300}, RefinementStatus.UNKNOWNS),
-    ],
+    [({"max_rounds": 2}, RefinementStatus.ROUNDS), ({"max_unknowns": 300}, RefinementStatus.UNKNOWNS)],
 )
 def test_ends(options, status):
     found = refined(triangles(), "wind", **options)

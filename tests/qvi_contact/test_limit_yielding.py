@@ -269,6 +269,25 @@ def test_strength_may_be_divided_by_what_the_shear_leaves(mu, c, of, exact):
     assert found.upper - found.lower < 2e-2 * exact
 
 
+@pytest.mark.parametrize("phi", [0.5, lambda x, _: 0.5 + 0.0 * x])
+def test_cohesion_and_the_tangent_of_the_angle_of_friction_are_divided_alike(phi):
+    """A block that 2c cos φ/(1 + sin φ) tears, with c and tan φ over 1.5, is pulled with so much."""
+    pull, pulled = in_tension(1.2 / 1.5, np.arctan(np.tan(0.5) / 1.5)), stretched(MohrCoulomb(1.2, phi))
+    load = [Traction("top", x=0, y=pull), *pulled.conditions[1:]]
+    found = strength_reduction_factor(replace(pulled, conditions=load), accuracy=1e-2, degree=3)
+    assert found.lower <= 1.5 * (1.0 + 1e-6) <= found.upper * (1.0 + 2e-6) < 1.53
+
+
+def test_what_is_tied_is_held():
+    """A block torn off an obstacle, and off what holds it: nothing else may give way than the block."""
+    free = [Traction("top", x=0.5, y=1.0), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
+    block = replace(stretched(Tresca(0.7)), conditions=[Displacement("bottom", x=0.0, y=0.0), *free])
+    held, tied = (limit_load_factor(replace(block, conditions=[each, *free]), ["top"], degree=3)
+                  for each in (block.conditions[0], Contact.tied("bottom")))  # fmt: skip
+    assert 0.5 < tied.lower <= tied.upper < 1.5
+    assert (tied.lower, tied.upper) == pytest.approx((held.lower, held.upper), rel=1e-6)
+
+
 def test_strength_under_a_fluid_in_the_base():
     """Of the pressure 2 the fluid carries 0.5: the base has 0.8 · 1.5 against the shear 1."""
     rigid = block(None, 0.8, 2.0, (1, 1))

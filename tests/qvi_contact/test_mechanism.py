@@ -106,6 +106,19 @@ class TestLaws:
         problem = dragged(Contact("bottom", 0.5, shear_limit=4.0), pressure=lambda x: 12.0 - 6.0 * x)
         assert upper_bound(problem, ["shear"])[0] == pytest.approx(math.sqrt(32.0) / 2.0, rel=EXACT)
 
+    @pytest.mark.parametrize(
+        "capped", [{}, {"shear_limit": 4.0}, {"shear_limit": lambda x, _: 5.0 - x, "cohesion": 1.0}]
+    )
+    @pytest.mark.parametrize("friction", [0.5, lambda x, _: 0.3 + 0.1 * x * (2.0 - x)])
+    def test_an_arc_that_hardly_bends_has_the_limit_of_a_straight_line(self, friction, capped):
+        """It is never below, and close to it."""
+        straight, radius = dragged(Contact("bottom", friction, **capped), pressure=lambda x: 12.0 - 6.0 * x), 1e5
+        x, y = straight.mesh.vertices.T
+        rise = np.where(y == 0.0, np.sqrt(radius**2 - (x - 1.0) ** 2) - radius, y)
+        bent = replace(straight.mesh, vertices=np.column_stack([x, rise])).with_arc("bottom", (1.0, -radius), radius)
+        one, other = (upper_bound(each, ["shear"])[0] for each in (straight, replace(straight, mesh=bent)))
+        assert one * (1.0 - 1e-4) <= other <= 1.03 * one
+
     def test_friction_that_jumps_or_bends(self):
         """Never below the limit, and close to it."""
         step = upper_bound(dragged(Contact("bottom", lambda x, _: np.where(x < 1.2, 0.1, 0.3))), ["shear"])[0]

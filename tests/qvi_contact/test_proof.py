@@ -224,7 +224,7 @@ def test_the_checker_stands_alone(tmp_path):
 @pytest.mark.parametrize(
     ("contact", "field"),
     [
-        (Contact("bottom", lambda x, _: 0.2 + x), "Contact.friction"),
+        (Contact("bottom", lambda x, _: 0.2 + x * (0.5 - x) ** 2 * (1.0 - x)), "Contact.friction"),  # alike at vertices
         (Contact("bottom", 0.2, cohesion=lambda x, _: x), "Contact.cohesion"),
     ],
 )

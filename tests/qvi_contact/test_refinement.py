@@ -274,11 +274,7 @@ class TestGuaranteedUnderFriction:
     def test_what_is_not_proved_is_estimated(self):
         """A block that slips outwards at both ends of its top."""
         block = TriangleMesh.rectangle((2, 1), 2.0, 1.0)
-        conditions = [
-            Contact("top", 0.05, gap=-1e-3, name="plate"),
-            Displacement("bottom", x=0.0, y=0.0),
-            *FREE,
-        ]
+        conditions = [Contact("top", 0.05, gap=-1e-3, name="plate"), Displacement("bottom", x=0.0, y=0.0), *FREE]
         outcome = refine(ContactProblem(block, Material(1e4, 0.2), conditions), None, 1e-2, FORCE, guaranteed=True)
         assert outcome.status is RefinementStatus.NO_GUARANTEE
         assert outcome.estimate <= 1e-2
@@ -327,6 +323,14 @@ class TestStressesAndSlip:
         }
         assert [each.value for each in outcomes.values()] == pytest.approx([0.036, 0.09, 3.0, 3.0])
         assert all(each.status is RefinementStatus.REACHED for each in outcomes.values())
+
+    def test_a_largest_stress_between_the_places_looked_at(self):
+        """σ_yy = 5 − 2 (x − a)² and σ_xx = 2 y² are in equilibrium, and compatible: 5 at a."""
+        pull, side = (lambda x, _: 5.0 - 2.0 * (x - 0.4321) ** 2), (lambda _, y: 2.0 * y**2)
+        loads = [Traction("top", x=0.0, y=pull), Traction("bottom", x=0.0, y=lambda x, y: -pull(x, y))]
+        loads += [Traction("right", x=side, y=0.0), Traction("left", x=lambda x, y: -side(x, y), y=0.0)]
+        block = ContactProblem(TriangleMesh.rectangle((1, 2)), Material(10.0, 0.3), loads)
+        assert refine(block, None, 1e-6, "top.largest_yy", degree=4, max_rounds=1).value == pytest.approx(5.0, rel=1e-9)
 
     PRESSED = (*FREE, Contact("top", 0.0, law="tied", plate=RigidPlate(force_y=-6.0, x=0.0, rotation=0.0)))
 

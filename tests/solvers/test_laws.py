@@ -176,6 +176,19 @@ class TestFeasibility:
         assert solve_qvi(dragged_block(0.29, normal=-1.0, bilateral=[True])).status is Status.SOLVED
         assert solve_qvi(above).status in (Status.INNER_INFEASIBLE, Status.STALLED, Status.CYCLING)
 
+    @pytest.mark.parametrize(
+        ("n0", "t0"), [((-1.0, -1.0), (0.3, -0.3)), ((-1.0, 0.1), (0.0, 0.0)), ((-1.0, -1.0), (0.0, -0.4))]
+    )
+    def test_tractions_that_equilibrium_alone_determines(self, n0, t0):
+        """There are no unknowns: all is said by pull and slip at the points, with μ = 0.3."""
+        none = np.zeros((2, 0))
+        data = {"N": none, "T": none, "n0": np.array(n0), "t0": np.array(t0), "mu": np.full(2, 0.3), "W": np.ones(2)}
+        qvi = FrictionQVI.from_arrays(K=np.zeros((0, 0)), f=np.zeros(0), **data)
+        found, carried = check_feasibility(qvi), t0[0] == 0.3
+        assert found.feasible is carried
+        assert carried or is_farkas(qvi, *found.farkas)
+        assert solve_qvi(qvi).status is (Status.SOLVED if carried else Status.INFEASIBLE)
+
     def test_shares_belong_to_their_points(self):
         qvi = dragged_block(0.5)
         normal, tangential = AdmissibleRows.of(qvi).shares(check_feasibility(qvi).farkas[0], 1)

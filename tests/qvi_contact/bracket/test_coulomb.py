@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.linalg import eigh
 
-from qvi_contact import Contact, ContactProblem, Displacement, Material, Polynomial, RigidPlate, Traction, solve
+from qvi_contact import Contact, ContactProblem, Displacement, Material, Polynomial, Region, RigidPlate, Traction, solve
 from qvi_contact.bracket import (
     Share,
     amplification,
@@ -26,12 +26,13 @@ from qvi_contact.bracket import (
     star_norm,
 )
 from qvi_contact.companion import BodyAtRest
+from qvi_contact.element import gauss_legendre
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
 from qvi_contact.mesh import TriangleMesh
 from qvi_contact.refinement import bulk
 from qvi_contact.solution import ContactResult
 from tests.cases import examples
-from tests.qvi_contact.builders import bernstein, energy_apart, half_disc, sheared_layer
+from tests.qvi_contact.builders import bernstein, energy_apart, half_disc, holed, sheared_layer
 
 FREE = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
 
@@ -170,9 +171,44 @@ class TestNorms:
         assert 0.0 < computed_norm(problem, shares) < rectangle_norm(problem, shares)
 
     def test_where_nothing_is_proved_it_is_computed(self):
-        found = friction_norm(half_disc(0.3), shared(half_disc(0.3), 1.0))
-        assert not found.proved
-        assert 0.6 < found.value < 1.0
+        """Of bodies that no proof is for, and of a plate that a force drives."""
+        plate = compressed_plate(0.2)
+        *others, contact = plate.conditions
+        driven = replace(contact, plate=RigidPlate(force_y=-10.0, x=0.0, rotation=0.0))
+        for problem, most in ((half_disc(0.3), 1.0), (replace(plate, conditions=[*others, driven]), 0.75)):
+            found = friction_norm(problem, shared(problem, 1.0))
+            assert not found.proved
+            assert 0.2 < found.value < most
+
+    def test_where_no_proof_holds(self):
+        """Two materials, rough sides that meet at a corner, a hole, a share that is not the same on all edges."""
+        soft = Region(Material(1.0, 0.1), x=(0.0, compressed_plate(0.1).mesh.length / 2.0))
+        problems = [replace(plate, regions=[soft]) for plate in (compressed_plate(0.1), clamped_plate(0.1))]
+        ring, whole = holed(2, [(0.0, 0.0)], (-1.5, -1.5), (1.5, 1.5)), TriangleMesh.rectangle((2, 2), 2.0, 1.0)
+        for mesh, foot in ((ring, lambda _, y: y < -1.4), (whole, lambda x, y: (y == 0.0) | (x == 0.0))):
+            mesh = mesh.with_edges("foot", foot).with_edges("rest", lambda x, y, foot=foot: ~foot(x, y))
+            held = Contact("foot", 0.1), Displacement("rest", 0.0, 0.0)
+            problems.append(ContactProblem(mesh, Material(1.0, 0.3), held))
+        cases = [(problem, shared(problem, 1.0)) for problem in problems]
+        (share,) = shared(half_disc(0.1), 1.0).values()
+        part = np.arange(len(share.values)) == 0
+        cases += [(half_disc(0.1), {"base": replace(share, slipping=np.where(part, 0.5, share.slipping))})]
+        for problem, shares in cases:
+            assert rectangle_norm(problem, shares) == star_norm(problem, shares) == np.inf
+
+    @pytest.mark.parametrize("both", [(0.1, 0.1), (0.1, 0.02), (0.02, 0.1)])
+    def test_of_several_bodies_it_is_the_largest(self, both):
+        mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0).with_joint("seam", lambda x, _: x == 1.0)
+        mesh = mesh.with_edges("one", lambda x, y: (y == 0.0) & (x < 1.0))
+        mesh = mesh.with_edges("two", lambda x, y: (y == 0.0) & (x > 1.0))
+        feet = [Contact(name, friction) for name, friction in zip(("one", "two"), both, strict=True)]
+        sides = [Contact("seam", 0.0), Traction("top", 0.0, -1.0)]
+        sides += [kind for end in ("left", "right") for kind in (Displacement(end, x=0.0), Traction(end, y=0.0))]
+        problem = ContactProblem(mesh, Material(1.0, 0.3), [*feet, *sides])
+        shares = {name: share for name, share in shared(problem, 1.0).items() if name != "seam"}
+        found = friction_norm(problem, shares)
+        assert found.proved
+        assert found.value == pytest.approx(0.52346, rel=1e-4)
 
 
 def quotient(problem, degree):
@@ -258,6 +294,27 @@ class TestScope:
         values = result.bracket.coulomb.shares["bottom"].at(np.array([0.0, 1e-4, 1.0 - 1e-4, 1.0]))
         assert max(np.abs(values[:, 1] - values[:, 0]).max(), np.abs(values[:, 3] - values[:, 2]).max()) < 1e-3
 
+    def test_pressure_where_displacements_leave_the_obstacle_counts(self):
+        """δ = ∫ |τ_N| (g − v_N) ds, on a contact that opens inside an edge."""
+        mesh, gap = TriangleMesh.rectangle((4, 2), 2.0, 1.0), Polynomial([[0.0275], [0.0185]])
+        loads = [Displacement("top", -0.0185, -0.045), *FREE]
+        problem = ContactProblem(mesh, Material(1.0, 0.3), [Contact("bottom", 0.8, gap=gap), *loads])
+        found, (t, weights) = solve(problem, degree=3, tolerance=1e-10).bracket.coulomb, gauss_legendre(6)
+        edges = mesh.edges("bottom")
+        x, y = mesh.points_along(edges, t)
+        opening = gap(x, y) - found.displacement.trace("bottom", t)[0]
+        defect = -edges.length @ (found.stress.stress(x, y)[..., 1] * opening) @ weights
+        assert 0.0 < found.defect == pytest.approx(defect, rel=1e-6)
+
+    def test_forces_beside_a_bond_have_no_bounds(self):
+        """Nor has anything under a cap of friction."""
+        free = compressed_plate(0.2, (2, 2))
+        assert "without a limit" in solve(with_law(free, shear_limit=50.0)).bracket.coulomb_reason
+        bonded = [Contact.tresca("right", 5.0) if each.edges == "right" else each for each in free.conditions]
+        found = solve(replace(free, conditions=bonded), degree=4).bracket.coulomb
+        assert np.isfinite(found.error)
+        assert found.forces == {}
+
     @pytest.mark.parametrize(("x", "y", "what"), [(1e-3, 0.0, "what holds the slip"), (0.0, -1e-3, "the obstacle")])
     def test_supports_that_contradict_the_contact_are_named(self, x, y, what):
         """In the corner where the side that they hold meets the contact."""
@@ -271,9 +328,12 @@ class TestScope:
         """What is beyond the bound of friction is taken off it, and counts."""
         more, result = chain(0.2)[1], solve(with_law(chain(0.2)[1].problem, friction=0.15), degree=4)
         fine = solve(with_law(chain(0.2)[-1].problem, friction=0.15), degree=4)
-        found = carrying(result, more.solution.z).bracket.coulomb
+        given = carrying(result, more.solution.z)
+        found = given.bracket.coulomb
         assert found.moved > 0.1 * found.error
-        assert found.error > energy_apart(carrying(result, more.solution.z), fine)
+        assert found.moved == pytest.approx(energy_apart(given, found.stress), rel=1e-9)
+        assert found.size**2 == pytest.approx(2.0 * found.stress.energies.strain, rel=1e-9)
+        assert found.error > energy_apart(given, fine)
 
 
 @pytest.mark.parametrize(("friction", "limit"), [(0.1, 212.242424), (0.2, 214.23323205)])

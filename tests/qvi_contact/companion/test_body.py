@@ -6,18 +6,12 @@ import numpy as np
 import pytest
 
 from qvi_contact import InputError, TriangleMesh
-from qvi_contact.companion import (
-    DisplacementSpace,
-    Elasticity,
-    Triangle,
-    moduli,
-    solve_companion,
-)
+from qvi_contact.companion import DisplacementSpace, Elasticity, Triangle, moduli, solve_companion
 from qvi_contact.discretization import Scales
 from qvi_contact.gallery import exact
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
 from tests.cases import every_pair
-from tests.qvi_contact.builders import bernstein, companion_of
+from tests.qvi_contact.builders import INNER, NU, OUTER, bernstein, companion_of, quarter
 from tests.qvi_contact.test_triangles import FOAM, SIDES, STATES, STEEL, inside, moved, oblique, squeezed, tilted
 
 CELLS = [Triangle(degree) for degree in (1, 2, 3, 4, 5)]
@@ -292,3 +286,28 @@ def test_supports_in_three_directions_at_one_corner():
     wrong = replace(problem, conditions=[*conditions[:2], replace(conditions[2], normal=5e-3)])
     (reason,) = companion_of(wrong, degree=3).reasons
     assert "disagree" in reason
+
+
+@pytest.mark.parametrize("turn", [0.0, 3e-3])
+def test_arcs_that_are_moved(turn):
+    """A ring widened from inside and free outside, u_r = a r + b/r; and turned by both arcs as well, u_θ = turn/r."""
+    widened = 4e-3
+    even = widened * (1.0 - NU) / (1.0 + NU) / OUTER**2
+
+    def field(x, y):
+        r2 = x**2 + y**2
+        radial, around = even + widened / r2, turn / r2
+        return np.stack([radial * x - around * y, radial * y + around * x])
+
+    inner, outer = -(even + widened / INNER**2) * INNER, (even + widened / OUTER**2) * OUTER
+    arcs = [Displacement("inner", normal=inner), Traction("inner", tangential=0.0)]
+    arcs += [Traction("outer", normal=0.0, tangential=0.0), Symmetry("bottom"), Symmetry("left")]
+    if turn:  # tangents of arcs have t_x > 0
+        arcs = [Displacement("inner", normal=inner, tangential=-turn / INNER)]
+        arcs += [Displacement("outer", normal=outer, tangential=-turn / OUTER)]
+        parts = [lambda *at: field(*at)[0], lambda *at: field(*at)[1]]
+        arcs += [Displacement("bottom", *parts), Displacement("left", *parts)]
+    found = companion_of(ContactProblem(quarter(2, 4), Material(1000.0, NU), arcs), degree=4)
+    r, angle = np.random.default_rng(1).uniform([[1.02], [0.02]], [[1.98], [1.55]], (2, 50))
+    x, y = r * np.cos(angle), r * np.sin(angle)
+    assert np.abs(found.displacement(x, y).T - field(x, y)).max() < 2e-4 * np.abs(field(x, y)).max()

@@ -80,6 +80,16 @@ def test_given_bound():
     assert one.contacts["base"].tangential_force == pytest.approx(other.contacts["base"].tangential_force, rel=1e-9)
 
 
+@pytest.mark.parametrize("bond", [2.0, 5.0])
+def test_a_bond_slips_at_the_smaller_of_its_bounds(bond):
+    """A layer of height 1 sheared by w slips by w − t/G, with t = min(c, 3) on its base."""
+    sides = [kind for name in ("left", "right") for kind in (Displacement(name, y=0.0), Traction(name, x=0.0))]
+    base = Contact("bottom", 0.0, cohesion=bond, shear_limit=3.0, law="bilateral", name="base")
+    line = companion_of(ContactProblem(MESH, STEEL, [base, Displacement("top", 0.02, 0.0), *sides])).contacts["base"]
+    assert line.tangential_stress == pytest.approx(-min(bond, 3.0), rel=1e-8)
+    assert line.slip == pytest.approx(0.02 - min(bond, 3.0) * 2.6 / 1000.0, rel=1e-8)
+
+
 def test_friction_where_slip_changes_sign():
     """The integral itself is in the energy, not the sum over coefficients that bounds it from above."""
     mesh = TriangleMesh.rectangle((3, 2), 2.0, 1.0)
@@ -293,11 +303,17 @@ class TestReasons:
         assert line.weights @ line.friction_bound == pytest.approx(0.246 + 0.4385, rel=1e-12)
 
     def test_loads_that_no_quadrature_integrates(self):
-        rough = joined(
-            Contact.frictionless("bottom"), Traction("top", 0.0, lambda x, y: -1.0 - np.sin(1e6 * x) + 0 * y)
-        )
-        (reason,) = solve_companion(rough).reasons
-        assert reason.startswith("Traction.y")
+        def wave(x, y):
+            return 2.0 + np.sin(1e6 * x) + 0 * y
+
+        smooth, rough = Contact.frictionless("bottom"), Contact("bottom", 0.0, cohesion=wave)
+        for problem, told in (
+            (joined(smooth, Traction("top", 0.0, lambda x, y: -wave(x, y))), "Traction.y"),
+            (joined(rough), "The cohesion of 'bottom'"),
+            (replace(joined(smooth), body_potential=lambda x, _: 0.1 * np.sin(29.0 * x)), "Loads are not polynomials"),
+        ):
+            (reason,) = solve_companion(problem).reasons
+            assert reason.startswith(told)
 
     @pytest.mark.parametrize("kind", ["gap", "offset", "support"])
     def test_peaks_between_nodes_and_quadrature(self, kind):
