@@ -303,18 +303,30 @@ class StressProgram:
                     if found == UNBOUNDED:
                         return Carried(np.inf)
                     continue
-                x, violation = program.repaired(found, share)
-                grown = max(1.0, program.size(x) / max(1.0, program.size(0.0 * x)))  # stresses beyond loads and limits
-                if violation * grown <= HELD:  # else the solver has given up
-                    (N, n), (S, s) = self._tractions, self._stress
-                    stress = (S @ x + s).reshape(-1, 3, self.cones.count, 3)
-                    carried = Carried(float(x[-1]), violation, N @ x + n, unknowns=x, stress=stress)
-                    best = max(best, carried, key=lambda one: one.factor)
-                    if violation <= ROUNDING:
-                        break
-            return best
+                carried = self._held(program, found, share)
+                best = max(best, carried, key=lambda one: one.factor)
+                if np.isfinite(carried.factor) and carried.violation <= ROUNDING:
+                    return best
+            return best if np.isfinite(best.factor) else self._without_room(program, share)
 
         return self._with_signs(solve)
+
+    def _held(self, program: ConicProgram, found: FloatArray, share: float) -> Carried:
+        """What an answer carries; minus infinity if the solver has given up."""
+        x, violation = program.repaired(found, share)
+        grown = max(1.0, program.size(x) / max(1.0, program.size(0.0 * x)))  # stresses beyond loads and limits
+        if violation * grown > HELD:
+            return Carried(-np.inf)
+        (N, n), (S, s) = self._tractions, self._stress
+        stress = (S @ x + s).reshape(-1, 3, self.cones.count, 3)
+        return Carried(float(x[-1]), violation, N @ x + n, unknowns=x, stress=stress)
+
+    def _without_room(self, program: ConicProgram, share: float) -> Carried:
+        """The load itself, or more without end: the solver gives up where stresses grow along the tips of cones."""
+        modest = program.up_to(1.0)
+        answer = modest.solve()
+        carried = Carried(-np.inf) if isinstance(answer, str) else self._held(modest, answer.x, share)
+        return Carried(np.inf) if np.isfinite(carried.factor) and program.falls() else carried
 
     def carried_by_contacts(self) -> Carried:
         """The largest factor where no body yields: max α  s.t.  G z ≤ h + α h',  A z = b + α b'.
