@@ -42,8 +42,9 @@ def remarks(result: ContactResult) -> tuple[str, ...]:
 
 def _turning_plates(result: ContactResult) -> Iterator[str]:
     if result.status is not Status.SOLVED and not result.status.impossible:
-        for contact in result.problem.contacts:
-            if contact.plate is not None and contact.plate.moment is not None and has_coulomb(contact):
+        for contact, known in zip(result.problem.contacts, result.discretization.contacts, strict=True):
+            turns = np.ptp(known.points.normals, axis=0).max() > _MOVES  # else pressure alone carries the moment
+            if turns and contact.plate is not None and contact.plate.moment is not None and has_coulomb(contact):
                 yield (
                     f"The plate or pin at {contact.name!r} may slip round under its moment. Nothing proves it, as "
                     "equilibrium alone would allow a larger pressure, and more friction with it. Give the rotation "
