@@ -51,6 +51,7 @@ ALONG: Final = np.linspace(0.0, 1.0, 33)
 CERTIFIED: Final = 1e-7
 """Violation of the rows, and gap of the bounds relative to 1 + factor, that is accepted."""
 
+_MOST: Final = 1e6  # factor that is asked for where a program without such a bound was not solved
 _COST: Final = 1e4  # of the factor, so that absolute tolerances of multipliers are as much smaller
 
 _AT_LIMIT: Final = (
@@ -367,6 +368,8 @@ class StressProgram:
         cost, free = np.append(np.zeros(G.shape[1] - 1), -_COST), [(None, None)] * G.shape[1]
         equations: dict[str, Any] = {"A_eq": E, "b_eq": b} if len(b) else {}
         answer = solved(cost, A_ub=G, b_ub=h, bounds=free, **equations)
+        if not answer.solved and answer.status not in (NO_LIMIT, INFEASIBLE, TIME_LIMIT):  # all but without a limit
+            answer = solved(cost, A_ub=G, b_ub=h, bounds=[*free[:-1], (None, _MOST)], **equations)
         if answer.status == NO_LIMIT:
             return Carried(np.inf)
         if answer.status == INFEASIBLE:  # the least t ≥ 0 with G x ≤ h + t says by how much
