@@ -273,7 +273,9 @@ def check_proof(file: str) -> int:
         *proved, counted = proofs.check(json.loads(Path(file).read_text(encoding="utf-8")))
     except OSError as error:
         raise InputError("file", file, f"cannot be read ({error.strerror}): {remedy}") from error
-    except (LookupError, TypeError, AttributeError, ArithmeticError, UnicodeError, json.JSONDecodeError) as error:
+    except (
+        LookupError, TypeError, AttributeError, ArithmeticError, UnicodeError, RecursionError, json.JSONDecodeError,
+    ) as error:  # fmt: skip
         raise InputError("file", file, f"is no proof file of this version: {remedy}") from error
     except ValueError as error:
         click.echo(f"not proved: {error}")

@@ -114,7 +114,7 @@ class ConicProgram:
             if str(answer.status) != "NumericalError":
                 break
         if str(answer.status).endswith("DualInfeasible"):
-            if self._falls():
+            if self.falls():
                 return UNBOUNDED
             settings.tol_infeas_abs = settings.tol_infeas_rel = _NEVER
             answer = clarabel.DefaultSolver(*data, settings).solve()
@@ -129,10 +129,13 @@ class ConicProgram:
             )
         return Answer(x, size * np.array(answer.z))
 
-    def _falls(self) -> bool:
+    def up_to(self, most: float) -> ConicProgram:
+        """The program in which −q·x is at most so much."""
+        return self._extended(self.q, sparse.csr_array((len(self.b), 0)), -self.q[None], np.array([most]))
+
+    def falls(self) -> bool:
         """Whether there is a direction in which q·x falls for ever, and not by rounding only."""
-        homogeneous = replace(self, b=np.zeros_like(self.b))
-        program = homogeneous._extended(self.q, sparse.csr_array((len(self.b), 0)), -self.q[None], np.ones(1))
+        program = replace(self, b=np.zeros_like(self.b)).up_to(1.0)
         found = program.solve()
         if isinstance(found, str):
             return False
@@ -200,7 +203,9 @@ class ConicProgram:
         if least or missed > ROUNDING:
             point = inside if known else self._inside()
             if point is not None:
-                x = x + min(1.0, self._share(x, point) * (1.0 + 1e-9) + least) * (point - x)
+                moved = x + min(1.0, self._share(x, point) * (1.0 + 1e-9) + least) * (point - x)
+                if least or -self.margins(moved).min(initial=0.0) < missed:  # rows without room gain nothing by it
+                    x = moved
         E, e = self.A[: self.equal], self.b[: self.equal]
         off = np.abs(E @ x - e) / (1.0 + abs(E) @ np.abs(x))
         return x, float(max(-self.margins(x).min(initial=0.0), off.max(initial=0.0), 0.0))

@@ -38,6 +38,7 @@ _FARTHEST: Final = math.log(1e4)  # factors of strength beyond count as infinite
 _STEP: Final = math.log(2.0)  # between the first of them that are tried
 _MOST: Final = 1e6  # shares of loads beyond, or below the inverse, count as so much
 _LEAST: Final = 1e-15
+_CLOSE: Final = 1e-6  # logarithm of the width of a bisection that may end there, however little is asked for
 
 
 @dataclass(eq=False, repr=False)
@@ -269,7 +270,7 @@ def loads_of(problem: ContactProblem) -> list[str]:
     known = list(dict.fromkeys([BODY, *problem.body_forces]))
     known += [condition.name for condition in problem.conditions if isinstance(condition, Traction)]
     known += [contact.name for contact in problem.contacts if contact.plate is not None and contact.plate.driven]
-    return known
+    return list(dict.fromkeys(known))
 
 
 def checked_loads(problem: ContactProblem, loads: Sequence[str], field: str = "loads") -> tuple[str, ...]:
@@ -369,8 +370,6 @@ def strength_reduction_factor(
         If a program is not solved, or not in time.
 
     """
-    from scipy.optimize import brentq  # slow to import, and solves do not need it
-
     refuse_arguments(retired, ("of", "accuracy", *OPTIONS))
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
@@ -399,19 +398,30 @@ def strength_reduction_factor(
         holds = max((u for u, enough in carried.items() if enough), default=-math.inf)
         return holds, min((u for u, enough in carried.items() if not enough), default=math.inf)
 
-    width, found = math.log1p(accuracy), []
     with deadline(time_limit):
-        for side in (0, 1):
-            spare(0.0, side)
-            while math.isinf((span := ends(side))[1] - span[0]):
-                u = span[0] + _STEP if math.isfinite(span[0]) else span[1] - _STEP
-                if abs(u) > _FARTHEST:
-                    break
-                spare(u, side)
-            else:
-                brentq(spare, *span, args=(side,), xtol=width)
-            found.append(ends(side))
-    return StrengthReduction(math.exp(found[0][0]), math.exp(found[1][1]))
+        carried, fallen = (_searched(spare, ends, side, math.log1p(accuracy)) for side in (0, 1))
+    return StrengthReduction(math.exp(carried[0]), math.exp(fallen[1]))
+
+
+def _searched(
+    spare: Callable[[float, int], float], ends: Callable[[int], tuple[float, float]], side: int, width: float
+) -> tuple[float, float]:
+    """The `ends` of a side where they are this near to each other, or as near as they can be told apart."""
+    from scipy.optimize import brentq  # slow to import, and solves do not need it
+
+    spare(0.0, side)
+    while math.isinf((span := ends(side))[1] - span[0]):
+        u = span[0] + _STEP if math.isfinite(span[0]) else span[1] - _STEP
+        if abs(u) > _FARTHEST:
+            return span
+        spare(u, side)
+    try:
+        brentq(spare, *span, args=(side,), xtol=width)
+    except SolveError:  # rounding decides where the loads are all but at the limit: what is known is right
+        holds, falls = ends(side)
+        if falls - holds > _CLOSE:
+            raise
+    return ends(side)
 
 
 def _reduced(problem: ContactProblem, chosen: frozenset[str], factor: float) -> ContactProblem:

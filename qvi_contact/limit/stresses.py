@@ -51,6 +51,7 @@ ALONG: Final = np.linspace(0.0, 1.0, 33)
 CERTIFIED: Final = 1e-7
 """Violation of the rows, and gap of the bounds relative to 1 + factor, that is accepted."""
 
+_MOST: Final = 1e6  # factor that is asked for where a program without such a bound was not solved
 _COST: Final = 1e4  # of the factor, so that absolute tolerances of multipliers are as much smaller
 
 _AT_LIMIT: Final = (
@@ -300,18 +301,30 @@ class StressProgram:
                     if found == UNBOUNDED:
                         return Carried(np.inf)
                     continue
-                x, violation = program.repaired(found, share)
-                grown = max(1.0, program.size(x) / max(1.0, program.size(0.0 * x)))  # stresses beyond loads and limits
-                if violation * grown <= HELD:  # else the solver has given up
-                    (N, n), (S, s) = self._tractions, self._stress
-                    stress = (S @ x + s).reshape(-1, 3, self.cones.count, 3)
-                    carried = Carried(float(x[-1]), violation, N @ x + n, unknowns=x, stress=stress)
-                    best = max(best, carried, key=lambda one: one.factor)
-                    if violation <= ROUNDING:
-                        break
-            return best
+                carried = self._held(program, found, share)
+                best = max(best, carried, key=lambda one: one.factor)
+                if np.isfinite(carried.factor) and carried.violation <= ROUNDING:
+                    return best
+            return best if np.isfinite(best.factor) else self._without_room(program, share)
 
         return self._with_signs(solve)
+
+    def _held(self, program: ConicProgram, found: FloatArray, share: float) -> Carried:
+        """What an answer carries; minus infinity if the solver has given up."""
+        x, violation = program.repaired(found, share)
+        grown = max(1.0, program.size(x) / max(1.0, program.size(0.0 * x)))  # stresses beyond loads and limits
+        if violation * grown > HELD:
+            return Carried(-np.inf)
+        (N, n), (S, s) = self._tractions, self._stress
+        stress = (S @ x + s).reshape(-1, 3, self.cones.count, 3)
+        return Carried(float(x[-1]), violation, N @ x + n, unknowns=x, stress=stress)
+
+    def _without_room(self, program: ConicProgram, share: float) -> Carried:
+        """The load itself, or more without end: the solver gives up where stresses grow along the tips of cones."""
+        modest = program.up_to(1.0)
+        answer = modest.solve()
+        carried = Carried(-np.inf) if isinstance(answer, str) else self._held(modest, answer.x, share)
+        return Carried(np.inf) if np.isfinite(carried.factor) and program.falls() else carried
 
     def carried_by_contacts(self) -> Carried:
         """The largest factor where no body yields: max α  s.t.  G z ≤ h + α h',  A z = b + α b'.
@@ -352,6 +365,8 @@ class StressProgram:
         cost, free = np.append(np.zeros(G.shape[1] - 1), -_COST), [(None, None)] * G.shape[1]
         equations: dict[str, Any] = {"A_eq": E, "b_eq": b} if len(b) else {}
         answer = solved(cost, A_ub=G, b_ub=h, bounds=free, **equations)
+        if not answer.solved and answer.status not in (NO_LIMIT, INFEASIBLE, TIME_LIMIT):  # all but without a limit
+            answer = solved(cost, A_ub=G, b_ub=h, bounds=[*free[:-1], (None, _MOST)], **equations)
         if answer.status == NO_LIMIT:
             return Carried(np.inf)
         if answer.status == INFEASIBLE:  # the least t ≥ 0 with G x ≤ h + t says by how much

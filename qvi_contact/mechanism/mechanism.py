@@ -271,11 +271,22 @@ class Rigid:
             limits = np.append(np.zeros(matrix.shape[0] - 1), 1.0)
             return program.solved(np.append(cost - works.sum(axis=0), 0.0 * sizes), matrix, limits, none)
 
+        def proves(found: Mechanism) -> bool:
+            rounding = _CERTAIN * (found.driving + found.resisting) + _REACH * found.violation * self._size(self.works)
+            return found.driving - found.resisting > rounding
+
         found = self._settled(posed, names)
-        if found is None:
+        if found is None or not proves(found):
             return None
-        rounding = _CERTAIN * (found.driving + found.resisting) + _REACH * found.violation * self._size(self.works)
-        return found if found.driving - found.resisting > rounding else None
+        moved = found.contacts.values()
+        if any(contact.slides for contact in moved) and any(contact.opens for contact in moved):
+            # Where nothing resists many motions are as good: one without slip shows that friction is not to blame.
+            answer = posed(_Program(self, self.lines, slipping=False))
+            if answer is not None and answer[0].any():
+                tipped = self._mechanism(answer[0], names)
+                if proves(tipped) and tipped.overload >= (1.0 - _CERTAIN) * found.overload:
+                    return tipped
+        return found
 
     def dearest(self, names: Sequence[str], others: Sequence[str]) -> Mechanism | None:
         """The motion that gives the least R − L(others) for one work of the named loads; None if they can do none.
@@ -349,8 +360,8 @@ class Rigid:
 class _Program:
     """The conditions of lines as rows ≤ 0 in x = (y, slips of each line) with v = Z y, and the costs of slips."""
 
-    def __init__(self, rigid: Rigid, chosen: Sequence[Line]) -> None:
-        self._basis, self._motions = rigid.free, rigid.free.shape[1]
+    def __init__(self, rigid: Rigid, chosen: Sequence[Line], *, slipping: bool = True) -> None:
+        self._basis, self._motions, self._slipping = rigid.free, rigid.free.shape[1], slipping
         costs, shared, own = [np.zeros(self._motions)], [sparse.csr_array((0, self._motions))], []
         for line in chosen:
             if not line.held:
@@ -365,9 +376,12 @@ class _Program:
         """Rows of a line on y, and on its own slips, and the costs of these."""
         opening = self._on_motions(line.opening(bodies)[: 0 if line.fixed else None])
         work = line.shear_work()
-        if not (line.dilates or work > 0.0):
+        if self._slipping and not (line.dilates or work > 0.0):
             return -opening, np.zeros((len(opening), 0)), np.zeros(0)
         slips = self._on_motions(line.slips(bodies))
+        if not self._slipping:
+            rows = np.concatenate([slips, -slips, -opening])
+            return rows, np.zeros((len(rows), 0)), np.zeros(0)
         mu, limit = line.friction[: len(opening), None], -np.ones((2 * len(slips), 1))
         if not line.capped:
             return np.concatenate([slips, -slips, -opening]), np.concatenate([limit, mu]), np.array([work])

@@ -42,8 +42,9 @@ def remarks(result: ContactResult) -> tuple[str, ...]:
 
 def _turning_plates(result: ContactResult) -> Iterator[str]:
     if result.status is not Status.SOLVED and not result.status.impossible:
-        for contact in result.problem.contacts:
-            if contact.plate is not None and contact.plate.moment is not None and has_coulomb(contact):
+        for contact, known in zip(result.problem.contacts, result.discretization.contacts, strict=True):
+            turns = np.ptp(known.points.normals, axis=0).max() > _MOVES  # else pressure alone carries the moment
+            if turns and contact.plate is not None and contact.plate.moment is not None and has_coulomb(contact):
                 yield (
                     f"The plate or pin at {contact.name!r} may slip round under its moment. Nothing proves it, as "
                     "equilibrium alone would allow a larger pressure, and more friction with it. Give the rotation "
@@ -157,6 +158,7 @@ def _about_contacts(result: ContactResult) -> Iterator[str]:
 
 
 _HELD: Final = 1e-12  # M(v) over the largest pressure times the length of all contacts: above, something holds
+_SLACK: Final = 1e-6  # share of the certificate's unit of stress that is left of a friction bound beyond rounding
 _MOVES: Final = 1e-6  # share of a motion's size below which it is rounding: a point stands still, a body does not turn
 _COUNTED: Final = 1e-6  # share of the certificate's unit of stress that tractions reach where it is theirs
 _NOTHING: Final = 1e-9  # share of it below which they are none
@@ -227,6 +229,7 @@ def _free_motions(result: ContactResult, rigid: Rigid) -> FloatArray:
     problem, bodies, mesh = result.problem, rigid.bodies, result.problem.mesh
     if not rigid.free.shape[1] or not problem.contacts:
         return np.zeros((3 * len(bodies), 0))
+    unit = result.certificate.scales.get("stress", 1.0) * result.discretization.scales.stress
     rows, holding = [], []
     for contact, known in zip(problem.contacts, result.discretization.contacts, strict=True):
         line, points, edges = result.contacts[contact.name], known.points, known.points.edges
@@ -243,10 +246,10 @@ def _free_motions(result: ContactResult, rigid: Rigid) -> FloatArray:
         if contact.law != "tied":
             holds[0] = np.where(line.state == ContactState.OPEN, 0.0, -line.effective_normal_stress)
             slack = line.friction_bound - np.abs(line.tangential_stress)
-            holds[1] = np.where(line.state == ContactState.STICK, slack, 0.0)
+            # On an edge that sticks in part every point may have slipped, but friction is below its bound.
+            holds[1] = np.where((line.state == ContactState.STICK) | (slack > _SLACK * unit), slack, 0.0)
         holding.append(np.ravel(line.weights * np.maximum(holds, 0.0)))
     speeds, weights = np.concatenate(rows), np.concatenate(holding)
-    unit = result.certificate.scales.get("stress", 1.0) * result.discretization.scales.stress
     length = sum(float(line.weights.sum()) for line in result.contacts.values())
     held = np.sqrt(weights / (unit * length))[:, None] * speeds
     free = _still(rigid.free, held, float(np.sqrt(_HELD)))

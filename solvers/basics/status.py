@@ -43,7 +43,8 @@ class Status(Ending):
         "inner_infeasible",
         "No equilibrium within Coulomb's bounds was found. This is no proof that there is none, but the load may "
         "be beyond what friction can carry. A limit analysis (limit_load_factor, or qvi-contact limit) gives that "
-        "limit from both sides. Below the limit, start from the result of a smaller load (initial=…).",
+        "limit from both sides. Below the limit take a higher degree or a finer mesh, on which there may be a "
+        "solution, or start from the result of a smaller load (initial=…).",
     )
     ILL_CONDITIONED = (
         "ill_conditioned",
@@ -53,8 +54,8 @@ class Status(Ending):
     MAX_ITERATIONS = (
         "max_iterations",
         "The iteration limit was reached: raise max_iterations if the residuals were falling, else take "
-        "method='fixed-point' or another inner solver. A load beyond what friction can carry may end so too: a "
-        "limit analysis (limit_load_factor, or qvi-contact limit) gives that limit from both sides.",
+        "method='fixed-point', another inner solver, or a finer mesh. A load beyond what friction can carry may end so "
+        "too: a limit analysis (limit_load_factor, or qvi-contact limit) gives that limit from both sides.",
     )
     TIME_LIMIT = (
         "time_limit",
@@ -63,8 +64,9 @@ class Status(Ending):
     )
     STALLED = (
         "stalled",
-        "The iteration stopped making progress (close to a sliding limit there may be no solution): start from the "
-        "result of a smaller load (initial=…), try memory=10 or damping=0.2, or a more accurate inner solver.",
+        "The iteration stopped making progress (close to a sliding limit a coarse mesh may have no solution): take a "
+        "higher degree or a finer mesh, start from the result of a smaller load (initial=…), try memory=10 or "
+        "damping=0.2, or a more accurate inner solver.",
     )
     CYCLING = (
         "cycling",

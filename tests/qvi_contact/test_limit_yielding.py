@@ -96,6 +96,18 @@ def test_a_column_under_its_own_weight():
     assert limit_load_factor(column, ["body"], degree=3).lower == pytest.approx(3.0, rel=1e-6)
 
 
+@pytest.mark.parametrize(("crushing", "cells"), [(3.0, 4), (None, 2)])
+def test_a_column_without_tension_under_a_plate(crushing, cells):
+    """Stresses are vertical everywhere, at the tips of their cones. Without a limit of crushing nothing gives way."""
+    plate = RigidPlate(force_x=0.0, force_y=-1.0, moment=0.0, pivot=(0.5, 1.0))
+    sides = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
+    conditions = [Contact.tied("bottom"), Contact("top", 1.0, plate=plate), *sides]
+    material = Material(1e4, 0.2, strength=NoTension(crushing))
+    limit = limit_load_factor(ContactProblem(TriangleMesh.rectangle((cells, cells)), material, conditions), ["top"])
+    exact = np.inf if crushing is None else crushing
+    assert [limit.lower, limit.upper] == pytest.approx([exact, exact], rel=1e-5)
+
+
 def test_an_angle_of_friction_that_falls_to_zero_is_refused():
     """Between a part with friction and one without there is no bound of what flow dissipates."""
     strength = MohrCoulomb(1.0, lambda x, _: np.maximum(x - 0.5, 0.0))
@@ -301,6 +313,15 @@ def test_a_program_that_the_simplex_method_cannot_begin_goes_to_the_other(pytest
     found = strength_reduction_factor(load_problem(pytestconfig.rootpath / "examples" / "gravity_dam.toml").problem)
     assert found.lower <= found.upper == pytest.approx(found.lower, rel=1e-3)
     assert found.upper == pytest.approx(1.393, rel=1e-3)
+
+
+def test_a_factor_is_found_as_closely_as_rounding_allows():
+    """Next to μ W/H a program may have no answer. What is known then is within a millionth."""
+    sides = [Traction("left", x=0.37, y=0.0), *(Traction(side, x=0.0, y=0.0) for side in ("right", "top"))]
+    conditions = [Contact("bottom", 0.5), *sides]
+    pushed = ContactProblem(TriangleMesh.rectangle((8, 4), 2.0, 1.0), Material(1.0, 0.2), conditions, lambda _, y: y)
+    found = strength_reduction_factor(pushed, accuracy=1e-12)
+    assert [found.lower, found.upper] == pytest.approx([1.0 / 0.37] * 2, rel=2e-6)
 
 
 def test_strength_that_is_not_enough_has_a_factor_below_one():

@@ -205,6 +205,17 @@ def test_a_pin_in_some_steps_only_has_no_loop():
         history.loop("hole")
 
 
+def test_only_what_is_round_may_slip_round():
+    """A solve that ends too early says so of a pin that a moment turns, not of a straight plate."""
+    pin = pinned(Contact.pin("hole", 0.3, (0.0, 0.0), 1.02, x=0.0, y=0.0, moment=1e-3), mesh=ROUND)
+    free = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
+    plate = Contact("top", 0.3, plate=RigidPlate(force_x=0.1, force_y=-1.0, moment=0.0, pivot=(0.5, 1.0)))
+    block = ContactProblem(TriangleMesh.rectangle((2, 2)), Material(1.0, 0.3), [Contact("bottom", 0.3), plate, *free])
+    for problem, said in ((pin, True), (block, False)):
+        result = solve(problem, method="condensed", max_iterations=1)
+        assert any("slip round" in remark for remark in result.remarks) == said
+
+
 class TestWhatIsNotDetermined:
     """Motions that nothing resists are named with the place and what to do; stresses are what they are."""
 
