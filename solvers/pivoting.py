@@ -38,7 +38,6 @@ from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
 from solvers.basics.types import BoolVector, IntVector, Matrix, Vector
 from solvers.inequality.problem import Compliance, FrictionQVI
-from solvers.inequality.rows import largest
 from solvers.settings import PivotingOptions
 from solvers.solution import Iteration, Outcome, Start
 
@@ -126,12 +125,6 @@ class ContactBounds:
         What they miss is over the largest bonded traction.
         """
         x, active = vertex.x, vertex.basic
-        if compliance.is_exact:  # corrections of the bonded state were next to nothing
-            state = compliance.state(self.multipliers(x), rough=True)
-            missed = self.slack(compliance.tractions(state[0]))
-            error = max(largest(missed[active]), -float(missed.min(initial=0.0)))
-            if error <= _EXACT * tolerance:
-                return state, error
         found = state = compliance.state(self.multipliers(x))
         least = np.inf
         for left in reversed(range(_POLISHING + 1)):

@@ -293,6 +293,7 @@ class Basis:
             places = (size * at[:, :, None] + at[:, None]).ravel()
             full: Any = np.bincount(places, blocks.ravel(), size**2).astype(np.float64, copy=False)
             full = full.reshape(size, size)  # NumPy counts in integers where there is nothing
+            factors = factors if isinstance(factors, np.ndarray) else factors.toarray()  # many follow from few
         else:
             at = at.astype(np.int32 if size < np.iinfo(np.int32).max else np.int64)  # others SciPy copies
             pairs = np.repeat(at, at.shape[1], axis=1).ravel(), np.tile(at, at.shape[1]).ravel()
@@ -301,10 +302,7 @@ class Basis:
         rows = full[n:-1]
         right = rows[:, :n] + rows[:, n:-1] @ factors / 2.0
         if few:
-            K, led = (
-                full[:n, :n].copy(),
-                factors.any(axis=0).nonzero()[0],
-            )  # what others follow from: H has no other rows
+            K, led = full[:n, :n].copy(), factors.any(axis=0).nonzero()[0]  # what others follow from: all rows of H
             half = factors[:, led].T @ right
             half[:, led] = (half[:, led] + half[:, led].T) / 2.0  # so that K is symmetric to the last bit
             K[led] += half

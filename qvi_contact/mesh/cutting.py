@@ -122,7 +122,7 @@ def pieces(topology: Topology, count: int) -> IntArray:
 def same_places(vertices: FloatArray) -> IntArray:
     """Pairs (k, 2) of vertices too near each other to be told apart, in order."""
     reach = _SAME * float(np.ptp(vertices, axis=0).max())
-    if np.diff(np.sort(vertices @ _ASLANT)).min(initial=np.inf) > 2.0 * reach:  # as nearly always
+    if np.diff(np.sort((vertices - vertices[0]) @ _ASLANT)).min(initial=np.inf) > 2.0 * reach:  # as nearly always
         return np.empty((0, 2), dtype=np.int64)
     pairs = np.column_stack(_near(vertices, vertices, np.full(len(vertices), reach)))
     return pairs[pairs[:, 0] < pairs[:, 1]]

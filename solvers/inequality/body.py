@@ -303,13 +303,7 @@ class BondedState:
     @cached_property
     def is_slow(self) -> bool:
         """Whether defect corrections shrink so slowly that K must have lost what its root still holds."""
-        return self.contraction > SLOW_CONTRACTION
-
-    @cached_property
-    def contraction(self) -> float:
-        """The first defect correction over the solution without it, in the energy norm; 0 where there is none."""
-        first, second = self._size(self._first), self._size(self._second)
-        return second / first if second > 0.0 else 0.0
+        return self._size(self._second) > SLOW_CONTRACTION * self._size(self._first)
 
     @cached_property
     def strain_energy(self) -> float:

@@ -299,7 +299,6 @@ class FrictionQVI(PicklesFields):
 
 _DENSE_LIMIT = 20_000_000  # entries of C up to which it is computed
 _CORRECTIONS = 4
-_FORESEEN = 1e-12  # contraction of the bonded state's corrections below which they change nothing
 _ROUNDED = 1e-13  # traction of a correction, over the largest bonded one, that is not worth it
 
 
@@ -314,11 +313,6 @@ class Compliance:
         self._rows = qvi.contact.rows
         self.bonded = self.tractions(qvi.bonded)  # chooses the factorisation
         self._condensed = qvi.condensed_contact
-
-    @property
-    def is_exact(self) -> bool:
-        """Whether the bonded state needed no correction, so that others hardly will; equations always do."""
-        return not self._qvi.p and self._qvi.settled.contraction <= _FORESEEN
 
     @property
     def dense(self) -> Matrix:
@@ -336,17 +330,14 @@ class Compliance:
         rows = self._condensed.rows_near
         return np.asarray(rows @ self._condensed.system.solve_interface(transposed(rows) @ m)[0])
 
-    def unknowns(self, m: Vector, *, rough: bool = False) -> tuple[Vector, Vector]:
+    def unknowns(self, m: Vector) -> tuple[Vector, Vector]:
         """The z (n,) and ν (p,) that minimise the energy under the multipliers m (2m,).
 
-        Defect corrections with `FrictionQVI.gradient` go on as long as they shrink. A rough answer has none, p = 0.
+        Defect corrections with `FrictionQVI.gradient` go on as long as they shrink.
         """
         qvi, system = self._qvi, self._condensed.system
         forces, near = self._rows.T @ m, transposed(self._condensed.rows_near) @ m
-        moved, nu = system.solve_interface(near)
-        z = qvi.bonded - system.factor.expand(np.zeros(qvi.n), moved)
-        if rough:
-            return z, nu
+        z = qvi.bonded - system.factor.expand(np.zeros(qvi.n), system.solve_interface(near)[0])
         scale = size = largest(self.bonded) or np.inf
         for _ in range(_CORRECTIONS + 1):
             correction, nu = system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.contact.A @ z)
@@ -358,7 +349,7 @@ class Compliance:
                 break
         return z, nu
 
-    def state(self, m: Vector, *, rough: bool = False) -> tuple[Vector, Vector, Vector, Vector]:
+    def state(self, m: Vector) -> tuple[Vector, Vector, Vector, Vector]:
         """`unknowns` with the parts of m: (z, m_N, m_T, ν)."""
-        z, nu = self.unknowns(m, rough=rough)
+        z, nu = self.unknowns(m)
         return z, m[: self._qvi.m], m[self._qvi.m :], nu

@@ -178,3 +178,12 @@ def test_a_corner_bisected_twenty_times_is_solved_near_the_bonded_state():
     result = solve(replace(problem, mesh=mesh), method="condensed")
     assert result.status is Status.SOLVED, result.message
     assert len(result.solution.attempts) <= 2
+
+
+def test_a_long_bar_of_few_unknowns_whose_sides_are_free():
+    """So many degrees of freedom follow from others that their factors are sparse, although K is not."""
+    held = [Contact("left", 0.3), Displacement("right", -1e-3, 0.0), Traction("bottom", 0, 0), Traction("top", 0, 0)]
+    bar = ContactProblem(TriangleMesh.rectangle((130, 1), width=13.0), Material(1.0, 0.3), held)
+    result = solve(bar, degree=3)
+    assert not isinstance(result.discretization.supports.basis.factors, np.ndarray)
+    assert result.contacts["left"].normal_force == pytest.approx(1e-3 / 13.0, rel=2e-4)
