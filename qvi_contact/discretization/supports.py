@@ -123,14 +123,13 @@ class Supports(PicklesFields):
         """
         space, degree = self.space, self.space.degree - 2
         number, direction, turns = self.number, self.direction, self.turns
-        edges = _edges_of(space, number)  # as often as components are given there
         order = np.argsort(number, kind="stable")
         twice = np.flatnonzero(number[order][1:] == number[order][:-1])
         one, other = order[twice], order[twice + 1]
         alone_there = np.ones(len(order), dtype=bool)
         alone_there[twice] = alone_there[twice + 1] = False
         single = order[alone_there]
-        both, alone = edges.take(one), edges.take(single)
+        both, alone = _edges_of(space, number[one]), _edges_of(space, number[single])
         scale = np.ones((len(single), degree + 1))
         scale[:, 0] = h = space.lengths(alone)
         scale[:, 1] = h**2 / 6.0
@@ -151,6 +150,7 @@ class Supports(PicklesFields):
 
         def data(given: Sequence[EdgeQuadrature]) -> tuple[FloatArray, BoolArray]:
             found, norms = EdgeQuadrature.joined(given), 2.0 * np.arange(degree + 1) + 1.0
+            edges = _edges_of(space, number)  # as often as components are given there
             edge, t, chosen, factor = found.edge, found.t, edges.take(found.edge), frame(edges)[1][:, None, None]
             # what the other component has no part in: where there is none, the direction itself
             against, against_turns = np.column_stack([direction[:, 1], -direction[:, 0]]), turns.copy()

@@ -142,7 +142,9 @@ class AffineTriangles:
     @cached_property
     def hessian_maps(self) -> FloatArray:
         """From (Φ_ξξ, Φ_ηη, Φ_ξη) to (Φ_xx, Φ_yy, Φ_xy), shape (n, 3, 3)."""
-        inverse = np.linalg.inv(self.jacobians).reshape(-1, 4)  # (a, b), (c, d)
+        J = self.jacobians.reshape(-1, 4)
+        adjugate = J[:, [3, 1, 2, 0]] * [1.0, -1.0, -1.0, 1.0]
+        inverse = adjugate / (J[:, :1] * J[:, 3:] - J[:, 1:2] * J[:, 2:3])  # (a, b), (c, d)
         # a² c² 2ac, b² d² 2bd, ab cd ad + bc
         found = inverse[:, [0, 2, 0, 1, 3, 1, 0, 2, 0]] * inverse[:, [0, 2, 2, 1, 3, 3, 1, 3, 3]] * _TWICE
         found[:, 8] += inverse[:, 1] * inverse[:, 2]

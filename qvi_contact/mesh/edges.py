@@ -93,7 +93,7 @@ def linked(first: IntArray, second: IntArray, count: int) -> IntArray:
         pairs = np.sort(least[np.stack([first.ravel(), second.ravel()])], axis=0)
         low, high = pairs[:, pairs[0] < pairs[1]]
         if not len(low):
-            return np.unique(least, return_inverse=True)[1]
+            return np.unique(least, return_inverse=True)[1] if least.any() else least
         np.minimum.at(least, high, low)
         while (least[least] < least).any():
             least = least[least]

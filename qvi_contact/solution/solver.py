@@ -114,7 +114,9 @@ def solved(
                 known = known.with_far_obstacles()
                 solution = solve_checked(known.qvi, settings, start)
                 attempts += (FAR_OBSTACLES, *solution.attempts)
-        result = _judged(ContactResult(known, replace(solution, attempts=attempts)))
+        if len(attempts) > len(solution.attempts):
+            solution = replace(solution, attempts=attempts)
+        result = _judged(ContactResult(known, solution))
         log.end(str(result.status), result.message, result.solution.timings, result.status is Status.SOLVED)
     if settings.throw and result.status is not Status.SOLVED:
         raise SolveError(result.message)
