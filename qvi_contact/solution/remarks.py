@@ -150,9 +150,10 @@ def _about_contacts(result: ContactResult) -> Iterator[str]:
 # each plate in the components in which a force drives it. Both keep supports and contact laws if d·v = 0 for every
 # prescribed component d·u, and along the contacts, with [v] as in `mechanism.bodies`,
 #
-#     M(v) = ∫_{closed} −σ_N' [v]_N² ds + ∫_{stick} (b − |σ_T|) [v]_T² ds = 0:
+#     M(v) = ∫_{closed} −σ_N' [v]_N² ds + ∫ (b − |σ_T|) [v]_T² ds = 0:
 #
-# what presses stays closed, what sticks stays stuck; open points may move, and so may points that slip at their bound.
+# what presses stays closed, what is below its bound of shear stays stuck, whether it has slipped or, with cohesion, is
+# open; points at their bound may move.
 # Stresses and forces are the same for all such v. Gaps and slips are not, if [v] ≠ 0 somewhere: then the motion is
 # found.
 

@@ -69,7 +69,7 @@ def test_what_tips_whatever_the_friction_is_not_said_to_slide():
     mesh = TriangleMesh.rectangle((2, 4), 1.0, 2.0)
     sides = [Traction(side, 0.0, 0.0) for side in ("left", "right")]
     leaning = [Contact("bottom", 1.0), Traction("top", 0.0, 0.0), *sides]
-    assert "tips" in find_mechanism(ContactProblem(mesh, STEEL, leaning, lambda x, y: y - 0.55 * x)).reason
+    assert "tips" in find_mechanism(ContactProblem(mesh, STEEL, leaning, lambda x, y: y - 1.2 * x)).reason
     plate = RigidPlate(force_x=0.0, force_y=-10.0, moment=-5.1, pivot=(0.5, 2.0))
     pushed = [Contact("top", 0.0, plate=plate), Displacement("bottom", 0.0, 0.0), *sides]
     assert "tips" in find_mechanism(ContactProblem(mesh, STEEL, pushed)).reason

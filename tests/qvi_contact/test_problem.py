@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from qvi_contact import InputError, TriangleMesh, discretize, load_problem, load_result, solve
+from qvi_contact import InputError, TriangleMesh, discretize, load_problem, load_result, solve, verify_result
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 
@@ -171,6 +171,10 @@ def test_an_archive_of_triangles_is_read_as_before():
     again = solve(load_problem(OLD / "grid.toml").problem, law_on="edges")
     assert again.contacts["bottom"].normal_force == pytest.approx(1.4408063363934915, rel=1e-7)
     assert again.contacts["bed"].tangential_force == pytest.approx(0.08427127886032235, rel=1e-7)
+
+
+def test_an_archive_in_whose_scales_the_contact_has_no_stiffness():
+    assert verify_result(load_result(OLD / "free_block.npz")).passed
 
 
 def test_problem_files():
