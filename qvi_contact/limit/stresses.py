@@ -298,8 +298,8 @@ class StressProgram:
             program, best = self.program(signs), Carried(-np.inf)
             for found in answers(signs, program):
                 if isinstance(found, str):
-                    if found == UNBOUNDED:
-                        return Carried(np.inf)
+                    if found == UNBOUNDED:  # from any state that keeps the limits; the load itself may have none
+                        return self._without_room(program, share)
                     continue
                 carried = self._held(program, found, share)
                 best = max(best, carried, key=lambda one: one.factor)
@@ -321,10 +321,13 @@ class StressProgram:
 
     def _without_room(self, program: ConicProgram, share: float) -> Carried:
         """The load itself, or more without end: the solver gives up where stresses grow along the tips of cones."""
-        modest = program.up_to(1.0)
-        answer = modest.solve()
-        carried = Carried(-np.inf) if isinstance(answer, str) else self._held(modest, answer.x, share)
-        return Carried(np.inf) if np.isfinite(carried.factor) and program.falls() else carried
+        modest, carried = program.up_to(1.0), Carried(-np.inf)
+        with suppress(SolveError):  # what is known is right without it
+            answer = modest.solve()
+            carried = carried if isinstance(answer, str) else self._held(modest, answer.x, share)
+            if np.isfinite(carried.factor) and program.falls():
+                return Carried(np.inf)
+        return carried
 
     def carried_by_contacts(self) -> Carried:
         """The largest factor where no body yields: max α  s.t.  G z ≤ h + α h',  A z = b + α b'.
@@ -367,6 +370,8 @@ class StressProgram:
         answer = solved(cost, A_ub=G, b_ub=h, bounds=free, **equations)
         if not answer.solved and answer.status not in (NO_LIMIT, INFEASIBLE, TIME_LIMIT):  # all but without a limit
             answer = solved(cost, A_ub=G, b_ub=h, bounds=[*free[:-1], (None, _MOST)], **equations)
+            if answer.solved and answer.x[-1] >= _MOST * (1.0 - CERTIFIED):
+                raise SolveError(f"limit load: {_MOST:g} times the loads are carried, and no limit was found beyond")
         if answer.status == NO_LIMIT:
             return Carried(np.inf)
         if answer.status == INFEASIBLE:  # the least t ≥ 0 with G x ≤ h + t says by how much

@@ -112,6 +112,17 @@ def test_a_column_without_tension_under_a_plate(crushing, cells):
     assert [limit.lower, limit.upper] == pytest.approx([exact, exact], rel=0.03)
 
 
+def test_what_does_not_carry_its_weight_carries_no_multiple_of_an_even_pressure():
+    """However much of it a metal carries by itself."""
+    even = [Traction("left", x=1.0, y=0.0), Traction("right", x=-1.0, y=0.0), Traction("top", x=0.0, y=-1.0)]
+    metal = Material(1.0, 0.2, plane="strain", strength=Mises(0.09))
+    mesh, loads = TriangleMesh.rectangle((3, 6), 1.0, 2.0), ["left", "right", "top"]
+    heavy = ContactProblem(mesh, metal, [Contact("bottom", 0.0), *even], lambda _, y: y)
+    assert limit_load_factor(heavy, ["body"], degree=3).upper < 0.1
+    assert limit_load_factor(heavy, loads, degree=3).lower == -np.inf
+    assert limit_load_factor(replace(heavy, body_potential=0.0), loads, degree=3).lower == np.inf
+
+
 def test_an_angle_of_friction_that_falls_to_zero_is_refused():
     """Between a part with friction and one without there is no bound of what flow dissipates."""
     strength = MohrCoulomb(1.0, lambda x, _: np.maximum(x - 0.5, 0.0))
