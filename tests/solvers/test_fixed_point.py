@@ -53,16 +53,6 @@ def test_anderson_where_plain_cycles(friction):
     assert accelerated.z == pytest.approx([slip, friction * slip], rel=1e-7)
 
 
-@pytest.mark.parametrize("variant", ["plain", "damped", "anderson"])
-@pytest.mark.parametrize("seed", range(1, 3))
-def test_variants_agree(variant, seed):
-    qvi = random_problem(seed)
-    reference = solve_qvi(qvi, inner=INNER, tolerance=1e-10)
-    solution = solve_qvi(qvi, inner=INNER, variant=variant)
-    assert solution.solved
-    assert solution.z == pytest.approx(reference.z, abs=1e-7)
-
-
 def test_history_and_record():
     seen = []
     solution = solve_qvi(random_problem(0), inner="qp:clarabel", callback=seen.append)
