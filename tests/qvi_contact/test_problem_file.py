@@ -184,8 +184,6 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
      ("[material]", "[constants]\nx = 1.0\n[material]", "constants.x", "means something already"),
      ("[material]", '[constants]\n"a b" = 1.0\n[material]', "constants.'a b'", "letters"),
      ("[material]", '[[edges]]\nname = "top"\nside = "top"\n[material]', "edges[0].name", "another name"),
-     ("[material]", '[[joints]]\nname = "j"\ndirection = "up"\nat = 0.0\n[material]', "joints[0].direction",
-      "horizontal"),
      ("young = 1000.0", "young = 1000.0\nbody_potential = 1.0", "material.body_potential", "top of the file"),
      ("young = 1000.0", "young = 1979-05-27", "material.young", "dates"),
      ("young = 1000.0", "young = 1e-70", "material.young", "at least 1e-60"),
