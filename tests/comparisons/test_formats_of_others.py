@@ -353,15 +353,6 @@ def test_what_cannot_be_carried_is_written(tmp_path):
     assert load_qvi(tmp_path / "a.npz")[1].status is Status.INFEASIBLE
 
 
-def test_laws_without_a_place_in_fclib(tmp_path, tiny):
-    """Cohesion: no FCLIB file, an archive yes."""
-    text = tiny.read_text(encoding="utf-8")
-    tiny.write_text(text.replace("friction = 0.2", "friction = 0.2\ncohesion = 0.1"), encoding="utf-8")
-    assert "cohesion" in refused_command("export", "fclib", tiny, tmp_path / "a.hdf5")
-    assert not (tmp_path / "a.hdf5").exists()
-    assert command("export", "npz", tiny, tmp_path / "a.npz")[0] == 0
-
-
 def test_wrong_files_and_places_are_one_line(tmp_path, tiny):
     assert ".hdf5" in refused_command("export", "fclib", tiny, tmp_path / "a.txt")
     assert ".npz" in refused_command("export", "npz", tiny, tmp_path / "a.hdf5")

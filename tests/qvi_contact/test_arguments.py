@@ -99,7 +99,7 @@ ENTRIES = {
 }
 WRONG = {
     "tolerance": "1e-8", "callback": 3, "factorisation": "pen and paper", "threads": 0, "max_iterations": 0,
-    "gap": 2.0, "colour": "red", "method": "guess", "inner": "guess",
+    "gap": 2.0, "colour": "red", "method": "guess", "inner": "guess", "time_limit": 0.0,
 }  # fmt: skip
 
 
@@ -182,6 +182,8 @@ def test_a_time_out_in_a_function_goes_on():
 @pytest.mark.parametrize(
     "use",
     [lambda: limit_load_factor(None, ["body"]), lambda: discretize(None), lambda: solve_history(PLATE),
+     lambda: solve(None), lambda: solve(PLATE, initial=np.ones(3)),
+     lambda: limit_load_factor(PLATE, ["body"], time_limit=np.nan),
      lambda: solve_history([PLATE]).slip("typo"), lambda: problem_to_toml(None),
      lambda: problem_to_toml(PLATE, title=None), lambda: problem_to_toml(PLATE, units="mm"),
      lambda: TriangleMesh.rectangle((2, 2), origin=("0", 0.0)), lambda: graded_lines(0.0, 1.0, 10**400),

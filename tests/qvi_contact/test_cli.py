@@ -282,10 +282,6 @@ def test_too_little_time_is_status_1_with_the_state_so_far(shell, plate, tmp_pat
     refused(shell("solve", plate), "solve.time_limit: -1.0")
 
 
-def test_a_missing_file_is_one_line(shell):
-    refused(shell("check", "missing.toml"), "file: 'missing.toml': cannot be read")
-
-
 def test_broken_files_end_in_one_helpful_line(shell, tmp_path):
     """Most of the generated files are broken; those that are not are solved, or not, and checked."""
     path, endings = tmp_path / "broken.toml", []

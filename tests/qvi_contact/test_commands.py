@@ -10,7 +10,6 @@ import pytest
 import tomli_w
 
 from qvi_contact import TriangleMesh, load_problem, refine, save_problem, solve
-from qvi_contact.bracket import document, lines
 from qvi_contact.export import write_npz
 from qvi_contact.files import Archive
 from qvi_contact.gallery import compressed_plate
@@ -106,13 +105,6 @@ class TestVerify:
         for tolerance in ("0", "2", "nan", "small"):
             status, out, err = shell("verify", folder / "plate.npz", "--tolerance", tolerance)
             assert (status, out, "tolerance" in err) == (2, "", True)
-
-    def test_a_tolerance_of_the_file_that_is_too_loose_is_status_1(self, shell, tmp_path):
-        """The certificate of the solve is not what decides: here the verification disagrees."""
-        path = plate_file(tmp_path, 0.2, solve={"tolerance": 1e-3})
-        assert shell("solve", path, "--npz", tmp_path / "a.npz")[0] == 0
-        status, out, _ = shell("verify", tmp_path / "a.npz")
-        assert (status, out.splitlines()[-1]) == (1, "not verified: tolerance")
 
 
 class TestHistory:
@@ -338,6 +330,7 @@ def test_guaranteed_example_with_all_files(shell, tmp_path):
     status, out, _ = shell("bracket", EXAMPLES / "stacked_blocks.toml", "--vtk", fields)
     assert status == 0
     assert "as friction alone holds a body" in out
+    assert ".normal_force between" in out
     assert b"displacement" in fields.read_bytes()
 
 
@@ -348,6 +341,9 @@ def test_one_json_document(shell, tmp_path):
     assert found["bracket"]["coulomb"]["kind"] == "guaranteed"
     assert 0.0 < found["bracket"]["coulomb"]["solutions_apart"] < 0.5
     assert found["bracket"]["companion"]["degree"] == 3
+    force = found["bracket"]["forces"]["plate.normal_force"]
+    assert (force["lower"] < force["upper"], force["unit"]) == (True, "MPa mm")
+    assert sum(part["value"] for part in found["bracket"]["gap"].values()) > 0.0
     assert found["status"] == "solved"
 
 
@@ -358,15 +354,3 @@ def test_one_json_document(shell, tmp_path):
 )  # fmt: skip
 def test_refusals(shell, words, field):
     refused(shell("bracket", EXAMPLES / words[0], *words[1:]), field)
-
-
-class TestDocument:
-    """What is said about one bracket."""
-
-    def test_forces_and_parts(self):
-        found = solve(compressed_plate(0.5, (4, 4))).bracket
-        told = document(found, Units(length="mm", stress="MPa"))
-        force = found.forces["plate.normal_force"]
-        assert told["forces"]["plate.normal_force"] == {"lower": force.lower, "upper": force.upper, "unit": "MPa mm"}
-        assert sum(part["value"] for part in told["gap"].values()) == pytest.approx(found.gap, rel=1e-6)
-        assert any("plate.normal_force between" in line for line in lines(found))

@@ -23,6 +23,7 @@ from qvi_contact.verification import (
 )
 from solvers import Certificate, Status
 from solvers.certificate import EXPONENTS
+from tests.qvi_contact.test_plots import lifted
 from tests.test_examples import example
 
 UNITS = Units("mm", "MPa")
@@ -55,13 +56,9 @@ def notched():
     return result
 
 
-@pytest.fixture(scope="module")
-def lifted():
-    """A block pulled off the ground."""
-    mesh = TriangleMesh.rectangle((2, 2))
-    conditions = [Contact("bottom", friction=0.3), Traction("top", x=0.0, y=1.0)]
-    conditions += [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
-    result = solve(ContactProblem(mesh, Material(1000.0, 0.3), conditions))
+@pytest.fixture(scope="module", name="lifted")
+def _lifted():
+    result = solve(lifted())
     assert result.status is Status.INFEASIBLE
     return result
 

@@ -28,10 +28,8 @@ def squeezed(mesh, joints=(), material=STEEL, regions=()):
 JOINTS = {
     "horizontal": [("a", "horizontal", 0.4)],
     "vertical": [("a", "vertical", 0.8)],
-    "parallel": [("a", "horizontal", 0.4), ("b", "horizontal", 0.7)],
     "ending inside": [("a", "horizontal", 0.4, 0.3, 1.5)],
     "crossing": [("a", "horizontal", 0.4), ("b", "vertical", 0.8)],
-    "meeting": [("a", "horizontal", 0.4), ("b", "vertical", 0.8, 0.4, 1.0)],
     "wall": [
         ("a", "horizontal", 0.4), ("b", "horizontal", 0.7), ("c", "vertical", 0.8, 0.0, 0.4),
         ("d", "vertical", 1.5, 0.4, 0.7), ("e", "vertical", 0.3, 0.7, 1.0),

@@ -87,15 +87,6 @@ def test_units_do_not_matter(unit):
     assert not limit_load_factor(heavy, ["top"]).collapse.guaranteed
 
 
-def test_a_column_under_its_own_weight():
-    """At its foot it carries 2c = γ h."""
-    free = [Traction(side, x=0, y=0) for side in ("top", "right")]
-    conditions = [*free, Symmetry("left"), Symmetry("bottom")]
-    column = ContactProblem(TriangleMesh.rectangle((1, 1)), Material(10.0, 0.3, "stress", Tresca(3.0)), conditions,
-                            body_potential=lambda _, y: 2.0 * y)  # fmt: skip
-    assert limit_load_factor(column, ["body"], degree=3).lower == pytest.approx(3.0, rel=1e-6)
-
-
 @pytest.mark.parametrize(("crushing", "cells"), [(3.0, 4), (None, 2)])
 def test_a_column_without_tension_under_a_plate(crushing, cells):
     """Stresses are vertical everywhere, at the tips of their cones. Without a limit of crushing nothing gives way.

@@ -332,11 +332,6 @@ class TestWideClearances:
         assert again.status is Status.SOLVED
         assert self.said(again) == 0
 
-    def test_what_is_solved_gets_no_such_remark(self):
-        result = self.pushed(1e-5)
-        assert result.status is Status.SOLVED
-        assert self.said(result) == 0
-
 
 def bearing(moment):
     """A pin on an arc of ±60°, pressed down by 0.01 and twisted by a moment in units of that."""

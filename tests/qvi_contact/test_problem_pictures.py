@@ -4,7 +4,6 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
@@ -157,18 +156,6 @@ def test_the_legend_names_everything():
     places = {text.get_text(): text.get_position() for text in axes.texts}
     assert {"ground", "press", "bed"} <= places.keys()
     assert places["1"][1] < 1.0 < places["2"][1]  # numbers of materials stand in them
-
-
-def test_lines_between_triangles_are_thinner_the_smaller_these_are():
-    """In proportion to the triangles' sides on the page, unless that would be nothing to be seen."""
-    widths = []
-    for cells in (3, 6, 15):
-        mesh, axes = TriangleMesh.rectangle((cells, cells)), Figure(figsize=(0.3, 0.3)).subplots()
-        draw_problem(axes, ContactProblem(mesh, Material(1e3, 0.3), [Traction(n, 0, 0) for n in mesh.edge_names]))
-        lines = [found for found in axes.collections if isinstance(found, LineCollection)]
-        (grid,) = (found for found in lines if len(found.get_segments()) == len(mesh.interior))
-        widths.append(grid.get_linewidth()[0])
-    assert widths[0] > widths[1] > widths[2] >= 0.1
 
 
 def test_the_obstacle_follows_the_gap():

@@ -217,16 +217,6 @@ class TestWrong:
 class TestOutcome:
     """What a verification tells."""
 
-    def test_table_and_document(self, plate):
-        found = verify_result(plate)
-        lines = found.table().splitlines()
-        assert lines[-1] == found.summary()
-        assert lines[-1].startswith(f"verified: {len(found.rows)} checks passed at 1e-08")
-        document = json.loads(json.dumps(found.document(), allow_nan=False))
-        assert (document["passed"], document["status"]) == (True, "solved")
-        assert [check["name"] for check in document["checks"]] == [row.name for row in found.rows]
-        assert all(check["meaning"] for check in document["checks"])
-
     def test_infinite_values_are_none_in_the_document(self, plate):
         missing = changed(plate, z=np.full_like(plate.solution.z, np.nan))
         document = json.loads(json.dumps(verify_result(missing).document(), allow_nan=False))

@@ -103,14 +103,6 @@ def test_a_factorisation_of_another_matrix_hides_no_error():
     assert found.measures["stationarity"] == pytest.approx(1e-3 * np.sqrt(1.2) / np.sqrt(2.0 * qvi.state(wrong)[0]))
 
 
-def test_friction_bound_of_another_pressure_fails():
-    """Solving the inner problem for the first bound is not solving the QVI."""
-    qvi = one_contact(0.5, (-1.0, -3.0))
-    first = solve_qvi(qvi, inner="direct:clarabel", max_iterations=1, initial=[1.0])
-    assert not first.solved
-    assert first.certificate.worst in ("friction", "energy_gap", "complementarity_tangential")
-
-
 @pytest.mark.parametrize(("stress", "length"), [(1e6, 1.0), (1e-6, 1e3), (1.0, 1e-5)])
 def test_measures_do_not_depend_on_units(stress, length):
     """N, n0, T, t0 scale with stress, W with length, the energy with both."""

@@ -53,16 +53,6 @@ def test_anderson_where_plain_cycles(friction):
     assert accelerated.z == pytest.approx([slip, friction * slip], rel=1e-7)
 
 
-@pytest.mark.parametrize("variant", ["plain", "damped", "anderson"])
-@pytest.mark.parametrize("seed", range(1, 3))
-def test_variants_agree(variant, seed):
-    qvi = random_problem(seed)
-    reference = solve_qvi(qvi, inner=INNER, tolerance=1e-10)
-    solution = solve_qvi(qvi, inner=INNER, variant=variant)
-    assert solution.solved
-    assert solution.z == pytest.approx(reference.z, abs=1e-7)
-
-
 def test_history_and_record():
     seen = []
     solution = solve_qvi(random_problem(0), inner="qp:clarabel", callback=seen.append)
@@ -269,15 +259,6 @@ def test_first_iterations_by_hand():
         assert solve_qvi(two_contacts(), method="uzawa", iterations=k, omega_T=0.1).z[3] == pytest.approx(sigma)
 
 
-def test_exactly_as_many_iterations_as_asked_for():
-    solution = solve_qvi(random_problem(0), method="uzawa", iterations=30)
-    assert solution.status is Status.MAX_ITERATIONS
-    assert solution.iterations == len(solution.history) == 30
-    last = solution.history[-1]
-    assert last.energy == pytest.approx(solution.problem.energy(solution.z))
-    assert last.normal_resultant == pytest.approx(solution.problem.resultant(solution.z))
-
-
 def test_frictionless_cycles_unless_the_step_shrinks():
     qvi = one_contact(0.0, (-1.0, -3.0))
     cycling = solve_qvi(qvi, method="uzawa", omega_T=0.07)
@@ -295,6 +276,7 @@ def test_long_history_is_thinned_out():
     assert numbers[:1000] == list(range(1, 1001))
     assert numbers[-1] == 4_005
     assert len(numbers) < 2100
+    assert solution.history[-1].energy == pytest.approx(qvi.energy(solution.z))
 
 
 def test_uzawa_with_equations_and_with_more_points_than_a_dense_compliance_is_kept_for():

@@ -265,13 +265,6 @@ def slipping(offset, law="unilateral", cap=None):
     return ContactProblem(mesh, Material(1e3, 0.3), [plate, Displacement("bottom", x=0.0, y=0.0), *free])
 
 
-def opening(indentation):
-    """A round punch pressed in: the contact grows with the load."""
-    shape = slipping(0.0)
-    punch = Contact("top", 0.3, lambda x, y: 0.02 * (x - 1.0) ** 2 - indentation + 0.0 * y, name="plate")
-    return ContactProblem(shape.mesh, shape.material, [punch, *shape.conditions[1:]])
-
-
 SEQUENCES = {
     "slip grows": [slipping(w) for w in (0.004, 0.0044)],
     "slip turns back": [slipping(w) for w in (0.009, 0.0085)],
@@ -294,13 +287,6 @@ def test_a_neighbour_saves_iterations_and_changes_no_answer(problems, method):
     assert warm.problem.resultant(warm.z) == pytest.approx(cold.problem.resultant(cold.z), rel=1e-9)
     size = np.abs(cold.problem.normal(cold.z)).max()
     assert warm.problem.normal(warm.z) == pytest.approx(cold.problem.normal(cold.z), abs=1e-5 * size)
-
-
-def test_a_contact_that_grows_costs_two_iterations_more_at_most():
-    results = [solve_qvi(discretize(opening(depth)).qvi, "condensed") for depth in (0.002, 0.012)]
-    warm = solve_qvi(results[1].problem, "condensed", initial=results[0])
-    assert warm.status is Status.SOLVED
-    assert warm.iterations <= results[1].iterations + 2
 
 
 def test_the_point_has_the_products_of_the_path_and_the_differences_of_the_state():
