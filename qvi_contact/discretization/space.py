@@ -38,7 +38,7 @@ from qvi_contact.element import legendre
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, hsieh_clough_tocher
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.triangle import EDGES, AffineTriangles, quadrature, triangle_lattice
-from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.edges import TURNED, Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 from solvers.basics.types import PicklesFields
 
@@ -48,7 +48,6 @@ FAMILY: Final = "Hsieh-Clough-Tocher"
 _INWARD: Final = 1e-9  # how far points of a part that is drawn lie inside it, as a share of its size
 _ARCS, _STRAIGHT = 6, -4  # degree of quadrature beyond twice that of Φ where triangles have arcs, and where not
 _THREE: Final = np.arange(3)
-_TURNED: Final = np.array([-1.0, 1.0])  # factors of (t_y, t_x)
 _AFFINE: Final = 3  # degrees of freedom of the first corner of a triangle, which an affine function is made of
 _CORNERS: Final = 6  # differences in the other two corners
 
@@ -465,5 +464,5 @@ def split_points(degree: int) -> tuple[FloatArray, FloatArray]:
 
 def frame(edges: Edges) -> tuple[FloatArray, FloatArray]:
     """The normal m = (−t_y, t_x) left of the tangents of edges (n, 2), and −n·m (n,), the factor of Φ_tm in σ_T."""
-    m = edges.tangent[:, ::-1] * _TURNED
+    m = edges.tangent[:, ::-1] * TURNED
     return m, -np.sign((edges.normal * m).sum(axis=1))

@@ -294,7 +294,7 @@ def _arc(first: FloatArray, second: FloatArray, bend: FloatArray, t: FloatArray)
 
 # edges with their normals and cells
 
-_TURNED: Final = np.array([-1.0, 1.0])  # factors of (t_y, t_x) that turn a vector by 90°
+TURNED: Final = np.array([-1.0, 1.0])  # factors of (t_y, t_x) that turn a vector by 90°
 _UPRIGHT: Final = 1e-9  # x over the length of a vector that is vertical but for rounding
 
 
@@ -354,7 +354,7 @@ def outward_normals(vertices: FloatArray, cells: IntArray, topology: Topology, e
     """Unit normals of edges that point out of the first triangle at each, shape (k, 2)."""
     first, second = vertices[topology.ends[edges]].swapaxes(0, 1)
     along = second - first
-    normal = along[:, ::-1] * _TURNED / np.hypot(*along.T)[:, None]
+    normal = along[:, ::-1] * TURNED / np.hypot(*along.T)[:, None]
     inner = vertices[cells[topology.cells[edges, 0]]].mean(axis=1)
     inward = ((inner - first) * normal).sum(axis=1) > 0.0
     return np.asarray(np.where(inward[:, None], -normal, normal))
