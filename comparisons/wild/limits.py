@@ -168,7 +168,7 @@ def report(rows: Sequence[Row]) -> Report:
     missing = sides.melt(["held"], ["lower", "upper"], "side", "told").replace("", None)
     missing = missing.assign(told=missing.told.str.replace(r"(?<=triangle )\d+", "…", regex=True))  # one row a reason
     nothing = solved.groupby("nothing").agg(runs=("held", "size"), tension=("tension", "sum")).reset_index()
-    missing = missing.value_counts(["side", "told"], sort=False).reset_index(name="runs")
+    missing = missing.groupby(["side", "told"]).size().reset_index(name="runs")
     tables = {
         "strengths": strengths, "nothing": nothing, "missing": missing,
         "others": runs[runs.status != "solved"],
