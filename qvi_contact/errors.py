@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 try:
-    from solvers.errors import InputError, QVIError, SolveError, SolverUnavailableError, UnknownNameError, closest
+    from solvers.errors import InputError, QVIError, SolveError, SolverUnavailableError, UnknownNameError, nearest_first
 except ImportError as error:
     _taken = getattr(sys.modules.get("solvers"), "__file__", None)
     if _taken is None:
@@ -49,6 +49,5 @@ def refuse_retired(name: str) -> None:
 def refuse_arguments(given: Mapping[str, Any], known: Sequence[str]) -> None:
     """`InputError` with what to do instead for an argument that was retired, or is none of those known."""
     for name, value in given.items():
-        near, listed = closest(name, known), f"the options here are {', '.join(known)}"
-        remedy = listed if near is None else f"did you mean {near!r}? Otherwise: {listed}"
+        remedy = nearest_first(name, known, f"the options here are {', '.join(known)}")
         raise InputError(name, value, RETIRED.get(name, remedy))

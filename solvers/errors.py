@@ -93,6 +93,12 @@ def closest(word: object, words: Iterable[str]) -> str | None:
     return lowered[found[0]] if found else None
 
 
+def nearest_first(name: object, known: Iterable[str], remedy: str) -> str:
+    """A remedy for an unknown name, behind the one of those known that is most like it."""
+    near = closest(name, known)
+    return remedy if near is None else f"did you mean {near!r}? Otherwise: {remedy}"
+
+
 def known_name(field: str, name: object, known: Mapping[str, Iterable[str]], otherwise: str = "") -> str:
     """The name if it is one of those known; else `UnknownNameError`, which lists all of them, the closest one first.
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final, Self, TypeVar
 
-from solvers.errors import InputError, SolverUnavailableError, closest
+from solvers.errors import InputError, SolverUnavailableError, nearest_first
 
 METHODS: Final = ("condensed", "fixed-point", "pivoting", "uzawa")
 
@@ -274,9 +274,9 @@ class Settings:
         names = list(kind.__dataclass_fields__)
         for name, value in given.items():
             if name not in names:
-                near = closest(name, [*names, *self.__dataclass_fields__.keys() - {name}])
                 listed = f"method {self.chosen!r} has the options {', '.join(names)}"
-                raise InputError(name, value, listed if near is None else f"did you mean {near!r}? Otherwise: {listed}")
+                known = [*names, *self.__dataclass_fields__.keys() - {name}]
+                raise InputError(name, value, nearest_first(name, known, listed))
         kind(**given)
 
     @classmethod

@@ -26,7 +26,7 @@ from scipy.sparse.linalg import splu
 
 from qvi_contact import Contact, ContactProblem, Displacement, Symmetry, Traction, TriangleMesh
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
-from qvi_contact.mesh.edges import linked
+from solvers.basics.linked import linked
 
 ng: Any = import_module("ngsolve")  # it has no types
 

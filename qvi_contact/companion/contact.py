@@ -52,12 +52,13 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import Edges, centre_of, frames_along, linked
+from qvi_contact.mesh.edges import Edges, centre_of, frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, RigidPlate
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem
 from solvers import FrictionQVI, QVISolution
+from solvers.basics.linked import linked
 
 _DEPENDENT = 1e-9  # length of an equality row, relative, left after those before it, that counts as nothing
 _BALANCED = 1e-9

@@ -30,9 +30,10 @@ from scipy import sparse
 from qvi_contact.basics.checks import FloatArray, IntArray, whole_number
 from qvi_contact.element.legendre import from_values, gauss_legendre
 from qvi_contact.element.triangle import EDGES, bernstein, exponents, gradient, quadrature
-from qvi_contact.mesh.edges import Edges, arc_offsets, linked
+from qvi_contact.mesh.edges import Edges, arc_offsets
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
+from solvers.basics.linked import linked
 
 _SLOPES: Final = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])  # of λ
 

@@ -35,8 +35,9 @@ from scipy.sparse import csgraph
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.element.triangle import EDGES
-from qvi_contact.mesh.edges import Edges, cross, linked
+from qvi_contact.mesh.edges import Edges, cross
 from qvi_contact.mesh.triangles import TriangleMesh
+from solvers.basics.linked import linked
 
 _FAR: Final = 500.5  # distance to the centre over size of cells that is allowed: its square times ε is lost
 _ALIKE: Final = 1.47  # ratio that counts as none when a centre is chosen

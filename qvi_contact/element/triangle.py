@@ -22,9 +22,7 @@ CORNERS: Final[FloatArray] = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(0.7
 """Corners of the reference triangle: equilateral, so that no corner and no direction is preferred."""
 CORNERS.flags.writeable = False
 _TO_UNIT: Final[FloatArray] = np.linalg.inv(CORNERS[1:] - CORNERS[0])  # from its edges to (1, 0) and (0, 1)
-_TWICE: Final[FloatArray] = np.array(
-    [1.0, 1.0, 2.0, 1.0, 1.0, 2.0, 1.0, 1.0, 1.0]
-)  # see `AffineTriangles.hessian_maps`
+_TWICE: Final[FloatArray] = np.array([1.0, 1.0, 2.0, 1.0, 1.0, 2.0, 1.0, 1.0, 1.0])  # of products of slopes
 _SIGNS: Final[FloatArray] = np.array([[1.0], [1.0], [-1.0]])  # of stresses in second derivatives
 
 EDGES: Final = ((1, 2), (0, 2), (0, 1))

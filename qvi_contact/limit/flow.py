@@ -36,10 +36,11 @@ from qvi_contact.limit.split import Nodes, coefficients_of, nodes_along, numbere
 from qvi_contact.limit.stresses import ALONG, Carried, YieldCones, limited
 from qvi_contact.mechanism import RigidMotion
 from qvi_contact.mechanism.bodies import FLUID
-from qvi_contact.mesh.edges import Edges, linked
+from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import DRIVES, SHEAR_LAW, Contact, Displacement, Traction, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
+from solvers.basics.linked import linked
 
 
 @dataclass(frozen=True, eq=False)

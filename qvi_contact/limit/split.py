@@ -23,9 +23,10 @@ from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.element.triangle import EDGES, bernstein, exponents
 from qvi_contact.limit.check_proof import cross, less
 from qvi_contact.mechanism.bodies import whole_edges
-from qvi_contact.mesh.edges import Edges, linked
+from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
+from solvers.basics.linked import linked
 
 SAMPLES = 6
 """Degree of the lattice at which fields are looked at."""

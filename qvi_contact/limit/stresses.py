@@ -299,7 +299,7 @@ class StressProgram:
             for found in answers(signs, program):
                 if isinstance(found, str):
                     if found == UNBOUNDED:  # from any state that keeps the limits; the load itself may have none
-                        return self._without_room(program, share)
+                        return self._without_room(program, share, grows=True)
                     continue
                 carried = self._held(program, found, share)
                 best = max(best, carried, key=lambda one: one.factor)
@@ -319,13 +319,13 @@ class StressProgram:
         stress = (S @ x + s).reshape(-1, 3, self.cones.count, 3)
         return Carried(float(x[-1]), violation, N @ x + n, unknowns=x, stress=stress)
 
-    def _without_room(self, program: ConicProgram, share: float) -> Carried:
+    def _without_room(self, program: ConicProgram, share: float, *, grows: bool = False) -> Carried:
         """The load itself, or more without end: the solver gives up where stresses grow along the tips of cones."""
         modest, carried = program.up_to(1.0), Carried(-np.inf)
         with suppress(SolveError):  # what is known is right without it
             answer = modest.solve()
             carried = carried if isinstance(answer, str) else self._held(modest, answer.x, share)
-            if np.isfinite(carried.factor) and program.falls():
+            if np.isfinite(carried.factor) and (grows or program.falls()):
                 return Carried(np.inf)
         return carried
 

@@ -36,10 +36,11 @@ import numpy as np
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
 from qvi_contact.element import bernstein
 from qvi_contact.element.quadrature import adapted, constant
-from qvi_contact.mesh.edges import Edges, angles, frames_along, linked, points_along, vectors_along
+from qvi_contact.mesh.edges import Edges, angles, frames_along, points_along, vectors_along
 from qvi_contact.problem.conditions import LOCAL, Contact, Traction, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
+from solvers.basics.linked import linked
 
 BODY = "body"
 """What the body force is called among the loads; of several, all of them together."""

@@ -86,19 +86,6 @@ class Topology:
         return np.where(self.keys[at] == wanted, at, -1)
 
 
-def linked(first: IntArray, second: IntArray, count: int) -> IntArray:
-    """Numbers (count,) of the sets into which pairs join so many things, sets in the order of their first things."""
-    least = np.arange(count)  # the lowest thing that each is known to be joined to
-    while True:
-        pairs = np.sort(least[np.stack([first.ravel(), second.ravel()])], axis=0)
-        low, high = pairs[:, pairs[0] < pairs[1]]
-        if not len(low):
-            return np.unique(least, return_inverse=True)[1] if least.any() else least
-        np.minimum.at(least, high, low)
-        while (least[least] < least).any():
-            least = least[least]
-
-
 def chains(ends: IntArray) -> list[IntArray]:
     """Edges ordered along the lines they make up, each line as indices into `ends` (k, 2), their vertices.
 

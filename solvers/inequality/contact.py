@@ -12,6 +12,7 @@ from scipy.linalg import eigh
 from scipy.linalg.lapack import dpotrf, dpotrs
 from scipy.sparse import csc_array, csr_array, eye_array
 
+from solvers.basics.linked import lowest_linked
 from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, Vector
 from solvers.errors import InputError
 from solvers.factorisation import Factorisation, FactorisationError
@@ -89,25 +90,9 @@ class ContactMatrices(PicklesFields):
 
     @cached_property
     def contacts(self) -> IntVector:
-        """(m,) a number for each contact: points hang together through the unknowns that their tractions feel."""
-        if isinstance(self.rows, np.ndarray):
-            felt = (self.rows[: len(self.W)] != 0.0) | (self.rows[len(self.W) :] != 0.0)
-            linked, number = felt @ felt.T, np.arange(len(felt))
-            while True:  # every point takes the smallest number beside it, until none changes
-                least = np.where(linked, number, len(felt)).min(axis=1, initial=len(felt))
-                least = np.minimum(least, number)
-                if (least == number).all():
-                    return number
-                number = least
-        from scipy.sparse.csgraph import connected_components  # what only solves need is not loaded at the start
-
-        rows, (m, n) = self.rows, self.N.shape
-        if not rows.data.all():
-            rows = rows.copy()
-            rows.eliminate_zeros()
-        starts = np.concatenate([np.zeros(m, dtype=rows.indptr.dtype), rows.indptr])
-        graph = csr_array((np.ones(rows.nnz), rows.indices % m, starts), shape=(m + n, m + n))  # points, unknowns
-        return np.asarray(connected_components(graph, directed=False)[1][:m], dtype=np.int64)
+        """(m,) the first point of each one's contact, which hangs together by unknowns that tractions feel."""
+        (row, unknown), (m, n) = self.rows.nonzero(), self.N.shape
+        return lowest_linked(row % m, m + unknown, m + n)[:m]
 
     @cached_property
     def factor(self) -> TractionFactor:
