@@ -176,13 +176,13 @@ class Pardiso(Factorisation):
             detail = f"an eigenvalue of the interior, scaled to unit diagonal, is {1.0 / energy:.1e}"
             raise FactorisationError("singular", self.backend, detail)
 
-    def _forward(self, right: Matrix) -> State:
+    def _forward(self, right: Vector | Matrix) -> State:
         return self._phase(FORWARD, right)
 
-    def _backward(self, state: State, values: Matrix) -> Matrix:
+    def _backward(self, state: State, values: Vector | Matrix) -> Vector | Matrix:
         return self._phase(BACKWARD, self._with_values(state, values))
 
-    def _phase(self, phase: int, b: Matrix) -> Matrix:
+    def _phase(self, phase: int, b: Vector | Matrix) -> Vector | Matrix:
         b = np.asfortranarray(b)
         x = np.zeros(b.shape, order="F")
         if b.size:
@@ -250,12 +250,12 @@ class _Handle:
         self._arguments = (handle, maxfct, mnum, mtype, phase, n, *matrix, nrhs, parameters, msglvl)
         weakref.finalize(owner, self.release).atexit = False
 
-    def call(self, phase: int, b: Matrix | None = None, x: Matrix | None = None) -> None:
+    def call(self, phase: int, b: Vector | Matrix | None = None, x: Matrix | None = None) -> None:
         """One call of `pardiso`; `FactorisationError` for its error codes."""
         right, left = (self._nothing if array is None else _address(array) for array in (b, x))
         with foreign_code(), _ONE_AT_A_TIME:
             threads = self._mkl.MKL_Set_Num_Threads_Local(self._threads)  # of this Python thread
-            self._integers[[_PHASE, _COLUMNS, _ERROR]] = phase, 1 if b is None else b.shape[1], 0
+            self._integers[[_PHASE, _COLUMNS, _ERROR]] = phase, 1 if b is None or b.ndim == 1 else b.shape[1], 0
             self._pardiso(*self._arguments, right, left, self._error)
             self._mkl.MKL_Set_Num_Threads_Local(threads)
             code = int(self._integers[_ERROR])
