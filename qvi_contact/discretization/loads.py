@@ -213,7 +213,7 @@ class ContactRows:
     reach: float  # an obstacle that is farther counts as that far, see `Scales`
     slip: FloatArray  # (m,): slip in earlier load steps at the points, dimensionless, by which w has grown
 
-    @property
+    @cached_property
     def beyond(self) -> FloatArray:
         """By how much the obstacle stands beyond reach (m,), dimensionless: 0 where it does not, or is held."""
         return np.where(self.bilateral, 0.0, np.maximum(self.gap - self.reach, 0.0))
@@ -223,7 +223,7 @@ class ContactRows:
         """Its edges among those of all contacts that have rows; none for a tied contact."""
         return slice(self.rows.start // self.points.count, self.rows.stop // self.points.count)
 
-    @property
+    @cached_property
     def bilateral(self) -> BoolArray:
         """Whether σ_N may have either sign, at each point."""
         return np.full(len(self.gap), self.law != "unilateral")

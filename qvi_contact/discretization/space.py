@@ -115,7 +115,7 @@ class Functionals(NamedTuple):
 
     def take(self, index: IntArray) -> Functionals:
         """Those of some of the groups."""
-        return Functionals(self.columns[index], self.values[index], self.size)
+        return Functionals(self.columns.take(index, axis=0), self.values.take(index, axis=0), self.size)
 
     def apply(self, u: FloatArray) -> FloatArray:
         """Their values (n, r) of degrees of freedom u (N,)."""
@@ -226,7 +226,7 @@ class StressSpace(PicklesFields):
     @cached_property
     def triangles(self) -> AffineTriangles:
         """The triangles, dimensionless."""
-        return AffineTriangles(self.vertices[self.mesh.cells])
+        return AffineTriangles(self.vertices.take(self.mesh.cells, axis=0))
 
     @cached_property
     def curved(self) -> CurvedTriangles:
@@ -240,7 +240,7 @@ class StressSpace(PicklesFields):
         cells, edges, on_edge = self.mesh.cells, self.mesh.topology.of_cells, self.element.on_edge
         at_vertices = (3 * cells[:, :, None] + np.arange(3)).reshape(len(cells), 9)
         on_edges = (3 * len(self.vertices) + on_edge * edges[:, :, None] + np.arange(on_edge)).reshape(len(cells), -1)
-        return np.hstack([at_vertices, on_edges])
+        return np.concatenate([at_vertices, on_edges], axis=1)
 
     @cached_property
     def differences(self) -> Differences:
@@ -270,7 +270,7 @@ class StressSpace(PicklesFields):
         """Φ, its slopes, N_k, Q_k, a_k or b_k over the degree of freedom that stands for it, shape (N,)."""
         found, frames, vertices = np.ones(self.size), self.frames, 3 * len(self.sizes)
         found[:vertices:3] = np.where(frames.is_centre, 1.0, self.sizes)
-        first, second = self.vertices[self.mesh.topology.ends].swapaxes(0, 1)
+        first, second = self.vertices.take(self.mesh.topology.ends, axis=0).swapaxes(0, 1)
         found[vertices : frames.start] = np.repeat(1.0 / np.hypot(*(second - first).T), self.element.on_edge)
         found[frames.start :: 3] = frames.holes / self.mesh.length
         return found
@@ -287,7 +287,7 @@ class StressSpace(PicklesFields):
         """
         if edges not in self._traces:
             if (edges.cells[:, 1] < 0).all():
-                at = np.searchsorted(self.mesh.topology.outer, edges.number)
+                at = self.mesh.topology.outer.searchsorted(edges.number)
                 self._traces[edges] = self._traces_on_boundary.take(at)
             else:
                 self._traces[edges] = self._traces_of(edges)
@@ -339,7 +339,7 @@ class StressSpace(PicklesFields):
         own = 3 * len(self.vertices) + self.element.on_edge * edges.number[:, None]
         ends = [3 * ends[:, None] + _THREE for ends in (edges.first, edges.second)]
         sign = np.where(edges.first < edges.second, 1.0, -1.0)
-        return np.hstack([*ends, own + np.arange(self.element.on_edge)]), sign
+        return np.concatenate([*ends, own + np.arange(self.element.on_edge)], axis=1), sign
 
     def _scaled(self, edges: Edges, columns: IntArray, values: FloatArray) -> Functionals:
         """Functionals on values of Φ, its slopes and N_k, Q_k as such on degrees of freedom."""
@@ -385,7 +385,7 @@ class StressSpace(PicklesFields):
     def traction_load(self, normal: FloatArray, shear: FloatArray, edges: Edges, t: FloatArray) -> FloatArray:
         """Σ normal σ_N + shear σ_T over the same points, a vector over all u (N,): `tractions` transposed."""
         values = legendre.basis_at(self.traction_degree, tuple(t))
-        weights = np.stack([normal, shear]).reshape(2, len(edges), -1) @ values
+        weights = np.array([normal, shear]).reshape(2, len(edges), -1) @ values
         return self.traces(edges).adjoint(weights.swapaxes(0, 1).reshape(len(edges), -1))
 
     def trace_rows(self, edges: Sequence[Edges], t: FloatArray) -> Functionals:
@@ -395,7 +395,7 @@ class StressSpace(PicklesFields):
         values, parts = legendre.basis_at(self.traction_degree, tuple(t)), [self.traces(part) for part in edges]
         halves = slice(self.degree - 1), slice(self.degree - 1, None)
         found = np.concatenate([values @ part.values[:, half] for half in halves for part in parts])
-        return Functionals(np.tile(np.concatenate([part.columns for part in parts]), (2, 1)), found, self.size)
+        return Functionals(np.concatenate([part.columns for part in parts] * 2), found, self.size)
 
     def points(self, cells: IntArray, t: FloatArray) -> FloatArray:
         """Dimensionless coordinates (k, q, 2) of reference points t, (q, 3) or (k, q, 3), in the triangles (k,)."""

@@ -197,14 +197,14 @@ class Supports(PicklesFields):
             last = frames.across(_edges_of(space, numbers))
         place[~last], age = walk(lines[~last], seeds, len(space.vertices))
         age[frames.centres] = 0  # which are solved for where nothing else is left
-        return np.argsort(place[np.searchsorted(numbers, number)], kind="stable"), age, gauge
+        return place[numbers.searchsorted(number)].argsort(kind="stable"), age, gauge
 
     @cached_property
     def elimination(self) -> Elimination:
         """The rows, solved."""
         space, (order, age, gauge) = self.space, self._walk
         C, width = self._conditions.C.take(order), self._conditions.C.columns.shape[1]
-        at_gauge = np.broadcast_to(3 * gauge + np.arange(width), (3, width))
+        at_gauge = np.array([3 * gauge + np.arange(width)] * 3)
         values = np.concatenate([np.eye(3, width)[:, None], C.values])
         C = Functionals(np.concatenate([at_gauge, C.columns]), values, space.size)
         on_edges = np.repeat(age[space.mesh.topology.ends].max(axis=1), space.element.on_edge)
@@ -214,7 +214,7 @@ class Supports(PicklesFields):
 
 def _edges_of(space: StressSpace, numbers: IntArray) -> Edges:
     """Edges of the boundary by their numbers in `mesh.topology`."""
-    return space.mesh.boundary.take(np.searchsorted(space.mesh.topology.outer, numbers))
+    return space.mesh.boundary.take(space.mesh.topology.outer.searchsorted(numbers))
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,6 +33,8 @@ LOWEST, HIGHEST = 3, 12
 
 #: Pairs of components of the Hessian (xx, yy, xy) whose products make up an energy.
 _PAIRS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+_OF_PAIRS: Final = np.array([3 * a + b for a, b in _PAIRS])
+_FIRST, _SECOND = np.transpose(EDGES)  # corners at the ends of each edge
 _FROBENIUS: Final = np.array([1.0, 1.0, 2.0])  # |∇∇Φ|² = Φ_xx² + Φ_yy² + 2 Φ_xy²
 _NEARLY: Final = 1e-4  # of c_11: a resistance to pressure below which Cholesky's root of an energy loses digits
 _LONG: Final = 10.0  # longest side over height: beyond, energies, unlike stresses, lose too many digits
@@ -162,8 +164,8 @@ class HsiehCloughTocher:
         """∫ c σ:τ of the reference functions `interior_first` on n triangles, exactly, (n, …, …), with c (n, 3, 3)."""
         maps, count = triangles.stress_maps, len(self.interior_first)
         weights = triangles.scales[:, None, None] * (maps.swapaxes(1, 2) @ compliances @ maps)
-        a, b = np.transpose(_PAIRS)
-        return np.asarray(weights[:, a, b] @ self._energies).reshape(-1, count, count)
+        own = weights.reshape(-1, 9).take(_OF_PAIRS, axis=1)
+        return np.asarray(own @ self._energies).reshape(-1, count, count)
 
     def energy_rows(self, triangles: AffineTriangles, compliances: FloatArray) -> FloatArray:
         """Rows S (n, 3 q, dimension), SᵀS = `energies`, stresses at q points: what small energies are not lost in."""
@@ -193,7 +195,7 @@ class HsiehCloughTocher:
         Φ_ξ = Jᵀ ∇Φ in corners. On an edge Φ_ee = h² Φ_tt and Φ_em = h (α Φ_tn + β Φ_tt) with the median's vector
         m = α n + β t, where the coefficient N₁ of Φ_tt follows from the corners.
         """
-        n, (a, b) = len(triangles), (triangles.corners[:, ends] for ends in np.transpose(EDGES))
+        n, a, b = len(triangles), triangles.corners.take(_FIRST, axis=1), triangles.corners.take(_SECOND, axis=1)
         h = np.sqrt(np.square(b - a).sum(axis=2))
         t, median = (b - a) / h[..., None], triangles.corners - (a + b) / 2.0
         alpha = t[..., 0] * median[..., 1] - t[..., 1] * median[..., 0]
@@ -203,7 +205,7 @@ class HsiehCloughTocher:
         parts = [np.ones((n, 1)), slopes, np.square(h), alpha * h, beta * h, corners, -corners, bent]
         row, column, number = self._pattern
         B = np.zeros((n, self.shared, self.shared))
-        B[:, row, column] = np.concatenate(parts, axis=1)[:, number]
+        B[:, row, column] = np.concatenate(parts, axis=1).take(number, axis=1)
         return B
 
     @cached_property

@@ -134,21 +134,22 @@ class AffineTriangles:
     @cached_property
     def elongations(self) -> FloatArray:
         """Longest side over the height on it, shape (n,)."""
-        sides = self.corners - self.corners[:, [2, 0, 1]]
+        sides = self.corners - self.corners.take([2, 0, 1], axis=1)
         return np.asarray(np.square(sides).sum(axis=2).max(axis=1) / (self.scales * np.sqrt(0.75)))
 
     @cached_property
     def hessian_maps(self) -> FloatArray:
         """From (Φ_ξξ, Φ_ηη, Φ_ξη) to (Φ_xx, Φ_yy, Φ_xy), shape (n, 3, 3)."""
         J = self.jacobians.reshape(-1, 4)
-        adjugate = J[:, [3, 1, 2, 0]] * [1.0, -1.0, -1.0, 1.0]
+        adjugate = J.take([3, 1, 2, 0], axis=1) * [1.0, -1.0, -1.0, 1.0]
         inverse = adjugate / (J[:, :1] * J[:, 3:] - J[:, 1:2] * J[:, 2:3])  # (a, b), (c, d)
         # a² c² 2ac, b² d² 2bd, ab cd ad + bc
-        found = inverse[:, [0, 2, 0, 1, 3, 1, 0, 2, 0]] * inverse[:, [0, 2, 2, 1, 3, 3, 1, 3, 3]] * _TWICE
+        found = inverse.take([0, 2, 0, 1, 3, 1, 0, 2, 0], axis=1) * _TWICE
+        found *= inverse.take([0, 2, 2, 1, 3, 3, 1, 3, 3], axis=1)
         found[:, 8] += inverse[:, 1] * inverse[:, 2]
         return np.asarray(found.reshape(-1, 3, 3))
 
     @cached_property
     def stress_maps(self) -> FloatArray:
         """From (Φ_ξξ, Φ_ηη, Φ_ξη) to (σ_xx, σ_yy, σ_xy) = (Φ_yy, Φ_xx, −Φ_xy), shape (n, 3, 3)."""
-        return np.asarray(self.hessian_maps[:, [1, 0, 2]] * _SIGNS)
+        return np.asarray(self.hessian_maps.take([1, 0, 2], axis=1) * _SIGNS)

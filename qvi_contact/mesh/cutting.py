@@ -50,18 +50,18 @@ def checked_triangles(vertices: ArrayLike, cells: ArrayLike) -> tuple[FloatArray
 
 def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> None:
     """`InputError` unless triangles are a mesh of one piece."""
-    a, b, c = vertices[cells].swapaxes(0, 1)
-    sides = np.stack([b - a, c - b, a - c])
-    flat = np.abs(cross(sides[0], sides[1])) <= _FLAT * np.square(sides).sum(axis=2).max(axis=0)
-    _refuse(flat, cells, "the triangle of these vertices at {} has no area: leave it out", a)
+    corners = vertices.take(cells, axis=0)
+    sides = corners - corners[:, [2, 0, 1]]
+    flat = np.abs(cross(sides[:, 0], sides[:, 1])) <= _FLAT * np.square(sides).sum(axis=2).max(axis=1)
+    _refuse(flat, cells, "the triangle of these vertices at {} has no area: leave it out", corners[:, 0])
     all_vertices = np.arange(len(vertices))
     unused = np.bincount(cells.ravel(), minlength=len(vertices)) == 0
     _refuse(unused, all_vertices, "this vertex at {} belongs to no triangle: leave it out", vertices)
-    first, second = vertices[topology.ends].swapaxes(0, 1)
+    first, second = vertices.take(topology.ends, axis=0).swapaxes(0, 1)
     middles = (first + second) / 2.0
     shared = "more than two triangles share the edge of these vertices around {}: leave out the others"
     _refuse(topology.count > 2, topology.ends, shared, middles)
-    centres = (a + b + c)[topology.cells] / 3.0
+    centres = corners.sum(axis=1).take(topology.cells, axis=0) / 3.0
     one, other = (cross(second - first, centres[:, side] - first) for side in (0, 1))
     folded = (topology.count == 2) & (one * other > 0.0)
     overlap = "the triangles at the edge of these vertices around {} lie on one side of it and overlap: correct one"
@@ -92,7 +92,7 @@ def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> N
 
 def _refuse(wrong: BoolArray, given: IntArray, remedy: str, places: FloatArray) -> None:
     """`InputError` about the first of some things (k,) that is wrong, if any is, at its place, (k, 2)."""
-    if wrong.any():
+    if np.count_nonzero(wrong):
         number = int(np.argmax(wrong))
         x, y = places[number]
         raise InputError("TriangleMesh", given[number].tolist(), remedy.format(f"({x:.6g}, {y:.6g})"))
@@ -136,8 +136,8 @@ def hanging_vertices(
 
     And the shares (k,) of the edges' lengths at which they do. Edges follow their arcs where `bends` are given.
     """
-    outer = np.flatnonzero(topology.boundary)
-    first, second = vertices[topology.ends[outer]].swapaxes(0, 1)
+    outer = topology.outer
+    first, second = vertices.take(topology.ends.take(outer, axis=0), axis=0).swapaxes(0, 1)
     lengths = np.hypot(*(second - first).T)
     if not lengths.all():  # others hold nothing
         outer, first, second, lengths = (each[lengths > 0.0] for each in (outer, first, second, lengths))
@@ -171,13 +171,14 @@ def hanging_vertices(
 def _near(points: FloatArray, centres: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
     """Pairs of a circle and a point in it, in order; looked for along a direction that lines of a mesh seldom have."""
     place, centre = ((at - points[0]) @ _ASLANT for at in (points, centres))
-    order = np.argsort(place)
-    start = np.searchsorted(place[order], centre - radius, "left")
-    stop = np.searchsorted(place[order], centre + radius, "right")
+    order = place.argsort()
+    ordered = place[order]
+    start, stop = ordered.searchsorted(centre - radius, "left"), ordered.searchsorted(centre + radius, "right")
     count = stop - start
-    circle = np.repeat(np.arange(len(centres)), count)
-    point = order[np.arange(len(circle)) - np.repeat(np.cumsum(count) - stop, count)]
-    inside = np.hypot(*(points[point] - centres[circle]).T) <= radius[circle]
+    circle = np.arange(len(centres)).repeat(count)
+    point = order[np.arange(len(circle)) - (count.cumsum() - stop).repeat(count)]
+    away = points.take(point, axis=0) - centres.take(circle, axis=0)
+    inside = np.hypot(*away.T) <= radius[circle]
     return np.divmod(np.sort(circle[inside] * len(points) + point[inside]), len(points))
 
 

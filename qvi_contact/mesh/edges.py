@@ -21,6 +21,7 @@ of which one is negative beyond the chord.
 
 from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
 from typing import Final, Self
 
 import numpy as np
@@ -54,10 +55,11 @@ class Topology:
         pairs = cells[:, EDGES].reshape(-1, 2)
         keys = pairs[:, 0] * vertices + pairs[:, 1]
         order = np.argsort(keys, kind="stable")
-        start = np.flatnonzero(np.diff(keys[order], prepend=-1))  # where the next edge begins
-        count = np.diff(start, append=len(keys))
-        index = np.empty_like(order)
-        index[order] = np.repeat(np.arange(len(start)), count)
+        ordered, begins = keys[order], np.ones(len(keys), dtype=bool)  # where the next edge begins
+        begins[1:] = ordered[1:] != ordered[:-1]
+        start, number = begins.nonzero()[0], begins.cumsum() - 1
+        count, index = np.bincount(number), np.empty_like(order)
+        index[order] = number
         beside, shared = np.full((len(start), 2), -1), count > 1
         first = order[start]
         beside[:, 0], beside[shared, 1] = first // 3, order[start[shared] + 1] // 3
@@ -82,7 +84,7 @@ class Topology:
         """The edges between pairs of vertices (k, 2), in any order; −1 where there is none."""
         one, other = pairs[:, 0], pairs[:, 1]
         wanted = np.minimum(one, other) * self.base + np.maximum(one, other)
-        at = np.minimum(np.searchsorted(self.keys, wanted), len(self.keys) - 1)
+        at = np.minimum(self.keys.searchsorted(wanted), len(self.keys) - 1)
         return np.where(self.keys[at] == wanted, at, -1)
 
 
@@ -319,12 +321,14 @@ class Edges:
 
     def take(self, index: IntArray | BoolArray) -> Self:
         """The edges selected by an index or mask array."""
-        return type(self)(*(getattr(self, name)[index] for name in self.__match_args__))
+        if index.dtype == bool:
+            index = index.nonzero()[0]
+        return type(self)(*[part.take(index, axis=0) for part in _parts(self)])
 
     @cached_property
     def curved(self) -> bool:
         """Whether any of them is an arc."""
-        return bool(self.bend.any())
+        return bool(np.count_nonzero(self.bend))
 
     @property
     def bent(self) -> BoolArray:
@@ -337,12 +341,15 @@ class Edges:
         return stretches(self.bend)
 
 
+_parts: Final = attrgetter(*Edges.__match_args__)
+
+
 def outward_normals(vertices: FloatArray, cells: IntArray, topology: Topology, edges: IntArray) -> FloatArray:
     """Unit normals of edges that point out of the first triangle at each, shape (k, 2)."""
     first, second = vertices[topology.ends[edges]].swapaxes(0, 1)
     along = second - first
     normal = along[:, ::-1] * TURNED / np.hypot(*along.T)[:, None]
-    inner = vertices[cells[topology.cells[edges, 0]]].mean(axis=1)
+    inner = vertices.take(cells.take(topology.cells[edges, 0], axis=0), axis=0).sum(axis=1) / 3.0
     inward = ((inner - first) * normal).sum(axis=1) > 0.0
     return np.asarray(np.where(inward[:, None], -normal, normal))
 
@@ -361,7 +368,7 @@ def edges_of(vertices: FloatArray, cells: IntArray, topology: Topology, bends: F
     normal = np.where(swapped[:, None], -normal, normal)
     beside = np.where(swapped[:, None], beside[:, ::-1], beside)
     bend = bends[numbers]
-    if bend.any():
+    if np.count_nonzero(bend):
         bend = np.where(back[:, None], reversed_bends(bend), bend)
         length = length * stretches(bend)
     ends = np.where(back, second, first), np.where(back, first, second)
@@ -376,7 +383,7 @@ def _points_back(vectors: FloatArray) -> BoolArray:
 
 def points_along(vertices: FloatArray, edges: Edges, t: FloatArray) -> FloatArray:
     """Points at the reference coordinates t, 0 to 1 along the tangent, (q,) or (n, q), of n edges; shape (n, q, 2)."""
-    first, second = vertices[edges.first], vertices[edges.second]
+    first, second = vertices.take(edges.first, axis=0), vertices.take(edges.second, axis=0)
     if not edges.curved:
         return np.asarray(first[:, None, :] + (second - first)[:, None, :] * np.asarray(t)[..., None])
     return np.asarray(first[:, None, :] + arc_offsets(second - first, edges.bend, t))
@@ -399,7 +406,7 @@ def vectors_along(edges: Edges, vectors: FloatArray, t: FloatArray, *, turns: bo
 
     Whether they do says one truth value, or one for each edge (n,).
     """
-    given = np.broadcast_to(vectors[:, None], (len(edges), np.shape(t)[-1], 2))
+    given = vectors[:, None].repeat(np.shape(t)[-1], axis=1)
     if not edges.curved or not np.any(turns):
         return given
     return turned(given, np.reshape(turns, (-1, 1)) * angles(edges.bend, t))

@@ -361,7 +361,7 @@ class TriangleMesh(PicklesFields):
         if name not in self._taken:
             numbers, topology = self._numbers[name], self.topology
             outer = topology.boundary[numbers[0]]
-            index = np.searchsorted(topology.outer if outer else topology.inner, numbers)
+            index = (topology.outer if outer else topology.inner).searchsorted(numbers)
             edges = (self.boundary if outer else self.interior).take(index)
             for part in (index, *vars(edges).values()):
                 part.setflags(write=False)
@@ -482,7 +482,7 @@ class TriangleMesh(PicklesFields):
 
     @cached_property
     def _edge_lengths(self) -> FloatArray:
-        first, second = self.vertices[self.topology.ends].swapaxes(0, 1)
+        first, second = self.vertices.take(self.topology.ends, axis=0).swapaxes(0, 1)
         return np.asarray(np.hypot(*(second - first).T))
 
     @cached_property

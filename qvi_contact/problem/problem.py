@@ -235,7 +235,9 @@ def direction_of(name: str, edges: Edges) -> FloatArray:
     """Unit vectors (n, 2) of the component "x", "y", "normal" or "tangential" on edges."""
     if name in LOCAL:
         return edges.normal if name == "normal" else edges.tangent
-    return np.tile(np.eye(2)[CARTESIAN.index(name)], (len(edges), 1))
+    found = np.zeros((len(edges), 2))
+    found[:, CARTESIAN.index(name)] = 1.0
+    return found
 
 
 def opposite(value: Field) -> Field:
@@ -343,6 +345,8 @@ def _check_pressure(problem: ContactProblem) -> None:
     A plate's force, or an obstacle that stays away, could as well, but K of (D2) is singular then. No stress can take
     back an initial strain of incompressible parts.
     """
+    if not any(material.incompressible for material in problem.materials):
+        return
     incompressible = [problem.materials[number].incompressible for number in np.unique(problem.cell_materials)]
     if any(incompressible) and is_strained(problem):
         remedy = "temperature, shrinkage and prestress need a compressible material: take a number below 0.5"

@@ -9,7 +9,7 @@ def lowest_linked(first: IntVector, second: IntVector, count: int) -> IntVector:
     """The lowest thing (count,) that each of so many is joined to by pairs, itself if it is."""
     least = np.arange(count)  # as far as is known
     while True:
-        pairs = np.sort(least[np.stack([first.ravel(), second.ravel()])], axis=0)
+        pairs = np.sort(least[np.array([first.ravel(), second.ravel()])], axis=0)
         low, high = pairs[:, pairs[0] < pairs[1]]
         if not len(low):
             return least

@@ -172,7 +172,9 @@ class Log:
 
     def begin(self, facts: Mapping[str, object]) -> None:
         """What is solved, and how."""
-        LOGGER.log(self._level, "%s: %s", self._title, ", ".join(f"{name} {value}" for name, value in facts.items()))
+        if LOGGER.isEnabledFor(self._level):
+            words = ", ".join(f"{name} {value}" for name, value in facts.items())
+            LOGGER.log(self._level, "%s: %s", self._title, words)
         if self._shown:
             headings = (f"{name:{_aligned(form)}}" for name, form in self._columns.items())
             table = ("-" * _WIDTH, " ".join(headings).rstrip()) if self._columns else ()
@@ -207,6 +209,8 @@ class Log:
     def end(self, status: str, message: str, seconds: Mapping[str, float], solved: bool) -> None:
         """How it ended, after how many seconds for what, and for everything."""
         level = logging.WARNING if self._outermost and not solved else self._level
+        if not self._shown and not LOGGER.isEnabledFor(level):
+            return
         times = {**seconds, "total": self.seconds}
         words = ", ".join(f"{name} {value:.3f} s" for name, value in times.items())
         LOGGER.log(level, "%s: %s (%s)", self._title, message, words)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from math import sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -141,7 +142,7 @@ class CondensedContact:
         radius = 0.0
         for _ in range(_POWER_STEPS):
             v = relief(weights * v)
-            radius = float(np.sqrt((weights @ v**2) / total))
+            radius = sqrt(weights @ (v * v) / total)
             if radius == 0.0:
                 return 0.0
             v = v / radius
