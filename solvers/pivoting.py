@@ -67,7 +67,7 @@ class ContactBounds:
 
     def __init__(self, qvi: FrictionQVI, compliance: Compliance, signs: Vector) -> None:
         m, law, every = qvi.m, qvi.law, np.arange(qvi.m)
-        normal, capped = np.flatnonzero(~qvi.bilateral), np.flatnonzero(np.isfinite(law.cap))
+        normal, capped = (~qvi.bilateral).nonzero()[0], np.isfinite(law.cap).nonzero()[0]
         unpressed, none = np.zeros(len(normal)), np.zeros(len(capped))
         rubbed, mu = -law.mu * signs, law.mu
         # a row of H has `side` at the traction `place`, and `by_normal` at σ_N of its point

@@ -124,7 +124,7 @@ class Supports(PicklesFields):
         space, degree = self.space, self.space.degree - 2
         number, direction, turns = self.number, self.direction, self.turns
         order = np.argsort(number, kind="stable")
-        twice = np.flatnonzero(number[order][1:] == number[order][:-1])
+        twice = (number[order][1:] == number[order][:-1]).nonzero()[0]
         one, other = order[twice], order[twice + 1]
         alone_there = np.ones(len(order), dtype=bool)
         alone_there[twice] = alone_there[twice + 1] = False
@@ -231,7 +231,7 @@ class Basis:
         """With pivots solved for, as Σ factor u of kept degrees of freedom."""
         is_kept = np.ones(size, dtype=bool)
         is_kept[list(solved)] = False
-        kept, parts = np.flatnonzero(is_kept), {pivot: terms for pivot, terms in solved.items() if terms}
+        kept, parts = is_kept.nonzero()[0], {pivot: terms for pivot, terms in solved.items() if terms}
         entries = [(row, *term) for row, terms in enumerate(parts.values()) for term in terms.items()]
         rows, columns, factors = np.array(entries).reshape(-1, 3).T
         at = rows.astype(np.int64), np.searchsorted(kept, columns)
@@ -332,13 +332,13 @@ class Elimination:
         Of the possible pivots of a row those of the largest age (N,) are preferred, of these the largest entry.
         """
         all_values, ages = C.values[:, 0], age.tolist()
-        alone = np.flatnonzero((all_values != 0.0).sum(axis=1) == 1)  # rows that prescribe one degree of freedom itself
+        alone = ((all_values != 0.0).sum(axis=1) == 1).nonzero()[0]  # rows that prescribe one degree of freedom itself
         fixed = C.columns[alone, np.abs(all_values[alone]).argmax(axis=1)]
         first = dict(zip(reversed(fixed.tolist()), reversed(alone.tolist()), strict=True))  # of those of one pivot
         taken, solved = list(first.values()), {pivot: dict[int, float]() for pivot in first}
         rest = np.ones(len(all_values), dtype=bool)
         rest[taken] = False
-        others = np.flatnonzero(rest)
+        others = rest.nonzero()[0]
         largest = np.abs(all_values[others]).max(axis=1, initial=0.0).tolist()
         parts = (part.tolist() for part in (others, C.columns[others], all_values[others]))
         for most, row, columns, values in zip(largest, *parts, strict=True):

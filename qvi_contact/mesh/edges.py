@@ -73,7 +73,7 @@ class Topology:
     @cached_property
     def outer(self) -> IntArray:
         """Numbers of the edges of the boundary, in ascending order."""
-        return np.flatnonzero(self.boundary)
+        return self.boundary.nonzero()[0]
 
     @cached_property
     def inner(self) -> IntArray:

@@ -41,9 +41,9 @@ def point(name: str, value: object) -> tuple[float, float]:
 
 def numbers_of(name: str, value: Any, kind: type) -> Any:
     """An array of numbers, whole ones if the kind is int."""
-    if kind is int and isinstance(value, np.ndarray) and value.dtype == np.int64:
-        return value.copy()
     found, given = real_array(name, value, "give an array of real numbers"), np.asarray(value)
+    if kind is int and given.dtype == np.int64:
+        return given.copy()
     whole = kind is not int or bool((np.abs(found) < _LARGEST).all() and (found == np.rint(found)).all())
     if given.dtype == bool or not whole:
         raise InputError(name, type(value).__name__, "give whole numbers" if kind is int else "give numbers")

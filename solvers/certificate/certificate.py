@@ -213,7 +213,7 @@ def law_residuals(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, scales:
     shifted_N, shifted_T = sigma_N + S / D * lambda_N, sigma_T + S / D * lambda_T
     projected = np.where(one_sided, np.minimum(shifted_N, 0.0), shifted_N)
     augmented = qvi.threshold(np.abs(np.where(one_sided, projected, sigma_N)))
-    natural, other = (np.abs(sigma_T - np.clip(shifted_T, -limit, limit)) for limit in (bound, augmented))
+    natural, other = (sigma_T - np.minimum(np.maximum(shifted_T, -limit), limit) for limit in (bound, augmented))
     normal = np.abs(sigma_N - projected)
     # Multipliers of the wrong sign.
     wrong_N = np.where(one_sided, np.maximum(-lambda_N, 0.0), np.abs(lambda_N))
@@ -225,7 +225,7 @@ def law_residuals(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, scales:
         "complementarity_normal": float(np.abs(near_N * sigma_N).sum()) / E,
         "complementarity_tangential": float(np.abs(near_T).sum()) / E,
         "natural_map": max(largest(normal), largest(natural)) / S,
-        "alart_curnier": largest(np.maximum(normal, other) / (1.0 + qvi.mu)) / S,
+        "alart_curnier": largest(np.maximum(normal, np.abs(other)) / (1.0 + qvi.mu)) / S,
         "bipotential": abs(bipotential) / E,
     }
     return LawResiduals(measures, float(slack_T.sum() - np.maximum(near_N, 0.0) @ sigma_N), bipotential)
