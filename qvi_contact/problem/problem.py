@@ -27,13 +27,7 @@ from qvi_contact.problem.conditions import (
     components,
 )
 from qvi_contact.problem.fields import BodyForces
-from qvi_contact.problem.material import (
-    Material,
-    Region,
-    cell_materials,
-    is_strained,
-    stress_at_rest,
-)
+from qvi_contact.problem.material import Material, Region, cell_materials, is_strained, stress_at_rest
 from solvers.basics.types import PicklesFields, load
 
 _OVERLAP: Final = "drop one, or name parts of the side by with_edges()"
