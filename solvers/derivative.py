@@ -32,6 +32,7 @@ _ZERO: Final = 1e-6  # share of the largest traction, or displacement, below whi
 _LEAST: Final = 1e-3  # of the unit of stress: the size of tractions of contacts without load
 _RANK: Final = 1e-12  # singular values of rows below this share of the largest are none
 _MET: Final = 1e-9  # of the right-hand side: residual of the dense system beyond which it is singular
+_LEFT: Final = 1e-6  # of what the data change: residual beyond which a singular system has no solution
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +78,13 @@ def change(solution: QVISolution, base: FrictionQVI, moved: FrictionQVI, sign: f
     columns = np.where(rows.along, along, pressed)
     M = H_C[:, columns] * rows.sign
     q = rows.limit - rows.by_normal * free[pressed] - rows.by_shear * free[along]
+    x = _relieved(M, q, rows.strong)
+    changed = max(np.abs(rows.limit).max(initial=0.0), np.abs(free).max(initial=0.0))
+    if np.abs((q + M @ x)[rows.strong]).max(initial=0.0) > _LEFT * changed:  # such as friction in free sliding
+        remedy = "the parameter drives a motion that nothing determines: add a support, or give it another value"
+        raise InputError("derivative", "none found", remedy)
     multipliers = np.zeros(2 * m)
-    np.add.at(multipliers, columns, rows.sign * _relieved(M, q, rows.strong))
+    np.add.at(multipliers, columns, rows.sign * x)
     dz, nu = system.solve(force - B.T @ multipliers, b)
     return Change(dz, multipliers[:m], multipliers[m:], nu, not rows.strong.all())
 

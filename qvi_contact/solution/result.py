@@ -380,9 +380,10 @@ class ContactResult(PicklesFields):
         points, stress = cell_stresses(self.discretization, self.dofs)
         strain_work = np.einsum("cgk,ckl,cgl->cg", stress, problem.compliances / scales.compliance, stress)
         strain = 0.5 * float((weights * strain_work).sum()) * scales.energy
-        springs = self.discretization.root.stiffness.springs
-        if springs is not None:
-            strain += 0.5 * float(np.square(springs.rows @ self.dofs + springs.constant).sum()) * scales.energy
+        root = self.discretization.root
+        if root.stiffness.springs is not None:
+            stretched = root.stiffness.springs.rows @ self.dofs + root.springs
+            strain += 0.5 * float(np.square(stretched).sum()) * scales.energy
         load = support_work(self.discretization, self.dofs)
         if is_strained(problem):
             at_rest = scaled_stress_at_rest(problem, scales, np.arange(problem.mesh.cell_count), points)

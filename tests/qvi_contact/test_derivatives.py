@@ -13,7 +13,6 @@ from qvi_contact.problem import (
     Material,
     MohrCoulomb,
     RigidPlate,
-    Symmetry,
     Traction,
 )
 
@@ -109,10 +108,10 @@ def test_what_drags_a_sliding_block(law, friction, cohesion, weight):
 
 def test_what_has_no_derivative_is_refused():
     sides = [
-        Symmetry("bottom"),
+        Contact("bottom", 0.0),
         Traction("left", 0.0, 0.0),
         Traction("right", 0.0, 0.0),
-        Contact("top", 0.0, gap=-1e-3),
+        Contact("top", 0.0, gap=-1e-3, offset=1e-3),
     ]
     result = solve(ContactProblem(TriangleMesh.rectangle((2, 2)), Material(E, 0.0), sides))
     for quantity, parameter, side in (
@@ -120,6 +119,7 @@ def test_what_has_no_derivative_is_refused():
         ("energy", "top.gap", None),
         ("top.normal_force", "top.gab", None),
         ("top.normal_force", "top.gap", "left"),
+        ("top.tangential_force", "top.friction", None),  # the body slides along with the obstacle
     ):
         with pytest.raises(InputError):
             result.derivative(quantity, parameter, side)
