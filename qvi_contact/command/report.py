@@ -471,6 +471,14 @@ def _condition(problem: ContactProblem, condition: Condition) -> dict[str, Any]:
     return found
 
 
+def act(problem: ContactProblem, loads: Iterable[str]) -> bool:
+    """Whether any of these loads is more than 0."""
+    from qvi_contact.mechanism import Bodies, works
+
+    known = works(problem, Bodies.of(problem))
+    return any(known[name].size > 0.0 for name in loads if name in known)
+
+
 def _loads(problem: ContactProblem) -> Iterator[dict[str, Any]]:
     """Resultants of tractions and body forces by their names, moments about the origin."""
     from qvi_contact.mechanism import Bodies, works
