@@ -252,8 +252,7 @@ def test_a_temperature_by_values_at_points(tmp_path, shell):
     problem = load_problem(tmp_path / "problem.toml").problem
     assert problem.temperature(x, y) == pytest.approx(field(x, y))
     said = json.loads(shell("check", tmp_path / "problem.toml", "--json")[1])
-    assert said["temperature"] == "values at 24 points"
-    assert said["materials"][1]["prestress"] == [-1.0, "2 * x", 0.0]
+    assert (said["temperature"], said["materials"][1]["temperature"]) == ("values at 24 points", 5.0)
     (tmp_path / "wrong.toml").write_text(FILE.replace('"dT * x * t"', '{ file = "hot.vtu", data = "U" }'))
     with pytest.raises(InputError, match=r"temperature\.data"):
         load_problem(tmp_path / "wrong.toml")
