@@ -14,7 +14,8 @@ A vertex is exact where an interior point method has no interior to go through: 
 where equilibrium alone says that a contact carries nothing, where only one traction is admissible. It takes about as
 many pivots of a dense table as there are points that slip or open. So it is the first thing that is tried on small
 contacts (`LARGEST`), from the state that is given if there is one. With much friction the path may end in a ray though
-there is a solution; after the condensed method other directions d are tried.
+there is a solution; after the condensed method other directions d are tried, on larger contacts too (`LARGEST_LATE`):
+thin wedges that are all slip cost an interior point method its last digits.
 
 | stops when                                          | status before the certificate |
 |-----------------------------------------------------|-------------------------------|
@@ -42,7 +43,10 @@ from solvers.settings import PivotingOptions
 from solvers.solution import Iteration, Outcome, Start
 
 LARGEST: Final = 200
-"""Contact points up to which it is tried, and comes first: a table of 600 rows."""
+"""Contact points up to which it comes first: a table of 600 rows."""
+
+LARGEST_LATE: Final = 800
+"""Up to which it is tried where the condensed method has not found the answer, which takes some seconds."""
 
 DIRECTIONS: Final = 4
 """How many paths there are to try."""
@@ -143,9 +147,9 @@ class ContactBounds:
         return found, least
 
 
-def affordable(qvi: FrictionQVI) -> bool:
+def affordable(qvi: FrictionQVI, most: int = LARGEST) -> bool:
     """Whether the contact is small enough."""
-    return 0 < qvi.m <= LARGEST and qvi.n > 0
+    return 0 < qvi.m <= most and qvi.n > 0
 
 
 def solve_pivoting(

@@ -24,7 +24,7 @@ from solvers.fixed_point import CONDENSED_LIMIT, initial_pressure, solve_fixed_p
 from solvers.inequality.body import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.registry import check_name, versions
-from solvers.pivoting import DIRECTIONS, affordable, solve_pivoting
+from solvers.pivoting import DIRECTIONS, LARGEST_LATE, affordable, solve_pivoting
 from solvers.settings import (
     DEFAULT_INNER,
     STARTED,
@@ -231,7 +231,7 @@ class Way(NamedTuple):
 ATTEMPTS: Final = (
     Way("pivoting", (vertex,), serves=affordable),
     Way("condensed", (usual_start, energy_root, other_shares)),
-    Way("pivoting", (other_vertices,), "Pivoting", affordable),
+    Way("pivoting", (other_vertices,), "Pivoting", lambda qvi: affordable(qvi, LARGEST_LATE)),
     Way("fixed-point", (fixed_point,), "The fixed point", lambda qvi: 2 * qvi.m <= CONDENSED_LIMIT),
     Way("uzawa", (uzawa,), serves=lambda _: False),
 )

@@ -187,7 +187,7 @@ class Choice(Kind):
 
     def check(self, name: str, value: Any) -> None:
         if isinstance(value, bool) or not isinstance(value, str | int) or value not in self.words:
-            near = closest(value, map(str, self.words))
+            near = closest(value, [word for word in self.words if isinstance(word, str)])
             listed = " or ".join(filter(None, [", ".join(map(repr, self.words[:-1])), repr(self.words[-1])]))
             raise InputError(name, value, f"give {listed}" + (f"; did you mean {near!r}?" if near else ""))
 

@@ -15,7 +15,7 @@ from qvi_contact.basics.units import Certainty, Rounding, Units, shown
 from qvi_contact.discretization.discretization import discretize
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.problem.conditions import DRIVES, Condition, Contact, Traction
-from qvi_contact.problem.fields import Expression, Polynomial
+from qvi_contact.problem.fields import Expression, PointData, Polynomial
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import SUMMARY, ContactState
 from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, contact_numbers
@@ -32,6 +32,8 @@ FORCES = {name: SUMMARY[name] for name in ("normal_force", "tangential_force")}
 _LAW_ON = {"points": "at Gauss points", "edges": "on whole edges"}
 _SAID = ("x", "y", "normal", "tangential", "friction")  # of conditions, also where they are 0
 _HIDDEN = ("kind", "edges", "length", "joint")
+_OF_MATERIALS = ("strength", "expansion", "shrinkage", "prestress")  # where they are given
+_OF_REGIONS = ("name", "x", "y", "temperature")
 
 
 def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
@@ -180,7 +182,10 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
         yield (
             f"material: E = {material['young']:g} {units.stress}, ν = {material['poisson']:g}, "
             f"plane {material['plane']}, {material['cells']} cells"
+            + "".join(f", {name} = {material[name]}" for name in (*_OF_REGIONS, *_OF_MATERIALS) if name in material)
         )
+    if outline["temperature"] != 0.0:
+        yield f"temperature: {outline['temperature']}"
     for condition in outline["boundary"]:
         given = {name: value for name, value in condition.items() if name not in _HIDDEN}
         drives = given.pop("plate", {})  # also those of 0: without a force it stands still in that direction
@@ -411,11 +416,8 @@ def outline(file: ProblemFile, given: Mapping[str, Any]) -> tuple[ContactProblem
         "element": files.element_of(discretization),
         "unknowns": qvi.n,
         "contact_points": qvi.m,
-        "materials": [
-            {"young": material.young, "poisson": material.poisson, "plane": material.plane, "cells": int(count)}
-            | ({} if material.strength is None else {"strength": material.strength.kind})
-            for material, count in zip(problem.materials, counts, strict=True)
-        ],
+        "materials": [_material(problem, number, int(count)) for number, count in enumerate(counts)],
+        "temperature": _written(problem.temperature),
         "boundary": [_condition(problem, condition) for condition in problem.conditions],
         "loads": list(_loads(problem)),
         "solve": dict(options),
@@ -424,6 +426,29 @@ def outline(file: ProblemFile, given: Mapping[str, Any]) -> tuple[ContactProblem
         "sweep": None if file.sweep is None else asdict(file.sweep),
         "remarks": [file.units.filled(remark) for remark in discretization.remarks],
     }
+
+
+def _written(value: Any) -> Any:
+    """A datum as a file has it, as far as JSON can hold it."""
+    if isinstance(value, Polynomial):
+        return {"polynomial": [list(row) for row in value.coefficients]}
+    if isinstance(value, PointData):
+        return f"values at {len(value.values)} points"
+    if isinstance(value, tuple):
+        return [_written(part) for part in value]
+    return value.text if isinstance(value, Expression) else getattr(value, "kind", value)  # of a strength
+
+
+def _material(problem: ContactProblem, number: int, cells: int) -> dict[str, Any]:
+    """The body's own material, number 0, or that of a region, and where that is."""
+    material = problem.materials[number]
+    found = {"young": material.young, "poisson": material.poisson, "plane": material.plane, "cells": cells}
+    parts: list[tuple[object, tuple[str, ...]]] = [(material, _OF_MATERIALS)]
+    if number:
+        parts.append((problem.regions[number - 1], _OF_REGIONS))
+    given = {name: _written(getattr(part, name)) for part, names in parts for name in names}
+    said = {name: value for name, value in given.items() if value is not None}
+    return found | {name: value for name, value in said.items() if value != 0.0 or name in _OF_REGIONS}
 
 
 def _condition(problem: ContactProblem, condition: Condition) -> dict[str, Any]:
@@ -438,13 +463,20 @@ def _condition(problem: ContactProblem, condition: Condition) -> dict[str, Any]:
         if condition.plate is not None:
             drives = {name: getattr(condition.plate, name) for pair in DRIVES.items() for name in pair}
             found["plate"] = {name: value for name, value in drives.items() if value is not None}
+            if any(condition.plate.pivot):
+                found["plate"]["pivot"] = list(condition.plate.pivot)
     for name, each in keys_of(type(condition)).items():
         if isinstance(each.kind, Varying):
-            value = getattr(condition, name)
-            if isinstance(value, Polynomial):
-                value = {"polynomial": [list(row) for row in value.coefficients]}
-            found[name] = value.text if isinstance(value, Expression) else value
+            found[name] = _written(getattr(condition, name))
     return found
+
+
+def act(problem: ContactProblem, loads: Iterable[str]) -> bool:
+    """Whether any of these loads is more than 0."""
+    from qvi_contact.mechanism import Bodies, works
+
+    known = works(problem, Bodies.of(problem))
+    return any(known[name].size > 0.0 for name in loads if name in known)
 
 
 def _loads(problem: ContactProblem) -> Iterator[dict[str, Any]]:

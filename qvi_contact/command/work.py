@@ -203,7 +203,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         if proof is not None and not loads:
             click.echo("\n".join(_write_proof(proof, problem, (), degree)))
             return 0
-        checked_loads(problem, loads, "--load")
+        acts = report.act(problem, checked_loads(problem, loads, "--load"))
         if target is None:
             found = limit_load_factor(problem, loads=list(loads), **told)
         else:
@@ -211,6 +211,9 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
             found, problem = refinement.limit, refinement.problem
         proved = [] if proof is None else _write_proof(proof, problem, loads, degree)
     said, units, missing = report.limit_lines(loads, found, refinement), problem_file.units, {}
+    if not acts:
+        times = problem_file.times
+        said.append("These loads are 0" + (f" at t = {times[0]:g}, the first time of the history." if times else "."))
     if found.mechanism is None and found.collapse is None:
         missing["plot"] = "there is no mechanism to draw in"
     if found.collapse is None:

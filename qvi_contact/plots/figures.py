@@ -3,7 +3,7 @@
 import textwrap
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
@@ -292,7 +292,7 @@ def history_figure(
     count = max(map(len, forces.values()), default=0)
     if abscissa is not None and (abscissa.ndim != 1 or len(abscissa) < count):
         raise InputError("times", times, f"give the times of all {count} steps")
-    known: Any = [(_draw_loop, loops, units.displacement), (_draw_forces, forces, abscissa)]
+    known: Any = [(_draw_loop, loops, units), (_draw_forces, forces, abscissa)]
     rows = [(draw, list(found.items())[:_LOOPS], more) for draw, found, more in known if found]
     wide = 3.0 * max(len(row) for _, row, _ in rows)
     with style.settings():
@@ -306,15 +306,19 @@ def history_figure(
         body.set_title(f"{at}; displacements × {picture.factor:g}", fontsize="medium")
         for part, (draw, row, more) in zip(right.subfigures(len(rows), 1, squeeze=False)[:, 0], rows, strict=True):
             for axes, (name, values) in zip(part.subplots(1, len(row), squeeze=False)[0], row, strict=True):
-                draw(axes, style.plain_text(name), np.array(values), more)
                 axes.set_ylabel(f"force [{units.engineering_force}]")
+                draw(axes, style.plain_text(name), values, more)
         left_out = [f"loops not shown: {', '.join(list(loops)[_LOOPS:])}"] if len(loops) > _LOOPS else []
         said = "\n".join(filter(None, [title, history.message, *left_out]))
         figure.suptitle(style.plain_text(said), x=0.02, ha="left", fontsize="medium")
     return figure
 
 
-def _loops(history: History, problem: ContactProblem) -> dict[str, tuple[FloatArray, FloatArray]]:
+_Loop: TypeAlias = tuple[str, FloatArray, FloatArray]
+"""What moves, its displacement or rotation, and the force or moment, as of `History.driven`."""
+
+
+def _loops(history: History, problem: ContactProblem) -> dict[str, _Loop]:
     """Loops of what is moved sideways: contacts, and edge sets whose tangential displacement is prescribed.
 
     Edge sets moved across if these move the body; none if nothing moves, as under loads that change.
@@ -325,35 +329,38 @@ def _loops(history: History, problem: ContactProblem) -> dict[str, tuple[FloatAr
         tangent = problem.mesh.edges(condition.edges).tangent[0]
         if {CARTESIAN[int(np.argmax(np.abs(tangent)))], "tangential"} & set(components(condition)):
             driven.append(condition.edges)
-    loops: dict[str, tuple[FloatArray, FloatArray]] = {}
+    loops: dict[str, _Loop] = {}
     for name in (*(contact.name for contact in problem.contacts), *driven):
         with suppress(InputError):  # an obstacle at rest while displacements move the body
-            loops.setdefault(name, history.loop(name))
+            loops.setdefault(name, history.driven(name))
     for condition in moved if not loops else ():
-        loops.setdefault(condition.edges, history.loop(condition.edges))
-    return {name: loop for name, loop in loops.items() if np.ptp(loop[0]) > 0.0}
+        loops.setdefault(condition.edges, history.driven(condition.edges))
+    return {name: loop for name, loop in loops.items() if np.ptp(loop[1]) > 0.0}
 
 
 _FIRST: Final[dict[str, Any]] = {"color": style.GREY, "marker": "s", "markersize": 7, "fillstyle": "none"}
 
 
-def _draw_loop(axes: "Axes", name: str, loop: FloatArray, length: str) -> None:
-    """Force over the displacement that drives it (2, steps): a dot a step, the first in a square."""
+def _draw_loop(axes: "Axes", name: str, loop: _Loop, units: Units) -> None:
+    """Force over displacement, or moment over rotation, of what moves: a dot a step, the first in a square."""
+    what, displacement, force = loop
     axes.axhline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
     axes.axvline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
-    axes.plot(*loop, color=style.BLUE, marker="o", markersize=3, linewidth=1.0)
-    axes.plot(*loop[:, :1], **_FIRST)
+    axes.plot(displacement, force, color=style.BLUE, marker="o", markersize=3, linewidth=1.0)
+    axes.plot(displacement[:1], force[:1], **_FIRST)
     axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
     axes.locator_params(axis="x", nbins=6)
     axes.set_title(name, fontsize="medium")
-    axes.set_xlabel(f"displacement [{length}]")
+    axes.set_xlabel(f"displacement [{units.displacement}]")
+    if what == "rotation":
+        axes.set(xlabel="rotation [rad]", ylabel=f"moment [{units.engineering_moment}]")
 
 
-def _draw_forces(axes: "Axes", name: str, forces: FloatArray, times: FloatArray | None) -> None:
+def _draw_forces(axes: "Axes", name: str, forces: list[tuple[float, float]], times: FloatArray | None) -> None:
     """Normal and tangential force (steps, 2) of one contact step by step, over t where times are given."""
     place = np.arange(1, len(forces) + 1) if times is None else times[: len(forces)]
     looks = (("N", style.GREY, "s", "-"), ("T", style.BLUE, "o", "--"))
-    for (label, colour, marker, dashes), values in zip(looks, forces.T, strict=True):
+    for (label, colour, marker, dashes), values in zip(looks, np.array(forces).T, strict=True):
         axes.plot(place, values, dashes, color=colour, marker=marker, markersize=3, linewidth=1.0, label=label)
         if times is not None:
             axes.plot(place[:1], values[:1], **_FIRST)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, evaluate
+from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.basics.schema import defaults_of, keys_of
 from qvi_contact.basics.units import Units
 from qvi_contact.mesh.edges import Edges, angles, arc_offsets, chains, frames_along
@@ -293,6 +293,7 @@ class _Sketch:
             text = f"E = {material.young:.6g} {self.units.stress}, ν = {material.poisson:.4g}, plane {material.plane}"
             if material.strength is not None:
                 text += f", strength {material.strength.kind}"
+            text = ", ".join([text, *_initial_strain(self.problem, chosen, self.units)])
             if len(present) > 1:
                 text = f"{index + 1}{f' ({name})' if name else ''}: {text}"
                 middles = cells.mean(axis=1)  # its number stands in the cell nearest to the middle of all of its cells
@@ -509,6 +510,21 @@ class _Sketch:
                 about = " about\xa0({:.4g}, {:.4g})".format(*plate.pivot) if plate and name == "moment" else ""
                 unit = getattr(self.units, f"engineering_{each.unit}", getattr(self.units, each.unit, each.unit))
                 yield style.value_range(each.symbol, np.array([value]), unit) + about
+
+
+def _initial_strain(problem: ContactProblem, number: int, units: Units) -> Iterator[str]:
+    """What strains the material of a number without load, and by how much at the corners of its cells."""
+    material = problem.materials[number]
+    x, y = problem.mesh.corners[problem.cell_materials == number].reshape(-1, 2).T
+    given: dict[str, Field] = {"shrinkage": material.shrinkage}
+    if material.expansion != 0.0:
+        own = problem.regions[number - 1].temperature if number else None
+        given |= {"α": material.expansion, "ΔT": problem.temperature if own is None else own}
+    given |= dict(zip(("σ⁰_xx", "σ⁰_yy", "σ⁰_xy"), material.prestress or (), strict=False))
+    for name, field in given.items():
+        values = evaluate(name, field, x, y)
+        if values.any():
+            yield style.value_range(name, values, units.stress if name.startswith("σ") else "")
 
 
 def _directions(component: str, places: Places) -> FloatArray:

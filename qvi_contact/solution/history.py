@@ -141,26 +141,31 @@ class History:
         `InputError` if there is no such contact or edge set, or the obstacle of the contact is at rest while
         displacements prescribed elsewhere move the body: the edge sets to name instead are listed.
         """
+        return self.driven(name)[1:]
+
+    def driven(self, name: str) -> tuple[str, FloatArray, FloatArray]:
+        """The same, behind what moves: "along", "x", "y", or "rotation", whose loop is in other units."""
         if not self._states:
-            return np.zeros(0), np.zeros(0)
+            return "along", np.zeros(0), np.zeros(0)
         first = self._states[0]
         supports = [each.edges for each in first.problem.conditions if isinstance(each, Displacement)]
         name = known_name(
             "name", name, {"contacts": first.contacts, "edge sets with a prescribed displacement": supports}
         )
         if name not in first.contacts:
-            return self._of_support(name)
+            return "along", *self._of_support(name)
         steps = [_of_obstacle(step, name) for step in self._states]
         if any(each.keys() != steps[0].keys() for each in steps):
             raise InputError("name", name, "its plate is there in some steps only: give it in all of them, or in none")
         pairs = np.array([list(each.values()) for each in steps]).transpose(1, 2, 0)
-        displacement, force = pairs[np.argmax(np.ptp(pairs[:, 0], axis=1) * np.abs(pairs[:, 1]).max(axis=1))]
+        most = int(np.argmax(np.ptp(pairs[:, 0], axis=1) * np.abs(pairs[:, 1]).max(axis=1)))
+        displacement, force = pairs[most]
         if not np.ptp(displacement) > 0.0:
             movers = [edges for edges in dict.fromkeys(supports) if np.ptp(self._of_support(edges)[0]) > 0.0]
             if movers:
                 remedy = f"its obstacle does not move: name what drives the body, {' or '.join(map(repr, movers))}"
                 raise InputError("name", name, remedy)
-        return displacement, force
+        return list(steps[0])[most], displacement, force
 
     def _of_support(self, name: str) -> tuple[FloatArray, FloatArray]:
         """The loop of an edge set with a prescribed displacement: the component along the tangent if it moves."""

@@ -191,6 +191,7 @@ def test_limit(shell, sliding):
     assert picture.stat().st_size > 1000
     refused(shell("limit", sliding, "--load", "nonsense"), "drag")
     refused(shell("limit", sliding), "--load")
+    assert "0 at t = 0, the first time" in shell("limit", EXAMPLES / "cyclic_shear.toml", "--load", "left")[1]
     found = answered(shell("limit", sliding, *loads, "--target", "1e-4", "--json"))["refinement"]
     assert (found["status"], found["guaranteed"], found["rounds"]) == ("reached", True, 1)
     assert 0.0 <= found["estimate"] <= 1e-4

@@ -1,5 +1,6 @@
 """Initial strain: temperature, shrinkage and prestress, in stresses, displacements and bounds."""
 
+import json
 from dataclasses import replace
 from functools import partial
 
@@ -237,7 +238,7 @@ def test_what_cannot_be_meant_is_refused():
         solve(ContactProblem(mesh, steel(), FREE, temperature=lambda x, _: np.full_like(x, np.nan)))
 
 
-def test_a_temperature_by_values_at_points(tmp_path):
+def test_a_temperature_by_values_at_points(tmp_path, shell):
     """Linear between them: on the vertices of the problem and of another mesh, in a file, beside chords of arcs."""
     meshio = pytest.importorskip("meshio")
     mesh, x, y = TriangleMesh.rectangle((5, 3), 2.0, 1.0), np.array([0.1, 1.7]), np.array([0.3, 0.9])
@@ -250,6 +251,8 @@ def test_a_temperature_by_values_at_points(tmp_path):
     (tmp_path / "problem.toml").write_text(FILE.replace('"dT * x * t"', '{ file = "hot.vtu", data = "T" }'))
     problem = load_problem(tmp_path / "problem.toml").problem
     assert problem.temperature(x, y) == pytest.approx(field(x, y))
+    said = json.loads(shell("check", tmp_path / "problem.toml", "--json")[1])
+    assert (said["temperature"], said["materials"][1]["temperature"]) == ("values at 24 points", 5.0)
     (tmp_path / "wrong.toml").write_text(FILE.replace('"dT * x * t"', '{ file = "hot.vtu", data = "U" }'))
     with pytest.raises(InputError, match=r"temperature\.data"):
         load_problem(tmp_path / "wrong.toml")

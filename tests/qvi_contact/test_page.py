@@ -184,6 +184,7 @@ class TestCommand:
         assert (code, err) == (0, "")
         text = (tmp_path / "a.html").read_text(encoding="utf-8")
         assert "Load steps" in words(text)
+        assert "bounds are those of this step alone" in words(text)
         assert text.count("<td>solved</td>") == 2
         with browser.new_page(offline=True) as tab:
             tab.goto((tmp_path / "a.html").as_uri())

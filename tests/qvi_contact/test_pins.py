@@ -17,6 +17,7 @@ from qvi_contact.discretization import pins
 from qvi_contact.gallery import arc, fan
 from qvi_contact.mechanism import find_mechanism
 from qvi_contact.mesh import TriangleMesh, cross
+from qvi_contact.plots import history_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Traction, disc_gap
 from qvi_contact.refinement import unit_of
 from qvi_contact.solution import leads_one_way, turning_senses
@@ -194,6 +195,9 @@ def test_the_loop_of_a_pin_is_that_of_the_motion_that_does_the_work():
     displacement, force = history.loop("hole")
     assert displacement == pytest.approx([0.0, 0.01, 0.0, -0.01], abs=1e-12)
     assert force == pytest.approx([step.plate_force("hole").x for step in history.steps])
+    turns = [pinned(Contact.pin("hole", 0.3, (0.0, 0.0), 1.02, rotation=0.01 * turn), mesh=ROUND) for turn in (0, 1)]
+    axes = history_figure(solve_history(turns, degree=3), Units("mm", "MPa")).axes[-2]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("rotation [rad]", "moment [N mm/mm]")
 
 
 def test_a_pin_in_some_steps_only_has_no_loop():

@@ -60,13 +60,11 @@ def result_page(
 ) -> str:
     """The page about the result of a solve, of a refinement, or of the last of several in a series.
 
-    `source` is where the problem file lies. `bracketed` gives the bracket of a single result, or why there is none.
+    `source` is where the problem file lies. `bracketed` gives the bracket of this result, or why there is none.
     Contacts in `panels` have charts, all of them by default.
     """
     steps = (result,) if series is None else series.results.steps
-    bracket, missing = None, "bounds are computed for a single solve only, and this is one of several results"
-    if len(steps) == 1:
-        bracket, missing = bracketed()
+    bracket, missing = bracketed()
     companion = bracket.companion if bracket is not None and bracket.companion.has_state else None
     contacts = [
         _contact(line, f"contact-{number}", file.units)
