@@ -74,13 +74,6 @@ class Report:
         """The first heading."""
         return self.text.partition("\n")[0].lstrip("# ")
 
-    @property
-    def findings(self) -> list[str]:
-        """The numbered sentences below the heading "Findings", without links within the report."""
-        (found,) = _FINDINGS.findall(self.text) or [""]
-        sentences = re.split(r"^1?\d\. ", re.sub(r"\s*\(\[[^\]]*\]\(#[^)]*\)\)", "", found), flags=re.M)[1:]
-        return [" ".join(each.partition("\n\n")[0].split()) for each in sentences]
-
     def html(self) -> str:
         """The report as a page that loads nothing: tables that scroll and can be sorted, pictures inside."""
         from markdown_it import MarkdownIt
