@@ -1,7 +1,9 @@
-"""Everything that is computed about the paper's plate; the report, its tables, also as CSV, and its Figures 2-5."""
+"""What Więckowski (1992) prints of his plate, and all that is computed of it; report, tables as CSV, Figures 2-5."""
 
+import tomllib
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,12 +16,55 @@ from comparisons.lab.drawing import drawn
 from comparisons.lab.numbers import fixed, scientific, seconds
 from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import versions
-from comparisons.paper.reference import Reference, load
+from qvi_contact import paper
 from qvi_contact.basics.terminal import Advance
 from qvi_contact.basics.writing import write_text
 from qvi_contact.paper import QuarterPlate
 from qvi_contact.plots.style import BLUE, VERMILLION, lines, new_figure
-from solvers import QVISolution, Status, available, solve_qvi
+from solvers import FrictionQVI, QVISolution, Status, available, solve_qvi
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Data of the paper's section 5; E in MPa, U and ω_T in the paper's length.
+
+    `table` maps the friction coefficient to P/2 of Table 1, `figures` to the number of Figs 2-5 and the largest
+    |principal stress| [MPa]; without friction P/2 = E U.
+    """
+
+    young: float
+    poisson: float
+    displacement: float
+    cells: int
+    iterations: int
+    omega_T: float  # noqa: N815  # the paper's symbol
+    table: dict[float, float]
+    figures: dict[float, tuple[int, float]]
+    exact_without_friction: float
+
+    def plate(self, friction: float) -> QuarterPlate:
+        """The example in the paper's own system."""
+        data: dict[str, Any] = {"young": self.young, "poisson": self.poisson, "displacement": self.displacement}
+        return paper.plate(friction, (self.cells, self.cells), **data)
+
+    def uzawa(self, qvi: FrictionQVI, **options: Any) -> QVISolution:
+        """The paper's iteration with its step; the problem's unit of displacement is U."""
+        return solve_qvi(qvi, method="uzawa", omega_T=self.omega_T / self.displacement, **options)
+
+
+@cache
+def load() -> Reference:
+    """Read the data file of the package."""
+    data = tomllib.loads(files("comparisons.paper").joinpath("wieckowski_1992.toml").read_text(encoding="utf-8"))
+    table, figures = data.pop("table_1"), data.pop("figures")
+    shown = zip(figures["number"], figures["max_principal_stress"], strict=True)
+    return Reference(
+        **data,
+        table=dict(zip(table["friction"], table["half_force"], strict=True)),
+        figures=dict(zip(figures["friction"], shown, strict=True)),
+        exact_without_friction=table["half_force_without_friction"],
+    )
+
 
 SHRINKING: Final = 100.0
 """Iterations after which the shrinking step of the frictionless Uzawa run has halved."""
