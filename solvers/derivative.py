@@ -147,7 +147,7 @@ def _solved(A: Matrix, right: Matrix) -> Matrix:
     """The solution of a linear system, of least size where it is singular."""
     try:
         found = np.linalg.solve(A, right)
-        if np.abs(A @ found - right).max(initial=0.0) <= _MET * max(1e-300, float(np.abs(right).max(initial=0.0))):
+        if np.abs(A @ found - right).max(initial=0.0) <= _MET * np.abs(right).max(initial=0.0):
             return np.asarray(found)
     except np.linalg.LinAlgError:
         pass

@@ -149,10 +149,10 @@ class UzawaOptions:
 
         one_of("rule", self.rule, ("printed", "accumulating"))
         for name in ("omega_T", "omega_N", "step_decay"):
-            if getattr(self, name) is not None:
+            if name == "omega_T" or getattr(self, name) is not None:
                 positive_number(name, getattr(self, name))
         for name in ("max_iterations", "iterations"):
-            if getattr(self, name) is not None:
+            if name == "max_iterations" or getattr(self, name) is not None:
                 whole_number(name, getattr(self, name))
 
 

@@ -17,9 +17,10 @@ errors by −μ C: its contraction is 0.8 μ, that damped by θ is max |1 − θ
 import time
 from functools import lru_cache
 from statistics import median
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from pandas import DataFrame
 from scipy.fft import dct
 from scipy.sparse import csc_array
 
@@ -27,9 +28,6 @@ from qvi_contact import Contact, ContactProblem, Material, Traction, TriangleMes
 from qvi_contact.gallery import ssnv128
 from qvi_contact.problem.conditions import Condition
 from solvers import FrictionQVI, QVISolution, solve_qvi
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 PLACE: Final = ["problem", "cells", "friction"]
 """What names a problem that is ready to be solved, see `body`."""
@@ -145,7 +143,7 @@ def ending(solution: QVISolution) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def in_words(runs: "DataFrame") -> "DataFrame":
+def in_words(runs: DataFrame) -> DataFrame:
     """The runs with the median of their times, and name and body: the problem, and with its mesh, in words."""
     names = runs.problem.replace(NAMES)
     bodies = names + [f", {cells}²" if cells else "" for cells in runs.cells]

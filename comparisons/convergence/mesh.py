@@ -251,12 +251,9 @@ def cost(points: DataFrame, target: float) -> float:
     NaN without errors, infinite if even the last one does not. An error that a finer mesh does not confirm is small by
     chance and does not count.
     """
-    found = float("inf") if len(points) else float("nan")
-    for unknowns, error in sorted(zip(points.unknowns, points.error, strict=True), reverse=True):
-        if error > target:
-            break
-        found = float(unknowns)
-    return found
+    finest_first = points.sort_values(["unknowns", "error"], ascending=False)
+    lasting = finest_first.unknowns[finest_first.error.cummax() <= target]
+    return float(lasting.min()) if len(lasting) else float("inf") if len(points) else float("nan")
 
 
 def costs_of(meshes: DataFrame) -> DataFrame:

@@ -24,7 +24,7 @@ from comparisons.convergence.bodies import PLACE, Reference, ending, in_words, r
 from comparisons.lab.numbers import count, fixed, percent, significant, span
 from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import Row, Study, frame_of, largest_of
-from comparisons.paper.reference import load
+from comparisons.paper.study import load
 from solvers import QVISolution, solve_qvi
 from solvers.inequality.problem import Compliance
 

@@ -38,10 +38,10 @@ class FrictionContact(qpbenchmark.TestSet):
     sparse_only = False
 
     def __iter__(self) -> Iterator[qpbenchmark.Problem]:
-        """Yield the problems, by name."""
-        for file in sorted(FOLDER.glob("*.npz")):
+        """Yield the problems, by name; as sparse ones those in all unknowns."""
+        for file in sorted(FOLDER.glob("*_full_*.npz" if self.sparse_only else "*.npz")):
             problem: Any = load_problem(file)
-            yield problem.to_dense()
+            yield problem if self.sparse_only else problem.to_dense()
 
 
 class FrictionContactSparse(FrictionContact):
@@ -50,11 +50,6 @@ class FrictionContactSparse(FrictionContact):
     title = "Frictional contact test set, sparse"
     description = "Quadratic programs inside frictional contact problems, in all unknowns, sparse matrices."
     sparse_only = True
-
-    def __iter__(self) -> Iterator[qpbenchmark.Problem]:
-        """Yield the problems in all unknowns, by name."""
-        for file in sorted(FOLDER.glob("*_full_*.npz")):
-            yield load_problem(file)
 
 
 def load_problem(file: Path) -> qpbenchmark.Problem:

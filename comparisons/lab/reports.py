@@ -21,7 +21,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
+
+from jinja2 import Environment, StrictUndefined
+from markdown_it import MarkdownIt
+from pandas import DataFrame
+from rich.console import Console
+from rich.markdown import Markdown
 
 from comparisons.lab import numbers
 from comparisons.lab.numbers import NOTHING, memory, seconds, span
@@ -29,9 +35,6 @@ from comparisons.lab.studies import Row
 from qvi_contact.basics.writing import page_template, writable_folder, write_text
 from qvi_contact.errors import InputError
 from qvi_contact.plots.style import inline_image
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 Form = Callable[[Any], str]
 
@@ -74,17 +77,8 @@ class Report:
         """The first heading."""
         return self.text.partition("\n")[0].lstrip("# ")
 
-    @property
-    def findings(self) -> list[str]:
-        """The numbered sentences below the heading "Findings", without links within the report."""
-        (found,) = _FINDINGS.findall(self.text) or [""]
-        sentences = re.split(r"^1?\d\. ", re.sub(r"\s*\(\[[^\]]*\]\(#[^)]*\)\)", "", found), flags=re.M)[1:]
-        return [" ".join(each.partition("\n\n")[0].split()) for each in sentences]
-
     def html(self) -> str:
         """The report as a page that loads nothing: tables that scroll and can be sorted, pictures inside."""
-        from markdown_it import MarkdownIt
-
         body = MarkdownIt("commonmark").enable("table").render(self.text)
         box = '<div class="box{}" role="region" tabindex="0" aria-label="{}">\n'
         body = body.replace("<table>", f'{box.format("", "table")}<table class="sortable">')
@@ -111,9 +105,6 @@ class Report:
 
     def show(self, written: Sequence[Path] = (), *, tables: bool = True) -> None:
         """Print what is not folded, or the findings alone, and then the names of the files."""
-        from rich.console import Console
-        from rich.markdown import Markdown
-
         text = re.sub(r"<details>.*?</details>|^<a id=[^\n]*$|^!\[[^\n]*$", "", self.text, flags=re.M | re.S)
         text = re.sub(r"^(#+) [^\n]*\s+(?=(?!\1#)#|\Z)", "", text, flags=re.M)  # headings with nothing below
         if not tables:
@@ -130,7 +121,7 @@ def render(
     package: str,
     name: str,
     values: Mapping[str, Any],
-    tables: "Mapping[str, DataFrame]",
+    tables: Mapping[str, DataFrame],
     figures: Mapping[str, str],
     rows: Sequence[Row] = (),
     *,
@@ -147,8 +138,6 @@ def render(
     report's files. `ValueError` if a table or figure is shown twice or not at all, a link within the report leads
     nowhere, or a name is none: a mistake of the program, not of its user.
     """
-    from jinja2 import Environment, StrictUndefined
-
     shown: Counter[str] = Counter()
     pictures = {f"{name}-{each}.svg": svg for each, svg in figures.items() if svg}
 
@@ -205,7 +194,7 @@ def escaped(text: str) -> str:
 
 
 def markdown_table(
-    frame: "DataFrame", headings: Mapping[str, str] | None = None, forms: Mapping[str, Form] | None = None
+    frame: DataFrame, headings: Mapping[str, str] | None = None, forms: Mapping[str, Form] | None = None
 ) -> str:
     """Columns of a frame, by the headings that they get, or all of them; what is missing is `NOTHING`.
 
@@ -234,7 +223,6 @@ def _environment(rows: Sequence[Row]) -> dict[str, Any]:
 
     Where rows differ each value stands with the number of its rows. The same rows in another order give the same.
     """
-    from pandas import DataFrame
 
     def counts(values: Iterable[Any]) -> list[tuple[Any, int]]:
         """Values with their numbers, in the order of their texts as JSON."""

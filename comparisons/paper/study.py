@@ -1,7 +1,9 @@
-"""Everything that is computed about the paper's plate; the report, its tables, also as CSV, and its Figures 2-5."""
+"""What Więckowski (1992) prints of his plate, and all that is computed of it; report, tables as CSV, Figures 2-5."""
 
+import tomllib
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,12 +16,55 @@ from comparisons.lab.drawing import drawn
 from comparisons.lab.numbers import fixed, scientific, seconds
 from comparisons.lab.reports import Form, Report, render
 from comparisons.lab.studies import versions
-from comparisons.paper.reference import Reference, load
+from qvi_contact import paper
 from qvi_contact.basics.terminal import Advance
 from qvi_contact.basics.writing import write_text
 from qvi_contact.paper import QuarterPlate
 from qvi_contact.plots.style import BLUE, VERMILLION, lines, new_figure
-from solvers import QVISolution, Status, available, solve_qvi
+from solvers import FrictionQVI, QVISolution, Status, available, solve_qvi
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Data of the paper's section 5; E in MPa, U and ω_T in the paper's length.
+
+    `table` maps the friction coefficient to P/2 of Table 1, `figures` to the number of Figs 2-5 and the largest
+    |principal stress| [MPa]; without friction P/2 = E U.
+    """
+
+    young: float
+    poisson: float
+    displacement: float
+    cells: int
+    iterations: int
+    omega_T: float  # noqa: N815  # the paper's symbol
+    table: dict[float, float]
+    figures: dict[float, tuple[int, float]]
+    exact_without_friction: float
+
+    def plate(self, friction: float) -> QuarterPlate:
+        """The example in the paper's own system."""
+        data: dict[str, Any] = {"young": self.young, "poisson": self.poisson, "displacement": self.displacement}
+        return paper.plate(friction, (self.cells, self.cells), **data)
+
+    def uzawa(self, qvi: FrictionQVI, **options: Any) -> QVISolution:
+        """The paper's iteration with its step; the problem's unit of displacement is U."""
+        return solve_qvi(qvi, method="uzawa", omega_T=self.omega_T / self.displacement, **options)
+
+
+@cache
+def load() -> Reference:
+    """Read the data file of the package."""
+    data = tomllib.loads(files("comparisons.paper").joinpath("wieckowski_1992.toml").read_text(encoding="utf-8"))
+    table, figures = data.pop("table_1"), data.pop("figures")
+    shown = zip(figures["number"], figures["max_principal_stress"], strict=True)
+    return Reference(
+        **data,
+        table=dict(zip(table["friction"], table["half_force"], strict=True)),
+        figures=dict(zip(figures["friction"], shown, strict=True)),
+        exact_without_friction=table["half_force_without_friction"],
+    )
+
 
 SHRINKING: Final = 100.0
 """Iterations after which the shrinking step of the frictionless Uzawa run has halved."""
@@ -33,19 +78,16 @@ PATIENCE: Final = 3
 class Row:
     """All runs for one friction coefficient, and P/2 as Table 1 prints it.
 
-    "uzawa" and "uzawa_printed_rule" are the paper's number of iterations, with the accumulating rule and with that as
-    printed, "uzawa_converged" is the former to the tolerance, at μ = 0 with a shrinking step; "back_ends" are fixed
-    points by inner solver, "condensed" solves the inequality directly.
+    "back_ends" are fixed points by inner solver, "runs" what the columns of the table have: the paper's number of
+    iterations, with the accumulating rule and with that as printed, the former to the tolerance, at μ = 0 with a
+    shrinking step, two of the fixed points, and the inequality solved directly.
     """
 
     friction: float
     printed: float
     plate: QuarterPlate
-    uzawa: QVISolution
-    uzawa_printed_rule: QVISolution
-    uzawa_converged: QVISolution
     back_ends: dict[str, QVISolution]
-    condensed: QVISolution
+    runs: dict[str, QVISolution]
 
     @property
     def reference(self) -> QVISolution:
@@ -82,19 +124,20 @@ def run(advance: Advance) -> PaperStudy:
     reference, rows = load(), []
     for friction, printed in reference.table.items():
         plate = reference.plate(friction)
-        accumulating, as_printed = (
-            reference.uzawa(plate.qvi, rule=rule, iterations=reference.iterations)
-            for rule in ("accumulating", "printed")
-        )
-        decay = SHRINKING if friction == 0.0 else None
-        converged = reference.uzawa(plate.qvi, tolerance=TOLERANCE, step_decay=decay)
+        uzawa, decay = partial(reference.uzawa, plate.qvi), SHRINKING if friction == 0.0 else None
+        runs = {
+            "uzawa_30": uzawa(rule="accumulating", iterations=reference.iterations),
+            "uzawa_30_printed_rule": uzawa(rule="printed", iterations=reference.iterations),
+            "uzawa_converged": uzawa(tolerance=TOLERANCE, step_decay=decay),
+        }
         condensed = solve_qvi(plate.qvi, method="condensed", tolerance=TOLERANCE)
         advance(f"μ = {friction:.2f}")
         back_ends = {}
         for inner in available():
             back_ends[inner] = solve_qvi(plate.qvi, inner=inner, tolerance=TOLERANCE, patience=PATIENCE)
             advance(f"μ = {friction:.2f}, {inner}")
-        rows.append(Row(friction, printed, plate, accumulating, as_printed, converged, back_ends, condensed))
+        runs |= {"fixed_point_qp": back_ends["qp:clarabel"], "fixed_point_socp": back_ends["socp:clarabel"]}
+        rows.append(Row(friction, printed, plate, back_ends, {**runs, "condensed": condensed}))
     smooth = rows[0].plate  # its last iterations with a constant step
     history = reference.uzawa(smooth.qvi).history[-8:]
     forces = [-smooth.stress_unit * smooth.length_unit * record.normal_resultant for record in history]
@@ -109,15 +152,8 @@ def table_rows(study: PaperStudy) -> list[dict[str, float]]:
     """Table 1, one row for each friction coefficient; forces are P/2 in N/mm."""
     rows = []
     for row in study.rows:
-        runs = {
-            "uzawa_30": row.uzawa, "uzawa_30_printed_rule": row.uzawa_printed_rule,
-            "uzawa_converged": row.uzawa_converged, "fixed_point_qp": row.back_ends["qp:clarabel"],
-            "fixed_point_socp": row.back_ends["socp:clarabel"], "condensed": row.condensed,
-        }  # fmt: skip
-        forces, solution = (
-            {name: row.plate.force(run.z) for name, run in runs.items()},
-            row.plate.force(row.reference.z),
-        )
+        forces = {name: row.plate.force(run.z) for name, run in row.runs.items()}
+        solution = row.plate.force(row.reference.z)
         percent = 100.0 * (row.printed - solution) / solution
         rows.append({
             "friction": row.friction, "paper": row.printed, **forces, "paper_minus_solution_percent": percent,
@@ -131,7 +167,7 @@ def figure_rows(study: PaperStudy) -> list[dict[str, float]]:
     for friction, (number, printed) in study.reference.figures.items():
         row = study.row(friction)
         ours, converged = (float(np.abs(row.plate.principal_stress(each.z)[:2]).max())
-                           for each in (row.uzawa, row.reference))  # fmt: skip
+                           for each in (row.runs["uzawa_30"], row.reference))  # fmt: skip
         rows.append({
             "figure": number, "friction": friction, "paper": printed, "uzawa_30": ours, "converged": converged,
         })  # fmt: skip
@@ -141,7 +177,7 @@ def figure_rows(study: PaperStudy) -> list[dict[str, float]]:
 def back_end_rows(study: PaperStudy) -> list[dict[str, Any]]:
     """One row for each inner solver: its worst agreement with the reference over all friction coefficients."""
     runs = {name: [(row, row.back_ends[name]) for row in study.rows] for name in study.rows[0].back_ends}
-    runs["uzawa"] = [(row, row.uzawa_converged) for row in study.rows]
+    runs["uzawa"] = [(row, row.runs["uzawa_converged"]) for row in study.rows]
     rows = []
     for name, pairs in runs.items():
         # NaN if one run has no result
@@ -183,7 +219,7 @@ def values_of(study: PaperStudy) -> dict[str, Any]:
         "digits": sum(f"{row['uzawa_30']:.2f}" == f"{row['paper']:.2f}" for row in rows), "deviations": deviations,
         "off": abs(worst["paper_minus_solution_percent"]) / 100.0, "off_at": worst["friction"],
         "low": study.cycle[0], "high": study.cycle[1], "exact": study.reference.exact_without_friction,
-        "shrinking": study.row(0.0).plate.force(study.row(0.0).uzawa_converged.z), "solvers": len(ends),
+        "shrinking": rows[0]["uzawa_converged"], "solvers": len(ends),
         "excess": shares[between], "excess_at": between,
         "short": [f"{row['solver']} ({row['verdict']})" for row in ends if row["verdict"] != full],
         "doubtful": [f"{row['solver']} ({row['certified']}/{row['problems']})" for row in ends
@@ -199,7 +235,7 @@ def principal_stresses(study: PaperStudy) -> Figure:
     full = max(printed for _, printed in study.reference.figures.values())
     for (upper, lower), told in zip(axes.T, figure_rows(study), strict=True):
         row = study.row(told["friction"])
-        _crosses(upper, row.plate, row.uzawa, full)
+        _crosses(upper, row.plate, row.runs["uzawa_30"], full)
         _crosses(lower, row.plate, row.reference, full)
         upper.set_title(f"Fig. {told['figure']}, μ = {row.friction:g}, Uzawa {study.reference.iterations}\n"
                         f"max {told['uzawa_30']:.2f}, printed {told['paper']:.2f} MPa")  # fmt: skip

@@ -90,26 +90,19 @@ def _strips(shrinking: float) -> Callable[[float, int], Lines]:
         left, right, beside, rows = _STRIPS[number]
         transition = TRANSITIONS.get(friction)
         if transition is None:
-            both = _line(0.0, 1.0, left + beside, shrinking)
+            both = graded_lines(0.0, 1.0, left + beside, shrinking)
             return both, both
         middle = (transition + 1.0) / 2.0
         # the more, the nearer the transition is to x = 0: the columns on both sides of it are then alike
         right += max(0, round(math.log(transition / (1.0 - transition)) / math.log(shrinking)))
         parts = (
-            _line(0.0, transition, left, shrinking), _line(transition, middle, right, 1.0 / shrinking)[1:],
-            _line(middle, 1.0, beside, shrinking)[1:],
-        )  # fmt: skip
-        return np.concatenate(parts), _line(0.0, 1.0, rows, shrinking)
+            graded_lines(0.0, transition, left, shrinking),
+            graded_lines(transition, middle, right, 1.0 / shrinking)[1:],
+            graded_lines(middle, 1.0, beside, shrinking)[1:],
+        )
+        return np.concatenate(parts), graded_lines(0.0, 1.0, rows, shrinking)
 
     return make
-
-
-def _line(start: float, end: float, cells: int, shrinking: float) -> FloatArray:
-    """Grid lines from start to end, each distance `shrinking` times the one before it."""
-    lengths = np.concatenate([[0.0], np.cumsum(shrinking ** np.arange(cells))])
-    lines: FloatArray = start + (end - start) * lengths / lengths[-1]
-    lines[-1] = end
-    return lines
 
 
 def _bisected(friction: float, number: int) -> TriangleMesh:

@@ -75,19 +75,16 @@ class Instance:
     def __init__(self, described: Described) -> None:
         self.described = described
         self.qvi = described.build()
-        self._forms: dict[str, ProblemForm] = {}
-        self._centres: dict[str, Centre] = {}
 
     @cached_property
     def reference(self) -> QVISolution:
         """By the condensed method; for bounds and facts only, never for judging a result."""
         return solve_qvi(self.qvi, tolerance=_REFERENCE)
 
+    @cache  # noqa: B019  # an instance is kept for the process
     def form(self, name: str) -> ProblemForm:
         """The problem in these unknowns; what that costs is not part of any time."""
-        if name not in self._forms:
-            self._forms[name] = make_form(self.qvi, name)
-        return self._forms[name]
+        return make_form(self.qvi, name)
 
     @cached_property
     def bound(self) -> Vector:
@@ -111,22 +108,22 @@ class Instance:
             bound = self.qvi.threshold(self.qvi.pressure(found.z))
         return tuple(met[1:])
 
+    @cache  # noqa: B019
     def centre(self, name: str) -> Centre:
         """Where all inner problems are posed: at the answer of the loop's first step, which is not one of them.
 
         As in the outer loop itself, whose problems are posed at its last answer: rounding in what they are made of then
         decays. Without a solution it is the bonded state.
         """
-        if name not in self._centres:
-            form = self.form(name)
-            self._centres[name] = form.centre(None, None)
-            for _ in range(_ROUNDS if self.described.feasible else 0):
-                solver = make_inner(_RECORDED, form.problem, _REFERENCE)
-                found = solver.solve(form.threshold(self._first_bound), self._centres[name], None)
-                if not found.finite:
-                    break
-                self._centres[name] = form.centre(found, form.expand(found))
-        return self._centres[name]
+        form = self.form(name)
+        centre = form.centre(None, None)
+        for _ in range(_ROUNDS if self.described.feasible else 0):
+            solver = make_inner(_RECORDED, form.problem, _REFERENCE)
+            found = solver.solve(form.threshold(self._first_bound), centre, None)
+            if not found.finite:
+                break
+            centre = form.centre(found, form.expand(found))
+        return centre
 
     @property
     def _first_bound(self) -> Vector:

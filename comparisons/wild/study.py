@@ -28,12 +28,9 @@ from solvers.factorisation import FactorisationError
 REFUSED, SOLVED, WRONG = "refused", "solved", "wrong"
 INFEASIBLE, OPEN, FOREIGN = "infeasible", "open", "foreign"
 
-OTHERS: Final[Mapping[str, Mapping[str, Any]]] = {
-    "qp:daqp": {"method": "fixed-point", "inner": "qp:daqp"},
-    "qp:quadprog": {"method": "fixed-point", "inner": "qp:quadprog"},
-}
-"""Methods that are tried where the default finds no answer: name → settings of `solve`. The default itself has tried
-the condensed method and, where the contact is small, pivoting."""
+OTHERS: Final = ("qp:daqp", "qp:quadprog")
+"""Inner solvers of fixed points that are tried where the default finds no answer. The default itself has tried the
+condensed method and, where the contact is small, pivoting."""
 
 SECONDS: Final = 5.0
 """Time for each of these, and for the enumeration of one problem."""
@@ -91,8 +88,9 @@ def _judged(result: ContactResult, degree: int) -> dict[str, Any]:
 
 def _solvable(result: ContactResult) -> dict[str, Any]:
     """Which other method has an answer; else whether one exists, and whether any traction is admissible."""
-    for name, settings in OTHERS.items():
-        if solve(result.discretization, time_limit=SECONDS, **settings).status is Status.SOLVED:
+    for name in OTHERS:
+        other = solve(result.discretization, time_limit=SECONDS, method="fixed-point", inner=name)
+        if other.status is Status.SOLVED:
             return {"answer": name, "exists": EXISTS, "admissible": True}
     qvi = result.solution.problem
     far = np.isinf(result.discretization.scales.reach)  # it moves to an obstacle that is out of bounds

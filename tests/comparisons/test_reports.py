@@ -179,8 +179,8 @@ def test_the_page_is_sound_and_loads_nothing(page):
 
 def test_findings_are_those_of_the_template_with_numbers():
     report = sample(lambda _: "", fastest=None)
-    assert (report.title, report.findings) == ("Solvers compared", ["*Clarabel* takes none at most.", "Nobody lies."])
-    assert Report("a", "# Nothing\n\n1. Not a finding.\n", {}).findings == []
+    assert report.title == "Solvers compared"
+    assert "## Findings\n\n1. *Clarabel* takes none\n   at most" in report.text
 
 
 HOSTILE = [

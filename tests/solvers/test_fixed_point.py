@@ -1,6 +1,7 @@
 """Outer iterations, the fixed point and Uzawa's: states, variants, starts, contraction, infeasibility, failures."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -10,21 +11,20 @@ from solvers.certificate import is_farkas
 from solvers.fixed_point import CondensedForm, FullForm
 from solvers.inequality import Compliance
 from solvers.inner import Centre, make_inner
-from tests.solvers.conftest import dragged_block, one_contact, prescribed_shear, random_problem, two_contacts
+from tests.solvers.conftest import dragged_block, mixed_problem, one_contact, prescribed_shear, random_problem
 
 INNER = "direct:clarabel"
 
 
-@pytest.mark.parametrize(
-    ("load", "expected"),
-    [
-        ((1.0, -0.5), (0.0, 0.0)),  # gap opens
-        ((-1.0, 0.1), (3.0, -2.5)),  # sticks: −K⁻¹q
-        ((-1.0, 3.0), (1 / (1 - 0.8), -1 / (1 - 0.8))),  # slips, σ_T = −p
-        ((-1.0, -3.0), (1 / 1.8, 1 / 1.8)),  # slips, σ_T = +p
-    ],
-    ids=["open", "stick", "slip -", "slip +"],
-)
+STATES = {
+    "open": ((1.0, -0.5), (0.0, 0.0)),
+    "stick": ((-1.0, 0.1), (3.0, -2.5)),  # −K⁻¹q
+    "slip -": ((-1.0, 3.0), (1 / (1 - 0.8), -1 / (1 - 0.8))),  # σ_T = −p
+    "slip +": ((-1.0, -3.0), (1 / 1.8, 1 / 1.8)),  # σ_T = +p
+}
+
+
+@pytest.mark.parametrize(("load", "expected"), STATES.values(), ids=STATES)
 def test_every_state_of_one_contact(load, expected):
     solution = solve_qvi(one_contact(1.0, load), inner=INNER)
     assert solution.solved, solution.message
@@ -41,16 +41,20 @@ def test_one_of_three_solutions(start):
     assert min(np.abs(solution.z - z).max() for z in known) < 1e-7
 
 
-@pytest.mark.parametrize("friction", [2.0, 3.0, 4.0, 5.0])
-def test_anderson_where_plain_cycles(friction):
+@pytest.mark.parametrize(("friction", "halved"), [(2.0, 0), (4.0, 1), (50.0, 5), (120.0, 6), (200.0, None)])
+def test_anderson_where_plain_cycles(friction, halved):
+    """Each cycle halves the mixing β = 1/2, up to six times; from s = 0, where g = 1, a memory of one leads to β."""
     qvi = one_contact(friction, (-1.0, -3.0))
     plain = solve_qvi(qvi, inner=INNER, variant="plain", initial=[1.0])
     assert plain.status is Status.CYCLING
     assert "anderson" in plain.message
-    accelerated = solve_qvi(qvi, inner=INNER, variant="anderson", initial=[1.0])
-    assert accelerated.solved
-    slip = 1 / (1 + 0.8 * friction)
-    assert accelerated.z == pytest.approx([slip, friction * slip], rel=1e-7)
+    accelerated = solve_qvi(qvi, inner=INNER, variant="anderson", memory=1, initial=[1.0])
+    assert accelerated.status is (Status.CYCLING if halved is None else Status.SOLVED)
+    if halved is not None:
+        slip = 1 / (1 + 0.8 * friction)
+        assert accelerated.z == pytest.approx([slip, friction * slip], rel=1e-7)
+        first = next(entry for entry in accelerated.history if -1 < round(entry.normal_resultant, 6) < 0)
+        assert first.normal_resultant == pytest.approx(0.8 * friction / 2.0 ** (halved + 1) - 1.0, abs=1e-6)
 
 
 def test_history_and_record():
@@ -132,9 +136,10 @@ def test_a_converged_fixed_point_with_wrong_multipliers_is_the_fault_of_the_inne
         return found
 
     back_end("qp:clarabel", wrong)
-    solution = solve_qvi(two_contacts(), inner="qp:clarabel", form="full", patience=3)
+    solution = solve_qvi(one_contact(0.1), inner="qp:clarabel", form="full", patience=3)
     assert solution.status is status
     assert min(entry.residual for entry in solution.history) < 1e-8
+    assert solution.iterations < 15  # it is softened neither
     for words in ("has converged", "clarabel: Solved", "inner solver"):
         assert words in solution.message
     assert "sliding limit" not in solution.message
@@ -228,15 +233,12 @@ def test_frictionless_rows_become_independent_equations():
     assert np.abs(qvi.tangential(result.z)[::2]).max() < 1e-10
 
 
-STATES = [(1.0, -0.5), (-1.0, 0.1), (-1.0, 3.0), (-1.0, -3.0)]
-
-
 @pytest.mark.parametrize(
-    ("load", "rule"), [*((load, "accumulating") for load in STATES), ((-1.0, 0.1), "printed"), ((-1.0, 3.0), "printed")]
+    ("rule", "state"), [*product(["accumulating"], STATES), ("printed", "stick"), ("printed", "slip -")]
 )
-def test_uzawa_finds_every_state(load, rule):
+def test_uzawa_finds_every_state(rule, state):
     """But open ones by the printed rule."""
-    qvi = one_contact(0.5, load)
+    qvi = one_contact(0.5, STATES[state][0])
     solution = solve_qvi(qvi, method="uzawa", rule=rule, omega_T=0.1, step_decay=300.0)
     assert solution.solved, solution.message
     assert solution.z == pytest.approx(solve_qvi(qvi, inner="direct:clarabel").z, abs=1e-7)
@@ -248,15 +250,29 @@ def test_printed_rule_never_opens_a_gap():
     assert solution.certificate.worst == "friction"
 
 
-def test_first_iterations_by_hand():
-    """(4.1)-(4.4) on the second contact of `two_contacts`: σ_T = −2 − 2 λ_T, bound 0.3."""
-    expected, lam = [], 0.0
-    for _ in range(4):
-        sigma = -2.0 - 2.0 * lam
-        expected.append(sigma)
-        lam += np.sign(sigma) * 0.1 * (1 - 0.3 / abs(sigma))
-    for k, sigma in enumerate(expected, start=1):
-        assert solve_qvi(two_contacts(), method="uzawa", iterations=k, omega_T=0.1).z[3] == pytest.approx(sigma)
+@pytest.mark.parametrize("rule", ["printed", "accumulating"])
+def test_first_iterations_by_hand(rule):
+    """(4.1)-(4.4) with rows of every kind, on one of which nothing shears."""
+    qvi = mixed_problem(0, equalities=0)
+    T, t0 = (np.where(np.arange(10) == 4, 0.0, array.T).T for array in (qvi.T.toarray(), qvi.t0))
+    qvi = qvi.with_contact(T=T).with_loads(t0=t0)
+    B, lam = np.vstack([qvi.N.toarray(), T]), np.zeros((2, 10))
+    for k in range(1, 9):
+        solution = solve_qvi(qvi, method="uzawa", rule=rule, iterations=k, omega_T=0.5, omega_N=0.1)
+        found = -solution.normal_displacement, -solution.tangential_displacement
+        assert np.array(found) == pytest.approx(lam, abs=1e-10)
+        z = np.linalg.solve(qvi.K.toarray(), qvi.f - B.T @ (qvi.W * lam).ravel())
+        bound = qvi.threshold(qvi.pressure(z))
+        for i, (n, t) in enumerate(zip(qvi.normal(z), qvi.tangential(z), strict=True)):
+            lam[0, i] = 0.0 if qvi.bilateral[i] else max(lam[0, i] + 0.1 * n, 0.0)
+            old, step = np.sign(t) * lam[1, i], 0.5 * (1.0 - bound[i] / abs(t)) if t else 0.0
+            if t == 0.0 or (rule == "printed" and n >= 0.0 and not qvi.bilateral[i]):
+                new = 0.0
+            elif rule == "printed":
+                new = max(max(old, 0.0) + step, 0.0)
+            else:
+                new = old + step if step >= 0.0 else np.copysign(max(abs(old) + step, 0.0), old)
+            lam[1, i] = np.sign(t) * new
 
 
 def test_frictionless_cycles_unless_the_step_shrinks():

@@ -118,7 +118,7 @@ def test_bonded_solution_with_dependent_equalities():
     [("threads", 10**30), ("threads", 1025), ("threads", 0), ("threads", 1.5), ("threads", "2"), ("memory", 10**400),
      ("max_iterations", True), ("damping", 0.5j), ("damping", np.ones(2)), ("damping", 0.0), ("variant", "fancy"),
      ("variant", np.array(["plain", "damped"])), ("memory", 0), ("max_iterations", 2.5), ("inner_tolerance", "1e-9"),
-     ("inner_tolerance", 2.0), ("omega_T", np.ones(2)), ("omega_T", 0.0), ("omega_N", 1j), ("omega_N", -1.0),
+     ("inner_tolerance", 2.0), ("omega_T", None), ("omega_T", 0.0), ("omega_N", 1j), ("omega_N", -1.0),
      ("rule", np.array(["printed", "printed"])), ("rule", "guessed"), ("iterations", 0), ("initial", [1j] * 8),
      ("initial", [-1.0]), ("initial", [1.0, 2.0]), ("initial", "high"), ("initial", [np.nan] * 8), ("gap", 0.0),
      ("gap", 1.0), ("gap", "small"), ("system", "wide"), ("tolerance", 0.0), ("tolerance", 1.0), ("tolerance", None),

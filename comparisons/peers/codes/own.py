@@ -1,22 +1,24 @@
-"""Our own package: stresses in equilibrium, the inequality solved directly by its default method, and its bounds.
-
-The package is loaded by what solves, not before.
-"""
+"""Our own package: stresses in equilibrium, the inequality solved directly by its default method, and its bounds."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from math import isfinite
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
-if TYPE_CHECKING:
-    from qvi_contact import ContactProblem
-    from qvi_contact.bracket import Bracket
+from qvi_contact import TriangleMesh, refine, solve
+from qvi_contact.bracket import Bracket
+from qvi_contact.bracket import bracket as bracketed
+from qvi_contact.gallery import compressed_plate
 
 TOLERANCE: Final = 1e-8
 """That the certificate must confirm."""
 
 COULOMB: Final = "COULOMB"
 """What is bracketed by bounds under Coulomb friction, beside the names of `BracketKind`."""
+
+_plate: Final = cache(compressed_plate)
+"""By μ the gallery's plate on its own mesh, whose conditions and material are those of every mesh."""
 
 
 def plate(
@@ -28,11 +30,6 @@ def plate(
     certificate's residual, status. With the degree `bracket` of displacements bounds instead, see `_bounds`. Where the
     mesh is `adaptive`, `qvi_contact.refine` makes it until the bounds of P/2 are as close as the number asks for.
     """
-    from dataclasses import replace
-
-    from qvi_contact import TriangleMesh, refine, solve
-    from qvi_contact.bracket import bracket as bracketed
-
     mesh = TriangleMesh(case["vertices"], case["cells"], case["sides"])
     posed = replace(_plate(case["friction"]), mesh=mesh)
     options: dict[str, Any] = {"degree": degree, "tolerance": TOLERANCE, "threads": 1}
@@ -54,21 +51,13 @@ def plate(
     return solved
 
 
-@cache
-def _plate(friction: float) -> "ContactProblem":
-    """The gallery's plate on its own mesh, whose conditions and material are those of every mesh."""
-    from qvi_contact.gallery import compressed_plate
-
-    return compressed_plate(friction)
-
-
 def _ended(found: Any, **numbers: Any) -> dict[str, Any]:
     """How a solve ended, with these numbers of it, and the certificate's residual."""
     message = "" if found.certificate.passed else found.message
     return {"status": found.status.value, "message": message, **numbers, "residual": float(found.certificate.accuracy)}
 
 
-def _bounds(found: "Bracket", unknowns: int) -> dict[str, Any]:
+def _bounds(found: Bracket, unknowns: int) -> dict[str, Any]:
     """Bounds instead of a force.
 
     "lower" and "upper" of P/2, None where P has no bounds; "width", half the gap of the energies over their mean, under

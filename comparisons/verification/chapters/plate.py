@@ -7,8 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from comparisons.paper.reference import load
-from comparisons.paper.study import SHRINKING
+from comparisons.paper.study import SHRINKING, load
 from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE
 from comparisons.verification.measures import ENERGY, FORCE, plate_under
 from comparisons.verification.rows import (
