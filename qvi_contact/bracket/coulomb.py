@@ -424,7 +424,8 @@ class _Pairs:
     def _work(self, z: FloatArray, dual: CellFields) -> tuple[float, float]:
         """∫ τ : (ε(z) − cζ) + ε⁰ : ζ dx, and |ε(z) − cζ|, with springs, of z with the unit of length D."""
         known, fields, companion = self.known, self.fields, self.errors.displacement
-        strain = self.body.body.body.strain(z, slice(None), fields.t)
+        elastic = self.body.body.body
+        strain = elastic.strain(z, slice(None), elastic.space.own(slice(None), fields.t))
         strain = strain * (known.scales.displacement / known.scales.length)
         apart = strain - np.einsum("ckl,cgl->cgk", fields.compliances, dual.stress)
         size = float(dual.apart(strain).sum())

@@ -214,6 +214,8 @@ def test_bracket_on_arcs():
         assert bracket.lower < exact < bracket.upper
         assert not bracket.guaranteed
         assert any("On arcs" in reason for reason in bracket.reasons)
+        lower, upper = bracket.coulomb.forces["inner.normal_force"]
+        assert lower < np.pi / 2.0 * INNER < upper
         gaps.append(bracket.gap / abs(exact))
     assert gaps[1] < 2e-4
     assert np.log2(gaps[0] / gaps[1]) > 5.0
