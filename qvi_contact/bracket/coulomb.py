@@ -31,7 +31,7 @@ from qvi_contact.bracket.norms import (
     friction_norm,
 )
 from qvi_contact.bracket.parts import EDGE_POINTS, LOOSEST, Bounds, CellFields, EdgeTractions, by_cell, edge_parts
-from qvi_contact.bracket.share import LeastChange, Share, SharedStress
+from qvi_contact.bracket.share import LeastChange, Share, SharedStress, handedness
 from qvi_contact.companion import CompanionResult, CompanionState
 from qvi_contact.companion.model import MOST, BodyAtRest, solutions
 from qvi_contact.discretization.discretization import Discretization
@@ -390,7 +390,7 @@ class _Pairs:
         for rows in rough:
             share, edges, held = self.errors.shares[rows.name], rows.points.edges, zones.smooth[rows.edges]
             bound = np.where(held[:, None], 1.0, share.weights)
-            values = np.where(held[:, None], 0.0, shear[rows.edges] / bound)
+            values = np.where(held[:, None], 0.0, handedness(edges)[:, None] * shear[rows.edges] / bound)
             for end, vertices in enumerate((edges.first, edges.second)):
                 np.add.at(total, vertices, (values * bound)[:, -end])
                 np.add.at(mass, vertices, bound[:, -end])
@@ -401,7 +401,8 @@ class _Pairs:
             part, edges = parts[rows.name], rows.points.edges
             own = part.values * part.weights
             part.values[:, 0], part.values[:, -1] = common[edges.first], common[edges.second]
-            wanted[rows.edges] = part.values * part.weights - own
+            wanted[rows.edges] = handedness(edges)[:, None] * (part.values * part.weights - own)
+            part.values[:] *= handedness(edges)[:, None]
         if wanted.any():
             right = np.concatenate([np.zeros(qvi.m), wanted.ravel(), np.zeros(qvi.A.shape[0])])
             change = change + self.changes.solved(right)

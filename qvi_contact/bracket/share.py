@@ -30,7 +30,7 @@ from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.mechanism.bodies import blocks_of_cells
-from qvi_contact.mesh.edges import Edges, frames_along
+from qvi_contact.mesh.edges import Edges, cross, frames_along
 from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
@@ -278,9 +278,16 @@ def _raw(contact: Contact, bound: FloatArray, shear: FloatArray, slip: FloatArra
     return Share(contact, values, weights, slipping, 1.0 - np.abs(values))
 
 
+def handedness(edges: Edges) -> FloatArray:
+    """±1 (e,), whether tangents lead counterclockwise from normals: s times that is continuous where they turn back."""
+    return np.rint(cross(edges.normal, edges.tangent))
+
+
 def _joined(problem: ContactProblem, raw: Mapping[str, Share]) -> tuple[dict[str, Share], tuple[str, ...]]:
     """The same made continuous at vertices, and where that costs much."""
     zeros, at = _vanishing(problem), dict[int, list[tuple[str, int, int]]]()
+    hands = {name: handedness(problem.mesh.edges(share.contact.edges)) for name, share in raw.items()}
+    raw = {name: _turned(share, hands[name]) for name, share in raw.items()}
     for name, share in raw.items():
         edges = problem.mesh.edges(share.contact.edges)
         for end, vertices in enumerate((edges.first, edges.second)):
@@ -309,7 +316,12 @@ def _joined(problem: ContactProblem, raw: Mapping[str, Share]) -> tuple[dict[str
                 )
     for share in found.values():
         share.room[:] *= 1.0 - np.abs(share.values)
-    return found, tuple(dict.fromkeys(places))
+    return {name: _turned(share, hands[name]) for name, share in found.items()}, tuple(dict.fromkeys(places))
+
+
+def _turned(share: Share, senses: FloatArray) -> Share:
+    """The same with the signs (e,) of other tangents."""
+    return replace(share, values=senses[:, None] * share.values, slipping=senses * share.slipping)
 
 
 def _common(ends: list[tuple[Share, int, int]]) -> float:
@@ -465,7 +477,7 @@ def _vanishing(problem: ContactProblem) -> set[int]:
                 places = zip(bodies.tolist(), vertices.tolist(), strict=True)
                 demands |= {place: ([none], [np.zeros(4)]) for place in places}
     for edges, bodies, law in lines:
-        frames = frames_along(edges, np.array([0.0, 1.0]))
+        frames = frames_along(edges, np.array([0.0, 1.0]))[0]
         for end, vertices in enumerate((edges.first, edges.second)):
             for edge, place in enumerate(zip(bodies.tolist(), vertices.tolist(), strict=True)):
                 fixed, rows = demands.get(place, ([], []))
@@ -473,7 +485,7 @@ def _vanishing(problem: ContactProblem) -> set[int]:
                     fixed += list(held[edge])
                     rows += [np.append(each, none) for each in held[edge]]
                     continue
-                normal, tangent = (part[edge, end] for part in frames)
+                normal, tangent = frames[edge, end], np.array([-1.0, 1.0]) * frames[edge, end, ::-1]
                 friction = law.friction if has_coulomb(law) else 0.0
                 assert not callable(friction)
                 rows += [np.append(normal, -friction * tangent)] + [np.append(tangent, none)] * bears_shear(law)

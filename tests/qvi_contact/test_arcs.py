@@ -279,6 +279,14 @@ def test_slip_all_around_a_bore_changes_nowhere():
     assert list(still.bracket.coulomb.forces) == ["hole.normal_force"]
 
 
+def test_bounds_do_not_depend_on_where_tangents_turn_back():
+    """A pin that is moved along x sticks there, one that is moved along y has its largest share of friction there."""
+    drives = ({"x": 0.1}, 0.0), ({"y": 0.1}, 90.0)
+    moved = [held_ring(Contact("hole", 0.3, gap=-0.2, plate=RigidPlate(**given)), angle) for given, angle in drives]
+    along, across = (solve(problem, degree=4).bracket.coulomb.error for problem in moved)
+    assert across == pytest.approx(along, rel=1e-6)
+
+
 def test_an_offset_along_tangents_that_turn_back_jumps():
     """Displacements cannot follow it: the upper energy says so."""
     (reason,) = solve_companion(held_ring(Contact.tied("hole", offset=0.1))).reasons
