@@ -277,7 +277,8 @@ class _Pairs:
 
     def bounds(self, goal: FloatArray) -> Bounds | None:
         """Bounds of ∫ a σ_N + b σ_T ds; None if no z meets the conditions of (D31)."""
-        known, scales, error = self.known, self.known.scales, self.errors.within
+        known, error, own = self.known, self.errors.within, self.errors.displacement.scales
+        length = known.scales.displacement  # a and b; steps of a history have units of their own
         c, z, plates = self._displacement(goal)
         change, parts = self._continuous(self._stress(c))
         ratio = self._ratio(goal, c, change)
@@ -285,15 +286,15 @@ class _Pairs:
         if ratio is None or not np.isfinite(second):
             return None
         u, other = self.errors.stress.dofs, self.errors.stress.dofs + known.basis @ change
-        work, residual = self._work(z, CellFields.of(known, other, self.errors.displacement.degree).less(self.fields))
+        dual = CellFields.of(known, other, self.errors.displacement.degree).less(self.fields)
+        work, residual = self._work(z * (length / own.displacement), dual)
         for along in (support_work, obstacle_work):
             work += along(known, other) - along(known, u)
         contacts = self.body.contacts
         adhesion = contacts.weights[: contacts.count] * contacts.law[1] * self._senses  # of cohesion, where v slips
         load = self.state.load @ z + contacts.resultants @ plates - adhesion @ (c - goal)[1]
-        middle = (work - scales.energy * float(load)) / scales.displacement
-        middle -= float(goal.ravel() @ contacts.fluid) * scales.stress * scales.length
-        rest = (error * residual + ratio * self.defect + second) / scales.displacement + _ROUNDED * abs(middle)
+        middle = work / length - own.stress * own.length * float(load + goal.ravel() @ contacts.fluid)
+        rest = (error * residual + ratio * self.defect + second) / length + _ROUNDED * abs(middle)
         return Bounds(float(middle - rest), float(middle + rest))
 
     @cached_property
@@ -324,7 +325,7 @@ class _Pairs:
                 away[half, here] = shown(part, moved[:, here], least)
                 held[half, on_edges[(away[half, on_edges] == 0.0).any(axis=1)]] = True
         loose, sliding = (np.asarray(part.any(axis=1)) for part in (pressure == 0.0, (room == 0.0) | np.isinf(room)))
-        opening, slip = self.known.scales.displacement * away
+        opening, slip = self.errors.displacement.scales.displacement * away
         return _Zones(opening, slip, pressure, room, held[0], held[1], loose, loose | sliding)
 
     @cached_property
@@ -423,11 +424,9 @@ class _Pairs:
         return found
 
     def _work(self, z: FloatArray, dual: CellFields) -> tuple[float, float]:
-        """∫ τ : (ε(z) − cζ) + ε⁰ : ζ dx, and |ε(z) − cζ|, with springs, of z with the unit of length D."""
-        known, fields, companion = self.known, self.fields, self.errors.displacement
-        elastic = self.body.body.body
-        strain = elastic.strain(z, slice(None), elastic.space.own(slice(None), fields.t))
-        strain = strain * (known.scales.displacement / known.scales.length)
+        """∫ τ : (ε(z) − cζ) + ε⁰ : ζ dx, and |ε(z) − cζ|, with springs."""
+        fields, companion = self.fields, self.errors.displacement
+        strain = companion.cell_strain(fields.t, z)
         apart = strain - np.einsum("ckl,cgl->cgk", fields.compliances, dual.stress)
         size = float(dual.apart(strain).sum())
         work = float(np.einsum("cg,cgk,cgk->", fields.weights, fields.stress, apart))
