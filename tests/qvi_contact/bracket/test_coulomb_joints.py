@@ -35,14 +35,11 @@ class TestBodies:
         assert other.coulomb.error == pytest.approx(one.coulomb.error, rel=1e-4)
 
 
-class TestNorm:
-    """The norm of the friction operator on a joint is no larger than the largest of those of the bodies."""
-
-    def test_proved(self):
-        """It is that of one half disc, which does not know the stiffness of the other."""
-        found, alone = (friction_norm(each, slipping(each)) for each in (half_discs(0.1, below=300.0), half_disc(0.1)))
-        assert found.proved
-        assert found.value == pytest.approx(alone.value, rel=1e-6)
+def test_the_norm_on_a_joint_is_the_larger_one_of_both_bodies():
+    """It is that of one half disc, which does not know the stiffness of the other."""
+    found, alone = (friction_norm(each, slipping(each)) for each in (half_discs(0.1, below=300.0), half_disc(0.1)))
+    assert found.proved
+    assert found.value == pytest.approx(alone.value, rel=1e-6)
 
 
 def slipping(problem):
