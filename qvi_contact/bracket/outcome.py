@@ -186,7 +186,7 @@ class Bracket:
             bounds = f"energy below {self.upper:.9g} {units.engineering_energy}, no lower bound"
         if not np.isfinite(self.upper):
             bounds = f"energy above {self.lower:.9g} {units.engineering_energy}, no upper bound"
-        error = ", a duality gap larger than the strain energy" if np.isfinite(self.gap) else ""
+        error = ", a duality gap larger than the strain energy" if self.strain < self.gap < np.inf else ""
         if self.relative_error <= 1.0:
             error = f", stresses within {100 * self.relative_error:.2g} % of their energy norm"
         text = f"{what} {self.kind.value}: {bounds}{error}."
