@@ -148,13 +148,14 @@ class Bracket:
     def relative_error(self) -> float:
         """Bound of the error of τ in the energy norm, relative to its own: √(2 gap / ∫τ:c:τ), or that of `coulomb`.
 
-        Infinite without both energies, or if they contradict each other by more than rounding.
+        Infinite without both energies, or if they contradict each other by more than rounding. On arcs energies miss
+        the work of what is left there, which the parts of the gap do not: it is taken no less than these.
         """
         if self._under_friction is not None:
             return self._under_friction.relative_error
         if not np.isfinite(self.gap) or self.gap < -_ROUNDING * self.strain:
             return float("inf")
-        gap = max(self.gap, 0.0)
+        gap = max(self.gap, float(self.cell_gaps.sum()))
         return float(np.sqrt(gap / self.strain)) if self.strain > 0.0 else float("inf") if gap > 0.0 else 0.0
 
     @property
