@@ -34,7 +34,7 @@ from qvi_contact.bracket.parts import (
     coefficients,
     edge_parts,
 )
-from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_contacts, with_shares
+from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_contacts, with_numbers, with_shares
 from qvi_contact.companion import CompanionResult, solve_companion, solve_companions
 from qvi_contact.companion.body import PARALLEL
 from qvi_contact.companion.model import checked
@@ -286,7 +286,7 @@ def bracket(
         raise InputError("tolerance", tolerance, f"give a number above 0, at most {LOOSEST:g}")
     beside = min(result.discretization.space.degree, HIGHEST)  # one less has the same order, but half of the gap
     degree = checked(result.problem, beside if degree is None else degree, tolerance).degree
-    result, earlier = after_earlier_slip(result)
+    result, earlier = after_earlier_slip(with_numbers(result))
     rough = ", ".join(repr(contact.name) for contact in result.problem.contacts if has_coulomb(contact))
     kind = BracketKind.GIVEN_BOUND if rough else BracketKind.PROBLEM
     known = with_bernstein_rows(result.discretization)

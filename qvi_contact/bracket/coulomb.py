@@ -31,7 +31,7 @@ from qvi_contact.bracket.norms import (
     friction_norm,
 )
 from qvi_contact.bracket.parts import EDGE_POINTS, LOOSEST, Bounds, CellFields, EdgeTractions, by_cell, edge_parts
-from qvi_contact.bracket.share import LeastChange, Share, SharedStress, handedness
+from qvi_contact.bracket.share import LeastChange, Share, SharedStress, joined
 from qvi_contact.companion import CompanionResult, CompanionState
 from qvi_contact.companion.model import MOST, BodyAtRest, solutions
 from qvi_contact.discretization.discretization import Discretization
@@ -206,6 +206,7 @@ _NOISE: Final = 1e-7  # of the largest displacement or traction: what solvers le
 _MOVED: Final = 1e-5  # of the largest displacement of the body: no less is the largest one on a contact
 _ROUNDED: Final = 1e-12  # of a force: rounding of its sums
 _ROUNDING: Final = 1e-9  # of the largest: what is left where the dual pair must vanish
+_FAINT: Final = 1e-3  # of the unit of stress: a dual pair of no more, as where balance gives the force, is rounding
 
 
 def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
@@ -386,28 +387,21 @@ class _Pairs:
         """ζ with a ζ_T whose share of the bound is continuous, by the least change, and these shares."""
         qvi, zones, parts = self.known.qvi, self._zones, dict[str, Share]()
         shear, wanted = (qvi.T @ change).reshape(zones.room.shape), np.zeros(zones.room.shape)
-        total, mass, still = np.zeros((3, len(self.known.problem.mesh.vertices)))
         rough = [rows for rows in self.known.contacts if rows.name in self.errors.shares]
         for rows in rough:
-            share, edges, held = self.errors.shares[rows.name], rows.points.edges, zones.smooth[rows.edges]
+            share, held = self.errors.shares[rows.name], zones.smooth[rows.edges]
             bound = np.where(held[:, None], 1.0, share.weights)
-            values = np.where(held[:, None], 0.0, handedness(edges)[:, None] * shear[rows.edges] / bound)
-            for end, vertices in enumerate((edges.first, edges.second)):
-                np.add.at(total, vertices, (values * bound)[:, -end])
-                np.add.at(mass, vertices, bound[:, -end])
-                np.add.at(still, vertices, held)
-            parts[rows.name] = replace(share, values=values, weights=bound, slipping=np.zeros(len(edges)))
-        common = np.where(still > 0.0, 0.0, total / np.maximum(mass, 1e-300))
+            values = np.where(held[:, None], 0.0, shear[rows.edges] / bound)
+            slipping = held.astype(np.float64)  # these keep their value, as what slips does
+            parts[rows.name] = replace(share, values=values, weights=bound, slipping=slipping)
+        found, _ = joined(self.known.problem, parts, np.zeros(len(self.known.problem.mesh.vertices), dtype=bool))
         for rows in rough:
-            part, edges = parts[rows.name], rows.points.edges
-            own = part.values * part.weights
-            part.values[:, 0], part.values[:, -1] = common[edges.first], common[edges.second]
-            wanted[rows.edges] = handedness(edges)[:, None] * (part.values * part.weights - own)
-            part.values[:] *= handedness(edges)[:, None]
+            before, after = parts[rows.name], found[rows.name]
+            wanted[rows.edges] = (after.values - before.values) * before.weights
         if wanted.any():
             right = np.concatenate([np.zeros(qvi.m), wanted.ravel(), np.zeros(qvi.A.shape[0])])
             change = change + self.changes.solved(right)
-        return change, parts
+        return change, found
 
     def _ratio(self, goal: FloatArray, c: FloatArray, change: FloatArray) -> float | None:
         """The largest of m₁ to m₄; None if there is none."""
@@ -415,7 +409,7 @@ class _Pairs:
         across, slip = c - goal
         moved = (scales.displacement * part for part in (across + self._turned * slip, slip))
         normal, shear = (scales.stress * (rows @ change).reshape(zones.room.shape) for rows in (qvi.N, qvi.T))
-        units = np.repeat([scales.displacement, float(np.abs(normal).max())], 2)
+        units = np.repeat([scales.displacement, max(float(np.abs(normal).max()), _FAINT * scales.stress)], 2)
         for part, whole, unit in zip((*moved, normal, shear), zones[:4], units, strict=True):
             none = whole == 0.0
             if np.abs(part[none]).max(initial=0.0) > _ROUNDING * unit:

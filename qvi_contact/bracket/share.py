@@ -23,7 +23,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.bracket.parts import EdgeTractions
 from qvi_contact.companion.body import PARALLEL
 from qvi_contact.discretization.discretization import Discretization, discretize
@@ -186,14 +186,14 @@ class SharedStress:
 
 
 def with_contacts(problem: ContactProblem, changed: Mapping[str, Contact]) -> ContactProblem:
-    """The problem with other contacts of these names; the same one if there are none."""
+    """The problem with other contacts of these names."""
     conditions = [changed.get(each.name, each) if isinstance(each, Contact) else each for each in problem.conditions]
-    return replace(problem, conditions=conditions) if changed else problem
+    return replace(problem, conditions=conditions)
 
 
-def with_numbers(problem: ContactProblem) -> ContactProblem:
-    """The problem with friction and cohesion as numbers where functions have one value on all of a contact."""
-    changed: dict[str, Contact] = {}
+def with_numbers(result: ContactResult) -> ContactResult:
+    """The result with friction and cohesion as numbers where functions have one value on all of a contact."""
+    problem, changed = result.problem, dict[str, Contact]()
     for contact in problem.contacts:
         points = problem.mesh.points_along(problem.mesh.edges(contact.edges), bernstein.SAMPLES)
         for name in ("friction", "cohesion"):
@@ -203,7 +203,9 @@ def with_numbers(problem: ContactProblem) -> ContactProblem:
                 if np.ptp(values) <= _SAME * np.abs(values).max():
                     number: dict[str, Any] = {name: float(values.flat[0])}
                     changed[contact.name] = replace(changed.get(contact.name, contact), **number)
-    return with_contacts(problem, changed)
+    if not changed:
+        return result
+    return ContactResult(replace(result.discretization, problem=with_contacts(problem, changed)), result.solution)
 
 
 def outside_scope(problem: ContactProblem) -> str:
@@ -238,13 +240,11 @@ def with_shares(result: ContactResult, tolerance: float) -> SharedStress | str:
     one slips, s is 1 or −1 as there; where nothing slips it is the mean, weighted by the bounds; where no R of (D26)
     exists else, it is 0. Of each edge only the first and the last coefficient of the shear that counts are changed.
     """
-    problem, found = with_numbers(result.problem), dict[str, Share]()
-    reason = outside_scope(problem)
+    reason, found = outside_scope(result.problem), dict[str, Share]()
     if reason:
         return reason
-    given = result.discretization if problem is result.problem else replace(result.discretization, problem=problem)
-    known, solution = with_bernstein_rows(given), result.solution
-    if known is not given:
+    known, solution = with_bernstein_rows(result.discretization), result.solution
+    if known is not result.discretization:
         solution = solve_qvi(known.qvi, tolerance=tolerance)
     result = ContactResult(known, solution)
     if not result.has_state:
@@ -254,7 +254,7 @@ def with_shares(result: ContactResult, tolerance: float) -> SharedStress | str:
         if has_coulomb(contact):
             slip = result.contacts[contact.name].slip
             found[contact.name] = _raw(contact, own.bound[rows.edges], own.shear[rows.edges], slip)
-    shares, places = _joined(known.problem, found)
+    shares, places = joined(known.problem, found, _vanishing(known.problem))
     moved = _moved(result, shares)
     return moved if isinstance(moved, str) else SharedStress(*moved, places, result)
 
@@ -278,62 +278,64 @@ def _raw(contact: Contact, bound: FloatArray, shear: FloatArray, slip: FloatArra
     return Share(contact, values, weights, slipping, 1.0 - np.abs(values))
 
 
-def handedness(edges: Edges) -> FloatArray:
-    """±1 (e,), whether tangents lead counterclockwise from normals: s times that is continuous where they turn back."""
-    return np.rint(cross(edges.normal, edges.tangent))
+def joined(
+    problem: ContactProblem, raw: Mapping[str, Share], zeros: BoolArray
+) -> tuple[dict[str, Share], tuple[str, ...]]:
+    """The same made continuous at vertices, 0 at some (vertices,), and where that costs much.
 
-
-def _joined(problem: ContactProblem, raw: Mapping[str, Share]) -> tuple[dict[str, Share], tuple[str, ...]]:
-    """The same made continuous at vertices, and where that costs much."""
-    zeros, at = _vanishing(problem), dict[int, list[tuple[str, int, int]]]()
-    hands = {name: handedness(problem.mesh.edges(share.contact.edges)) for name, share in raw.items()}
-    raw = {name: _turned(share, hands[name]) for name, share in raw.items()}
-    for name, share in raw.items():
-        edges = problem.mesh.edges(share.contact.edges)
-        for end, vertices in enumerate((edges.first, edges.second)):
-            for edge, vertex in enumerate(vertices.tolist()):
-                at.setdefault(vertex, []).append((name, edge, end))
-    found, places = {name: replace(share, values=share.values.copy(), slipping=share.slipping.copy(),
-        room=np.ones_like(share.values)) for name, share in raw.items()}, list[str]()  # fmt: skip
-    for vertex, ends in at.items():
-        vanishes = vertex in zeros
-        wanted = 0.0 if vanishes else _common([(raw[name], edge, end) for name, edge, end in ends])
-        for name, edge, end in ends:
-            share, slips = found[name], raw[name].slipping[edge]
-            if slips == wanted != 0.0:
-                continue
-            share.slipping[edge] = 0.0
-            counts = np.flatnonzero(share.weights[edge] > _BEARS * share.weights[edge].max())
-            last = (counts[0], counts[-1])[end] if len(counts) > 1 else (0, share.weights.shape[1] - 1)[end]
-            near = (slice(None, last + 1), slice(last, None))[end]
-            share.values[edge, near] = wanted
-            share.room[edge, near] *= not vanishes
-            if vanishes and slips:
-                x, y = problem.mesh.vertices[vertex]
-                places.append(
-                    f"At ({x:.6g}, {y:.6g}) {name!r} has a kink, or meets what holds its normal displacement. Nothing "
-                    "may slip there, which makes the bound wide."
-                )
-    for share in found.values():
-        share.room[:] *= 1.0 - np.abs(share.values)
-    return {name: _turned(share, hands[name]) for name, share in found.items()}, tuple(dict.fromkeys(places))
-
-
-def _turned(share: Share, senses: FloatArray) -> Share:
-    """The same with the signs (e,) of other tangents."""
-    return replace(share, values=senses[:, None] * share.values, slipping=senses * share.slipping)
-
-
-def _common(ends: list[tuple[Share, int, int]]) -> float:
-    """One value of s for the ends of edges that meet: of those that slip, else of open ones, else the mean."""
-    values, weights = (
-        np.array([getattr(share, part)[edge, -end] for share, edge, end in ends]) for part in ("values", "weights")
+    Edges that meet take the value of those that slip, else of open ones, else the mean.
+    """
+    lines = {name: problem.mesh.edges(share.contact.edges) for name, share in raw.items()}
+    raw = {name: _turned(problem, share) for name, share in raw.items()}
+    vertex = np.concatenate([vertices for edges in lines.values() for vertices in (edges.first, edges.second)])
+    value, weight = (
+        np.concatenate([getattr(share, part)[:, [0, -1]].T.ravel() for share in raw.values()])
+        for part in ("values", "weights")
     )
-    slips, bears = np.array([(share.slipping[edge] != 0.0, share.weights[edge].any()) for share, edge, _ in ends]).T
-    for chosen in (slips & bears, ~bears):
-        if chosen.any():
-            return float(values[chosen][0]) if np.ptp(values[chosen]) == 0.0 else 0.0
-    return float(np.average(values, weights=weights if weights.any() else np.ones(len(ends))))
+    slips = np.concatenate([np.tile(share.slipping != 0.0, 2) for share in raw.values()])
+    bears = np.concatenate([np.tile(share.weights.any(axis=1), 2) for share in raw.values()])
+
+    def beside(chosen: BoolArray) -> BoolArray:
+        """Ends at vertices where some of the chosen ones meet."""
+        found = np.zeros_like(zeros)
+        found[vertex[chosen]] = True
+        return found[vertex]
+
+    chosen = np.where(beside(slips & bears), slips & bears, ~bears)
+    least, most = np.full(len(zeros), np.inf), np.full(len(zeros), -np.inf)
+    np.minimum.at(least, vertex[chosen], value[chosen])
+    np.maximum.at(most, vertex[chosen], value[chosen])
+    weight = np.where(beside(weight > 0.0), weight, 1.0)
+    total, mass = (np.bincount(vertex, part, len(zeros)) for part in (weight * value, weight))
+    common = np.where(least > most, total / np.where(mass > 0.0, mass, 1.0), np.where(least == most, least, 0.0))
+    common[zeros] = 0.0
+    found, places = dict[str, Share](), list[str]()
+    for name, share in raw.items():
+        counts = share.weights > _BEARS * share.weights.max(axis=1, keepdims=True)
+        counts |= counts.sum(axis=1, keepdims=True) < 2
+        before, after = (np.cumsum(counts[:, ::way], axis=1)[:, ::way] - counts for way in (1, -1))
+        values, slipping, room = share.values.copy(), share.slipping.copy(), np.ones_like(share.values)
+        for vertices, near in ((lines[name].first, before == 0), (lines[name].second, after == 0)):
+            wanted, vanishes = common[vertices], zeros[vertices]
+            changes = (share.slipping != wanted) | (wanted == 0.0)
+            values = np.where(near & changes[:, None], wanted[:, None], values)
+            slipping[changes] = 0.0
+            room[near & vanishes[:, None]] = 0.0
+            places += [
+                f"At ({x:.6g}, {y:.6g}) {name!r} has a kink, or meets what holds its normal displacement. Nothing "
+                "may slip there, which makes the bound wide."
+                for x, y in problem.mesh.vertices[vertices[vanishes & (share.slipping != 0.0)]]
+            ]
+        own = replace(share, values=values, slipping=slipping, room=room * (1.0 - np.abs(values)))
+        found[name] = _turned(problem, own)
+    return found, tuple(dict.fromkeys(places))
+
+
+def _turned(problem: ContactProblem, share: Share) -> Share:
+    """The same along tangents that lead counterclockwise from normals: it is continuous where tangents turn back."""
+    edges = problem.mesh.edges(share.contact.edges)
+    senses = np.rint(cross(edges.normal, edges.tangent))
+    return replace(share, values=senses[:, None] * share.values, slipping=senses * share.slipping)
 
 
 def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactResult, dict[str, Share]] | str:
@@ -462,8 +464,8 @@ def _sides(problem: ContactProblem) -> Iterator[tuple[Edges, IntArray, Contact |
             yield edges, body[edges.cells[:, side]], law
 
 
-def _vanishing(problem: ContactProblem) -> set[int]:
-    """Vertices where s must be 0: kinks, and where what meets a contact holds the normal part of R v.
+def _vanishing(problem: ContactProblem) -> BoolArray:
+    """Vertices (n,) where s must be 0: kinks, and where what meets a contact holds the normal part of R v.
 
     With rows C w = D v of laws, for s = 1, and h · v = h · w = 0 of what is held, there is a w = R v for every v of a
     body where the rank of all rows is that of those in w alone and of those in v alone. Springs across a contact take
@@ -489,10 +491,9 @@ def _vanishing(problem: ContactProblem) -> set[int]:
                 friction = law.friction if has_coulomb(law) else 0.0
                 assert not callable(friction)
                 rows += [np.append(normal, -friction * tangent)] + [np.append(tangent, none)] * bears_shear(law)
-    found = set[int]()
+    found = np.zeros(len(problem.mesh.vertices), dtype=bool)
     for (_, vertex), (fixed, rows) in demands.items():
         both = [*rows, *(np.append(none, each) for each in fixed)]
         ranks = (int(np.linalg.matrix_rank(part, PARALLEL)) for part in (both, np.array(rows)[:, :2], fixed))
-        if next(ranks) > sum(ranks):
-            found.add(vertex)
+        found[vertex] |= next(ranks) > sum(ranks)
     return found

@@ -284,6 +284,7 @@ class TestScope:
         problem = compressed_plate(0.2, (2, 2))
         found = solve(with_law(problem, friction=lambda x, _: 0.2 + 0.0 * x)).bracket.coulomb
         assert found.error == pytest.approx(solve(problem).bracket.coulomb.error, rel=1e-6)
+        assert solve(with_law(problem, friction=lambda x, _: 0.0 * x)).bracket.guaranteed
 
     def test_shares_are_continuous_where_a_contact_begins_to_open(self):
         """On the last edge that touches pressure falls to nothing: what bears nothing there must not carry a jump."""
@@ -469,9 +470,8 @@ class TestFrictionAlone:
         assert 1.0 <= found.error / energy_apart(result, fine) < 2.5
         assert reach < found.reach < 4.0 * reach
         for name in ("normal_force", "tangential_force"):
-            force = found.forces.get(f"bottom.{name}")
-            if force is not None:
-                assert force.lower - 1e-9 < getattr(fine.contacts["bottom"], name) < force.upper + 1e-9
+            force = found.forces[f"bottom.{name}"]
+            assert force.lower - 1e-9 < getattr(fine.contacts["bottom"], name) < force.upper + 1e-9
         assert "within" in result.uniqueness.message
 
     def test_what_stops_a_motion(self):
@@ -489,8 +489,7 @@ class TestFrictionAlone:
 
     def test_where_nothing_sticks(self):
         """A force that friction can just bear: the norm is infinite, and the message says what is missing."""
-        problem = self.block(0.2, 0.2)
-        found = solve(problem, degree=4)
+        found = solve(self.block(0.2, 0.2), degree=4)
         assert "Its errors are not bounded" in found.bracket.message
         assert found.uniqueness.apart == np.inf
 
