@@ -94,7 +94,8 @@ def _alone(problem: ContactProblem, cells: IntArray, joints: tuple[Contact, ...]
             beyond[other] = joint.name
     mesh = problem.mesh.part(cells, sets)
     kept = [each for each in problem.conditions if each not in problem.joints and each.edges in mesh.edge_sets]
-    regions = [each for each in problem.regions if each.name in mesh.region_names]
+    own = problem.cell_materials[cells] - 1  # by name or by ranges
+    regions = [each for number, each in enumerate(problem.regions) if number in own]
     return Body(replace(problem, mesh=mesh, conditions=[*kept, *contacts], regions=regions), beyond, cells)
 
 

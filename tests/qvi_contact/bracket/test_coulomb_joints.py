@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qvi_contact import Contact, ContactProblem, Displacement, Material, Traction, solve
+from qvi_contact import Contact, ContactProblem, Displacement, Material, Region, Traction, solve
 from qvi_contact.bracket import Share, bodies_of, friction_norm
 from qvi_contact.mesh import TriangleMesh
 from tests.qvi_contact.builders import area, energy_apart, half_disc, half_discs
 
 
-def test_each_body_has_its_cells_conditions_and_material():
-    problem = half_discs(0.3, below=500.0)
+@pytest.mark.parametrize("place", [{"name": "lower"}, {"y": (-1.0, 0.0)}])
+def test_each_body_has_its_cells_conditions_and_material(place):
+    problem = replace(half_discs(0.3), regions=[Region(Material(500.0, 0.3, "strain"), **place)])
     found = {len(body.beyond): body for body in bodies_of(problem)}
     assert sum(area(body.problem.mesh) for body in found.values()) == pytest.approx(area(problem.mesh))
     names = {key: {each.edges for each in body.problem.conditions} for key, body in found.items()}
