@@ -171,11 +171,12 @@ class TestNorms:
         assert 0.0 < computed_norm(problem, shares) < rectangle_norm(problem, shares)
 
     def test_where_nothing_is_proved_it_is_computed(self):
-        """Of bodies that no proof is for, and of a plate that a force drives."""
-        plate = compressed_plate(0.2)
-        *others, contact = plate.conditions
-        driven = replace(contact, plate=RigidPlate(force_y=-10.0, x=0.0, rotation=0.0))
-        for problem, most in ((half_disc(0.3), 1.0), (replace(plate, conditions=[*others, driven]), 0.75)):
+        """Of bodies that no proof is for, and of plates that a force drives, under friction or tied to the body."""
+        plate, load = compressed_plate(0.2), {"plate": RigidPlate(force_y=-10.0, x=0.0, rotation=0.0)}
+        left, bottom, right, contact = plate.conditions
+        driven, tied = (replace(each, **load) for each in (contact, Contact.tied("bottom")))
+        posed = [replace(plate, conditions=[left, right, *two]) for two in ((bottom, driven), (tied, contact))]
+        for problem, most in ((half_disc(0.3), 1.0), *((each, 0.75) for each in posed)):
             found = friction_norm(problem, shared(problem, 1.0))
             assert not found.proved
             assert 0.2 < found.value < most

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from qvi_contact import Contact, ContactProblem, Displacement, Material, Region, Traction, solve
-from qvi_contact.bracket import Share, bodies_of, friction_norm
+from qvi_contact.bracket import bodies_of, friction_norm
 from qvi_contact.mesh import TriangleMesh
+from tests.qvi_contact.bracket.test_coulomb import shared
 from tests.qvi_contact.builders import area, energy_apart, half_disc, half_discs
 
 
@@ -36,16 +37,9 @@ def test_a_tied_joint_beside_a_contact_that_slips_changes_no_bound():
 
 def test_the_norm_on_a_joint_is_the_larger_one_of_both_bodies():
     """It is that of one half disc, which does not know the stiffness of the other."""
-    found, alone = (friction_norm(each, slipping(each)) for each in (half_discs(0.1, below=300.0), half_disc(0.1)))
+    found, alone = (friction_norm(each, shared(each, 1.0)) for each in (half_discs(0.1, below=300.0), half_disc(0.1)))
     assert found.proved
     assert found.value == pytest.approx(alone.value, rel=1e-6)
-
-
-def slipping(problem):
-    """The share 1 on all of the contact."""
-    (contact,) = problem.contacts
-    values = np.ones((len(problem.mesh.edges(contact.edges)), 2))
-    return {contact.name: Share(contact, values, values, values[:, 0], 0.0 * values)}
 
 
 @pytest.mark.parametrize(("friction", "kind"), [(0.1, "guaranteed"), (0.3, "estimated")])
