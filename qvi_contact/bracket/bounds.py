@@ -310,7 +310,7 @@ def bracket(
             why = dict.fromkeys((*earlier, *found.reasons[len(reasons) :], *more[0].reasons))
             try:
                 bounds = coulomb_bounds(shared, more[0], tuple(why))
-            except (FactorisationError, MemoryError) as error:
+            except (FactorisationError, MemoryError, np.linalg.LinAlgError) as error:
                 bounds = f"The norm of friction was not computed: {error or 'out of memory'}."
         found = replace(found, coulomb_reason=bounds) if isinstance(bounds, str) else replace(found, coulomb=bounds)
         bounded = math.isfinite(found.gap)

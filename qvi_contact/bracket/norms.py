@@ -507,6 +507,7 @@ class _Energies:
             means.append(own[:, self.slips])
             keys.append((trace.turned[..., None] * moved[columns]).mean(axis=1))
         every = np.concatenate(keys)
+        every[np.abs(every) < _ALIKE] = 0.0  # what a motion does not move is rounding
         alike, against = (np.abs(every[:, None] - way * every).max(axis=2) < _ALIKE for way in (1.0, -1.0))
         first = (alike | against).argmax(axis=1)  # of its group
         ways = np.where(np.take_along_axis(alike, first[:, None], axis=1)[:, 0], 1.0, -1.0)

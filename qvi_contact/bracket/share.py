@@ -37,6 +37,7 @@ from qvi_contact.solution.result import ContactResult
 from solvers import FrictionQVI, solve_qvi
 
 _OPEN = 1e-6  # of the largest bound on a contact: an edge where it is nowhere above that bears nothing
+_NOTHING = 1e-9  # of the largest stress: nor where it is nowhere above that, which solvers leave
 _BEARS = 0.02  # of the largest bound on an edge: coefficients below that do not count for the value of s at an end
 _SLIPS = 1e-6  # of the bound: friction that is as near to it has reached it
 _TRIALS = 4  # of what may change inside edges; in the last one nothing
@@ -132,7 +133,7 @@ class Share:
     def at(self, t: FloatArray) -> FloatArray:
         """Values of s at points t (k,) of the edges, 0 to 1 along the tangent, (edges, k)."""
         shapes = bernstein.basis(self.values.shape[1] - 1, t)
-        least = 1e-30 * max(float(self.weights.max(initial=0.0)), 1e-300)
+        least = 1e-30 * max(float(self.weights.max(initial=0.0)), 1e-270)
         weights = np.maximum(self.weights, least)  # an open edge has the mean of the s_i, which are one number there
         return np.asarray((self.values * weights) @ shapes.T / (weights @ shapes.T))
 
@@ -254,16 +255,17 @@ def with_shares(result: ContactResult, tolerance: float) -> SharedStress | str:
     for rows, contact in zip(known.contacts, known.problem.contacts, strict=True):
         if has_coulomb(contact):
             slip = result.contacts[contact.name].slip
-            found[contact.name] = _raw(contact, own.bound[rows.edges], own.shear[rows.edges], slip)
+            least = _NOTHING * max(own.size, result.certificate.scales.get("stress", 0.0))
+            found[contact.name] = _raw(contact, own.bound[rows.edges], own.shear[rows.edges], slip, least)
     shares, places = joined(known.problem, found, _vanishing(known.problem))
     moved = _moved(result, shares)
     return moved if isinstance(moved, str) else SharedStress(*moved, places, result)
 
 
-def _raw(contact: Contact, bound: FloatArray, shear: FloatArray, slip: FloatArray) -> Share:
-    """What s is by the stress, edge by edge; on open edges ±1 as the body slips there."""
+def _raw(contact: Contact, bound: FloatArray, shear: FloatArray, slip: FloatArray, least: float) -> Share:
+    """What s is by the stress, edge by edge; on open edges ±1 as the body slips there. A bound of `least` is none."""
     most = bound.max(axis=1, keepdims=True)
-    is_open = most[:, 0] <= _OPEN * max(float(most.max(initial=0.0)), 1e-300)
+    is_open = most[:, 0] <= max(_OPEN * float(most.max(initial=0.0)), least)
     values = np.clip(-shear / np.maximum(bound, 1e-300), -1.0, 1.0)
     backwards = slip.reshape(len(bound), -1).sum(axis=1) < 0.0
     values[is_open] = np.where(backwards, -1.0, 1.0)[is_open, None]
@@ -300,7 +302,7 @@ def joined(
         """Ends at vertices where some of the chosen ones meet."""
         found = np.zeros_like(zeros)
         found[vertex[chosen]] = True
-        return found[vertex]
+        return np.asarray(found[vertex])
 
     chosen = np.where(beside(slips & bears), slips & bears, ~bears)
     least, most = np.full(len(zeros), np.inf), np.full(len(zeros), -np.inf)
