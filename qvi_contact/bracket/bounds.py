@@ -34,7 +34,7 @@ from qvi_contact.bracket.parts import (
     coefficients,
     edge_parts,
 )
-from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_contacts, with_shares
+from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_contacts, with_numbers, with_shares
 from qvi_contact.companion import CompanionResult, solve_companion, solve_companions
 from qvi_contact.companion.body import PARALLEL
 from qvi_contact.companion.model import checked
@@ -286,7 +286,7 @@ def bracket(
         raise InputError("tolerance", tolerance, f"give a number above 0, at most {LOOSEST:g}")
     beside = min(result.discretization.space.degree, HIGHEST)  # one less has the same order, but half of the gap
     degree = checked(result.problem, beside if degree is None else degree, tolerance).degree
-    result, earlier = after_earlier_slip(result)
+    result, earlier = after_earlier_slip(with_numbers(result))
     rough = ", ".join(repr(contact.name) for contact in result.problem.contacts if has_coulomb(contact))
     kind = BracketKind.GIVEN_BOUND if rough else BracketKind.PROBLEM
     known = with_bernstein_rows(result.discretization)
@@ -310,7 +310,7 @@ def bracket(
             why = dict.fromkeys((*earlier, *found.reasons[len(reasons) :], *more[0].reasons))
             try:
                 bounds = coulomb_bounds(shared, more[0], tuple(why))
-            except (FactorisationError, MemoryError) as error:
+            except (FactorisationError, MemoryError, np.linalg.LinAlgError) as error:
                 bounds = f"The norm of friction was not computed: {error or 'out of memory'}."
         found = replace(found, coulomb_reason=bounds) if isinstance(bounds, str) else replace(found, coulomb=bounds)
         bounded = math.isfinite(found.gap)

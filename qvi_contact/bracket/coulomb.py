@@ -31,7 +31,7 @@ from qvi_contact.bracket.norms import (
     friction_norm,
 )
 from qvi_contact.bracket.parts import EDGE_POINTS, LOOSEST, Bounds, CellFields, EdgeTractions, by_cell, edge_parts
-from qvi_contact.bracket.share import LeastChange, Share, SharedStress
+from qvi_contact.bracket.share import LeastChange, Share, SharedStress, joined
 from qvi_contact.companion import CompanionResult, CompanionState
 from qvi_contact.companion.model import MOST, BodyAtRest, solutions
 from qvi_contact.discretization.discretization import Discretization
@@ -162,8 +162,10 @@ def coulomb_bounds(
     result, shares, known = stress.result, stress.shares, stress.result.discretization
     own, unit = EdgeTractions.of(known, result.dofs), known.scales.stress
     excess, tension = own.violations(own.bound)
+    # without loads all is rounding, of which no share is small
+    most = LOOSEST * max(own.size, known.scales.loaded * result.certificate.scales.get("stress", 0.0))
     for rows in known.contacts:
-        if rows.law != "tied" and max(excess[rows.edges].max(), tension[rows.edges].max()) > LOOSEST * own.size:
+        if rows.law != "tied" and max(excess[rows.edges].max(), tension[rows.edges].max()) > most:
             return f"The stress does not obey the law of contact {rows.name!r} on whole edges."
     assert companion.state is not None
     if companion.state.contradiction:
@@ -206,6 +208,7 @@ _NOISE: Final = 1e-7  # of the largest displacement or traction: what solvers le
 _MOVED: Final = 1e-5  # of the largest displacement of the body: no less is the largest one on a contact
 _ROUNDED: Final = 1e-12  # of a force: rounding of its sums
 _ROUNDING: Final = 1e-9  # of the largest: what is left where the dual pair must vanish
+_FAINT: Final = 1e-3  # of the unit of stress: a dual pair of no more, as where balance gives the force, is rounding
 
 
 def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
@@ -277,7 +280,8 @@ class _Pairs:
 
     def bounds(self, goal: FloatArray) -> Bounds | None:
         """Bounds of ∫ a σ_N + b σ_T ds; None if no z meets the conditions of (D31)."""
-        known, scales, error = self.known, self.known.scales, self.errors.within
+        known, error, own = self.known, self.errors.within, self.errors.displacement.scales
+        length = known.scales.displacement  # a and b; steps of a history have units of their own
         c, z, plates = self._displacement(goal)
         change, parts = self._continuous(self._stress(c))
         ratio = self._ratio(goal, c, change)
@@ -285,15 +289,15 @@ class _Pairs:
         if ratio is None or not np.isfinite(second):
             return None
         u, other = self.errors.stress.dofs, self.errors.stress.dofs + known.basis @ change
-        work, residual = self._work(z, CellFields.of(known, other, self.errors.displacement.degree).less(self.fields))
+        dual = CellFields.of(known, other, self.errors.displacement.degree).less(self.fields)
+        work, residual = self._work(z * (length / own.displacement), dual)
         for along in (support_work, obstacle_work):
             work += along(known, other) - along(known, u)
         contacts = self.body.contacts
         adhesion = contacts.weights[: contacts.count] * contacts.law[1] * self._senses  # of cohesion, where v slips
         load = self.state.load @ z + contacts.resultants @ plates - adhesion @ (c - goal)[1]
-        middle = (work - scales.energy * float(load)) / scales.displacement
-        middle -= float(goal.ravel() @ contacts.fluid) * scales.stress * scales.length
-        rest = (error * residual + ratio * self.defect + second) / scales.displacement + _ROUNDED * abs(middle)
+        middle = work / length - own.stress * own.length * float(load + goal.ravel() @ contacts.fluid)
+        rest = (error * residual + ratio * self.defect + second) / length + _ROUNDED * abs(middle)
         return Bounds(float(middle - rest), float(middle + rest))
 
     @cached_property
@@ -324,7 +328,7 @@ class _Pairs:
                 away[half, here] = shown(part, moved[:, here], least)
                 held[half, on_edges[(away[half, on_edges] == 0.0).any(axis=1)]] = True
         loose, sliding = (np.asarray(part.any(axis=1)) for part in (pressure == 0.0, (room == 0.0) | np.isinf(room)))
-        opening, slip = self.known.scales.displacement * away
+        opening, slip = self.errors.displacement.scales.displacement * away
         return _Zones(opening, slip, pressure, room, held[0], held[1], loose, loose | sliding)
 
     @cached_property
@@ -385,27 +389,21 @@ class _Pairs:
         """ζ with a ζ_T whose share of the bound is continuous, by the least change, and these shares."""
         qvi, zones, parts = self.known.qvi, self._zones, dict[str, Share]()
         shear, wanted = (qvi.T @ change).reshape(zones.room.shape), np.zeros(zones.room.shape)
-        total, mass, still = np.zeros((3, len(self.known.problem.mesh.vertices)))
         rough = [rows for rows in self.known.contacts if rows.name in self.errors.shares]
         for rows in rough:
-            share, edges, held = self.errors.shares[rows.name], rows.points.edges, zones.smooth[rows.edges]
+            share, held = self.errors.shares[rows.name], zones.smooth[rows.edges]
             bound = np.where(held[:, None], 1.0, share.weights)
             values = np.where(held[:, None], 0.0, shear[rows.edges] / bound)
-            for end, vertices in enumerate((edges.first, edges.second)):
-                np.add.at(total, vertices, (values * bound)[:, -end])
-                np.add.at(mass, vertices, bound[:, -end])
-                np.add.at(still, vertices, held)
-            parts[rows.name] = replace(share, values=values, weights=bound, slipping=np.zeros(len(edges)))
-        common = np.where(still > 0.0, 0.0, total / np.maximum(mass, 1e-300))
+            slipping = held.astype(np.float64)  # these keep their value, as what slips does
+            parts[rows.name] = replace(share, values=values, weights=bound, slipping=slipping)
+        found, _ = joined(self.known.problem, parts, np.zeros(len(self.known.problem.mesh.vertices), dtype=bool))
         for rows in rough:
-            part, edges = parts[rows.name], rows.points.edges
-            own = part.values * part.weights
-            part.values[:, 0], part.values[:, -1] = common[edges.first], common[edges.second]
-            wanted[rows.edges] = part.values * part.weights - own
+            before, after = parts[rows.name], found[rows.name]
+            wanted[rows.edges] = (after.values - before.values) * before.weights
         if wanted.any():
             right = np.concatenate([np.zeros(qvi.m), wanted.ravel(), np.zeros(qvi.A.shape[0])])
             change = change + self.changes.solved(right)
-        return change, parts
+        return change, found
 
     def _ratio(self, goal: FloatArray, c: FloatArray, change: FloatArray) -> float | None:
         """The largest of m₁ to m₄; None if there is none."""
@@ -413,7 +411,7 @@ class _Pairs:
         across, slip = c - goal
         moved = (scales.displacement * part for part in (across + self._turned * slip, slip))
         normal, shear = (scales.stress * (rows @ change).reshape(zones.room.shape) for rows in (qvi.N, qvi.T))
-        units = np.repeat([scales.displacement, float(np.abs(normal).max())], 2)
+        units = np.repeat([scales.displacement, max(float(np.abs(normal).max()), _FAINT * scales.stress)], 2)
         for part, whole, unit in zip((*moved, normal, shear), zones[:4], units, strict=True):
             none = whole == 0.0
             if np.abs(part[none]).max(initial=0.0) > _ROUNDING * unit:
@@ -422,10 +420,9 @@ class _Pairs:
         return found
 
     def _work(self, z: FloatArray, dual: CellFields) -> tuple[float, float]:
-        """∫ τ : (ε(z) − cζ) + ε⁰ : ζ dx, and |ε(z) − cζ|, with springs, of z with the unit of length D."""
-        known, fields, companion = self.known, self.fields, self.errors.displacement
-        strain = self.body.body.body.strain(z, slice(None), fields.t)
-        strain = strain * (known.scales.displacement / known.scales.length)
+        """∫ τ : (ε(z) − cζ) + ε⁰ : ζ dx, and |ε(z) − cζ|, with springs."""
+        fields, companion = self.fields, self.errors.displacement
+        strain = companion.cell_strain(fields.t, z)
         apart = strain - np.einsum("ckl,cgl->cgk", fields.compliances, dual.stress)
         size = float(dual.apart(strain).sum())
         work = float(np.einsum("cg,cgk,cgk->", fields.weights, fields.stress, apart))

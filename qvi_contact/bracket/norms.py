@@ -55,13 +55,14 @@ def one_ratio(problem: ContactProblem) -> float | None:
 def proved_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
     """The least proved norm, of several bodies the largest of theirs; infinity where there is none.
 
-    Nothing is proved of bodies with arcs, of cracks, of plates that forces drive, of bodies on beds of springs, and of
-    springs along a contact with friction. Other springs only make the norm less: displacements without stretch are
-    images, and |v| is larger than without springs.
+    Nothing is proved of bodies with arcs, of cracks, of plates that forces drive, under friction or tied to a body, of
+    bodies on beds of springs, and of springs along a contact with friction. Other springs only make the norm less:
+    displacements without stretch are images, and |v| is larger than without springs.
     """
     for each in problem.contacts:
         yields = each.tangential_stiffness is not None if has_coulomb(each) else each.law == "tied" and each.has_springs
-        if yields or (has_coulomb(each) and each.plate is not None and each.plate.driven):
+        driven = each.plate is not None and each.plate.driven  # what is tied to it is not held
+        if yields or (driven and (has_coulomb(each) or each.law == "tied")):
             return np.inf
     try:
         bodies = bodies_of(problem)
@@ -506,6 +507,7 @@ class _Energies:
             means.append(own[:, self.slips])
             keys.append((trace.turned[..., None] * moved[columns]).mean(axis=1))
         every = np.concatenate(keys)
+        every[np.abs(every) < _ALIKE] = 0.0  # what a motion does not move is rounding
         alike, against = (np.abs(every[:, None] - way * every).max(axis=2) < _ALIKE for way in (1.0, -1.0))
         first = (alike | against).argmax(axis=1)  # of its group
         ways = np.where(np.take_along_axis(alike, first[:, None], axis=1)[:, 0], 1.0, -1.0)

@@ -148,13 +148,14 @@ class Bracket:
     def relative_error(self) -> float:
         """Bound of the error of τ in the energy norm, relative to its own: √(2 gap / ∫τ:c:τ), or that of `coulomb`.
 
-        Infinite without both energies, or if they contradict each other by more than rounding.
+        Infinite without both energies, or if they contradict each other by more than rounding. On arcs energies miss
+        the work of what is left there, which the parts of the gap do not: it is taken no less than these.
         """
         if self._under_friction is not None:
             return self._under_friction.relative_error
         if not np.isfinite(self.gap) or self.gap < -_ROUNDING * self.strain:
             return float("inf")
-        gap = max(self.gap, 0.0)
+        gap = max(self.gap, float(self.cell_gaps.sum()))
         return float(np.sqrt(gap / self.strain)) if self.strain > 0.0 else float("inf") if gap > 0.0 else 0.0
 
     @property
@@ -186,7 +187,7 @@ class Bracket:
             bounds = f"energy below {self.upper:.9g} {units.engineering_energy}, no lower bound"
         if not np.isfinite(self.upper):
             bounds = f"energy above {self.lower:.9g} {units.engineering_energy}, no upper bound"
-        error = ", a duality gap larger than the strain energy" if np.isfinite(self.gap) else ""
+        error = ", a duality gap larger than the strain energy" if self.strain < self.gap < np.inf else ""
         if self.relative_error <= 1.0:
             error = f", stresses within {100 * self.relative_error:.2g} % of their energy norm"
         text = f"{what} {self.kind.value}: {bounds}{error}."

@@ -23,20 +23,21 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.bracket.parts import EdgeTractions
 from qvi_contact.companion.body import PARALLEL
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.mechanism.bodies import blocks_of_cells
-from qvi_contact.mesh.edges import Edges, frames_along
+from qvi_contact.mesh.edges import Edges, cross, frames_along
 from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from solvers import FrictionQVI, solve_qvi
 
 _OPEN = 1e-6  # of the largest bound on a contact: an edge where it is nowhere above that bears nothing
+_NOTHING = 1e-9  # of the largest stress: nor where it is nowhere above that, which solvers leave
 _BEARS = 0.02  # of the largest bound on an edge: coefficients below that do not count for the value of s at an end
 _SLIPS = 1e-6  # of the bound: friction that is as near to it has reached it
 _TRIALS = 4  # of what may change inside edges; in the last one nothing
@@ -94,7 +95,8 @@ def _alone(problem: ContactProblem, cells: IntArray, joints: tuple[Contact, ...]
             beyond[other] = joint.name
     mesh = problem.mesh.part(cells, sets)
     kept = [each for each in problem.conditions if each not in problem.joints and each.edges in mesh.edge_sets]
-    regions = [each for each in problem.regions if each.name in mesh.region_names]
+    own = problem.cell_materials[cells] - 1  # by name or by ranges
+    regions = [each for number, each in enumerate(problem.regions) if number in own]
     return Body(replace(problem, mesh=mesh, conditions=[*kept, *contacts], regions=regions), beyond, cells)
 
 
@@ -131,7 +133,7 @@ class Share:
     def at(self, t: FloatArray) -> FloatArray:
         """Values of s at points t (k,) of the edges, 0 to 1 along the tangent, (edges, k)."""
         shapes = bernstein.basis(self.values.shape[1] - 1, t)
-        least = 1e-30 * max(float(self.weights.max(initial=0.0)), 1e-300)
+        least = 1e-30 * max(float(self.weights.max(initial=0.0)), 1e-270)
         weights = np.maximum(self.weights, least)  # an open edge has the mean of the s_i, which are one number there
         return np.asarray((self.values * weights) @ shapes.T / (weights @ shapes.T))
 
@@ -186,14 +188,14 @@ class SharedStress:
 
 
 def with_contacts(problem: ContactProblem, changed: Mapping[str, Contact]) -> ContactProblem:
-    """The problem with other contacts of these names; the same one if there are none."""
+    """The problem with other contacts of these names."""
     conditions = [changed.get(each.name, each) if isinstance(each, Contact) else each for each in problem.conditions]
-    return replace(problem, conditions=conditions) if changed else problem
+    return replace(problem, conditions=conditions)
 
 
-def with_numbers(problem: ContactProblem) -> ContactProblem:
-    """The problem with friction and cohesion as numbers where functions have one value on all of a contact."""
-    changed: dict[str, Contact] = {}
+def with_numbers(result: ContactResult) -> ContactResult:
+    """The result with friction and cohesion as numbers where functions have one value on all of a contact."""
+    problem, changed = result.problem, dict[str, Contact]()
     for contact in problem.contacts:
         points = problem.mesh.points_along(problem.mesh.edges(contact.edges), bernstein.SAMPLES)
         for name in ("friction", "cohesion"):
@@ -203,7 +205,9 @@ def with_numbers(problem: ContactProblem) -> ContactProblem:
                 if np.ptp(values) <= _SAME * np.abs(values).max():
                     number: dict[str, Any] = {name: float(values.flat[0])}
                     changed[contact.name] = replace(changed.get(contact.name, contact), **number)
-    return with_contacts(problem, changed)
+    if not changed:
+        return result
+    return ContactResult(replace(result.discretization, problem=with_contacts(problem, changed)), result.solution)
 
 
 def outside_scope(problem: ContactProblem) -> str:
@@ -238,13 +242,11 @@ def with_shares(result: ContactResult, tolerance: float) -> SharedStress | str:
     one slips, s is 1 or −1 as there; where nothing slips it is the mean, weighted by the bounds; where no R of (D26)
     exists else, it is 0. Of each edge only the first and the last coefficient of the shear that counts are changed.
     """
-    problem, found = with_numbers(result.problem), dict[str, Share]()
-    reason = outside_scope(problem)
+    reason, found = outside_scope(result.problem), dict[str, Share]()
     if reason:
         return reason
-    given = result.discretization if problem is result.problem else replace(result.discretization, problem=problem)
-    known, solution = with_bernstein_rows(given), result.solution
-    if known is not given:
+    known, solution = with_bernstein_rows(result.discretization), result.solution
+    if known is not result.discretization:
         solution = solve_qvi(known.qvi, tolerance=tolerance)
     result = ContactResult(known, solution)
     if not result.has_state:
@@ -253,16 +255,17 @@ def with_shares(result: ContactResult, tolerance: float) -> SharedStress | str:
     for rows, contact in zip(known.contacts, known.problem.contacts, strict=True):
         if has_coulomb(contact):
             slip = result.contacts[contact.name].slip
-            found[contact.name] = _raw(contact, own.bound[rows.edges], own.shear[rows.edges], slip)
-    shares, places = _joined(known.problem, found)
+            least = _NOTHING * max(own.size, result.certificate.scales.get("stress", 0.0))
+            found[contact.name] = _raw(contact, own.bound[rows.edges], own.shear[rows.edges], slip, least)
+    shares, places = joined(known.problem, found, _vanishing(known.problem))
     moved = _moved(result, shares)
     return moved if isinstance(moved, str) else SharedStress(*moved, places, result)
 
 
-def _raw(contact: Contact, bound: FloatArray, shear: FloatArray, slip: FloatArray) -> Share:
-    """What s is by the stress, edge by edge; on open edges ±1 as the body slips there."""
+def _raw(contact: Contact, bound: FloatArray, shear: FloatArray, slip: FloatArray, least: float) -> Share:
+    """What s is by the stress, edge by edge; on open edges ±1 as the body slips there. A bound of `least` is none."""
     most = bound.max(axis=1, keepdims=True)
-    is_open = most[:, 0] <= _OPEN * max(float(most.max(initial=0.0)), 1e-300)
+    is_open = most[:, 0] <= max(_OPEN * float(most.max(initial=0.0)), least)
     values = np.clip(-shear / np.maximum(bound, 1e-300), -1.0, 1.0)
     backwards = slip.reshape(len(bound), -1).sum(axis=1) < 0.0
     values[is_open] = np.where(backwards, -1.0, 1.0)[is_open, None]
@@ -278,50 +281,64 @@ def _raw(contact: Contact, bound: FloatArray, shear: FloatArray, slip: FloatArra
     return Share(contact, values, weights, slipping, 1.0 - np.abs(values))
 
 
-def _joined(problem: ContactProblem, raw: Mapping[str, Share]) -> tuple[dict[str, Share], tuple[str, ...]]:
-    """The same made continuous at vertices, and where that costs much."""
-    zeros, at = _vanishing(problem), dict[int, list[tuple[str, int, int]]]()
+def joined(
+    problem: ContactProblem, raw: Mapping[str, Share], zeros: BoolArray
+) -> tuple[dict[str, Share], tuple[str, ...]]:
+    """The same made continuous at vertices, 0 at some (vertices,), and where that costs much.
+
+    Edges that meet take the value of those that slip, else of open ones, else the mean.
+    """
+    lines = {name: problem.mesh.edges(share.contact.edges) for name, share in raw.items()}
+    raw = {name: _turned(problem, share) for name, share in raw.items()}
+    vertex = np.concatenate([vertices for edges in lines.values() for vertices in (edges.first, edges.second)])
+    value, weight = (
+        np.concatenate([getattr(share, part)[:, [0, -1]].T.ravel() for share in raw.values()])
+        for part in ("values", "weights")
+    )
+    slips = np.concatenate([np.tile(share.slipping != 0.0, 2) for share in raw.values()])
+    bears = np.concatenate([np.tile(share.weights.any(axis=1), 2) for share in raw.values()])
+
+    def beside(chosen: BoolArray) -> BoolArray:
+        """Ends at vertices where some of the chosen ones meet."""
+        found = np.zeros_like(zeros)
+        found[vertex[chosen]] = True
+        return np.asarray(found[vertex])
+
+    chosen = np.where(beside(slips & bears), slips & bears, ~bears)
+    least, most = np.full(len(zeros), np.inf), np.full(len(zeros), -np.inf)
+    np.minimum.at(least, vertex[chosen], value[chosen])
+    np.maximum.at(most, vertex[chosen], value[chosen])
+    weight = np.where(beside(weight > 0.0), weight, 1.0)
+    total, mass = (np.bincount(vertex, part, len(zeros)) for part in (weight * value, weight))
+    common = np.where(least > most, total / np.where(mass > 0.0, mass, 1.0), np.where(least == most, least, 0.0))
+    common[zeros] = 0.0
+    found, places = dict[str, Share](), list[str]()
     for name, share in raw.items():
-        edges = problem.mesh.edges(share.contact.edges)
-        for end, vertices in enumerate((edges.first, edges.second)):
-            for edge, vertex in enumerate(vertices.tolist()):
-                at.setdefault(vertex, []).append((name, edge, end))
-    found, places = {name: replace(share, values=share.values.copy(), slipping=share.slipping.copy(),
-        room=np.ones_like(share.values)) for name, share in raw.items()}, list[str]()  # fmt: skip
-    for vertex, ends in at.items():
-        vanishes = vertex in zeros
-        wanted = 0.0 if vanishes else _common([(raw[name], edge, end) for name, edge, end in ends])
-        for name, edge, end in ends:
-            share, slips = found[name], raw[name].slipping[edge]
-            if slips == wanted != 0.0:
-                continue
-            share.slipping[edge] = 0.0
-            counts = np.flatnonzero(share.weights[edge] > _BEARS * share.weights[edge].max())
-            last = (counts[0], counts[-1])[end] if len(counts) > 1 else (0, share.weights.shape[1] - 1)[end]
-            near = (slice(None, last + 1), slice(last, None))[end]
-            share.values[edge, near] = wanted
-            share.room[edge, near] *= not vanishes
-            if vanishes and slips:
-                x, y = problem.mesh.vertices[vertex]
-                places.append(
-                    f"At ({x:.6g}, {y:.6g}) {name!r} has a kink, or meets what holds its normal displacement. Nothing "
-                    "may slip there, which makes the bound wide."
-                )
-    for share in found.values():
-        share.room[:] *= 1.0 - np.abs(share.values)
+        counts = share.weights > _BEARS * share.weights.max(axis=1, keepdims=True)
+        counts |= counts.sum(axis=1, keepdims=True) < 2
+        before, after = (np.cumsum(counts[:, ::way], axis=1)[:, ::way] - counts for way in (1, -1))
+        values, slipping, room = share.values.copy(), share.slipping.copy(), np.ones_like(share.values)
+        for vertices, near in ((lines[name].first, before == 0), (lines[name].second, after == 0)):
+            wanted, vanishes = common[vertices], zeros[vertices]
+            changes = (share.slipping != wanted) | (wanted == 0.0)
+            values = np.where(near & changes[:, None], wanted[:, None], values)
+            slipping[changes] = 0.0
+            room[near & vanishes[:, None]] = 0.0
+            places += [
+                f"At ({x:.6g}, {y:.6g}) {name!r} has a kink, or meets what holds its normal displacement. Nothing "
+                "may slip there, which makes the bound wide."
+                for x, y in problem.mesh.vertices[vertices[vanishes & (share.slipping != 0.0)]]
+            ]
+        own = replace(share, values=values, slipping=slipping, room=room * (1.0 - np.abs(values)))
+        found[name] = _turned(problem, own)
     return found, tuple(dict.fromkeys(places))
 
 
-def _common(ends: list[tuple[Share, int, int]]) -> float:
-    """One value of s for the ends of edges that meet: of those that slip, else of open ones, else the mean."""
-    values, weights = (
-        np.array([getattr(share, part)[edge, -end] for share, edge, end in ends]) for part in ("values", "weights")
-    )
-    slips, bears = np.array([(share.slipping[edge] != 0.0, share.weights[edge].any()) for share, edge, _ in ends]).T
-    for chosen in (slips & bears, ~bears):
-        if chosen.any():
-            return float(values[chosen][0]) if np.ptp(values[chosen]) == 0.0 else 0.0
-    return float(np.average(values, weights=weights if weights.any() else np.ones(len(ends))))
+def _turned(problem: ContactProblem, share: Share) -> Share:
+    """The same along tangents that lead counterclockwise from normals: it is continuous where tangents turn back."""
+    edges = problem.mesh.edges(share.contact.edges)
+    senses = np.rint(cross(edges.normal, edges.tangent))
+    return replace(share, values=senses[:, None] * share.values, slipping=senses * share.slipping)
 
 
 def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactResult, dict[str, Share]] | str:
@@ -450,8 +467,8 @@ def _sides(problem: ContactProblem) -> Iterator[tuple[Edges, IntArray, Contact |
             yield edges, body[edges.cells[:, side]], law
 
 
-def _vanishing(problem: ContactProblem) -> set[int]:
-    """Vertices where s must be 0: kinks, and where what meets a contact holds the normal part of R v.
+def _vanishing(problem: ContactProblem) -> BoolArray:
+    """Vertices (n,) where s must be 0: kinks, and where what meets a contact holds the normal part of R v.
 
     With rows C w = D v of laws, for s = 1, and h · v = h · w = 0 of what is held, there is a w = R v for every v of a
     body where the rank of all rows is that of those in w alone and of those in v alone. Springs across a contact take
@@ -465,7 +482,7 @@ def _vanishing(problem: ContactProblem) -> set[int]:
                 places = zip(bodies.tolist(), vertices.tolist(), strict=True)
                 demands |= {place: ([none], [np.zeros(4)]) for place in places}
     for edges, bodies, law in lines:
-        frames = frames_along(edges, np.array([0.0, 1.0]))
+        frames = frames_along(edges, np.array([0.0, 1.0]))[0]
         for end, vertices in enumerate((edges.first, edges.second)):
             for edge, place in enumerate(zip(bodies.tolist(), vertices.tolist(), strict=True)):
                 fixed, rows = demands.get(place, ([], []))
@@ -473,14 +490,13 @@ def _vanishing(problem: ContactProblem) -> set[int]:
                     fixed += list(held[edge])
                     rows += [np.append(each, none) for each in held[edge]]
                     continue
-                normal, tangent = (part[edge, end] for part in frames)
+                normal, tangent = frames[edge, end], np.array([-1.0, 1.0]) * frames[edge, end, ::-1]
                 friction = law.friction if has_coulomb(law) else 0.0
                 assert not callable(friction)
                 rows += [np.append(normal, -friction * tangent)] + [np.append(tangent, none)] * bears_shear(law)
-    found = set[int]()
+    found = np.zeros(len(problem.mesh.vertices), dtype=bool)
     for (_, vertex), (fixed, rows) in demands.items():
         both = [*rows, *(np.append(none, each) for each in fixed)]
         ranks = (int(np.linalg.matrix_rank(part, PARALLEL)) for part in (both, np.array(rows)[:, :2], fixed))
-        if next(ranks) > sum(ranks):
-            found.add(vertex)
+        found[vertex] |= next(ranks) > sum(ranks)
     return found

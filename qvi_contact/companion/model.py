@@ -181,12 +181,13 @@ class CompanionResult(PicklesFields):
         stress = self._mean(x, y, lambda cells, t: self.body.stress(self._v, cells, self.space.own(cells, t)))
         return stress * self.scales.stress
 
-    def cell_strain(self, t: ArrayLike) -> FloatArray:
+    def cell_strain(self, t: ArrayLike, v: FloatArray | None = None) -> FloatArray:
         """Strains (ε_xx, ε_yy, 2ε_xy) at reference points t (k, 2) of every cell of the mesh, (cells, k, 3).
 
-        These are barycentric coordinates of the second and third corner.
+        These are barycentric coordinates of the second and third corner. Or those of another displacement v (size,).
         """
-        strain = self.body.strain(self._v, slice(None), self.space.own(slice(None), np.asarray(t, dtype=float)))
+        own = self.space.own(slice(None), np.asarray(t, dtype=float))
+        strain = self.body.strain(self._v if v is None else v, slice(None), own)
         return np.asarray(strain * (self.scales.displacement / self.scales.length))
 
     def displacement_in(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:

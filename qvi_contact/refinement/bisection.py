@@ -19,6 +19,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate, whole_number
 from qvi_contact.basics.units import Certainty
+from qvi_contact.bracket import Bounds
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.limit.load_factor import LimitProblem
@@ -149,8 +150,6 @@ _STOPS: Final = {
     Status.TIME_LIMIT: RefinementStatus.TIME_LIMIT,
 }  # what a status on the way means for the refinement
 _POSING: Final = ("degree", "law_on")  # options of the discretisation, not of its solve
-
-_CROSSED: Final = 1e-9  # of the strain energy: lower − upper that is more than rounding
 
 _IN_CORNERS: Final = 3  # how often triangles are bisected there
 _AT_CHANGES: Final = 2
@@ -316,19 +315,16 @@ class Comparison:
 
 def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison | None:
     """The value of an answer beside bounds of it: guaranteed ones, under Coulomb friction also estimated ones."""
-    bracket = result.bracket
-    coulomb, certainty, parts = bracket.coulomb, bracket.certainty, bracket.cell_gaps
+    bracket, known, parts = result.bracket, dict[str, Bounds](), result.bracket.cell_gaps
+    coulomb = bracket.coulomb
     if coulomb is not None and measure.name in coulomb.forces:
-        (lower, upper), parts = coulomb.forces[measure.name], coulomb.cells
-    elif bracket.reasons or not np.isfinite(bracket.gap) or bracket.gap < -_CROSSED * bracket.strain:
+        known, parts = dict(coulomb.forces), coulomb.cells
+    elif not bracket.reasons:
+        known = {"energy": Bounds(-bracket.upper, -bracket.lower), **bracket.forces}
+    if measure.name not in known:
         return None
-    elif measure.name == "energy":
-        lower, upper = -bracket.upper, -bracket.lower
-    elif measure.name in bracket.forces:
-        lower, upper = bracket.forces[measure.name]
-    else:
-        return None
-    return Comparison(max(upper - value, value - lower, 0.0), certainty, parts)
+    lower, upper = known[measure.name]
+    return Comparison(max(upper - value, value - lower, 0.0), bracket.certainty, parts)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,23 +12,17 @@ from qvi_contact.companion import solve_companion, solve_companions
 from qvi_contact.gallery import arc, fan
 from qvi_contact.mechanism import Rigid
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
-from qvi_contact.refinement import places
+from qvi_contact.refinement import energies_between, places
 from qvi_contact.solution import turning_senses
 from qvi_contact.solution.stress import rest_on_arcs
 from tests.qvi_contact.builders import INNER, NU, OUTER, WIDENED, A, polygon, quarter
 
+FREE = [Traction("outer", normal=0.0, tangential=0.0), Symmetry("bottom"), Symmetry("left")]
+
 
 def under_pressure(mesh, **inner):
-    return ContactProblem(
-        mesh,
-        Material(1.0, NU),
-        [
-            Traction("inner", **(inner or {"normal": -1.0, "tangential": 0.0})),
-            Traction("outer", normal=0.0, tangential=0.0),
-            Symmetry("bottom"),
-            Symmetry("left"),
-        ],
-    )
+    pressure = Traction("inner", **(inner or {"normal": -1.0, "tangential": 0.0}))
+    return ContactProblem(mesh, Material(1.0, NU), [pressure, *FREE])
 
 
 def test_resultants_of_arcs_are_exact():
@@ -205,15 +199,16 @@ def test_arcs_too_coarse_for_their_contact():
 
 def test_bracket_on_arcs():
     """Both models end at the arcs: their energies enclose the exact one and close in at twice the order."""
-    conditions = Contact("inner", 0.3, gap=-WIDENED), Traction("outer", normal=0.0, tangential=0.0)
     gaps, exact = [], np.pi / 4.0 * INNER * WIDENED
     for k in (1, 2):
-        given = [*conditions, Symmetry("bottom"), Symmetry("left")]
+        given = [Contact("inner", 0.3, gap=-WIDENED), *FREE]
         result = solve(ContactProblem(quarter(k, 2 * k), Material(1.0, NU), given), degree=4)
         bracket = result.bracket
         assert bracket.lower < exact < bracket.upper
         assert not bracket.guaranteed
         assert any("On arcs" in reason for reason in bracket.reasons)
+        lower, upper = bracket.coulomb.forces["inner.normal_force"]
+        assert lower < np.pi / 2.0 * INNER < upper
         gaps.append(bracket.gap / abs(exact))
     assert gaps[1] < 2e-4
     assert np.log2(gaps[0] / gaps[1]) > 5.0
@@ -222,6 +217,14 @@ def test_bracket_on_arcs():
     radial = A * ((1.0 - NU) * radius + (1.0 + NU) * OUTER**2 / radius)
     moved = result.displacement(x, y)
     np.testing.assert_allclose(np.hypot(*moved.T), radial, rtol=1e-3)
+
+
+def test_errors_on_arcs_without_friction():
+    """Energies alone would say less than the true error: they miss the work of tractions that are left."""
+    problem = ContactProblem(quarter(2, 4), Material(1.0, NU), [Contact("inner", 0.0, gap=-WIDENED), *FREE])
+    fine, found = solve(replace(problem, mesh=problem.mesh.refined()), degree=7), solve(problem, degree=5).bracket
+    true = np.sqrt(energies_between(found.result, fine).sum() / found.strain)
+    assert np.sqrt(found.gap / found.strain) < true < found.relative_error < 1.2 * true
 
 
 def test_smooth_arcs_have_no_corners():
@@ -233,8 +236,7 @@ def test_high_degrees_where_much_is_open():
     """Multipliers on both sides of an open point's shear are large, and must not cost the digits of the tractions."""
     mesh = quarter(1, 4)
     plug = Contact("inner", 0.2, gap=lambda _, y: 0.3 * y**2 - 0.1)
-    free = [Traction("outer", normal=0.0, tangential=0.0), Symmetry("bottom"), Symmetry("left")]
-    result = solve(ContactProblem(mesh, Material(1.0, NU), [plug, *free]), degree=10, method="condensed")
+    result = solve(ContactProblem(mesh, Material(1.0, NU), [plug, *FREE]), degree=10, method="condensed")
     assert result.status.value == "solved"
     assert 0.1 < result.contacts["inner"].shares["open"] < 0.9
 
@@ -275,6 +277,14 @@ def test_slip_all_around_a_bore_changes_nowhere():
     assert len(places(result).cells) == 0
     still = solve(held_ring(Contact("hole", 0.1, gap=-0.05)), degree=4)
     assert list(still.bracket.coulomb.forces) == ["hole.normal_force"]
+
+
+def test_bounds_do_not_depend_on_where_tangents_turn_back():
+    """A pin that is moved along x sticks there, one that is moved along y has its largest share of friction there."""
+    drives = ({"x": 0.1}, 0.0), ({"y": 0.1}, 90.0)
+    moved = [held_ring(Contact("hole", 0.3, gap=-0.2, plate=RigidPlate(**given)), angle) for given, angle in drives]
+    along, across = (solve(problem, degree=4).bracket.coulomb.error for problem in moved)
+    assert across == pytest.approx(along, rel=1e-6)
 
 
 def test_an_offset_along_tangents_that_turn_back_jumps():

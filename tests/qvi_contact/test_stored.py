@@ -214,13 +214,10 @@ class TestWrong:
         assert failed(changed(plate, message="infeasible")) == {"status"}
 
 
-class TestOutcome:
-    """What a verification tells."""
-
-    def test_infinite_values_are_none_in_the_document(self, plate):
-        missing = changed(plate, z=np.full_like(plate.solution.z, np.nan))
-        document = json.loads(json.dumps(verify_result(missing).document(), allow_nan=False))
-        assert {check["value"] for check in document["checks"] if check["name"] == "stationarity"} == {None}
+def test_infinite_values_are_none_in_the_document(plate):
+    missing = changed(plate, z=np.full_like(plate.solution.z, np.nan))
+    document = json.loads(json.dumps(verify_result(missing).document(), allow_nan=False))
+    assert {check["value"] for check in document["checks"] if check["name"] == "stationarity"} == {None}
 
 
 class TestRoundTrip:

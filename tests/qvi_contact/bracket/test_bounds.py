@@ -140,11 +140,11 @@ def test_does_not_depend_on_units_or_place():
 
 @pytest.mark.parametrize("law", [{"friction": 0.3}, {"friction": 0.0, "cohesion": 1.0}])
 def test_steps_of_a_history_are_bracketed_each_for_itself(law):
-    """The last step on a finer mesh, with the same slip before it, lies between the bounds."""
+    """The last step on a finer mesh, with the same slip before it, lies between the bounds; it is the smaller one."""
     mesh = TriangleMesh.grid([0.0, 0.5, 1.0, 1.5, 2.0], [0.0, 0.5, 1.0])
-    sides = [Traction(name, 0.0, 0.0) for name in ("left", "right")]
+    free = [Contact("bottom", **law), Traction("left", 0.0, 0.0)]
     steps = [
-        ContactProblem(mesh, Material(1000.0, 0.3), [*sides, Contact("bottom", **law), Displacement("top", x, -0.01)])
+        ContactProblem(mesh, STEEL, [*free, Traction("right", -4e4 * x, 0.0), Displacement("top", x, -2.0 * x)])
         for x in (0.004, 0.001)
     ]
     first, last = (step.bracket for step in solve_history(steps).steps)
