@@ -48,7 +48,7 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
     lines = result.contacts.values()
     states = [state for state in STATES if any(state in line.shares for line in lines)]
     rows = [[line.name, *line.shown_forces, *shares(line.shares, states)] for line in lines]
-    force = units.engineering_force
+    force = units.force
     if rows:
         yield ""
         yield from table(["contact", f"normal [{force}]", f"tangential [{force}]", *states], rows)
@@ -60,7 +60,7 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
     for name in result.plates:
         x, y, turned, across, up, moment = cells(numbers[name], PLATE_COLUMNS, result.rounding)
         yield f"obstacle {name} moves by ({x}, {y}) {units.displacement}, turns by {turned} rad"
-        yield f"obstacle {name} pushes with ({across}, {up}) {force}, moment {moment} {units.engineering_moment}"
+        yield f"obstacle {name} pushes with ({across}, {up}) {force}, moment {moment} {units.moment}"
 
 
 Titled: TypeAlias = tuple[str, list[str], list[list[str]]]
@@ -92,7 +92,7 @@ class Series(NamedTuple):
         if self.label == "t":
             least = Rounding.largest(step.rounding for step in steps)
             lost = shown(float(self.results.dissipated.sum()), least.energy)
-            yield f"energy lost in friction: {lost} {units.engineering_energy}"
+            yield f"energy lost in friction: {lost} {units.energy}"
         remarks = dict.fromkeys(remark for step in steps for remark in step.remarks)
         yield from (f"remark: {units.filled(remark)}" for remark in remarks)
         yield self.results.message
@@ -125,7 +125,7 @@ def _contact_tables(
         numbers = contact_numbers(step) if lines else {}
         read.append((first(number, step), numbers, {name: line.shares for name, line in lines.items()}, step.rounding))
     least = Rounding.largest(each for *_, each in read)
-    contacts, forces = steps[0].problem.contacts, f"forces in {units.engineering_force}"
+    contacts, forces = steps[0].problem.contacts, f"forces in {units.force}"
     wanted = [(f"contact {each.name}, {forces}", each.name, FORCES, ["normal", "tangential"]) for each in contacts]
     wanted += [
         (f"obstacle {each.name}, motion and what it does to the body", each.name, PLATE_COLUMNS, plate_headings(units))
@@ -194,8 +194,8 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
         yield f"{where}: {text}" if text else where
     for load in outline["loads"]:
         yield (
-            f"load {load['name']}: ({load['x']:.6g}, {load['y']:.6g}) {units.engineering_force}, "
-            f"moment {load['moment']:.6g} {units.engineering_moment} about the origin"
+            f"load {load['name']}: ({load['x']:.6g}, {load['y']:.6g}) {units.force}, "
+            f"moment {load['moment']:.6g} {units.moment} about the origin"
         )
     for name in ("solve", "refine"):
         if outline[name]:

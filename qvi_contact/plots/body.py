@@ -456,7 +456,7 @@ def _resultants(
         tail = centre + way * length * max(_LONGEST * size / max(sizes), 0.3 * _LONGEST)
         axes.quiver(*tail, *(centre - tail), zorder=5, **_ARROW, **_RESULTANT)
         ends.append(np.array([tail, centre]))
-        text = f"{part.name}: {number} {units.engineering_force}"
+        text = f"{part.name}: {number} {units.force}"
         if part.eccentricity > _CENTRAL * (part.s[-1] - part.s[0]):
             text += f"\ne = {part.eccentricity:.3g} {units.length}"
         side = np.array([-way[1], way[0]])

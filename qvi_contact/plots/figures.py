@@ -131,7 +131,7 @@ def _answer(result: ContactResult, units: Units) -> str:
         normal, tangential = beside([line.normal_force, line.tangential_force])
         effective = f" (effective {beside([line.effective_normal_force])[0]})" if line.has_fluid else ""
         along = "" if line.frictionless else f", T = {tangential}"
-        words = [f"N = {normal}{effective}{along} {units.engineering_force}"]
+        words = [f"N = {normal}{effective}{along} {units.force}"]
         shares = {verbs[name]: f"{100.0 * share:.0f} %" for name, share in line.shares.items() if share >= _SHARE}
         words += [f"all {verb}" if len(shares) == 1 else f"{share} {verb}" for verb, share in shares.items()]
         motion = result.plates.get(line.name)
@@ -307,7 +307,7 @@ def history_figure(
         for part, (draw, row, more) in zip(right.subfigures(len(rows), 1, squeeze=False)[:, 0], rows, strict=True):
             for axes, (name, values) in zip(part.subplots(1, len(row), squeeze=False)[0], row, strict=True):
                 draw(axes, style.plain_text(name), np.array(values), more)
-                axes.set_ylabel(f"force [{units.engineering_force}]")
+                axes.set_ylabel(f"force [{units.force}]")
         left_out = [f"loops not shown: {', '.join(list(loops)[_LOOPS:])}"] if len(loops) > _LOOPS else []
         said = "\n".join(filter(None, [title, history.message, *left_out]))
         figure.suptitle(style.plain_text(said), x=0.02, ha="left", fontsize="medium")

@@ -342,7 +342,7 @@ def test_one_json_document(shell, tmp_path):
     assert 0.0 < found["bracket"]["coulomb"]["solutions_apart"] < 0.5
     assert found["bracket"]["companion"]["degree"] == 3
     force = found["bracket"]["forces"]["plate.normal_force"]
-    assert (force["lower"] < force["upper"], force["unit"]) == (True, "MPa mm")
+    assert (force["lower"] < force["upper"], force["unit"]) == (True, "N/mm")
     assert sum(part["value"] for part in found["bracket"]["gap"].values()) > 0.0
     assert found["status"] == "solved"
 
