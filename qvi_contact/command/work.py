@@ -21,7 +21,7 @@ import numpy as np
 
 import qvi_contact
 from qvi_contact import files
-from qvi_contact.basics.schema import keys_of
+from qvi_contact.basics.schema import Missing, keys_of
 from qvi_contact.basics.terminal import solving
 from qvi_contact.basics.writing import check_suffix, check_writable, identity, write_text
 from qvi_contact.command import report
@@ -189,7 +189,7 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
 
 def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool, as_json: bool, **given: Any) -> int:
     """Bound the largest multiple of loads."""
-    from qvi_contact.limit.load_factor import checked_loads, limit_load_factor
+    from qvi_contact.limit.load_factor import limit_load_factor, loads_of
     from qvi_contact.refinement import LimitFactor
     from qvi_contact.refinement import refine as refined
 
@@ -203,7 +203,8 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         if proof is not None and not loads:
             click.echo("\n".join(_write_proof(proof, problem, (), degree)))
             return 0
-        checked_loads(problem, loads, "--load")
+        for name in loads or [Missing()]:
+            known_name("--load", name, {"loads": loads_of(problem)})
         if target is None:
             found = limit_load_factor(problem, loads=list(loads), **told)
         else:

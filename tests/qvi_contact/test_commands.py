@@ -190,7 +190,7 @@ def test_limit(shell, sliding):
     assert "0.99009901 times" in shell("limit", sliding, *loads, "--plot", picture)[1]
     assert picture.stat().st_size > 1000
     refused(shell("limit", sliding, "--load", "nonsense"), "drag")
-    refused(shell("limit", sliding), "--load")
+    refused(shell("limit", sliding), "--load: missing: name one of the loads (", "drag")
     found = answered(shell("limit", sliding, *loads, "--target", "1e-4", "--json"))["refinement"]
     assert (found["status"], found["guaranteed"], found["rounds"]) == ("reached", True, 1)
     assert 0.0 <= found["estimate"] <= 1e-4
@@ -309,6 +309,7 @@ class TestSweep:
         late = shell("solve", path, "--set", "mu=0.8,0.9", "--method=condensed", "--time-limit=1e-9", "--json")
         assert [step["status"] for step in json.loads(late[1])["steps"]] == ["time_limit"]
         refused(shell("solve", path, "--set", "nu=0.1,0.2"), "--set: 'nu': name one of", "constants (p, mu, T)")
+        refused(shell("solve", path, "--set", "mu=0.1,1e100"), "constants.mu: 1e+100: give a finite number")
         refused(shell("solve", path, "--set", "mu=0.1,0.2", "--store", tmp_path / "a.sqlite"), "--store")
 
     @pytest.mark.parametrize(
