@@ -11,7 +11,7 @@ from click.shell_completion import BashComplete
 from hypothesis import HealthCheck, example, given, settings
 
 from qvi_contact import load_problem, save_problem, solve
-from qvi_contact.command import group
+from qvi_contact.command.cli import group
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.units import Units
 from solvers import available
