@@ -173,14 +173,12 @@ def solve() -> None:
     status time_limit.
 
     A file with a [history] is solved step by step. Its picture shows forces and loops, and its fields are those of the
-    last step. With --store each step is written to a folder as soon as it is done. After an interruption the same
-    command goes on with the next step.
+    last step. --store keeps each step as soon as it is done.
 
-    --set, or a [sweep] in the file, solves for several values of the friction, of a load factor, or of what is added to
-    gap or offset; --set also of a constant of the file. A single value of a constant takes the place of that in the
-    file, also beside a history or another --set. Files that are written hold the last value. For thousands of values
-    give --store: each value's forces and shares are a row of an SQLite file as soon as it is done, and --workers or
-    --dask share the values.
+    --set, or a [sweep] in the file, solves for several values. A single value of a constant takes the place of that in
+    the file, also beside a history or another --set. Files that are written hold the last value. For thousands of
+    values give --store: forces and shares of each value are kept as soon as it is done, and --workers or --dask share
+    the values.
 
     --report writes one page. Its energy bounds take a second solve, of at most --time-limit seconds, by displacement
     elements. So do the displacements in the file of --vtk. A step of a history is bounded for itself, with the slip

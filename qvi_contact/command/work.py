@@ -88,7 +88,7 @@ def solve(file: str, verbose: bool, as_json: bool, swept: tuple[str, ...], panel
         if _check_asked(problem_file, plan, given) and plan is not None:
             stored = {name: given[name] for name in ("store", "workers", "dask") if given[name] is not None}
             sweep = _swept(problem_file, plan, options, verbose, **stored)
-            return _told(problem_file, sweep, targets.get("save_json"), as_json)
+            return _told(problem_file, sweep, targets, as_json)
         series, steps = _solved_series(problem_file, plan, options, verbose, given["store"])
         solved = (steps[0] if series is None else series.results).status == "solved"
         document = {"title": problem_file.title, "solved": solved}
@@ -381,7 +381,7 @@ def _check_asked(file: ProblemFile, plan: SweepPlan | None, asked: Mapping[str, 
     return streams
 
 
-def _told(file: ProblemFile, sweep: qvi_contact.StoredSweep, kept: str | None, as_json: bool) -> int:
+def _told(file: ProblemFile, sweep: qvi_contact.StoredSweep, targets: Mapping[str, str], as_json: bool) -> int:
     """Print what became of a sweep in a store, keep its document in a file if one is named; the exit status."""
     statuses, solved = Counter(sweep.statuses), sweep.status == "solved"
     document = {
@@ -389,12 +389,11 @@ def _told(file: ProblemFile, sweep: qvi_contact.StoredSweep, kept: str | None, a
         "values": len(sweep.values), "statuses": {str(each): count for each, count in statuses.items()},
         "message": sweep.message,
     }  # fmt: skip
-    if kept is not None:
-        write_text(kept, _json_text(document) + "\n")
+    complete = _written(targets, {"save_json": lambda path: write_text(path, _json_text(document) + "\n")}, {})
     lines = [f"{sweep.parameter}: {len(sweep.values)} values from {min(sweep.values):g} to {max(sweep.values):g}"]
     lines.append(", ".join(f"{count} {status.words}" for status, count in statuses.items()) or "none done")
     lines += [*([] if solved else [sweep.message]), f"rows: {sweep.path}"]
-    return _ended(file, as_json, document, lines, solved)
+    return _ended(file, as_json, document, lines, solved, complete)
 
 
 def _asked(file: ProblemFile, given: Sequence[str]) -> tuple[ProblemFile, SweepPlan | None]:

@@ -234,7 +234,6 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
     whose distance shows how the gap varies; joints are dashed lines inside the body. `InputError` if a function of the
     problem gives bad values.
     """
-    style.require_matplotlib()
     sketch = _Sketch(axes, problem, style.plain_units(units))
     sketch.body()
     for condition in sketch.conditions:

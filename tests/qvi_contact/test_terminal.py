@@ -65,8 +65,7 @@ def test_a_fault_of_the_program_is_not_blamed_on_the_input(shell):
 
 SCRIPT = """
 import sys, click
-from qvi_contact.basics.terminal import run
-from qvi_contact.basics.terminal import error_console
+from qvi_contact.basics.terminal import error_console, run
 
 @click.command()
 @click.option("--lines", default=1)
