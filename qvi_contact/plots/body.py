@@ -102,8 +102,7 @@ class Shape:
 
     def at(self, cells: IntArray, t: FloatArray) -> FloatArray:
         """Displacements at one reference point each, (n, 2), of cells (n,), shape (n, 2) [length]."""
-        own = self.space.own(cells, t[:, None])[:, 0] if len(self.space.curved) else t
-        shapes = self.space.cell.values(own)[:, None]
+        shapes = self.space.cell.values(self.space.own(cells, t[:, None]))
         return np.asarray((shapes @ self.coefficients[self.space.table[cells]])[:, 0])
 
     def along(self, edges: Edges, t: FloatArray, *, other: bool = False) -> FloatArray:
