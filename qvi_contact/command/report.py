@@ -106,10 +106,9 @@ class Series(NamedTuple):
             value, status = f"{self.values[number]:.6g}", str(step.status)
             return [str(number + 1), value, status] if self.label == "t" else [value, status, str(step.iterations)]
 
-        swept_by = [swept.get(self.label, self.label), "status", "iterations"]
-        return _contact_tables(
-            self.results.steps, ["step", "t", "status"] if self.label == "t" else swept_by, first, units
-        )
+        timed = self.label == "t"
+        headings = ["step", "t", "status"] if timed else [swept.get(self.label, self.label), "status", "iterations"]
+        return _contact_tables(self.results.steps, headings, first, units, apart=not timed)
 
 
 def _contact_tables(
@@ -117,14 +116,18 @@ def _contact_tables(
     headings: Sequence[str],
     first: Callable[[int, ContactResult], list[str]],
     units: Units,
+    apart: bool = False,
 ) -> Iterator[Titled]:
-    """One table for each contact and each plate: of each result, by its number from 0, the first columns and more."""
+    """One table for each contact and each plate: of each result, by its number from 0, the first columns and more.
+
+    Rounding is that of the largest result, or of each one where they are `apart`.
+    """
     read = list[tuple[list[str], Mapping[str, Any], Mapping[str, Any], Rounding]]()
     for number, step in enumerate(steps):  # each is read once: those of a store are files
         lines = step.contacts if step.has_state else {}
         numbers = contact_numbers(step) if lines else {}
         read.append((first(number, step), numbers, {name: line.shares for name, line in lines.items()}, step.rounding))
-    least = Rounding.largest(each for *_, each in read)
+    largest = Rounding.largest(each for *_, each in read)
     contacts, forces = steps[0].problem.contacts, f"forces in {units.force}"
     wanted = [(f"contact {each.name}, {forces}", each.name, FORCES, ["normal", "tangential"]) for each in contacts]
     wanted += [
@@ -136,8 +139,8 @@ def _contact_tables(
             state for state in STATES if columns is FORCES and any(state in of.get(name, ()) for *_, of, _ in read)
         ]
         rows = [
-            [*start, *cells(numbers.get(name), columns, least), *shares(of.get(name, {}), states)]
-            for start, numbers, of, _ in read
+            [*start, *cells(numbers.get(name), columns, own if apart else largest), *shares(of.get(name, {}), states)]
+            for start, numbers, of, own in read
         ]
         yield title, [*headings, *labels, *states], rows
 

@@ -281,6 +281,9 @@ class TestSweep:
         assert found == pytest.approx(alone, rel=1e-9)
         for given, heading in (("gap=0,1e-4", "added gap [mm]"), ("load=1,0.5", "load factor")):
             assert heading in shell("solve", path, "--set", given)[1]
+        path = example(tmp_path, "dragged_block_holds", ("cells = 8", "cells = 2"), ("cells = 4", "cells = 2"))
+        small, large = (line.split() for line in shell("solve", path, "--set", "load=1,1e12")[1].splitlines()[-4:-2])
+        assert float(large[3]) == pytest.approx(1e12 * float(small[3]), rel=1e-4)  # rounding is each value's own
 
     def test_in_a_problem_file(self, shell, tmp_path):
         path = plate_file(tmp_path, 0.2)
