@@ -38,7 +38,7 @@ PACKAGES = (
     "qvi_contact", "qvi_contact.bracket", "qvi_contact.companion", "qvi_contact.mechanism", "qvi_contact.paper",
     "qvi_contact.plots", "qvi_contact.refinement", "solvers", "comparisons.exchange", "solvers.factorisation",
 )  # fmt: skip
-INTERNAL = {"has_matplotlib", "picture_suffix", "require_matplotlib", "CompanionState", "Exhibit"}
+INTERNAL = {"CompanionState", "Exhibit"}
 
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 

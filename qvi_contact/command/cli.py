@@ -20,16 +20,16 @@ _Decorator = Callable[[_Command], _Command]
 
 
 class Target(NamedTuple):
-    """A file that commands write: what stands for its name, what it is, its suffix and the library that it needs."""
+    """A file that commands write: what stands for its name, what it is, its suffixes and the library that it needs."""
 
     metavar: str
     text: str
-    suffix: str = ""
+    suffixes: str = ""
     library: str = ""
 
 
 TARGETS: Final = {
-    "plot": Target("PICTURE", "Draw the result: a file name that ends in .png, .svg or .pdf.", "", "matplotlib"),
+    "plot": Target("PICTURE", "Draw the result: .png, .svg or .pdf.", ".png .svg .pdf", "matplotlib"),
     "vtk": Target("VTU", "Write the fields for ParaView (.vtu), and the contacts to …_contacts.vtu.", ".vtu", "meshio"),
     "npz": Target("NPZ", "Write problem and result as NumPy arrays (.npz), for qvi-contact verify.", ".npz"),
     "save_json": Target("JSON", "Write what --json prints to a file."),

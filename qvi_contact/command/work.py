@@ -459,14 +459,12 @@ def _checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
         target = TARGETS[option]
         if target.library and find_spec(target.library) is None:
             raise InputError(name, path, f"needs {target.library}: python -m pip install {target.library}")
-        if target.suffix:
-            check_suffix(name, path, target.suffix)
+        if target.suffixes:
+            check_suffix(name, path, *target.suffixes.split())
         if target.library == "matplotlib":
-            from qvi_contact.plots.style import picture_suffix, require_matplotlib
+            from qvi_contact.plots.style import require_matplotlib
 
             require_matplotlib()
-            if option == "plot":
-                picture_suffix(path)
     return dict(given)
 
 

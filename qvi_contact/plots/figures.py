@@ -3,6 +3,7 @@
 import textwrap
 from collections.abc import Sequence
 from contextlib import suppress
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -365,6 +366,6 @@ def _draw_forces(axes: "Axes", name: str, forces: FloatArray, times: FloatArray 
 
 def notebook_png(shown: TriangleMesh | ContactProblem) -> bytes | None:
     """What a notebook shows for a mesh or a problem at the end of a cell; None without matplotlib."""
-    if not style.has_matplotlib():
+    if find_spec("matplotlib") is None:
         return None
     return style.png_bytes(problem_figure(shown) if isinstance(shown, ContactProblem) else mesh_figure(shown))
