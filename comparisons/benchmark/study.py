@@ -20,7 +20,7 @@ from qvi_contact import ContactResult, TriangleMesh, discretize, solve, solve_hi
 from qvi_contact.errors import InputError
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Polynomial, Traction
-from qvi_contact.runs import THREADS
+from qvi_contact.runs.processes import THREADS
 from qvi_contact.solution.sweep import Parameter, SweepTask
 from qvi_contact.types import Field
 from solvers.basics.types import Sparse

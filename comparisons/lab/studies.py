@@ -39,7 +39,7 @@ PACKAGES: Final = (
 """Distributions whose versions rows tell, if a study names no others: what may matter for a time."""
 
 DONE: Final = "done"
-"""Status of a row with a result; all others are in `qvi_contact.runs.FAILURES`."""
+"""Status of a row with a result; all others are in `qvi_contact.runs.processes.FAILURES`."""
 
 
 # what is run
@@ -147,7 +147,7 @@ def versions(packages: Sequence[str] = PACKAGES) -> dict[str, str | None]:
 
 @dataclass(frozen=True)
 class Row:
-    """What became of one case, as it is stored; status, reason, seconds and load_average as `qvi_contact.runs.Outcome`.
+    """What became of one case, as it is stored; status, reason, seconds and load_average as `Outcome`.
 
     The result is what the task returned, empty if it failed, the certificate its entry of that name or None. The
     environment has threads, timeout_seconds, memory_mib, machine (see `machine`) and versions.

@@ -20,7 +20,7 @@ from comparisons.peers.meshes import FAMILIES, Family, plain_mesh
 from qvi_contact.errors import InputError
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem.conditions import Contact
-from qvi_contact.runs import THREADS
+from qvi_contact.runs.processes import THREADS
 
 GETFEM: Final = "PYTHON_WITH_GETFEM"
 """Environment variable: another Python, in which GetFEM is installed."""

@@ -18,7 +18,7 @@ from qvi_contact.solution.stress import traction
 from qvi_contact.units import Units
 
 MM: Final = Units(length="mm", stress="MPa")
-FORCE, ENERGY = MM.engineering_force, MM.engineering_energy
+FORCE, ENERGY = MM.force, MM.energy
 
 Stress = Callable[[FloatArray, FloatArray], FloatArray]
 """σ_xx, σ_yy, σ_xy (…, 3) at points x, y (…)."""

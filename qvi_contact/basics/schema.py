@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import MISSING, dataclass, fields
 from functools import cache
 from types import NoneType, UnionType
@@ -219,10 +219,10 @@ class Angle(Varying):
 
     def read(self, value: Any, reader: Reader) -> Any:
         """A number where it does not depend on x and y."""
-        try:
-            return reader.scalar(value) if isinstance(value, str) else reader.field(value)
-        except InputError:
-            return reader.field(value)
+        if isinstance(value, str):
+            with suppress(InputError):  # an error of the field says more
+                return reader.scalar(value)
+        return reader.field(value)
 
 
 class Scalar(Number):

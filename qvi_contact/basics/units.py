@@ -55,26 +55,21 @@ class Units:
 
     @property
     def force(self) -> str:
-        """Unit of forces a unit of thickness: stress × length."""
-        return f"{self.stress} {self.length}"
-
-    @property
-    def engineering_force(self) -> str:
-        """The same as engineers write it, such as N/mm for MPa and mm."""
-        return _FORCES.get((self.stress, self.length), self.force)
+        """Unit of forces a unit of thickness as engineers write it: N/mm for MPa and mm; else stress × length."""
+        return _FORCES.get((self.stress, self.length), f"{self.stress} {self.length}")
 
     @property
     def moment(self) -> str:
-        """Unit of moments a unit of thickness, and of energies: stress × length²."""
-        return f"{self.stress} {self.length}²"
+        """Unit of moments a unit of thickness, and of energies: N mm/mm for MPa and mm; else stress × length²."""
+        force = _FORCES.get((self.stress, self.length))
+        return self.airy if force is None else f"{force.split('/')[0]} {self.length}/{self.length}"
+
+    energy = moment
 
     @property
-    def engineering_moment(self) -> str:
-        """The same as engineers write it, such as N mm/mm for MPa and mm."""
-        force = _FORCES.get((self.stress, self.length))
-        return self.moment if force is None else f"{force.split('/')[0]} {self.length}/{self.length}"
-
-    energy, engineering_energy = moment, engineering_moment
+    def airy(self) -> str:
+        """Unit of Airy functions: stress × length²."""
+        return f"{self.stress} {self.length}²"
 
     def filled(self, sentence: str) -> str:
         """A sentence about a result with its numbers in these units: "0.2 MPa" for "0.2 [stress]".
@@ -85,7 +80,7 @@ class Units:
         def called(found: re.Match[str]) -> str:
             names = {name: str(getattr(self, name)) for name in found[1].split(" × ")}
             unknown = any(name == unit for name, unit in names.items())
-            return found[0] if unknown else names.get(found[1], self.engineering_force)
+            return found[0] if unknown else names.get(found[1], self.force)
 
         return _NUMBER.sub(called, sentence)
 
@@ -134,8 +129,8 @@ class Rounding:
         )
 
     def of_kind(self, kind: str) -> float:
-        """That of numbers in this one of the `Units`, such as "force" or "engineering_force"; of rotations for none."""
-        return float(getattr(self, kind.removeprefix("engineering_") or "rotation"))
+        """That of numbers in this one of the `Units`, such as "force"; of rotations for none."""
+        return float(getattr(self, kind or "rotation"))
 
     @classmethod
     def largest(cls, each: Iterable["Rounding"]) -> "Rounding":

@@ -134,10 +134,12 @@ def write_text(path: str | Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def check_suffix(option: str, path: str | Path, suffix: str) -> None:
-    """Refuse a file name that does not end in `suffix`."""
-    if Path(path).suffix.lower() != suffix:
-        raise InputError(option, str(path), f"give a file name that ends in {suffix}")
+def check_suffix(option: str, path: str | Path, *suffixes: str) -> str:
+    """The suffix of a file name in lower case; `InputError` unless it is one of these."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in suffixes:
+        raise InputError(option, str(path), f"give a file name that ends in {', '.join(suffixes)}")
+    return suffix
 
 
 def writable_folder(path: str | Path, field: str = "output") -> Path:

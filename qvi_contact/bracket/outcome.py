@@ -182,11 +182,11 @@ class Bracket:
         if self._under_friction is not None:
             return units.filled(self._under_friction.message)
         what = "Bounds, guaranteed, for" if self.guaranteed else "Estimate, not a bound, for"
-        bounds = f"energy between {self.lower:.9g} and {self.upper:.9g} {units.engineering_energy}"
+        bounds = f"energy between {self.lower:.9g} and {self.upper:.9g} {units.energy}"
         if not np.isfinite(self.lower):
-            bounds = f"energy below {self.upper:.9g} {units.engineering_energy}, no lower bound"
+            bounds = f"energy below {self.upper:.9g} {units.energy}, no lower bound"
         if not np.isfinite(self.upper):
-            bounds = f"energy above {self.lower:.9g} {units.engineering_energy}, no upper bound"
+            bounds = f"energy above {self.lower:.9g} {units.energy}, no upper bound"
         error = ", a duality gap larger than the strain energy" if self.strain < self.gap < np.inf else ""
         if self.relative_error <= 1.0:
             error = f", stresses within {100 * self.relative_error:.2g} % of their energy norm"
@@ -240,14 +240,14 @@ def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
     yield bracket.sentence(units)
     parts = ", ".join(f"{name} {value:.3g}" for name, value in bracket.parts.items())
     if parts:
-        yield f"duality gap [{units.engineering_energy}]: {parts}"
+        yield f"duality gap [{units.energy}]: {parts}"
     for name, bounds in bracket.forces.items():
         kind = "" if bracket.coulomb is None else f", {bracket.coulomb.kind}"
-        yield f"{name} between {bounds.lower:.9g} and {bounds.upper:.9g} {units.engineering_force}{kind}"
+        yield f"{name} between {bounds.lower:.9g} and {bounds.upper:.9g} {units.force}{kind}"
     companion = bracket.companion
     if companion.has_state:
         yield f"displacement model, degree {companion.degree}, {companion.unknowns} unknowns, same friction bound:"
         for name, contact in companion.contacts.items():
             both = (contact.normal_force, contact.tangential_force)
             normal, tangential = (shown(force, companion.scales.rounding.force) for force in both)
-            yield f"  contact {name}: normal {normal}, tangential {tangential} {units.engineering_force}"
+            yield f"  contact {name}: normal {normal}, tangential {tangential} {units.force}"

@@ -20,16 +20,16 @@ _Decorator = Callable[[_Command], _Command]
 
 
 class Target(NamedTuple):
-    """A file that commands write: what stands for its name, what it is, its suffix and the library that it needs."""
+    """A file that commands write: what stands for its name, what it is, its suffixes and the library that it needs."""
 
     metavar: str
     text: str
-    suffix: str = ""
+    suffixes: str = ""
     library: str = ""
 
 
 TARGETS: Final = {
-    "plot": Target("PICTURE", "Draw the result: a file name that ends in .png, .svg or .pdf.", "", "matplotlib"),
+    "plot": Target("PICTURE", "Draw the result: .png, .svg or .pdf.", ".png .svg .pdf", "matplotlib"),
     "vtk": Target("VTU", "Write the fields for ParaView (.vtu), and the contacts to …_contacts.vtu.", ".vtu", "meshio"),
     "npz": Target("NPZ", "Write problem and result as NumPy arrays (.npz), for qvi-contact verify.", ".npz"),
     "save_json": Target("JSON", "Write what --json prints to a file."),
@@ -173,14 +173,12 @@ def solve() -> None:
     status time_limit.
 
     A file with a [history] is solved step by step. Its picture shows forces and loops, and its fields are those of the
-    last step. With --store each step is written to a folder as soon as it is done. After an interruption the same
-    command goes on with the next step.
+    last step. --store keeps each step as soon as it is done.
 
-    --set, or a [sweep] in the file, solves for several values of the friction, of a load factor, or of what is added to
-    gap or offset; --set also of a constant of the file. A single value of a constant takes the place of that in the
-    file, also beside a history or another --set. Files that are written hold the last value. For thousands of values
-    give --store: each value's forces and shares are a row of an SQLite file as soon as it is done, and --workers or
-    --dask share the values.
+    --set, or a [sweep] in the file, solves for several values. A single value of a constant takes the place of that in
+    the file, also beside a history or another --set. Files that are written hold the last value. For thousands of
+    values give --store: forces and shares of each value are kept as soon as it is done, and --workers or --dask share
+    the values.
 
     --report writes one page. Its energy bounds take a second solve, of at most --time-limit seconds, by displacement
     elements. So do the displacements in the file of --vtk. A step of a history is bounded for itself, with the slip

@@ -50,7 +50,7 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
     lines = result.contacts.values()
     states = [state for state in STATES if any(state in line.shares for line in lines)]
     rows = [[line.name, *line.shown_forces, *shares(line.shares, states)] for line in lines]
-    force = units.engineering_force
+    force = units.force
     if rows:
         yield ""
         yield from table(["contact", f"normal [{force}]", f"tangential [{force}]", *states], rows)
@@ -62,7 +62,7 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
     for name in result.plates:
         x, y, turned, across, up, moment = cells(numbers[name], PLATE_COLUMNS, result.rounding)
         yield f"obstacle {name} moves by ({x}, {y}) {units.displacement}, turns by {turned} rad"
-        yield f"obstacle {name} pushes with ({across}, {up}) {force}, moment {moment} {units.engineering_moment}"
+        yield f"obstacle {name} pushes with ({across}, {up}) {force}, moment {moment} {units.moment}"
 
 
 Titled: TypeAlias = tuple[str, list[str], list[list[str]]]
@@ -94,7 +94,7 @@ class Series(NamedTuple):
         if self.label == "t":
             least = Rounding.largest(step.rounding for step in steps)
             lost = shown(float(self.results.dissipated.sum()), least.energy)
-            yield f"energy lost in friction: {lost} {units.engineering_energy}"
+            yield f"energy lost in friction: {lost} {units.energy}"
         remarks = dict.fromkeys(remark for step in steps for remark in step.remarks)
         yield from (f"remark: {units.filled(remark)}" for remark in remarks)
         yield self.results.message
@@ -108,10 +108,9 @@ class Series(NamedTuple):
             value, status = f"{self.values[number]:.6g}", str(step.status)
             return [str(number + 1), value, status] if self.label == "t" else [value, status, str(step.iterations)]
 
-        swept_by = [swept.get(self.label, self.label), "status", "iterations"]
-        return _contact_tables(
-            self.results.steps, ["step", "t", "status"] if self.label == "t" else swept_by, first, units
-        )
+        timed = self.label == "t"
+        headings = ["step", "t", "status"] if timed else [swept.get(self.label, self.label), "status", "iterations"]
+        return _contact_tables(self.results.steps, headings, first, units, apart=not timed)
 
 
 def _contact_tables(
@@ -119,15 +118,19 @@ def _contact_tables(
     headings: Sequence[str],
     first: Callable[[int, ContactResult], list[str]],
     units: Units,
+    apart: bool = False,
 ) -> Iterator[Titled]:
-    """One table for each contact and each plate: of each result, by its number from 0, the first columns and more."""
+    """One table for each contact and each plate: of each result, by its number from 0, the first columns and more.
+
+    Rounding is that of the largest result, or of each one where they are `apart`.
+    """
     read = list[tuple[list[str], Mapping[str, Any], Mapping[str, Any], Rounding]]()
     for number, step in enumerate(steps):  # each is read once: those of a store are files
         lines = step.contacts if step.has_state else {}
         numbers = contact_numbers(step) if lines else {}
         read.append((first(number, step), numbers, {name: line.shares for name, line in lines.items()}, step.rounding))
-    least = Rounding.largest(each for *_, each in read)
-    contacts, forces = steps[0].problem.contacts, f"forces in {units.engineering_force}"
+    largest = Rounding.largest(each for *_, each in read)
+    contacts, forces = steps[0].problem.contacts, f"forces in {units.force}"
     wanted = [(f"contact {each.name}, {forces}", each.name, FORCES, ["normal", "tangential"]) for each in contacts]
     wanted += [
         (f"obstacle {each.name}, motion and what it does to the body", each.name, PLATE_COLUMNS, plate_headings(units))
@@ -138,8 +141,8 @@ def _contact_tables(
             state for state in STATES if columns is FORCES and any(state in of.get(name, ()) for *_, of, _ in read)
         ]
         rows = [
-            [*start, *cells(numbers.get(name), columns, least), *shares(of.get(name, {}), states)]
-            for start, numbers, of, _ in read
+            [*start, *cells(numbers.get(name), columns, own if apart else largest), *shares(of.get(name, {}), states)]
+            for start, numbers, of, own in read
         ]
         yield title, [*headings, *labels, *states], rows
 
@@ -199,8 +202,8 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
         yield f"{where}: {text}" if text else where
     for load in outline["loads"]:
         yield (
-            f"load {load['name']}: ({load['x']:.6g}, {load['y']:.6g}) {units.engineering_force}, "
-            f"moment {load['moment']:.6g} {units.engineering_moment} about the origin"
+            f"load {load['name']}: ({load['x']:.6g}, {load['y']:.6g}) {units.force}, "
+            f"moment {load['moment']:.6g} {units.moment} about the origin"
         )
     for name in ("solve", "refine"):
         if outline[name]:

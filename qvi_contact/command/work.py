@@ -21,7 +21,7 @@ import numpy as np
 
 import qvi_contact
 from qvi_contact import files
-from qvi_contact.basics.schema import keys_of
+from qvi_contact.basics.schema import Missing, keys_of
 from qvi_contact.basics.terminal import solving
 from qvi_contact.basics.writing import check_suffix, check_writable, identity, write_text
 from qvi_contact.command import report
@@ -88,7 +88,7 @@ def solve(file: str, verbose: bool, as_json: bool, swept: tuple[str, ...], panel
         if _check_asked(problem_file, plan, given) and plan is not None:
             stored = {name: given[name] for name in ("store", "workers", "dask") if given[name] is not None}
             sweep = _swept(problem_file, plan, options, verbose, **stored)
-            return _told(problem_file, sweep, targets.get("save_json"), as_json)
+            return _told(problem_file, sweep, targets, as_json)
         series, steps = _solved_series(problem_file, plan, options, verbose, given["store"])
         solved = (steps[0] if series is None else series.results).status == "solved"
         document = {"title": problem_file.title, "solved": solved}
@@ -189,7 +189,7 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
 
 def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool, as_json: bool, **given: Any) -> int:
     """Bound the largest multiple of loads."""
-    from qvi_contact.limit.load_factor import checked_loads, limit_load_factor
+    from qvi_contact.limit.load_factor import checked_loads, limit_load_factor, loads_of
     from qvi_contact.refinement import LimitFactor
     from qvi_contact.refinement import refine as refined
 
@@ -203,6 +203,8 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         if proof is not None and not loads:
             click.echo("\n".join(_write_proof(proof, problem, (), degree)))
             return 0
+        if not loads:
+            known_name("--load", Missing(), {"loads": loads_of(problem)})
         acts = report.act(problem, checked_loads(problem, loads, "--load"))
         if target is None:
             found = limit_load_factor(problem, loads=list(loads), **told)
@@ -383,7 +385,7 @@ def _check_asked(file: ProblemFile, plan: SweepPlan | None, asked: Mapping[str, 
     return streams
 
 
-def _told(file: ProblemFile, sweep: qvi_contact.StoredSweep, kept: str | None, as_json: bool) -> int:
+def _told(file: ProblemFile, sweep: qvi_contact.StoredSweep, targets: Mapping[str, str], as_json: bool) -> int:
     """Print what became of a sweep in a store, keep its document in a file if one is named; the exit status."""
     statuses, solved = Counter(sweep.statuses), sweep.status == "solved"
     document = {
@@ -391,12 +393,11 @@ def _told(file: ProblemFile, sweep: qvi_contact.StoredSweep, kept: str | None, a
         "values": len(sweep.values), "statuses": {str(each): count for each, count in statuses.items()},
         "message": sweep.message,
     }  # fmt: skip
-    if kept is not None:
-        write_text(kept, _json_text(document) + "\n")
+    complete = _written(targets, {"save_json": lambda path: write_text(path, _json_text(document) + "\n")}, {})
     lines = [f"{sweep.parameter}: {len(sweep.values)} values from {min(sweep.values):g} to {max(sweep.values):g}"]
     lines.append(", ".join(f"{count} {status.words}" for status, count in statuses.items()) or "none done")
     lines += [*([] if solved else [sweep.message]), f"rows: {sweep.path}"]
-    return _ended(file, as_json, document, lines, solved)
+    return _ended(file, as_json, document, lines, solved, complete)
 
 
 def _asked(file: ProblemFile, given: Sequence[str]) -> tuple[ProblemFile, SweepPlan | None]:
@@ -462,14 +463,12 @@ def _checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
         target = TARGETS[option]
         if target.library and find_spec(target.library) is None:
             raise InputError(name, path, f"needs {target.library}: python -m pip install {target.library}")
-        if target.suffix:
-            check_suffix(name, path, target.suffix)
+        if target.suffixes:
+            check_suffix(name, path, *target.suffixes.split())
         if target.library == "matplotlib":
-            from qvi_contact.plots.style import picture_suffix, require_matplotlib
+            from qvi_contact.plots.style import require_matplotlib
 
             require_matplotlib()
-            if option == "plot":
-                picture_suffix(path)
     return dict(given)
 
 

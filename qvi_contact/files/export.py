@@ -131,7 +131,7 @@ def _state(result: ContactResult, units: Units) -> dict[str, Any]:
     """The part of the summary that needs a stress state."""
     contacts, plates = {}, {}
     for name, line in result.contacts.items():
-        numbers, unit = line.summary(), {key: kind.removeprefix("engineering_") for key, kind in SUMMARY.items()}
+        numbers, unit = line.summary(), dict(SUMMARY)
         if line.has_fluid:
             numbers["effective_normal_force"], unit["effective_normal_force"] = line.effective_normal_force, "force"
         contacts[name] = {
@@ -220,7 +220,7 @@ def write_vtu(
     }
     if np.abs(known.space.jumps(result.dofs)).max(initial=0.0) <= _SINGLE_VALUED:
         airy = np.concatenate([known.space.airy(coefficients, cells, t) for cells in chunks])
-        point_data["Airy function"] = airy.ravel() * known.scales.airy, "moment"
+        point_data["Airy function"] = airy.ravel() * known.scales.airy, "airy"
     number = np.repeat(np.arange(count), len(corners))
     cell_data: _Data = {"material": (problem.cell_materials[number], ""), "cell": (number, "")}
     if bracket is not None:

@@ -21,10 +21,7 @@ _WIDTH: Final = 110  # characters in a line of numbers
 
 
 def save_problem(path: str | Path, problem: ContactProblem, **details: Any) -> None:
-    """Write a problem file, whole or not at all, without `[solve]`, `[refine]`, `[sweep]` and times of a `[history]`.
-
-    Details are those of `problem_to_toml`, which says more.
-    """
+    """Write a problem file, whole or not at all; see `problem_to_toml`, whose details these are."""
     write_text(path, problem_to_toml(problem, **details))
 
 

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, real_array
+from qvi_contact.basics.schema import LARGEST
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import ROUNDING, Curve, MeshParts, bends_of, bent_too_far
 from qvi_contact.mesh.edges import Topology, angles, arc_offsets, cross
 from qvi_contact.mesh.selection import known_edges, new_name, numbers_of
 from solvers.basics.linked import linked
 
-LARGEST: Final = 1e100  # of a coordinate: squares and areas of larger ones are beyond floating-point numbers
 _FLAT: Final = 1e-8  # height over longest side below which a triangle is none
 _SAME: Final = 1e-10  # distance of vertices over the body's length below which they are in one place
 _ASLANT: Final = (np.cos(1.0), np.sin(1.0))

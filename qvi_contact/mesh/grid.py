@@ -16,9 +16,9 @@ from qvi_contact.basics.checks import (
     true_or_false,
     whole_number,
 )
+from qvi_contact.basics.schema import LARGEST
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts
-from qvi_contact.mesh.cutting import LARGEST
 
 LONGEST: Final = 500.0
 """Length over width of a cell, beyond which it is cut along its length: thinner triangles lose too many digits."""

@@ -21,10 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, positive_number, true_or_false
-from qvi_contact.basics.schema import Name
+from qvi_contact.basics.schema import LARGEST, Name
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts, circle
-from qvi_contact.mesh.cutting import LARGEST
 from qvi_contact.mesh.edges import Topology, cross
 from qvi_contact.mesh.selection import point
 from solvers.basics.foreign import foreign_code, handlers_kept

@@ -102,8 +102,7 @@ class Shape:
 
     def at(self, cells: IntArray, t: FloatArray) -> FloatArray:
         """Displacements at one reference point each, (n, 2), of cells (n,), shape (n, 2) [length]."""
-        own = self.space.own(cells, t[:, None])[:, 0] if len(self.space.curved) else t
-        shapes = self.space.cell.values(own)[:, None]
+        shapes = self.space.cell.values(self.space.own(cells, t[:, None]))
         return np.asarray((shapes @ self.coefficients[self.space.table[cells]])[:, 0])
 
     def along(self, edges: Edges, t: FloatArray, *, other: bool = False) -> FloatArray:
@@ -456,7 +455,7 @@ def _resultants(
         tail = centre + way * length * max(_LONGEST * size / max(sizes), 0.3 * _LONGEST)
         axes.quiver(*tail, *(centre - tail), zorder=5, **_ARROW, **_RESULTANT)
         ends.append(np.array([tail, centre]))
-        text = f"{part.name}: {number} {units.engineering_force}"
+        text = f"{part.name}: {number} {units.force}"
         if part.eccentricity > _CENTRAL * (part.s[-1] - part.s[0]):
             text += f"\ne = {part.eccentricity:.3g} {units.length}"
         side = np.array([-way[1], way[0]])

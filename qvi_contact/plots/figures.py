@@ -3,6 +3,7 @@
 import textwrap
 from collections.abc import Sequence
 from contextlib import suppress
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
@@ -131,7 +132,7 @@ def _answer(result: ContactResult, units: Units) -> str:
         normal, tangential = beside([line.normal_force, line.tangential_force])
         effective = f" (effective {beside([line.effective_normal_force])[0]})" if line.has_fluid else ""
         along = "" if line.frictionless else f", T = {tangential}"
-        words = [f"N = {normal}{effective}{along} {units.engineering_force}"]
+        words = [f"N = {normal}{effective}{along} {units.force}"]
         shares = {verbs[name]: f"{100.0 * share:.0f} %" for name, share in line.shares.items() if share >= _SHARE}
         words += [f"all {verb}" if len(shares) == 1 else f"{share} {verb}" for verb, share in shares.items()]
         motion = result.plates.get(line.name)
@@ -306,7 +307,7 @@ def history_figure(
         body.set_title(f"{at}; displacements × {picture.factor:g}", fontsize="medium")
         for part, (draw, row, more) in zip(right.subfigures(len(rows), 1, squeeze=False)[:, 0], rows, strict=True):
             for axes, (name, values) in zip(part.subplots(1, len(row), squeeze=False)[0], row, strict=True):
-                axes.set_ylabel(f"force [{units.engineering_force}]")
+                axes.set_ylabel(f"force [{units.force}]")
                 draw(axes, style.plain_text(name), values, more)
         left_out = [f"loops not shown: {', '.join(list(loops)[_LOOPS:])}"] if len(loops) > _LOOPS else []
         said = "\n".join(filter(None, [title, history.message, *left_out]))
@@ -353,7 +354,7 @@ def _draw_loop(axes: "Axes", name: str, loop: _Loop, units: Units) -> None:
     axes.set_title(name, fontsize="medium")
     axes.set_xlabel(f"displacement [{units.displacement}]")
     if what == "rotation":
-        axes.set(xlabel="rotation [rad]", ylabel=f"moment [{units.engineering_moment}]")
+        axes.set(xlabel="rotation [rad]", ylabel=f"moment [{units.moment}]")
 
 
 def _draw_forces(axes: "Axes", name: str, forces: list[tuple[float, float]], times: FloatArray | None) -> None:
@@ -372,6 +373,6 @@ def _draw_forces(axes: "Axes", name: str, forces: list[tuple[float, float]], tim
 
 def notebook_png(shown: TriangleMesh | ContactProblem) -> bytes | None:
     """What a notebook shows for a mesh or a problem at the end of a cell; None without matplotlib."""
-    if not style.has_matplotlib():
+    if find_spec("matplotlib") is None:
         return None
     return style.png_bytes(problem_figure(shown) if isinstance(shown, ContactProblem) else mesh_figure(shown))

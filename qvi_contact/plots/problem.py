@@ -234,7 +234,6 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
     whose distance shows how the gap varies; joints are dashed lines inside the body. `InputError` if a function of the
     problem gives bad values.
     """
-    style.require_matplotlib()
     sketch = _Sketch(axes, problem, style.plain_units(units))
     sketch.body()
     for condition in sketch.conditions:
@@ -508,7 +507,7 @@ class _Sketch:
             value = getattr(plate, name)
             if each.symbol and value is not None:
                 about = " about\xa0({:.4g}, {:.4g})".format(*plate.pivot) if plate and name == "moment" else ""
-                unit = getattr(self.units, f"engineering_{each.unit}", getattr(self.units, each.unit, each.unit))
+                unit = getattr(self.units, each.unit, each.unit)
                 yield style.value_range(each.symbol, np.array([value]), unit) + about
 
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units
-from qvi_contact.basics.writing import replacing
+from qvi_contact.basics.writing import check_suffix, replacing
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, arc_offsets, reversed_bends
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -54,14 +54,9 @@ _DOTS: Final = {"files": 150.0, "pages": 120.0}  # of pixels, an inch
 _DOLLAR: Final = re.compile(r"(?<!\\)\$")  # not escaped yet
 
 
-def has_matplotlib() -> bool:
-    """Whether pictures can be drawn."""
-    return find_spec("matplotlib") is not None
-
-
 def require_matplotlib() -> None:
     """Raise `InputError` with the command to type if matplotlib is missing, and name a wrong MPLBACKEND."""
-    if not has_matplotlib():
+    if find_spec("matplotlib") is None:
         remedy = "pictures need matplotlib: python -m pip install matplotlib"
         raise InputError("plot", "matplotlib", remedy)
     try:
@@ -94,17 +89,9 @@ def save_figure(path: str | Path, figure: "Figure") -> None:
 
     An earlier file of that name is replaced. `InputError` if the suffix is another one, or the file cannot be written.
     """
-    suffix = picture_suffix(path)
+    suffix = check_suffix("plot", path, *_METADATA)
     with settings(), replacing(path) as temporary:
         figure.savefig(temporary, format=suffix[1:], dpi=_DOTS["files"], metadata=_METADATA[suffix])
-
-
-def picture_suffix(path: str | Path) -> str:
-    """The suffix of a picture's file in lower case, or `InputError` naming the choices."""
-    suffix = Path(path).suffix.lower()
-    if suffix not in _METADATA:
-        raise InputError("plot", str(path), f"give a file name that ends in {', '.join(_METADATA)}")
-    return suffix
 
 
 def plain_text(text: str) -> str:

@@ -42,14 +42,14 @@ _PLATE_FORCES: Final = {"force_x": "x", "force_y": "y", "moment": "moment"}
 _MOTIONS: Final = ("x", "y", "rotation")
 _ENERGIES: Final = ("energy", "dissipation")
 _UNITS: Final = {
-    **dict.fromkeys(_ENERGIES, "engineering_energy"),
-    "moment": "engineering_moment",
+    **dict.fromkeys(_ENERGIES, "energy"),
+    "moment": "moment",
     **dict.fromkeys(("x", "y", "slip"), "displacement"),
     "rotation": "",
     **dict.fromkeys((*COMPONENTS, "pressure"), "stress"),
 }
 """Which of the `Units` kinds of numbers are in, all but forces."""
-_FORCE: Final = "engineering_force"
+_FORCE: Final = "force"
 
 _SMALL: Final = 1e-6  # of the problem's unit: numbers below count as this for relative errors
 _ON: Final = 1e-6  # of the body's length: distance from a contact that is rounding

@@ -45,7 +45,7 @@ _COLUMNS: Final = {
 """Attributes that are columns of `ContactLine.to_frame`, and which of the `Units` they are in."""
 
 SUMMARY: Final = {
-    "normal_force": "engineering_force", "tangential_force": "engineering_force", "largest_pressure": "stress",
+    "normal_force": "force", "tangential_force": "force", "largest_pressure": "stress",
     "largest_shear": "stress", "largest_gap": "displacement", "largest_slip": "displacement",
 }  # fmt: skip
 """Which of the `Units` numbers of `ContactLine.summary` are in; shares have none."""

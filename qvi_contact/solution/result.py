@@ -46,8 +46,8 @@ if TYPE_CHECKING:
 _LEAST_SHOWN: Final = 1e-6  # of the units of a result: what is larger is shown however bad the certificate is
 
 PLATE_COLUMNS: Final = {
-    "moved_x": "displacement", "moved_y": "displacement", "rotation": "", "force_x": "engineering_force",
-    "force_y": "engineering_force", "moment": "engineering_moment",
+    "moved_x": "displacement", "moved_y": "displacement", "rotation": "", "force_x": "force", "force_y": "force",
+    "moment": "moment",
 }  # fmt: skip
 """Which of the `Units` the columns of plates are in; the rotation in rad."""
 

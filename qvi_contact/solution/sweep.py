@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias, ge
 import numpy as np
 
 from qvi_contact.basics.checks import one_of, real_array, true_or_false
+from qvi_contact.basics.schema import LARGEST
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.errors import InputError, SolveError
@@ -259,9 +260,10 @@ def solve_sweep(
     settings = Settings.of(settings, changes)
     with deadline(settings.time_limit), Log(title, settings.verbose, _COLUMNS, iterations=False) as log:
         task = SweepTask.of(problem, parameter, of, settings, warm=warm_start)
-        asked = real_array("values", values, "give a list of at least one number")
-        if asked.ndim != 1 or not len(asked) or not np.isfinite(asked).all():
-            raise InputError("values", values, "give a list of at least one finite number")
+        remedy = f"give a list of at least one finite number, of at most {LARGEST:g} in size"
+        asked = real_array("values", values, remedy)
+        if asked.ndim != 1 or not len(asked) or not (np.abs(asked) <= LARGEST).all():
+            raise InputError("values", values, remedy)
         if parameter == "friction" and asked.min() < 0.0:
             raise InputError("values", float(asked.min()), "give coefficients of friction ≥ 0")
         numbers = tuple(asked.tolist())

@@ -11,7 +11,7 @@ from click.shell_completion import BashComplete
 from hypothesis import HealthCheck, example, given, settings
 
 from qvi_contact import load_problem, save_problem, solve
-from qvi_contact.command import group
+from qvi_contact.command.cli import group
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.units import Units
 from solvers import available
@@ -200,6 +200,9 @@ def test_what_cannot_be_written_costs_nothing_else(shell, plate, tmp_path):
     assert "certificate passed" in out
     assert npz.exists()
     assert fields.exists()
+    swept = "--set", "friction=0.1,0.2", "--store", tmp_path / "a.sqlite"
+    status, out, err = shell("solve", plate, *swept, "--save-json", "/dev/full")
+    assert (status, len(err.splitlines()), "2 solved" in out) == (2, 1, True)
 
 
 @pytest.mark.skipif(not Path("/dev/stdout").exists(), reason="no /dev/stdout")

@@ -190,7 +190,7 @@ def test_limit(shell, sliding):
     assert "0.99009901 times" in shell("limit", sliding, *loads, "--plot", picture)[1]
     assert picture.stat().st_size > 1000
     refused(shell("limit", sliding, "--load", "nonsense"), "drag")
-    refused(shell("limit", sliding), "--load")
+    refused(shell("limit", sliding), "--load: missing: name one of the loads (", "drag")
     assert "0 at t = 0, the first time" in shell("limit", EXAMPLES / "cyclic_shear.toml", "--load", "left")[1]
     found = answered(shell("limit", sliding, *loads, "--target", "1e-4", "--json"))["refinement"]
     assert (found["status"], found["guaranteed"], found["rounds"]) == ("reached", True, 1)
@@ -282,6 +282,9 @@ class TestSweep:
         assert found == pytest.approx(alone, rel=1e-9)
         for given, heading in (("gap=0,1e-4", "added gap [mm]"), ("load=1,0.5", "load factor")):
             assert heading in shell("solve", path, "--set", given)[1]
+        path = example(tmp_path, "dragged_block_holds", ("cells = 8", "cells = 2"), ("cells = 4", "cells = 2"))
+        small, large = (line.split() for line in shell("solve", path, "--set", "load=1,1e12")[1].splitlines()[-4:-2])
+        assert float(large[3]) == pytest.approx(1e12 * float(small[3]), rel=1e-4)  # rounding is each value's own
 
     def test_in_a_problem_file(self, shell, tmp_path):
         path = plate_file(tmp_path, 0.2)
@@ -310,6 +313,7 @@ class TestSweep:
         late = shell("solve", path, "--set", "mu=0.8,0.9", "--method=condensed", "--time-limit=1e-9", "--json")
         assert [step["status"] for step in json.loads(late[1])["steps"]] == ["time_limit"]
         refused(shell("solve", path, "--set", "nu=0.1,0.2"), "--set: 'nu': name one of", "constants (p, mu, T)")
+        refused(shell("solve", path, "--set", "mu=0.1,1e100"), "constants.mu: 1e+100: give a finite number")
         refused(shell("solve", path, "--set", "mu=0.1,0.2", "--store", tmp_path / "a.sqlite"), "--store")
 
     @pytest.mark.parametrize(
@@ -343,7 +347,7 @@ def test_one_json_document(shell, tmp_path):
     assert 0.0 < found["bracket"]["coulomb"]["solutions_apart"] < 0.5
     assert found["bracket"]["companion"]["degree"] == 3
     force = found["bracket"]["forces"]["plate.normal_force"]
-    assert (force["lower"] < force["upper"], force["unit"]) == (True, "MPa mm")
+    assert (force["lower"] < force["upper"], force["unit"]) == (True, "N/mm")
     assert sum(part["value"] for part in found["bracket"]["gap"].values()) > 0.0
     assert found["status"] == "solved"
 

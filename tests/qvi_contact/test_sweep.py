@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from qvi_contact import InputError, TriangleMesh, read_sweep, solve, solve_sweep
-from qvi_contact.basics import Units
+from qvi_contact.basics.units import Units
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Traction
-from qvi_contact.runs import Outcome, Workers
+from qvi_contact.runs.processes import Outcome, Workers
 from solvers import Status
 from tests.run_tasks import deadly
 
@@ -113,6 +113,7 @@ def test_the_time_limit_keeps_what_was_done(clock):
     ("parameter", "values", "of", "field"),
     [("mu", [0.1], None, "parameter"), ("friction", [], None, "values"), ("friction", [-0.1], None, "values"),
      ("gap", [np.nan], None, "values"), ("gap", 1.0, None, "values"), ("gap", "0.1", None, "values"),
+     ("friction", [0.1, 1e100], None, "values"), ("load", [-1e160], None, "values"),
      ("friction", [0.1], ["base"], "of"), ("friction", [0.1], "plate", "of"), ("load", [1.0], ["base"], "of"),
      ("load", [1.0], [], "of")],
 )  # fmt: skip

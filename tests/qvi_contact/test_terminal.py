@@ -15,7 +15,7 @@ import click
 import pytest
 
 from qvi_contact import InputError, SolveError, solve
-from qvi_contact.basics import solving
+from qvi_contact.basics.terminal import solving
 from qvi_contact.gallery import compressed_plate
 from solvers.basics import Progress, report
 
@@ -65,8 +65,7 @@ def test_a_fault_of_the_program_is_not_blamed_on_the_input(shell):
 
 SCRIPT = """
 import sys, click
-from qvi_contact.basics import run
-from qvi_contact.basics.terminal import error_console
+from qvi_contact.basics.terminal import error_console, run
 
 @click.command()
 @click.option("--lines", default=1)

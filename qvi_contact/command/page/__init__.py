@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WIDE: Final = (9.0, 3.2)  # of a picture of tractions [inch]
-_RESULTANT: Final = {"x": "engineering_force", "y": "engineering_force", "moment": "engineering_moment"}
+_RESULTANT: Final = {"x": "force", "y": "force", "moment": "moment"}
 _MOST_STEPS: Final = 16  # with a picture: a page is to be mailed
 
 
