@@ -60,10 +60,6 @@ def bodies_of(problem: ContactProblem) -> tuple[Body, ...]:
     The same problem gives the same bodies again. `InputError` if a joint that is not tied has one body on both sides.
     """
     joints = tuple(joint for joint in problem.joints if joint.law != "tied")
-    if not joints:
-        outside = [each for each in problem.conditions if each not in problem.joints]
-        alone = replace(problem, conditions=outside) if problem.joints else problem
-        return (Body(alone, {}, np.arange(problem.mesh.cell_count)),)
     if problem not in _PARTED:
         body = blocks_of_cells(problem)
         for joint in joints:

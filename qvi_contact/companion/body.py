@@ -42,9 +42,6 @@ from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem
 from solvers.factorisation import Factorisation, FactorisationError, factorise
 
-LOAD_POINTS = 10
-"""Gauss points an edge and direction for data given as functions, at least; see `load_points`."""
-
 MISFIT = 1e-10
 """Difference between data and their polynomial on an edge, relative to the data's unit, that counts as rounding."""
 
@@ -53,8 +50,8 @@ PARALLEL = 1e-8
 
 
 def load_points(degree: int) -> int:
-    """Gauss points for work done by data: exact for data up to degree 19 − p."""
-    return max(LOAD_POINTS, degree + 6)
+    """Gauss points an edge and direction for work done by data: exact for data up to degree 19 − p."""
+    return max(10, degree + 6)
 
 
 def edge_data(

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import block_diag
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number
 from qvi_contact.companion.body import PARALLEL, CondensedBody, Elasticity, Supports, load_vector, supports
@@ -458,8 +459,7 @@ class BodyAtRest:
         B = np.hstack([moved, -driven])
         live = np.abs(moved).sum(axis=1) > PARALLEL
         B[~live] = 0.0
-        S = np.zeros((B.shape[1],) * 2)
-        S[: moved.shape[1], : moved.shape[1]] = body.S
+        S = block_diag(body.S, np.zeros((driven.shape[1],) * 2))
         return cls(contacts, body, B, S, np.asarray(live))
 
     def expand(self, w: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -40,16 +40,13 @@ _SLOPES: Final = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])  # of λ
 HIGHEST: Final = 5
 """Highest degree of displacements that is offered."""
 
-DEFAULT_DEGREE: Final = 3
-"""The one taken where none is given."""
-
 _TERMS: Final = 12  # of q beside the coefficients of bends: its digits on an arc that turns by 90°
 _STEPS: Final = 8  # of Newton's method for the inverse of the map; each doubles the digits
 
 
 def triangle(degree: int | None = None) -> "Triangle":
-    """The triangle with displacements of a degree, the same again for the same degree; `InputError` if it is none."""
-    return _triangle(DEFAULT_DEGREE if degree is None else whole_number("degree", degree, HIGHEST))
+    """The triangle with displacements of a degree, 3 where none is given; `InputError` if it is no degree."""
+    return _triangle(3 if degree is None else whole_number("degree", degree, HIGHEST))
 
 
 @dataclass(frozen=True)
@@ -295,14 +292,13 @@ class DisplacementSpace:
 
     def rigid(self) -> FloatArray:
         """Rigid motions of every block, shape (size, 3 blocks): along x, along y, turning about its middle."""
-        blocks = int(self.block.max()) + 1
-        found = np.zeros((self.size // 2, 2, blocks, 3))
-        for block in range(blocks):
-            mine = self.owner == block
-            x, y = (self.places[mine] - self.places[mine].mean(axis=0)).T
-            found[mine, 0, block, 0] = found[mine, 1, block, 1] = 1.0
-            found[mine, 0, block, 2], found[mine, 1, block, 2] = -y, x
-        return found.reshape(self.size, 3 * blocks)
+        places, owner, every = self.places, self.owner, np.arange(self.size // 2)
+        middles = np.stack([np.bincount(owner, along) for along in places.T]) / np.bincount(owner)
+        x, y = places.T - middles[:, owner]
+        found = np.zeros((self.size // 2, 2, middles.shape[1], 3))
+        found[every, 0, owner, 0] = found[every, 1, owner, 1] = 1.0
+        found[every, 0, owner, 2], found[every, 1, owner, 2] = -y, x
+        return found.reshape(self.size, -1)
 
 
 def spread(rows: IntArray, columns: IntArray, blocks: FloatArray, size: int) -> sparse.csr_array:
