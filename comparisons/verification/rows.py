@@ -153,12 +153,10 @@ class Check:
         """An inequality ours ≥ limit: error max(limit − ours, 0), in the unit of the quantity; a NaN stays one."""
         return self._row(quantity, ours, limit, np.maximum(limit - ours, 0.0), SHORTFALL, source, other)
 
-    def enclosed(
-        self, quantity: str, bounds: tuple[float, float], known: float, source: str = "", **other: Any
-    ) -> Iterator[Row]:
+    def enclosed(self, quantity: str, bounds: tuple[float, float], known: float) -> Iterator[Row]:
         """Lower and upper bound around what is known; {} in the quantity says which of them."""
-        yield self.at_most(quantity.format("lower bound"), bounds[0], known, source, **other)
-        yield self.at_least(quantity.format("upper bound"), bounds[1], known, source, **other)
+        yield self.at_most(quantity.format("lower bound"), bounds[0], known)
+        yield self.at_least(quantity.format("upper bound"), bounds[1], known)
 
     def word(self, quantity: str, ours: str, expected: str, source: str = "") -> Row:
         """Compare words: error 0 if they are equal, else infinity."""
