@@ -161,17 +161,15 @@ class Check:
     def word(self, quantity: str, ours: str, expected: str, source: str = "") -> Row:
         """Compare words: error 0 if they are equal, else infinity."""
         error = 0.0 if ours == expected else np.inf
-        return replace(
-            self._row(quantity, 0.0, 0.0, error, EQUAL, source, {"tolerance": 0.0}), ours=ours, reference=expected
-        )
+        return self._row(quantity, ours, expected, error, EQUAL, source, {"tolerance": 0.0})
 
     def _row(
-        self, quantity: str, ours: float, known: float, error: float, measure: str, source: str, other: dict[str, Any]
+        self, quantity: str, ours: Value, known: Value, error: float, measure: str, source: str, other: dict[str, Any]
     ) -> Row:
         shared = replace(self, **other)
         source = "; ".join(filter(None, (source, shared.source)))
-        numbers = float(known), float(ours), shared.kind, source, float(error)
-        return Row(quantity, *numbers, measure, shared.tolerance, shared.proof)
+        ours, known = (each if isinstance(each, str) else float(each) for each in (ours, known))
+        return Row(quantity, known, ours, shared.kind, source, float(error), measure, shared.tolerance, shared.proof)
 
 
 def crash(reason: str) -> Row:
