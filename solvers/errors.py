@@ -109,10 +109,9 @@ def known_name(field: str, name: object, known: Mapping[str, Iterable[str]], oth
     every = [one for each in names.values() for one in each]
     if isinstance(name, str) and name in every:
         return name
-    near = closest(name, every)
     listed = " or of the ".join(f"{kind} ({', '.join(each) or 'there are none'})" for kind, each in names.items())
     remedy = f"name one of the {listed}" + (f", or {otherwise}" if otherwise else "")
-    raise UnknownNameError(field, name, remedy if near is None else f"did you mean {near!r}? Otherwise {remedy}")
+    raise UnknownNameError(field, name, nearest_first(name, every, remedy))
 
 
 class Named(dict[str, _Value]):

@@ -87,11 +87,10 @@ def solve_whole(case: Mapping[str, Any]) -> dict[str, Any]:
         for name in available_backends():
             if turn == 0 or name == backend or cells <= _REPETITIONS[0][0]:
                 plain.setdefault(name, []).append(_factorised(K, name))
-    peak = next(iter(solves.values()))[0]["peak"]
     return {
         "solves": [{"friction": mu, **_together(found)} for mu, found in solves.items()],
         "plain": [{"backend": name, **_together(found)} for name, found in plain.items()],
-        "peak": peak,
+        "peak": next(iter(solves.values()))[0]["peak"],
     }  # fmt: skip
 
 

@@ -302,13 +302,10 @@ def _known(form: Form) -> Form:
     return lambda value: "" if value is None or value != value else form(value)
 
 
-def _cost(unknowns: float) -> str:
-    return "not reached" if unknowns == np.inf else f"{unknowns:.0f}"
-
-
+_cost: Final[Form] = _known(lambda unknowns: "not reached" if unknowns == np.inf else f"{unknowns:.0f}")
 FORMS: Final[dict[str, Form]] = {
     "target": partial(scientific, digits=1), "degree": _known(fixed(".0f")), "uncertainty": scientific,
-    **dict.fromkeys((PAPER, EQUAL, GRADED, ADAPTIVE, *(f"degree {degree}" for degree in DEGREES)), _known(_cost)),
+    **dict.fromkeys((PAPER, EQUAL, GRADED, ADAPTIVE, *(f"degree {degree}" for degree in DEGREES)), _cost),
     "value": _known(partial(significant, digits=10)),
 }  # fmt: skip
 """Column of a table → how its values read."""

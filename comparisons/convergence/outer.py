@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, Final
 
-from pandas import DataFrame, Series
+from pandas import DataFrame
 
 from comparisons.convergence.bodies import PLACE, ending, in_words, timed
 from comparisons.lab.numbers import count, fixed, scientific, seconds, significant
@@ -141,15 +141,11 @@ def _loops(found: DataFrame) -> DataFrame:
         hard = beside[beside.solved_plain == False]  # noqa: E712 - not where there is no plain run
         times = runs[runs.cells > 0].ratio.dropna()
         lines.append({
-            "loop": loop, "share": _share(runs.solved), "hard": _share(hard.solved),
+            "loop": loop, "share": f"{runs.solved.sum()} of {len(runs)}", "hard": f"{hard.solved.sum()} of {len(hard)}",
             "quicker": (beside.steps / beside.steps_plain).dropna().median(), "typical": times.median(),
             "slowest": times.max(),
         })  # fmt: skip
     return DataFrame(lines)
-
-
-def _share(good: Series) -> str:
-    return f"{int(good.sum())} of {len(good)}"
 
 
 def report(rows: Sequence[Row]) -> Report:

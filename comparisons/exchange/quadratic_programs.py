@@ -1,9 +1,9 @@
 """Inner quadratic programs of frictional contact problems, and the folder of them that `qpbenchmark` runs."""
 
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -29,16 +29,8 @@ __all__ = ["FrictionContactSparse"]
 '''
 
 
-class QuadraticProgram(NamedTuple):
-    """min ½ zᵀPz + qᵀz  s.t.  G z ≤ h,  A z = b, and the name of its file; sparse P (n, n), G (3m, n) and A (p, n)."""
-
-    name: str
-    P: Sparse
-    q: Vector
-    G: Sparse
-    h: Vector
-    A: Sparse
-    b: Vector
+QuadraticProgram = Mapping[str, Sparse | Vector]
+"""min ½ zᵀPz + qᵀz  s.t.  G z ≤ h,  A z = b, by these letters; sparse P (n, n), G (3m, n) and A (p, n)."""
 
 
 def standard_problems() -> Iterator[tuple[str, ContactProblem]]:
@@ -56,8 +48,8 @@ def standard_problems() -> Iterator[tuple[str, ContactProblem]]:
     yield "ssnv128_16", ssnv128((16, 16))
 
 
-def programs_of(name: str, qvi: FrictionQVI, pressure: Vector | None) -> Iterator[QuadraticProgram]:
-    """The inner problems of a `FrictionQVI`, posed about z = 0, in both forms; their names begin with this one.
+def programs_of(name: str, qvi: FrictionQVI, pressure: Vector | None) -> Iterator[tuple[str, QuadraticProgram]]:
+    """The inner problems of a `FrictionQVI`, posed about z = 0, in both forms, with names that begin with this one.
 
     The pressure (m,) is that of its solution, for the bound "converged"; None leaves that out.
     """
@@ -66,11 +58,11 @@ def programs_of(name: str, qvi: FrictionQVI, pressure: Vector | None) -> Iterato
         bounds = {"converged": qvi.threshold(pressure)} | bounds
     for form in FORMS:
         posed = make_form(qvi, form)
-        G = limited_rows(posed.problem)
-        centre = Centre(posed.problem, np.zeros(posed.problem.n))
+        inner = posed.problem
+        centre = Centre(inner, np.zeros(inner.n))
+        shared: QuadraticProgram = {"P": inner.K, "q": -centre.f, "G": limited_rows(inner), "A": inner.A}
         for bound, threshold in bounds.items():
-            h, A = centre.h(posed.threshold(threshold)), posed.problem.A
-            yield QuadraticProgram(f"{name}_{form}_{bound}", posed.problem.K, -centre.f, G, h, A, centre.b)
+            yield f"{name}_{form}_{bound}", {**shared, "h": centre.h(posed.threshold(threshold)), "b": centre.b}
 
 
 def write_test_set(folder: Path, problems: dict[str, ContactProblem], advance: Callable[[str], object]) -> list[Path]:
@@ -84,11 +76,11 @@ def write_test_set(folder: Path, problems: dict[str, ContactProblem], advance: C
     for name, problem in problems.items():
         solution = solve(problem, law_on="points").solution
         qvi, pressure = solution.problem, solution.problem.pressure(solution.z) if solution.solved else None
-        for program in programs_of(name, qvi, pressure):
-            arrays: dict[str, Any] = {key: getattr(program, key) for key in "qhb"}
+        for own, program in programs_of(name, qvi, pressure):
+            arrays: dict[str, Any] = {key: program[key] for key in "qhb"}
             for key in "PGA":
-                arrays |= parts_of(key, csc_array(getattr(program, key)))
-            written.append(target / f"{program.name}.npz")
+                arrays |= parts_of(key, csc_array(program[key]))
+            written.append(target / f"{own}.npz")
             with replacing(written[-1]) as temporary, temporary.open("wb") as stream:
                 np.savez_compressed(stream, **arrays)
         advance(name)

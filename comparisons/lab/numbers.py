@@ -23,6 +23,10 @@ def fixed(form: str) -> Callable[[float | None], str]:
     return lambda value: NOTHING if value is None or not math.isfinite(value) else format(value, form)
 
 
+count: Final = fixed(".0f")
+"""The text of a whole number, of iterations or points, also where a frame keeps it as a float."""
+
+
 def scientific(value: float | None, digits: int = 2) -> str:
     """A number with an exponent, to this many significant digits: 1.2e-5; zero is "0"."""
     if value is None or not math.isfinite(value):
@@ -37,8 +41,7 @@ def significant(value: float | None, digits: int = 3) -> str:
     """A number without exponent, rounded to this many significant digits, no trailing zeros: 0.00123, 1230."""
     if value is None or not math.isfinite(value):
         return NOTHING
-    rounded = float(f"{value:.{digits - 1}e}")
-    return np.format_float_positional(rounded + 0.0, trim="-")
+    return np.format_float_positional(value + 0.0, precision=digits, unique=False, fractional=False, trim="-")
 
 
 def seconds(value: float | None, digits: int = 3) -> str:
@@ -50,11 +53,6 @@ def seconds(value: float | None, digits: int = 3) -> str:
     rounded = float(f"{value:.{digits - 1}e}")  # first, or 999.9 ms would not be 1 s
     unit, factor = next((unit, factor) for least, unit, factor in _UNITS_OF_TIME if abs(rounded) >= least)
     return f"{significant(rounded / factor, digits)} {unit}"
-
-
-def count(value: float | None) -> str:
-    """A whole number, of iterations or points, also where a frame keeps it as a float."""
-    return NOTHING if value is None or not math.isfinite(value) else str(int(value))
 
 
 def memory(size: float | None) -> str:

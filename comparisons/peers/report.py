@@ -186,20 +186,14 @@ def _factor(value: float) -> str:
     return significant(value, 2)
 
 
-def _code(key: str) -> str:
-    return CODES[key].name
-
-
 _force, _first = fixed(".7f"), partial(scientific, digits=1)
 FORMS: Final[Mapping[str, Callable[[Any], str]]] = {
-    "friction": "{:g}".format, "target": _first, "code": _code, "seconds_own": seconds, "seconds": seconds,
-    "setup": seconds, "time_ratio": _factor, "unknowns_own": count,
-    "unknowns": count, "half_force": _force, "spread": percent,
-    "peak": memory, "before": memory, "residual": _first, "value": _force, "uncertainty": scientific,
-    "low": _force, "high": _force, "lower": _force, "upper": _force,
-    "half": scientific, "width": scientific, "strain_error": scientific, "error": scientific,
-    "sure": lambda sure: "yes" if sure else "no",
-    "message": lambda text: text or NOTHING,
+    "friction": "{:g}".format, "code": lambda key: CODES[key].name, "time_ratio": _factor, "spread": percent,
+    **dict.fromkeys(("seconds_own", "seconds", "setup"), seconds), **dict.fromkeys(("unknowns_own", "unknowns"), count),
+    **dict.fromkeys(("peak", "before"), memory), **dict.fromkeys(("target", "residual"), _first),
+    **dict.fromkeys(("half_force", "value", "low", "high", "lower", "upper"), _force),
+    **dict.fromkeys(("uncertainty", "half", "width", "strain_error", "error"), scientific),
+    "sure": lambda sure: "yes" if sure else "no", "message": lambda text: text or NOTHING,
 }  # fmt: skip
 """Column of a table → how its values read."""
 

@@ -19,7 +19,6 @@ from comparisons.peers import LEVELS
 from comparisons.peers.meshes import FAMILIES, Family, plain_mesh
 from qvi_contact.errors import InputError
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.problem.conditions import Contact
 from qvi_contact.runs.processes import THREADS
 
 GETFEM: Final = "PYTHON_WITH_GETFEM"
@@ -156,10 +155,10 @@ def plate(friction: float, family: str, number: int) -> dict[str, Any]:
     A mesh (see `plain_mesh`) and its number, "young", "poisson" (plane stress), "displacement" U and "friction" μ.
     """
     problem = compressed_plate(friction)
-    (contact,) = (condition for condition in problem.conditions if isinstance(condition, Contact))
     material: Any = problem.material
-    gap: Any = contact.gap
+    (contact,) = problem.contacts
+    assert not callable(contact.gap)
     return {
         **plain_mesh(family, friction, number), "number": number,
-        "young": material.young, "poisson": material.poisson, "displacement": -float(gap), "friction": friction,
+        "young": material.young, "poisson": material.poisson, "displacement": -contact.gap, "friction": friction,
     }  # fmt: skip

@@ -153,27 +153,23 @@ class Check:
         """An inequality ours ≥ limit: error max(limit − ours, 0), in the unit of the quantity; a NaN stays one."""
         return self._row(quantity, ours, limit, np.maximum(limit - ours, 0.0), SHORTFALL, source, other)
 
-    def enclosed(
-        self, quantity: str, bounds: tuple[float, float], known: float, source: str = "", **other: Any
-    ) -> Iterator[Row]:
+    def enclosed(self, quantity: str, bounds: tuple[float, float], known: float) -> Iterator[Row]:
         """Lower and upper bound around what is known; {} in the quantity says which of them."""
-        yield self.at_most(quantity.format("lower bound"), bounds[0], known, source, **other)
-        yield self.at_least(quantity.format("upper bound"), bounds[1], known, source, **other)
+        yield self.at_most(quantity.format("lower bound"), bounds[0], known)
+        yield self.at_least(quantity.format("upper bound"), bounds[1], known)
 
     def word(self, quantity: str, ours: str, expected: str, source: str = "") -> Row:
         """Compare words: error 0 if they are equal, else infinity."""
         error = 0.0 if ours == expected else np.inf
-        return replace(
-            self._row(quantity, 0.0, 0.0, error, EQUAL, source, {"tolerance": 0.0}), ours=ours, reference=expected
-        )
+        return self._row(quantity, ours, expected, error, EQUAL, source, {"tolerance": 0.0})
 
     def _row(
-        self, quantity: str, ours: float, known: float, error: float, measure: str, source: str, other: dict[str, Any]
+        self, quantity: str, ours: Value, known: Value, error: float, measure: str, source: str, other: dict[str, Any]
     ) -> Row:
         shared = replace(self, **other)
         source = "; ".join(filter(None, (source, shared.source)))
-        numbers = float(known), float(ours), shared.kind, source, float(error)
-        return Row(quantity, *numbers, measure, shared.tolerance, shared.proof)
+        ours, known = (each if isinstance(each, str) else float(each) for each in (ours, known))
+        return Row(quantity, known, ours, shared.kind, source, float(error), measure, shared.tolerance, shared.proof)
 
 
 def crash(reason: str) -> Row:

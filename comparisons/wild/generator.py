@@ -5,6 +5,7 @@ Each family is wild in one way, and now and then in another one as well; "everyt
 
 import random
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -184,10 +185,8 @@ def _with_joints(dice: Dice, mesh: TriangleMesh, number: int) -> TriangleMesh:
             run, off = (x, y) if axis == 0 else (y, x)
             return np.asarray((np.abs(off - at) <= _NEAR * size) & (run > start))
 
-        try:
+        with suppress(InputError):  # no two cells meet there
             mesh = mesh.with_joint(f"joint {index}", on_it)
-        except InputError:  # no two cells meet there
-            continue
     return mesh
 
 

@@ -109,13 +109,11 @@ def _why_nothing(problem: ContactProblem, load: str, degree: int, upper: float) 
     if upper == -np.inf:
         return "no stress carries any, as a motion proves"
     fine = replace(problem, mesh=problem.mesh.refined(np.arange(problem.mesh.cell_count)))
-    lacking = []
-    for each in (problem, fine):
-        posed = LimitProblem.of(each, (load,), degree=min(degree, 4))
-        lacking.append(-posed.stresses.program().room()[1])
-    if lacking[0] < ROUNDING:
+    posed = (LimitProblem.of(each, (load,), degree=min(degree, 4)) for each in (problem, fine))
+    here, finer = (-each.stresses.program().room()[1] for each in posed)
+    if here < ROUNDING:
         return "rounding: limits leave no room"
-    if lacking[1] < LASTING * lacking[0]:
+    if finer < LASTING * here:
         return "the mesh is too coarse"
     return "a finer mesh lacks as much strength, no motion proves it"
 

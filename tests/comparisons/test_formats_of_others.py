@@ -295,16 +295,16 @@ def test_a_converged_quadratic_program_has_the_solution_of_the_contact_problem(f
     """The minimiser for the friction bound of the solution is the solution; for the cold bound it is not."""
     result = solve(compressed_plate(0.1, (8, 8)))
     qvi, z = result.solution.problem, result.solution.z
-    found = {p.name: p for p in programs_of("p", qvi, qvi.pressure(z))}
+    found = dict(programs_of("p", qvi, qvi.pressure(z)))
     assert set(found) == {f"p_{f}_{b}" for f in ("full", "condensed") for b in ("converged", "cold")}
     errors = []
     for bound in ("converged", "cold"):
-        qp = found[f"p_{form}_{bound}"]
-        problem = qpsolvers.Problem(qp.P, qp.q, qp.G, qp.h)
+        P, q, G, h = (found[f"p_{form}_{bound}"][letter] for letter in "PqGh")
+        problem = qpsolvers.Problem(P, q, G, h)
         x = qpsolvers.solve_problem(problem, solver="clarabel", tol_feas=1e-12, tol_gap_abs=1e-13, tol_gap_rel=1e-13).x
-        rows = qp.G[: 2 * qvi.m] @ x  # −n0 and thr − t0 above the bound: tractions are rows + (n0, t0)
-        n0 = -qp.h[: qvi.m]
-        t0 = (qp.h[2 * qvi.m :] - qp.h[qvi.m : 2 * qvi.m]) / 2.0
+        rows = G[: 2 * qvi.m] @ x  # −n0 and thr − t0 above the bound: tractions are rows + (n0, t0)
+        n0 = -h[: qvi.m]
+        t0 = (h[2 * qvi.m :] - h[qvi.m : 2 * qvi.m]) / 2.0
         wanted = np.concatenate([qvi.normal(z), qvi.tangential(z)])
         errors.append(float(np.abs(rows + np.concatenate([n0, t0]) - wanted).max() / np.abs(wanted).max()))
     assert errors[0] < 1e-5

@@ -172,7 +172,8 @@ class NitschePlate:
         (txu, tyu), (txv, tyv) = ((stress(w)[0, 1], stress(w)[1, 1]) for w in (u, v))
         pull = tyu - gamma * (u[1] + case["displacement"])
         pressure = ng.IfPos(pull, 0.0, pull)
-        friction = _cut(ng, txu - gamma * u[0], -case["friction"] * pressure)
+        pushed, bound = txu - gamma * u[0], -case["friction"] * pressure
+        friction = ng.IfPos(pushed - bound, bound, ng.IfPos(-pushed - bound, -bound, pushed))
         nitsche = (
             pressure * (theta / gamma * tyv - v[1]) + friction * (theta / gamma * txv - v[0])
             - theta / gamma * (txu * txv + tyu * tyv)
@@ -221,11 +222,6 @@ class _Sum:
         """A number for the place of each entry."""
         rows, columns, _ = matrix.COO()
         return self._np.array(rows, dtype=self._np.int64) * matrix.width + self._np.array(columns)
-
-
-def _cut(ng: Any, value: Any, bound: Any) -> Any:
-    """A value cut off at ± bound."""
-    return ng.IfPos(value - bound, bound, ng.IfPos(-value - bound, -bound, value))
 
 
 def _mesh(vertices: Any, cells: Any, sides: dict[str, Any]) -> Any:
