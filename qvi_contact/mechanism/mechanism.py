@@ -277,6 +277,9 @@ class Rigid:
             return found.driving - found.resisting > rounding
 
         found = self._settled(posed, names)
+        if (found is None or not proves(found)) and not idle and any(e.capped and not e.arc for e in self.lines):
+            # Caps are placed around a motion. Where without these places nothing moves, this motion is a first one.
+            found = self.dearest(names, [])
         if found is None or not proves(found):
             return None
         moved = found.contacts.values()

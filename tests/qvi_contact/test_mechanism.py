@@ -113,9 +113,12 @@ class TestLaws:
         assert (mechanism is None) == np.isinf(upper)
 
     def test_a_cap_under_an_eccentric_load(self):
-        """N = 12 at 2/3: p = t/μ on a length b and the rest in the corner, T = t b = √(2 N d μ t)."""
-        problem = dragged(Contact("bottom", 0.5, shear_limit=4.0), pressure=lambda x: 12.0 - 6.0 * x)
-        assert upper_bound(problem, ["shear"])[0] == pytest.approx(math.sqrt(32.0) / 2.0, rel=EXACT)
+        """N = 3 t at 2/3: p = t/μ on a length b and the rest in the corner, T = t b = √(2 N d μ t)."""
+        for share in (0.9999, 1.0001, 2.0):
+            t = share * math.sqrt(2.0)
+            problem = dragged(Contact("bottom", 0.5, shear_limit=t), pressure=lambda x, t=t: t * (3.0 - 1.5 * x))
+            assert upper_bound(problem, ["shear"])[0] == pytest.approx(share, rel=EXACT)
+            assert (find_mechanism(problem) is None) == (share > 1.0)
 
     @pytest.mark.parametrize(
         "capped", [{}, {"shear_limit": 4.0}, {"shear_limit": lambda x, _: 5.0 - x, "cohesion": 1.0}]
