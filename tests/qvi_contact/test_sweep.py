@@ -15,7 +15,7 @@ import pytest
 from qvi_contact import InputError, TriangleMesh, read_sweep, solve, solve_sweep
 from qvi_contact.basics import Units
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Traction
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, Traction
 from qvi_contact.runs import Outcome, Workers
 from solvers import Status
 from tests.run_tasks import deadly
@@ -81,6 +81,14 @@ def test_starts_near_the_answer_are_kept_and_others_tried_ever_more_seldom():
     assert [number for number, extra in enumerate(more) if extra] == [k for k, one in enumerate(near) if one is False]
     near = solve_sweep(layer, "gap", [-0.02, -0.0201, -0.0202])
     assert [step.solution.near for step in near.steps] == [None, True, True]
+
+
+def test_friction_holds_at_points_of_bilateral_contacts_after_a_value_without_any():
+    base, top, *_, right = pushed().conditions
+    tipping = replace(top, y=Expression("10 * (x - 0.7)"))
+    held = [replace(base, law="bilateral"), tipping, Displacement("left", x=0.0, y=0.0), right]
+    line = solve_sweep(replace(pushed(), conditions=held), "friction", [0.0, 0.3]).steps[1].contacts["base"]
+    assert (abs(line.tangential_stress) <= 0.3 * abs(line.normal_stress) + 1e-9).all()
 
 
 def test_a_load_factor_multiplies_named_loads():
