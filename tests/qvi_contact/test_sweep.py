@@ -85,9 +85,8 @@ def test_starts_near_the_answer_are_kept_and_others_tried_ever_more_seldom():
 
 def test_friction_holds_at_points_of_bilateral_contacts_after_a_value_without_any():
     base, top, *_, right = pushed().conditions
-    tipping = replace(top, y=Expression("10 * (x - 0.7)"))
-    held = [replace(base, law="bilateral"), tipping, Displacement("left", x=0.0, y=0.0), right]
-    line = solve_sweep(replace(pushed(), conditions=held), "friction", [0.0, 0.3]).steps[1].contacts["base"]
+    tipped = replace(base, law="bilateral"), replace(top, y=Expression("10 * x - 7")), Displacement("left", 0.0, 0.0)
+    line = solve_sweep(replace(pushed(), conditions=[*tipped, right]), "friction", [0.0, 0.3]).steps[1].contacts["base"]
     assert (abs(line.tangential_stress) <= 0.3 * abs(line.normal_stress) + 1e-9).all()
 
 
@@ -256,9 +255,8 @@ def test_what_is_refused(tmp_path):
     before = path.read_bytes()
     for field, changes in {
         "store": [{"values": (0.1, 0.2)}, {"parameter": "gap"}, {"tolerance": 1e-7}, {"store": "."},
-                  {"problem": compressed_plate(0.2, (4, 5))}],
+                  {"problem": compressed_plate(0.2, (4, 5))}], "of": [{"of": ["base"]}],
         "workers": [{"workers": 0}], "dask": [{"dask": "nowhere"}], "parameter": [{"parameter": "mu"}],
-        "of": [{"of": ["base"]}],
     }.items():  # fmt: skip
         for change in changes:
             with pytest.raises(InputError) as caught:
