@@ -194,13 +194,15 @@ def test_the_loop_of_a_pin_is_that_of_the_motion_that_does_the_work():
     displacement, force = history.loop("hole")
     assert displacement == pytest.approx([0.0, 0.01, 0.0, -0.01], abs=1e-12)
     assert force == pytest.approx([step.plate_force("hole").x for step in history.steps])
+    grown = [[Displacement("hole", normal=w, tangential=0.0), Displacement("outside", x=0.0, y=0.0)] for w in (1, 2)]
+    history = solve_history([ContactProblem(ROUND, Material(1000.0, 0.3), sides) for sides in grown], degree=3)
+    assert np.prod(history.loop("hole"), axis=0) == pytest.approx([step.energies.load for step in history.steps])
 
 
 def test_a_pin_in_some_steps_only_has_no_loop():
     """A component of its motion in one step, and the rest of the hole in the other, are no path."""
     pin = Contact.pin("hole", 0.3, (0.0, 0.0), 1.02, x=0.01)
     history = solve_history([pinned(pin, mesh=ROUND), pinned(replace(pin, plate=None), mesh=ROUND)], degree=3)
-    assert len(history.steps) == 2
     with pytest.raises(InputError, match="some steps"):
         history.loop("hole")
 
