@@ -249,9 +249,8 @@ def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | N
     if not result.contacts:
         raise InputError("vtk", str(path), "there is no contact to write")
     parts, joints, number, count = list[_Data](), [], [], 0
-    for index, (contact, line) in enumerate(zip(result.problem.contacts, result.contacts.values(), strict=True)):
-        edges = result.problem.mesh.edges(contact.edges)
-        normal, tangent = (np.repeat(each, line.points_per_edge, axis=0) for each in (edges.normal, edges.tangent))
+    for index, (rows, line) in enumerate(zip(result.discretization.contacts, result.contacts.values(), strict=True)):
+        normal, tangent = rows.points.normals, rows.points.tangents  # which turn along arcs
         bound = np.where(np.isfinite(line.friction_bound), line.friction_bound, np.nan)
         traction = line.normal_stress[:, None] * normal + line.tangential_stress[:, None] * tangent
         stresses = {

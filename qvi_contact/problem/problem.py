@@ -382,10 +382,12 @@ def run_digest(problems: Sequence[ContactProblem], options: Mapping[str, object]
 
 def problem_digest(problem: ContactProblem) -> bytes:
     """SHA-256 of everything but the mesh."""
-    mesh, potential = problem.mesh, problem.body_potential
+    mesh = problem.mesh
     middles = mesh.vertices[mesh.cells].mean(axis=1).T
     parts: list[object] = [problem.compliances, problem.cell_materials]
-    parts.append(evaluate("body_potential", potential, *middles) if callable(potential) else potential)
+    for name, potential in problem.body_forces.items():  # a sweep may multiply one of them
+        parts += [name] * (name != "body")
+        parts.append(evaluate("body_potential", potential, *middles) if callable(potential) else potential)
     if is_strained(problem):
         parts.append(stress_at_rest(problem, np.arange(mesh.cell_count), *middles))
     for condition in problem.conditions:

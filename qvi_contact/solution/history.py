@@ -23,15 +23,16 @@ import numpy as np
 from qvi_contact.basics.checks import FloatArray, evaluate, real_array
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization, discretize
-from qvi_contact.discretization.loads import laws_vary
+from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, laws_vary, physical
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import centre_of, cross
-from qvi_contact.problem.conditions import Displacement, components
+from qvi_contact.problem.conditions import LOCAL, Displacement, components
 from qvi_contact.problem.problem import ContactProblem, direction_of, run_digest
 from qvi_contact.solution.result import ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import Settings
 from qvi_contact.solution.solver import solved
+from qvi_contact.solution.stress import traction
 from qvi_contact.version import __version__
 from solvers import Status
 from solvers.basics.checks import function_or_none, true_or_false
@@ -134,9 +135,10 @@ class History:
 
         The name is that of a contact, whose obstacle moves along the tangent by its mean offset and by the motion of
         its plate in the contact's centre; or of an edge set with a prescribed displacement: along the tangent, or along
-        x or y across it where nothing moves along the tangent. A plate that also moves normally or turns does more work
-        than this loop shows. Of a plate on edges that face several ways, such as a pin, it is the component x, y or
-        rotation that does the most work, with the moment about the pivot for a rotation [rad], [stress × length²].
+        x or y across it where nothing moves along the tangent. Where edges turn the tangent does, and the force is what
+        does the work. A plate that also moves normally or turns does more work than this loop shows. Of a plate on
+        edges that face several ways, such as a pin, it is the component x, y or rotation that does the most work, with
+        the moment about the pivot for a rotation [rad], [stress × length²].
 
         `InputError` if there is no such contact or edge set, or the obstacle of the contact is at rest while
         displacements prescribed elsewhere move the body: the edge sets to name instead are listed.
@@ -348,17 +350,22 @@ def _of_obstacle(step: ContactResult, name: str) -> dict[str, tuple[float, float
 
 
 def _of_support(step: ContactResult, name: str) -> dict[str, tuple[float, float]]:
-    """Mean of each component prescribed on an edge set, and the force along it; those along its tangent first."""
-    edges, resultant = step.problem.mesh.edges(name), step.resultant(name)
-    middles = step.problem.mesh.points_along(edges, np.array([0.5]))
+    """Mean of each component prescribed on an edge set, and the force that works on it; those along its tangent first.
+
+    What is given along normals or tangents turns with the edges.
+    """
+    problem, known, edges = step.problem, step.discretization, step.problem.mesh.edges(name)
+    points = EdgePoints(known.space, edges, LOAD_POINTS).for_resultants()
+    acting, weights = traction(known, step.dofs, points).T, known.scales.length * points.weights
     found = list[tuple[float, str, tuple[float, float]]]()
-    for condition in step.problem.conditions:
+    for condition in problem.conditions:
         if isinstance(condition, Displacement) and condition.edges == name:
             for component, value in components(condition).items():
-                given, tangent = np.asarray(direction_of(component, edges)[0]), np.asarray(edges.tangent[0])
-                direction = tangent if abs(float(given @ tangent)) == 1.0 else given
-                values = evaluate(f"Displacement.{component}", value, *middles)[:, 0]
-                mean = float(given @ direction) * float(np.average(values, weights=edges.length))
-                force = float(direction @ (resultant.x, resultant.y))
-                found.append((-abs(float(direction @ edges.tangent[0])), component, (mean, force)))
+                given, turns = direction_of(component, edges), component in LOCAL
+                values = evaluate(
+                    f"Displacement.{component}", value, *physical(problem, known.scales, points.coordinates)
+                )
+                mean = float(weights @ values / weights.sum())
+                force = float(weights @ (acting * points.vectors(given, turns)).sum(axis=1))
+                found.append((-abs(float(given[0] @ edges.tangent[0])), component, (mean, force)))
     return {component: pair for _, component, pair in sorted(found, key=lambda each: each[0])}

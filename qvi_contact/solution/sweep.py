@@ -25,6 +25,7 @@ from qvi_contact.basics.checks import one_of, real_array, true_or_false
 from qvi_contact.basics.schema import LARGEST
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.discretization.loads import laws_vary
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.problem import ContactProblem, run_digest
@@ -313,6 +314,7 @@ class SweepTask:
     settings: Settings = field(default_factory=Settings)  # how to solve it
     warm: bool = False  # whether to start from the value before
     _before: Discretization | None = field(default=None, init=False)
+    _vary: bool = field(default=False, init=False)  # whether its laws do, which decides what bounds tractions
     _state: ContactResult | None = field(default=None, init=False)
     _pause: int = field(default=0, init=False)
     _left: int = field(default=0, init=False)
@@ -371,7 +373,8 @@ class SweepTask:
             if count >= at_least and deadline.over:
                 return
             began, posed = time.perf_counter(), self.changed(value)
-            if self._before is None:
+            before, self._vary = self._vary, laws_vary(posed)
+            if self._before is None or self._vary != before:
                 self._before = discretized(posed, self.settings)
             elif self.parameter == "friction":
                 self._before = self._before.with_law(posed)

@@ -133,10 +133,8 @@ class TestWhatDrives:
         assert "top" in [axes.get_title() for axes in history_figure(history).axes]
         assert np.ptp(history.loop("top")[0]) > 0.0
 
-    @pytest.mark.parametrize("lean", [0.0, 0.2])
+    @pytest.mark.parametrize("lean", [0.0, 0.2])  # of the right side, whose edges then slant
     def test_what_is_moved_across_its_edges_has_a_loop(self, lean):
-        """Also edges that slant: of the right side, which leans."""
-
         def dragged(u):
             flat = TriangleMesh.rectangle((4, 2), WIDTH, HEIGHT)
             x, y = flat.vertices.T

@@ -14,7 +14,7 @@ from qvi_contact.element import adapted, constant
 from qvi_contact.export import summary, write_npz
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.mechanism import upper_bound
-from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, Traction
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, Traction, problem_digest
 from qvi_contact.verification import missed_tractions, verify_file
 from solvers import Status
 from tests.qvi_contact.builders import solved
@@ -302,6 +302,7 @@ def test_a_sweep_scales_one_of_them():
     sweep = solve_sweep(shaken(BodyForces(FORCES)), "load", [0.1, 0.2], of=["quake"])
     shear = [result.contacts["bottom"].tangential_force for result in sweep.steps]
     assert np.abs(shear) == pytest.approx([0.8, 1.6], rel=1e-6)  # of the weight 2 · 4
+    assert len({problem_digest(shaken(BodyForces({"a": each, "b": 1.0 - each}))) for each in (0.25, 0.75)}) == 2
 
 
 def test_files_hold_them():

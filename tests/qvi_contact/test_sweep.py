@@ -15,7 +15,7 @@ import pytest
 from qvi_contact import InputError, TriangleMesh, read_sweep, solve, solve_sweep
 from qvi_contact.basics.units import Units
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Traction
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, Traction
 from qvi_contact.runs.processes import Outcome, Workers
 from solvers import Status
 from tests.run_tasks import deadly
@@ -81,6 +81,13 @@ def test_starts_near_the_answer_are_kept_and_others_tried_ever_more_seldom():
     assert [number for number, extra in enumerate(more) if extra] == [k for k, one in enumerate(near) if one is False]
     near = solve_sweep(layer, "gap", [-0.02, -0.0201, -0.0202])
     assert [step.solution.near for step in near.steps] == [None, True, True]
+
+
+def test_friction_holds_at_points_of_bilateral_contacts_after_a_value_without_any():
+    base, top, *_, right = pushed().conditions
+    tipped = replace(base, law="bilateral"), replace(top, y=Expression("10 * x - 7")), Displacement("left", 0.0, 0.0)
+    line = solve_sweep(replace(pushed(), conditions=[*tipped, right]), "friction", [0.0, 0.3]).steps[1].contacts["base"]
+    assert (abs(line.tangential_stress) <= 0.3 * abs(line.normal_stress) + 1e-9).all()
 
 
 def test_a_load_factor_multiplies_named_loads():
@@ -249,9 +256,8 @@ def test_what_is_refused(tmp_path):
     before = path.read_bytes()
     for field, changes in {
         "store": [{"values": (0.1, 0.2)}, {"parameter": "gap"}, {"tolerance": 1e-7}, {"store": "."},
-                  {"problem": compressed_plate(0.2, (4, 5))}],
+                  {"problem": compressed_plate(0.2, (4, 5))}], "of": [{"of": ["base"]}],
         "workers": [{"workers": 0}], "dask": [{"dask": "nowhere"}], "parameter": [{"parameter": "mu"}],
-        "of": [{"of": ["base"]}],
     }.items():  # fmt: skip
         for change in changes:
             with pytest.raises(InputError) as caught:
