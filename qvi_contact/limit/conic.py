@@ -94,10 +94,8 @@ class ConicProgram:
         kinds = [clarabel.ZeroConeT(self.equal)] if self.equal else []
         kinds += [clarabel.NonnegativeConeT(self.linear)] if self.linear else []
         kinds += [clarabel.SecondOrderConeT(self.width)] * blocks
-        A = sparse.csc_array(self.A)
-        scale = np.sqrt(np.asarray(A.multiply(A).sum(axis=0))).ravel()
-        scale[scale <= _ROUNDED * scale.max(initial=0.0)] = 1.0
-        A = sparse.csc_array(A @ sparse.diags_array(1.0 / scale))
+        scale = self._scale
+        A = sparse.csc_array(sparse.csc_array(self.A) @ sparse.diags_array(1.0 / scale))
         q, unit = self.q / scale, float(np.abs(self.b).max(initial=0.0)) or 1.0  # its tolerances are for numbers near 1
         size = float(np.abs(q).max(initial=0.0)) or 1.0
         settings = clarabel.DefaultSettings()
@@ -156,17 +154,33 @@ class ConicProgram:
         return np.concatenate([np.arange(self.equal, first), np.arange(first, len(self.b), self.width)])
 
     def projected(self, x: FloatArray) -> FloatArray:
-        """The nearest point that keeps the equations, which may depend on each other."""
+        """The point that keeps the equations and is nearest to x, in all other rows if equations are independent."""
         found, E, e = np.array(x), self.A[: self.equal], self.b[: self.equal]
         for _ in range(_SWEEPS if self.equal else 0):
-            found += E.T @ self._normal.solve(e - E @ found)
+            found += self._back @ self._normal.solve(e - E @ found)
         return np.asarray(found)
 
     @cached_property
+    def _scale(self) -> FloatArray:
+        """The size of each column."""
+        A = sparse.csc_array(self.A)
+        scale = np.sqrt(np.asarray(A.multiply(A).sum(axis=0))).ravel()
+        return np.where(scale <= _ROUNDED * scale.max(initial=0.0), 1.0, scale)
+
+    @cached_property
+    def _back(self) -> Any:
+        """H⁻¹ Eᵀ of the equations E: H is Gᵀ G of the other rows, which few independent equations hardly change."""
+        if self.dependent:
+            return self.A[: self.equal].T
+        A = sparse.csr_array(self.A @ sparse.diags_array(1.0 / self._scale))
+        E, G = A[: self.equal], A[self.equal :]
+        H = sparse.csc_array(G.T @ G + _DAMPED * sparse.eye_array(G.shape[1]))
+        return linalg.splu(H).solve(E.T.toarray()) / self._scale[:, None]
+
+    @cached_property
     def _normal(self) -> Any:
-        """The factorised E Eᵀ of the equations."""
-        E = self.A[: self.equal]
-        square = sparse.csc_array(E @ E.T)
+        """The factorised E H⁻¹ Eᵀ."""
+        square = sparse.csc_array(self.A[: self.equal] @ self._back)
         largest = float(np.abs(square.diagonal()).max())
         return linalg.splu(sparse.csc_array(square + _DAMPED * largest * sparse.eye_array(self.equal)))
 
