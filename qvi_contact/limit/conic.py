@@ -209,7 +209,8 @@ class ConicProgram:
         x, inside = self.projected(x), self.projected(np.zeros_like(x))
         known = self.margins(inside).min(initial=1.0) > _ENOUGH
         missed = float(-self.margins(x).min(initial=0.0))
-        if missed > ROUNDING and not (known and self._share(x, inside) < _LITTLE):  # once more, with as much room
+        if self.dependent and missed > ROUNDING and not (known and self._share(x, inside) < _LITTLE):
+            # Once more, with as much room: flows inside may dissipate much more.
             found = self.tightened(room=_TIGHTER * missed * self.size(x)).solve()
             nearby = x if isinstance(found, str) else self.projected(found.x)
             if -self.margins(nearby).min(initial=0.0) < missed:
