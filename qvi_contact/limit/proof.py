@@ -26,7 +26,7 @@ from qvi_contact.basics.writing import write_text
 from qvi_contact.element import legendre
 from qvi_contact.element.triangle import EDGES
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
-from qvi_contact.limit.check_proof import FORMAT, at_factor, check, dissipated, dot, gradient, less, triangles
+from qvi_contact.limit.check_proof import FORMAT, at_factor, check, dissipated, dot, edges, gradient, less, triangles
 from qvi_contact.limit.check_proof import exponents as _exponents
 from qvi_contact.limit.flow import FlowProgram, Velocities
 from qvi_contact.limit.load_factor import OPTIONS, LimitProblem, checked_loads
@@ -196,7 +196,7 @@ class Statement:
             "body_force": [[-c for c in potential[1:]] for potential in self.potentials],
             "strengths": [[] if law is None else list(self._cones(law, plane)) for law in laws],
             "strength_of": np.repeat(problem.cell_materials, 3).tolist(),
-            "loads": [{"edge": pair, "along": _along(loads)} for pair, loads in self.loads.items()],
+            "loads": [{"edge": pair, "along": _both(loads)} for pair, loads in self.loads.items()],
             "contacts": [self._contact(contact, names) for contact in self.contacts],
         }  # fmt: skip
 
@@ -292,7 +292,7 @@ class Statement:
         return found
 
 
-def _along(loads: list[_Load]) -> list[Any]:
+def _both(loads: list[_Load]) -> list[Any]:
     """Two directions with the loads along them, None where there is none."""
     (x, y), _ = loads[0]
     return [*loads, *([((-y, x), None)] if len(loads) == 1 else [])]
@@ -456,22 +456,27 @@ def _cost(laws: list[Any], strain: Sequence[Fraction], shares: list[Any]) -> flo
         return np.inf
 
 
-def _held(stated: Statement, space: Velocities) -> Iterator[tuple[int, Vector, int]]:
-    """Nodes on the boundary with directions d in which d·v is that of a plate, of this number, or zero, −1."""
-    boundary, found = stated.mesh.boundary, dict[_Edge, list[Vector]]()
-    plates, driven = dict[_Edge, int](), list(stated.plates)
-    pairs: list[_Edge] = list(zip(boundary.first.tolist(), boundary.second.tolist(), strict=True))
-    for i, j in pairs:
-        given = [d for d, _ in stated.loads.get((i, j), [])]
-        found[i, j] = [_AXES, [(-d[1], d[0]) for d in given], []][len(given)]
-    for contact, known in zip(stated.contacts, stated.about["contacts"], strict=True):
-        if contact not in stated.problem.joints:
-            for i, j in known["edges"]:
-                e = stated.edge((i, j))
-                found[i, j] = [] if contact.law == "unilateral" else [(e[1], -e[0]), *([e] if _sticks(known) else [])]
-                plates[i, j] = driven.index(contact.name) if contact.name in driven else -1
-    for pair, nodes in zip(pairs, space.along(boundary).tolist(), strict=True):
-        yield from ((n, d, plates.get(pair, -1)) for n in nodes for d in found[pair])
+def _held(
+    stated: Statement, space: Velocities, moving: Mapping[int, Sequence[Terms]], bodies: Mapping[str, int]
+) -> Iterator[Terms]:
+    """Terms that are zero: velocities where no traction is given, and jumps where contacts do not part, or stick."""
+    numbers = [[(n,) for n in cell[part].tolist()] for cell in space.global_ for part in space.nodes.of_parts]
+    places, field = _places(stated, space), {"degree": space.degree, "ordinates": numbers}
+    for pair, _, (own, *beyond), contact, _, loads in edges(stated.about, field):
+        directions, body = [d for d, given in loads if given is None], -1
+        if contact:
+            e, body = stated.edge(pair), bodies.get(contact["name"], -1)
+            parts = contact["law"] == "unilateral"
+            directions = [] if parts else [(e[1], -e[0]), *([e] if _sticks(contact) else [])]
+        for k, (n,) in enumerate(own):
+            for d in directions:
+                other = _along(moving[beyond[0][k][0]], d) if beyond else _rigid_row(body, d, places[n])
+                yield combined((ONE, _along(moving[n], d)), (-ONE, other))
+
+
+def _along(v: Sequence[Terms], d: Vector) -> Terms:
+    """d·v as terms."""
+    return combined((d[0], v[0]), (d[1], v[1]))
 
 
 def _sticks(known: dict[str, Any]) -> bool:
@@ -552,10 +557,7 @@ def _exactly(
     for n in (n for n, terms in moving.items() if not any(terms)):
         moving[n] = [{len(values): ONE}, {len(values) + 1: ONE}]
         values += map(Fraction, rounded[n].tolist())
-    for n, d, plate in _held(stated, space):
-        (x, y), body = moving[n], parts + plate if plate >= 0 else -1
-        rows.append(combined((d[0], x), (d[1], y), (-ONE, _rigid_row(body, d, places[n]))))
-    all_rows = [(row, ZERO) for row in rows]
+    all_rows = [(row, ZERO) for row in (*rows, *_held(stated, space, moving, bodies))]
     values = solved([*smooth.at_vertices(), *all_rows, *smooth.conditions()] if smooth else all_rows, values)
     found = [[_value(terms, values) for terms in moving[n]] for n in range(space.count)]
     moved = {each.name: [_value(row, values) for row in pivots.get(each.name, [{}] * 3)] for each in stated.contacts}
