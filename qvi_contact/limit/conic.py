@@ -157,7 +157,8 @@ class ConicProgram:
         """The point that keeps the equations and is nearest to x, in all other rows if equations are independent."""
         found, E, e = np.array(x), self.A[: self.equal], self.b[: self.equal]
         for _ in range(_SWEEPS if self.equal else 0):
-            found += self._back @ self._normal.solve(e - E @ found)
+            back, normal = self._nearest
+            found += back @ normal.solve(e - E @ found)
         return np.asarray(found)
 
     @cached_property
@@ -168,21 +169,18 @@ class ConicProgram:
         return np.where(scale <= _ROUNDED * scale.max(initial=0.0), 1.0, scale)
 
     @cached_property
-    def _back(self) -> Any:
-        """H⁻¹ Eᵀ of the equations E: H is Gᵀ G of the other rows, which few independent equations hardly change."""
-        if self.dependent:
-            return self.A[: self.equal].T
-        A = sparse.csr_array(self.A @ sparse.diags_array(1.0 / self._scale))
-        E, G = A[: self.equal], A[self.equal :]
-        H = sparse.csc_array(G.T @ G + _DAMPED * sparse.eye_array(G.shape[1]))
-        return linalg.splu(H).solve(E.T.toarray()) / self._scale[:, None]
-
-    @cached_property
-    def _normal(self) -> Any:
-        """The factorised E H⁻¹ Eᵀ."""
-        square = sparse.csc_array(self.A[: self.equal] @ self._back)
+    def _nearest(self) -> tuple[Any, Any]:
+        """H⁻¹ Eᵀ of the equations E, and E H⁻¹ Eᵀ factorised: H is Gᵀ G of other rows and q; of dependent ones 1."""
+        E = self.A[: self.equal]
+        back: Any = E.T
+        if not self.dependent:  # they are few
+            units = sparse.diags_array(1.0 / self._scale)
+            G = sparse.vstack([self.A[self.equal :], sparse.csr_array(self.q[None])]) @ units
+            H = sparse.csc_array(G.T @ G + _DAMPED * sparse.eye_array(len(self.q)))
+            back = units @ linalg.splu(H).solve((E @ units).T.toarray())
+        square = sparse.csc_array(E @ back)
         largest = float(np.abs(square.diagonal()).max())
-        return linalg.splu(sparse.csc_array(square + _DAMPED * largest * sparse.eye_array(self.equal)))
+        return back, linalg.splu(sparse.csc_array(square + _DAMPED * largest * sparse.eye_array(self.equal)))
 
     def blocks(self, x: FloatArray) -> FloatArray:
         """(t, u) of all blocks (blocks, width)."""
@@ -232,18 +230,15 @@ class ConicProgram:
         missed = -margins[outside] * max(1.0, self.size(x) / self.size(inside))
         return float((missed / (room[outside] + missed)).max(initial=0.0))
 
-    def room(self) -> tuple[FloatArray, float]:
-        """The point that is farthest inside all inequalities and cones, and how far: negative if it is outside."""
-        found = self._roomy(each=False).solve()
-        return (np.zeros(0), -np.inf) if isinstance(found, str) else (self.projected(found.x[:-1]), float(found.x[-1]))
-
     def _inside(self) -> FloatArray | None:
-        """A point as far inside as can be, as far as rows leave room."""
-        x, room = self.room()
-        if room > 0.0 and self.margins(x).min(initial=0.0) > ROUNDING:
-            return x
-        found = self._roomy(each=True).solve()
-        return None if isinstance(found, str) else self.projected(found.x[: len(self.q)])
+        """A point as far inside as can be: the farthest one, or one that is inside as far as rows leave room."""
+        for each in (False, True):
+            found = self._roomy(each=each).solve()
+            if not isinstance(found, str):
+                x = self.projected(found.x[: len(self.q)])
+                if each or (found.x[-1] > 0.0 and self.margins(x).min(initial=0.0) > ROUNDING):
+                    return x
+        return None
 
     def _roomy(self, *, each: bool) -> ConicProgram:
         """Max m ≤ 1, with m taken off all rows; or Σ m_i with one for each row, 0 ≤ m_i ≤ 1e-3."""

@@ -457,11 +457,12 @@ def _cost(laws: list[Any], strain: Sequence[Fraction], shares: list[Any]) -> flo
 
 
 def _held(
-    stated: Statement, space: Velocities, moving: Mapping[int, Sequence[Terms]], bodies: Mapping[str, int]
-) -> Iterator[Terms]:
+    stated: Statement, space: Velocities, moving: Mapping[int, Sequence[Terms]], places: Sequence[Vector],
+    bodies: Mapping[str, int],
+) -> Iterator[Terms]:  # fmt: skip
     """Terms that are zero: velocities where no traction is given, and jumps where contacts do not part, or stick."""
     numbers = [[(n,) for n in cell[part].tolist()] for cell in space.global_ for part in space.nodes.of_parts]
-    places, field = _places(stated, space), {"degree": space.degree, "ordinates": numbers}
+    field = {"degree": space.degree, "ordinates": numbers}
     for pair, _, (own, *beyond), contact, _, loads in edges(stated.about, field):
         directions, body = [d for d, given in loads if given is None], -1
         if contact:
@@ -494,10 +495,10 @@ def _at_limits(
     stated: Statement, contact: Contact, known: dict[str, Any], blocks: IntArray, plate: int,
     motions: Sequence[Fraction],
 ) -> Iterator[Terms]:  # fmt: skip
-    """Terms that are zero where a motion is, within rounding, at the limit of a contact, at the ends of its edges."""
+    """Terms that are zero where a motion is, within rounding, at the limit of a contact that parts, at edges' ends."""
     joint, mu, cap = contact in stated.problem.joints, known["friction"], known["shear_limit"]
     edges = stated.mesh.edges(contact.edges)
-    dilates = contact.law == "unilateral" and cap is None and mu > 0
+    dilates = cap is None and mu > 0
     for n, pair in enumerate(known["edges"]):
         first, second = int(blocks[edges.cells[n, 0]]), int(blocks[edges.cells[n, 1]]) if joint else plate
         if first < 0 or (joint and second < 0):  # beside a body that flows
@@ -510,10 +511,10 @@ def _at_limits(
                 for d in ((-out * e[1], out * e[0]), e)
             )
             w, t = (float(_value(row, motions)) for row in (opening, slip))
-            if contact.law != "unilateral" or w - dilates * float(mu) * abs(t) <= small:
-                stuck = not dilates or abs(t) <= small
-                yield opening if stuck else combined((ONE, opening), (-mu if t > 0 else mu, slip))
-                if stuck and _sticks(known):
+            if w - dilates * float(mu) * abs(t) <= small:
+                slides = dilates and abs(t) > small
+                yield combined((ONE, opening), (-mu if t > 0 else mu, slip)) if slides else opening
+                if dilates and not slides:
                     yield slip
 
 
@@ -545,7 +546,8 @@ def _exactly(
     of_cells = space.rigid[space.global_]
     blocks = np.where((of_cells >= 0).all(axis=1), of_cells[:, 0], -1)
     for contact, known in zip(stated.contacts, stated.about["contacts"], strict=True):
-        rows += _at_limits(stated, contact, known, blocks, bodies.get(contact.name, -1), values)
+        if contact.law == "unilateral":
+            rows += _at_limits(stated, contact, known, blocks, bodies.get(contact.name, -1), values)
 
     smooth, moving = None, {n: [_rigid_row(rigid[n], axis, places[n]) for axis in _AXES] for n in range(space.count)}
     if keeps.any():
@@ -557,7 +559,7 @@ def _exactly(
     for n in (n for n, terms in moving.items() if not any(terms)):
         moving[n] = [{len(values): ONE}, {len(values) + 1: ONE}]
         values += map(Fraction, rounded[n].tolist())
-    all_rows = [(row, ZERO) for row in (*rows, *_held(stated, space, moving, bodies))]
+    all_rows = [(row, ZERO) for row in (*rows, *_held(stated, space, moving, places, bodies))]
     values = solved([*smooth.at_vertices(), *all_rows, *smooth.conditions()] if smooth else all_rows, values)
     found = [[_value(terms, values) for terms in moving[n]] for n in range(space.count)]
     moved = {each.name: [_value(row, values) for row in pivots.get(each.name, [{}] * 3)] for each in stated.contacts}
