@@ -458,21 +458,44 @@ def _cost(laws: list[Any], strain: Sequence[Fraction], shares: list[Any]) -> flo
 
 def _held(
     stated: Statement, space: Velocities, moving: Mapping[int, Sequence[Terms]], places: Sequence[Vector],
-    bodies: Mapping[str, int],
+    bodies: Mapping[str, int], values: Sequence[Fraction],
 ) -> Iterator[Terms]:  # fmt: skip
-    """Terms that are zero: velocities where no traction is given, and jumps where contacts do not part, or stick."""
+    """Terms that are zero: velocities without a given traction, jumps of contacts that do not part, or at a limit."""
     numbers = [[(n,) for n in cell[part].tolist()] for cell in space.global_ for part in space.nodes.of_parts]
-    field = {"degree": space.degree, "ordinates": numbers}
-    for pair, _, (own, *beyond), contact, _, loads in edges(stated.about, field):
+    field, rigid = {"degree": space.degree, "ordinates": numbers}, space.rigid.tolist()
+    for (i, j), normal, (own, *beyond), contact, _, loads in edges(stated.about, field):
         directions, body = [d for d, given in loads if given is None], -1
+        nodes = [(first, beyond[0][k][0] if beyond else -1) for k, (first,) in enumerate(own)]
         if contact:
-            e, body = stated.edge(pair), bodies.get(contact["name"], -1)
-            parts = contact["law"] == "unilateral"
-            directions = [] if parts else [(e[1], -e[0]), *([e] if _sticks(contact) else [])]
-        for k, (n,) in enumerate(own):
+            e, body = stated.edge((i, j)), bodies.get(contact["name"], -1)
+            if contact["law"] != "unilateral":
+                directions = [normal, *([e] if _sticks(contact) else [])]
+            elif all(rigid[n] >= 0 for side in (own, *beyond) for (n,) in side):
+                for first, second in (nodes[0], nodes[-1]):
+                    at, other = places[first], rigid[second] if beyond else body
+                    opening, slip = (
+                        combined((ONE, _rigid_row(rigid[first], d, at)), (-ONE, _rigid_row(other, d, at)))
+                        for d in (less((0, 0), normal), e)
+                    )
+                    yield from _at_limit(contact, e, opening, slip, values)
+        for first, second in nodes:
             for d in directions:
-                other = _along(moving[beyond[0][k][0]], d) if beyond else _rigid_row(body, d, places[n])
-                yield combined((ONE, _along(moving[n], d)), (-ONE, other))
+                other = _along(moving[second], d) if beyond else _rigid_row(body, d, places[first])
+                yield combined((ONE, _along(moving[first], d)), (-ONE, other))
+
+
+def _at_limit(
+    contact: dict[str, Any], e: Vector, opening: Terms, slip: Terms, values: Sequence[Fraction]
+) -> Iterator[Terms]:
+    """Terms that are zero where a contact that parts is, within rounding, at its limit: w = 0, or w = μ |[v]_T|."""
+    mu, small = contact["friction"], _ACTIVE * float(dot(e, e)) ** 0.5
+    dilates = contact["shear_limit"] is None and mu > 0
+    w, t = (float(_value(row, values)) for row in (opening, slip))
+    if w - dilates * float(mu) * abs(t) <= small:
+        slides = dilates and abs(t) > small
+        yield combined((ONE, opening), (-mu if t > 0 else mu, slip)) if slides else opening
+        if dilates and not slides:
+            yield slip
 
 
 def _along(v: Sequence[Terms], d: Vector) -> Terms:
@@ -489,33 +512,6 @@ def _rigid_row(body: int, d: Vector, at: Vector) -> Terms:
     """d·v at a place as terms of the motions of bodies; without a body none."""
     parts = (d[0], d[1], d[1] * at[0] - d[0] * at[1])
     return {3 * body + i: part for i, part in enumerate(parts) if part} if body >= 0 else {}
-
-
-def _at_limits(
-    stated: Statement, contact: Contact, known: dict[str, Any], blocks: IntArray, plate: int,
-    motions: Sequence[Fraction],
-) -> Iterator[Terms]:  # fmt: skip
-    """Terms that are zero where a motion is, within rounding, at the limit of a contact that parts, at edges' ends."""
-    joint, mu, cap = contact in stated.problem.joints, known["friction"], known["shear_limit"]
-    edges = stated.mesh.edges(contact.edges)
-    dilates = cap is None and mu > 0
-    for n, pair in enumerate(known["edges"]):
-        first, second = int(blocks[edges.cells[n, 0]]), int(blocks[edges.cells[n, 1]]) if joint else plate
-        if first < 0 or (joint and second < 0):  # beside a body that flows
-            continue
-        e, out = stated.edge(pair), stated.outward[pair]
-        small = _ACTIVE * float(dot(e, e)) ** 0.5
-        for at in (stated.points[end] for end in pair):
-            opening, slip = (
-                combined((ONE, _rigid_row(first, d, at)), (-ONE, _rigid_row(second, d, at)))
-                for d in ((-out * e[1], out * e[0]), e)
-            )
-            w, t = (float(_value(row, motions)) for row in (opening, slip))
-            if w - dilates * float(mu) * abs(t) <= small:
-                slides = dilates and abs(t) > small
-                yield combined((ONE, opening), (-mu if t > 0 else mu, slip)) if slides else opening
-                if dilates and not slides:
-                    yield slip
 
 
 def _value(terms: Terms, values: Sequence[Fraction]) -> Fraction:
@@ -543,12 +539,6 @@ def _exactly(
             {3 * bodies[name] + 2: ONE}
         ]
         rows += [row for row, force in zip(pivots[name], known["forces"], strict=True) if force is None]
-    of_cells = space.rigid[space.global_]
-    blocks = np.where((of_cells >= 0).all(axis=1), of_cells[:, 0], -1)
-    for contact, known in zip(stated.contacts, stated.about["contacts"], strict=True):
-        if contact.law == "unilateral":
-            rows += _at_limits(stated, contact, known, blocks, bodies.get(contact.name, -1), values)
-
     smooth, moving = None, {n: [_rigid_row(rigid[n], axis, places[n]) for axis in _AXES] for n in range(space.count)}
     if keeps.any():
         smooth, streams = _streams(stated, space, np.flatnonzero(keeps), len(values))
@@ -559,7 +549,7 @@ def _exactly(
     for n in (n for n, terms in moving.items() if not any(terms)):
         moving[n] = [{len(values): ONE}, {len(values) + 1: ONE}]
         values += map(Fraction, rounded[n].tolist())
-    all_rows = [(row, ZERO) for row in (*rows, *_held(stated, space, moving, places, bodies))]
+    all_rows = [(row, ZERO) for row in (*rows, *_held(stated, space, moving, places, bodies, values))]
     values = solved([*smooth.at_vertices(), *all_rows, *smooth.conditions()] if smooth else all_rows, values)
     found = [[_value(terms, values) for terms in moving[n]] for n in range(space.count)]
     moved = {each.name: [_value(row, values) for row in pivots.get(each.name, [{}] * 3)] for each in stated.contacts}

@@ -312,7 +312,7 @@ class StressProgram:
 
     def _held(self, program: ConicProgram, x: FloatArray, violation: float) -> Carried:
         """What stresses carry; minus infinity if the solver has given up."""
-        violation = max(violation, -float(program.margins(x).min()))
+        violation = max(violation, -float(program.margins(x).min(initial=0.0)))
         grown = max(1.0, program.size(x) / max(1.0, program.size(0.0 * x)))  # stresses beyond loads and limits
         if violation * grown > HELD:
             return Carried(-np.inf)
