@@ -200,6 +200,8 @@ def test_loads_that_cannot_be_carried():
     with pytest.raises(SolveError, match="no motion of rigid blocks"):
         limit_proof(replace(wall, conditions=[each for each in wall.conditions if each.name != "push"]
                             + [Traction("left", x=0, y=0)]), [])  # fmt: skip
+    with pytest.raises(SolveError, match="nothing to prove"):  # nor has a body without any limit
+        limit_proof(stretched(None), ["top"])
 
 
 def test_a_factor_beyond_the_limit_has_no_proof():
