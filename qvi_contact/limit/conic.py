@@ -230,15 +230,18 @@ class ConicProgram:
         missed = -margins[outside] * max(1.0, self.size(x) / self.size(inside))
         return float((missed / (room[outside] + missed)).max(initial=0.0))
 
+    def room(self) -> tuple[FloatArray, float]:
+        """The point that is farthest inside all inequalities and cones, and how far: negative if it is outside."""
+        found = self._roomy(each=False).solve()
+        return (np.zeros(0), -np.inf) if isinstance(found, str) else (self.projected(found.x[:-1]), float(found.x[-1]))
+
     def _inside(self) -> FloatArray | None:
-        """A point as far inside as can be: the farthest one, or one that is inside as far as rows leave room."""
-        for each in (False, True):
-            found = self._roomy(each=each).solve()
-            if not isinstance(found, str):
-                x = self.projected(found.x[: len(self.q)])
-                if each or (found.x[-1] > 0.0 and self.margins(x).min(initial=0.0) > ROUNDING):
-                    return x
-        return None
+        """A point as far inside as can be, as far as rows leave room."""
+        x, room = self.room()
+        if room > 0.0 and self.margins(x).min(initial=0.0) > ROUNDING:
+            return x
+        found = self._roomy(each=True).solve()
+        return None if isinstance(found, str) else self.projected(found.x[: len(self.q)])
 
     def _roomy(self, *, each: bool) -> ConicProgram:
         """Max m ≤ 1, with m taken off all rows; or Σ m_i with one for each row, 0 ≤ m_i ≤ 1e-3."""
