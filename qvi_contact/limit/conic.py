@@ -94,10 +94,8 @@ class ConicProgram:
         kinds = [clarabel.ZeroConeT(self.equal)] if self.equal else []
         kinds += [clarabel.NonnegativeConeT(self.linear)] if self.linear else []
         kinds += [clarabel.SecondOrderConeT(self.width)] * blocks
-        A = sparse.csc_array(self.A)
-        scale = np.sqrt(np.asarray(A.multiply(A).sum(axis=0))).ravel()
-        scale[scale <= _ROUNDED * scale.max(initial=0.0)] = 1.0
-        A = sparse.csc_array(A @ sparse.diags_array(1.0 / scale))
+        scale = self._scale
+        A = sparse.csc_array(sparse.csc_array(self.A) @ sparse.diags_array(1.0 / scale))
         q, unit = self.q / scale, float(np.abs(self.b).max(initial=0.0)) or 1.0  # its tolerances are for numbers near 1
         size = float(np.abs(q).max(initial=0.0)) or 1.0
         settings = clarabel.DefaultSettings()
@@ -156,19 +154,33 @@ class ConicProgram:
         return np.concatenate([np.arange(self.equal, first), np.arange(first, len(self.b), self.width)])
 
     def projected(self, x: FloatArray) -> FloatArray:
-        """The nearest point that keeps the equations, which may depend on each other."""
+        """The point that keeps the equations and is nearest to x, in all other rows if equations are independent."""
         found, E, e = np.array(x), self.A[: self.equal], self.b[: self.equal]
         for _ in range(_SWEEPS if self.equal else 0):
-            found += E.T @ self._normal.solve(e - E @ found)
+            back, normal = self._nearest
+            found += back @ normal.solve(e - E @ found)
         return np.asarray(found)
 
     @cached_property
-    def _normal(self) -> Any:
-        """The factorised E Eᵀ of the equations."""
+    def _scale(self) -> FloatArray:
+        """The size of each column."""
+        A = sparse.csc_array(self.A)
+        scale = np.sqrt(np.asarray(A.multiply(A).sum(axis=0))).ravel()
+        return np.where(scale <= _ROUNDED * scale.max(initial=0.0), 1.0, scale)
+
+    @cached_property
+    def _nearest(self) -> tuple[Any, Any]:
+        """H⁻¹ Eᵀ of the equations E, and E H⁻¹ Eᵀ factorised: H is Gᵀ G of other rows and q; of dependent ones 1."""
         E = self.A[: self.equal]
-        square = sparse.csc_array(E @ E.T)
+        back: Any = E.T
+        if not self.dependent:  # they are few
+            units = sparse.diags_array(1.0 / self._scale)
+            G = sparse.vstack([self.A[self.equal :], sparse.csr_array(self.q[None])]) @ units
+            H = sparse.csc_array(G.T @ G + _DAMPED * sparse.eye_array(len(self.q)))
+            back = units @ linalg.splu(H).solve((E @ units).T.toarray())
+        square = sparse.csc_array(E @ back)
         largest = float(np.abs(square.diagonal()).max())
-        return linalg.splu(sparse.csc_array(square + _DAMPED * largest * sparse.eye_array(self.equal)))
+        return back, linalg.splu(sparse.csc_array(square + _DAMPED * largest * sparse.eye_array(self.equal)))
 
     def blocks(self, x: FloatArray) -> FloatArray:
         """(t, u) of all blocks (blocks, width)."""
@@ -195,7 +207,8 @@ class ConicProgram:
         x, inside = self.projected(x), self.projected(np.zeros_like(x))
         known = self.margins(inside).min(initial=1.0) > _ENOUGH
         missed = float(-self.margins(x).min(initial=0.0))
-        if missed > ROUNDING and not (known and self._share(x, inside) < _LITTLE):  # once more, with as much room
+        if self.dependent and missed > ROUNDING and not (known and self._share(x, inside) < _LITTLE):
+            # Once more, with as much room: flows inside may dissipate much more.
             found = self.tightened(room=_TIGHTER * missed * self.size(x)).solve()
             nearby = x if isinstance(found, str) else self.projected(found.x)
             if -self.margins(nearby).min(initial=0.0) < missed:

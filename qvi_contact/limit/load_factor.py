@@ -161,7 +161,7 @@ def limit_load_factor(
         posed = LimitProblem.of(problem, checked_loads(problem, loads), degree)
         log.begin({"loads": ", ".join(posed.names), "unknowns": posed.unknowns})
         limit = posed.limit
-        gap = limit.bound - limit.lower
+        gap = limit.bound - posed.carried.factor
         agree = problem.yields or gap <= CERTIFIED * (1.0 + abs(limit))
         if np.isfinite(limit.lower) and not (agree and limit.violation <= CERTIFIED):
             raise SolveError(
@@ -222,12 +222,14 @@ class LimitProblem:
         """Both sides. Rigid blocks are one way in which a body gives way; where it yields others may be easier."""
         carried, low, (of_blocks, mechanism) = self.carried, self.low, self.of_blocks
         if of_blocks == -np.inf or not self.problem.yields:
-            return LimitLoad(carried.factor, of_blocks, mechanism, carried.bound, carried.violation)
+            lower = _rounded(carried.factor, of_blocks)
+            return LimitLoad(lower, of_blocks, mechanism, carried.bound, carried.violation)
         program = self.flow
         flow = program.solved()
         upper = min(flow.bound, of_blocks)
         straight, collapse = not self.problem.mesh.curved.any(), None
-        if straight and carried.factor > upper and not carried.factor - upper <= CERTIFIED * (1.0 + abs(upper)):
+        lower = _rounded(carried.factor, upper)
+        if straight and lower > upper:
             raise SolveError(
                 f"limit load: stresses that carry {carried.factor:.9g} times the loads contradict a flow at "
                 f"{upper:.9g}: use another degree, or a mesh that is less graded"
@@ -239,7 +241,7 @@ class LimitProblem:
             parts, stress = program.gap_in_cells(low, carried, flow.motion), carried.stress * low.scales.stress
             collapse = Collapse(flow.motion, stress, parts, straight and missed <= _FOLLOWED)
         violation, of_blocks_only = max(carried.violation, flow.violation), of_blocks <= flow.bound
-        return LimitLoad(carried.factor, upper, mechanism if of_blocks_only else None, upper, violation, collapse)
+        return LimitLoad(lower, upper, mechanism if of_blocks_only else None, upper, violation, collapse)
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,6 +265,11 @@ class Collapse:
     stress: FloatArray
     gap: FloatArray
     guaranteed: bool
+
+
+def _rounded(lower: float, upper: float) -> float:
+    """The lower side: the upper one if only rounding takes it beyond."""
+    return upper if upper < lower <= upper + CERTIFIED * (1.0 + abs(upper)) else lower
 
 
 def loads_of(problem: ContactProblem) -> list[str]:

@@ -26,7 +26,7 @@ from qvi_contact.basics.writing import write_text
 from qvi_contact.element import legendre
 from qvi_contact.element.triangle import EDGES
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
-from qvi_contact.limit.check_proof import FORMAT, at_factor, check, dissipated, dot, gradient, less, triangles
+from qvi_contact.limit.check_proof import FORMAT, at_factor, check, dissipated, dot, edges, gradient, less, triangles
 from qvi_contact.limit.check_proof import exponents as _exponents
 from qvi_contact.limit.flow import FlowProgram, Velocities
 from qvi_contact.limit.load_factor import OPTIONS, LimitProblem, checked_loads
@@ -196,7 +196,7 @@ class Statement:
             "body_force": [[-c for c in potential[1:]] for potential in self.potentials],
             "strengths": [[] if law is None else list(self._cones(law, plane)) for law in laws],
             "strength_of": np.repeat(problem.cell_materials, 3).tolist(),
-            "loads": [{"edge": pair, "along": _along(loads)} for pair, loads in self.loads.items()],
+            "loads": [{"edge": pair, "along": _both(loads)} for pair, loads in self.loads.items()],
             "contacts": [self._contact(contact, names) for contact in self.contacts],
         }  # fmt: skip
 
@@ -292,7 +292,7 @@ class Statement:
         return found
 
 
-def _along(loads: list[_Load]) -> list[Any]:
+def _both(loads: list[_Load]) -> list[Any]:
     """Two directions with the loads along them, None where there is none."""
     (x, y), _ = loads[0]
     return [*loads, *([((-y, x), None)] if len(loads) == 1 else [])]
@@ -456,22 +456,51 @@ def _cost(laws: list[Any], strain: Sequence[Fraction], shares: list[Any]) -> flo
         return np.inf
 
 
-def _held(stated: Statement, space: Velocities) -> Iterator[tuple[int, Vector, int]]:
-    """Nodes on the boundary with directions d in which d·v is that of a plate, of this number, or zero, −1."""
-    boundary, found = stated.mesh.boundary, dict[_Edge, list[Vector]]()
-    plates, driven = dict[_Edge, int](), list(stated.plates)
-    pairs: list[_Edge] = list(zip(boundary.first.tolist(), boundary.second.tolist(), strict=True))
-    for i, j in pairs:
-        given = [d for d, _ in stated.loads.get((i, j), [])]
-        found[i, j] = [_AXES, [(-d[1], d[0]) for d in given], []][len(given)]
-    for contact, known in zip(stated.contacts, stated.about["contacts"], strict=True):
-        if contact not in stated.problem.joints:
-            for i, j in known["edges"]:
-                e = stated.edge((i, j))
-                found[i, j] = [] if contact.law == "unilateral" else [(e[1], -e[0]), *([e] if _sticks(known) else [])]
-                plates[i, j] = driven.index(contact.name) if contact.name in driven else -1
-    for pair, nodes in zip(pairs, space.along(boundary).tolist(), strict=True):
-        yield from ((n, d, plates.get(pair, -1)) for n in nodes for d in found[pair])
+def _held(
+    stated: Statement, space: Velocities, moving: Mapping[int, Sequence[Terms]], places: Sequence[Vector],
+    bodies: Mapping[str, int], values: Sequence[Fraction],
+) -> Iterator[Terms]:  # fmt: skip
+    """Terms that are zero: velocities without a given traction, jumps of contacts that do not part, or at a limit."""
+    numbers = [[(n,) for n in cell[part].tolist()] for cell in space.global_ for part in space.nodes.of_parts]
+    field, rigid = {"degree": space.degree, "ordinates": numbers}, space.rigid.tolist()
+    for (i, j), normal, (own, *beyond), contact, _, loads in edges(stated.about, field):
+        directions, body = [d for d, given in loads if given is None], -1
+        nodes = [(first, beyond[0][k][0] if beyond else -1) for k, (first,) in enumerate(own)]
+        if contact:
+            e, body = stated.edge((i, j)), bodies.get(contact["name"], -1)
+            if contact["law"] != "unilateral":
+                directions = [normal, *([e] if _sticks(contact) else [])]
+            elif all(rigid[n] >= 0 for side in (own, *beyond) for (n,) in side):
+                for first, second in (nodes[0], nodes[-1]):
+                    at, other = places[first], rigid[second] if beyond else body
+                    opening, slip = (
+                        combined((ONE, _rigid_row(rigid[first], d, at)), (-ONE, _rigid_row(other, d, at)))
+                        for d in (less((0, 0), normal), e)
+                    )
+                    yield from _at_limit(contact, e, opening, slip, values)
+        for first, second in nodes:
+            for d in directions:
+                other = _along(moving[second], d) if beyond else _rigid_row(body, d, places[first])
+                yield combined((ONE, _along(moving[first], d)), (-ONE, other))
+
+
+def _at_limit(
+    contact: dict[str, Any], e: Vector, opening: Terms, slip: Terms, values: Sequence[Fraction]
+) -> Iterator[Terms]:
+    """Terms that are zero where a contact that parts is, within rounding, at its limit: w = 0, or w = μ |[v]_T|."""
+    mu, small = contact["friction"], _ACTIVE * float(dot(e, e)) ** 0.5
+    dilates = contact["shear_limit"] is None and mu > 0
+    w, t = (float(_value(row, values)) for row in (opening, slip))
+    if w - dilates * float(mu) * abs(t) <= small:
+        slides = dilates and abs(t) > small
+        yield combined((ONE, opening), (-mu if t > 0 else mu, slip)) if slides else opening
+        if dilates and not slides:
+            yield slip
+
+
+def _along(v: Sequence[Terms], d: Vector) -> Terms:
+    """d·v as terms."""
+    return combined((d[0], v[0]), (d[1], v[1]))
 
 
 def _sticks(known: dict[str, Any]) -> bool:
@@ -483,33 +512,6 @@ def _rigid_row(body: int, d: Vector, at: Vector) -> Terms:
     """d·v at a place as terms of the motions of bodies; without a body none."""
     parts = (d[0], d[1], d[1] * at[0] - d[0] * at[1])
     return {3 * body + i: part for i, part in enumerate(parts) if part} if body >= 0 else {}
-
-
-def _at_limits(
-    stated: Statement, contact: Contact, known: dict[str, Any], blocks: IntArray, plate: int,
-    motions: Sequence[Fraction],
-) -> Iterator[Terms]:  # fmt: skip
-    """Terms that are zero where a motion is, within rounding, at the limit of a contact, at the ends of its edges."""
-    joint, mu, cap = contact in stated.problem.joints, known["friction"], known["shear_limit"]
-    edges = stated.mesh.edges(contact.edges)
-    dilates = contact.law == "unilateral" and cap is None and mu > 0
-    for n, pair in enumerate(known["edges"]):
-        first, second = int(blocks[edges.cells[n, 0]]), int(blocks[edges.cells[n, 1]]) if joint else plate
-        if first < 0 or (joint and second < 0):  # beside a body that flows
-            continue
-        e, out = stated.edge(pair), stated.outward[pair]
-        small = _ACTIVE * float(dot(e, e)) ** 0.5
-        for at in (stated.points[end] for end in pair):
-            opening, slip = (
-                combined((ONE, _rigid_row(first, d, at)), (-ONE, _rigid_row(second, d, at)))
-                for d in ((-out * e[1], out * e[0]), e)
-            )
-            w, t = (float(_value(row, motions)) for row in (opening, slip))
-            if contact.law != "unilateral" or w - dilates * float(mu) * abs(t) <= small:
-                stuck = not dilates or abs(t) <= small
-                yield opening if stuck else combined((ONE, opening), (-mu if t > 0 else mu, slip))
-                if stuck and _sticks(known):
-                    yield slip
 
 
 def _value(terms: Terms, values: Sequence[Fraction]) -> Fraction:
@@ -537,11 +539,6 @@ def _exactly(
             {3 * bodies[name] + 2: ONE}
         ]
         rows += [row for row, force in zip(pivots[name], known["forces"], strict=True) if force is None]
-    of_cells = space.rigid[space.global_]
-    blocks = np.where((of_cells >= 0).all(axis=1), of_cells[:, 0], -1)
-    for contact, known in zip(stated.contacts, stated.about["contacts"], strict=True):
-        rows += _at_limits(stated, contact, known, blocks, bodies.get(contact.name, -1), values)
-
     smooth, moving = None, {n: [_rigid_row(rigid[n], axis, places[n]) for axis in _AXES] for n in range(space.count)}
     if keeps.any():
         smooth, streams = _streams(stated, space, np.flatnonzero(keeps), len(values))
@@ -552,10 +549,7 @@ def _exactly(
     for n in (n for n, terms in moving.items() if not any(terms)):
         moving[n] = [{len(values): ONE}, {len(values) + 1: ONE}]
         values += map(Fraction, rounded[n].tolist())
-    for n, d, plate in _held(stated, space):
-        (x, y), body = moving[n], parts + plate if plate >= 0 else -1
-        rows.append(combined((d[0], x), (d[1], y), (-ONE, _rigid_row(body, d, places[n]))))
-    all_rows = [(row, ZERO) for row in rows]
+    all_rows = [(row, ZERO) for row in (*rows, *_held(stated, space, moving, places, bodies, values))]
     values = solved([*smooth.at_vertices(), *all_rows, *smooth.conditions()] if smooth else all_rows, values)
     found = [[_value(terms, values) for terms in moving[n]] for n in range(space.count)]
     moved = {each.name: [_value(row, values) for row in pivots.get(each.name, [{}] * 3)] for each in stated.contacts}

@@ -40,6 +40,7 @@ from solvers.inner.linear_program import UNBOUNDED as NO_LIMIT
 _Limits: TypeAlias = tuple[YieldCone, FloatArray, FloatArray | float]
 
 _AFFINE: Final = 1e-10  # share of a field's size that is rounding
+_WIDER: Final = HELD / 4.0  # of sizes: room that is nothing but rounding
 _TIGHTER: Final = 1e-8  # share of strengths that is kept back, so that rounding of the solver breaks no cone
 
 PRESSURE, TENSION, EITHER = -1, 1, 0
@@ -301,7 +302,7 @@ class StressProgram:
                     if found == UNBOUNDED:  # from any state that keeps the limits; the load itself may have none
                         return self._without_room(program, share, grows=True)
                     continue
-                carried = self._held(program, found, share)
+                carried = self._held(program, *program.repaired(found, share))
                 best = max(best, carried, key=lambda one: one.factor)
                 if np.isfinite(carried.factor) and carried.violation <= ROUNDING:
                     return best
@@ -309,9 +310,9 @@ class StressProgram:
 
         return self._with_signs(solve)
 
-    def _held(self, program: ConicProgram, found: FloatArray, share: float) -> Carried:
-        """What an answer carries; minus infinity if the solver has given up."""
-        x, violation = program.repaired(found, share)
+    def _held(self, program: ConicProgram, x: FloatArray, violation: float) -> Carried:
+        """What stresses carry; minus infinity if the solver has given up."""
+        violation = max(violation, -float(program.margins(x).min(initial=0.0)))
         grown = max(1.0, program.size(x) / max(1.0, program.size(0.0 * x)))  # stresses beyond loads and limits
         if violation * grown > HELD:
             return Carried(-np.inf)
@@ -320,13 +321,21 @@ class StressProgram:
         return Carried(float(x[-1]), violation, N @ x + n, unknowns=x, stress=stress)
 
     def _without_room(self, program: ConicProgram, share: float, *, grows: bool = False) -> Carried:
-        """The load itself, or more without end: the solver gives up where stresses grow along the tips of cones."""
-        modest, carried = program.up_to(1.0), Carried(-np.inf)
-        with suppress(SolveError):  # what is known is right without it
-            answer = modest.solve()
-            carried = carried if isinstance(answer, str) else self._held(modest, answer.x, share)
-            if np.isfinite(carried.factor) and (grows or program.falls()):
-                return Carried(np.inf)
+        """The load itself, or more without end: the solver gives up where stresses grow along the tips of cones.
+
+        It may take limits without room for none. Only if nothing keeps wider ones, no multiple is carried.
+        """
+        modest, wider = program.up_to(1.0), program.tightened(room=-_WIDER * program.size(0.0 * program.q))
+        carried = Carried(-np.inf)
+        for each in (modest, wider, wider.up_to(1.0)):
+            with suppress(SolveError):  # what is known is right without it
+                answer = each.solve()
+                if not isinstance(answer, str):
+                    carried = self._held(program, *each.repaired(answer.x, share))
+                if np.isfinite(carried.factor) and each is modest and (grows or program.falls()):
+                    return Carried(np.inf)
+            if np.isfinite(carried.factor):
+                break
         return carried
 
     def carried_by_contacts(self) -> Carried:

@@ -46,10 +46,10 @@ def heavy_wall(strength=None):
     )
 
 
-def on(bottom, strength=None):
-    """The wall on another contact."""
+def on(contact, strength=None):
+    """The wall with another contact."""
     wall = heavy_wall(strength)
-    return replace(wall, conditions=[bottom, *wall.conditions[1:]])
+    return replace(wall, conditions=[contact, *(each for each in wall.conditions if each.edges != contact.edges)])
 
 
 def under(law, strength=None, **forces):
@@ -82,6 +82,7 @@ def on_rock(strength):
         (on(Contact("bottom", 0.3, law="bilateral")), "push"),
         (on(Contact("bottom", 0.3, law="bilateral", shear_limit=0.3), MohrCoulomb(1.0, 0.3)), "push"),
         (on(Contact("bottom", 0.5, plate=RigidPlate(x=0.1)), MohrCoulomb(2.0, 0.6)), "push"),
+        (on(Contact("joint", 0.4, law="bilateral"), Tresca(2.0)), "push"),
         (punched(Tresca(0.7)), "punch"),
         (punched(MohrCoulomb(1.0, 0.4), 0.2), "punch"),
         (under("tied", force_x=0.0, moment=0.5, pivot=(0.5, 2.0)), "push"),
@@ -102,7 +103,7 @@ def test_proofs_hold_and_lose_next_to_nothing(problem, load):
     assert lower == Fraction(proof["stress"]["factor"])
     assert counted["edges with tractions"] >= 4.5 * problem.mesh.cell_count
     assert (counted["stresses in cones"] > 0) == problem.yields
-    assert (upper is None) == ("upper" in proof["missing"])
+    assert (upper is None) == ("upper" in proof["missing"]) == np.isinf(limit.upper)
     if upper is not None:
         assert float(upper) == pytest.approx(limit.upper, rel=1e-3)
 
@@ -199,6 +200,8 @@ def test_loads_that_cannot_be_carried():
     with pytest.raises(SolveError, match="no motion of rigid blocks"):
         limit_proof(replace(wall, conditions=[each for each in wall.conditions if each.name != "push"]
                             + [Traction("left", x=0, y=0)]), [])  # fmt: skip
+    with pytest.raises(SolveError, match="nothing to prove"):  # nor has a body without any limit
+        limit_proof(stretched(None), ["top"])
 
 
 def test_a_factor_beyond_the_limit_has_no_proof():
