@@ -8,17 +8,9 @@ from qvi_contact.bracket.parts import Bounds, EdgeParts
 from solvers.basics.front import front
 
 __all__ = [
-    "Bounds",
-    "Bracket",
-    "BracketKind",
-    "Branches",
-    "Certainty",
-    "CoulombBounds",
-    "EdgeParts",
-    "Uniqueness",
-    "bracket",
+    "Bounds", "Bracket", "BracketKind", "Branches", "Certainty", "CoulombBounds", "EdgeParts", "Uniqueness", "bracket",
     "other_solutions",
-]
+]  # fmt: skip
 
 __getattr__ = front(
     __name__,

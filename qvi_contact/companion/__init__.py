@@ -16,13 +16,7 @@ from qvi_contact.companion.model import (
 )
 from solvers.basics.front import front
 
-__all__ = [
-    "CompanionContact",
-    "CompanionResult",
-    "CompanionState",
-    "solve_companion",
-    "solve_companions",
-]
+__all__ = ["CompanionContact", "CompanionResult", "CompanionState", "solve_companion", "solve_companions"]
 
 __getattr__ = front(
     __name__,

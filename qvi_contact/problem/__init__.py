@@ -7,24 +7,9 @@ from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.front import front
 
 __all__ = [
-    "BodyForces",
-    "Contact",
-    "ContactProblem",
-    "Displacement",
-    "Expression",
-    "Material",
-    "Mises",
-    "MohrCoulomb",
-    "NoTension",
-    "PointData",
-    "Polynomial",
-    "Region",
-    "RigidPlate",
-    "Strength",
-    "Symmetry",
-    "Traction",
-    "Tresca",
-]
+    "BodyForces", "Contact", "ContactProblem", "Displacement", "Expression", "Material", "Mises", "MohrCoulomb",
+    "NoTension", "PointData", "Polynomial", "Region", "RigidPlate", "Strength", "Symmetry", "Traction", "Tresca",
+]  # fmt: skip
 
 __getattr__ = front(
     __name__,

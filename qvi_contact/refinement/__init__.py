@@ -9,8 +9,5 @@ __all__ = ["LimitFactor", "LimitRefinement", "Refinement", "RefinementRound", "R
 
 __getattr__ = front(
     __name__,
-    {
-        "bisection": ("bulk", "energies_between", "places", "reference_problem"),
-        "measure": ("unit_of",),
-    },
+    {"bisection": ("bulk", "energies_between", "places", "reference_problem"), "measure": ("unit_of",)},
 )

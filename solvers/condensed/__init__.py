@@ -15,15 +15,7 @@ __getattr__ = front(
     __name__,
     {
         "complementarity": ("Complementarity",),
-        "interior_point": (
-            "GAP",
-            "InteriorPoint",
-            "Newton",
-            "Point",
-            "Residuals",
-            "start_near",
-            "CentralPath",
-        ),
+        "interior_point": ("GAP", "InteriorPoint", "Newton", "Point", "Residuals", "start_near", "CentralPath"),
         "systems": ("DenseCoordinates", "DenseSystem", "FRICTION_SHARES", "PathWeights", "SparseCoordinates"),
     },
 )

@@ -24,11 +24,7 @@ TOUCHING: Final = 1e-7  # where slip begins from zero at a loaded point, tractio
 _STRESS: Final = "largest error of σ at 60 points over the largest |σ|"
 _SLIP: Final = "largest error of the slip over the largest slip"
 
-_MESHES: Final = {
-    "one cell": ((1, 1), 1.0),
-    "3 × 2 cells": ((3, 2), 1.0),
-    "5 × 4 cells graded by 0.4": ((5, 4), 0.4),
-}
+_MESHES: Final = {"one cell": ((1, 1), 1.0), "3 × 2 cells": ((3, 2), 1.0), "5 × 4 cells graded by 0.4": ((5, 4), 0.4)}
 _WIDTH, _HEIGHT, _LOW = 2.0, 1.0, -0.5
 
 
