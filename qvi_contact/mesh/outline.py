@@ -132,12 +132,12 @@ def polygons(
     size = positive_number("size", size)
     if size > LARGEST:
         raise InputError("size", size, f"give at most {LARGEST:.0e}: take other units")
-    places = mapping("sizes", sizes or {}, "points to sizes")
+    places = mapping("sizes", sizes, "points to sizes", optional=True)
     boundary = [_polygon("corners", corners, size, closed=True)]
     boundary += [_polygon(f"holes[{k}]", line, size, closed=True) for k, line in enumerate(_listed(holes))]
     inner, areas = list[Polygon](), dict[str, Polygon]()
     for kind, given in (("joints", joints), ("regions", regions)):
-        for name, line in mapping(kind, given or {}, "names to lines").items():
+        for name, line in mapping(kind, given, "names to lines", optional=True).items():
             if not isinstance(name, str) or not name:
                 raise InputError(kind, name, "give names that are not empty")
             last = _listed(line)[-1:]  # a joint whose last corner begins an arc can only lead back to the first

@@ -162,8 +162,9 @@ class TriangleMesh(PicklesFields):
         and two lines (y₁, y₂), None for all.
         """
         mesh = cls(*grid_parts(x, y, active))
+        what = "names to segments, or to functions of (x, y)"
         for kind, given in (("edges", edges), ("joints", joints)):
-            for name, place in mapping(kind, given or {}, "names to segments, or to functions of (x, y)").items():
+            for name, place in mapping(kind, given, what, optional=True).items():
                 where: Where = place
                 if not callable(place):
                     remedy = "give a pair of points ((x, y), (x, y)), or a function of (x, y)"
@@ -173,7 +174,7 @@ class TriangleMesh(PicklesFields):
                     inside = kind == "joints"
                     where = edges_on_segment(mesh.vertices, mesh.topology, *ends.tolist(), inside=inside)
                 mesh = mesh.with_joint(name, where) if kind == "joints" else mesh.with_edges(name, where)
-        for name, ranges in mapping("regions", regions or {}, "names to pairs of ranges").items():
+        for name, ranges in mapping("regions", regions, "names to pairs of ranges", optional=True).items():
             if not isinstance(ranges, (tuple, list)) or len(ranges) != 2:
                 raise InputError(f"regions[{name!r}]", ranges, "give a pair of ranges ((x, x), (y, y)), None for all")
             mesh = mesh.with_region(name, triangles_in_box(mesh.vertices, mesh.cells, ranges[0], ranges[1]))

@@ -46,8 +46,10 @@ def one_of(field: str, value: object, choices: Iterable[str], remedy: str = "") 
     return value
 
 
-def mapping(field: str, value: object, what: str) -> Mapping[Any, Any]:
-    """The value if it is a mapping; else `InputError`, whose remedy says what of."""
+def mapping(field: str, value: object, what: str, *, optional: bool = False) -> Mapping[Any, Any]:
+    """The value if it is a mapping, an empty one for None if that is allowed; else `InputError` that says what of."""
+    if value is None and optional:
+        return {}
     if not isinstance(value, Mapping):
         raise InputError(field, value, f"give a mapping of {what}")
     return value

@@ -272,8 +272,6 @@ REFUSALS = {
     "stress": principal_stresses,
     "displacement": lambda displacement: loop_area(displacement, [0.0, 1.0]),
     "force": lambda force: loop_area([0.0, 1.0], force),
-}
-MESHES = {
     "TriangleMesh.edge_sets": lambda sets: TriangleMesh(CUT.vertices, CUT.cells, sets),
     "TriangleMesh.regions": lambda sets: TriangleMesh(CUT.vertices, CUT.cells, {}, sets),
     "TriangleMesh.arcs": lambda arcs: TriangleMesh(CUT.vertices, CUT.cells, arcs=arcs),
@@ -293,19 +291,13 @@ MESHES = {
     "x, y": lambda x: step().displacement(x, 0.5),
 }
 
-ALWAYS_WRONG = ["rough", 2.5, -1, np.nan, 1j, Odd(), [[0.5]], np.array([[1.0, np.nan]]), 10**400, {"x": 1}]
+ALWAYS_WRONG = ["rough", -1.5, np.nan, 1j, Odd(), [Odd()], [[1, 2], [3]], np.array([[1.0], [np.nan]]), 10**400, 1e308]
 
 
 @pytest.mark.parametrize("entry", REFUSALS)
 def test_arguments_of_no_kind(entry):
     for value in ALWAYS_WRONG:
         refused(REFUSALS[entry], value, entry.split(" of ")[0])
-
-
-@pytest.mark.parametrize("entry", MESHES)
-def test_meshes_are_made_of_what_they_are_made_of(entry):
-    for value in (np.nan, -1.5, 1j, "text", Odd(), [[1, 2], [3]], [Odd()], 10**400, 1e308):
-        refused(MESHES[entry], value, entry.split(" of ")[0])
 
 
 HUGE = {
