@@ -79,7 +79,8 @@ def change(solution: QVISolution, base: FrictionQVI, moved: FrictionQVI, sign: f
     M = H_C[:, columns] * rows.sign
     q = rows.limit - rows.by_normal * free[pressed] - rows.by_shear * free[along]
     x = _relieved(M, q, rows.strong)
-    changed = max(np.abs(rows.limit).max(initial=0.0), np.abs(free).max(initial=0.0))
+    stress = np.abs([qvi.normal(z), qvi.tangential(z)]).max(initial=_LEAST)  # a change this much smaller is rounding
+    changed = max(_LEAST * stress, np.abs(rows.limit).max(initial=0.0), np.abs(free).max(initial=0.0))
     if np.abs((q + M @ x)[rows.strong]).max(initial=0.0) > _LEFT * changed:  # such as friction in free sliding
         remedy = "the parameter drives a motion that nothing determines: add a support, or give it another value"
         raise InputError("derivative", "none found", remedy)

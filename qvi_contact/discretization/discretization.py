@@ -129,7 +129,7 @@ class Discretization(PicklesFields):
                     "bore. This is a press fit: the pin presses all around before it is loaded. If it should have a "
                     "clearance, give it a smaller radius."
                 )
-        return (*found, *_jumps(self.problem))
+        return (*found, *_jumps(self.problem, self.scales))
 
     def with_law(self, problem: ContactProblem) -> Discretization:
         """Another problem, in these units, that differs in friction, cohesion and caps of contacts only."""
@@ -321,7 +321,7 @@ def law_of(contacts: Sequence[ContactRows]) -> Law:
     return Law(*map(np.concatenate, zip(*parts, strict=True))) if parts else Law(np.empty(0))
 
 
-def _jumps(problem: ContactProblem) -> Iterator[str]:
+def _jumps(problem: ContactProblem, scales: Scales) -> Iterator[str]:
     """A sentence where displacements prescribed beside a vertex disagree there: the energy has no limit then.
 
     Beside the end of a joint they are those of two bodies, which may.
@@ -347,7 +347,7 @@ def _jumps(problem: ContactProblem) -> Iterator[str]:
     for name in mesh.joint_names:
         missed[np.isin(vertex, edge_ends(mesh.edges(name)))] = 0.0
     worst = int(np.argmax(missed))
-    if missed[worst] > _MISFIT * np.abs(value).max():
+    if missed[worst] > _MISFIT * max(scales.displacement, np.abs(value).max()):
         x, y = mesh.vertices[vertex[worst]]
         yield (
             f"Prescribed displacements disagree at ({x:.6g}, {y:.6g}), by about {2.0 * missed[worst]:.3g} [length]. "
