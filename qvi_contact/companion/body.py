@@ -183,7 +183,7 @@ def _along_arcs(
     n, dofs, rows = len(once), dofs[once], np.concatenate(list(each))[once]
     rows = rows.reshape(n, 2 * (degree - 1), degree + 1, 2)
     inside, at_ends = dofs[:, 1:-1].reshape(n, -1), dofs[:, [0, -1]].reshape(n, -1)
-    A, B = rows[:, :, 1:-1].reshape(*rows.shape[:2], -1), rows[:, :, [0, -1]].reshape(*rows.shape[:2], -1)
+    A, B = rows[:, :, 1:-1].reshape(n, *2 * inside.shape[1:]), rows[:, :, [0, -1]].reshape(*inside.shape, 4)
     size, keep, inverse = Q.shape[0], np.ones(Q.shape[0]), np.asarray(np.linalg.inv(A), dtype=np.float64)
     keep[inside] = 0.0
     whole = sparse.diags_array(keep) @ Q @ sparse.diags_array(keep)

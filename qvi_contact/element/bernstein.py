@@ -10,6 +10,7 @@ from functools import cache
 from math import comb
 
 import numpy as np
+from numpy.polynomial import Legendre
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.element import legendre
@@ -45,8 +46,13 @@ def largest_quadratic(b: FloatArray) -> FloatArray:
 
 
 def nodes(degree: int) -> FloatArray:
-    """Chebyshev-Lobatto points (degree + 1,), the ends included: where data are interpolated."""
-    return np.asarray(0.5 * (1.0 - np.cos(np.pi * np.arange(degree + 1) / degree)))
+    """Gauss-Lobatto points (degree + 1,), the ends included: where data are interpolated.
+
+    What polynomials through them miss on arcs, of directions that turn, is at right angles to polynomials of degree
+    p − 2: smooth tractions do next to no work along it.
+    """
+    inside = Legendre.basis(degree).deriv().roots()
+    return np.concatenate([[0.0], 0.5 + 0.25 * (inside - inside[::-1]), [1.0]])
 
 
 @cache

@@ -307,7 +307,8 @@ def test_arcs_that_are_moved(turn):
         arcs += [Displacement("outer", normal=outer, tangential=-turn / OUTER)]
         parts = [lambda *at: field(*at)[0], lambda *at: field(*at)[1]]
         arcs += [Displacement("bottom", *parts), Displacement("left", *parts)]
-    found = companion_of(ContactProblem(quarter(2, 4), Material(1000.0, NU), arcs), degree=4)
     r, angle = np.random.default_rng(1).uniform([[1.02], [0.02]], [[1.98], [1.55]], (2, 50))
     x, y = r * np.cos(angle), r * np.sin(angle)
-    assert np.abs(found.displacement(x, y).T - field(x, y)).max() < 2e-4 * np.abs(field(x, y)).max()
+    for degree, most in ((1, 0.07), (4, 2e-4)):
+        found = companion_of(ContactProblem(quarter(2, 4), Material(1000.0, NU), arcs), degree=degree)
+        assert np.abs(found.displacement(x, y).T - field(x, y)).max() < most * np.abs(field(x, y)).max()
