@@ -45,14 +45,17 @@ def largest_quadratic(b: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(b[:, [0, 2]].max(axis=1), (basis(2, t) * b).sum(axis=1)))
 
 
+@cache
 def nodes(degree: int) -> FloatArray:
     """Gauss-Lobatto points (degree + 1,), the ends included: where data are interpolated.
 
     What polynomials through them miss on arcs, of directions that turn, is at right angles to polynomials of degree
     p − 2: smooth tractions do next to no work along it.
     """
-    inside = Legendre.basis(degree).deriv().roots()
-    return np.concatenate([[0.0], 0.5 + 0.25 * (inside - inside[::-1]), [1.0]])
+    inside = np.asarray(Legendre.basis(degree).deriv().roots(), dtype=np.float64)
+    found = np.concatenate([[0.0], 0.5 + 0.25 * (inside - inside[::-1]), [1.0]])
+    found.flags.writeable = False
+    return found
 
 
 @cache
