@@ -296,10 +296,12 @@ class DisplacementSpace:
     def rigid(self) -> FloatArray:
         """Rigid motions of every block, shape (size, 3 blocks): along x, along y, turning about its middle."""
         blocks = int(self.block.max()) + 1
-        found = np.zeros((self.size // 2, 2, blocks, 3))
+        found, places = np.zeros((self.size // 2, 2, blocks, 3)), self.places.copy()
+        bent = self.curved.numbers  # there coefficients of x are not its values at the places
+        places[self.table[bent]] = np.linalg.inv(self.cell.values(self.cell.places)) @ places[self.table[bent]]
         for block in range(blocks):
             mine = self.owner == block
-            x, y = (self.places[mine] - self.places[mine].mean(axis=0)).T
+            x, y = (places[mine] - places[mine].mean(axis=0)).T
             found[mine, 0, block, 0] = found[mine, 1, block, 1] = 1.0
             found[mine, 0, block, 2], found[mine, 1, block, 2] = -y, x
         return found.reshape(self.size, 3 * blocks)
