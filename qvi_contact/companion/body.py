@@ -180,7 +180,7 @@ def _along_arcs(
     n, dofs, rows = len(once), dofs[once], np.concatenate(list(each))[once]
     rows = rows.reshape(n, 2 * (degree - 1), degree + 1, 2)
     inside, at_ends = dofs[:, 1:-1].reshape(n, -1), dofs[:, [0, -1]].reshape(n, -1)
-    A, B = rows[:, :, 1:-1].reshape(*rows.shape[:2], -1), rows[:, :, [0, -1]].reshape(*rows.shape[:2], -1)
+    A, B = rows[:, :, 1:-1].reshape(n, *2 * inside.shape[1:]), rows[:, :, [0, -1]].reshape(*inside.shape, 4)
     size, keep, inverse = Q.shape[0], np.ones(Q.shape[0]), np.asarray(np.linalg.inv(A), dtype=np.float64)
     keep[inside] = 0.0
     whole = sparse.diags_array(keep) @ Q @ sparse.diags_array(keep)
@@ -195,6 +195,7 @@ _INITIAL = 6  # degree of the quadrature with initial strains, half of it: those
 _ENTRIES = ([0, 2], [2, 1])  # of (ε_xx, ε_yy, 2ε_xy): where ∂_x and ∂_y of each component go to
 
 _FREE = 1e-11  # singular value of rigid motions at supports, relative, that counts as zero
+_AS_STRAINED, _FREE_ON_ARCS = 10.0, 1e-5  # beside arcs, of the forces that strain a rigid motion, and at most
 _CORRECTIONS = 3
 
 
@@ -383,10 +384,11 @@ class CondensedBody:
         """
         size, Q = body.space.size, supports.axes
         free = np.setdiff1d(np.arange(size), supports.index)
-        rigid = (supports.inverse @ np.pad(body.space.rigid(), ((0, body.size - size), (0, 0))))[:size]
+        motions, K, turned = body.space.rigid(), body.stiffness(), Q[:size, :size]
+        strained = float(np.linalg.norm(K @ motions)) / float(K.diagonal().max())  # on arcs alone more than rounding
+        rigid = (supports.inverse @ np.pad(motions, ((0, body.size - size), (0, 0))))[:size]
         interface = np.setdiff1d((rows @ Q)[:, :size].indices, supports.index)
-        interface = np.union1d(interface, _pins(body, rigid, supports.index, interface)).astype(np.int64)
-        K, turned = body.stiffness(), Q[:size, :size]
+        interface = np.union1d(interface, _pins(body, rigid, supports.index, interface, strained)).astype(np.int64)
         K = (sparse.csr_array(turned.T @ K @ turned) if supports.slanted else K)[free][:, free]
         place = np.searchsorted(free, interface)
         shift = float(K.diagonal().mean()) if len(free) else 0.0
@@ -395,7 +397,7 @@ class CondensedBody:
         factor = factorise(sparse.csc_array(K + sparse.diags_array(held)), place)
         S = factor.schur - shift * np.eye(len(place))
         r, _ = factor.reduce((Q.T @ (load - body.force(Q @ supports.fixed)))[free])
-        motions = (rigid @ _unheld(rigid[supports.index]))[interface]
+        motions = (rigid @ _unheld(rigid[supports.index], strained))[interface]
         R = np.asarray(np.linalg.qr(motions)[0]) if motions.size else np.zeros((len(motions), 0))
         more = body.size - size  # springs
         S, interface = block_diag(S, body.springs.toarray()), np.append(interface, np.arange(size, body.size))
@@ -425,14 +427,14 @@ class CondensedBody:
         return np.asarray(Q @ w)
 
 
-def _pins(body: Elasticity, rigid: FloatArray, fixed: IntArray, interface: IntArray) -> IntArray:
+def _pins(body: Elasticity, rigid: FloatArray, fixed: IntArray, interface: IntArray, strained: float) -> IntArray:
     """Two vertices of every block that neither supports nor contacts would hold: Γ must hold all motions."""
     held = np.concatenate([fixed, interface])
     blocks = int(body.space.block.max()) + 1
     found: list[IntArray] = [np.empty(0, dtype=np.int64)]
     for block in range(blocks):
         motions = rigid[:, 3 * block : 3 * block + 3]
-        if _unheld(motions[held]).shape[1]:
+        if _unheld(motions[held], strained).shape[1]:
             mine = np.flatnonzero(body.space.owner == block)
             place = body.space.places[mine].sum(axis=1)
             pair = mine[[int(np.argmin(place)), int(np.argmax(place))]]
@@ -440,6 +442,10 @@ def _pins(body: Elasticity, rigid: FloatArray, fixed: IntArray, interface: IntAr
     return np.setdiff1d(np.concatenate(found), fixed)
 
 
-def _unheld(motions: FloatArray) -> FloatArray:
-    """Combinations (k, j) of rigid motions that rest where these (m, k) are, which are of the size of one."""
-    return null_space(motions, _FREE * max(1.0, float(np.linalg.norm(motions))))
+def _unheld(motions: FloatArray, strained: float) -> FloatArray:
+    """Combinations (k, j) of rigid motions that rest where these (m, k) are, which are of the size of one.
+
+    As closely as elements beside arcs, which `strained` tells, can turn.
+    """
+    as_closely = min(_AS_STRAINED * strained, _FREE_ON_ARCS)
+    return null_space(motions, max(_FREE * max(1.0, float(np.linalg.norm(motions))), as_closely))

@@ -292,7 +292,9 @@ class DisplacementSpace:
 
     def rigid(self) -> FloatArray:
         """Rigid motions of every block, shape (size, 3 blocks): along x, along y, turning about its middle."""
-        places, owner, every = self.places, self.owner, np.arange(self.size // 2)
+        places, owner, every = self.places.copy(), self.owner, np.arange(self.size // 2)
+        bent = self.table[self.curved.numbers]  # where coefficients of x are not its values at the places
+        places[bent] = np.linalg.inv(self.cell.values(self.cell.places)) @ places[bent]
         middles = np.stack([np.bincount(owner, along) for along in places.T]) / np.bincount(owner)
         x, y = places.T - middles[:, owner]
         found = np.zeros((self.size // 2, 2, middles.shape[1], 3))

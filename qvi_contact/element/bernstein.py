@@ -10,6 +10,7 @@ from functools import cache
 from math import comb
 
 import numpy as np
+from numpy.polynomial import Legendre
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.element import legendre
@@ -44,9 +45,17 @@ def largest_quadratic(b: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(b[:, [0, 2]].max(axis=1), (basis(2, t) * b).sum(axis=1)))
 
 
+@cache
 def nodes(degree: int) -> FloatArray:
-    """Chebyshev-Lobatto points (degree + 1,), the ends included: where data are interpolated."""
-    return np.asarray(0.5 * (1.0 - np.cos(np.pi * np.arange(degree + 1) / degree)))
+    """Gauss-Lobatto points (degree + 1,), the ends included: where data are interpolated.
+
+    What polynomials through them miss on arcs, of directions that turn, is at right angles to polynomials of degree
+    p − 2: smooth tractions do next to no work along it.
+    """
+    inside = np.asarray(Legendre.basis(degree).deriv().roots(), dtype=np.float64)
+    found = np.concatenate([[0.0], 0.5 + 0.25 * (inside - inside[::-1]), [1.0]])
+    found.flags.writeable = False
+    return found
 
 
 @cache

@@ -291,8 +291,7 @@ def test_supports_in_three_directions_at_one_corner():
 @pytest.mark.parametrize("turn", [0.0, 3e-3])
 def test_arcs_that_are_moved(turn):
     """A ring widened from inside and free outside, u_r = a r + b/r; and turned by both arcs as well, u_θ = turn/r."""
-    widened = 4e-3
-    even = widened * (1.0 - NU) / (1.0 + NU) / OUTER**2
+    widened, even = 4e-3, 4e-3 * (1.0 - NU) / (1.0 + NU) / OUTER**2
 
     def field(x, y):
         r2 = x**2 + y**2
@@ -301,13 +300,15 @@ def test_arcs_that_are_moved(turn):
 
     inner, outer = -(even + widened / INNER**2) * INNER, (even + widened / OUTER**2) * OUTER
     arcs = [Displacement("inner", normal=inner), Traction("inner", tangential=0.0)]
-    arcs += [Traction("outer", normal=0.0, tangential=0.0), Symmetry("bottom"), Symmetry("left")]
+    ends = [Contact(end, 0.0, law="bilateral") for end in ("bottom", "left")]  # they alone keep it from turning
+    arcs += [Traction("outer", normal=0.0, tangential=0.0), *ends]
     if turn:  # tangents of arcs have t_x > 0
         arcs = [Displacement("inner", normal=inner, tangential=-turn / INNER)]
         arcs += [Displacement("outer", normal=outer, tangential=-turn / OUTER)]
         parts = [lambda *at: field(*at)[0], lambda *at: field(*at)[1]]
         arcs += [Displacement("bottom", *parts), Displacement("left", *parts)]
-    found = companion_of(ContactProblem(quarter(2, 4), Material(1000.0, NU), arcs), degree=4)
     r, angle = np.random.default_rng(1).uniform([[1.02], [0.02]], [[1.98], [1.55]], (2, 50))
     x, y = r * np.cos(angle), r * np.sin(angle)
-    assert np.abs(found.displacement(x, y).T - field(x, y)).max() < 2e-4 * np.abs(field(x, y)).max()
+    for degree, most in ((1, 0.07), (4, 2e-4)):
+        found = companion_of(ContactProblem(quarter(2, 4), Material(1000.0, NU), arcs), degree=degree)
+        assert np.abs(found.displacement(x, y).T - field(x, y)).max() < most * np.abs(field(x, y)).max()
