@@ -300,8 +300,11 @@ def _surveyed(problems: Iterable[ContactProblem], kept: bool) -> tuple[Sequence[
             raise InputError(f"problems[{number}]", problem, "give a ContactProblem for each load step")
         if problem.mesh is not first.mesh and not problem.mesh.same_as(first.mesh):
             raise InputError(f"problems[{number}].mesh", problem.mesh, "give every load step the same mesh")
-        kept_same = ([(each.name, each.edges, each.law) for each in one.contacts] for one in (first, problem))
-        if next(kept_same) != next(kept_same):
+        kept_same = [  # slip is handed on point by point
+            [(each.name, each.law, one.mesh.numbers(each.edges).tobytes()) for each in one.contacts]
+            for one in (first, problem)
+        ]
+        if kept_same[0] != kept_same[1]:
             names = [contact.name for contact in problem.contacts]
             raise InputError(f"problems[{number}].conditions", names, "give every load step the same contacts")
         known.append(Scales.of(problem))

@@ -167,8 +167,8 @@ class CondensedRun:
     def begin_near(self) -> None:
         """Two iterations from the state that is given, if any; back to where it was if their steps are short."""
         start = self.options.initial
-        if not (isinstance(start, Start) and start.fits(self.qvi)):
-            return
+        if not (isinstance(start, Start) and start.fits(self.qvi) and self.problem.weights.size):
+            return  # where nothing is bounded all states are alike
         interior, usual = self.interior, self.interior.point.y
         start_near(interior, self.problem.restricted(self.space.coordinates(start.z)), start)
         self.near = self.warm = all(self._step_of() >= enough for enough in _FAR_ENOUGH)
