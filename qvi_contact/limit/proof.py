@@ -469,7 +469,8 @@ def _held(
         if contact:
             e, body = stated.edge((i, j)), bodies.get(contact["name"], -1)
             if contact["law"] != "unilateral":
-                directions = [normal, *([e] if _sticks(contact) else [])]
+                sticks = contact["law"] == "tied" or (contact["friction"] > 0 and contact["shear_limit"] is None)
+                directions = [normal, e] if sticks else [normal]
             elif all(rigid[n] >= 0 for side in (own, *beyond) for (n,) in side):
                 for first, second in (nodes[0], nodes[-1]):
                     at, other = places[first], rigid[second] if beyond else body
@@ -501,11 +502,6 @@ def _at_limit(
 def _along(v: Sequence[Terms], d: Vector) -> Terms:
     """d·v as terms."""
     return combined((d[0], v[0]), (d[1], v[1]))
-
-
-def _sticks(known: dict[str, Any]) -> bool:
-    """Whether a contact whose bodies do not part carries any shear."""
-    return bool(known["law"] == "tied" or (known["friction"] > 0 and known["shear_limit"] is None))
 
 
 def _rigid_row(body: int, d: Vector, at: Vector) -> Terms:
