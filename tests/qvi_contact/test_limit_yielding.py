@@ -192,9 +192,7 @@ def test_what_the_other_loads_break_carries_no_multiple():
     pressed = [each for each in problem.conditions if each.name != "weight"]
     pressed += [Traction("top", y=-2.0), Traction("left", x=0.0), Traction("right", x=0.0)]
     problem = ContactProblem(problem.mesh, problem.material, pressed)
-    assert (
-        limit_load_factor(problem, ["shear"]).upper < -1e5
-    )  # the least of it is no number: rounding ends the way there
+    assert limit_load_factor(problem, ["shear"]).upper < -1e5  # no number is the least: rounding ends the way there
 
 
 def test_a_rigid_punch_by_force_is_two_plus_pi_at_most():
