@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 OPTIONS: Final = ("degree", "time_limit")  # of all limit analyses
 _SAMPLES = (1.0, 2.0)  # load factors at which the problem is discretised; it is affine in between and beyond
 _FOLLOWED = 1e-9  # misfit of a body force, relative, that is rounding
+_MET: Final = 1e-5  # of the upper side: small loads make so much of tractions that are rounding
 _FARTHEST: Final = math.log(1e4)  # factors of strength beyond count as infinite, and below the inverse as zero
 _STEP: Final = math.log(2.0)  # between the first of them that are tried
 _MOST: Final = 1e6  # shares of loads beyond, or below the inverse, count as so much
@@ -221,19 +222,14 @@ class LimitProblem:
     def limit(self) -> LimitLoad:
         """Both sides. Rigid blocks are one way in which a body gives way; where it yields others may be easier."""
         carried, low, (of_blocks, mechanism) = self.carried, self.low, self.of_blocks
+        straight, collapse = not self.problem.mesh.curved.any(), None
         if of_blocks == -np.inf or not self.problem.yields:
-            lower = _rounded(carried.factor, of_blocks)
+            lower = _checked(carried.factor, of_blocks, straight)
             return LimitLoad(lower, of_blocks, mechanism, carried.bound, carried.violation)
         program = self.flow
         flow = program.solved()
         upper = min(flow.bound, of_blocks)
-        straight, collapse = not self.problem.mesh.curved.any(), None
-        lower = _rounded(carried.factor, upper)
-        if straight and lower > upper:
-            raise SolveError(
-                f"limit load: stresses that carry {carried.factor:.9g} times the loads contradict a flow at "
-                f"{upper:.9g}: use another degree, or a mesh that is less graded"
-            )
+        lower = _checked(carried.factor, upper, straight)
         if carried.stress is not None and flow.motion is not None:
             datum = "ContactProblem.body_potential", self.problem.body_potential
             cells = np.arange(self.problem.mesh.cell_count)
@@ -267,9 +263,16 @@ class Collapse:
     guaranteed: bool
 
 
-def _rounded(lower: float, upper: float) -> float:
-    """The lower side: the upper one if only rounding takes it beyond."""
-    return upper if upper < lower <= upper + CERTIFIED * (1.0 + abs(upper)) else lower
+def _checked(lower: float, upper: float, straight: bool) -> float:
+    """The lower side: the upper one if only rounding takes it beyond. `SolveError` if more does on straight sides."""
+    if upper < lower <= upper + _MET * (1.0 + abs(upper)):
+        return upper
+    if straight and lower > upper:
+        raise SolveError(
+            f"limit load: stresses that carry {lower:.9g} times the loads contradict a motion at {upper:.9g}: use "
+            "another degree, or a mesh that is less graded"
+        )
+    return lower
 
 
 def loads_of(problem: ContactProblem) -> list[str]:

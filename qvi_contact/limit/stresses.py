@@ -377,12 +377,15 @@ class StressProgram:
         cost, free = np.append(np.zeros(G.shape[1] - 1), -_COST), [(None, None)] * G.shape[1]
         equations: dict[str, Any] = {"A_eq": E, "b_eq": b} if len(b) else {}
         answer = solved(cost, A_ub=G, b_ub=h, bounds=free, **equations)
-        if not answer.solved and answer.status not in (NO_LIMIT, INFEASIBLE, TIME_LIMIT):  # all but without a limit
-            answer = solved(cost, A_ub=G, b_ub=h, bounds=[*free[:-1], (None, _MOST)], **equations)
-            if answer.solved and answer.x[-1] >= _MOST * (1.0 - CERTIFIED):
+        if not (answer.solved or answer.status in (INFEASIBLE, TIME_LIMIT)):  # HiGHS finds no limit by rounding, too
+            below = solved(cost, A_ub=G, b_ub=h, bounds=[*free[:-1], (None, _MOST)], **equations)
+            grows = below.solved and below.x[-1] >= _MOST * (1.0 - CERTIFIED)
+            decided = below.solved or below.status in (INFEASIBLE, TIME_LIMIT)
+            if answer.status == NO_LIMIT and (grows or not decided):
+                return Carried(np.inf)
+            if grows:
                 raise SolveError(f"limit load: {_MOST:g} times the loads are carried, and no limit was found beyond")
-        if answer.status == NO_LIMIT:
-            return Carried(np.inf)
+            answer = below
         if answer.status == INFEASIBLE:  # the least t ≥ 0 with G x ≤ h + t says by how much
             least, equal = (sparse.csc_array(sparse.hstack([part, sparse.csc_array(np.full((part.shape[0], 1), t))]))
                            for part, t in ((G, -1.0), (E, 0.0)))  # fmt: skip
