@@ -296,8 +296,9 @@ class _Pairs:
         contacts = self.body.contacts
         adhesion = contacts.weights[: contacts.count] * contacts.law[1] * self._senses  # of cohesion, where v slips
         load = self.state.load @ z + contacts.resultants @ plates - adhesion @ (c - goal)[1]
-        middle = work / length - own.stress * own.length * float(load + goal.ravel() @ contacts.fluid)
-        rest = (error * residual + ratio * self.defect + second) / length + _ROUNDED * abs(middle)
+        force = own.stress * own.length * float(load + goal.ravel() @ contacts.fluid)
+        middle, terms = work / length - force, abs(work / length) + abs(force)
+        rest = (error * residual + ratio * self.defect + second) / length + _ROUNDED * terms
         return Bounds(float(middle - rest), float(middle + rest))
 
     @cached_property

@@ -148,8 +148,8 @@ class Bracket:
     def relative_error(self) -> float:
         """Bound of the error of τ in the energy norm, relative to its own: √(2 gap / ∫τ:c:τ), or that of `coulomb`.
 
-        Infinite without both energies, or if they contradict each other by more than rounding. On arcs energies miss
-        the work of what is left there, which the parts of the gap do not: it is taken no less than these.
+        Infinite without both energies, or if they contradict each other by more than rounding. On arcs, and where data
+        contradict each other, energies miss a work that the parts of the gap do not: it is taken no less than these.
         """
         if self._under_friction is not None:
             return self._under_friction.relative_error

@@ -491,8 +491,8 @@ def _from_tables(
         with schema.located(f"constants.{schema.quoted(name)}"):
             if not name.isidentifier() or not unicodedata.is_normalized("NFKC", name):
                 raise InputError("", name, "give a name of letters, digits and _ that does not begin with a digit")
-            _check_scalars(value, "")  # those that were changed too
             Expression(name, {name: value})
+            _check_scalars(float(value), "")  # those that were changed too
     reader = FileReader(data, constants, times[0] if times else None, None if folder is None else Path(folder))
     document: Document = schema.read_table(Document, data, reader)
     found = ProblemFile(

@@ -16,7 +16,7 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
 from qvi_contact.limit.flow import BodyMotion, FlowProgram
 from qvi_contact.limit.split import coefficients_of
-from qvi_contact.limit.stresses import CERTIFIED, Carried, StressProgram
+from qvi_contact.limit.stresses import CERTIFIED, WIDER, Carried, StressProgram
 from qvi_contact.mechanism import Mechanism, upper_bound
 from qvi_contact.mechanism.bodies import BODY, FLUID
 from qvi_contact.problem.conditions import DRIVES, SHEAR_LAW, Condition, Contact, Traction, components
@@ -224,12 +224,12 @@ class LimitProblem:
         carried, low, (of_blocks, mechanism) = self.carried, self.low, self.of_blocks
         straight, collapse = not self.problem.mesh.curved.any(), None
         if of_blocks == -np.inf or not self.problem.yields:
-            lower = _checked(carried.factor, of_blocks, straight)
+            lower = _checked(carried, of_blocks, straight)
             return LimitLoad(lower, of_blocks, mechanism, carried.bound, carried.violation)
         program = self.flow
         flow = program.solved()
         upper = min(flow.bound, of_blocks)
-        lower = _checked(carried.factor, upper, straight)
+        lower = _checked(carried, upper, straight)
         if carried.stress is not None and flow.motion is not None:
             datum = "ContactProblem.body_potential", self.problem.body_potential
             cells = np.arange(self.problem.mesh.cell_count)
@@ -263,10 +263,13 @@ class Collapse:
     guaranteed: bool
 
 
-def _checked(lower: float, upper: float, straight: bool) -> float:
+def _checked(carried: Carried, upper: float, straight: bool) -> float:
     """The lower side: the upper one if only rounding takes it beyond. `SolveError` if more does on straight sides."""
+    lower = carried.factor
     if upper < lower <= upper + _MET * (1.0 + abs(upper)):
         return upper
+    if lower > upper and carried.violation > WIDER:
+        return -np.inf  # what keeps limits but for rounding is nothing beside a motion
     if straight and lower > upper:
         raise SolveError(
             f"limit load: stresses that carry {lower:.9g} times the loads contradict a motion at {upper:.9g}: use "

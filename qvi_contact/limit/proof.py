@@ -302,7 +302,10 @@ def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
     """The part of a proof that says what stresses of the program carry."""
     found = program.carried(_KEPT_BACK)
     if found.unknowns is None:
-        raise SolveError("proof: this mesh carries no largest multiple of the loads: there is nothing to prove")
+        none = (
+            "no multiple of the loads with a margin for rounding" if found.factor < 0.0 else "any multiple of the loads"
+        )
+        raise SolveError(f"proof: this mesh carries {none}: there is nothing to prove")
     p, factor = program.cones.degree + 2, Fraction(found.factor)
     rough, space = _rounded_airy(program, found.unknowns), Smooth(stated.points, stated.cells, p)
 

@@ -40,7 +40,6 @@ from solvers.inner.linear_program import UNBOUNDED as NO_LIMIT
 _Limits: TypeAlias = tuple[YieldCone, FloatArray, FloatArray | float]
 
 _AFFINE: Final = 1e-10  # share of a field's size that is rounding
-_WIDER: Final = HELD / 4.0  # of sizes: room that is nothing but rounding
 _TIGHTER: Final = 1e-8  # share of strengths that is kept back, so that rounding of the solver breaks no cone
 
 PRESSURE, TENSION, EITHER = -1, 1, 0
@@ -48,6 +47,9 @@ PRESSURE, TENSION, EITHER = -1, 1, 0
 
 ALONG: Final = np.linspace(0.0, 1.0, 33)
 """Places of an edge where fields of contacts are looked at."""
+
+WIDER: Final = HELD / 4.0
+"""Of sizes: room that is nothing but rounding."""
 
 CERTIFIED: Final = 1e-7
 """Violation of the rows, and gap of the bounds relative to 1 + factor, that is accepted."""
@@ -325,9 +327,9 @@ class StressProgram:
 
         It may take limits without room for none. Only if nothing keeps wider ones, no multiple is carried.
         """
-        modest, wider = program.up_to(1.0), program.tightened(room=-_WIDER * program.size(0.0 * program.q))
+        modest, wider = program.up_to(1.0), program.tightened(room=-WIDER * program.size(0.0 * program.q))
         carried = Carried(-np.inf)
-        for each in (modest, wider, wider.up_to(1.0)):
+        for each in (modest, wider.up_to(1.0)):
             with suppress(SolveError):  # what is known is right without it
                 answer = each.solve()
                 if not isinstance(answer, str):

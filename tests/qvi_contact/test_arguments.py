@@ -125,16 +125,10 @@ def test_wrong_options_of_a_bracket_and_of_the_algebraic_solve():
         refused(lambda given: solve_qvi(step().discretization.qvi, tolerance=given), tolerance, "tolerance")
 
 
-STARTED = ("solve", "fixed point", "sweep", "history")
-
-
-@pytest.mark.parametrize("entry", STARTED)
+@pytest.mark.parametrize("entry", ["solve", "fixed point", "sweep", "history"])
 def test_starts_that_cannot_be_are_refused_at_once(entry, tmp_path):
     for start in ("high", [1.0, np.nan], np.inf, 1j, ["x"], {}, Odd(), 10**400):
         refused(lambda value: ENTRIES[entry](tmp_path, initial=value), start, "initial")
-
-
-NAMES = [np.array(["top", "bottom"]), np.array(["top"]), ["top"], b"top", None, 1]
 
 
 @pytest.mark.parametrize(
@@ -147,12 +141,9 @@ NAMES = [np.array(["top", "bottom"]), np.array(["top"]), ["top"], b"top", None, 
      CUT.joint_set, CUT.region, lambda name: CUT.with_edges(name, [[0, 1]]), lambda name: CUT.with_region(name, [0])],
 )  # fmt: skip
 def test_names_are_texts(use):
-    for name in NAMES:
+    for name in (np.array(["top", "bottom"]), np.array(["top"]), ["top"], b"top", None, 1):
         with pytest.raises(InputError):
             use(name)
-
-
-COMPLEX = [0.5 + 1j, np.complex128(0.5 + 1j), np.array([0.0, 0.5 + 1j, 1.0]), [0.0, np.complex64(0.5 + 1j), 1.0]]
 
 
 @pytest.mark.parametrize(
@@ -166,7 +157,8 @@ COMPLEX = [0.5 + 1j, np.complex128(0.5 + 1j), np.array([0.0, 0.5 + 1j, 1.0]), [0
      lambda value: step().stress(value if np.iscomplexobj(value) else 1j, 0.5)],
 )  # fmt: skip
 def test_numbers_are_real(use):
-    for value in (*COMPLEX, "0.5", ["0.0", "1.0"], 10**400, None):
+    numbers = 0.5 + 1j, np.complex128(0.5 + 1j), np.array([0.0, 0.5 + 1j, 1.0]), [0.0, np.complex64(0.5 + 1j), 1.0]
+    for value in (*numbers, "0.5", ["0.0", "1.0"], 10**400, None):
         with pytest.raises(InputError):
             use(value)
 
@@ -291,12 +283,11 @@ REFUSALS = {
     "x, y": lambda x: step().displacement(x, 0.5),
 }
 
-ALWAYS_WRONG = ["rough", -1.5, np.nan, 1j, Odd(), [Odd()], [[1, 2], [3]], np.array([[1.0], [np.nan]]), 10**400, 1e308]
-
 
 @pytest.mark.parametrize("entry", REFUSALS)
 def test_arguments_of_no_kind(entry):
-    for value in ALWAYS_WRONG:
+    column = np.array([[1.0], [np.nan]])
+    for value in ("rough", -1.5, np.nan, 1j, Odd(), [Odd()], [[1, 2], [3]], column, 10**400, 1e308):
         refused(REFUSALS[entry], value, entry.split(" of ")[0])
 
 

@@ -99,7 +99,7 @@ def test_a_column_without_tension_under_a_plate(crushing, weight, exact):
     mesh, material = TriangleMesh.rectangle((6, 6)), Material(1e4, 0.2, strength=NoTension(crushing))
     column = ContactProblem(mesh, material, conditions, lambda _, y: weight * (y + 9.0))
     limit = limit_load_factor(column, ["top"], degree=3)
-    assert [limit.lower, limit.upper] == pytest.approx([exact, exact], rel=0.014)
+    assert exact * 0.986 <= limit.lower <= exact * (1.0 + 1e-6) <= limit.upper * (1.0 + 2e-6) <= exact * 1.014
 
 
 def test_what_does_not_carry_its_weight_carries_no_multiple_of_an_even_pressure():

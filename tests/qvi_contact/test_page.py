@@ -144,6 +144,7 @@ class TestBrowser:
         press, whole = opened.keyboard.press, lambda: opened.click("#whole")
         ways = [
             (lambda: press("+"), lambda: press("-")),
+            (lambda: press("ArrowLeft"), lambda: press("ArrowRight")),
             (lambda: press("ArrowUp"), lambda: press("0")),
             (lambda: opened.mouse.wheel(0, -300), whole),
             (drag, whole),

@@ -126,7 +126,8 @@ class TestTractions:
             assert x == pytest.approx(np.sort(line.y if vertical else line.x))
             assert y == pytest.approx(factor * (1.0 + x))
         assert np.nanmax(values) == pytest.approx(5.4)  # nothing beyond the values at points and ends
-        assert axes.get_xlabel() == ("y [mm]" if vertical else "x [mm]")
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("y [mm]" if vertical else "x [mm]", "traction [MPa]")
+        assert axes.get_ylim()[0] == 0.0
 
 
 def test_a_tied_contact_has_no_bound_to_draw():
@@ -399,7 +400,8 @@ class TestFigures:
         figure = limit_figure(problem, limit)
         filled = [found for found in figure.axes[0].collections if isinstance(found, PolyCollection)]
         (cells,) = (found for found in filled if len(found.get_facecolor()) == mesh.cell_count)
-        depth = cells.get_facecolor()[:, 3]
+        red, green, blue, depth = cells.get_facecolor().T
+        assert ((red > green) & (green > blue)).all()
         power = limit.collapse.motion.dissipation  # in triangles of equal size
         least, most = np.argmin(power), np.argmax(power)
         assert depth[least] < 0.1 < 0.5 < depth[most] == depth.max()
