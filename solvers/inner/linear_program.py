@@ -55,7 +55,9 @@ def solved(cost: Vector, **program: Any) -> Answer:
     is not large, and where the other fails or cycles; without presolve where presolve spoils it. Where a small program
     fails so the interior point method follows. One that raises, or answers in another form, has failed.
     """
-    large = program["A_ub"].shape[0] > _LARGE
+    large, ends = program["A_ub"].shape[0] > _LARGE, program.get("bounds", ((0.0, None),) * len(cost))
+    towards = [end[int(c < 0.0)] for c, end in zip(cost.tolist(), ends, strict=True) if c]
+    least = all(end is not None and math.isfinite(end) for end in towards)  # bounds alone are a limit
     answer = Answer(_FAILED, "")
     for method, presolve, tolerance in (*_INTERIOR * large, *_SIMPLEX, *_INTERIOR * (not large)):
         options: dict[str, Any] = {"presolve": presolve, "time_limit": min(_LONGEST, deadline.left)}
@@ -64,7 +66,8 @@ def solved(cost: Vector, **program: Any) -> Answer:
         answer = _answer(cost, {**program, "method": method, "options": options})
         if answer.solved:
             break  # rows and bound of a coarser one are checked by those who asked
-        final = answer.status != _FAILED and (method == "highs" or answer.status != TIME_LIMIT)
+        failed = answer.status == _FAILED or (least and answer.status == UNBOUNDED)
+        final = not failed and (method == "highs" or answer.status != TIME_LIMIT)
         if final and tolerance == _INTERIOR[0][2]:
             break
     return answer

@@ -51,7 +51,7 @@ def test_a_dry_slope_has_the_factor_of_safety_of_a_plane(dip):
     )
     assert find_mechanism(holds) is None
     assert find_mechanism(slides).contacts["bedding"].slides
-    assert limit_load_factor(slides, ["body"]).upper == 0.0
+    assert (found := limit_load_factor(slides, ["body"])).lower == found.upper == 0.0
     assert solve(slides).status is Status.INFEASIBLE
 
 
