@@ -230,7 +230,7 @@ class LimitProblem:
         flow = program.solved()
         upper = min(flow.bound, of_blocks)
         lower = _checked(carried, upper, straight)
-        if carried.stress is not None and flow.motion is not None:
+        if np.isfinite(lower) and carried.stress is not None and flow.motion is not None:
             datum = "ContactProblem.body_potential", self.problem.body_potential
             cells = np.arange(self.problem.mesh.cell_count)
             missed = coefficients_of(self.problem, cells, low.space.traction_degree, *datum)[1]

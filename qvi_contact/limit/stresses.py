@@ -329,7 +329,7 @@ class StressProgram:
         """
         modest, wider = program.up_to(1.0), program.tightened(room=-WIDER * program.size(0.0 * program.q))
         carried = Carried(-np.inf)
-        for each in (modest, wider.up_to(1.0)):
+        for each in (modest, wider.up_to(1.0), wider):
             with suppress(SolveError):  # what is known is right without it
                 answer = each.solve()
                 if not isinstance(answer, str):

@@ -150,7 +150,8 @@ class Expression:
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y)."""
-        names = {"x": np.asarray(x, float), "y": np.asarray(y, float), "t": self.t, "pi": np.pi, **self.constants}
+        constants = {name: float(value) for name, value in self.constants.items()}  # NumPy's whole numbers have limits
+        names = {"x": np.asarray(x, float), "y": np.asarray(y, float), "t": float(self.t), "pi": np.pi, **constants}
         with np.errstate(all="ignore"):  # what is not finite is refused where it is used
             value = _value(self._tree, names)
         return np.array(np.broadcast_to(np.asarray(value, dtype=float), np.shape(x)))

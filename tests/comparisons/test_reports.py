@@ -240,7 +240,6 @@ def test_the_terminal_has_what_is_not_folded_and_the_files(folder, capsys, table
     assert out.index("Clarabel takes 12.3 ms") < out.index("Written to")
     assert ("qp:daqp" in out) == tables
     assert "plate-39" not in out  # folded
-    assert "#times" not in out
     assert "sample.html, sample.md" in out
     assert max(map(len, out.partition("Written to")[0].splitlines())) <= 120
 

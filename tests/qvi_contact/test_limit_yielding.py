@@ -99,6 +99,8 @@ def test_a_column_without_tension_under_a_plate(crushing, weight, exact):
     mesh, material = TriangleMesh.rectangle((6, 6)), Material(1e4, 0.2, strength=NoTension(crushing))
     column = ContactProblem(mesh, material, conditions, lambda _, y: weight * (y + 9.0))
     limit = limit_load_factor(column, ["top"], degree=3)
+    pushed = [Contact.tied("bottom"), Contact("top", 0.0, plate=replace(plate, force_x=0.1)), *sides]  # by no friction
+    assert limit_load_factor(ContactProblem(mesh, material, pushed), ["top"], degree=3).lower == pytest.approx(0.0)
     assert exact * 0.986 <= limit.lower <= exact * (1.0 + 1e-6) <= limit.upper * (1.0 + 2e-6) <= exact * 1.014
 
 

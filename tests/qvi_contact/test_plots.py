@@ -372,7 +372,6 @@ class TestFigures:
         _, answer, foot = said(figure)
         assert foot == result.solution.message
         assert answer.count(result.status.advice) == 1
-        assert "infeasible" not in answer
         (moved,) = [line for line in figure.axes[0].collections if line.get_label() == "mechanism"]
         edges, mesh = result.problem.mesh.boundary, result.problem.mesh
         before = mesh.vertices[np.stack([edges.first, edges.second], axis=1)]
