@@ -47,7 +47,7 @@ python_maximum_signature_line_length = 80
 nitpicky = True
 nitpick_ignore_regex = [
     # types of other libraries, whose pages are not read: nothing is loaded from the network
-    (r"py:.*", r"(numpy|np|scipy|matplotlib|click|collections|dataclasses|pathlib|typing|types|enum)(\..*)?"),
+    (r"py:.*", r"(numpy|np|scipy|matplotlib|pandas|click|collections|dataclasses|pathlib|typing|types|enum)(\..*)?"),
     (
         r"py:.*",
         r"(Any|Array|ArrayLike|FloatArray|IntArray|Axes|Console|DataFrame|Series|PolyCollection|TriMesh|Figure|IO|Module|NDArray|Protocol|Self)",
