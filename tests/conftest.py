@@ -150,7 +150,7 @@ def shell(capfd, monkeypatch):
     """Run a command in this process, `qvi-contact` if no other is given: exit status, standard output and error."""
 
     def call(*words, command=None, name="qvi-contact"):
-        from qvi_contact.basics.terminal import run
+        from qvi_contact.basics import run
         from qvi_contact.command.cli import group
 
         monkeypatch.setattr("sys.argv", [name, *map(str, words)])

@@ -19,7 +19,7 @@ from qvi_contact import RefinementStatus, TriangleMesh, load_result, solve
 from qvi_contact.command.cli import group as qvi_contact
 from qvi_contact.files import FORMAT_VERSION, Archive, FileReader, file_keys, summary, write_npz
 from qvi_contact.problem import Contact, ContactProblem, Material, RigidPlate, Traction
-from qvi_contact.runs.processes import FAILURES
+from qvi_contact.runs import FAILURES
 from solvers import Status
 from solvers.certificate import MEASURES
 

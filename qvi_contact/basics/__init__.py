@@ -1,1 +1,12 @@
 """What every room uses: checks of input, units, writing of files, the terminal."""
+
+from solvers.basics.front import front
+
+__getattr__ = front(
+    __name__,
+    {
+        "terminal": ("run", "solving"),
+        "units": ("Rounding", "Units"),
+        "writing": ("check_writable", "replacing", "writable_folder", "write_text"),
+    },
+)

@@ -1,1 +1,12 @@
 """The command `qvi-contact`: options, reports, outlines of problems."""
+
+from solvers.basics.front import front
+
+__getattr__ = front(
+    __name__,
+    {
+        "cli": ("group",),
+        "page": ("number", "result_page", "result_tables"),
+        "report": ("result_lines",),
+    },
+)

@@ -12,8 +12,19 @@ from qvi_contact.plots.figures import draw_mechanism, history_figure, limit_figu
 from qvi_contact.plots.problem import draw_problem
 from qvi_contact.plots.style import save_figure
 from qvi_contact.plots.tractions import contact_tractions
+from solvers.basics.front import front
 
 __all__ = [
     "Drawn", "Scales", "contact_tractions", "draw_body", "draw_mechanism", "draw_problem", "history_figure",
     "limit_figure", "problem_figure", "result_figure", "save_figure",
 ]  # fmt: skip
+
+__getattr__ = front(
+    __name__,
+    {
+        "body": ("Shape", "draw_contours"),
+        "figures": ("mesh_figure",),
+        "problem": ("runs",),
+        "style": ("beside", "cell_outlines", "edge_lines", "new_figure", "require_matplotlib", "value_range"),
+    },
+)

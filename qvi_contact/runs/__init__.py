@@ -3,3 +3,12 @@
 `processes` does work in processes of this machine or of a Dask cluster, `worker` is what such a process runs, and
 `database` keeps rows in SQLite files.
 """
+
+from solvers.basics.front import front
+
+__getattr__ = front(
+    __name__,
+    {
+        "processes": ("FAILURES", "THREADS", "Limits", "NotLoadedError", "Outcome", "Workers"),
+    },
+)

@@ -14,7 +14,7 @@ import pytest
 
 from comparisons.cli import group
 from comparisons.lab.studies import Row, plain, written_rows
-from qvi_contact.basics.terminal import run
+from qvi_contact.basics import run
 
 _DECIMALS = 9  # rounding differs from call to call
 

@@ -30,8 +30,7 @@ from comparisons.lab.studies import (
     written_rows,
 )
 from qvi_contact import InputError
-from qvi_contact.runs import database
-from qvi_contact.runs.processes import FAILURES, Outcome
+from qvi_contact.runs import FAILURES, Outcome, database
 from tests.comparisons.conftest import row
 from tests.comparisons.demo import DEMO, demo, ways
 from tests.run_tasks import eventually, marked, started
@@ -298,7 +297,7 @@ class TestRuns:
         assert list(tmp_path.iterdir()) == []
 
 
-COMMAND = "from qvi_contact.basics.terminal import run\nfrom tests.comparisons.demo import demo\nrun(demo, 'demo')"
+COMMAND = "from qvi_contact.basics import run\nfrom tests.comparisons.demo import demo\nrun(demo, 'demo')"
 
 
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="looks for processes in /proc")

@@ -15,7 +15,7 @@ from comparisons.lab import numbers
 from comparisons.lab.drawing import drawn
 from comparisons.lab.reports import Report, markdown_table, render
 from qvi_contact import InputError
-from qvi_contact.plots.style import new_figure
+from qvi_contact.plots import new_figure
 from tests.comparisons.conftest import row
 
 MACHINE = {

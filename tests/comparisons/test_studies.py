@@ -23,7 +23,7 @@ from comparisons.solvers import accuracies
 from comparisons.solvers import study as solvers
 from comparisons.wild import study as wild
 from qvi_contact import solve
-from qvi_contact.runs.processes import Outcome
+from qvi_contact.runs import Outcome
 from solvers.factorisation import available_backends
 from tests.comparisons.conftest import REPORTS, command, committed, refused_command, rows_of
 

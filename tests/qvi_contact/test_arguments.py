@@ -44,7 +44,7 @@ from qvi_contact.bracket import bracket
 from qvi_contact.export import write_vtu
 from qvi_contact.files import problem_to_toml
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.plots.style import require_matplotlib
+from qvi_contact.plots import require_matplotlib
 from solvers import solve_qvi
 
 PLATE = compressed_plate(0.3, (2, 2))

@@ -15,8 +15,7 @@ from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.gallery import exact, fan
 from qvi_contact.mechanism import Rigid
 from qvi_contact.mesh import Curve, arc_offsets, curves, frames_along
-from qvi_contact.plots.problem import runs
-from qvi_contact.plots.style import cell_outlines, edge_lines
+from qvi_contact.plots import cell_outlines, edge_lines, runs
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from qvi_contact.verification import verify_file
 from tests.qvi_contact.builders import INNER, difference, holed, quarter, solved

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from qvi_contact import InputError
-from qvi_contact.basics.writing import check_writable, replacing, writable_folder, write_text
+from qvi_contact.basics import check_writable, replacing, writable_folder, write_text
 
 
 @pytest.fixture

@@ -13,11 +13,10 @@ import numpy as np
 import pytest
 
 from qvi_contact import ContactState, InputError, TriangleMesh, solve
-from qvi_contact.basics.units import Rounding
-from qvi_contact.command.page import number, result_page, result_tables
-from qvi_contact.command.report import result_lines
+from qvi_contact.basics import Rounding
+from qvi_contact.command import number, result_lines, result_page, result_tables
 from qvi_contact.files import problem_from_toml
-from qvi_contact.plots.figures import mesh_figure
+from qvi_contact.plots import mesh_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 from qvi_contact.solution import ContactPath
 from qvi_contact.units import Units

@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from qvi_contact import InputError, refine, solve, solve_history, solve_sweep
-from qvi_contact.basics.units import Units
+from qvi_contact.basics import Units
 from qvi_contact.bracket import bracket
 from qvi_contact.companion import solve_companion
 from qvi_contact.discretization import pins

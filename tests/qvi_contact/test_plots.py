@@ -26,16 +26,17 @@ from qvi_contact.element import gauss_legendre
 from qvi_contact.gallery import compressed_plate, exact, half_discs
 from qvi_contact.plots import (
     Scales,
+    Shape,
+    beside,
     contact_tractions,
     draw_body,
+    draw_contours,
     draw_problem,
     history_figure,
     limit_figure,
     result_figure,
     save_figure,
 )
-from qvi_contact.plots.body import Shape, draw_contours
-from qvi_contact.plots.style import beside
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction, Tresca
 from qvi_contact.solution import ContactLine, cell_factors, sample_body, stress_component, von_mises
 from qvi_contact.units import Units

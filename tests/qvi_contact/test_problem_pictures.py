@@ -10,9 +10,7 @@ from matplotlib.quiver import Quiver
 
 from qvi_contact import TriangleMesh
 from qvi_contact.gallery import sliding_block
-from qvi_contact.plots import draw_problem, problem_figure
-from qvi_contact.plots.problem import runs
-from qvi_contact.plots.style import value_range
+from qvi_contact.plots import draw_problem, problem_figure, runs, value_range
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
 from qvi_contact.units import Units
 from tests.qvi_contact.builders import polygon

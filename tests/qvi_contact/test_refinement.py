@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from qvi_contact import InputError, RefinementStatus, RigidPlate, TriangleMesh, refine, solve
-from qvi_contact.basics.terminal import solving
+from qvi_contact.basics import solving
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 from qvi_contact.refinement import energies_between, places, reference_problem

@@ -19,8 +19,8 @@ from uuid import uuid4
 import pytest
 
 from qvi_contact import InputError
+from qvi_contact.runs import FAILURES, Limits, NotLoadedError, Workers
 from qvi_contact.runs import processes as runs
-from qvi_contact.runs.processes import FAILURES, Limits, NotLoadedError, Workers
 from tests.run_tasks import MARK, ROOT, eventually, marked, numbers, opened, started, unloadable, workers
 
 processes = pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="looks for processes in /proc")
@@ -124,7 +124,7 @@ def test_closing_ends_what_is_under_way():
 WRITING = """
 import time, click
 from qvi_contact.basics import terminal
-from qvi_contact.basics.writing import replacing
+from qvi_contact.basics import replacing
 
 @click.command()
 def write():
@@ -153,7 +153,7 @@ def test_a_command_ended_by_sigterm_leaves_no_file(tmp_path):
 ENDLESS = """
 import pickle, sys
 from collections import deque
-from qvi_contact.runs.processes import Limits, Workers
+from qvi_contact.runs import Limits, Workers
 from tests.run_tasks import opened
 with Workers(2).ready(pickle.dumps(opened), Limits()) as (_, outcomes):
     list(outcomes(deque(["wait", "hold"])))

@@ -15,7 +15,7 @@ import click
 import pytest
 
 from qvi_contact import InputError, SolveError, solve
-from qvi_contact.basics.terminal import solving
+from qvi_contact.basics import solving
 from qvi_contact.gallery import compressed_plate
 from solvers.basics import Progress, report
 
