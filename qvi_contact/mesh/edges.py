@@ -82,10 +82,10 @@ class Topology:
 
     def number(self, pairs: IntArray) -> IntArray:
         """The edges between pairs of vertices (k, 2), in any order; −1 where there is none."""
-        one, other = pairs[:, 0], pairs[:, 1]
-        wanted = np.minimum(one, other) * self.base + np.maximum(one, other)
-        at = np.minimum(self.keys.searchsorted(wanted), len(self.keys) - 1)
-        return np.where(self.keys[at] == wanted, at, -1)
+        wanted = np.sort(pairs, axis=1)
+        keys = wanted[:, 0] * self.base + wanted[:, 1]
+        at = np.minimum(self.keys.searchsorted(keys), len(self.keys) - 1)
+        return np.where((self.ends.take(at, axis=0) == wanted).all(axis=1), at, -1)
 
 
 def chains(ends: IntArray) -> list[IntArray]:

@@ -1,6 +1,7 @@
 """Which edges and triangles are meant: by number, function, segment or box; and those that hold a point."""
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, TypeAlias
@@ -41,9 +42,12 @@ def point(name: str, value: object) -> tuple[float, float]:
 
 def numbers_of(name: str, value: Any, kind: type) -> Any:
     """An array of numbers, whole ones if the kind is int."""
-    found, given = real_array(name, value, "give an array of real numbers"), np.asarray(value)
-    if kind is int and given.dtype == np.int64:
-        return given.copy()
+    given: Any = None
+    with suppress(ValueError):  # rows of several lengths, which are refused next
+        given = np.asarray(value)
+        if kind is int and given.dtype == np.int64:
+            return given.copy()
+    found = real_array(name, value, "give an array of real numbers")
     whole = kind is not int or bool((np.abs(found) < _LARGEST).all() and (found == np.rint(found)).all())
     if given.dtype == bool or not whole:
         raise InputError(name, type(value).__name__, "give whole numbers" if kind is int else "give numbers")
@@ -62,7 +66,7 @@ def checked_set(name: str, pairs: ArrayLike, topology: Topology, vertices: Float
         x, y = vertices[found[np.argmin(outer)]].mean(axis=0)
         remedy = f"lies partly on the boundary and partly inside, as around ({x:.6g}, {y:.6g}): make two sets of it"
         raise InputError("TriangleMesh.edge_sets", name, remedy)
-    chosen = np.unique(number)
+    chosen = np.bincount(number).nonzero()[0]  # each once
     chosen.flags.writeable = False
     return np.asarray(chosen)
 
@@ -70,9 +74,8 @@ def checked_set(name: str, pairs: ArrayLike, topology: Topology, vertices: Float
 def known_edges(name: str, pairs: IntArray, topology: Topology) -> IntArray:
     """Numbers of the edges between pairs of vertices (k, 2), or `InputError`."""
     number = topology.number(pairs)
-    if number.min(initial=0) < 0 or pairs.min(initial=0) < 0 or pairs.max(initial=0) >= topology.base:
-        wrong = (number < 0) | ((pairs < 0) | (pairs >= topology.base)).any(axis=1)
-        raise InputError(name, pairs[np.argmax(wrong)].tolist(), "no edge of the mesh joins these vertices")
+    if np.count_nonzero(number < 0):
+        raise InputError(name, pairs[np.argmin(number)].tolist(), "no edge of the mesh joins these vertices")
     return number
 
 
