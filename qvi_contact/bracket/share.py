@@ -376,7 +376,7 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
                 values = np.where(here, -shear / np.maximum(bound, 1e-300), share.values)
                 wrong[0, at] = pressed[at] & (new.normal[rows.edges] > 0.0).ravel()
                 wrong[1, at] = (np.abs(values) > 1.0).ravel()
-                room = np.where(here & (share.room > 0.0), 1.0 - np.abs(values), share.room)
+                room = np.where(here, 1.0 - np.abs(values), share.room)
                 weights = np.where(share.weights > 0.0, bound, 0.0)
                 found[rows.name] = replace(share, values=values, room=room, weights=weights)
             if not wrong.any():
