@@ -297,7 +297,9 @@ class _Pairs:
         adhesion = contacts.weights[: contacts.count] * contacts.law[1] * self._senses  # of cohesion, where v slips
         load = self.state.load @ z + contacts.resultants @ plates - adhesion @ (c - goal)[1]
         force = own.stress * own.length * float(load + goal.ravel() @ contacts.fluid)
-        middle, terms = work / length - force, abs(work / length) + abs(force)
+        # what has been rounded: loads and tractions may cancel each other
+        largest = np.abs(self.state.load) @ np.abs(z) + contacts.weights @ np.abs(self.state.tractions)
+        middle, terms = work / length - force, abs(work / length) + own.stress * own.length * float(largest)
         rest = (error * residual + ratio * self.defect + second) / length + _ROUNDED * terms
         return Bounds(float(middle - rest), float(middle + rest))
 
