@@ -140,10 +140,12 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
 
 def _profile(places: FloatArray, theta: FloatArray, steps: FloatArray) -> FloatArray:
     """Parts (start, stop, steepest) of θ along one side, by its edges in order, linear between them."""
+    between = np.stack([places[:-1, 1], places[1:, 0], np.abs(theta[1:, 0] - theta[:-1, 1])])
+    apart = between[1] > between[0]
+    steps[1:][~apart & (between[2] > _PLACE)] = np.inf  # a jump, which springs across a contact allow
     grid = np.linspace(places[:, 0], places[:, 1], steps.shape[1] + 1)
     parts = np.stack([grid[:-1], grid[1:], steps.T / np.diff(grid, axis=0)]).reshape(3, -1)
-    between = np.stack([places[:-1, 1], places[1:, 0], np.abs(theta[1:, 0] - theta[:-1, 1])])
-    between = between[:, between[1] > between[0]]
+    between = between[:, apart]
     between[2] /= between[1] - between[0]
     return np.concatenate([parts, between], axis=1)
 

@@ -189,7 +189,7 @@ class TestNorms:
             assert 0.2 < found.value < most
 
     def test_where_no_proof_holds(self):
-        """Two materials, rough sides that meet at a corner, a hole, a share that is not the same on all edges."""
+        """Two materials, rough sides at a corner, a hole, friction that jumps beside springs, a share that varies."""
         soft = Region(Material(1.0, 0.1), x=(0.0, compressed_plate(0.1).mesh.length / 2.0))
         problems = [replace(plate, regions=[soft]) for plate in (compressed_plate(0.1), clamped_plate(0.1))]
         ring, whole = holed(2, [(0.0, 0.0)], (-1.5, -1.5), (1.5, 1.5)), TriangleMesh.rectangle((2, 2), 2.0, 1.0)
@@ -197,6 +197,12 @@ class TestNorms:
             mesh = mesh.with_edges("foot", foot).with_edges("rest", lambda x, y, foot=foot: ~foot(x, y))
             held = Contact("foot", 0.1), Displacement("rest", 0.0, 0.0)
             problems.append(ContactProblem(mesh, Material(1.0, 0.3), held))
+        mesh = whole.with_edges("foot", lambda x, y: (y == 0.0) & (x > 1.0))
+        mesh = mesh.with_edges("rail", lambda x, y: (y == 0.0) & (x < 1.0))
+        sides = [Displacement("left", x=0.0), Traction("left", y=0.0), FREE[1], Displacement("top", 0.0, 0.0)]
+        for friction in (0.0, 0.2):
+            feet = [Contact("foot", 0.1, normal_stiffness=1e6), Contact("rail", friction, normal_stiffness=1e6)]
+            problems.append(ContactProblem(mesh, Material(1.0, 0.3), [*feet, *sides]))
         cases = [(problem, shared(problem, 1.0)) for problem in problems]
         (share,) = shared(half_disc(0.1), 1.0).values()
         part = np.arange(len(share.values)) == 0
