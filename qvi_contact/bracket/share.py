@@ -321,8 +321,8 @@ def joined(
             slipping[changes] = 0.0
             room[near & vanishes[:, None]] = 0.0
             places += [
-                f"At ({x:.6g}, {y:.6g}) {name!r} has a kink, or meets what holds its normal displacement. Nothing "
-                "may slip there, which makes the bound wide."
+                f"At ({x:.6g}, {y:.6g}) {name!r} has a kink, or meets other friction or what holds its normal "
+                "displacement. Nothing may slip there, which makes the bound wide."
                 for x, y in problem.mesh.vertices[vertices[vanishes & (share.slipping != 0.0)]]
             ]
         own = replace(share, values=values, slipping=slipping, room=room * (1.0 - np.abs(values)))
