@@ -134,7 +134,8 @@ class CoulombBounds:
     def reach(self) -> float:
         """How far from τ solutions are of which the bounds hold, over |τ + η|; infinite where they hold for all."""
         stopped = self.norm.stopped
-        return float("inf") if stopped is None else self._relative(max(stopped.reach - self.moved, 0.0))
+        near = np.inf if stopped is None else self._relative(max(stopped.reach - self.moved, 0.0))
+        return near if near < _FAR else np.inf
 
     def _relative(self, error: float) -> float:
         return error / self.size if self.size > 0.0 else float("inf") if error > 0.0 else 0.0
@@ -186,7 +187,7 @@ def coulomb_bounds(
     s, cells, moved = norm.value, 0.0 * inside, float(np.sqrt(2.0 * fields.less(before).energy))
     error = error_bound(residual, defect, s)
     size = float(np.sqrt(2.0 * fields.energy))
-    if norm.stopped is not None and error >= norm.stopped.reach:
+    if norm.stopped is not None and norm.stopped.reach <= error < np.inf:
         near, apart = (100.0 * value / size for value in (norm.stopped.reach, error))
         what = f"the part that sticks holds it only if the error is below {near:.2g} %, and the bound is {apart:.2g} %"
         norm, error = replace(norm, reason=UNHELD.format(what)), np.inf
@@ -197,6 +198,7 @@ def coulomb_bounds(
     return CoulombBounds(shares, *parts, result, companion)
 
 
+_FAR: Final = 1e6  # |R d_k| of a motion that far is that of a rigid motion, but for rounding
 _CUTS: Final = (1e-6, 1e-1)
 """Shares of the largest opening, slip, pressure or room below the bound of a contact that count as none.
 

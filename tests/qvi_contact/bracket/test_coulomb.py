@@ -519,6 +519,9 @@ class TestFrictionAlone:
             found = solve(problem, degree=4)
             assert f"no part of '{name}' sticks that would hold it. Its errors are not bounded" in found.bracket.message
             assert found.uniqueness.apart == np.inf
+        assert "Here it is 2.71." in solve(self.block(2.0, 0.5), degree=4).bracket.message
+        even = replace(self.block(0.5, 0.0), material=Material(1.0, 0.0))  # what would stop it is a rigid motion
+        assert solve(even, degree=4).bracket.coulomb.reach == np.inf
 
 
 @pytest.mark.parametrize("friction", [0.1, 0.8])
