@@ -213,8 +213,6 @@ class TriangleRefinement:
             step = abs(found.reference - earlier[-1].reference)  # while that moves the error is no less
             found = replace(found, error=float(np.fmax(found.error, _SAFETY * step)))
         estimate, parts = found.error / unit if unit != 0.0 else 0.0, found.parts
-        if earlier and deadline.over and estimate > earlier[-1].record.estimate:  # bounds that were cut short
-            raise StopError(RefinementStatus.TIME_LIMIT)
         marked, deeper = np.ones(mesh.cell_count, dtype=bool), tuple[IntArray, ...]()
         if np.isfinite(estimate):
             marked = bulk(parts)
