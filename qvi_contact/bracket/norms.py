@@ -3,11 +3,7 @@
 R takes displacements v of W, which vanish where displacements are prescribed, to W. On contacts with Coulomb friction
 (Rv)_N = μ s v_T, s the share, and (Rv)_T = 0. On the others it has no normal part, and no tangential part where they
 bear shear. Any such R with RR = 0 serves: on rectangles Rv = θ v_a e_b, on star-shaped bodies Rv = η v_t n, whose norms
-are proved; elsewhere that of finite elements with the least energy. For a norm below 2 the residual ρ and the contact
-defect δ bound errors by F, see `error_bound`, and what contacts miss by Σ, see `defect_bound`.
-
-Motions without strain that move contacts, which friction alone stops, have no R. What sticks of the contacts stops them
-for all solutions whose stress is near enough to the computed one, see `Stopped`.
+are proved; elsewhere that of finite elements with the least energy, without the motions that friction alone stops.
 
 In `docs/theory.md`: (D26), (D28), (D29), (D30), (D32), (D39).
 """

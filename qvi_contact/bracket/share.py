@@ -6,9 +6,8 @@ Tractions of triangles jump at vertices, and so does s. A stress η without load
 shear −s times its own bound. On an edge s is the quotient of two polynomials, with the Bernstein
 coefficients s_i ω_i and ω_i of shear and bound: it lies between the smallest and the largest s_i.
 
-Joints part bodies, each a problem of its own: to it the others are rigid obstacles. An operator R of (D26) that takes
-the displacements of each body to the same body is one of the whole: on a joint, with n and t of the joint on both
-sides, [Rv]_N = (R₁v₁)_N − (R₂v₂)_N = μ s [v]_T. Its norm is the largest of those of the bodies.
+Joints part bodies, each a problem of its own: to it the others are rigid obstacles. Operators R of (D26) of all bodies
+make one of the whole, and its norm is the largest of theirs.
 
 In `docs/theory.md`: (D26), (D27).
 """

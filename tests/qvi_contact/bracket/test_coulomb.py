@@ -364,8 +364,8 @@ def test_forces_of_the_plate_on_every_mesh(friction, limit):
 def test_loads_that_cancel_each_other_leave_rounding():
     """A block lifted by all of its weight but 2, which its base carries."""
     sides = [Displacement("left", x=0.0), Traction("left", y=0.0), FREE[1], Traction("top", x=0.0, y=1e6 - 1.0)]
-    mesh, weight = TriangleMesh.rectangle((4, 2), 2.0, 1.0), Polynomial([[0.0, 1e6]])
-    block = ContactProblem(mesh, Material(1.0, 0.3), [Contact("bottom", 0.3), *sides], weight)
+    block = TestFrictionAlone.block(0.3, 0.0)
+    block = replace(block, conditions=[*block.contacts, *sides], body_potential=Polynomial([[0.0, 1e6]]))
     force = solve(block, degree=4).bracket.coulomb.forces["bottom.normal_force"]
     assert force.lower <= 2.0 <= force.upper < 2.0 + 1e-4
 
