@@ -202,28 +202,21 @@ def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
     return float(np.abs(slopes).max()) * float((across * rotation + strains).max() * ROUNDED)
 
 
-def _inf_sup(problem: ContactProblem) -> float:
-    """sin(½ arcsin(r/R)) ≤ β: r the distance of a point from the lines of all edges, R of the farthest vertex; or 0."""
+def _gain(problem: ContactProblem, sides: list[FloatArray]) -> float:
+    """G with ‖∇ψ‖² ≤ G ‖ω‖² for a ψ of divergence ω, the rotation of any displacement, zero where these are free."""
     from scipy.optimize import minimize  # slow to import, and few bodies need it
 
-    mesh = problem.mesh
-    corners, boundary = mesh.vertices[np.unique(mesh.cells)], mesh.boundary
-    if mesh.hole_edges.any():
-        return 0.0
+    mesh, boundary = problem.mesh, problem.mesh.boundary
+    corners = mesh.vertices[np.unique(mesh.cells)]
 
     def negative(centre: FloatArray) -> float:
+        """−r/R, r the distance of a point from the lines of all edges, R that from the farthest vertex."""
         inside = ((mesh.vertices[boundary.first] - centre) * boundary.normal).sum(axis=1).min()
         return -float(inside / np.linalg.norm(corners - centre, axis=1).max())
 
     found = minimize(negative, np.asarray(corners.mean(axis=0), dtype=float), method="Nelder-Mead")
-    best = -negative(np.asarray(found.x))
-    return float(np.sin(0.5 * np.arcsin(max(best, 0.0))))
-
-
-def _gain(problem: ContactProblem, sides: list[FloatArray]) -> float:
-    """G with ‖∇ψ‖² ≤ G ‖ω‖² for a ψ of divergence ω, the rotation of any displacement, zero where these are free."""
-    inf_sup = _inf_sup(problem)
-    if inf_sup == 0.0:
+    inf_sup = float(np.sin(0.5 * np.arcsin(max(-negative(np.asarray(found.x)), 0.0))))  # ≤ β
+    if inf_sup == 0.0 or mesh.hole_edges.any():
         return np.inf
     # by a field of mean divergence 1 where supports are, and by β for what is left
     space = DisplacementSpace.of(problem, triangle(_FIELD_DEGREE), problem.mesh.length)
