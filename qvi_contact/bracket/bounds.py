@@ -4,9 +4,6 @@ What is bracketed is a convex problem, its friction bounds held fixed; its stres
 need data that are the same in both models. Functions are looked at in `bernstein.SAMPLES` of every edge and 169 points
 of every cell.
 
-If the only datum that is not zero is a displacement a of one support or obstacle, constant along it, and no energy is
-lost in friction, then J(u) = ½ a R with R the resultant that belongs to a, (D21): bounds of J(u) are bounds of R.
-
 In `docs/theory.md`: (D19), (D20), (D21).
 """
 

@@ -2,9 +2,7 @@
 
 For any displacement z of W and any stress ζ without loads the resultant Q = ∫ a σ_N + b σ_T ds differs from a number
 that z, ζ, the stress τ and the data give by at most F |ε(z) − cζ| + m (δ + ρ²/(4α)) + r F². z solves the dual
-problem on the displacements of the companion, ζ is the stress nearest to it. Both are cut: z_T = b also beside what
-sticks, and ζ_T = 0 also beside what slips, so that m is not large. r is the norm of R with ζ_T/(c + μ|τ_N|), made
-continuous, in place of s.
+problem on the displacements of the companion, ζ is the stress nearest to it, both cut so that m is not large.
 
 In `docs/theory.md`: (D26), (D27), (D28), (D31).
 """
