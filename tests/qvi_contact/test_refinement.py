@@ -396,7 +396,6 @@ def test_bounds_that_time_cuts_short_are_no_round(clock):
     problem = replace(problem, conditions=[*others, replace(plate, gap=gap)])
     outcome = refine(problem, None, 1e-6, FORCE, guaranteed=True, degree=4, time_limit=0.5)
     assert (outcome.status, len(outcome.rounds)) == (RefinementStatus.TIME_LIMIT, 1)
-    assert outcome.estimate < 2.0
 
 
 def test_no_time_for_the_first_round():
