@@ -32,7 +32,7 @@ Field: TypeAlias = float | Callable[[FloatArray, FloatArray], ArrayLike]
 
 def acts(field: Field) -> bool:
     """Whether a field is anything but the number zero."""
-    return callable(field) or field != 0.0
+    return callable(field) or bool(field != 0.0)  # also of numbers of NumPy
 
 
 def check_field(field: str, value: object, *, minimum: float | None = None) -> None:

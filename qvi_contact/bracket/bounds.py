@@ -4,9 +4,6 @@ What is bracketed is a convex problem, its friction bounds held fixed; its stres
 need data that are the same in both models. Functions are looked at in `bernstein.SAMPLES` of every edge and 169 points
 of every cell.
 
-If the only datum that is not zero is a displacement a of one support or obstacle, constant along it, and no energy is
-lost in friction, then J(u) = ½ a R with R the resultant that belongs to a, (D21): bounds of J(u) are bounds of R.
-
 In `docs/theory.md`: (D19), (D20), (D21).
 """
 
@@ -441,23 +438,19 @@ def other_solutions(result: ContactResult, *, time_limit: float | None = None) -
             "energy norm."
         )
     order = np.argsort(distances, kind="stable")  # as they are, without a companion
-    message, told = f"{_several([results[i] for i in order])} {compared}", list[ContactResult]()
+    pairs, ranges = combinations([found[i] for i in order.tolist()], 2), list[str]()
+    tractions = max(traction_difference(*pair) for pair in pairs)
+    for name in result.contacts:
+        forces = [each.contacts[name].tangential_force for each in results]
+        ranges.append(f"{min(forces):.5g} to {max(forces):.5g} [stress × length] on {name!r}")
+    message = (
+        f"The discrete problem has several solutions: {len(results)} certified ones were found. Their contact "
+        f"tractions differ by up to {100.0 * tractions:.2g} % of the largest. The tangential force is "
+        f"{' and '.join(ranges)}. {compared}"
+    )
+    told = list[ContactResult]()
     for i in order.tolist():  # in place of what its own solve had suspected
         place = "" if companion is None else f" This one is {'not ' if told else ''}the nearest."
         remarks = (f"{message}{place} {WHAT_TO_DO}",)
         told.append(ContactResult(known, replace(found[i], remarks=remarks)))
     return Branches(tuple(told), tuple(distances[order].tolist()), companion, message)
-
-
-def _several(results: list[ContactResult]) -> str:
-    """How many solutions there are, and how far their tractions and forces differ."""
-    tractions = max(traction_difference(one.solution, other.solution) for one, other in combinations(results, 2))
-    ranges = []
-    for name in results[0].contacts:
-        forces = [result.contacts[name].tangential_force for result in results]
-        ranges.append(f"{min(forces):.5g} to {max(forces):.5g} [stress × length] on {name!r}")
-    return (
-        f"The discrete problem has several solutions: {len(results)} certified ones were found. Their contact "
-        f"tractions differ by up to {100.0 * tractions:.2g} % of the largest. The tangential force is "
-        f"{' and '.join(ranges)}."
-    )

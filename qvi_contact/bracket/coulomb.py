@@ -2,9 +2,7 @@
 
 For any displacement z of W and any stress ζ without loads the resultant Q = ∫ a σ_N + b σ_T ds differs from a number
 that z, ζ, the stress τ and the data give by at most F |ε(z) − cζ| + m (δ + ρ²/(4α)) + r F². z solves the dual
-problem on the displacements of the companion, ζ is the stress nearest to it. Both are cut: z_T = b also beside what
-sticks, and ζ_T = 0 also beside what slips, so that m is not large. r is the norm of R with ζ_T/(c + μ|τ_N|), made
-continuous, in place of s.
+problem on the displacements of the companion, ζ is the stress nearest to it, both cut so that m is not large.
 
 In `docs/theory.md`: (D26), (D27), (D28), (D31).
 """
@@ -134,7 +132,8 @@ class CoulombBounds:
     def reach(self) -> float:
         """How far from τ solutions are of which the bounds hold, over |τ + η|; infinite where they hold for all."""
         stopped = self.norm.stopped
-        return float("inf") if stopped is None else self._relative(max(stopped.reach - self.moved, 0.0))
+        near = np.inf if stopped is None else self._relative(max(stopped.reach - self.moved, 0.0))
+        return near if near < _FAR else np.inf
 
     def _relative(self, error: float) -> float:
         return error / self.size if self.size > 0.0 else float("inf") if error > 0.0 else 0.0
@@ -186,7 +185,7 @@ def coulomb_bounds(
     s, cells, moved = norm.value, 0.0 * inside, float(np.sqrt(2.0 * fields.less(before).energy))
     error = error_bound(residual, defect, s)
     size = float(np.sqrt(2.0 * fields.energy))
-    if norm.stopped is not None and error >= norm.stopped.reach:
+    if norm.stopped is not None and norm.stopped.reach <= error < np.inf:
         near, apart = (100.0 * value / size for value in (norm.stopped.reach, error))
         what = f"the part that sticks holds it only if the error is below {near:.2g} %, and the bound is {apart:.2g} %"
         norm, error = replace(norm, reason=UNHELD.format(what)), np.inf
@@ -197,6 +196,7 @@ def coulomb_bounds(
     return CoulombBounds(shares, *parts, result, companion)
 
 
+_FAR: Final = 1e6  # |R d_k| of a motion that far is that of a rigid motion, but for rounding
 _CUTS: Final = (1e-6, 1e-1)
 """Shares of the largest opening, slip, pressure or room below the bound of a contact that count as none.
 
@@ -297,7 +297,9 @@ class _Pairs:
         adhesion = contacts.weights[: contacts.count] * contacts.law[1] * self._senses  # of cohesion, where v slips
         load = self.state.load @ z + contacts.resultants @ plates - adhesion @ (c - goal)[1]
         force = own.stress * own.length * float(load + goal.ravel() @ contacts.fluid)
-        middle, terms = work / length - force, abs(work / length) + abs(force)
+        # what has been rounded: loads and tractions may cancel each other
+        largest = np.abs(self.state.load) @ np.abs(z) + contacts.weights @ np.abs(self.state.tractions)
+        middle, terms = work / length - force, abs(work / length) + own.stress * own.length * float(largest)
         rest = (error * residual + ratio * self.defect + second) / length + _ROUNDED * terms
         return Bounds(float(middle - rest), float(middle + rest))
 

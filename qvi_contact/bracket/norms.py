@@ -3,11 +3,7 @@
 R takes displacements v of W, which vanish where displacements are prescribed, to W. On contacts with Coulomb friction
 (Rv)_N = μ s v_T, s the share, and (Rv)_T = 0. On the others it has no normal part, and no tangential part where they
 bear shear. Any such R with RR = 0 serves: on rectangles Rv = θ v_a e_b, on star-shaped bodies Rv = η v_t n, whose norms
-are proved; elsewhere that of finite elements with the least energy. For a norm below 2 the residual ρ and the contact
-defect δ bound errors by F, see `error_bound`, and what contacts miss by Σ, see `defect_bound`.
-
-Motions without strain that move contacts, which friction alone stops, have no R. What sticks of the contacts stops them
-for all solutions whose stress is near enough to the computed one, see `Stopped`.
+are proved; elsewhere that of finite elements with the least energy, without the motions that friction alone stops.
 
 In `docs/theory.md`: (D26), (D28), (D29), (D30), (D32), (D39).
 """
@@ -140,10 +136,12 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
 
 def _profile(places: FloatArray, theta: FloatArray, steps: FloatArray) -> FloatArray:
     """Parts (start, stop, steepest) of θ along one side, by its edges in order, linear between them."""
+    between = np.stack([places[:-1, 1], places[1:, 0], np.abs(theta[1:, 0] - theta[:-1, 1])])
+    apart = between[1] > between[0]
+    steps[1:][~apart & (between[2] > _PLACE)] = np.inf  # a jump, which springs across a contact allow
     grid = np.linspace(places[:, 0], places[:, 1], steps.shape[1] + 1)
     parts = np.stack([grid[:-1], grid[1:], steps.T / np.diff(grid, axis=0)]).reshape(3, -1)
-    between = np.stack([places[:-1, 1], places[1:, 0], np.abs(theta[1:, 0] - theta[:-1, 1])])
-    between = between[:, between[1] > between[0]]
+    between = between[:, apart]
     between[2] /= between[1] - between[0]
     return np.concatenate([parts, between], axis=1)
 
@@ -204,28 +202,21 @@ def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
     return float(np.abs(slopes).max()) * float((across * rotation + strains).max() * ROUNDED)
 
 
-def _inf_sup(problem: ContactProblem) -> float:
-    """sin(½ arcsin(r/R)) ≤ β: r the distance of a point from the lines of all edges, R of the farthest vertex; or 0."""
+def _gain(problem: ContactProblem, sides: list[FloatArray]) -> float:
+    """G with ‖∇ψ‖² ≤ G ‖ω‖² for a ψ of divergence ω, the rotation of any displacement, zero where these are free."""
     from scipy.optimize import minimize  # slow to import, and few bodies need it
 
-    mesh = problem.mesh
-    corners, boundary = mesh.vertices[np.unique(mesh.cells)], mesh.boundary
-    if mesh.hole_edges.any():
-        return 0.0
+    mesh, boundary = problem.mesh, problem.mesh.boundary
+    corners = mesh.vertices[np.unique(mesh.cells)]
 
     def negative(centre: FloatArray) -> float:
+        """−r/R, r the distance of a point from the lines of all edges, R that from the farthest vertex."""
         inside = ((mesh.vertices[boundary.first] - centre) * boundary.normal).sum(axis=1).min()
         return -float(inside / np.linalg.norm(corners - centre, axis=1).max())
 
     found = minimize(negative, np.asarray(corners.mean(axis=0), dtype=float), method="Nelder-Mead")
-    best = -negative(np.asarray(found.x))
-    return float(np.sin(0.5 * np.arcsin(max(best, 0.0))))
-
-
-def _gain(problem: ContactProblem, sides: list[FloatArray]) -> float:
-    """G with ‖∇ψ‖² ≤ G ‖ω‖² for a ψ of divergence ω, the rotation of any displacement, zero where these are free."""
-    inf_sup = _inf_sup(problem)
-    if inf_sup == 0.0:
+    inf_sup = float(np.sin(0.5 * np.arcsin(max(-negative(np.asarray(found.x)), 0.0))))  # ≤ β
+    if inf_sup == 0.0 or mesh.hole_edges.any():
         return np.inf
     # by a field of mean divergence 1 where supports are, and by β for what is left
     space = DisplacementSpace.of(problem, triangle(_FIELD_DEGREE), problem.mesh.length)

@@ -6,9 +6,8 @@ Tractions of triangles jump at vertices, and so does s. A stress η without load
 shear −s times its own bound. On an edge s is the quotient of two polynomials, with the Bernstein
 coefficients s_i ω_i and ω_i of shear and bound: it lies between the smallest and the largest s_i.
 
-Joints part bodies, each a problem of its own: to it the others are rigid obstacles. An operator R of (D26) that takes
-the displacements of each body to the same body is one of the whole: on a joint, with n and t of the joint on both
-sides, [Rv]_N = (R₁v₁)_N − (R₂v₂)_N = μ s [v]_T. Its norm is the largest of those of the bodies.
+Joints part bodies, each a problem of its own: to it the others are rigid obstacles. Operators R of (D26) of all bodies
+make one of the whole, and its norm is the largest of theirs.
 
 In `docs/theory.md`: (D26), (D27).
 """
@@ -321,8 +320,8 @@ def joined(
             slipping[changes] = 0.0
             room[near & vanishes[:, None]] = 0.0
             places += [
-                f"At ({x:.6g}, {y:.6g}) {name!r} has a kink, or meets what holds its normal displacement. Nothing "
-                "may slip there, which makes the bound wide."
+                f"At ({x:.6g}, {y:.6g}) {name!r} has a kink, or meets other friction or what holds its normal "
+                "displacement. Nothing may slip there, which makes the bound wide."
                 for x, y in problem.mesh.vertices[vertices[vanishes & (share.slipping != 0.0)]]
             ]
         own = replace(share, values=values, slipping=slipping, room=room * (1.0 - np.abs(values)))
@@ -376,7 +375,7 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
                 values = np.where(here, -shear / np.maximum(bound, 1e-300), share.values)
                 wrong[0, at] = pressed[at] & (new.normal[rows.edges] > 0.0).ravel()
                 wrong[1, at] = (np.abs(values) > 1.0).ravel()
-                room = np.where(here & (share.room > 0.0), 1.0 - np.abs(values), share.room)
+                room = np.where(here, 1.0 - np.abs(values), share.room)
                 weights = np.where(share.weights > 0.0, bound, 0.0)
                 found[rows.name] = replace(share, values=values, room=room, weights=weights)
             if not wrong.any():

@@ -4,18 +4,15 @@ On an edge the relative displacement is Σ c_i B_i. Each c is a coefficient of t
 a joint, along the edge's normal or tangent; in a corner of the line, between edges of two directions, one for each.
 Tangents point to the right: where an arc goes straight up, those of its two edges lead against each other, and c_T
 counts with the other sign on one of them. On a joint normals and sides of the edges change there as well, and c_T does
-not. A plate driven by force adds its motion: then c is what the body moves beyond it. Forces z conjugate to c are
+not. From c what a plate driven by force moves is taken off, and what springs stretch. Forces conjugate to c are
 
     z_i = ∫ σ B_i ds = W_i τ_i,   W_i = ∫ B_i ds,
 
 mean tractions τ_i [stress] weighted by the positive B_i. The laws hold for them: c_N ≤ g, τ_N ≤ 0 and |τ_T| ≤ s_i with
 s_i = ∫ s B_i ds / W_i, under Coulomb's law min(cohesion + μ_i |τ_N|, cap), μ_i at the coefficient's own point.
 
-Springs along a contact stretch by a polynomial d = Σ d_i B_i of their own, with the energy ½ ∫ k d² ds: c is what they
-leave of the displacement, that of the body less d.
-
-With c = c_D + B w_Γ + B_q q the relative displacements (c_D from supports, q motions of plates), and all the maps of
-`CondensedBody`, in which springs are a part of the body, forces that are in equilibrium minimise
+With c = c_D + B w_Γ + B_q q (c_D from supports, q motions of plates) and the maps of `CondensedBody`, in which springs
+are a part of the body, forces that are in equilibrium minimise
 
     ½ τᵀ C τ − τᵀ W (g̃ − c_D − B G r),   C = W B G Bᵀ W,   g̃ = (g, w)
 
@@ -29,9 +26,7 @@ tangential ones. Those whose c nothing can change (supports prescribe it, or the
 their own and stay zero; so do those whose c follows from others, in a corner where two contact lines end, or where
 joints cross: friction there is left to the other line.
 
-A solution meets the contact conditions to a tolerance. Where a coefficient presses or sticks beyond doubt its
-displacement is set to the obstacle's, an open one is kept at or below the gap, and one that must not slip, or slips
-against the sense it is given, is held. The body is solved once more for these contact displacements.
+A solution meets the contact conditions to a tolerance, and is then made `admissible`.
 
 In `docs/theory.md`: (D18), (D40).
 """
@@ -490,7 +485,10 @@ def moved(rows: sparse.csr_array, values: FloatArray, change: FloatArray) -> Flo
 def admissible(
     problem: DualProblem, values: FloatArray, plates: FloatArray, tractions: FloatArray, bound: FloatArray
 ) -> tuple[FloatArray, FloatArray, str]:
-    """(v (size,), c (2 n,), why not) that meets the contact conditions to rounding, from w_Γ and motions of plates."""
+    """(v (size,), c (2 n,), why not) that meets the contact conditions to rounding, from w_Γ and motions of plates.
+
+    What presses or sticks beyond doubt, must not slip, or slips the wrong way gets the displacement of the obstacle.
+    """
     contacts, rows = problem.contacts, sparse.csr_array(problem.B)
     beyond = problem.constant + contacts.motions @ (-plates)
     unit, n, slipping = max(1.0, float(np.abs(tractions).max(initial=0.0))), contacts.count, contacts.slipping

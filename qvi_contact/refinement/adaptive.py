@@ -315,8 +315,11 @@ def _refined(
     try:
         while True:
             answer = _answer(strategy, mesh, first=not rounds)
-            rounds.append(strategy.assessed(mesh, answer, rounds))
-            record = rounds[-1].record
+            found = strategy.assessed(mesh, answer, rounds)
+            record = found.record
+            if rounds and deadline.over and record.estimate > rounds[-1].record.estimate:  # bounds that were cut short
+                raise StopError(RefinementStatus.TIME_LIMIT)
+            rounds.append(found)
             callback(record)
             if record.estimate <= settings.target:
                 enough = record.guaranteed or not settings.guaranteed

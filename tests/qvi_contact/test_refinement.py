@@ -387,6 +387,17 @@ def test_the_answer_is_that_of_the_last_round_in_time(clock, seconds):
     assert outcome.result.status is Status.SOLVED
 
 
+def test_bounds_that_time_cuts_short_are_no_round(clock):
+    def gap(x, _):
+        clock.passes(float(x.size > 200))  # points of edges at once: bounds of the second round take more
+        return -1e-3 + 2e-3 * x
+
+    *others, plate = (problem := compressed_plate(0.2, (1, 1))).conditions
+    problem = replace(problem, conditions=[*others, replace(plate, gap=gap)])
+    outcome = refine(problem, None, 1e-6, FORCE, guaranteed=True, degree=4, time_limit=0.5)
+    assert (outcome.status, len(outcome.rounds)) == (RefinementStatus.TIME_LIMIT, 1)
+
+
 def test_no_time_for_the_first_round():
     outcome = refine(compressed_plate(0.2, (2, 2)), target=1e-9, time_limit=1e-9)
     assert outcome.status is RefinementStatus.TIME_LIMIT

@@ -112,14 +112,10 @@ def clamped_plate(friction):
     return replace(problem, conditions=free)
 
 
-def test_a_body_without_loads_has_no_error():
-    """Of a state that is zero, none is no share."""
+def test_bodies_without_loads_and_open_contacts_cost_nothing():
+    """Of a state that is zero, none is no share; what solvers leave of tractions is no friction."""
     found = solve(compressed_plate(0.2, (1, 1), displacement=0.0)).bracket.coulomb
     assert (found.error, found.relative_error, found.apart) == (0.0, 0.0, 0.0)
-
-
-def test_a_contact_that_is_open_all_along_costs_nothing():
-    """What solvers leave of its tractions is no friction."""
     left, bottom, _, contact = (plate := compressed_plate(0.2, (2, 2))).conditions
     pulled = replace(plate, conditions=[left, bottom, Traction("right", 5.0, 0.0), replace(contact, gap=1e-5)])
     assert solve(pulled, method="fixed-point").bracket.coulomb.relative_error < 1e-5
@@ -189,7 +185,7 @@ class TestNorms:
             assert 0.2 < found.value < most
 
     def test_where_no_proof_holds(self):
-        """Two materials, rough sides that meet at a corner, a hole, a share that is not the same on all edges."""
+        """Two materials, rough sides at a corner, a hole, friction that jumps beside springs, a share that varies."""
         soft = Region(Material(1.0, 0.1), x=(0.0, compressed_plate(0.1).mesh.length / 2.0))
         problems = [replace(plate, regions=[soft]) for plate in (compressed_plate(0.1), clamped_plate(0.1))]
         ring, whole = holed(2, [(0.0, 0.0)], (-1.5, -1.5), (1.5, 1.5)), TriangleMesh.rectangle((2, 2), 2.0, 1.0)
@@ -197,6 +193,12 @@ class TestNorms:
             mesh = mesh.with_edges("foot", foot).with_edges("rest", lambda x, y, foot=foot: ~foot(x, y))
             held = Contact("foot", 0.1), Displacement("rest", 0.0, 0.0)
             problems.append(ContactProblem(mesh, Material(1.0, 0.3), held))
+        mesh = whole.with_edges("foot", lambda x, y: (y == 0.0) & (x > 1.0))
+        mesh = mesh.with_edges("rail", lambda x, y: (y == 0.0) & (x < 1.0))
+        sides = [Displacement("left", x=0.0), Traction("left", y=0.0), FREE[1], Displacement("top", 0.0, 0.0)]
+        for friction in (0.0, 0.2):
+            feet = [Contact("foot", 0.1, normal_stiffness=1e6), Contact("rail", friction, normal_stiffness=1e6)]
+            problems.append(ContactProblem(mesh, Material(1.0, 0.3), [*feet, *sides]))
         cases = [(problem, shared(problem, 1.0)) for problem in problems]
         (share,) = shared(half_disc(0.1), 1.0).values()
         part = np.arange(len(share.values)) == 0
@@ -316,8 +318,8 @@ class TestScope:
         assert 0.0 < found.defect == pytest.approx(defect, rel=1e-6)
 
     def test_forces_beside_a_bond_have_no_bounds(self):
-        """Nor has anything under a cap of friction."""
-        free = compressed_plate(0.2, (2, 2))
+        """Nor has anything under a cap of friction. Data may be numbers of NumPy."""
+        free = compressed_plate(np.float64(0.2), (2, 2))
         assert "without a limit" in solve(with_law(free, shear_limit=50.0)).bracket.coulomb_reason
         bonded = [Contact.tresca("right", 5.0) if each.edges == "right" else each for each in free.conditions]
         found = solve(replace(free, conditions=bonded), degree=4).bracket.coulomb
@@ -353,6 +355,15 @@ def test_forces_of_the_plate_on_every_mesh(friction, limit):
         assert force.lower < limit < force.upper
         widths.append(force.upper - force.lower)
     assert widths[-1] < 0.25 * widths[0]
+
+
+def test_loads_that_cancel_each_other_leave_rounding():
+    """A block lifted by all of its weight but 2, which its base carries."""
+    sides = [Displacement("left", x=0.0), Traction("left", y=0.0), FREE[1], Traction("top", x=0.0, y=1e6 - 1.0)]
+    block = TestFrictionAlone.block(0.3, 0.0)
+    block = replace(block, conditions=[*block.contacts, *sides], body_potential=Polynomial([[0.0, 1e6]]))
+    force = solve(block, degree=4).bracket.coulomb.forces["bottom.normal_force"]
+    assert force.lower <= 2.0 <= force.upper < 2.0 + 1e-4
 
 
 def test_cohesion_counts_where_it_slips():
@@ -422,7 +433,7 @@ class TestOtherBodies:
         x, y = layer.mesh.vertices.T
         bent = np.column_stack([x, y - 0.1 * (1.0 - y) * np.minimum(x, 4.0 - x)])
         found = solve(replace(layer, mesh=replace(layer.mesh, vertices=bent)), degree=4).bracket.coulomb
-        assert "At (2, -0.2) 'base' has a kink" in found.message
+        assert "At (2, -0.2) 'base' has a kink, or meets other friction" in found.message
 
 
 def pressed_block(friction, cells=(8, 4), **law):
@@ -482,14 +493,15 @@ class TestFrictionAlone:
         assert "within" in result.uniqueness.message
 
     def test_what_stops_a_motion(self):
-        """M of (D39) is a part of the friction that is left where the contact sticks, by another quadrature."""
-        problem = self.block(0.5, 0.1)
+        """M of (D39) is a part of all friction that is left where the contact sticks, by another quadrature."""
+        problem = self.block(0.3, 0.25)
         found = solve(problem, degree=4).bracket.coulomb
         stopped, (share,) = found.norm.stopped, found.shares.values()
-        t, weights = np.polynomial.legendre.leggauss(8)
-        shapes = bernstein(2, (t + 1.0) / 2.0)
+        np.testing.assert_array_equal(share.room, 1.0 - np.abs(share.values))
+        t, weights = gauss_legendre(8)
+        shapes = bernstein(2, t)
         room = (share.room * share.weights) @ shapes.T  # m B(τ) of all edges, in the unit of the weights
-        whole = float((room @ weights).sum()) * 0.5 * problem.mesh.edges("bottom").length[0]
+        whole = float((room @ weights).sum()) * problem.mesh.edges("bottom").length[0]
         unit = found.stress.discretization.scales
         parts = stopped.masses[0] / (whole * unit.stress * unit.displacement)
         assert np.isclose(parts, [1.0, 0.5, 0.25, 0.125], rtol=1e-9).any()
@@ -503,6 +515,9 @@ class TestFrictionAlone:
             found = solve(problem, degree=4)
             assert f"no part of '{name}' sticks that would hold it. Its errors are not bounded" in found.bracket.message
             assert found.uniqueness.apart == np.inf
+        assert "Here it is 2.71." in solve(self.block(2.0, 0.5), degree=4).bracket.message
+        even = replace(self.block(0.5, 0.0), material=Material(1.0, 0.0))  # what would stop it is a rigid motion
+        assert solve(even, degree=4).bracket.coulomb.reach == np.inf
 
 
 @pytest.mark.parametrize("friction", [0.1, 0.8])
