@@ -44,8 +44,7 @@ from solvers.solution import Iteration, Outcome
 #              factor F Fᵀ = Y K⁻¹ Yᵀ and V = E F the tractions are σ_bonded + V w and the energy is ½|w|². Small,
 #              dense, perfectly conditioned; z follows from the multipliers by one linear solve with the factor of K
 #
-# Both are minimised by the same tractions and multipliers. The condensed form pays while contact points are few beside
-# the unknowns; "auto" takes it up to `CONDENSED_LIMIT` rows.
+# Both are minimised by the same tractions and multipliers. The condensed form pays while contact points are few.
 #
 # In either form rows without friction, whose bound is always 0, are equations T z + t0 = 0. As inequalities
 # |T z + t0| ≤ 0 they would have no interior, and several of them that depend on each other contradict one another in

@@ -362,10 +362,10 @@ class Search:
             found, remark = last, f"{subject} found this solution after {tried}."
         elif deadline.over:
             found = out_of_time(last if better else first)
-            remark = f"The time limit ended the fixed point, which was tried because {tried}."
+            remark = f"The time limit ended {subject.lower()}, which was tried because {tried}."
         elif last.status is Status.TIME_LIMIT:
             stopped = f"{subject}, tried next, was stopped after {seconds:.0f} seconds"
-            found, remark = first, f"{stopped}: method='fixed-point' gives it more time."
+            found, remark = first, f"{stopped}: method={way.method!r} gives it more time."
         else:
             found, remark = first, f"{subject}, tried next, ended {last.status.words}."
         return dataclasses.replace(found, message=f"{found.message} {remark}", attempts=self.attempts)

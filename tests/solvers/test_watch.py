@@ -198,7 +198,7 @@ def test_the_fall_back_takes_no_longer_than_its_share(large, clock, calls):
     solution = solve_qvi(large, gap=COARSE)
     assert calls == [0.0, 10.0]
     assert (solution.status, solution.method) == (Status.STALLED, "condensed")
-    assert "15 seconds" in solution.message
+    assert "15 seconds: method='fixed-point' gives it more time" in solution.message
     assert clock.now < 30.0
 
 
