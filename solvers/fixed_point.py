@@ -215,6 +215,7 @@ _INNER_FACTOR = 1e-4  # inner tolerance = this × outer, within the two limits b
 _INNER_LIMITS = (1e-12, 1e-6)  # √tolerance where a point touches without load
 _RECOVERIES = 12
 _NEARER = 4  # of them one after the other, by which s has come to 1/16 of its distance
+_ASKED = 2.0  # seconds for a proof that a bound is too small, which the largest programs need
 _CYCLE_LENGTHS = range(2, 9)
 _CYCLE_MATCH = 1e-4  # of the residual
 _PROGRESS = 0.9
@@ -286,7 +287,7 @@ class _Loop:
         time.
         """
         qvi, form, solver = self.qvi.with_bound(bound), self.form, self.solver
-        if (proof := refuted(qvi)) is not None:
+        if (proof := refuted(qvi, _ASKED)) is not None:
             return no_result(form.problem, Status.INFEASIBLE, proof.message)
         threshold = form.threshold(bound)
         inner = solver.solve(threshold, form.centre(self.inner, self.previous), self.inner)
