@@ -20,7 +20,7 @@ from solvers.condensed.method import EXACT, LAST, CondensedRun
 from solvers.condensed.systems import FITTING_SHARES, NEAR_BONDED_SHARES
 from solvers.errors import InputError, SolveError
 from solvers.factorisation import FactorisationError
-from solvers.fixed_point import CONDENSED_LIMIT, initial_pressure, solve_fixed_point
+from solvers.fixed_point import initial_pressure, solve_fixed_point
 from solvers.inequality.body import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.registry import check_name, versions
@@ -107,6 +107,9 @@ _FAILURES = {
     "time": Status.TIME_LIMIT,
     "backend": Status.BACKEND_FAILED,
 }
+
+_ITERABLE = 250
+"""Contact points up to which an iteration of the fixed point takes at most a tenth of `LEAST_SECONDS`, and not 20 s."""
 
 _WORTH_A_FALL_BACK = (
     Status.INACCURATE, Status.ILL_CONDITIONED, Status.STALLED,
@@ -232,7 +235,7 @@ ATTEMPTS: Final = (
     Way("pivoting", (vertex,), serves=affordable),
     Way("condensed", (usual_start, energy_root, other_shares)),
     Way("pivoting", (other_vertices,), "Pivoting", lambda qvi: affordable(qvi, LARGEST_LATE)),
-    Way("fixed-point", (fixed_point,), "The fixed point", lambda qvi: 2 * qvi.m <= CONDENSED_LIMIT),
+    Way("fixed-point", (fixed_point,), "The fixed point", lambda qvi: qvi.m <= _ITERABLE),
     Way("uzawa", (uzawa,), serves=lambda _: False),
 )
 """Tried in this order until a certificate passes; the first leaves nothing behind where it fails."""
@@ -359,10 +362,10 @@ class Search:
             found, remark = last, f"{subject} found this solution after {tried}."
         elif deadline.over:
             found = out_of_time(last if better else first)
-            remark = f"The time limit ended the fixed point, which was tried because {tried}."
+            remark = f"The time limit ended {subject.lower()}, which was tried because {tried}."
         elif last.status is Status.TIME_LIMIT:
             stopped = f"{subject}, tried next, was stopped after {seconds:.0f} seconds"
-            found, remark = first, f"{stopped}: method='fixed-point' gives it more time."
+            found, remark = first, f"{stopped}: method={way.method!r} gives it more time."
         else:
             found, remark = first, f"{subject}, tried next, ended {last.status.words}."
         return dataclasses.replace(found, message=f"{found.message} {remark}", attempts=self.attempts)

@@ -18,10 +18,8 @@ w = −[v]_N the speed of opening, tractions do at most the work ∫ π([v]) ds 
 | bilateral, capped              | w = 0                        | ∫ t_max ds · |[v]_T|                       |
 | bilateral with friction, tied  | w = 0, [v]_T = 0             | 0                                          |
 
-Along a straight line [v]_T of two bodies is constant and w linear: conditions at its ends are enough where μ is
-constant. Where μ is a function it is replaced on short pieces of edges by the least affine function that is not below
-its samples there and has the slope of the chord: π becomes larger, and what it proves stays proved. So do the errors of
-integrals of c and t_max, which are taken on parts where these jump or bend, as far as samples show it.
+Where μ is a function it is replaced on short pieces of edges by the least affine function that is not below its samples
+there and has the slope of the chord: π becomes larger, and what it proves stays proved.
 
 In `docs/theory.md`: (D23).
 """

@@ -6,10 +6,8 @@ without opening the dilatant slip a at places of the line:
     w − μ s ≥ 0   or   w − μ a ≥ 0,  0 ≤ a ≤ s,          R(v) = Σ_l (∫ bound ds · s_l − ∫ (t_max − c)⁺ a ds)
 
 Supports, tied and bilateral lines are equations; their null space is taken first, so that rounding of the many
-equations of one line does no harm. If the loads do the work L(v) > R(v), no admissible stress is in equilibrium with
-them: for every one L(v) = Σ_l ∫ (−σ_N [v]_N − σ_T [v]_T) ds ≤ R(v).
-
-Answers of the solver are used for v only. Works, resistance and missed conditions are computed from v again.
+equations of one line does no harm. Answers of the solver are used for v only. Works, resistance and missed conditions
+are computed from v again.
 
 In `docs/theory.md`: (D23).
 """
@@ -37,8 +35,8 @@ from solvers.basics.types import PicklesFields
 from solvers.errors import Named
 from solvers.inner.linear_program import INFEASIBLE, TIME_LIMIT, solved
 
-_CERTAIN: Final = 1e-8
 _STILL: Final = 1e-9  # displacement of bodies over the largest one of all, below which they rest
+_CERTAIN: Final = 1e-8
 """Gain of work, relative to the work that drives and resists, below which nothing is claimed."""
 
 _REACH: Final = 1e4

@@ -187,8 +187,8 @@ class UndeterminedMotion:
         instead = " For a plate or pin, you can give the motion instead of the force." if self.plate else ""
         return (
             f"Nothing determines the position of {what}, {together} can {self.way}. Stresses and forces do not depend "
-            "on it. Gaps and slips hold for one of the possible positions. To determine it, add a support, friction, "
-            f"or a load that closes a contact.{instead}"
+            "on it, but those of later steps of a history may. Gaps and slips hold for one of the possible positions. "
+            f"To determine it, add a support, friction, or a load that closes a contact.{instead}"
         )
 
 

@@ -10,18 +10,7 @@ In the coordinates x = √W σ, with B = [N; T] and K⁻¹ on the null space of 
 
     ‖σ_N¹ − σ_N²‖ ≤ mu γ ‖s¹ − s²‖,    γ² = λ_max(Ĉ_NN) λ_max(𝒲_TT) ≤ κ,    mu the largest one.
 
-Proof. Stationarity is 𝒲σ + c = −λ, so with d = σ¹ − σ² and e = λ¹ − λ² one has 𝒲d = −e and (𝒲d, d) = −(e, d).
-Normal part: λ_N σ_N = 0, λ_N ≥ 0 ≥ σ_N make −e_N d_N = λ_N¹ σ_N² + λ_N² σ_N¹ ≤ 0 at each point (bilateral: λ_N = 0).
-Tangential part: λ_T σ_T = thr |λ_T| for each of the two and |λ_T¹ σ_T²| ≤ |λ_T¹| thr(s²), so
-
-    −e_T d_T ≤ (thr(s²) − thr(s¹)) (|λ_T¹| − |λ_T²|) ≤ mu |s¹ − s²| |e_T|,
-
-as thr changes by at most mu |s¹ − s²|. With e_T = −(𝒲d)_T therefore
-
-    (𝒲d, d) ≤ mu ‖s¹ − s²‖ ‖(𝒲d)_T‖,  and  ‖(𝒲d)_T‖² ≤ λ_max(𝒲_TT) (𝒲d, d),  ‖d_N‖² ≤ λ_max(Ĉ_NN) (𝒲d, d),
-
-since ‖P 𝒲^½‖² is the largest eigenvalue of the block P 𝒲 P, and that of 𝒲⁻¹ = Ĉ for the other. Both blocks are bounded
-by the whole matrices, hence γ² ≤ κ. ∎
+With d = σ¹ − σ² and e = λ¹ − λ² it follows from 𝒲d = −e; the proof is among the derivations in `docs/theory.md`.
 
 **Consequence.** For mu < 1/γ, and so for mu < κ^(−1/2), the map s → |σ_N(s)| contracts: there is at most one
 solution. If every bound s ≥ 0 leaves an admissible traction there is exactly one, and the plain fixed point converges

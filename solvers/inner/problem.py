@@ -4,14 +4,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array, vstack
 
 from solvers.basics.status import Status
 from solvers.basics.types import Sparse, Vector
 from solvers.inequality.problem import FrictionQVI
-
-_EMPTY_ROW = 1e-9  # of the largest traction: violation of a row without unknowns that counts
 
 
 class Centre:
@@ -95,20 +92,3 @@ def no_result(qvi: FrictionQVI, status: Status, message: str, seconds: float = 0
     """Return an `InnerSolution` of NaN."""
     nan = np.full(max(qvi.n, qvi.m, qvi.p), np.nan)
     return InnerSolution(nan[: qvi.n], nan[: qvi.m], nan[: qvi.m], nan[: qvi.p], status, 0, seconds, message)
-
-
-def contradiction(problem: FrictionQVI, threshold: Vector, centre: Centre) -> InnerSolution | None:
-    """An infeasible result if a row that no unknown enters violates its bound; some back ends misread such rows."""
-    scale = float(np.abs(np.concatenate([centre.n0, centre.t0, threshold])).max(initial=0.0))
-    normal = _is_empty(problem.N) & (centre.n0 > _EMPTY_ROW * scale)
-    tangential = _is_empty(problem.T) & (np.abs(centre.t0) - threshold > _EMPTY_ROW * scale)
-    if not (normal | tangential).any():
-        return None
-    return no_result(problem, Status.INFEASIBLE, "a traction that no unknown can change violates its bound")
-
-
-def _is_empty(rows: Sparse) -> NDArray[np.bool_]:
-    """Which rows have no entry but zeros."""
-    empty = np.ones(rows.shape[0], dtype=np.bool_)
-    empty[rows.indices[rows.data != 0.0]] = False
-    return empty

@@ -59,9 +59,8 @@ class TestLoose:
         result = solved(replace(rings(4, whole=True), conditions=conditions))
         assert result.contacts["joint"].normal_stress == pytest.approx(0.0, abs=1e-2)
         (loose,) = result.undetermined_motions
-        assert loose.names == ("the body 'joint'",)
-        assert loose.motions == 3
-        assert loose.remark in result.remarks
+        assert (loose.names, loose.motions) == (("the body 'joint'",), 3)
+        assert [each for each in result.remarks if "later steps of a history may" in each] == [loose.remark]
 
     @pytest.mark.parametrize("friction", [0.0, 0.2])
     def test_what_is_pressed_can_turn_without_friction(self, friction):
