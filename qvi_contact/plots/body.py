@@ -53,6 +53,7 @@ _NOTHING: Final = 1e-6  # tractions below this share of the stress in the body c
 _CENTRAL: Final = 0.005  # eccentricity over the length of a line below which it is not written
 _DEEP: Final = 0.005  # of the body's length: overlap of bodies that is not seen
 _HATCH: Final = 0.016  # of obstacles, as a share of the body's length
+_SHORTEST_SPRING, _LONGEST_SPRING = 0.3, 4.0  # of springs as they are drawn, over their length at rest
 
 _DEGREE: Final = 2
 _KNOWN: Final = 100.0  # α: what is known of displacements outweighs strains
@@ -294,6 +295,9 @@ def draw_body(
     samples = sample_body(result, _SAMPLES)
     held = held_along_z(result.problem, samples.cells, *samples.points.T)
     values = stress_component(samples.stress, component, cell_factors(result.problem)[samples.cells], held)
+    size = float(np.abs(samples.stress).max())
+    if size <= result.rounding.stress:
+        size, values = 0.0, np.zeros_like(values)
     places = samples.points + factor * shape.at(samples.cells, samples.reference[:, -2:])
     part_of = shape.space.block + (shape.space.block.max() + 1) * result.problem.cell_materials
     field = draw_contours(
@@ -313,24 +317,27 @@ def draw_body(
             axes.add_collection(style.lines(side, "#333333", "solid", 0.6))
     carried = [part for name in result.contacts for part in _carried(result, name, shape, factor)]
     sprung = {contact.name for contact in result.problem.contacts if contact.has_springs}
-    for part in carried:
-        _obstacle(axes, part, length, SPRING * length * (part.name in sprung))
     extent = [before.reshape(-1, 2), after.reshape(-1, 2)]
     tree, moves = cKDTree(extent[0]), extent[1] - extent[0]  # beside the boundary all move as its nearest point does
     extent += draw_symbols(axes, result.problem, lambda points: np.asarray(points + moves[tree.query(points)[1]]))
+    extent += [_obstacle(axes, part, length, SPRING * length * (part.name in sprung)) for part in carried]
     pressure = max((float(np.abs(part.pressure).max()) for part in carried), default=0.0)
     friction = max((float(np.abs(part.shear).max()) for part in carried), default=0.0)
-    if pressure < _NOTHING * float(np.abs(samples.stress).max()):
+    if pressure <= max(_NOTHING * size, result.rounding.stress):
         pressure, friction, carried = 0.0, 0.0, []
     height = _HEIGHT * length
     if result.problem.joints:
         areas = np.bincount(shape.space.block, shape.space.areas / 2.0) * result.discretization.scales.length**2
         height = min(height, _IN_BLOCKS * float(np.sqrt(np.median(areas))))
     few, most = len(carried) <= _LABELLED, beside([pressure, friction], 3)
+    name = f"pressure, up to {most[0]} {units.stress}"
+    ends = [end(end(part.pressure) for part in carried) for end in (min, max) if carried]
+    if carried and ends[0] < -_LEAST * pressure:  # tension
+        name = f"pressure, {' to '.join(dict.fromkeys(beside(ends, 3)))} {units.stress}"
     reach = 1.8 * _SPACING * length / max(scales.friction, _LEAST * scales.pressure, 1e-300)
     for part in carried:
         scale, spacing = height / max(scales.pressure, 1e-300), _SPACING * length if few else np.inf
-        extent.append(_tractions(axes, part, scale, reach, spacing, f"pressure, up to {most[0]} {units.stress}"))
+        extent.append(_tractions(axes, part, scale, reach, spacing, name))
     if friction > 0.0 and most[1] != "0":
         look: dict[str, Any] = {"color": "black", "linewidth": 0.9, "marker": ">", "markersize": 3}
         axes.plot([], [], label=f"friction, up to {most[1]} {units.stress}", **look)
@@ -404,15 +411,21 @@ def _carried(result: ContactResult, name: str, shape: Shape, factor: float) -> l
     ]
 
 
-def _obstacle(axes: "Axes", part: Carried, length: float, spring: float) -> None:
-    """An obstacle beside a line that is none of a joint, and springs of this length [length]."""
+def _obstacle(axes: "Axes", part: Carried, length: float, spring: float) -> FloatArray:
+    """An obstacle beside a line that is none of a joint, and springs; what these cover (n, 2).
+
+    Springs are of this length [length] at rest, or another one if they were too short or long to be seen else.
+    """
     away = spring * part.normal
     if spring > 0.0:
+        stretch = ((part.obstacle - part.place) * part.normal).sum(axis=1) / spring
+        away *= max(min(1.0, _LONGEST_SPRING - stretch.max()), _SHORTEST_SPRING - stretch.min())
         at = spaced(part.s, 2.0 * _SPACING * length)
         ends = part.place - part.joint * away / 2.0, part.obstacle + away * (0.5 if part.joint else 1.0)
         springs(axes, *(between(at, part.s, end) for end in ends))
     if not part.joint:
         ground(axes, part.obstacle + away, part.normal, _HATCH * length)
+    return part.obstacle + away if spring > 0.0 else part.place
 
 
 def _tractions(axes: "Axes", part: Carried, scale: float, reach: float, spacing: float, label: str) -> FloatArray:
@@ -457,7 +470,7 @@ def _resultants(
         ends.append(np.array([tail, centre]))
         text = f"{part.name}: {number} {units.force}"
         if part.eccentricity > _CENTRAL * (part.s[-1] - part.s[0]):
-            text += f"\ne = {part.eccentricity:.3g} {units.length}"
+            text += f"\ne = {beside([part.eccentricity], 3)[0]} {units.length}"
         side = np.array([-way[1], way[0]])
         written.append(write(axes, text, [(tail + 0.015 * length * to, alignment(to)) for to in (way, side, -side)]))
     return np.concatenate(ends), written
@@ -534,11 +547,13 @@ def draw_contours(
     one = one.ravel()
     means = np.bincount(one, values) / np.bincount(one)
     low, high = usual_range(means) if ends is None else ends
-    end = max(abs(low), abs(high))
-    size = float(np.abs(means).max()) or 1.0
-    if high - low <= _UNIFORM * size:
+    size = float(np.abs(means).max())
+    if size == 0.0 and high == low:
+        low, high = 0.0, 1.0
+    elif high - low <= _UNIFORM * size:
         middle = (low + high) / 2.0
         low, high = middle - 0.05 * size, middle + 0.05 * size
+    end = max(abs(low), abs(high))
     both = low < -0.05 * end and high > 0.05 * end
     low, high = (-end, end) if both else (low, high)
     levels = MaxNLocator(_LEVELS, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)

@@ -38,6 +38,7 @@ _BODY: Final = 4.6  # about the width of the body in it
 _PASSES: Final = 3  # until texts beside the body have room
 _CHART: Final = 1.5  # height of a chart
 _SAID: Final = 2  # contacts named in the answer
+_CANCELLED: Final = 1e-6  # size of a resultant over its parts, up to which it has no direction
 _SHARE: Final = 0.005  # of a contact's length from which on a state is named
 
 
@@ -72,12 +73,13 @@ def result_figure(
         body, *charts = figure.subplots(1 + len(panels), 1, squeeze=False)[:, 0]
         drawn = draw_body(body, result, component, units, scales)
         if callable(result.problem.body_potential):
-            body.plot([], [], " ", label=f"{_body_force(result.problem)} body force")
+            body.plot([], [], " ", label=f"{_body_force(result.problem)} body force".strip())
         style.legend_below(body, [body], 3)
         for panel, name in zip(charts, panels, strict=True):
             contact_tractions(panel, result.contacts[name], units)
             if drawn.pressure == 0.0:
-                panel.set_ylim(0.0, float(np.abs(result.gauss_stress()[2]).max()) or 1.0)  # rather than rounding
+                most = float(np.abs(result.gauss_stress()[2]).max())
+                panel.set_ylim(0.0, most if most > result.rounding.stress else 1.0)  # rather than rounding
             if len(names) > 1:
                 panel.set_title(style.plain_text(name), loc="left", fontsize="medium")
         if charts:
@@ -129,7 +131,8 @@ def _answer(result: ContactResult, units: Units) -> str:
     lines = sorted(result.contacts.values(), key=lambda line: (line.name in joints, -abs(line.normal_force)))
     said, verbs = [], {"open": "open", "stick": "sticks", "slip": "slips", "closed": "closed"}
     for line in lines[:_SAID]:
-        normal, tangential = beside([line.normal_force, line.tangential_force])
+        forces = (line.normal_force, line.tangential_force)
+        normal, tangential = beside([force if abs(force) > line.rounding.force else 0.0 for force in forces])
         effective = f" (effective {beside([line.effective_normal_force])[0]})" if line.has_fluid else ""
         along = "" if line.frictionless else f", T = {tangential}"
         words = [f"N = {normal}{effective}{along} {units.force}"]
@@ -144,11 +147,13 @@ def _answer(result: ContactResult, units: Units) -> str:
 
 
 def _body_force(problem: ContactProblem) -> str:
-    """Where the body force pulls, as an arrow."""
+    """Where the body force pulls, as an arrow; nothing where its parts cancel out."""
     edges = problem.mesh.boundary
     x, y = problem.mesh.points_along(edges, np.array([0.5]))
     values = evaluate("ContactProblem.body_potential", problem.body_potential, x[:, 0], y[:, 0])
     force = -(values * edges.length) @ edges.normal  # ∫ −∇φ dx
+    if np.hypot(*force) <= _CANCELLED * (np.abs(values) @ edges.length):
+        return ""
     return "→↗↑↖←↙↓↘"[round(float(np.arctan2(force[1], force[0])) / (np.pi / 4.0)) % 8]
 
 

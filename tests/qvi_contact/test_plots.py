@@ -207,7 +207,7 @@ class TestField:
 
     @pytest.mark.parametrize(
         ("values", "ends"),
-        [([0.0, 1.0, 2.0, 3.0], (0.0, 3.0)), ([-1.0, 3.0, 0.0, 0.0], (-3.0, 3.0)),
+        [([0.0, 1.0, 2.0, 3.0], (0.0, 3.0)), ([-1.0, 3.0, 0.0, 0.0], (-3.0, 3.0)), ([0.0] * 4, (0.0, 1.0)),
          ([5.0, 5.0, 5.0, 5.0 + 1e-9], (4.75, 5.25))],
     )  # fmt: skip
     def test_bands_hold_all_values_are_centred_where_both_signs_occur_and_show_no_rounding(self, values, ends):
@@ -301,15 +301,19 @@ class TestBody:
         """Discs that touch in a point: exaggerated 5 times, as would be usual, their outlines would cross."""
         assert Scales.of([solve(half_discs(1.0, 1, 0))]).factor == 1.0
 
-    def test_springs_are_zigzag_lines(self):
-        bed = Contact("bottom", 0.0, normal_stiffness=10.0)
+    @pytest.mark.parametrize("gap", [0.0, -0.3, 0.3])
+    def test_springs_are_zigzag_lines_beside_the_body(self, gap):
+        bed = Contact("bottom", 0.0, normal_stiffness=10.0, gap=gap)
         conditions = [bed, Traction("top", x=0.0, y=-1.0), *FREE]
         block = ContactProblem(TriangleMesh.rectangle((2, 2)), Material(1e2, 0.3), conditions)
         for draw, shown in ((draw_body, solve(block)), (draw_problem, block)):
             axes = new_axes()
             draw(axes, shown)
             zigzags = [line for line in axes.collections if isinstance(line, LineCollection)]
-            assert sum(len(path) == 8 for line in zigzags for path in line.get_segments()) >= 3
+            paths = [path for line in zigzags for path in line.get_segments() if len(path) == 8]
+            assert len(paths) >= 3
+            assert np.abs(paths).max() < 1.0
+            assert 0.01 < np.ptp(paths, axis=1)[:, 1].max() < 0.3
 
     def test_the_resultant_is_an_arrow_to_the_centre_of_pressure_with_its_number(self):
         result, axes = slanted_result(), new_axes()
@@ -324,6 +328,18 @@ class TestBody:
         assert (tail + arrow - centre) @ TANGENT == pytest.approx(0.0, abs=0.2)  # which moves with the body
         (text,) = (text.get_text() for text in axes.texts if text.get_text().startswith("plane"))
         assert text.splitlines()[0] == f"plane: {beside([np.hypot(*push)])[0]} N/mm"
+
+    @pytest.mark.parametrize("law", ["unilateral", "bilateral"])
+    def test_tension_is_no_pressure_and_rounding_is_nothing(self, law):
+        """A block lifted by 1e-3: it leaves the ground, or is pulled by 3 where its sides are held."""
+        held = [Displacement("top", x=0.0, y=1e-3), *(Displacement(side, x=0.0) for side in ("left", "right"))]
+        held += [Traction(side, y=0.0) for side in ("left", "right")]
+        ground = Contact("bottom", 0.0, law=law, gap=0.5 if law == "unilateral" else 0.0)
+        result = solve(ContactProblem(TriangleMesh.rectangle((2, 2)), Material(3e3, 0.0), [ground, *held]))
+        axes = result_figure(result).axes[0]
+        labels = [text.get_text() for text in axes.get_legend().get_texts()][1:]
+        assert labels == (["pressure, −3 stress"] if law == "bilateral" else [])
+        assert ("N = 0" in said(axes.figure)[1]) == (law == "unilateral")
 
     def test_eccentricity_and_line_of_thrust_of_joints(self):
         axes = new_axes()
