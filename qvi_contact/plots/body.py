@@ -296,8 +296,7 @@ def draw_body(
     held = held_along_z(result.problem, samples.cells, *samples.points.T)
     values = stress_component(samples.stress, component, cell_factors(result.problem)[samples.cells], held)
     size = float(np.abs(samples.stress).max())
-    if size <= result.rounding.stress:
-        size, values = 0.0, np.zeros_like(values)
+    values = values * (size > result.rounding.stress)
     places = samples.points + factor * shape.at(samples.cells, samples.reference[:, -2:])
     part_of = shape.space.block + (shape.space.block.max() + 1) * result.problem.cell_materials
     field = draw_contours(
@@ -330,11 +329,8 @@ def draw_body(
         areas = np.bincount(shape.space.block, shape.space.areas / 2.0) * result.discretization.scales.length**2
         height = min(height, _IN_BLOCKS * float(np.sqrt(np.median(areas))))
     few, most = len(carried) <= _LABELLED, beside([pressure, friction], 3)
-    name = f"pressure, up to {most[0]} {units.stress}"
-    ends = [end(end(part.pressure) for part in carried) for end in (min, max) if carried]
-    if carried and ends[0] < -_LEAST * pressure:  # tension
-        name = f"pressure, {' to '.join(dict.fromkeys(beside(ends, 3)))} {units.stress}"
     reach = 1.8 * _SPACING * length / max(scales.friction, _LEAST * scales.pressure, 1e-300)
+    name = _pressures(carried, units) if carried else ""
     for part in carried:
         scale, spacing = height / max(scales.pressure, 1e-300), _SPACING * length if few else np.inf
         extent.append(_tractions(axes, part, scale, reach, spacing, name))
@@ -426,6 +422,13 @@ def _obstacle(axes: "Axes", part: Carried, length: float, spring: float) -> Floa
     if not part.joint:
         ground(axes, part.obstacle + away, part.normal, _HATCH * length)
     return part.obstacle + away if spring > 0.0 else part.place
+
+
+def _pressures(carried: Sequence[Carried], units: Units) -> str:
+    """What the legend calls pressures: it tells the largest, or their range where there is tension."""
+    low, high = (float(end(end(part.pressure) for part in carried)) for end in (min, max))
+    ends = dict.fromkeys(beside([low, high], 3)) if low < -_LEAST * abs(high) else ["up to " + beside([high], 3)[0]]
+    return f"pressure, {' to '.join(ends)} {units.stress}"
 
 
 def _tractions(axes: "Axes", part: Carried, scale: float, reach: float, spacing: float, label: str) -> FloatArray:

@@ -289,7 +289,8 @@ class _Sketch:
             )
             material = self.problem.materials[chosen]
             name = self.problem.regions[chosen - 1].name if chosen else None
-            text = f"E = {style.beside([material.young], 6)[0]} {self.units.stress}, ν = {material.poisson:.4g}, plane {material.plane}"
+            young = f"{style.beside([material.young], 6)[0]} {self.units.stress}"
+            text = f"E = {young}, ν = {material.poisson:.4g}, plane {material.plane}"
             if material.strength is not None:
                 text += f", strength {material.strength.kind}"
             text = ", ".join([text, *_initial_strain(self.problem, chosen, self.units)])

@@ -81,7 +81,8 @@ def new_figure(width: float, height: float) -> "Figure":
     require_matplotlib()
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained", dpi=_DOTS["files"])  # texts are measured as they are drawn
+    dots = _DOTS["files"]  # texts are measured as they are drawn
+    return Figure(figsize=(width, height), layout="constrained", dpi=dots)
 
 
 def save_figure(path: str | Path, figure: "Figure") -> None:
