@@ -194,7 +194,8 @@ class Carried:
     def resultant(self, chosen: slice | FloatArray = slice(None)) -> tuple[FloatArray, FloatArray]:
         """Force of some points on the body inside [stress × length], and the centre of pressure [length].
 
-        Where the line is curved the centre is moved onto the line of action, to where that meets the contact.
+        Where the line is curved the centre is moved onto the line of action, to where that meets the contact, unless
+        that is far away: what acts around a whole circle may next to balance itself.
         """
         pull = -self.pressure[chosen, None] * self.normal[chosen] + self.shear[chosen, None] * self.tangent[chosen]
         place, weights = self.place[chosen], self.weights[chosen]
@@ -202,9 +203,9 @@ class Carried:
         share = weights * np.maximum(self.pressure[chosen], 0.0)
         share = share if share.any() else weights
         centre, force = share @ place / share.sum(), forces.sum(axis=0)
-        size = float(np.hypot(*force))
-        if np.ptp(self.normal[chosen], axis=0).max() > 1e-6 and size > 0.0:
-            moment = float(cross(place - centre, forces).sum())
+        size, moment = float(np.hypot(*force)), float(cross(place - centre, forces).sum())
+        near = abs(moment) < size * float(np.ptp(place, axis=0).max())
+        if near and np.ptp(self.normal[chosen], axis=0).max() > 1e-6:
             centre = centre + moment / size**2 * np.array([force[1], -force[0]])
             loaded = place[share > 0.1 * share.max()] - centre
             nearest = loaded[np.argmin(np.abs(cross(loaded, force)))]
@@ -388,6 +389,14 @@ def _carried(result: ContactResult, name: str, shape: Shape, factor: float) -> l
     obstacle = place + factor * faces(result, name)[1]
     blocks = np.where(edges.cells >= 0, shape.space.block[edges.cells], -1)
     blocks = np.repeat(blocks, points.count, axis=0)
+    normals, tangents = points.normals.copy(), points.tangents.copy()
+    pieces = pieces_along(line, coordinates=False)[0]
+    for piece in pieces if rows.joint else ():  # around a block: what acts on that one
+        own, inside = blocks[piece.points], blocks[piece.points[0], 0]
+        turned = piece.points[(own[:, 1] == inside) & (own[:, 0] != inside)]
+        normals[turned], tangents[turned], blocks[turned] = -normals[turned], -tangents[turned], blocks[turned, ::-1]
+        beyond = shape.along(edges, points.reference, other=True).reshape(-1, 2)
+        face[turned] = (place + factor * beyond)[turned]
     return [
         Carried(
             name=name,
@@ -395,15 +404,15 @@ def _carried(result: ContactResult, name: str, shape: Shape, factor: float) -> l
             s=piece.with_ends,
             place=piece.extended(face),
             obstacle=piece.extended(obstacle),
-            normal=piece.extended(points.normals),
-            tangent=piece.extended(points.tangents),
+            normal=piece.extended(normals),
+            tangent=piece.extended(tangents),
             pressure=piece.closed(line, -line.normal_stress),
             shear=piece.closed(line, line.tangential_stress),
             fluid=piece.closed(line, line.pore_pressure),
             weights=np.concatenate([[0.0], line.weights[piece.points], [0.0]]),
             blocks=blocks[piece.points[[0, *range(len(piece.points)), -1]]],
         )
-        for piece in pieces_along(line, coordinates=False)[0]
+        for piece in pieces
     ]
 
 
@@ -465,7 +474,7 @@ def _resultants(
     sizes = [float(np.hypot(*force)) for force, _ in found]
     names, ends, written = beside(sizes), [np.empty((0, 2))], list[Written]()
     for part, (force, centre), size, number in zip(carried, found, sizes, names, strict=True):
-        if size <= _LEAST * max(sizes):
+        if size <= _LEAST * max(max(sizes), float(part.weights @ np.abs(part.pressure))):  # or balances itself
             continue
         way = -force / size
         tail = centre + way * length * max(_LONGEST * size / max(sizes), 0.3 * _LONGEST)

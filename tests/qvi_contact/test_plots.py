@@ -37,10 +37,21 @@ from qvi_contact.plots import (
     result_figure,
     save_figure,
 )
-from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction, Tresca
+from qvi_contact.problem import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    Expression,
+    Material,
+    Region,
+    Symmetry,
+    Traction,
+    Tresca,
+)
 from qvi_contact.solution import ContactLine, cell_factors, sample_body, stress_component, von_mises
 from qvi_contact.units import Units
 from solvers import Status
+from tests.qvi_contact.builders import polygon
 
 OPEN, STICK, SLIP, _CLOSED = ContactState
 LINES = [0.0, 0.5, 2.0], [0.0, 1.0, 1.2, 3.0]
@@ -340,6 +351,21 @@ class TestBody:
         labels = [text.get_text() for text in axes.get_legend().get_texts()][1:]
         assert labels == (["pressure, −3 stress"] if law == "bilateral" else [])
         assert ("N = 0" in said(axes.figure)[1]) == (law == "unilateral")
+
+    @pytest.mark.parametrize("joint", [False, True])
+    def test_what_presses_around_a_ring_balances_itself(self, joint):
+        """Pressure points outwards all around, and its resultant is nothing and nowhere else."""
+        mesh = polygon(16, 2, 1.0, 4.0).with_joint("middle", lambda x, y: abs(np.hypot(x, y) - 1.98) < 0.05)
+        hot = Material(1e3, 0.3, expansion=1e-3), Expression("5 + x")
+        held = [Displacement("outside", 0.0, 0.0), Contact("middle", 0.3, gap=-1e-3)]
+        around = held if joint else [Contact("outside", 0.3)]
+        problem = ContactProblem(mesh, hot[0], [Traction("hole", normal=0.0, tangential=0.0), *around])
+        axes = new_axes()
+        box = draw_body(axes, solve(replace(problem, temperature=hot[1]))).box
+        assert np.abs(box).max() < 6.0
+        assert not axes.texts
+        (diagram,) = (patch.get_xy() for patch in axes.patches if isinstance(patch, Polygon))
+        assert np.hypot(*diagram.T).min() > (1.7 if joint else 3.8)
 
     def test_eccentricity_and_line_of_thrust_of_joints(self):
         axes = new_axes()
