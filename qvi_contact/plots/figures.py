@@ -22,6 +22,7 @@ from qvi_contact.plots.style import Written, beside, lines, spread
 from qvi_contact.plots.tractions import contact_tractions
 from qvi_contact.problem.conditions import CARTESIAN, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
@@ -131,8 +132,7 @@ def _answer(result: ContactResult, units: Units) -> str:
     lines = sorted(result.contacts.values(), key=lambda line: (line.name in joints, -abs(line.normal_force)))
     said, verbs = [], {"open": "open", "stick": "sticks", "slip": "slips", "closed": "closed"}
     for line in lines[:_SAID]:
-        forces = (line.normal_force, line.tangential_force)
-        normal, tangential = beside([force if abs(force) > line.rounding.force else 0.0 for force in forces])
+        normal, tangential = beside(_forces(line))
         effective = f" (effective {beside([line.effective_normal_force])[0]})" if line.has_fluid else ""
         along = "" if line.frictionless else f", T = {tangential}"
         words = [f"N = {normal}{effective}{along} {units.force}"]
@@ -144,6 +144,13 @@ def _answer(result: ContactResult, units: Units) -> str:
         said.append(f"{line.name}: {', '.join(words)}")
     status = "" if result.status is Status.SOLVED else f"Not solved ({result.status.words}). "
     return status + "; ".join(said) + ("." if said else "")
+
+
+def _forces(line: ContactLine) -> tuple[float, float]:
+    """Normal and tangential force of a contact, rounding as 0."""
+    normal, tangential = line.normal_force, line.tangential_force
+    least = line.rounding.force
+    return normal * (abs(normal) > least), tangential * (abs(tangential) > least)
 
 
 def _body_force(problem: ContactProblem) -> str:
@@ -264,6 +271,7 @@ def draw_mechanism(axes: "Axes", mesh: TriangleMesh, motion: Mechanism | Collaps
     return np.concatenate([rest.reshape(-1, 2), moved.reshape(-1, 2)])
 
 
+_LETTERS: Final = 13  # an inch
 _ROOM: Final = 0.12  # for numbers around the body, as a share of its drawing
 _LOOPS: Final = 4  # at most so many loops, and forces of contacts
 
@@ -291,7 +299,7 @@ def history_figure(
         if each.has_state:
             last = number, each
             for name, line in each.contacts.items():
-                forces.setdefault(name, []).append((line.normal_force, line.tangential_force))
+                forces.setdefault(name, []).append(_forces(line))
     loops = {} if last is None else _loops(history, last[1].problem)
     if last is None or not (forces or loops):
         raise InputError("history", history, "there is no contact whose loop or forces could be drawn")
@@ -315,7 +323,8 @@ def history_figure(
                 axes.set_ylabel(f"force [{units.force}]")
                 draw(axes, style.plain_text(name), values, more)
         left_out = [f"loops not shown: {', '.join(list(loops)[_LOOPS:])}"] if len(loops) > _LOOPS else []
-        said = "\n".join(filter(None, [title, history.message, *left_out]))
+        width = int(_LETTERS * (3.8 + wide))
+        said = "\n".join(textwrap.fill(each, width) for each in (title, history.message, *left_out) if each)
         figure.suptitle(style.plain_text(said), x=0.02, ha="left", fontsize="medium")
     return figure
 

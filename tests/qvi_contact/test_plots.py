@@ -454,7 +454,9 @@ class TestFigures:
         *others, contact = plate.conditions
         moved = [replace(plate, conditions=[*others, replace(contact, offset=w)]) for w in (0.0, 1e-4)]
         steps = tuple(map(solve, moved))
-        figure = history_figure(History(steps, 2))
+        figure = history_figure(History(steps, 2), title="Once " + 30 * "again and ")
+        figure.draw_without_rendering()
+        assert figure._suptitle.get_window_extent().width < figure.bbox.width
         body, loop, forces = figure.axes
         assert body.get_title().startswith("step 2")
         assert loop.get_title() == "plate"
