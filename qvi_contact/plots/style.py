@@ -81,8 +81,7 @@ def new_figure(width: float, height: float) -> "Figure":
     require_matplotlib()
     from matplotlib.figure import Figure
 
-    dots = _DOTS["files"]  # texts are measured as they are drawn
-    return Figure(figsize=(width, height), layout="constrained", dpi=dots)
+    return Figure((width, height), dpi=_DOTS["files"], layout="constrained")  # texts are measured as they are drawn
 
 
 def save_figure(path: str | Path, figure: "Figure") -> None:

@@ -71,9 +71,8 @@ class History:
     @cached_property
     def statuses(self) -> tuple[Status, ...]:
         """The status of each step done."""
-        return tuple(
-            getattr(self.steps, "statuses", None) or (step.status for step in self.steps)
-        )  # a store knows them
+        known = getattr(self.steps, "statuses", None)  # a store knows them
+        return tuple(known or (step.status for step in self.steps))
 
     @property
     def status(self) -> Status:
