@@ -265,9 +265,8 @@ def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | N
         parts.append(own | {"state": (line.state.astype(np.float64), ""), "normal": (normal, "")})
         along, order = line.path, line.path.points(line.points_per_edge)
         starts, stops = (line.ends[along.edges, end.astype(int)] for end in (~along.forward, along.forward))
-        following = np.arange(1, len(order) + 1)
-        last = np.append(np.diff(along.line) > 0, True)
-        following[last] = np.searchsorted(along.line, along.line[last])  # the first edge, if the line is closed
+        each = np.split(np.arange(len(order)), np.flatnonzero(np.diff(along.line)) + 1)
+        following = np.concatenate([np.roll(own, -1) for own in each])  # the first edge of a line behind its last
         goes_on = (stops == starts[following]).all(axis=1)
         joints.append(count + np.column_stack([order[:, :-1].ravel(), order[:, 1:].ravel()]))
         joints.append(count + np.column_stack([order[goes_on, -1], order[following[goes_on], 0]]))
