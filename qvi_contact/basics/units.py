@@ -67,6 +67,11 @@ class Units:
     energy = moment
 
     @property
+    def stiffness(self) -> str:
+        """Unit of springs along contacts: stress / length."""
+        return f"{self.stress}/{self.length}"
+
+    @property
     def airy(self) -> str:
         """Unit of Airy functions: stress × length²."""
         return f"{self.stress} {self.length}²"

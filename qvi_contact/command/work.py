@@ -57,6 +57,10 @@ def _opened(
     """
     targets = _checked_targets(file, {name: given[name] for name in TARGETS if given.get(name) is not None})
     problem_file = load_problem(file)
+    read = set(map(identity, problem_file.files.values()))
+    for name, path in targets.items():
+        if identity(path) in read:
+            raise InputError(_option_name(name), path, "is a file that the problem reads: give a file of its own")
     if single and problem_file.times:
         remedy = f"{single} needs a single problem: give a file without [history]"
         raise InputError("history", f"{len(problem_file.times)} steps", remedy)
@@ -96,7 +100,7 @@ def solve(file: str, verbose: bool, as_json: bool, swept: tuple[str, ...], panel
             found = [files.summary(step, units) for step in steps]
             document |= found[0] if series is None else series.document(found, units)
         complete = _write_all(
-            file, targets, problem_file, steps[-1], document,
+            targets, problem_file, steps[-1], document,
             time_limit=options.get("time_limit"), panels=charts, series=series,
         )  # fmt: skip
     lines = report.result_lines(steps[0], units) if series is None else series.lines(units)
@@ -139,7 +143,7 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
             advance("energy bounded, contact forces follow")
             if found is not None:
                 _ = found.forces  # takes longest on large meshes: here, where progress is shown
-        complete = _write_all(file, targets, problem_file, result, {}, known=found)
+        complete = _write_all(targets, problem_file, result, {}, known=found)
     document = {"title": problem_file.title, **files.summary(result, units)}
     document["bracket"] = None if found is None else outcome.document(found, units)
     more = () if found is None else ("", *outcome.lines(found, units))
@@ -159,7 +163,7 @@ def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
             found = other_solutions(result) if result.status == "solved" else None
         document = {"title": problem_file.title, **report.branches_document(result, found, units)}
         best = result if found is None else found.preferred
-        complete = _write_all(file, targets, problem_file, best, document, time_limit=given["time_limit"])
+        complete = _write_all(targets, problem_file, best, document, time_limit=given["time_limit"])
     lines = report.branches_lines(result, found, units)
     return _ended(problem_file, as_json, document, lines, result.status == "solved", complete)
 
@@ -179,7 +183,7 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
         document = {"title": problem_file.title, **files.summary(found.result, units)}
         document["refinement"] = report.refinement_document(found, units)
         complete = _write_all(
-            file, targets, problem_file, found.result, document,
+            targets, problem_file, found.result, document,
             time_limit=options.get("time_limit"), refinement=found,
         )  # fmt: skip
     last = [line for line in report.result_lines(found.result, units) if not line or line not in found.message]
@@ -201,8 +205,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         told: dict[str, Any] = {"degree": degree, "time_limit": given["time_limit"], "verbose": verbose}
         problem, refinement, proof = problem_file.problem, None, targets.pop("proof", None)
         if proof is not None and not loads:
-            click.echo("\n".join(_write_proof(proof, problem, (), degree)))
-            return 0
+            return _without_loads(proof, problem, degree, {"target": target, **targets}, as_json)
         if not loads:
             known_name("--load", Missing(), {"loads": loads_of(problem)})
         acts = report.act(problem, checked_loads(problem, loads, "--load"))
@@ -229,7 +232,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     def page(path: str) -> None:
         from qvi_contact.command.page import limit_page
 
-        write_text(path, limit_page(file, problem_file, problem, found, said))
+        write_text(path, limit_page(problem_file, problem, found, said))
 
     writers = {"plot": plot, "vtk": lambda path: files.write_collapse_vtu(path, problem, found, units), "report": page}
     complete = _written(targets, writers, missing)
@@ -237,6 +240,18 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     click.echo(_json_text(document) if as_json else "\n".join([*said, *proved]))
     missed = refinement is not None and refinement.status != "reached"
     return 2 if not complete else 1 if missed or found == -math.inf else 0
+
+
+def _without_loads(
+    path: str, problem: ContactProblem, degree: int | None, more: Mapping[str, Any], as_json: bool
+) -> int:
+    """Prove that the loads as they are cannot be carried; `more` are options that have no sense here."""
+    for name, value in more.items():
+        if value is not None:
+            raise InputError(_option_name(name), value, "needs loads that are multiplied: give --load")
+    proved = _write_proof(path, problem, (), degree)
+    click.echo(_json_text({"loads": [], "message": "; ".join(proved)}) if as_json else "\n".join(proved))
+    return 0
 
 
 def _write_proof(path: str, problem: ContactProblem, loads: Iterable[str], degree: int | None) -> list[str]:
@@ -455,11 +470,12 @@ def _checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
         name = _option_name(option)
         if not path or os.path.isdir(path):  # Path's raises for names that no file can have
             raise InputError(name, path, "give the name of a file")
-        check_writable(path, name)
-        place = identity(path)
-        if place in taken:
-            raise InputError(name, path, f"is {taken[place]}: give a file of its own")
-        taken[place] = f"the file of {name} too"
+        for each in (path, str(_contacts_file(path))) if option == "vtk" else (path,):
+            check_writable(each, name)
+            place = identity(each)
+            if place in taken:
+                raise InputError(name, each, f"is {taken[place]}: give a file of its own")
+            taken[place] = f"the file of {name} too"
         target = TARGETS[option]
         if target.library and find_spec(target.library) is None:
             raise InputError(name, path, f"needs {target.library}: python -m pip install {target.library}")
@@ -472,6 +488,12 @@ def _checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
     return dict(given)
 
 
+def _contacts_file(path: str) -> Path:
+    """Where the contacts of a VTU file go."""
+    whole = Path(path)
+    return whole.with_name(f"{whole.stem}_contacts{whole.suffix}")
+
+
 def _asked_panels(file: ProblemFile, panels: str | None) -> list[str] | None:
     """The contacts that --panels names, none for "none"; None for those that pictures choose."""
     names = [contact.name for contact in file.problem.contacts]
@@ -482,7 +504,6 @@ def _asked_panels(file: ProblemFile, panels: str | None) -> list[str] | None:
 
 
 def _write_all(
-    source: str,
     targets: Mapping[str, str],
     file: ProblemFile,
     result: ContactResult,
@@ -523,15 +544,14 @@ def _write_all(
     def page(path: str) -> None:
         from qvi_contact.command.page import result_page
 
-        write_text(path, result_page(source, file, result, bracketed, **more))
+        write_text(path, result_page(file, result, bracketed, **more))
 
     def fields(path: str) -> None:
         bracket, _ = bracketed()
         moved = bracket if bracket is not None and bracket.companion.has_state else None
         files.write_vtu(path, result, units, bracket=moved)
         if result.contacts:
-            whole = Path(path)
-            files.write_contacts_vtu(whole.with_name(f"{whole.stem}_contacts{whole.suffix}"), result, units)
+            files.write_contacts_vtu(_contacts_file(path), result, units)
 
     writers: dict[str, Callable[[str], None]] = {
         "save_json": lambda path: write_text(path, _json_text(document) + "\n"),

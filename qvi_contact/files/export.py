@@ -263,9 +263,13 @@ def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | N
         own: _Data = {name: (values, "stress") for name, values in stresses.items()}
         own |= {"gap": (line.gap, "displacement"), "slip": (line.slip, "displacement")}
         parts.append(own | {"state": (line.state.astype(np.float64), ""), "normal": (normal, "")})
-        order, goes_on = line.path.points(line.points_per_edge), np.diff(line.path.line) == 0
+        along, order = line.path, line.path.points(line.points_per_edge)
+        starts, stops = (line.ends[along.edges, end.astype(int)] for end in (~along.forward, along.forward))
+        each = np.split(np.arange(len(order)), np.flatnonzero(np.diff(along.line)) + 1)
+        following = np.concatenate([np.roll(own, -1) for own in each])  # the first edge of a line behind its last
+        goes_on = (stops == starts[following]).all(axis=1)
         joints.append(count + np.column_stack([order[:, :-1].ravel(), order[:, 1:].ravel()]))
-        joints.append(count + np.column_stack([order[:-1, -1][goes_on], order[1:, 0][goes_on]]))
+        joints.append(count + np.column_stack([order[goes_on, -1], order[following[goes_on], 0]]))
         number.append(np.full(len(joints[-2]) + len(joints[-1]), index))
         count += len(line.x)
     points = np.concatenate([np.column_stack([line.x, line.y]) for line in result.contacts.values()])

@@ -362,6 +362,8 @@ class ProblemFile:
     is_grid: bool
     """Whether the file gives its mesh by grid lines."""
     _reader: FileReader = field(repr=False)
+    text: str = field(default="", repr=False)
+    """The file itself."""
 
     @property
     def element(self) -> dict[str, Any]:
@@ -373,9 +375,23 @@ class ProblemFile:
         """Numbers that expressions may name."""
         return self._reader.constants
 
+    @property
+    def files(self) -> dict[str, Path]:
+        """The files that it reads, with a mesh or values at points, by the names that it has for them."""
+
+        def named(value: Any) -> Iterator[str]:
+            if isinstance(value, dict) and isinstance(value.get("file"), str):
+                yield value["file"]
+            for part in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+                yield from named(part)
+
+        places = {name: (self._reader.folder or Path()) / name for name in named(self._reader.data)}
+        return {name: place for name, place in places.items() if place.is_file()}  # not a body force of this name
+
     def with_constants(self, changed: Mapping[str, float]) -> "ProblemFile":
         """The same file with other values of some of its constants, on the same mesh."""
-        return _from_tables(self._reader.data, self._reader.folder, self.problem.mesh, changed)
+        found = _from_tables(self._reader.data, self._reader.folder, self.problem.mesh, changed)
+        return replace(found, text=self.text)
 
     @cached_property
     def problems(self) -> tuple[ContactProblem, ...]:
@@ -455,7 +471,7 @@ def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFil
         raise InputError("TOML", line, f"correct the syntax: {error}") from error
     except RecursionError as error:
         raise InputError("TOML", text[:100], "lists and tables are nested too deeply: remove brackets") from error
-    return _from_tables(data, folder)
+    return replace(_from_tables(data, folder), text=text)
 
 
 def _check_scalars(value: object, path: str) -> None:

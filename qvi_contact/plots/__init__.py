@@ -24,7 +24,7 @@ __getattr__ = front(
     {
         "body": ("Shape", "draw_contours"),
         "figures": ("mesh_figure",),
-        "problem": ("runs",),
+        "problem": ("draw_symbols", "runs"),
         "style": ("beside", "cell_outlines", "edge_lines", "new_figure", "require_matplotlib", "value_range"),
     },
 )

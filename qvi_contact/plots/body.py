@@ -53,6 +53,7 @@ _NOTHING: Final = 1e-6  # tractions below this share of the stress in the body c
 _CENTRAL: Final = 0.005  # eccentricity over the length of a line below which it is not written
 _DEEP: Final = 0.005  # of the body's length: overlap of bodies that is not seen
 _HATCH: Final = 0.016  # of obstacles, as a share of the body's length
+_SHORTEST_SPRING, _LONGEST_SPRING = 0.3, 4.0  # of springs as they are drawn, over their length at rest
 
 _DEGREE: Final = 2
 _KNOWN: Final = 100.0  # α: what is known of displacements outweighs strains
@@ -193,7 +194,8 @@ class Carried:
     def resultant(self, chosen: slice | FloatArray = slice(None)) -> tuple[FloatArray, FloatArray]:
         """Force of some points on the body inside [stress × length], and the centre of pressure [length].
 
-        Where the line is curved the centre is moved onto the line of action, to where that meets the contact.
+        Where the line is curved the centre is moved onto the line of action, to where that meets the contact, unless
+        that is far away: what acts around a whole circle may next to balance itself.
         """
         pull = -self.pressure[chosen, None] * self.normal[chosen] + self.shear[chosen, None] * self.tangent[chosen]
         place, weights = self.place[chosen], self.weights[chosen]
@@ -201,9 +203,9 @@ class Carried:
         share = weights * np.maximum(self.pressure[chosen], 0.0)
         share = share if share.any() else weights
         centre, force = share @ place / share.sum(), forces.sum(axis=0)
-        size = float(np.hypot(*force))
-        if np.ptp(self.normal[chosen], axis=0).max() > 1e-6 and size > 0.0:
-            moment = float(cross(place - centre, forces).sum())
+        size, moment = float(np.hypot(*force)), float(cross(place - centre, forces).sum())
+        near = abs(moment) < size * float(np.ptp(place, axis=0).max())
+        if near and np.ptp(self.normal[chosen], axis=0).max() > 1e-6:
             centre = centre + moment / size**2 * np.array([force[1], -force[0]])
             loaded = place[share > 0.1 * share.max()] - centre
             nearest = loaded[np.argmin(np.abs(cross(loaded, force)))]
@@ -294,6 +296,8 @@ def draw_body(
     samples = sample_body(result, _SAMPLES)
     held = held_along_z(result.problem, samples.cells, *samples.points.T)
     values = stress_component(samples.stress, component, cell_factors(result.problem)[samples.cells], held)
+    size = float(np.abs(samples.stress).max())
+    values = values * (size > result.rounding.stress)
     places = samples.points + factor * shape.at(samples.cells, samples.reference[:, -2:])
     part_of = shape.space.block + (shape.space.block.max() + 1) * result.problem.cell_materials
     field = draw_contours(
@@ -313,14 +317,13 @@ def draw_body(
             axes.add_collection(style.lines(side, "#333333", "solid", 0.6))
     carried = [part for name in result.contacts for part in _carried(result, name, shape, factor)]
     sprung = {contact.name for contact in result.problem.contacts if contact.has_springs}
-    for part in carried:
-        _obstacle(axes, part, length, SPRING * length * (part.name in sprung))
     extent = [before.reshape(-1, 2), after.reshape(-1, 2)]
     tree, moves = cKDTree(extent[0]), extent[1] - extent[0]  # beside the boundary all move as its nearest point does
     extent += draw_symbols(axes, result.problem, lambda points: np.asarray(points + moves[tree.query(points)[1]]))
+    extent += [_obstacle(axes, part, length, SPRING * length * (part.name in sprung)) for part in carried]
     pressure = max((float(np.abs(part.pressure).max()) for part in carried), default=0.0)
     friction = max((float(np.abs(part.shear).max()) for part in carried), default=0.0)
-    if pressure < _NOTHING * float(np.abs(samples.stress).max()):
+    if pressure <= max(_NOTHING * size, result.rounding.stress):
         pressure, friction, carried = 0.0, 0.0, []
     height = _HEIGHT * length
     if result.problem.joints:
@@ -328,9 +331,10 @@ def draw_body(
         height = min(height, _IN_BLOCKS * float(np.sqrt(np.median(areas))))
     few, most = len(carried) <= _LABELLED, beside([pressure, friction], 3)
     reach = 1.8 * _SPACING * length / max(scales.friction, _LEAST * scales.pressure, 1e-300)
+    name = _pressures(carried, units) if carried else ""
     for part in carried:
         scale, spacing = height / max(scales.pressure, 1e-300), _SPACING * length if few else np.inf
-        extent.append(_tractions(axes, part, scale, reach, spacing, f"pressure, up to {most[0]} {units.stress}"))
+        extent.append(_tractions(axes, part, scale, reach, spacing, name))
     if friction > 0.0 and most[1] != "0":
         look: dict[str, Any] = {"color": "black", "linewidth": 0.9, "marker": ">", "markersize": 3}
         axes.plot([], [], label=f"friction, up to {most[1]} {units.stress}", **look)
@@ -385,6 +389,14 @@ def _carried(result: ContactResult, name: str, shape: Shape, factor: float) -> l
     obstacle = place + factor * faces(result, name)[1]
     blocks = np.where(edges.cells >= 0, shape.space.block[edges.cells], -1)
     blocks = np.repeat(blocks, points.count, axis=0)
+    normals, tangents = points.normals.copy(), points.tangents.copy()
+    pieces = pieces_along(line, coordinates=False)[0]
+    for piece in pieces if rows.joint else ():  # around a block: what acts on that one
+        own, inside = blocks[piece.points], blocks[piece.points[0], 0]
+        turned = piece.points[(own[:, 1] == inside) & (own[:, 0] != inside)]
+        normals[turned], tangents[turned], blocks[turned] = -normals[turned], -tangents[turned], blocks[turned, ::-1]
+        beyond = shape.along(edges, points.reference, other=True).reshape(-1, 2)
+        face[turned] = (place + factor * beyond)[turned]
     return [
         Carried(
             name=name,
@@ -392,27 +404,40 @@ def _carried(result: ContactResult, name: str, shape: Shape, factor: float) -> l
             s=piece.with_ends,
             place=piece.extended(face),
             obstacle=piece.extended(obstacle),
-            normal=piece.extended(points.normals),
-            tangent=piece.extended(points.tangents),
+            normal=piece.extended(normals),
+            tangent=piece.extended(tangents),
             pressure=piece.closed(line, -line.normal_stress),
             shear=piece.closed(line, line.tangential_stress),
             fluid=piece.closed(line, line.pore_pressure),
             weights=np.concatenate([[0.0], line.weights[piece.points], [0.0]]),
             blocks=blocks[piece.points[[0, *range(len(piece.points)), -1]]],
         )
-        for piece in pieces_along(line, coordinates=False)[0]
+        for piece in pieces
     ]
 
 
-def _obstacle(axes: "Axes", part: Carried, length: float, spring: float) -> None:
-    """An obstacle beside a line that is none of a joint, and springs of this length [length]."""
+def _obstacle(axes: "Axes", part: Carried, length: float, spring: float) -> FloatArray:
+    """An obstacle beside a line that is none of a joint, and springs; what these cover (n, 2).
+
+    Springs are of this length [length] at rest, or another one if they were too short or long to be seen else.
+    """
     away = spring * part.normal
     if spring > 0.0:
+        stretch = ((part.obstacle - part.place) * part.normal).sum(axis=1) / spring
+        away *= max(min(1.0, _LONGEST_SPRING - stretch.max()), _SHORTEST_SPRING - stretch.min())
         at = spaced(part.s, 2.0 * _SPACING * length)
         ends = part.place - part.joint * away / 2.0, part.obstacle + away * (0.5 if part.joint else 1.0)
         springs(axes, *(between(at, part.s, end) for end in ends))
     if not part.joint:
         ground(axes, part.obstacle + away, part.normal, _HATCH * length)
+    return part.obstacle + away if spring > 0.0 else part.place
+
+
+def _pressures(carried: Sequence[Carried], units: Units) -> str:
+    """What the legend calls pressures: it tells the largest, or their range where there is tension."""
+    low, high = (float(end(end(part.pressure) for part in carried)) for end in (min, max))
+    ends = dict.fromkeys(beside([low, high], 3)) if low < -_LEAST * abs(high) else ["up to " + beside([high], 3)[0]]
+    return f"pressure, {' to '.join(ends)} {units.stress}"
 
 
 def _tractions(axes: "Axes", part: Carried, scale: float, reach: float, spacing: float, label: str) -> FloatArray:
@@ -449,7 +474,7 @@ def _resultants(
     sizes = [float(np.hypot(*force)) for force, _ in found]
     names, ends, written = beside(sizes), [np.empty((0, 2))], list[Written]()
     for part, (force, centre), size, number in zip(carried, found, sizes, names, strict=True):
-        if size <= _LEAST * max(sizes):
+        if size <= _LEAST * max(max(sizes), float(part.weights @ np.abs(part.pressure))):  # or balances itself
             continue
         way = -force / size
         tail = centre + way * length * max(_LONGEST * size / max(sizes), 0.3 * _LONGEST)
@@ -457,7 +482,7 @@ def _resultants(
         ends.append(np.array([tail, centre]))
         text = f"{part.name}: {number} {units.force}"
         if part.eccentricity > _CENTRAL * (part.s[-1] - part.s[0]):
-            text += f"\ne = {part.eccentricity:.3g} {units.length}"
+            text += f"\ne = {beside([part.eccentricity], 3)[0]} {units.length}"
         side = np.array([-way[1], way[0]])
         written.append(write(axes, text, [(tail + 0.015 * length * to, alignment(to)) for to in (way, side, -side)]))
     return np.concatenate(ends), written
@@ -534,11 +559,13 @@ def draw_contours(
     one = one.ravel()
     means = np.bincount(one, values) / np.bincount(one)
     low, high = usual_range(means) if ends is None else ends
-    end = max(abs(low), abs(high))
-    size = float(np.abs(means).max()) or 1.0
-    if high - low <= _UNIFORM * size:
+    size = float(np.abs(means).max())
+    if size == 0.0 and high == low:
+        low, high = 0.0, 1.0
+    elif high - low <= _UNIFORM * size:
         middle = (low + high) / 2.0
         low, high = middle - 0.05 * size, middle + 0.05 * size
+    end = max(abs(low), abs(high))
     both = low < -0.05 * end and high > 0.05 * end
     low, high = (-end, end) if both else (low, high)
     levels = MaxNLocator(_LEVELS, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)

@@ -22,6 +22,7 @@ from qvi_contact.plots.style import Written, beside, lines, spread
 from qvi_contact.plots.tractions import contact_tractions
 from qvi_contact.problem.conditions import CARTESIAN, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
@@ -38,6 +39,7 @@ _BODY: Final = 4.6  # about the width of the body in it
 _PASSES: Final = 3  # until texts beside the body have room
 _CHART: Final = 1.5  # height of a chart
 _SAID: Final = 2  # contacts named in the answer
+_CANCELLED: Final = 1e-6  # size of a resultant over its parts, up to which it has no direction
 _SHARE: Final = 0.005  # of a contact's length from which on a state is named
 
 
@@ -72,12 +74,13 @@ def result_figure(
         body, *charts = figure.subplots(1 + len(panels), 1, squeeze=False)[:, 0]
         drawn = draw_body(body, result, component, units, scales)
         if callable(result.problem.body_potential):
-            body.plot([], [], " ", label=f"{_body_force(result.problem)} body force")
+            body.plot([], [], " ", label=f"{_body_force(result.problem)} body force".strip())
         style.legend_below(body, [body], 3)
         for panel, name in zip(charts, panels, strict=True):
             contact_tractions(panel, result.contacts[name], units)
             if drawn.pressure == 0.0:
-                panel.set_ylim(0.0, float(np.abs(result.gauss_stress()[2]).max()) or 1.0)  # rather than rounding
+                most = float(np.abs(result.gauss_stress()[2]).max())
+                panel.set_ylim(0.0, most if most > result.rounding.stress else 1.0)  # rather than rounding
             if len(names) > 1:
                 panel.set_title(style.plain_text(name), loc="left", fontsize="medium")
         if charts:
@@ -129,7 +132,7 @@ def _answer(result: ContactResult, units: Units) -> str:
     lines = sorted(result.contacts.values(), key=lambda line: (line.name in joints, -abs(line.normal_force)))
     said, verbs = [], {"open": "open", "stick": "sticks", "slip": "slips", "closed": "closed"}
     for line in lines[:_SAID]:
-        normal, tangential = beside([line.normal_force, line.tangential_force])
+        normal, tangential = beside(_forces(line))
         effective = f" (effective {beside([line.effective_normal_force])[0]})" if line.has_fluid else ""
         along = "" if line.frictionless else f", T = {tangential}"
         words = [f"N = {normal}{effective}{along} {units.force}"]
@@ -143,12 +146,21 @@ def _answer(result: ContactResult, units: Units) -> str:
     return status + "; ".join(said) + ("." if said else "")
 
 
+def _forces(line: ContactLine) -> tuple[float, float]:
+    """Normal and tangential force of a contact, rounding as 0."""
+    normal, tangential = line.normal_force, line.tangential_force
+    least = line.rounding.force
+    return normal * (abs(normal) > least), tangential * (abs(tangential) > least)
+
+
 def _body_force(problem: ContactProblem) -> str:
-    """Where the body force pulls, as an arrow."""
+    """Where the body force pulls, as an arrow; nothing where its parts cancel out."""
     edges = problem.mesh.boundary
     x, y = problem.mesh.points_along(edges, np.array([0.5]))
     values = evaluate("ContactProblem.body_potential", problem.body_potential, x[:, 0], y[:, 0])
     force = -(values * edges.length) @ edges.normal  # ∫ −∇φ dx
+    if np.hypot(*force) <= _CANCELLED * (np.abs(values) @ edges.length):
+        return ""
     return "→↗↑↖←↙↓↘"[round(float(np.arctan2(force[1], force[0])) / (np.pi / 4.0)) % 8]
 
 
@@ -259,6 +271,7 @@ def draw_mechanism(axes: "Axes", mesh: TriangleMesh, motion: Mechanism | Collaps
     return np.concatenate([rest.reshape(-1, 2), moved.reshape(-1, 2)])
 
 
+_LETTERS: Final = 13  # an inch
 _ROOM: Final = 0.12  # for numbers around the body, as a share of its drawing
 _LOOPS: Final = 4  # at most so many loops, and forces of contacts
 
@@ -286,7 +299,7 @@ def history_figure(
         if each.has_state:
             last = number, each
             for name, line in each.contacts.items():
-                forces.setdefault(name, []).append((line.normal_force, line.tangential_force))
+                forces.setdefault(name, []).append(_forces(line))
     loops = {} if last is None else _loops(history, last[1].problem)
     if last is None or not (forces or loops):
         raise InputError("history", history, "there is no contact whose loop or forces could be drawn")
@@ -310,7 +323,8 @@ def history_figure(
                 axes.set_ylabel(f"force [{units.force}]")
                 draw(axes, style.plain_text(name), values, more)
         left_out = [f"loops not shown: {', '.join(list(loops)[_LOOPS:])}"] if len(loops) > _LOOPS else []
-        said = "\n".join(filter(None, [title, history.message, *left_out]))
+        width = int(_LETTERS * (3.8 + wide))
+        said = "\n".join(textwrap.fill(each, width) for each in (title, history.message, *left_out) if each)
         figure.suptitle(style.plain_text(said), x=0.02, ha="left", fontsize="medium")
     return figure
 

@@ -289,7 +289,8 @@ class _Sketch:
             )
             material = self.problem.materials[chosen]
             name = self.problem.regions[chosen - 1].name if chosen else None
-            text = f"E = {material.young:.6g} {self.units.stress}, ν = {material.poisson:.4g}, plane {material.plane}"
+            young = f"{style.beside([material.young], 6)[0]} {self.units.stress}"
+            text = f"E = {young}, ν = {material.poisson:.4g}, plane {material.plane}"
             if material.strength is not None:
                 text += f", strength {material.strength.kind}"
             text = ", ".join([text, *_initial_strain(self.problem, chosen, self.units)])
@@ -466,13 +467,14 @@ class _Sketch:
                 springs(self.axes, few.points, few.points + distance.mean() * few.normals)
             line = places.points + distance[:, None] * places.normals
             ground(self.axes, line, places.normals, 0.025 * self.size * self.length)
+            self.ends.append(line)
         plate = contact.plate
         force = np.zeros((1, 2)) if plate is None else np.array([[plate.force_x or 0.0, plate.force_y or 0.0]])
         if force.any():
             middle, away = Places(*np.mean([run.at(0.5) for run in pieces], axis=0)), 2.0 * _AWAY * self.length
             vector = 1.2 * _ARROW * self.length * force / np.hypot(*force[0])
             place = middle._replace(points=middle.points + away * middle.normals)
-            arrows(self.axes, place, vector, away, {"color": "black", "width": 0.012})
+            self.ends.append(arrows(self.axes, place, vector, away, {"color": "black", "width": 0.012}))
 
     def _spots(self, run: Run, way: float) -> list[style.Spot]:
         """Where a name may stand beside a run, outside (1) or inside (−1)."""

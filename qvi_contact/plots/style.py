@@ -81,7 +81,7 @@ def new_figure(width: float, height: float) -> "Figure":
     require_matplotlib()
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained")
+    return Figure((width, height), dpi=_DOTS["files"], layout="constrained")  # texts are measured as they are drawn
 
 
 def save_figure(path: str | Path, figure: "Figure") -> None:
@@ -236,7 +236,8 @@ def write(axes: "Axes", text: str, spots: Sequence[Spot], colour: str = "black")
     box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.7}
     look: dict[str, Any] = {"fontsize": "small", "zorder": 6, "bbox": box, "color": colour}
     (x, y), align = spots[0]
-    return axes.text(x, y, plain_text(text), **look, **align), spots
+    lines = [plain_text(textwrap.fill(line, _WRAP)) for line in text.splitlines()]
+    return axes.text(x, y, "\n".join(lines), **look, **align), spots
 
 
 def spread(axes: "Axes", written: Sequence[Written]) -> None:

@@ -257,8 +257,8 @@ class Contact:
     pore_pressure: Field = field(default=0.0, metadata=key(kind=Varying(0.0), tied=False, symbol="p_w", unit="stress"))
     """Pressure p_w ≥ 0 of a fluid in the contact [stress], such as uplift under a dam. It is given, not computed, and
     acts whether the contact is open or closed. A tied contact takes none: `pore_pressure = "0.01 * (40 - y)"`."""
-    normal_stiffness: Field | None = field(default=None, metadata=key(kind=_STIFF, symbol="k_N"))
-    tangential_stiffness: Field | None = field(default=None, metadata=key(kind=_STIFF, symbol="k_T"))
+    normal_stiffness: Field | None = field(default=None, metadata=key(kind=_STIFF, symbol="k_N", unit="stiffness"))
+    tangential_stiffness: Field | None = field(default=None, metadata=key(kind=_STIFF, symbol="k_T", unit="stiffness"))
     """Stiffness k_N or k_T of springs along the edges [stress/length], such as a bed or a compliant joint. The law
     holds for u_N + σ_N/k_N and u_T + σ_T/k_T, of which gap and slip are: `normal_stiffness = 50.0`."""
 

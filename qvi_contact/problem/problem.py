@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeAlias
 import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field, evaluate
+from qvi_contact.element.triangle import triangle_lattice
 from qvi_contact.errors import InputError, UnknownNameError, refuse_retired
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -26,7 +27,7 @@ from qvi_contact.problem.conditions import (
     Traction,
     components,
 )
-from qvi_contact.problem.fields import BodyForces
+from qvi_contact.problem.fields import BodyForces, along_edges
 from qvi_contact.problem.material import Material, Region, cell_materials, is_strained, stress_at_rest
 from solvers.basics.types import PicklesFields, load
 
@@ -361,7 +362,7 @@ def _check_pressure(problem: ContactProblem) -> None:
 # what stored answers are told from those of other problems by; functions count by their values at some points
 
 _PASSING = ("callback", "threads", "throw")  # options that change no answer
-_PLACES = np.array([0.05, 0.2, 0.45, 0.7, 0.9])  # along an edge
+_DIVIDED = 12  # parts of a side of a triangle, at whose inner corners functions count: about where a solve looks
 
 
 def run_digest(problems: Sequence[ContactProblem], options: Mapping[str, object]) -> str:
@@ -382,14 +383,15 @@ def run_digest(problems: Sequence[ContactProblem], options: Mapping[str, object]
 
 def problem_digest(problem: ContactProblem) -> bytes:
     """SHA-256 of everything but the mesh."""
-    mesh = problem.mesh
-    middles = mesh.vertices[mesh.cells].mean(axis=1).T
+    mesh, cells = problem.mesh, np.arange(problem.mesh.cell_count)
+    t = triangle_lattice(_DIVIDED)[0]
+    places = np.moveaxis(mesh.placed(cells, t[t.min(axis=1) > 0.0]) @ mesh.corners, 2, 0)
     parts: list[object] = [problem.compliances, problem.cell_materials]
     for name, potential in problem.body_forces.items():  # a sweep may multiply one of them
         parts += [name] * (name != "body")
-        parts.append(evaluate("body_potential", potential, *middles) if callable(potential) else potential)
+        parts.append(evaluate("body_potential", potential, *places) if callable(potential) else potential)
     if is_strained(problem):
-        parts.append(stress_at_rest(problem, np.arange(mesh.cell_count), *middles))
+        parts.append(stress_at_rest(problem, cells, *places))
     for condition in problem.conditions:
         parts += [type(condition).__name__, *_values(condition, mesh.edges(condition.edges), mesh)]
     return _digest(parts)
@@ -401,7 +403,8 @@ def _values(part: Condition | RigidPlate, edges: Edges, mesh: TriangleMesh) -> I
         value = getattr(part, each.name)
         yield each.name
         if callable(value):
-            yield evaluate(each.name, value, *mesh.points_along(edges, _PLACES))
+            found = along_edges(mesh, edges, each.name, value)  # parted where it jumps
+            yield from (found.edge, found.t, found.values)
         elif isinstance(value, RigidPlate):
             yield from _values(value, edges, mesh)
         else:

@@ -179,7 +179,8 @@ def test_options_that_mean_nothing_list_what_there_is(shell, plate, option, valu
      (["--save-json", "plate.toml"], "the problem file"),
      (["--save-json", "soft.json"], "the problem file"),
      (["--save-json", "hard.json"], "the problem file"),
-     (["--save-json", "a.npz", "--npz", "a.npz"], "the file of --npz")],
+     (["--save-json", "a.npz", "--npz", "a.npz"], "the file of --npz"),
+     (["--save-json", "a_contacts.vtu", "--vtk", "a.vtu"], "the file of --vtk")],
 )  # fmt: skip
 def test_targets_are_checked_before_the_problem_is_read(shell, plate, options, words):
     """It is none, which would be said otherwise; and it stays as it is, whatever other name of it is given."""
@@ -188,6 +189,15 @@ def test_targets_are_checked_before_the_problem_is_read(shell, plate, options, w
     plate.with_name("hard.json").hardlink_to(plate)
     refused(shell("solve", "plate.toml", *options), f"{options[0]}: ", words)
     assert plate.read_text(encoding="utf-8") == "no problem"
+
+
+def test_files_that_the_problem_reads_are_kept(shell, tmp_path):
+    mesh = tmp_path / "trapezoid.msh"
+    mesh.write_bytes((ROOT / "examples" / "meshes" / mesh.name).read_bytes())
+    text = (ROOT / "examples" / "trapezoid.toml").read_text(encoding="utf-8").replace("meshes/", "")
+    (tmp_path / "a.toml").write_text(text, encoding="utf-8")
+    assert load_problem(tmp_path / "a.toml").files == {mesh.name: mesh}
+    refused(shell("solve", tmp_path / "a.toml", "--save-json", mesh), "--save-json: ", "that the problem reads")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")

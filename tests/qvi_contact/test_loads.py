@@ -303,6 +303,17 @@ def test_a_sweep_scales_one_of_them():
     shear = [result.contacts["bottom"].tangential_force for result in sweep.steps]
     assert np.abs(shear) == pytest.approx([0.8, 1.6], rel=1e-6)  # of the weight 2 · 4
     assert len({problem_digest(shaken(BodyForces({"a": each, "b": 1.0 - each}))) for each in (0.25, 0.75)}) == 2
+    mesh = TriangleMesh.rectangle((1, 1))  # a spot beside the middles of triangles, a patch that ends 0.01 further
+
+    def posed(hot=1.0, heavy=1.0, reach=0.1):
+        spot = "{} * where(hypot(x - 0.5, y - 0.5) < 0.1, 1, 0)"
+        sides = [Traction(side, y=Expression(f"where(abs(x - 0.575) < {reach}, -1, 0)")) for side in mesh.edge_names]
+        sides += [Displacement(side, x=0.0) for side in mesh.edge_names]
+        material = Material(1.0, 0.3, expansion=1.0)
+        return ContactProblem(mesh, material, sides, Expression(spot.format(heavy)), (), Expression(spot.format(hot)))
+
+    others = posed(), posed(hot=2.0), posed(heavy=2.0), posed(reach=0.11), posed()
+    assert len(set(map(problem_digest, others))) == 4
 
 
 def test_files_hold_them():

@@ -33,7 +33,7 @@ def answer():
 
 @cache
 def page():
-    return result_page(PROBLEMS / "pressed.toml", problem_from_toml(TEXT), answer(), lambda: (answer().bracket, ""))
+    return result_page(problem_from_toml(TEXT), answer(), lambda: (answer().bracket, ""))
 
 
 def words(text):

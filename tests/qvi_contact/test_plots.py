@@ -41,6 +41,7 @@ from qvi_contact.problem import Contact, ContactProblem, Displacement, Material,
 from qvi_contact.solution import ContactLine, cell_factors, sample_body, stress_component, von_mises
 from qvi_contact.units import Units
 from solvers import Status
+from tests.qvi_contact.builders import polygon
 
 OPEN, STICK, SLIP, _CLOSED = ContactState
 LINES = [0.0, 0.5, 2.0], [0.0, 1.0, 1.2, 3.0]
@@ -207,7 +208,7 @@ class TestField:
 
     @pytest.mark.parametrize(
         ("values", "ends"),
-        [([0.0, 1.0, 2.0, 3.0], (0.0, 3.0)), ([-1.0, 3.0, 0.0, 0.0], (-3.0, 3.0)),
+        [([0.0, 1.0, 2.0, 3.0], (0.0, 3.0)), ([-1.0, 3.0, 0.0, 0.0], (-3.0, 3.0)), ([0.0] * 4, (0.0, 1.0)),
          ([5.0, 5.0, 5.0, 5.0 + 1e-9], (4.75, 5.25))],
     )  # fmt: skip
     def test_bands_hold_all_values_are_centred_where_both_signs_occur_and_show_no_rounding(self, values, ends):
@@ -301,15 +302,19 @@ class TestBody:
         """Discs that touch in a point: exaggerated 5 times, as would be usual, their outlines would cross."""
         assert Scales.of([solve(half_discs(1.0, 1, 0))]).factor == 1.0
 
-    def test_springs_are_zigzag_lines(self):
-        bed = Contact("bottom", 0.0, normal_stiffness=10.0)
+    @pytest.mark.parametrize("gap", [0.0, -0.3, 0.3])
+    def test_springs_are_zigzag_lines_beside_the_body(self, gap):
+        bed = Contact("bottom", 0.0, normal_stiffness=10.0, gap=gap)
         conditions = [bed, Traction("top", x=0.0, y=-1.0), *FREE]
         block = ContactProblem(TriangleMesh.rectangle((2, 2)), Material(1e2, 0.3), conditions)
         for draw, shown in ((draw_body, solve(block)), (draw_problem, block)):
             axes = new_axes()
             draw(axes, shown)
             zigzags = [line for line in axes.collections if isinstance(line, LineCollection)]
-            assert sum(len(path) == 8 for line in zigzags for path in line.get_segments()) >= 3
+            paths = [path for line in zigzags for path in line.get_segments() if len(path) == 8]
+            assert len(paths) >= 3
+            assert np.abs(paths).max() < 1.0
+            assert 0.01 < np.ptp(paths, axis=1)[:, 1].max() < 0.3
 
     def test_the_resultant_is_an_arrow_to_the_centre_of_pressure_with_its_number(self):
         result, axes = slanted_result(), new_axes()
@@ -324,6 +329,31 @@ class TestBody:
         assert (tail + arrow - centre) @ TANGENT == pytest.approx(0.0, abs=0.2)  # which moves with the body
         (text,) = (text.get_text() for text in axes.texts if text.get_text().startswith("plane"))
         assert text.splitlines()[0] == f"plane: {beside([np.hypot(*push)])[0]} N/mm"
+
+    @pytest.mark.parametrize("law", ["unilateral", "bilateral"])
+    def test_tension_is_no_pressure_and_rounding_is_nothing(self, law):
+        """A block lifted by 1e-3: it leaves the ground, or is pulled by 3 where its sides are held."""
+        held = [Displacement("top", x=0.0, y=1e-3), *(Displacement(side, x=0.0) for side in ("left", "right"))]
+        held += [Traction(side, y=0.0) for side in ("left", "right")]
+        ground = Contact("bottom", 0.0, law=law, gap=0.5 if law == "unilateral" else 0.0)
+        result = solve(ContactProblem(TriangleMesh.rectangle((2, 2)), Material(3e3, 0.0), [ground, *held]))
+        axes = result_figure(result).axes[0]
+        labels = [text.get_text() for text in axes.get_legend().get_texts()][1:]
+        assert labels == (["pressure, −3 stress"] if law == "bilateral" else [])
+        assert ("N = 0" in said(axes.figure)[1]) == (law == "unilateral")
+
+    @pytest.mark.parametrize("joint", [False, True])
+    def test_what_presses_around_a_ring_balances_itself(self, joint):
+        """Pressure points outwards all around, and its resultant is nothing and nowhere else."""
+        mesh = polygon(16, 2, 1.0, 4.0).with_joint("middle", lambda x, y: abs(np.hypot(x, y) - 1.98) < 0.05)
+        held = [Displacement("outside", 0.0, 0.0), Contact("middle", 0.3, gap=-1e-3)]
+        conditions = [Traction("hole", 0.0, 0.0), *(held if joint else [Contact("outside", 0.3)])]
+        steel, axes = Material(1e3, 0.3, expansion=1e-3), new_axes()
+        box = draw_body(axes, solve(ContactProblem(mesh, steel, conditions, temperature=lambda x, _: 5.0 + x))).box
+        assert np.abs(box).max() < 6.0
+        assert not axes.texts
+        (diagram,) = (patch.get_xy() for patch in axes.patches if isinstance(patch, Polygon))
+        assert np.hypot(*diagram.T).min() > (1.7 if joint else 3.8)
 
     def test_eccentricity_and_line_of_thrust_of_joints(self):
         axes = new_axes()
@@ -412,7 +442,9 @@ class TestFigures:
         *others, contact = plate.conditions
         moved = [replace(plate, conditions=[*others, replace(contact, offset=w)]) for w in (0.0, 1e-4)]
         steps = tuple(map(solve, moved))
-        figure = history_figure(History(steps, 2))
+        figure = history_figure(History(steps, 2), title="Once " + 30 * "again and ")
+        figure.draw_without_rendering()
+        assert figure._suptitle.get_window_extent().width < figure.bbox.width
         body, loop, forces = figure.axes
         assert body.get_title().startswith("step 2")
         assert loop.get_title() == "plate"

@@ -10,7 +10,7 @@ from matplotlib.quiver import Quiver
 
 from qvi_contact import TriangleMesh
 from qvi_contact.gallery import sliding_block
-from qvi_contact.plots import draw_problem, problem_figure, runs, value_range
+from qvi_contact.plots import draw_problem, draw_symbols, problem_figure, runs, value_range
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
 from qvi_contact.units import Units
 from tests.qvi_contact.builders import polygon
@@ -129,7 +129,7 @@ def laden():
         Traction("lid", x=0.0, y=0.0),
         Contact("bottom", friction=lambda x, y: 0.2 + 0.1 * x + 0 * y, gap=lambda x, _: 0.01 * x**2, name="ground"),
         Contact("press", friction=0.1, plate=RigidPlate(force_y=-3.0, moment=0.5)),
-        Contact("bed", friction=0.4, cohesion=1.5),
+        Contact("bed", friction=0.4, cohesion=1.5, normal_stiffness=3e6),
     ]
     regions = [Region(Material(500.0, 0.2), y=(1.0, 2.0))]
     return ContactProblem(mesh, Material(1000.0, 0.3), conditions, regions=regions)
@@ -148,7 +148,7 @@ def test_the_legend_names_everything():
     for words in (
         "1: E = 1000 MPa", "2: E = 500 MPa", "t_x = 0 … 10 MPa", "u_y = 0 mm", "free: lid",
         "contact ground: μ = 0.2 … 0.4, gap = 0 … 0.04 mm", "F_y = −3 N/mm", "M = 0.5 N mm/mm",
-        "joint bed: μ = 0.4, c = 1.5 MPa",
+        "joint bed: μ = 0.4, c = 1.5 MPa, k_N = 3 · 10⁶ MPa/mm",
     ):  # fmt: skip
         assert words in legend
     assert legend.count("about (0, 0)") == 1  # a moment has a pivot, a force has none
@@ -164,6 +164,7 @@ def test_the_obstacle_follows_the_gap():
     curves = [np.column_stack(line.get_data()) for line in axes.lines if line.get_color() == "black"]
     (curve,) = (c for c in curves if len(c) > 3 and c[:, 1].max() < 0.0)
     depth = curve[0, 1] - curve[:, 1]
+    assert np.concatenate(draw_symbols(axes, laden(), obstacles=True))[:, 1].max() > 2.2  # the force on the plate
     assert depth / depth[-1] == pytest.approx((curve[:, 0] / 2.0) ** 2, abs=1e-9)
 
 

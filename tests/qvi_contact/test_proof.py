@@ -246,6 +246,7 @@ def test_the_command_writes_and_checks_them(tmp_path, shell):
     status, out, _ = shell("limit", file, "--load", "top", "--proof", proof)
     assert status == 0
     assert out.count("proved:") == 2
+    assert "--load" in shell("limit", file, "--proof", proof, "--plot", tmp_path / "a.png")[2]
     status, out, _ = shell("check-proof", proof)
     assert status == 0
     assert out.startswith("proved")

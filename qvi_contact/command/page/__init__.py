@@ -7,11 +7,9 @@ the page's own script, which draws them and answers the pointer.
 import base64
 import platform
 import sys
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from hashlib import sha256
-from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Any, Final
 
@@ -50,7 +48,6 @@ _MOST_STEPS: Final = 16  # with a picture: a page is to be mailed
 
 
 def result_page(
-    source: str | Path,
     file: ProblemFile,
     result: ContactResult,
     bracketed: Callable[[], tuple[Bracket | None, str]],
@@ -60,8 +57,8 @@ def result_page(
 ) -> str:
     """The page about the result of a solve, of a refinement, or of the last of several in a series.
 
-    `source` is where the problem file lies. `bracketed` gives the bracket of this result, or why there is none.
-    Contacts in `panels` have charts, all of them by default.
+    `bracketed` gives the bracket of this result, or why there is none. Contacts in `panels` have charts, all of them by
+    default.
     """
     steps = (result,) if series is None else series.results.steps
     bracket, missing = bracketed()
@@ -78,7 +75,7 @@ def result_page(
             for title, headings, rows in series.tables(file.units)
         ]
     text: str = page_template("qvi_contact.command.page").render(
-        **_frame(source, file, result.problem, "Contact problem"),
+        **_frame(file, result.problem, "Contact problem"),
         result=result,
         number=number,
         bracket=bracket,
@@ -98,9 +95,7 @@ def result_page(
     return text
 
 
-def limit_page(
-    source: str | Path, file: ProblemFile, problem: ContactProblem, limit: LimitLoad, lines: Sequence[str]
-) -> str:
+def limit_page(file: ProblemFile, problem: ContactProblem, limit: LimitLoad, lines: Sequence[str]) -> str:
     """The page about a limit load: what people read of it, and how the body gives way, on the mesh of the analysis."""
     moved, picture = limit.mechanism, ""
     if moved is not None or limit.collapse is not None:
@@ -108,7 +103,7 @@ def limit_page(
         picture = _picture(figure, "How the body gives way")
     contacts = {} if moved is None else moved.contacts
     text: str = page_template("qvi_contact.command.page", "limit.html").render(
-        **_frame(source, file, problem, "Limit load"),
+        **_frame(file, problem, "Limit load"),
         lines=lines,
         picture=picture,
         motions=[(name, *(number(value, 3, 1e-6) for value in (at.opening, at.slip))) for name, at in contacts.items()],
@@ -116,17 +111,15 @@ def limit_page(
     return text
 
 
-def _frame(source: str | Path, file: ProblemFile, problem: ContactProblem, title: str) -> dict[str, Any]:
+def _frame(file: ProblemFile, problem: ContactProblem, title: str) -> dict[str, Any]:
     """What all pages say around their answer: title, description, the problem, how to repeat it."""
-    text = Path(source).read_text(encoding="utf-8-sig")
-    mesh = tomllib.loads(text).get("mesh", {}).get("file")
-    files = [] if mesh is None else [(mesh, sha256((Path(source).parent / mesh).read_bytes()).hexdigest())]
+    files = [(name, sha256(place.read_bytes()).hexdigest()) for name, place in file.files.items()]
     return {
         "title": file.title or title,
         "paragraphs": [part for part in file.description.split("\n\n") if part.strip()],
         "made": datetime.now(tz=UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "command": " ".join(["qvi-contact", *map(quote, sys.argv[1:])]),
-        "text": text,
+        "text": file.text,
         "files": [(f"file {name}", f"SHA-256 {digest}") for name, digest in files],
         "units": file.units,
         "problem": _picture(problem_figure(problem, file.units), "The problem: mesh, loads, contacts"),
