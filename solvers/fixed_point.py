@@ -283,14 +283,16 @@ class _Loop:
     def _solve_inner(self, bound: Vector) -> InnerSolution:
         """The inner problem about the last result, or the start if that fails.
 
-        "infeasible" counts only where it is proved. A linear program is asked first, which takes a hundredth of the
-        time.
+        "infeasible" counts only where it is proved. Once an inner problem has failed a linear program is asked first,
+        which takes a hundredth of the time.
         """
         qvi, form, solver = self.qvi.with_bound(bound), self.form, self.solver
-        if (proof := refuted(qvi, _ASKED)) is not None:
-            return no_result(form.problem, Status.INFEASIBLE, proof.message)
-        threshold = form.threshold(bound)
-        inner = solver.solve(threshold, form.centre(self.inner, self.previous), self.inner)
+        threshold, near = form.threshold(bound), form.centre(self.inner, self.previous)
+        inner = None if self.recoveries else solver.solve(threshold, near, self.inner)
+        if inner is None or not _is_usable(inner):
+            if (proof := refuted(qvi, _ASKED)) is not None:
+                return no_result(form.problem, Status.INFEASIBLE, proof.message)
+            inner = inner or solver.solve(threshold, near, self.inner)
         if not _is_usable(inner) and self.inner is not None and not deadline.over:
             inner = solver.solve(threshold, form.centre(None, None), None)
         if inner.status is not Status.INFEASIBLE or deadline.over or check_feasibility(qvi).feasible is False:
