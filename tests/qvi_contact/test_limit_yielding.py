@@ -136,8 +136,12 @@ def test_friction_that_varies():
         assert limit.lower <= 2.0 <= limit.upper
         gaps.append(limit.upper - limit.lower)
     assert gaps[1] < 0.6 * gaps[0] < 0.4
-    constant = limit_load_factor(stretched(MohrCoulomb(0.5, lambda x, _: 0.3 + 0.0 * x)), ["top"])
-    assert [constant.lower, constant.upper] == pytest.approx([in_tension(0.5, 0.3)] * 2, rel=1e-5)
+    for growth in (0.0, 0.3):  # pulled all around in plane stress it tears where the angle is largest
+        wide = stretched(MohrCoulomb(0.5, lambda x, _, growth=growth: 0.3 + growth * x), "stress")
+        wide = replace(wide, conditions=[wide.conditions[0], Traction("right", x=1.0, y=0.0), *wide.conditions[2:]])
+        limit, exact = limit_load_factor(wide, ["top", "right"]), in_tension(0.5, 0.3 + growth)
+        assert limit.lower == pytest.approx(exact, rel=1e-5)
+        assert exact * (1.0 - 1e-6) <= limit.upper < exact * (1.0 + 1e-5 + growth)
 
 
 def test_friction_that_begins_at_zero_has_a_bound_with_a_cut_off_only():

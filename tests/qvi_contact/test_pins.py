@@ -23,7 +23,7 @@ from qvi_contact.refinement import unit_of
 from qvi_contact.solution import leads_one_way, turning_senses
 from solvers import Status
 from tests.qvi_contact.builders import difference, holed, polygon, solved
-from tests.qvi_contact.test_plates import moved
+from tests.qvi_contact.test_plates import SIDES, moved
 
 UNIT = Material(1.0, 0.3)
 SHEET, SMALL = polygon(24, 4, outer=3.0), polygon(16, 2)
@@ -172,13 +172,15 @@ class TestRefinedForAPin:
 ROUND = polygon(16, 2).with_arc("hole", (0.0, 0.0), 1.0).with_arc("outside", (0.0, 0.0), 2.0)
 
 
-def test_load_steps_of_a_plate_that_moves_are_those_of_its_gap_and_offset():
+@pytest.mark.parametrize("side", ["top", "right"])
+def test_load_steps_of_a_plate_that_moves_are_those_of_its_gap_and_offset(side):
     """Forces, where the obstacle is, and what friction has cost."""
-    mesh, steel = TriangleMesh.rectangle((2, 2)), Material(1000.0, 0.3)
-    others = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0), Displacement("bottom", x=0.0, y=0.0)]
-    motions = [{"x": 4e-3 * t, "y": -5e-3, "rotation": 1e-4} for t in (0.5, 1.0, -1.0)]
-    base = Contact("top", 0.3, name="plate")
-    steps = [replace(base, plate=RigidPlate(**motion)) for motion in motions], [moved(base, **m) for m in motions]
+    mesh, steel, (opposite, *free, sign, normal) = TriangleMesh.rectangle((2, 2)), Material(1000.0, 0.3), SIDES[side]
+    others = [*(Traction(name, 0.0, 0.0) for name in free), Displacement(opposite, x=0.0, y=0.0)]
+    along, base = "x" if normal == "y" else "y", Contact(side, 0.3, name="plate")
+    motions = [{along: 4e-3 * t, normal: -5e-3, "rotation": 1e-4, "pivot": (0.7, -0.3)} for t in (0.5, 1.0, -1.0)]
+    plates = [replace(base, plate=RigidPlate(**motion)) for motion in motions]
+    steps = plates, [moved(base, **motion, sign=sign, normal=normal) for motion in motions]
     ours, theirs = (
         solve_history([ContactProblem(mesh, steel, [contact, *others]) for contact in contacts], degree=3)
         for contacts in steps

@@ -493,6 +493,11 @@ class TestFrictionAlone:
         unit = found.stress.discretization.scales
         parts = stopped.masses[0] / (whole * unit.stress * unit.displacement)
         assert np.isclose(parts, [1.0, 0.5, 0.25, 0.125], rtol=1e-9).any()
+        ways = ({"bottom": replace(share, values=share.values + way * share.room)} for way in (parts, -parts))
+        most, within = stopped.images[0], 0.3 * stopped.reach  # |R d| of the shares by which it is stopped
+        assert max(stopped.work(way, within, 1.0) for way in ways) == pytest.approx(
+            within * most / (stopped.masses[0] - within * most), rel=1e-9
+        )
 
     def test_where_nothing_sticks(self):
         """A force that friction can just bear, and a wall along which a body slips: messages say what is missing."""
