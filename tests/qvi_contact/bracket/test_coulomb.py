@@ -189,9 +189,11 @@ class TestNorms:
             assert 0.2 < found.value < most
 
     def test_where_no_proof_holds(self):
-        """Two materials, rough sides that meet at a corner, a hole, a share that is not the same on all edges."""
+        """Two materials, springs, rough sides that meet at a corner, a hole, a share that varies between edges."""
         soft = Region(Material(1.0, 0.1), x=(0.0, compressed_plate(0.1).mesh.length / 2.0))
         problems = [replace(plate, regions=[soft]) for plate in (compressed_plate(0.1), clamped_plate(0.1))]
+        spring = replace(Contact.tied("left"), normal_stiffness=1.0)  # in place of the symmetry
+        problems += [replace(plate := compressed_plate(0.1), conditions=[spring, *plate.conditions[1:]])]
         ring, whole = holed(2, [(0.0, 0.0)], (-1.5, -1.5), (1.5, 1.5)), TriangleMesh.rectangle((2, 2), 2.0, 1.0)
         for mesh, foot in ((ring, lambda _, y: y < -1.4), (whole, lambda x, y: (y == 0.0) | (x == 0.0))):
             mesh = mesh.with_edges("foot", foot).with_edges("rest", lambda x, y, foot=foot: ~foot(x, y))
