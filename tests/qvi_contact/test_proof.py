@@ -81,6 +81,7 @@ def on_rock(strength):
         (on(Contact("bottom", 0.5, pore_pressure=0.2), MohrCoulomb(2.0, 0.6)), "push"),
         (on(Contact("bottom", 0.3, law="bilateral")), "push"),
         (on(Contact("bottom", 0.3, law="bilateral", shear_limit=0.3), MohrCoulomb(1.0, 0.3)), "push"),
+        (on(Contact("bottom", 0.0, cohesion=0.4, law="bilateral"), MohrCoulomb(2.0, 0.6)), "push"),
         (on(Contact("bottom", 0.5, plate=RigidPlate(x=0.1)), MohrCoulomb(2.0, 0.6)), "push"),
         (on(Contact("joint", 0.4, law="bilateral"), Tresca(2.0)), "push"),
         (punched(Tresca(0.7)), "punch"),
