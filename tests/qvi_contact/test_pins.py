@@ -232,8 +232,6 @@ class TestWhatIsNotDetermined:
         (loose,) = result.undetermined_motions
         assert (loose.names, loose.motions, loose.plate) == (("the plate at 'hole'",), 3, True)
         assert any("the plate at 'hole'" in remark and "give the motion" in remark for remark in result.remarks)
-
-    def test_a_pin_that_turns(self):
         pin = Contact.pin("hole", 0.0, (0.0, 0.0), 0.99, force_x=0.3, force_y=0.0, moment=0.0)
         (loose,) = solved(pinned(pin, mesh=ROUND)).undetermined_motions
         assert (loose.motions, loose.way) == (1, "turn about (0, 0)")

@@ -371,13 +371,11 @@ class TestChanged:
                 use(path)
             assert caught.value.field == "store"
 
-    def test_stores_without_the_digest_are_read_and_gone_on_with(self, path):
+    def test_stores_without_the_digest_are_read_and_gone_on_with_but_compared_all_the_same(self, path):
         undone = "PRAGMA foreign_keys = ON; DELETE FROM results WHERE number = 2"
         self.changed(path, f"{undone}; UPDATE sweep SET fingerprint = substr(fingerprint, 1, 64)")
         assert read_sweep(path).values == (0.1, 0.2)
         assert solve_sweep(PLATE, "friction", [0.1, 0.2], store=path).statuses == (Status.SOLVED, Status.SOLVED)
-
-    def test_what_they_are_asked_for_is_compared_all_the_same(self, path):
         self.changed(path, "UPDATE sweep SET fingerprint = substr(fingerprint, 1, 64), parameter = 'gap'")
         with pytest.raises(InputError, match="changed"):
             solve_sweep(PLATE, "friction", [0.1, 0.2], store=path)
