@@ -173,6 +173,15 @@ class TestRedundantResultants:
         with pytest.raises(InputError, match=f"RigidPlate.{field}.*'plate'.*demands {needed}:"):
             solve(problem)
 
+    def test_of_two_plates_one_gives_the_force_of_the_other(self):
+        base, _, *free = self.between(RigidPlate(force_y=10.0)).conditions
+        presses = [Contact("top", 0.3, plate=RigidPlate(force_y=force), name="press") for force in (-10.0, -9.0)]
+        right, wrong = (ContactProblem(MESH, STEEL, [base, press, *free]) for press in presses)
+        found = solved(right).bracket
+        assert found.lower == pytest.approx(found.upper, rel=2e-3)
+        with pytest.raises(InputError, match=r"RigidPlate.force_y.*'press'.*demands -10:"):
+            solve(wrong)
+
 
 class TestImpossible:
     """Forces that no contact carries end in a status with a reason."""
