@@ -112,14 +112,10 @@ def clamped_plate(friction):
     return replace(problem, conditions=free)
 
 
-def test_a_body_without_loads_has_no_error():
-    """Of a state that is zero, none is no share."""
+def test_a_body_without_loads_and_a_contact_that_is_open_all_along_have_no_error():
+    """Of a state that is zero, none is no share. What solvers leave of the tractions of an open one is no friction."""
     found = solve(compressed_plate(0.2, (1, 1), displacement=0.0)).bracket.coulomb
     assert (found.error, found.relative_error, found.apart) == (0.0, 0.0, 0.0)
-
-
-def test_a_contact_that_is_open_all_along_costs_nothing():
-    """What solvers leave of its tractions is no friction."""
     left, bottom, _, contact = (plate := compressed_plate(0.2, (2, 2))).conditions
     pulled = replace(plate, conditions=[left, bottom, Traction("right", 5.0, 0.0), replace(contact, gap=1e-5)])
     assert solve(pulled, method="fixed-point").bracket.coulomb.relative_error < 1e-5
