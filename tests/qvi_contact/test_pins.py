@@ -13,7 +13,7 @@ from qvi_contact import InputError, refine, solve, solve_history, solve_sweep
 from qvi_contact.basics import Units
 from qvi_contact.bracket import bracket
 from qvi_contact.companion import solve_companion
-from qvi_contact.discretization import pins
+from qvi_contact.discretization import Scales, pins
 from qvi_contact.gallery import arc, fan
 from qvi_contact.mechanism import find_mechanism
 from qvi_contact.mesh import TriangleMesh, cross
@@ -85,6 +85,7 @@ def test_motion_of_a_plate_is_a_gap_and_an_offset(side, law):
     result = solved(ContactProblem(mesh, steel, [plate, *others]))
     assert difference(expected, result) < 1e-9
     assert vars(result.plates["plate"]) == motion
+    assert Scales.of(result.problem).displacement == pytest.approx(Scales.of(expected.problem).displacement, rel=1e-12)
     for name, value in vars(expected.energies).items():
         assert getattr(result.energies, name) == pytest.approx(value, rel=1e-8), name
     ours, theirs = bracket(expected), bracket(result)

@@ -104,6 +104,7 @@ def test_proofs_hold_and_lose_next_to_nothing(problem, load):
     assert lower == Fraction(proof["stress"]["factor"])
     assert counted["edges with tractions"] >= 4.5 * problem.mesh.cell_count
     assert (counted["stresses in cones"] > 0) == problem.yields
+    assert counted["resultants of plates"] == sum(each is not None for c in proof["contacts"] for each in c["forces"])
     assert (upper is None) == ("upper" in proof["missing"]) == np.isinf(limit.upper)
     if upper is not None:
         assert float(upper) == pytest.approx(limit.upper, rel=1e-3)
