@@ -29,11 +29,11 @@ from tests.qvi_contact.test_limit_yielding import random_body, stretched
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-def heavy_wall(strength=None):
+def heavy_wall(strength=None, low=0.0):
     """Two blocks with a joint under their weight, pushed from the left."""
-    mesh = TriangleMesh.rectangle((2, 4), 1.0, 2.0).with_joint("joint", lambda _, y: np.abs(y - 1.0) < 1e-9)
+    mesh = TriangleMesh.rectangle((2, 4), 1.0, 2.0, origin=(0.0, low))
     return ContactProblem(
-        mesh,
+        mesh.with_joint("joint", lambda _, y: np.abs(y - low - 1.0) < 1e-9),
         Material(10.0, 0.2, "strain", strength),
         [
             Contact("bottom", 0.5),
@@ -91,7 +91,7 @@ def on_rock(strength):
         (under("bilateral", MohrCoulomb(1.5, 0.3), force_x=0.1, moment=-0.5), "push"),
         (stretched(Tresca(0.7)), "top"),
         (stretched(Mises(1.0), "stress"), "top"),
-        (heavy_wall(MohrCoulomb(2.0, 0.6)), "push"),
+        (heavy_wall(MohrCoulomb(2.0, 0.6), low=0.75), "push"),
         (on_rock(Tresca(0.7)), "top"),
         (load_problem(EXAMPLES / "dragged_block_holds.toml").problem, "drag"),  # by the simplex method
         (random_body(14), "push"),  # shear beyond its bound in one ordinate, but nowhere

@@ -131,6 +131,7 @@ class TestNorms:
         assert found.proved
         assert rectangle_constant(0.3, 0.4, 1.0, 0.6, np.inf) == np.inf  # a share that jumps
         assert found.value == pytest.approx(0.2 * 3.75079, rel=1e-5)
+        assert found.work(problem, shared(problem, 1.0), 0.1, 0.0) == pytest.approx(0.01 * found.value)
 
     def test_what_is_no_number_proves_nothing(self, monkeypatch):
         monkeypatch.setattr("qvi_contact.bracket.norms.rectangle_norm", lambda *_: np.nan)
