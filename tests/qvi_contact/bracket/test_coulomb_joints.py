@@ -87,8 +87,7 @@ def test_where_either_body_is_held_across_the_end_the_share_vanishes(side):
     problem = ContactProblem(mesh, Material(1.0, 0.3), conditions)
     edges, share = mesh.edges("seam"), solve(problem, degree=4).bracket.coulomb.shares["seam"].at(np.array([0.0, 1.0]))
     at = mesh.vertices[np.stack([edges.first, edges.second], axis=1)][..., 0] == 0.0
-    assert at.any()
-    assert (share[at] == 0.0).all()
+    assert share[at].tolist() == [0.0]
 
 
 def test_a_part_of_a_mesh_keeps_names_arcs_and_regions():
