@@ -202,12 +202,6 @@ PATHS = {
 }
 
 
-@pytest.mark.parametrize("entry", PATHS)
-def test_paths_are_texts_or_paths(entry):
-    for value in OBJECTS:
-        refused(PATHS[entry], value, entry.split()[0])
-
-
 @pytest.mark.parametrize("name", ["a\0b", "a\ud800b"])
 @pytest.mark.parametrize("entry", PATHS)
 def test_names_that_no_file_can_have(entry, name, tmp_path):
@@ -243,10 +237,10 @@ FLAGS = {
 }
 
 
-@pytest.mark.parametrize("entry", FLAGS)
-def test_flags_are_true_or_false(entry):
-    for flag in NO_TRUTH:
-        refused(FLAGS[entry], flag, entry.split()[0])
+@pytest.mark.parametrize("entry", [*PATHS, *FLAGS])
+def test_paths_are_texts_or_paths_and_flags_are_true_or_false(entry):
+    for value in OBJECTS if entry in PATHS else NO_TRUTH:
+        refused((PATHS | FLAGS)[entry], value, entry.split()[0])
 
 
 @given(st.lists(st.floats(-10.0, 10.0), min_size=2, max_size=6), st.integers(1, 4))

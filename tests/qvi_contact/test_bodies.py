@@ -74,9 +74,8 @@ class TestLoose:
         (loose,) = solved(nested(Contact("pin", 0.3, gap=-1e-3), Contact("bush", 0.3, gap=0.5))).undetermined_motions
         assert sorted(loose.names) == ["the body 'bush'", "the body 'pin'"]
         assert loose.way == "turn and move"
-
-    def test_each_for_itself(self):
-        """Both free: the plate, which is larger, is what they are free beside."""
+        assert "which together" in loose.remark
+        # both free: the plate, which is larger, is what they are free beside
         found = solved(nested(Contact("pin", 0.0, gap=0.5), Contact("bush", 0.0, gap=0.5))).undetermined_motions
         assert sorted(loose.names for loose in found) == [("the body 'bush'",), ("the body 'pin'",)]
 

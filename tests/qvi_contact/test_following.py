@@ -57,16 +57,12 @@ def test_a_chain_of_differences_depends_on_its_end_only():
     assert found.particular(np.ones(n))[0].tolist() == list(range(n + 1))
 
 
-def test_lines_are_walked_from_the_start_outward_and_then_from_their_ends():
+def test_lines_are_walked_from_the_start_outward_and_then_from_their_ends_and_closed_ones_around():
     ends = np.array([[0, 1], [1, 2], [2, 3], [3, 4], [7, 9], [8, 9]])
     place, age = walk(ends, [2], 10)
     assert place.tolist() == [1, 0, 2, 3, 4, 5]
     assert age.tolist() == [3, 2, 1, 4, 5, 0, 0, 6, 8, 7]
-
-
-def test_closed_lines_are_walked_around():
-    ends = np.array([[0, 1], [1, 2], [2, 3], [0, 3]])
-    place, age = walk(ends, [7], 8)
+    place, age = walk(np.array([[0, 1], [1, 2], [2, 3], [0, 3]]), [7], 8)
     assert sorted(place.tolist()) == [0, 1, 2, 3]
     assert place[3] == 3
     assert age.tolist() == [1, 2, 3, 4, 0, 0, 0, 0]

@@ -153,11 +153,9 @@ class TestWhatDrives:
         assert force == pytest.approx(-np.array(ground), abs=1e-6)  # nothing else acts along x
         assert loop_area(displacement, force) > 0.0
 
-    def test_a_ground_that_moves_has_a_loop_whatever_else_moves(self):
+    def test_a_ground_that_moves_has_a_loop_whatever_else_moves_and_a_body_at_rest_one_at_rest(self):
         history = solve_history([dragged_block(u, shift=-u) for u in self.path])
         assert history.loop("ground")[0] == pytest.approx(-self.path)
-
-    def test_a_body_at_rest_has_a_loop_at_rest(self):
         assert solve_history([dragged_block(0.0)] * 2).loop("ground")[0].tolist() == [0.0, 0.0]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.polynomial.polynomial import polyder
 
-from qvi_contact import InputError, TriangleMesh, load_problem, solve, solve_companion
+from qvi_contact import InputError, TriangleMesh, load_problem, refine, solve, solve_companion
 from qvi_contact.element import compliance_roots
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.gallery import compressed_plate
@@ -64,6 +64,8 @@ def test_a_held_block(plane, factor):
     assert stress == pytest.approx(np.array([[-pressure, -pressure, 0.0]]), abs=1e-9 * pressure)
     along_z = stress_along_z(problem, np.array([0]), *place, stress)
     assert along_z == pytest.approx([-pressure if plane == "strain" else 0.0], rel=1e-9)
+    mises = refine(problem, target=1e-3, quantity="von_mises(0.3, 0.4)", max_rounds=1).value
+    assert mises == pytest.approx(0.0 if plane == "strain" else pressure, abs=1e-9 * pressure)
     bounds = result.bracket
     energy = 0.5 * pressure * 2.0 * ALPHA * 10.0 * (1.0 + NU if plane == "strain" else 1.0)
     assert (bounds.lower, bounds.upper) == pytest.approx((energy, energy), rel=1e-9)

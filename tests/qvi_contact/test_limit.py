@@ -62,7 +62,7 @@ class TestStack:
 class TestKindsOfLoads:
     """Plates' forces and the body force are loads as well; some are carried without limit, some not at all."""
 
-    def test_force_of_a_plate(self):
+    def test_force_of_a_plate_and_of_a_body_without_contact(self):
         """N from a plate, dragged by H: the limit of N is none, the least one is not asked for."""
         plate = RigidPlate(force_y=-20.0, force_x=1.0, moment=-21.0)
         contacts = [Contact("bottom", 0.3, name="base"), Contact("top", 0.0, law="tied", plate=plate, name="grip")]
@@ -73,8 +73,6 @@ class TestKindsOfLoads:
         assert ground.status is Status.SOLVED
         force = ground.resultant("base")
         assert (force.x, force.y) == pytest.approx((-1.0, 20.0), rel=1e-9)
-
-    def test_a_body_without_contact(self):
         conditions = [Displacement("bottom", 0.0, 0.0), *(Traction(side, 1.0, 1.0) for side in SIDES)]
         assert limit_load_factor(ContactProblem(MESHES["uniform"], STEEL, conditions), ["top"]) == np.inf
 

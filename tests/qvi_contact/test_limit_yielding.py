@@ -136,8 +136,12 @@ def test_friction_that_varies():
         assert limit.lower <= 2.0 <= limit.upper
         gaps.append(limit.upper - limit.lower)
     assert gaps[1] < 0.6 * gaps[0] < 0.4
-    constant = limit_load_factor(stretched(MohrCoulomb(0.5, lambda x, _: 0.3 + 0.0 * x)), ["top"])
-    assert [constant.lower, constant.upper] == pytest.approx([in_tension(0.5, 0.3)] * 2, rel=1e-5)
+    for growth in (0.0, 0.3):  # pulled all around in plane stress it tears where the angle is largest
+        wide = stretched(MohrCoulomb(0.5, lambda x, _, growth=growth: 0.3 + growth * x), "stress")
+        wide = replace(wide, conditions=[wide.conditions[0], Traction("right", x=1.0, y=0.0), *wide.conditions[2:]])
+        limit, exact = limit_load_factor(wide, ["top", "right"]), in_tension(0.5, 0.3 + growth)
+        assert limit.lower == pytest.approx(exact, rel=1e-5)
+        assert exact * (1.0 - 1e-6) <= limit.upper < exact * (1.0 + 1e-5 + growth)
 
 
 def test_friction_that_begins_at_zero_has_a_bound_with_a_cut_off_only():
@@ -266,14 +270,14 @@ def test_no_lower_bound_exceeds_an_upper_one(seed):
             assert limit.collapse.gap.sum() == pytest.approx(limit.upper - limit.lower, abs=1e-5 * (1 + limit.upper))
 
 
-def test_solve_says_where_the_elastic_stress_exceeds_the_strength():
-    """Uniform tension of 1 between strengths: by 1 − 0.8 where c is 0.4, and nowhere where it is 0.6."""
-    weak, strong = (solve(stretched(Tresca(c))) for c in (0.4, 0.6))
+@pytest.mark.parametrize(("law", "least", "excess"), [(Tresca, 0.5, "0.1 [stress]"), (Mises, 1.0, "0.2 [stress]")])
+def test_solve_says_where_the_elastic_stress_exceeds_the_strength(law, least, excess):
+    """Uniform tension of 1 in plane stress, which c = 0.5 or a yield stress of 1 just carry."""
+    weak, strong = (solve(stretched(law(factor * least), "stress")) for factor in (0.8, 1.2))
     assert weak.status == "solved"
-    found = [remark for remark in weak.remarks if "strength" in remark]
-    assert len(found) == 1
-    assert "0.1 [stress]" in found[0]
-    assert "100 %" in found[0]
+    (found,) = (remark for remark in weak.remarks if "strength" in remark)
+    assert excess in found
+    assert "100 %" in found
     assert not any("strength" in remark for remark in strong.remarks)
 
 

@@ -57,9 +57,12 @@ class TestQuadrature:
         assert found.coefficients(0)[:, 0] == pytest.approx(np.diff(integral(np.arange(4.0))), abs=1e-13 * size)
         assert np.bincount(found.edge, found.weights.sum(axis=1)) == pytest.approx(np.ones(3), abs=1e-14)
 
-    def test_polynomials_have_one_part(self):
+    def test_polynomials_have_one_part_and_edges_their_own_values_at_their_ends(self):
         assert len(adapted(lambda edge, t: edge[:, None] + t**7, 5).edge) == 5
         assert len(adapted(lambda edge, t: np.where(edge[:, None] + t < 1.2345, 1.0, 0.0), 5).edge) < 70
+        found = adapted(lambda edge, t: np.where(edge[:, None] + t < 2.0, 1.0, 0.0), 3)
+        assert len(found.edge) == 3
+        assert found.coefficients(0)[:, 0].tolist() == pytest.approx([1.0, 1.0, 0.0], abs=1e-15)
 
     @pytest.mark.parametrize(("value", "count"), [(-3.7, 3), (0.0, 2), (1.0, 0)])
     def test_numbers_are_integrated_as_functions_are(self, value, count):
@@ -83,11 +86,6 @@ class TestQuadrature:
         jump = far(lambda x: np.where(x < 1.2345, 1.0, 0.0))
         assert len(jump.edge) < 70
         assert jump.coefficients(0).sum() == pytest.approx(1.2345, abs=50.0 * rounding[0])
-
-    def test_a_function_at_the_end_of_an_edge_is_the_edges_own(self):
-        found = adapted(lambda edge, t: np.where(edge[:, None] + t < 2.0, 1.0, 0.0), 3)
-        assert len(found.edge) == 3
-        assert found.coefficients(0)[:, 0].tolist() == pytest.approx([1.0, 1.0, 0.0], abs=1e-15)
 
     def test_what_nothing_can_follow_is_said(self):
         """Rounding of a large number decides."""
@@ -316,7 +314,7 @@ def test_a_sweep_scales_one_of_them():
     assert len(set(map(problem_digest, others))) == 4
 
 
-def test_files_hold_them():
+def test_files_and_copies_hold_them_and_they_are_checked():
     problem = shaken(BodyForces({**FORCES, "more": 0.5}))
     text = problem_to_toml(problem)
     assert problem_from_toml(text).problem.body_potential == problem.body_potential
@@ -326,9 +324,6 @@ def test_files_hold_them():
     with pytest.raises(InputError) as caught:
         problem_from_toml(text.replace("weight =", '"body" ='))
     assert caught.value.field == "body_forces"
-
-
-def test_they_can_be_copied_and_are_checked():
     forces = BodyForces(FORCES)
     assert pickle.loads(pickle.dumps(forces)) == forces == copy.deepcopy(forces)
     for wrong in ({}, [1.0], {"body": 1.0}, {"": 1.0}, {"weight": "y"}):

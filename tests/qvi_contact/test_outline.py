@@ -142,13 +142,11 @@ class TestCorners:
         topology = Topology.of(np.sort(cells, axis=1), 9)
         return int((topology.boundary[topology.of_cells].sum(axis=1) == 2).sum())
 
-    def test_they_are_divided(self):
+    def test_they_are_divided_but_lines_with_a_name_stay(self):
         assert self.filled(self.RISING) == 2
         cells = divided_corners(self.SQUARES, self.RISING, self.NONE)
         assert self.filled(cells) == 0
         assert area(TriangleMesh(self.SQUARES, cells)) == pytest.approx(4.0)
-
-    def test_lines_with_a_name_stay(self):
         cells = divided_corners(self.SQUARES, self.RISING, np.array([[5, 1]]))
         assert self.filled(cells) == 1
         assert Topology.of(np.sort(cells, axis=1), 9).number(np.array([[1, 5]])) >= 0

@@ -13,7 +13,7 @@ from qvi_contact import InputError, refine, solve, solve_history, solve_sweep
 from qvi_contact.basics import Units
 from qvi_contact.bracket import bracket
 from qvi_contact.companion import solve_companion
-from qvi_contact.discretization import pins
+from qvi_contact.discretization import Scales, pins
 from qvi_contact.gallery import arc, fan
 from qvi_contact.mechanism import find_mechanism
 from qvi_contact.mesh import TriangleMesh, cross
@@ -23,7 +23,7 @@ from qvi_contact.refinement import unit_of
 from qvi_contact.solution import leads_one_way, turning_senses
 from solvers import Status
 from tests.qvi_contact.builders import difference, holed, polygon, solved
-from tests.qvi_contact.test_plates import moved
+from tests.qvi_contact.test_plates import SIDES, moved
 
 UNIT = Material(1.0, 0.3)
 SHEET, SMALL = polygon(24, 4, outer=3.0), polygon(16, 2)
@@ -85,6 +85,7 @@ def test_motion_of_a_plate_is_a_gap_and_an_offset(side, law):
     result = solved(ContactProblem(mesh, steel, [plate, *others]))
     assert difference(expected, result) < 1e-9
     assert vars(result.plates["plate"]) == motion
+    assert Scales.of(result.problem).displacement == pytest.approx(Scales.of(expected.problem).displacement, rel=1e-12)
     for name, value in vars(expected.energies).items():
         assert getattr(result.energies, name) == pytest.approx(value, rel=1e-8), name
     ours, theirs = bracket(expected), bracket(result)
@@ -172,13 +173,15 @@ class TestRefinedForAPin:
 ROUND = polygon(16, 2).with_arc("hole", (0.0, 0.0), 1.0).with_arc("outside", (0.0, 0.0), 2.0)
 
 
-def test_load_steps_of_a_plate_that_moves_are_those_of_its_gap_and_offset():
+@pytest.mark.parametrize("side", ["top", "right"])
+def test_load_steps_of_a_plate_that_moves_are_those_of_its_gap_and_offset(side):
     """Forces, where the obstacle is, and what friction has cost."""
-    mesh, steel = TriangleMesh.rectangle((2, 2)), Material(1000.0, 0.3)
-    others = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0), Displacement("bottom", x=0.0, y=0.0)]
-    motions = [{"x": 4e-3 * t, "y": -5e-3, "rotation": 1e-4} for t in (0.5, 1.0, -1.0)]
-    base = Contact("top", 0.3, name="plate")
-    steps = [replace(base, plate=RigidPlate(**motion)) for motion in motions], [moved(base, **m) for m in motions]
+    mesh, steel, (opposite, *free, sign, normal) = TriangleMesh.rectangle((2, 2)), Material(1000.0, 0.3), SIDES[side]
+    others = [*(Traction(name, 0.0, 0.0) for name in free), Displacement(opposite, x=0.0, y=0.0)]
+    along, base = "x" if normal == "y" else "y", Contact(side, 0.3, name="plate")
+    motions = [{along: 4e-3 * t, normal: -5e-3, "rotation": 1e-4, "pivot": (0.7, -0.3)} for t in (0.5, 1.0, -1.0)]
+    plates = [replace(base, plate=RigidPlate(**motion)) for motion in motions]
+    steps = plates, [moved(base, **motion, sign=sign, normal=normal) for motion in motions]
     ours, theirs = (
         solve_history([ContactProblem(mesh, steel, [contact, *others]) for contact in contacts], degree=3)
         for contacts in steps
@@ -230,8 +233,6 @@ class TestWhatIsNotDetermined:
         (loose,) = result.undetermined_motions
         assert (loose.names, loose.motions, loose.plate) == (("the plate at 'hole'",), 3, True)
         assert any("the plate at 'hole'" in remark and "give the motion" in remark for remark in result.remarks)
-
-    def test_a_pin_that_turns(self):
         pin = Contact.pin("hole", 0.0, (0.0, 0.0), 0.99, force_x=0.3, force_y=0.0, moment=0.0)
         (loose,) = solved(pinned(pin, mesh=ROUND)).undetermined_motions
         assert (loose.motions, loose.way) == (1, "turn about (0, 0)")

@@ -173,14 +173,21 @@ class TestRedundantResultants:
         with pytest.raises(InputError, match=f"RigidPlate.{field}.*'plate'.*demands {needed}:"):
             solve(problem)
 
+    def test_of_two_plates_one_gives_the_force_of_the_other(self):
+        base, _, *free = self.between(RigidPlate(force_y=10.0)).conditions
+        presses = [Contact("top", 0.3, plate=RigidPlate(force_y=force), name="press") for force in (-10.0, -9.0)]
+        right, wrong = (ContactProblem(MESH, STEEL, [base, press, *free]) for press in presses)
+        found = solved(right).bracket
+        assert found.lower == pytest.approx(found.upper, rel=2e-3)
+        with pytest.raises(InputError, match=r"RigidPlate.force_y.*'press'.*demands -10:"):
+            solve(wrong)
+
 
 class TestImpossible:
     """Forces that no contact carries end in a status with a reason."""
 
-    def test_tangential_force_without_friction(self):
-        assert solve(column(RigidPlate(force_x=1.0, force_y=-30.0))).status is Status.INFEASIBLE
-
     def test_more_than_friction_carries(self):
+        assert solve(column(RigidPlate(force_x=1.0, force_y=-30.0))).status is Status.INFEASIBLE  # without friction
         assert solved(column(RigidPlate(force_x=8.0, force_y=-30.0), 0.3), tolerance=1e-8).plates["plate"].x > 0.0
         result = solve(column(RigidPlate(force_x=9.1, force_y=-30.0), 0.3))
         assert result.status is Status.INFEASIBLE

@@ -29,11 +29,11 @@ from tests.qvi_contact.test_limit_yielding import random_body, stretched
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-def heavy_wall(strength=None):
+def heavy_wall(strength=None, low=0.0):
     """Two blocks with a joint under their weight, pushed from the left."""
-    mesh = TriangleMesh.rectangle((2, 4), 1.0, 2.0).with_joint("joint", lambda _, y: np.abs(y - 1.0) < 1e-9)
+    mesh = TriangleMesh.rectangle((2, 4), 1.0, 2.0, origin=(0.0, low))
     return ContactProblem(
-        mesh,
+        mesh.with_joint("joint", lambda _, y: np.abs(y - low - 1.0) < 1e-9),
         Material(10.0, 0.2, "strain", strength),
         [
             Contact("bottom", 0.5),
@@ -81,6 +81,7 @@ def on_rock(strength):
         (on(Contact("bottom", 0.5, pore_pressure=0.2), MohrCoulomb(2.0, 0.6)), "push"),
         (on(Contact("bottom", 0.3, law="bilateral")), "push"),
         (on(Contact("bottom", 0.3, law="bilateral", shear_limit=0.3), MohrCoulomb(1.0, 0.3)), "push"),
+        (on(Contact("bottom", 0.0, cohesion=0.4, law="bilateral"), MohrCoulomb(2.0, 0.6)), "push"),
         (on(Contact("bottom", 0.5, plate=RigidPlate(x=0.1)), MohrCoulomb(2.0, 0.6)), "push"),
         (on(Contact("joint", 0.4, law="bilateral"), Tresca(2.0)), "push"),
         (punched(Tresca(0.7)), "punch"),
@@ -90,7 +91,7 @@ def on_rock(strength):
         (under("bilateral", MohrCoulomb(1.5, 0.3), force_x=0.1, moment=-0.5), "push"),
         (stretched(Tresca(0.7)), "top"),
         (stretched(Mises(1.0), "stress"), "top"),
-        (heavy_wall(MohrCoulomb(2.0, 0.6)), "push"),
+        (heavy_wall(MohrCoulomb(2.0, 0.6), low=0.75), "push"),
         (on_rock(Tresca(0.7)), "top"),
         (load_problem(EXAMPLES / "dragged_block_holds.toml").problem, "drag"),  # by the simplex method
         (random_body(14), "push"),  # shear beyond its bound in one ordinate, but nowhere
@@ -103,6 +104,7 @@ def test_proofs_hold_and_lose_next_to_nothing(problem, load):
     assert lower == Fraction(proof["stress"]["factor"])
     assert counted["edges with tractions"] >= 4.5 * problem.mesh.cell_count
     assert (counted["stresses in cones"] > 0) == problem.yields
+    assert counted["resultants of plates"] == sum(each is not None for c in proof["contacts"] for each in c["forces"])
     assert (upper is None) == ("upper" in proof["missing"]) == np.isinf(limit.upper)
     if upper is not None:
         assert float(upper) == pytest.approx(limit.upper, rel=1e-3)
@@ -249,7 +251,7 @@ def test_the_command_writes_and_checks_them(tmp_path, shell):
     assert "--load" in shell("limit", file, "--proof", proof, "--plot", tmp_path / "a.png")[2]
     status, out, _ = shell("check-proof", proof)
     assert status == 0
-    assert out.startswith("proved")
+    assert out.splitlines()[1].startswith("proved: no stress carries the loads times more than 1.4")
     proof.write_text(json.dumps(changed(json.loads(proof.read_text()), ("stress", "ordinates", 0, 0, 0), "1/7")))
     status, out, _ = shell("check-proof", proof)
     assert status == 1

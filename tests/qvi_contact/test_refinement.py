@@ -221,8 +221,6 @@ class TestEnds:
         assert all(each.unknowns <= 200 for each in outcome.rounds)
         assert outcome.rounds[-1].unknowns == outcome.result.discretization.qvi.n
         assert "max_unknowns" in outcome.status.advice
-
-    def test_a_first_mesh_with_too_many_unknowns(self):
         with pytest.raises(InputError) as caught:
             refine(plate(0.2), max_unknowns=47, degree=4)
         assert caught.value.field == "max_unknowns"

@@ -197,6 +197,7 @@ def remembering():
 def test_a_result_stays_what_it_is(remembering, copied):
     again = copied(remembering)
     assert (again.status, again.message) == (remembering.status, remembering.message)
+    assert ", T = " in repr(again) == repr(remembering)
     assert np.array_equal(again.solution.z, remembering.solution.z)
     assert again.certificate.measures == remembering.certificate.measures
     for energy in fields(remembering.energies):  # sums depend on where arrays lie in memory, to their last digit

@@ -60,13 +60,10 @@ def test_small_pressures_beside_far_slips_are_certified_on_their_own_scale(degre
     assert smaller == pytest.approx(1e-2 * small, rel=1e-6)
 
 
-def test_the_stiffness_of_a_contact_does_not_depend_on_what_its_rows_are():
+def test_the_stiffness_of_a_contact_depends_neither_on_what_its_rows_are_nor_on_rounding():
+    """A block that nothing else holds: balance fixes uniform tractions, of which power iteration could make nothing."""
     gauss, bernstein = (drawn_along(0.1, 6, rows).solution.problem for rows in ("points", "edges"))
     assert bernstein.contact_stiffness == pytest.approx(gauss.contact_stiffness, rel=1e-9)
-
-
-def test_nor_on_rounding():
-    """A block that nothing else holds: balance fixes uniform tractions, of which power iteration could make nothing."""
     loads = [Traction(side, normal=-float(side == "top"), tangential=0.0) for side in ("left", "right", "top")]
     block = ContactProblem(TriangleMesh.rectangle((4, 2), 2.0), Material(1e3, 0.2), [Contact("bottom", 0.3), *loads])
     gauss, bernstein = (discretized(block, law_on=rows).qvi.contact_stiffness for rows in ("points", "edges"))

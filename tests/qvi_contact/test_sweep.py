@@ -46,10 +46,11 @@ SWEEPS = {
 @pytest.mark.parametrize("parameter", SWEEPS)
 def test_every_value_has_the_answer_of_a_solve_of_its_own(parameter):
     values, single = SWEEPS[parameter]
-    sweep = solve_sweep(PLATE, parameter, values)
+    beside = replace(PLATE, conditions=[Contact("left", 0.0, law="bilateral"), *PLATE.conditions[1:]])  # the symmetry
+    sweep = solve_sweep(beside, parameter, values, ["plate"])
     assert sweep.status is Status.SOLVED
     column = parameter if parameter == "friction" else f"{parameter} [mm]"
-    assert sweep.to_frame(Units("mm", "MPa"))[column].tolist() == list(values)
+    assert sweep.to_frame(Units("mm", "MPa"))[column].unique().tolist() == list(values)
     for value, step in zip(values, sweep.steps, strict=True):
         alone = solve(single(value))
         line, expected = step.contacts["plate"], alone.contacts["plate"]
@@ -370,13 +371,11 @@ class TestChanged:
                 use(path)
             assert caught.value.field == "store"
 
-    def test_stores_without_the_digest_are_read_and_gone_on_with(self, path):
+    def test_stores_without_the_digest_are_read_and_gone_on_with_but_compared_all_the_same(self, path):
         undone = "PRAGMA foreign_keys = ON; DELETE FROM results WHERE number = 2"
         self.changed(path, f"{undone}; UPDATE sweep SET fingerprint = substr(fingerprint, 1, 64)")
         assert read_sweep(path).values == (0.1, 0.2)
         assert solve_sweep(PLATE, "friction", [0.1, 0.2], store=path).statuses == (Status.SOLVED, Status.SOLVED)
-
-    def test_what_they_are_asked_for_is_compared_all_the_same(self, path):
         self.changed(path, "UPDATE sweep SET fingerprint = substr(fingerprint, 1, 64), parameter = 'gap'")
         with pytest.raises(InputError, match="changed"):
             solve_sweep(PLATE, "friction", [0.1, 0.2], store=path)

@@ -105,14 +105,11 @@ def test_a_full_standard_output(arguments, python):
     assert (process.returncode, len(err.splitlines())) == (2, 1)
 
 
-def test_a_closed_pipe_is_silent():
+def test_a_closed_pipe_is_silent_and_an_answer_the_same_where_nobody_reads_standard_error():
     with piped("--late", "--lines", "9", stdout=subprocess.PIPE) as process:
         process.stdout.close()
         err = process.stderr.read()
     assert (process.returncode, err) == (1, "")
-
-
-def test_an_answer_is_the_same_where_nobody_reads_standard_error():
     with piped("--told", stdout=subprocess.PIPE) as process:
         process.stderr.close()
         out = process.stdout.read()

@@ -319,10 +319,10 @@ def test_one_contact_by_hand():
     assert found.bound == pytest.approx(1.0 / 3.0, rel=1e-12)
     assert found.sharper == pytest.approx(0.6, rel=1e-12)
     assert found.independent
-    assert not found.satisfied
+    assert found.sentence().endswith("there may be one solution or several.")
     below = uniqueness_bound(one_contact(0.55, coupling=0.8))
     assert below.proves
-    assert below.sentence() != found.sentence()
+    assert below.sentence().endswith("there is no other solution.")
     soft = changed(one_contact(), K=np.array([[1.0, 0.8], [0.8, 4.0]]))  # det 3.36: 4 / 3.36 and 4 in place of these
     assert uniqueness_bound(soft).sharper == pytest.approx(np.sqrt(3.36) / 4.0, rel=1e-12)
     apart = uniqueness_bound(two_contacts())  # K = 1, weights 0.5 and 2: Ĉ = W, κ = 4
@@ -373,14 +373,14 @@ def test_dependent_rows_prove_nothing_at_points():
     found = uniqueness_bound(FrictionQVI.from_arrays(qvi.K, qvi.f, vstack([qvi.N] * 2), T=vstack([qvi.T] * 2), **twice))
     assert found.satisfied
     assert not found.proves
-    assert not found.independent
+    assert found.sentence().endswith("It holds at points only: an estimate.")
 
 
 def test_without_a_moving_bound_the_stress_is_unique():
     for changes in ({"mu": np.zeros(8)}, {"cap": np.zeros(8)}):
         found = uniqueness_bound(changed(random_problem(0), **changes))
         assert found.proves
-        assert found.bound == np.inf
+        assert found.sentence().startswith("No friction bound")
 
 
 def test_large_contacts_say_why_there_is_none():

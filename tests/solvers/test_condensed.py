@@ -59,6 +59,12 @@ def test_dense_rows_that_cancel(seed, friction, equalities):
     assert difference(qvi, condensed(qvi), reference) < 1e-7
 
 
+@pytest.mark.parametrize(("seed", "friction"), [(3, 1.0), (18, 2.0)])
+def test_where_the_path_turned_there_may_be_several_solutions(seed, friction):
+    assert "may have several solutions" in condensed(random_problem(seed, friction)).remarks[0]
+    assert not condensed(random_problem(seed, 0.0)).remarks
+
+
 @pytest.mark.parametrize("load", [(1.0, 2.1), (1.0, 3.0), (0.5, -2.0), (-1.0, -2.0), (-1.0, 0.3)])
 @pytest.mark.parametrize("friction", [0.0, 0.5, 1.0, 2.0, 5.0])
 def test_one_contact_always_has_a_certified_answer(friction, load):

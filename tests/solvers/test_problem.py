@@ -181,9 +181,6 @@ class TestParts:
         eliminated = few.condensed_contact.system
         assert len(eliminated.interface) < len(qvi.condensed_contact.system.interface)
         assert few.condensed_contact.system.factor is qvi.condensed_contact.system.factor
-
-    def test_of_another_kind_are_refused(self):
-        qvi = random_problem(3)
         with pytest.raises(InputError, match="from_arrays"):
             replace(qvi, stiffness=qvi.K)
 

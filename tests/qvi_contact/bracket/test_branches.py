@@ -36,11 +36,12 @@ def force(result):
     return next(iter(result.contacts.values())).tangential_force
 
 
-def test_several_solutions_are_certified_and_differ(several):
+def test_several_solutions_are_certified_and_differ_whichever_is_given(several):
     forces = [force(result) for result in several.results]
     assert len(forces) >= 2
     assert all(result.status is Status.SOLVED and result.certificate.passed for result in several.results)
     assert max(forces) - min(forces) > 0.02 * abs(min(forces))
+    assert f"{min(forces):.5g} to {max(forces):.5g} [stress × length]" in several.message
     again = other_solutions(several.results[-1])  # whichever is given, the same one is preferred
     assert force(again.preferred) == pytest.approx(force(several.preferred), rel=1e-4)
 

@@ -131,6 +131,7 @@ class TestNorms:
         assert found.proved
         assert rectangle_constant(0.3, 0.4, 1.0, 0.6, np.inf) == np.inf  # a share that jumps
         assert found.value == pytest.approx(0.2 * 3.75079, rel=1e-5)
+        assert found.work(problem, shared(problem, 1.0), 0.1, 0.0) == pytest.approx(0.01 * found.value)
 
     def test_what_is_no_number_proves_nothing(self, monkeypatch):
         monkeypatch.setattr("qvi_contact.bracket.norms.rectangle_norm", lambda *_: np.nan)
@@ -185,9 +186,11 @@ class TestNorms:
             assert 0.2 < found.value < most
 
     def test_where_no_proof_holds(self):
-        """Two materials, rough sides at a corner, a hole, friction that jumps beside springs, a share that varies."""
+        """Two materials, springs, rough sides at a corner, a hole, friction that jumps beside springs, a share that varies."""
         soft = Region(Material(1.0, 0.1), x=(0.0, compressed_plate(0.1).mesh.length / 2.0))
         problems = [replace(plate, regions=[soft]) for plate in (compressed_plate(0.1), clamped_plate(0.1))]
+        spring = replace(Contact.tied("left"), normal_stiffness=1.0)  # in place of the symmetry
+        problems += [replace(plate := compressed_plate(0.1), conditions=[spring, *plate.conditions[1:]])]
         ring, whole = holed(2, [(0.0, 0.0)], (-1.5, -1.5), (1.5, 1.5)), TriangleMesh.rectangle((2, 2), 2.0, 1.0)
         for mesh, foot in ((ring, lambda _, y: y < -1.4), (whole, lambda x, y: (y == 0.0) | (x == 0.0))):
             mesh = mesh.with_edges("foot", foot).with_edges("rest", lambda x, y, foot=foot: ~foot(x, y))
@@ -505,6 +508,11 @@ class TestFrictionAlone:
         unit = found.stress.discretization.scales
         parts = stopped.masses[0] / (whole * unit.stress * unit.displacement)
         assert np.isclose(parts, [1.0, 0.5, 0.25, 0.125], rtol=1e-9).any()
+        ways = ({"bottom": replace(share, values=share.values + way * share.room)} for way in (parts, -parts))
+        most, within = stopped.images[0], 0.3 * stopped.reach  # |R d| of the shares by which it is stopped
+        assert max(stopped.work(way, within, 1.0) for way in ways) == pytest.approx(
+            within * most / (stopped.masses[0] - within * most), rel=1e-9
+        )
 
     def test_where_nothing_sticks(self):
         """A force that friction can just bear, and a wall along which a body slips: messages say what is missing."""

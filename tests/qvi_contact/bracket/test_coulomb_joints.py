@@ -72,6 +72,20 @@ def test_a_crack_in_one_body():
     assert found.forces == {}
 
 
+@pytest.mark.parametrize("side", ["above", "below"])
+def test_where_either_body_is_held_across_the_end_the_share_vanishes(side):
+    mesh = TriangleMesh.rectangle((2, 4), 2.0, 2.0).with_joint("seam", lambda _, y: y == 1.0)
+    mesh = mesh.with_edges("above", lambda x, y: (x == 0.0) & (y > 1.0))
+    mesh = mesh.with_edges("below", lambda x, y: (x == 0.0) & (y < 1.0))
+    held = [Displacement(side, y=0.0), Traction(side, x=0.0), Displacement("bottom", x=0.0, y=0.0)]
+    free = [Traction(name, x=0.0, y=0.0) for name in ("above", "below", "right") if name != side]
+    conditions = [Contact("seam", 1.5), Displacement("top", x=0.01, y=-0.1), *held, *free]
+    problem = ContactProblem(mesh, Material(1.0, 0.3), conditions)
+    edges, share = mesh.edges("seam"), solve(problem, degree=4).bracket.coulomb.shares["seam"].at(np.array([0.0, 1.0]))
+    at = mesh.vertices[np.stack([edges.first, edges.second], axis=1)][..., 0] == 0.0
+    assert share[at].tolist() == [0.0]
+
+
 def test_a_part_of_a_mesh_keeps_names_arcs_and_regions():
     disc = half_discs().mesh.with_arc("crown", (0.0, 0.0), 1.0).with_arc("foot", (0.0, 0.0), 1.0)
     lower = disc.part(disc.region("lower"))
