@@ -49,11 +49,12 @@ _SIMPLEX: Final = (("highs", True, 1e-10), ("highs", False, 1e-10))
 
 
 def solved(cost: Vector, *, bounds: Sequence[tuple[float | None, float | None]], **program: Any) -> Answer:
-    """The answer of `linprog`, with bounds of every unknown: by the interior point method with a vertex at its end where the program is large.
+    """The answer of `linprog`, with bounds of every unknown.
 
-    That is asked for less accuracy where it does not find a vertex otherwise. By the simplex method where the program
-    is not large, and where the other fails or cycles; without presolve where presolve spoils it. Where a small program
-    fails so the interior point method follows. One that raises, or answers in another form, has failed.
+    By the interior point method with a vertex at its end where the program is large; that is asked for less accuracy
+    where it does not find a vertex otherwise. By the simplex method where the program is not large, and where the other
+    fails or cycles; without presolve where presolve spoils it. Where a small program fails so the interior point method
+    follows. One that raises, or answers in another form, has failed.
     """
     large = program["A_ub"].shape[0] > _LARGE
     towards = [end[int(c < 0.0)] for c, end in zip(cost.tolist(), bounds, strict=True) if c]
