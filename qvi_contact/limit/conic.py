@@ -175,7 +175,7 @@ class ConicProgram:
         new = sparse.csr_array(sparse.diags_array(1.0 / norms[said]) @ new[said])
         flat = np.ones(len(self.b))
         flat[np.concatenate([parts[ray].ravel(), tips.ravel()])] = 0.0
-        others = (sparse.diags_array(flat) @ rows)[self.equal :]
+        others = sparse.csr_array(sparse.diags_array(flat) @ rows)[self.equal :]
         rows = sparse.csr_array(sparse.vstack([rows[: self.equal], new, others]))
         return replace(self, A=rows[:, :-1], b=rows[:, [-1]].toarray().ravel(), equal=self.equal + int(said.sum()))
 

@@ -43,13 +43,14 @@ _Limits: TypeAlias = tuple[YieldCone, FloatArray, FloatArray | float]
 _AFFINE: Final = 1e-10  # share of a field's size that is rounding
 _TIGHTER: Final = 1e-8  # share of strengths that is kept back, so that rounding of the solver breaks no cone
 
-_FACES: Final = 4  # times that cones without room are taken for rays
-
 PRESSURE, TENSION, EITHER = -1, 1, 0
 """Signs of σ_N on an edge of a bilateral contact."""
 
 ALONG: Final = np.linspace(0.0, 1.0, 33)
 """Places of an edge where fields of contacts are looked at."""
+
+FACES: Final = 4
+"""Times that cones without room are taken for rays, after which others may have none."""
 
 WIDER: Final = HELD / 4.0
 """Of sizes: room that is nothing but rounding."""
@@ -310,7 +311,7 @@ class StressProgram:
             with suppress(SolveError):
                 known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
             found, rays = self._of_program(program, share, known), self.cones.rays(self.low.problem.mesh)
-            for _ in range(_FACES):
+            for _ in range(FACES):
                 narrower = program.on_faces(rays) if found.violation > ROUNDING else None
                 if narrower is None:
                     break
