@@ -366,8 +366,8 @@ def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict
     known: dict[str, Any] = {
         "outcome": outcome,
         "bounds": bounds,
-        "factor": limit.lower + 0.0,
-        "upper": limit.upper + 0.0,
+        "factor": limit.lower,
+        "upper": limit.upper,
         "message": limit_sentence(limit),
     }
     if refinement is not None:

@@ -193,7 +193,7 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
 
 def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool, as_json: bool, **given: Any) -> int:
     """Bound the largest multiple of loads."""
-    from qvi_contact.limit.load_factor import checked_loads, limit_load_factor, loads_of
+    from qvi_contact.limit.load_factor import checked_loads, limit_load_factor
     from qvi_contact.refinement import LimitFactor
     from qvi_contact.refinement import refine as refined
 
@@ -206,9 +206,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         problem, refinement, proof = problem_file.problem, None, targets.pop("proof", None)
         if proof is not None and not loads:
             return _without_loads(proof, problem, degree, {"target": target, **targets}, as_json)
-        if not loads:
-            known_name("--load", Missing(), {"loads": loads_of(problem)})
-        acts = report.act(problem, checked_loads(problem, loads, "--load"))
+        acts = report.act(problem, checked_loads(problem, loads or [Missing()], "--load"))
         if target is None:
             found = limit_load_factor(problem, loads=list(loads), **told)
         else:

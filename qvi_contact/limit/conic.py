@@ -31,6 +31,9 @@ HELD: Final = 1e-7  # violation, relative to what stands in the rows, that count
 ROUNDING: Final = 1e-11  # of sizes: violation that is not worth a second program
 _ROOM: Final = 1e-9  # of sizes: rows that no point is farther inside leave no room
 _ENOUGH: Final = 1e-3  # of sizes: the least solution of the equations, if it is farther inside, is a point inside
+_NARROW: Final = 1e-6  # of it: cones without room
+_TIP: Final = 1e-5  # of sizes: cones that are at their tips
+_ASIDE: Final = 1e-3  # angle between a cone without room, and the ray that it is taken for
 _LITTLE: Final = 1e-5  # share of the way to it for which no second program is solved
 _NEAR: Final = 1e-3  # room that is enough in each row: more of it in some rows may leave none in others
 _TIGHTER: Final = 4.0  # times what an answer misses, which is asked for in a second program
@@ -80,7 +83,7 @@ class ConicProgram:
         b = np.concatenate([equations[1], inequalities[1], g])
         return cls(q, A, b, len(equations[1]), len(inequalities[1]), d, dependent)
 
-    def solve(self) -> Answer | str:
+    def solve(self, regular: Sequence[float] = _REGULAR) -> Answer | str:
         """The solver's answer; or "infeasible", or "unbounded" where it has a certificate.
 
         Raises
@@ -105,12 +108,16 @@ class ConicProgram:
         settings.iterative_refinement_max_iter = _REFINED
         settings.time_limit = max(deadline.left, _LEAST_TIME)
         data = sparse.csc_matrix((len(q), len(q))), q / size, sparse.csc_matrix(A), self.b / unit, kinds
-        for regular in (None,) if self.dependent else _REGULAR:  # it may break down in its first step with one of them
-            if regular is not None:
-                settings.static_regularization_constant, settings.static_regularization_proportional = regular, 0.0
+        stuck: list[Any] = []
+        for added in (None,) if self.dependent else regular:  # it may break down, or get stuck, with one of them
+            if added is not None:
+                settings.static_regularization_constant, settings.static_regularization_proportional = added, 0.0
             answer = clarabel.DefaultSolver(*data, settings).solve()
-            if str(answer.status) != "NumericalError":
+            if str(answer.status) not in ("NumericalError", "InsufficientProgress"):
                 break
+            stuck.append(answer)
+        else:
+            answer = min(stuck, key=lambda each: np.nan_to_num(each.r_prim, nan=np.inf))
         if str(answer.status).endswith("DualInfeasible"):
             if self.falls():
                 return UNBOUNDED
@@ -140,6 +147,37 @@ class ConicProgram:
         x, violation = program.repaired(found.x)
         gained = -float(self.q @ x)  # 1, which the last inequality allows, if there is such a direction
         return gained > max(0.5, HELD * float(np.abs(self.q) @ np.abs(x))) and violation * program.size(x) <= HELD
+
+    def on_faces(self, units: FloatArray) -> ConicProgram | None:
+        """The program in which cones without room are rays u = t û, or t = u = 0; None if none is there to be told.
+
+        The û (blocks, k, width − 1) are those that each may be. What cannot leave the surface of a cone the solver
+        finds to the root of what it is missed by only, and equations exactly. Points that keep them keep the cones.
+        """
+        x, room = self._rooms() or (self.q, np.full(1, -np.inf))
+        if room.min() < -_NARROW:  # nothing that the solver says of room is to be believed
+            return None
+        narrow = np.flatnonzero(room[self.linear :] < _NARROW)
+        t, u = np.split(self.blocks(x)[narrow], [1], axis=1)
+        own = units[narrow]
+        unit = own[np.arange(len(narrow)), np.einsum("bku,bu->bk", own, u).argmax(axis=1)]
+        at_tip = t[:, 0] <= _TIP * self.size(x)
+        ray = ~at_tip & (np.linalg.norm(u - t * unit, axis=1) <= _ASIDE * t[:, 0])
+        heads = self.equal + self.linear + self.width * narrow[:, None]
+        parts, tips = heads + np.arange(1, self.width), (heads + np.arange(self.width))[at_tip]
+        rows = sparse.csr_array(sparse.hstack([self.A, sparse.csr_array(self.b[:, None])]))
+        along = sparse.diags_array(unit[ray].ravel()) @ rows[np.repeat(heads[ray, 0], self.width - 1)]
+        new = sparse.csr_array(sparse.vstack([rows[parts[ray].ravel()] - along, rows[tips.ravel()]]))
+        norms = np.sqrt(np.asarray(new.multiply(new).sum(axis=1))).ravel()
+        said = norms > HELD * norms.max(initial=0.0)
+        if not said.any():
+            return None
+        new = sparse.csr_array(sparse.diags_array(1.0 / norms[said]) @ new[said])
+        flat = np.ones(len(self.b))
+        flat[np.concatenate([parts[ray].ravel(), tips.ravel()])] = 0.0
+        others = sparse.csr_array(sparse.diags_array(flat) @ rows)[self.equal :]
+        rows = sparse.csr_array(sparse.vstack([rows[: self.equal], new, others]))
+        return replace(self, A=rows[:, :-1], b=rows[:, [-1]].toarray().ravel(), equal=self.equal + int(said.sum()))
 
     def _extended(self, q: FloatArray, columns: sparse.csr_array, rows: Any, limits: FloatArray) -> ConicProgram:
         """The same with more columns, then with more inequalities."""
@@ -240,8 +278,13 @@ class ConicProgram:
         x, room = self.room()
         if room > 0.0 and self.margins(x).min(initial=0.0) > ROUNDING:
             return x
-        found = self._roomy(each=True).solve()
-        return None if isinstance(found, str) else self.projected(found.x[: len(self.q)])
+        found = self._rooms()
+        return None if found is None else found[0]
+
+    def _rooms(self) -> tuple[FloatArray, FloatArray] | None:
+        """A point as far inside all rows as can be, up to 1e-3, and how far inside each of them."""
+        found, n = self._roomy(each=True).solve(_REGULAR[::-1]), len(self.q)  # without interior, the most is best
+        return None if isinstance(found, str) else (self.projected(found.x[:n]), found.x[n:])
 
     def _roomy(self, *, each: bool) -> ConicProgram:
         """Max m ≤ 1, with m taken off all rows; or Σ m_i with one for each row, 0 ≤ m_i ≤ 1e-3."""

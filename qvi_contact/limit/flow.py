@@ -31,9 +31,9 @@ from qvi_contact.element import bernstein
 from qvi_contact.element.triangle import bernstein as bernstein_values
 from qvi_contact.element.triangle import gradient, quadrature
 from qvi_contact.errors import SolveError
-from qvi_contact.limit.conic import HELD, INFEASIBLE, ConicProgram
+from qvi_contact.limit.conic import HELD, INFEASIBLE, ROUNDING, ConicProgram
 from qvi_contact.limit.split import Nodes, coefficients_of, nodes_along, numbered, part_corners
-from qvi_contact.limit.stresses import ALONG, Carried, YieldCones, limited
+from qvi_contact.limit.stresses import ALONG, FACES, Carried, YieldCones, limited
 from qvi_contact.mechanism import RigidMotion
 from qvi_contact.mechanism.bodies import FLUID
 from qvi_contact.mesh.edges import Edges
@@ -212,14 +212,15 @@ class FlowProgram:
     def solved(self, share: float = 0.0) -> Flow:
         """The flow with the least bound that is found; `SolveError` if the one found breaks its conditions.
 
-        It goes a share of the way towards a flow inside all limits, as far as they leave room.
+        It goes a share of the way towards a flow inside all limits, as far as they leave room. Without such a share,
+        strain of what has no tension that nothing can open otherwise is across an edge, by equations.
         """
         n, cones = self.space.basis.shape[1], self.cones
         live, dead = np.zeros((2, n))
         for name, row in self._powers():
             (live if name in self.names else dead)[:] += row @ self.space.basis
         # velocities of size 1 have a power of the size 1
-        program = self._program(live / (float(np.abs(live).sum()) or 1.0), dead)
+        program = every = self._program(live / (float(np.abs(live).sum()) or 1.0), dead)
         found = program.solve()
         if isinstance(found, str):
             return Flow(np.inf if found == INFEASIBLE else -np.inf)
@@ -227,12 +228,25 @@ class FlowProgram:
         def raised(x: FloatArray) -> FloatArray:
             """The same with s of cones that no trace is tied to as large as need be, and no larger."""
             x, free = program.projected(x), np.flatnonzero(cones.pressure == 0.0)
-            blocks = program.blocks(x)[free]
+            blocks = every.blocks(x)[free]
             x[n + free] -= blocks[:, 0] - np.linalg.norm(blocks[:, 1:], axis=1)
             return x
 
         x, violation = program.repaired(raised(found.x), share)
         x = raised(x)
+        for _ in range(0 if share or cones.limit.all() else FACES):
+            missed = -float(program.margins(raised(found.x)).min(initial=0.0))
+            narrower = program.on_faces(cones.rays(self.space.mesh)) if missed > ROUNDING else None
+            found = narrower.solve() if narrower else INFEASIBLE
+            if narrower is None or isinstance(found, str):
+                break
+            program = narrower
+            other, off = program.repaired(raised(found.x))
+            other = raised(other)
+            off = max(off, -float(every.margins(other).min(initial=0.0)))
+            both = max(off, violation) <= ROUNDING
+            if every.q @ other < every.q @ x if both else off < violation:  # all have one power
+                x, violation = other, off
         power = float(live @ x[:n])
         if not violation <= HELD or not power > 0.0:
             raise SolveError(
@@ -240,10 +254,10 @@ class FlowProgram:
                 "mesh that is less graded"
             )
         x = x / power
-        s, r, *rho = np.split(program.blocks(x), [1, 3], axis=1)
+        s, r, *rho = np.split(every.blocks(x), [1, 3], axis=1)
         trace = cones.pressure * s[:, 0] + sum(cones.mean * part[:, 0] for part in rho if part.size)
         shares = np.column_stack([trace, r]) * (2.0 / self._weights[cones.coefficient, None])
-        return Flow(float(program.q @ x), violation, self._motion(x), shares)
+        return Flow(float(every.q @ x), violation, self._motion(x), shares)
 
     def _program(self, live: FloatArray, dead: FloatArray) -> ConicProgram:
         """Unknown are q, then s of the cones, both components of r of later ones, ρ, then the slips of contacts.

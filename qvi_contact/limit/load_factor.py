@@ -81,7 +81,10 @@ class LimitLoad(float):
 
     def __new__(cls, lower: float, *_: object, **__: object) -> LimitLoad:
         """The number `lower`, to which the fields are added."""
-        return super().__new__(cls, lower)
+        return super().__new__(cls, lower + 0.0)
+
+    def __post_init__(self) -> None:
+        self.lower, self.upper = self.lower + 0.0, self.upper + 0.0  # zero has no sign
 
     def to_frame(self) -> DataFrame:
         """One row as a pandas table: "lower", "upper", "bound", "violation", and which contacts slide or open.

@@ -28,9 +28,10 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, joined
 from qvi_contact.element.triangle import exponents
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.limit.conic import HELD, ROUNDING, UNBOUNDED, ConicProgram
-from qvi_contact.limit.split import SAMPLES, coefficients_of, lattice, sampled
+from qvi_contact.limit.conic import HELD, ROUNDING, UNBOUNDED, Answer, ConicProgram
+from qvi_contact.limit.split import SAMPLES, coefficients_of, lattice, part_corners, sampled
 from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.material import Material, MohrCoulomb, YieldCone
 from qvi_contact.problem.problem import ContactProblem
@@ -47,6 +48,9 @@ PRESSURE, TENSION, EITHER = -1, 1, 0
 
 ALONG: Final = np.linspace(0.0, 1.0, 33)
 """Places of an edge where fields of contacts are looked at."""
+
+FACES: Final = 4
+"""Times that cones without room are taken for rays, after which others may have none."""
 
 WIDER: Final = HELD / 4.0
 """Of sizes: room that is nothing but rounding."""
@@ -195,6 +199,20 @@ class YieldCones:
         """The triangle (r,) of each row."""
         return self.coefficient // (3 * self.count)
 
+    def rays(self, mesh: TriangleMesh) -> FloatArray:
+        """Directions û (r, k, 2 or 3) of u in cones (t, u) where stress is along, or strain across, an edge nearby.
+
+        That is a side of the part of the triangle, or any that is parallel to one with a name.
+        """
+        parts = part_corners(mesh.corners)
+        sides = (np.roll(parts, -1, axis=2) - parts).reshape(-1, 3, 2)
+        named = np.concatenate([mesh.edges(name).tangent for name in mesh.edge_names])
+        upright = np.where(named[:, :1] < 0.0, -named, named)
+        named = named[np.unique(upright.round(9), axis=0, return_index=True)[1]]
+        x, y = np.moveaxis(np.concatenate([sides, np.broadcast_to(named, (len(sides), *named.shape))], axis=1), -1, 0)
+        units = np.stack([y**2 - x**2, -2.0 * x * y, *[0.0 * x] * bool(self.mean.any())], axis=-1)
+        return np.asarray(units / (x**2 + y**2)[..., None])[self.coefficient // self.count]
+
 
 def excess(problem: ContactProblem, x: FloatArray, y: FloatArray, stress: FloatArray) -> FloatArray:
     """By how much stresses at points of all triangles exceed the strength there, in its unit (cells, g) [stress].
@@ -288,29 +306,35 @@ class StressProgram:
         no room, rounding decides of that. Where no body yields they are those of the simplex method, if it has one.
         """
 
-        def answers(signs: IntArray, program: ConicProgram) -> Iterator[FloatArray | str]:
-            with suppress(SolveError):
-                found = None if self.low.problem.yields else self._by_simplex(signs).unknowns
-                if found is not None:
-                    yield found
-            for each in (program.tightened(_TIGHTER), program):
-                answer = each.solve()
-                yield answer if isinstance(answer, str) else answer.x
-
         def solve(signs: IntArray) -> Carried:
-            program, best = self.program(signs), Carried(-np.inf)
-            for found in answers(signs, program):
-                if isinstance(found, str):
-                    if found == UNBOUNDED:  # from any state that keeps the limits; the load itself may have none
-                        return self._without_room(program, share, grows=True)
-                    continue
-                carried = self._held(program, *program.repaired(found, share))
-                best = max(best, carried, key=lambda one: one.factor)
-                if np.isfinite(carried.factor) and carried.violation <= ROUNDING:
-                    return best
-            return best if np.isfinite(best.factor) else self._without_room(program, share)
+            program, known = self.program(signs), None
+            with suppress(SolveError):
+                known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
+            found, rays = self._of_program(program, share, known), self.cones.rays(self.low.problem.mesh)
+            for _ in range(FACES):
+                narrower = program.on_faces(rays) if found.violation > ROUNDING else None
+                if narrower is None:
+                    break
+                program, found = narrower, self._of_program(narrower, share)  # in which others may have none
+            return found
 
         return self._with_signs(solve)
+
+    def _of_program(self, program: ConicProgram, share: float, known: FloatArray | None = None) -> Carried:
+        """What the first point shows that keeps a program but for rounding: one that is known, or of the solver."""
+        best = Carried(-np.inf)
+        for each in (None, program.tightened(_TIGHTER), program):
+            answer = each.solve() if each else known
+            if isinstance(answer, str) or answer is None:
+                if answer == UNBOUNDED:  # from any state that keeps the limits; the load itself may have none
+                    return self._without_room(program, share, grows=True)
+                continue
+            x = answer.x if isinstance(answer, Answer) else answer
+            carried = self._held(program, *program.repaired(x, share))
+            if np.isfinite(carried.factor) and carried.violation <= ROUNDING:
+                return carried
+            best = max(best, carried, key=lambda one: one.factor)
+        return best if np.isfinite(best.factor) else self._without_room(program, share)
 
     def _held(self, program: ConicProgram, x: FloatArray, violation: float) -> Carried:
         """What stresses carry; minus infinity if the solver has given up."""

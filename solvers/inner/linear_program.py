@@ -3,7 +3,7 @@
 import math
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final, NamedTuple, TypeVar
 
@@ -48,22 +48,23 @@ _SIMPLEX: Final = (("highs", True, 1e-10), ("highs", False, 1e-10))
 """Method, presolve, and tolerance of rows and of reduced costs."""
 
 
-def solved(cost: Vector, **program: Any) -> Answer:
-    """The answer of `linprog`: by the interior point method with a vertex at its end where the program is large.
+def solved(cost: Vector, *, bounds: Sequence[tuple[float | None, float | None]], **program: Any) -> Answer:
+    """The answer of `linprog`, with bounds of every unknown.
 
-    That is asked for less accuracy where it does not find a vertex otherwise. By the simplex method where the program
-    is not large, and where the other fails or cycles; without presolve where presolve spoils it. Where a small program
-    fails so the interior point method follows. One that raises, or answers in another form, has failed.
+    By the interior point method with a vertex at its end where the program is large; that is asked for less accuracy
+    where it does not find a vertex otherwise. By the simplex method where the program is not large, and where the other
+    fails or cycles; without presolve where presolve spoils it. Where a small program fails so the interior point method
+    follows. One that raises, or answers in another form, has failed.
     """
-    large, ends = program["A_ub"].shape[0] > _LARGE, program.get("bounds", ((0.0, None),) * len(cost))
-    towards = [end[int(c < 0.0)] for c, end in zip(cost.tolist(), ends, strict=True) if c]
+    large = program["A_ub"].shape[0] > _LARGE
+    towards = [end[int(c < 0.0)] for c, end in zip(cost.tolist(), bounds, strict=True) if c]
     least = all(end is not None and math.isfinite(end) for end in towards)  # bounds alone are a limit
     answer = Answer(_FAILED, "")
     for method, presolve, tolerance in (*_INTERIOR * large, *_SIMPLEX, *_INTERIOR * (not large)):
         options: dict[str, Any] = {"presolve": presolve, "time_limit": min(_LONGEST, deadline.left)}
         options |= dict.fromkeys(("primal_feasibility_tolerance", "dual_feasibility_tolerance"), tolerance)
         options |= {} if method == "highs" else {"maxiter": _STEPS}
-        answer = _answer(cost, {**program, "method": method, "options": options})
+        answer = _answer(cost, {**program, "bounds": bounds, "method": method, "options": options})
         if answer.solved:
             break  # rows and bound of a coarser one are checked by those who asked
         failed = answer.status == _FAILED or (least and answer.status == UNBOUNDED)

@@ -193,6 +193,19 @@ def test_neither_side_minds_how_large_a_load_is_beside_the_others(small):
     assert [small * limit.lower, small * limit.upper] == pytest.approx([1.2, 1.2], rel=1e-5)
 
 
+def test_what_has_no_tension_has_no_scale():
+    """Pressed f times as much a wall carries f times the push, not by more than rounding: its free side is uniaxial."""
+    free, found = Traction("right", x=0.0, y=0.0), []
+    for f in (1.0, 2.5):
+        cap = Contact("top", 0.0, law="tied", plate=RigidPlate(force_y=-f, moment=0.05 * f, pivot=(0.75, 2.0)))
+        conditions = [Displacement("bottom", x=0.0, y=0.0), cap, Traction("left", x=1.0, y=0.0, name="push"), free]
+        mesh, material = TriangleMesh.rectangle((2, 3), 1.0, 2.0), Material(1.0, 0.2, strength=NoTension())
+        found.append(limit_load_factor(ContactProblem(mesh, material, conditions), ["push"], degree=3))
+    assert [found[0].lower, found[1].lower / 2.5] == pytest.approx([0.145592] * 2, rel=2e-6)
+    assert [found[0].upper, found[1].upper / 2.5] == pytest.approx([found[0].upper] * 2, rel=1e-4)
+    assert found[0].upper < 10.0
+
+
 def test_what_the_other_loads_break_carries_no_multiple():
     problem = block(Tresca(0.9), 0.3, 2.0)
     pressed = [each for each in problem.conditions if each.name != "weight"]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qvi_contact import Contact, ContactProblem, Displacement, Material, Region, solve
+from qvi_contact import Contact, ContactProblem, Displacement, Material, Region, Traction, solve
 from qvi_contact.bracket import bodies_of, friction_norm
 from qvi_contact.mesh import TriangleMesh
 from tests.qvi_contact.bracket.test_coulomb import FREE, shared
