@@ -284,7 +284,7 @@ def _arc(first: FloatArray, second: FloatArray, bend: FloatArray, t: FloatArray)
 # edges with their normals and cells
 
 TURNED: Final = np.array([-1.0, 1.0])  # factors of (t_y, t_x) that turn a vector by 90°
-_UPRIGHT: Final = 1e-9  # x over the length of a vector that is vertical but for rounding
+_UPRIGHT: Final = 1e-5  # x over the length of a vector that is vertical but for rounding of data
 
 
 @dataclass(frozen=True, eq=False)

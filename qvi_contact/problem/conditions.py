@@ -167,7 +167,6 @@ class RigidPlate:
             if DRIVES.get(name) in names:
                 remedy = f"{DRIVES[name]} is given too: what moves a plate is a force or a motion, leave one out"
                 raise InputError(f"RigidPlate.{name}", getattr(self, name), remedy)
-        object.__setattr__(self, "pivot", tuple(map(float, self.pivot)))
 
     @property
     def driven(self) -> bool:

@@ -225,6 +225,14 @@ class TestGmsh:
         regions = TriangleMesh.load(tmp_path / "a.msh").regions
         assert {name: cells.tolist() for name, cells in regions.items()} == {"one": [0], "other": [1]}
 
+    def test_a_name_of_several_numbers_is_that_of_all(self, tmp_path):
+        """And a triangle in several surfaces, which stands there once for each, is one."""
+        changes = [("$PhysicalNames\n3", '$PhysicalNames\n5\n1 8 "floor"\n2 9 "all"'), ("$Elements\n4", "$Elements\n7")]
+        more = "3 2 2 3 1 1 2 3\n5 1 2 8 1 2 3\n6 2 2 9 1 1 2 3\n7 2 2 9 1 1 3 4\n"
+        mesh = TriangleMesh.load(written(tmp_path / "a.msh", MSH_2, *changes, ("3 2 2 3 1 1 2 3\n", more)))
+        assert mesh.pairs("floor").tolist() == [[0, 1], [1, 2]]
+        assert {name: cells.tolist() for name, cells in mesh.regions.items()} == {"steel": [0], "all": [0, 1]}
+
     def test_partitions_are_read_over(self, tmp_path):
         """As more numbers of each element, of which the first is the physical one."""
         path = written(tmp_path / "a.msh", MSH_2, ("3 2 2 3 1 1 2 3", "3 2 4 3 1 1 7 1 2 3"))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from qvi_contact import InputError, TriangleMesh, discretize, load_problem, load_result, solve, verify_result
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
 
 MESH = TriangleMesh.rectangle((2, 2))
 STEEL = Material(2.1e5, 0.3)
@@ -35,6 +35,25 @@ def test_bad_materials_are_refused(name, value):
     with pytest.raises(InputError) as caught:
         Material(**{"young": 1.0, "poisson": 0.3, name: value})
     assert caught.value.field == f"Material.{name}"
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.float16, np.int64, np.float32, int])
+def test_numbers_of_any_kind_are_floats(kind):
+    """So that −5 is not 251, and nothing is computed with few digits."""
+    material = Material(kind(3), kind(1) / kind(3) if issubclass(kind, np.floating) else 0.25, prestress=[kind(1)] * 3)
+    conditions = [
+        Contact("bottom", kind(1)),
+        Traction("top", normal=kind(5), tangential=kind(0)),
+        Traction("left", x=kind(0), y=kind(0)),
+        Displacement("right", x=kind(1), y=kind(1)),
+    ]
+    regions = [Region(material, x=[kind(1), kind(2)])]
+    stated = ContactProblem(BLOCK, material, conditions, regions=regions, temperature=kind(7))
+    found = [*material.prestress, material.young, material.poisson, *stated.regions[0].x, stated.temperature]
+    found += [value for each in stated.conditions for value in vars(each).values() if not isinstance(value, str)]
+    assert {type(value) for value in found if value is not None} == {float}
+    assert stated.cartesian_conditions[1].y == 5.0
+    assert (material.compliance == Material(3.0, float(material.poisson)).compliance).all()
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])

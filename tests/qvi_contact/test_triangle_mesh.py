@@ -328,6 +328,13 @@ def test_regions_and_segments_are_told_apart_in_the_smallest_triangles():
     assert (base.pairs("base") == mesh.pairs("bottom")).all()
 
 
+def test_tangents_of_a_wall_that_is_upright_but_for_rounding_of_data_point_up():
+    mesh = TriangleMesh.rectangle((2, 20))
+    rounded = 1e-7 * np.random.default_rng(0).standard_normal(mesh.vertices.shape)
+    for name in ("left", "right"):
+        assert (TriangleMesh(mesh.vertices + rounded, mesh.cells, mesh.edge_sets).edges(name).tangent[:, 1] > 0.0).all()
+
+
 class TestJoined:
     """Bodies meshed apart, whose nodes do not match on the line between them."""
 
