@@ -54,7 +54,10 @@ def evaluate(name: str, field: Field, x: FloatArray, y: FloatArray, *, minimum: 
     if not callable(field):
         return np.full(np.shape(x), check_field(name, field, minimum=minimum))
     try:
-        values = np.array(np.broadcast_to(real_array("value", field(x.copy(), y.copy())), np.shape(x)))
+        found = real_array("value", field(x.copy(), y.copy()))
+        if found.size != 1 and found.shape != np.shape(x):  # numpy would repeat a row, whatever it belongs to
+            raise ValueError(f"shape {found.shape} in place of {np.shape(x)}")
+        values = np.array(np.broadcast_to(found, np.shape(x)))
     except TimeoutError:  # meant for those who called
         raise
     except Exception as error:

@@ -20,6 +20,7 @@ Where: TypeAlias = Callable[[FloatArray, FloatArray], ArrayLike] | ArrayLike
 """A function of coordinate arrays (x, y) that says which ones are meant, or the numbers themselves."""
 
 _NEAR: Final = 1e-6  # distance over the body's length below which a vertex lies on a line
+_ALONG: Final = 0.1  # slope of an edge to a line, from which on it leaves this, however short it is
 _LARGEST: Final = 2.0**53  # whole numbers below it are exact
 
 
@@ -132,8 +133,9 @@ def edges_on_segment(
     t, distance = offset @ along, np.abs(offset @ np.array([-along[1], along[0]]))
     on = (distance <= near) & (t >= -near) & (t <= length + near)
     pairs = _pairs(topology, on, inside)
-    run = vertices[pairs[:, 1]] - vertices[pairs[:, 0]]
-    pairs = pairs[np.abs(run @ along) > np.abs(run @ [-along[1], along[0]])]  # shorter ones may leave the line
+    run, middle = vertices[pairs[:, 1]] - vertices[pairs[:, 0]], t[pairs].mean(axis=1)
+    follows = _ALONG * np.abs(run @ along) > np.abs(run @ [-along[1], along[0]])  # shorter ones may leave the line
+    pairs = pairs[follows & (middle > 0.0) & (middle < length)]
     if not len(pairs):
         where = "inside the body" if inside else "of the boundary"
         raise InputError("segment", [list(start), list(stop)], f"no edge {where} lies on this line: correct its ends")
@@ -149,8 +151,8 @@ def edges_on_segment(
 def edges_in_box(vertices: FloatArray, topology: Topology, x: Range, y: Range) -> IntArray:
     """Edges (k, 2) of the boundary whose two ends lie in ranges of x and y [length], by their vertices."""
     low, high, near = _box(vertices, x, y)
-    within = ((vertices >= low - near) & (vertices <= high + near)).all(axis=1)
-    pairs = _pairs(topology, within, False)
+    within = (vertices >= low - near) & (vertices <= high + near)
+    pairs = _pairs(topology, np.asarray(within.all(axis=1)), False)
     if not len(pairs):
         raise InputError("box", {"x": x, "y": y}, "no edge of the boundary lies in this box: make it larger")
     return pairs

@@ -99,8 +99,7 @@ class BodyForces(PicklesFields):
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y): of all parts together."""
-        parts = (part(x.copy(), y.copy()) if callable(part) else part for part in self.parts.values())
-        return np.asarray(sum(np.broadcast_to(np.asarray(part, dtype=float), np.shape(x)) for part in parts))
+        return np.asarray(sum(evaluate(f"BodyForces.{name}", part, x, y) for name, part in self.parts.items()))
 
 
 @dataclass(frozen=True)
@@ -196,7 +195,8 @@ def along_edges(
     `InputError` if the field fails, is not finite or is below the minimum somewhere; `name` is what it is called then.
     """
     if not callable(field):
-        return constant(check_field(name, field, minimum=minimum), len(edges), points)
+        check_field(name, field, minimum=minimum)
+        return constant(field, len(edges), points)
 
     def values(edge: IntArray, t: FloatArray) -> FloatArray:
         return evaluate(name, field, *mesh.points_along(edges.take(edge), t), minimum=minimum)

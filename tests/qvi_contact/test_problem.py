@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from qvi_contact import InputError, TriangleMesh, discretize, load_problem, load_result, solve, verify_result
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
+from qvi_contact.problem import BodyForces, Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
 
 MESH = TriangleMesh.rectangle((2, 2))
 STEEL = Material(2.1e5, 0.3)
@@ -70,6 +70,7 @@ def test_what_is_not_finite_is_refused(kind, name, value):
 @pytest.mark.parametrize(
     "friction",
     [lambda x, y: -x - y, lambda x, y: x * y * np.nan, lambda x: x, lambda x, y: np.ones(len(x) + len(y) - 1),
+     lambda x, _: np.abs(x[0]),  # the first of several rows
      lambda x, y: f"rough {x} {y}"],
 )  # fmt: skip
 def test_bad_friction_functions_are_refused(friction):
@@ -131,6 +132,13 @@ LOADED = (
         Displacement("right", normal=-0.01, tangential=0.002),
     ),
 )
+
+
+def test_functions_may_write_to_their_arguments():
+    x = np.linspace(0.0, 1.0, 5)
+    parts = dict.fromkeys("abc", lambda x, y: np.add(x, y, out=x))
+    assert (BodyForces(parts)(x, x) == 6.0 * x).all()
+    assert (x == np.linspace(0.0, 1.0, 5)).all()
 
 
 def test_both_ways_of_stating_are_one_problem():

@@ -324,8 +324,10 @@ def test_regions_and_segments_are_told_apart_in_the_smallest_triangles():
     free = [Traction(side, x=0.0, y=0.0) for side in mesh.edge_names]
     problem = ContactProblem(mesh, Material(1.0, 0.3), free, regions=[Region(Material(2.0, 0.3), y=(0.5, 1.0))])
     assert (problem.cell_materials == (mesh.corners.mean(axis=1)[:, 1] > 0.5)).all()
-    base = mesh.with_edges("base", edges_on_segment(mesh.vertices, mesh.topology, (0.0, 0.0), (1.0, 0.0)))
-    assert (base.pairs("base") == mesh.pairs("bottom")).all()
+    for lean in (0.0, 2.0, -2.0):  # corners of 90°, 27° and 153°
+        leaning = TriangleMesh(mesh.vertices @ [[1.0, 0.0], [lean, 1.0]], mesh.cells, mesh.edge_sets)
+        base = edges_on_segment(leaning.vertices, mesh.topology, (0.0, 0.0), (1.0, 0.0))
+        assert (leaning.with_edges("base", base).pairs("base") == mesh.pairs("bottom")).all()
 
 
 def test_tangents_of_a_wall_that_is_upright_but_for_rounding_of_data_point_up():
