@@ -365,6 +365,27 @@ class TestJoined:
         same = TriangleMesh.joined("seam", [self.below((4, 2)), self.above((4, 2))])
         assert (len(same.cells), len(same.pairs("seam"))) == (32, 4)
 
+    @pytest.mark.parametrize(("rounding", "place"), [(1e-9, 0.0), (1e-7, 0.0), (0.0, 1e7)])
+    def test_bodies_whose_data_are_rounded_are_joined_along_all_of_the_line(self, rounding, place):
+        turn, rng = np.array([[0.8, 0.6], [-0.6, 0.8]]), np.random.default_rng(0)
+        for _ in range(4):
+            meshes = [
+                TriangleMesh(
+                    (mesh.vertices + place) @ turn + rng.normal(0.0, rounding, mesh.vertices.shape), mesh.cells
+                )
+                for mesh in (self.below((5, 2)), self.above((7, 3), 1.6, 0.2))
+            ]
+            mesh = TriangleMesh.joined("seam", meshes)
+            assert mesh.edges("seam").length.sum() == pytest.approx(1.6, abs=1e-6)
+            assert len(mesh.outlines) == 1
+
+    def test_bodies_that_meet_at_some_of_their_vertices_are_refused(self):
+        above = self.above((4, 2))
+        vertices = above.vertices.copy()
+        vertices[2, 1] += 1e-5
+        with pytest.raises(InputError, match="apart around"):
+            TriangleMesh.joined("seam", [self.below((1, 2)), TriangleMesh(vertices, above.cells)])
+
     def test_what_cannot_be_joined(self):
         apart = TriangleMesh.rectangle((2, 2), 1.0, 1.0, origin=(0.0, 1.5))
         for meshes in ([self.below(), apart], [self.below(), "mesh"], []):
