@@ -4,15 +4,15 @@ What has a name comes along: named curves become edge sets (joints where they li
 regions. Names are
 
 * physical names in .msh files,
-* ELSET in .inp files, with line elements such as T3D2 for curves,
+* ELSET in .inp files, with line elements such as T3D2 for curves, whatever the case of letters,
 * groups in .med files;
 
 files of VTK have none. Quadrilaterals are cut in two. Middle nodes of quadratic elements are left out, and points that
 no triangle needs; sides are straight.
 
-Files of Gmsh, formats 2.2 and 4.1, as text or in binary, are read here, the others by meshio. No array is made of a
-size that a file of Gmsh only claims: every count is compared with the bytes that are left. Sections that no mesh needs
-(periodic nodes, fields, views) are skipped.
+Files of Gmsh, formats 2.2 and 4.1, as text or in binary, are read here, those of Abaqus in `mesh.abaqus`, the others by
+meshio. No array is made of a size that a file of Gmsh only claims: every count is compared with the bytes that are
+left. Sections that no mesh needs (periodic nodes, fields, views) are skipped.
 """
 
 import warnings
@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.writing import given_path, open_regular
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.abaqus import AbaqusFile
 from qvi_contact.mesh.curves import MeshParts
 from qvi_contact.mesh.edges import cross
 
@@ -95,9 +96,11 @@ def _read(path: Path) -> MeshParts:
             size = path.stat().st_size
             if size > _LARGEST:
                 raise _refused(path, f"holds more than {_LARGEST} bytes, the limit: give a coarser mesh")
-            if reader != "gmsh":
-                return _named_cells(import_module(f"meshio.{reader}").read(path))
-            return _GmshFile(source, size).read()
+            if reader == "gmsh":
+                return _GmshFile(source, size).read()
+            if reader == "abaqus":
+                return AbaqusFile(path).read()
+            return _named_cells(import_module(f"meshio.{reader}").read(path))
     except InputError as error:
         raise _refused(path, error.remedy) from error
     except FileNotFoundError as error:
@@ -113,12 +116,12 @@ def _read(path: Path) -> MeshParts:
 
 
 def _named_cells(found: Any) -> MeshParts:
-    """What meshio read, by name: its sets of cells (ELSET), and the groups of the families of MED."""
+    """What meshio read, by name: the groups of the families of MED."""
     lines = ("line", "line3")
     kinds = sorted({block.type for block in found.cells} - {*_CORNERS, *lines, "vertex"})
     if kinds:
         raise InputError("mesh", kinds[0], f"holds cells of kind {kinds[0]!r}: give triangles and quadrilaterals only")
-    sets = [(name, members) for name, members in found.cell_sets.items()]
+    sets = list[tuple[str, list[IntArray]]]()
     families, tags = getattr(found, "cell_tags", None) or {}, found.cell_data.get("cell_tags", ())
     for family, names in families.items():
         members = [np.flatnonzero(np.asarray(values) == family) for values in tags]
@@ -127,7 +130,6 @@ def _named_cells(found: Any) -> MeshParts:
     for name, members in sets:
         start = 0
         for block, rows in zip(found.cells, members, strict=False):
-            rows = np.asarray([] if rows is None else rows, dtype=np.int64).ravel()
             if block.type in _CORNERS:
                 regions[name] = np.concatenate([regions.get(name, rows[:0]), start + rows])
                 start += len(block.data)
