@@ -70,7 +70,7 @@ class AbaqusFile:
             elif keyword == "ELEMENT":
                 self._read_elements(options, data)
             elif keyword == "ELSET":
-                self._set(options).extend(_listed(data, "GENERATE" in options))
+                self._read_set(options, data)
         index, points = {number: place for place, number in enumerate(self._nodes)}, list(self._nodes.values())
         found = {number: [index.get(node, -1) for node in each] for number, each in self._elements.items()}
         rows = {number: row for row, number in enumerate(n for n, nodes in found.items() if len(nodes) == 4)}
@@ -104,6 +104,14 @@ class AbaqusFile:
         if "ELSET" in options:
             self._set(options).extend(given[:, 0].tolist())
 
+    def _read_set(self, options: dict[str, str], data: _Data) -> None:
+        for words in data:
+            if "GENERATE" in options:
+                first, last, *step = map(int, words)
+                self._set(options).append(range(first, last + 1, *step))
+            else:
+                self._set(options).extend(int(word) if word.isdigit() else word.upper() for word in words)
+
     def _set(self, options: dict[str, str]) -> list[_Member]:
         """The members of the set that is named."""
         self._called.setdefault(options["ELSET"].upper(), options["ELSET"])
@@ -124,16 +132,6 @@ class AbaqusFile:
                     known.add(each)
                     left.append(each)
         return sorted(found & self._elements.keys())
-
-
-def _listed(data: _Data, ranges: bool) -> Iterator[_Member]:
-    """The members of a set as they are listed."""
-    for words in data:
-        if ranges:
-            first, last, *step = map(int, words)
-            yield range(first, last + 1, *step)
-        else:
-            yield from (int(word) if word.isdigit() else word.upper() for word in words)
 
 
 def _ends(nodes: list[int], points: list[list[float]]) -> list[int]:

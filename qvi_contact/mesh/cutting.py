@@ -372,14 +372,13 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     piece = pieces(topology, len(cells))
     of_vertex = np.empty(len(vertices), dtype=np.int64)
     of_vertex[cells] = piece[:, None]
-    reach = _NEAR * float(np.ptp(vertices, axis=0).max())
-    shortest, (low, high) = np.full(len(vertices), np.inf), topology.ends.T
-    lengths = np.hypot(*(vertices[high] - vertices[low]).T)
-    np.minimum.at(shortest, topology.ends, lengths[:, None])
+    reach, (start, stop) = _NEAR * float(np.ptp(vertices, axis=0).max()), vertices[topology.ends].swapaxes(0, 1)
+    shortest = np.full(len(vertices), np.inf)
+    np.minimum.at(shortest, topology.ends, np.hypot(*(stop - start).T)[:, None])
     radius = np.minimum(2.0 * reach, _FARTHEST * shortest)
-    one, other = _near(vertices, vertices, radius)
-    twins = (of_vertex[one] != of_vertex[other]) & (np.hypot(*(vertices[one] - vertices[other]).T) <= radius[other])
-    _, first, place = np.unique(linked(one[twins], other[twins], len(vertices)), return_index=True, return_inverse=True)
+    here, there = _near(vertices, vertices, radius)
+    same = (of_vertex[here] != of_vertex[there]) & (np.hypot(*(vertices[here] - vertices[there]).T) <= radius[there])
+    _, first, place = np.unique(linked(here[same], there[same], len(vertices)), return_index=True, return_inverse=True)
     bends = bends_of(mesh.arcs, topology) if mesh.arcs else None
     hanging, shares = hanging_vertices(vertices, topology, bends, reach)
     apart = of_vertex[hanging[:, 0]] != piece[topology.cells[hanging[:, 1], 0]]

@@ -121,15 +121,12 @@ def _named_cells(found: Any) -> MeshParts:
     kinds = sorted({block.type for block in found.cells} - {*_CORNERS, *lines, "vertex"})
     if kinds:
         raise InputError("mesh", kinds[0], f"holds cells of kind {kinds[0]!r}: give triangles and quadrilaterals only")
-    sets = list[tuple[str, list[IntArray]]]()
     families, tags = getattr(found, "cell_tags", None) or {}, found.cell_data.get("cell_tags", ())
-    for family, names in families.items():
-        members = [np.flatnonzero(np.asarray(values) == family) for values in tags]
-        sets += [(name, members) for name in names]
     edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
-    for name, members in sets:
+    for name, family in ((name, family) for family, names in families.items() for name in names):
         start = 0
-        for block, rows in zip(found.cells, members, strict=False):
+        for block, values in zip(found.cells, tags, strict=False):
+            rows = np.flatnonzero(np.asarray(values) == family)
             if block.type in _CORNERS:
                 regions[name] = np.concatenate([regions.get(name, rows[:0]), start + rows])
                 start += len(block.data)
