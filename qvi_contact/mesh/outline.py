@@ -93,12 +93,14 @@ class Polygon(NamedTuple):
     """Centre of the circle that each piece is a chord of [length]; not a number where it is straight, shape (k, 2)."""
 
     def holds(self, points: FloatArray) -> BoolArray:
-        """Whether points (m, 2) lie inside this closed polygon."""
+        """Whether points (m, 2) lie inside this closed line, up to its arcs."""
         inside = np.zeros(len(points), dtype=bool)
-        for (ax, ay), (bx, by) in self.pieces.tolist():
-            crossed = (ay > points[:, 1]) != (by > points[:, 1])
-            left = (bx - ax) * (points[:, 1] - ay) > (points[:, 0] - ax) * (by - ay)  # of an edge that goes up
-            inside ^= crossed & (left == (by > ay))
+        for (start, stop), centre in zip(self.pieces, self.centres, strict=True):
+            crossed = (start[1] > points[:, 1]) != (stop[1] > points[:, 1])
+            side = cross(stop - start, points - start)
+            inside ^= crossed & ((side > 0.0) == (stop[1] > start[1]))
+            beyond = side * cross(stop - start, centre - start) < 0.0  # the chord of an arc
+            inside ^= beyond & (np.hypot(*(points - centre).T) < np.hypot(*(start - centre)))
         return inside
 
 
@@ -408,7 +410,7 @@ def _divided(gmsh: Any, shape: Polygons) -> MeshParts:
         for (x, y, radius), found in circles.items()
     ]
     cells = divided_corners(vertices, vertex[cells], np.concatenate(fixed))
-    # a surface of gmsh lies in a region or outside; chords of a region's arc may cut off triangles at it
+    # a surface of gmsh lies in a region or outside; a triangle on the chord of an arc may have its middle beyond that
     a, b, c = vertices[cells].swapaxes(0, 1)
     middles, areas = (a + b + c) / 3.0, np.abs(cross(b - a, c - a))
     held = {
