@@ -241,36 +241,16 @@ class TestGmsh:
 class TestAbaqus:
     """Sets of elements."""
 
-    def test_ranges(self, tmp_path):
-        path = tmp_path / "a.inp"
-        mesh = TriangleMesh.load(written(path, f"{INP}*ELSET, ELSET=both, GENERATE\n3, 4, 1\n"))
-        assert mesh.regions["both"].tolist() == [0, 1]
-        apart = ("4, 1, 3, 4", "*ELEMENT, TYPE=CPS3\n4, 1, 3, 4")  # in a block of its own
-        mesh = TriangleMesh.load(written(path, f"{INP}*ELSET, ELSET=second\n4\n", apart))
-        assert mesh.regions["second"].tolist() == [1]
-
-    def test_blocks_of_nodes_sets_of_sets_and_other_files(self, tmp_path):
-        """All of which meshio takes for something else, or leaves out."""
-        nodes, quad = (
-            "*Node, nset=more\n11, 2., 0.\n12, 2., 1.\n",
-            "*Element, type=cpe4r, elset=STEEL\n9, 2, 11, 12, 3\n",
-        )
+    def test_blocks_of_nodes_ranges_sets_of_sets_and_other_files(self, tmp_path):
+        nodes, quad = "*Node\n11, 2., 0.\n12, 2., 1.\n", "*Element, type=cpe4r, elset=STEEL\n9, 2, 11, 12, 3\n"
         (tmp_path / "ends.inc").write_text(nodes + quad)
-        sets = "*ELSET, ELSET=all\nSteel, rest\n*ELSET, ELSET=rest\n4\n"
+        sets = "*ELSET, ELSET=both, GENERATE\n3, 4, 1\n*ELSET, ELSET=all\nSteel, rest\n*ELSET, ELSET=rest\n4\n"
         text = INP.replace("5, 5, 5", "13, 0.5, 1") + "*ELEMENT, TYPE=T3D3, ELSET=lid\n7, 4, 13, 3\n" + sets
-        text += "*INCLUDE, INPUT=ends.inc\n"
-        mesh = TriangleMesh.load(written(tmp_path / "a.inp", text, ("*ELEMENT, TYPE=CPS3", "*Element, type=CPS3")))
+        mesh = TriangleMesh.load(written(tmp_path / "a.inp", f"{text}*INCLUDE, INPUT=ends.inc\n"))
         assert mesh.vertices.tolist() == [*map(list, SQUARE), [2.0, 0.0], [2.0, 1.0]]
-        assert {name: cells.tolist() for name, cells in mesh.regions.items()} == {
-            "steel": [0, 2, 3],
-            "all": [0, 1, 2, 3],
-            "rest": [1],
-        }
-        assert {name: pairs.tolist() for name, pairs in mesh.edge_sets.items()} == {
-            "floor": [[0, 1]],
-            "seam": [[0, 2]],
-            "lid": [[2, 3]],
-        }
+        named = {name: numbers.tolist() for name, numbers in (*mesh.regions.items(), *mesh.edge_sets.items())}
+        lines = {"floor": [[0, 1]], "seam": [[0, 2]], "lid": [[2, 3]]}
+        assert named == {"steel": [0, 2, 3], "all": [0, 1, 2, 3], "rest": [1], "both": [0, 1], **lines}
 
     @pytest.mark.parametrize(
         ("new", "told"),

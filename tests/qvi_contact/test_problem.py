@@ -41,12 +41,8 @@ def test_bad_materials_are_refused(name, value):
 def test_numbers_of_any_kind_are_floats(kind):
     """So that −5 is not 251, and nothing is computed with few digits."""
     material = Material(kind(3), kind(1) / kind(3) if issubclass(kind, np.floating) else 0.25, prestress=[kind(1)] * 3)
-    conditions = [
-        Contact("bottom", kind(1)),
-        Traction("top", normal=kind(5), tangential=kind(0)),
-        Traction("left", x=kind(0), y=kind(0)),
-        Displacement("right", x=kind(1), y=kind(1)),
-    ]
+    conditions = [Contact("bottom", kind(1)), Traction("top", normal=kind(5), tangential=kind(0)),
+                  Traction("left", kind(0), kind(0)), Displacement("right", kind(1), kind(1))]  # fmt: skip
     regions = [Region(material, x=[kind(1), kind(2)])]
     stated = ContactProblem(BLOCK, material, conditions, regions=regions, temperature=kind(7))
     found = [*material.prestress, material.young, material.poisson, *stated.regions[0].x, stated.temperature]
