@@ -307,7 +307,7 @@ class Edges:
     normal: FloatArray
     """Unit normal n, outward on the boundary, inside the body from the first cell to the other, shape (n, 2)."""
     tangent: FloatArray
-    """Unit tangent t: t_x > 0, or t_y > 0 where t_x = 0, whichever way the edge faces, shape (n, 2)."""
+    """Unit tangent t: t_x > 0, or t_y > 0 where |t_x| ≤ 1e-5, whichever way the edge faces, shape (n, 2)."""
     length: FloatArray
     """Lengths, of arcs along them [length], shape (n,)."""
     bend: FloatArray
