@@ -11,7 +11,7 @@ from typing import Final, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, real_array
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_number, real_array, whole_number
 from qvi_contact.basics.schema import LARGEST
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import ROUNDING, Curve, MeshParts, bends_of, bent_too_far
@@ -228,8 +228,12 @@ def divided_at_arcs(mesh: MeshParts) -> MeshParts:
 
 def fanned(mesh: MeshParts, vertices: IntArray, angle: float, layers: int) -> MeshParts:
     """The mesh with fans of triangles of at most this angle [rad] around vertices, see `TriangleMesh.fanned`."""
-    angle *= 1.0 + _ROUNDING
-    for vertex in np.asarray(vertices, dtype=np.int64).tolist():
+    chosen, count = numbers_of("vertices", vertices, int), len(mesh.vertices)
+    if chosen.ndim != 1 or chosen.min(initial=0) < 0 or chosen.max(initial=0) >= count:
+        raise InputError("vertices", vertices, f"give numbers of vertices, 0 to {count - 1}")
+    angle = (1.0 + _ROUNDING) * positive_number("angle", angle)
+    layers = whole_number("layers", layers)
+    for vertex in chosen.tolist():
         done = 0
         while done < layers or _angles_at(mesh, vertex)[1].max() > angle:
             mesh = _cut_across(mesh, vertex)
