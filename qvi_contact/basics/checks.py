@@ -1,7 +1,7 @@
 """Checks of numbers and of functions of position that users hand in."""
 
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,13 +35,15 @@ def acts(field: Field) -> bool:
     return callable(field) or bool(field != 0.0)  # also of numbers of NumPy
 
 
-def check_field(field: str, value: object, *, minimum: float | None = None) -> None:
-    """Check what can be checked of a `Field` before it is evaluated: its kind, and the range of a constant."""
+def check_field(field: str, value: Any, *, minimum: float | None = None) -> Field:
+    """A `Field` as far as it can be checked before it is evaluated: a function, or a number in its range as a float."""
     if callable(value):
-        return
+        found: Field = value
+        return found
     number = finite_number(field, value)
     if minimum is not None and number < minimum:
         raise InputError(field, value, f"give a number of at least {minimum:g}")
+    return number
 
 
 def evaluate(name: str, field: Field, x: FloatArray, y: FloatArray, *, minimum: float | None = None) -> FloatArray:
@@ -50,10 +52,12 @@ def evaluate(name: str, field: Field, x: FloatArray, y: FloatArray, *, minimum: 
     `InputError` if the function fails, or its values have another shape, are not finite, or are below `minimum`.
     """
     if not callable(field):
-        check_field(name, field, minimum=minimum)
-        return np.full(np.shape(x), float(field))
+        return np.full(np.shape(x), check_field(name, field, minimum=minimum))
     try:
-        values = np.array(np.broadcast_to(real_array("value", field(x, y)), np.shape(x)))
+        found = real_array("value", field(x.copy(), y.copy()))
+        if found.size != 1 and found.shape != np.shape(x):  # numpy would repeat a row, whatever it belongs to
+            raise ValueError(f"shape {found.shape} in place of {np.shape(x)}")
+        values = np.array(np.broadcast_to(found, np.shape(x)))
     except TimeoutError:  # meant for those who called
         raise
     except Exception as error:

@@ -99,8 +99,9 @@ class Kind:
         """What Python makes of the value in a file; `InputError` if it is none of these."""
         raise NotImplementedError
 
-    def check(self, name: str, value: Any) -> None:
-        """`InputError` if Python was given something else."""
+    def check(self, name: str, value: Any) -> Any:  # noqa: ARG002
+        """What Python was given, numbers as floats, lists as tuples; `InputError` if it is something else."""
+        return value
 
     def written(self, path: str, value: Any, writer: Writer) -> object:  # noqa: ARG002
         """What stands in the file."""
@@ -128,10 +129,10 @@ class Number(Kind):
         _check_range(value, self.least, self.most)
         return float(value)
 
-    def check(self, name: str, value: Any) -> None:
+    def check(self, name: str, value: Any) -> float:
         from qvi_contact.basics.checks import finite_number, positive_number
 
-        (positive_number if self.positive else finite_number)(name, value)
+        return (positive_number if self.positive else finite_number)(name, value)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -170,9 +171,10 @@ class Text(Kind):
             raise InputError("", value, f"give a text of one line and at most {_LONGEST_NAME} characters")
         return value
 
-    def check(self, name: str, value: Any) -> None:
+    def check(self, name: str, value: Any) -> str:
         if not isinstance(value, str):
             raise InputError(name, value, "give a string")
+        return value
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -182,14 +184,14 @@ class Choice(Kind):
     words: tuple[Any, ...]
 
     def read(self, value: Any, reader: Reader) -> Any:  # noqa: ARG002
-        self.check("", value)
-        return value
+        return self.check("", value)
 
-    def check(self, name: str, value: Any) -> None:
+    def check(self, name: str, value: Any) -> Any:
         if isinstance(value, bool) or not isinstance(value, str | int) or value not in self.words:
             near = closest(value, [word for word in self.words if isinstance(word, str)])
             listed = " or ".join(filter(None, [", ".join(map(repr, self.words[:-1])), repr(self.words[-1])]))
             raise InputError(name, value, f"give {listed}" + (f"; did you mean {near!r}?" if near else ""))
+        return value
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -202,13 +204,14 @@ class Varying(Kind):
     def read(self, value: Any, reader: Reader) -> Any:
         return reader.field(value)
 
-    def check(self, name: str, value: Any) -> None:
+    def check(self, name: str, value: Any) -> Any:
         """What can be checked before it is evaluated."""
-        from qvi_contact.basics.checks import check_field
+        from qvi_contact.basics.checks import acts, check_field
 
-        check_field(name, value, minimum=self.least)
-        if self.instead and not callable(value) and value == 0.0:
+        found = check_field(name, value, minimum=self.least)
+        if self.instead and not acts(found):
             raise InputError(name, value, f"give a positive number: {self.instead}")
+        return found
 
     def written(self, path: str, value: Any, writer: Writer) -> object:
         return writer.field(path, value)
@@ -258,11 +261,10 @@ class Listed(Kind):
             raise _further(f"[{index}]", error) from error
         return tuple(found)
 
-    def check(self, name: str, value: Any) -> None:
+    def check(self, name: str, value: Any) -> tuple[Any, ...]:
         if not isinstance(value, tuple | list) or (self.most is not None and len(value) != self.most):
             raise InputError(name, value, "give a pair (x, y)" if self.most == 2 else f"give a list of {self.most}")
-        for item in value:
-            self.kind.check(name, item)
+        return tuple(self.kind.check(name, item) for item in value)
 
     def written(self, path: str, value: Any, writer: Writer) -> object:
         return [self.kind.written(f"{path}[{index}]", item, writer) for index, item in enumerate(value)]
@@ -295,9 +297,10 @@ class Table(Kind):
     def read(self, value: Any, reader: Reader) -> Any:
         return read_table(self.of, value, reader)
 
-    def check(self, name: str, value: Any) -> None:
+    def check(self, name: str, value: Any) -> Any:
         if not isinstance(value, self.of):
             raise InputError(name, value, f"give a {self.of.__name__}")
+        return value
 
     def written(self, path: str, value: Any, writer: Writer) -> object:
         return write_table(path, value, writer)
@@ -348,10 +351,11 @@ class Tagged(Kind):
             law = Choice(tuple(known)).read(value["law"], reader)
         return read_table(known[law], value, reader, also=("law",))
 
-    def check(self, name: str, value: Any) -> None:
+    def check(self, name: str, value: Any) -> Any:
         if not isinstance(value, self.classes):
             names = [each.__name__ for each in self.classes]
             raise InputError(name, value, f"give a {', '.join(names[:-1])} or {names[-1]}, or leave it out")
+        return value
 
     def written(self, path: str, value: Any, writer: Writer) -> object:
         return {"law": value.kind, **write_table(path, value, writer)}
@@ -491,13 +495,13 @@ def write_table(path: str, stated: Any, writer: Writer) -> dict[str, Any]:
 
 
 def check_keys(stated: Any) -> None:
-    """Check the fields of an object as their keys say, and fill in those that are like another one."""
+    """Check the fields of an object as their keys say, keep numbers as floats, fill in those like another one."""
     kind = type(stated)
     defaults = defaults_of(kind)
     for name, each in keys_of(kind).items():
         value = getattr(stated, name)
         if value is not None or defaults.get(name, MISSING) is not None:
-            each.kind.check(f"{kind.__name__}.{name}", value)
+            object.__setattr__(stated, name, each.kind.check(f"{kind.__name__}.{name}", value))
         if each.like and not value:
             object.__setattr__(stated, name, getattr(stated, each.like))
 

@@ -11,17 +11,19 @@ from typing import Final, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, real_array
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_number, real_array, whole_number
 from qvi_contact.basics.schema import LARGEST
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import ROUNDING, Curve, MeshParts, bends_of, bent_too_far
-from qvi_contact.mesh.edges import Topology, angles, arc_offsets, cross
+from qvi_contact.mesh.edges import Topology, angles, arc_offsets, chains, cross
 from qvi_contact.mesh.selection import known_edges, new_name, numbers_of
 from solvers.basics.linked import linked
 
 _FLAT: Final = 1e-8  # height over longest side below which a triangle is none
 _SAME: Final = 1e-10  # distance of vertices over the body's length below which they are in one place
 _ASLANT: Final = (np.cos(1.0), np.sin(1.0))
+_NEAR: Final = 1e-6  # the same of bodies to be joined, whose data are rounded
+_SLIT: Final = 30.0  # width of a hole over that, below which it is none
 _ON_EDGE: Final = 1e-9  # distance from an edge over its length below which a vertex lies on it
 _FARTHEST: Final = 1e-3  # the same of arcs at most
 _HALVINGS: Final = 60
@@ -130,11 +132,12 @@ def same_places(vertices: FloatArray) -> IntArray:
 
 
 def hanging_vertices(
-    vertices: FloatArray, topology: Topology, bends: FloatArray | None = None
+    vertices: FloatArray, topology: Topology, bends: FloatArray | None = None, reach: float = 0.0
 ) -> tuple[IntArray, FloatArray]:
     """Pairs (k, 2) of a vertex and an edge of the boundary it lies inside: two triangles meet one along its side.
 
-    And the shares (k,) of the edges' lengths at which they do. Edges follow their arcs where `bends` are given.
+    And the shares (k,) of the edges' lengths at which they do. Edges follow their arcs where `bends` are given. Data
+    may be rounded by a distance `reach`; then vertices near an end count too.
     """
     outer = topology.outer
     first, second = vertices.take(topology.ends.take(outer, axis=0), axis=0).swapaxes(0, 1)
@@ -142,13 +145,15 @@ def hanging_vertices(
     if not lengths.all():  # others hold nothing
         outer, first, second, lengths = (each[lengths > 0.0] for each in (outer, first, second, lengths))
     candidates = np.unique(topology.ends[outer])
-    edge, vertex = _near(vertices[candidates], (first + second) / 2.0, lengths * (0.5 - 1e-6))
+    end = 1e-6 if reach else -1e-6
+    edge, vertex = _near(vertices[candidates], (first + second) / 2.0, lengths * (0.5 + end))
     if not len(edge):
         return np.empty((0, 2), dtype=np.int64), np.empty(0)
     vertex = candidates[vertex]
     offset, chord, length = vertices[vertex] - first[edge], (second - first)[edge], lengths[edge]
     share = (offset * chord).sum(axis=1) / length**2
-    distance, rounding = np.hypot(*(share[:, None] * chord - offset).T) / length, np.full(len(edge), _ON_EDGE)
+    distance = np.hypot(*(share[:, None] * chord - offset).T) / length
+    rounding = np.maximum(_ON_EDGE, np.minimum(reach / length, _FARTHEST))
     bend = np.zeros((len(edge), 0)) if bends is None else bends[outer[edge]]
     arc = bend.any(axis=1)
     if arc.any():
@@ -164,7 +169,7 @@ def hanging_vertices(
         # data of an arc are rounded by a share of its radius, which is about the edge's length over its angle
         turn = np.ptp(angles(bend, np.array([0.0, 1.0])), axis=1)
         rounding[arc] = np.minimum(ROUNDING / turn, _FARTHEST)
-    hanging = distance <= rounding
+    hanging = (distance <= rounding) & (share > 0.0) & (share < 1.0)
     return np.column_stack([vertex[hanging], outer[edge[hanging]]]), share[hanging]
 
 
@@ -223,8 +228,12 @@ def divided_at_arcs(mesh: MeshParts) -> MeshParts:
 
 def fanned(mesh: MeshParts, vertices: IntArray, angle: float, layers: int) -> MeshParts:
     """The mesh with fans of triangles of at most this angle [rad] around vertices, see `TriangleMesh.fanned`."""
-    angle *= 1.0 + _ROUNDING
-    for vertex in np.asarray(vertices, dtype=np.int64).tolist():
+    chosen, count = numbers_of("vertices", vertices, int), len(mesh.vertices)
+    if chosen.ndim != 1 or chosen.min(initial=0) < 0 or chosen.max(initial=0) >= count:
+        raise InputError("vertices", vertices, f"give numbers of vertices, 0 to {count - 1}")
+    angle = (1.0 + _ROUNDING) * positive_number("angle", angle)
+    layers = whole_number("layers", layers)
+    for vertex in chosen.tolist():
         done = 0
         while done < layers or _angles_at(mesh, vertex)[1].max() > angle:
             mesh = _cut_across(mesh, vertex)
@@ -367,11 +376,17 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     piece = pieces(topology, len(cells))
     of_vertex = np.empty(len(vertices), dtype=np.int64)
     of_vertex[cells] = piece[:, None]
-    twins = same_places(vertices)
-    twins = twins[of_vertex[twins[:, 0]] != of_vertex[twins[:, 1]]]
-    _, first, place = np.unique(linked(twins[:, 0], twins[:, 1], len(vertices)), return_index=True, return_inverse=True)
-    hanging, shares = hanging_vertices(vertices, topology, bends_of(mesh.arcs, topology) if mesh.arcs else None)
+    reach, (start, stop) = _NEAR * float(np.ptp(vertices, axis=0).max()), vertices[topology.ends].swapaxes(0, 1)
+    shortest = np.full(len(vertices), np.inf)
+    np.minimum.at(shortest, topology.ends, np.hypot(*(stop - start).T)[:, None])
+    radius = np.minimum(2.0 * reach, _FARTHEST * shortest)
+    here, there = _near(vertices, vertices, radius)
+    same = (of_vertex[here] != of_vertex[there]) & (np.hypot(*(vertices[here] - vertices[there]).T) <= radius[there])
+    _, first, place = np.unique(linked(here[same], there[same], len(vertices)), return_index=True, return_inverse=True)
+    bends = bends_of(mesh.arcs, topology) if mesh.arcs else None
+    hanging, shares = hanging_vertices(vertices, topology, bends, reach)
     apart = of_vertex[hanging[:, 0]] != piece[topology.cells[hanging[:, 1], 0]]
+    apart &= (place[hanging[:, :1]] != place[topology.ends[hanging[:, 1]]]).all(axis=1)
     # edge by edge its first vertex, those of other pieces in it, and its last one
     every = np.arange(len(topology.ends))
     edge = np.concatenate([every, hanging[apart, 1], every])
@@ -388,6 +403,7 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     if not across.any():
         remedy = "no pieces of this mesh touch along straight lines or declared arcs: leave it out"
         raise InputError("join", name, remedy)
+    _refuse_slits(vertices[first], new_cells, fine, _SLIT * reach)
     step = np.flatnonzero(edge[1:] == edge[:-1])[:, None] + [0, 1]
     whole, order = edge[step[:, 0]], np.argsort(vertex[step], axis=1)
     ends, between = (np.take_along_axis(each[step], order, axis=1) for each in (vertex, share))
@@ -399,6 +415,20 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     regions = {other: np.flatnonzero(np.isin(parent, chosen)) for other, chosen in mesh.regions.items()}
     arcs = _arcs(mesh, topology, whole, ends, between)
     return divided_at_arcs(MeshParts(vertices[first], new_cells, edge_sets, regions, arcs))
+
+
+def _refuse_slits(vertices: FloatArray, cells: IntArray, topology: Topology, width: float) -> None:
+    """`InputError` about the first hole that is narrower than this: bodies met at some of their vertices only."""
+    ends = topology.ends[topology.boundary]
+    third = cells[topology.cells[topology.boundary, 0]].sum(axis=1) - ends.sum(axis=1)
+    one, other, inner = (vertices[each] - vertices[0] for each in (*ends.T, third))
+    lengths, middles = np.hypot(*(other - one).T), vertices[ends].mean(axis=1)
+    areas = cross(one, other) * np.sign(cross(other - one, inner - one))  # of closed lines twice what they enclose
+    for line in chains(ends):
+        if abs(areas[line].sum()) < width * lengths[line].sum():
+            (x, y), apart = middles[line[0]].tolist(), abs(areas[line].sum()) / lengths[line].sum()
+            remedy = f"the bodies touch at some of their vertices and are {apart:.1g} apart around ({x:.6g}, {y:.6g}): "
+            raise InputError("join", apart, f"{remedy}give their coordinates with more digits")
 
 
 def _fans(corners: IntArray, topology: Topology, edge: IntArray, vertex: IntArray) -> tuple[IntArray, IntArray]:

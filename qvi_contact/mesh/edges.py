@@ -284,7 +284,7 @@ def _arc(first: FloatArray, second: FloatArray, bend: FloatArray, t: FloatArray)
 # edges with their normals and cells
 
 TURNED: Final = np.array([-1.0, 1.0])  # factors of (t_y, t_x) that turn a vector by 90°
-_UPRIGHT: Final = 1e-9  # x over the length of a vector that is vertical but for rounding
+_UPRIGHT: Final = 1e-5  # x over the length of a vector that is vertical but for rounding of data
 
 
 @dataclass(frozen=True, eq=False)
@@ -307,7 +307,7 @@ class Edges:
     normal: FloatArray
     """Unit normal n, outward on the boundary, inside the body from the first cell to the other, shape (n, 2)."""
     tangent: FloatArray
-    """Unit tangent t: t_x > 0, or t_y > 0 where t_x = 0, whichever way the edge faces, shape (n, 2)."""
+    """Unit tangent t: t_x > 0, or t_y > 0 where |t_x| ≤ 1e-5, whichever way the edge faces, shape (n, 2)."""
     length: FloatArray
     """Lengths, of arcs along them [length], shape (n,)."""
     bend: FloatArray

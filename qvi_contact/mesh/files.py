@@ -4,15 +4,15 @@ What has a name comes along: named curves become edge sets (joints where they li
 regions. Names are
 
 * physical names in .msh files,
-* ELSET in .inp files, with line elements such as T3D2 for curves,
+* ELSET in .inp files, with line elements such as T3D2 for curves, whatever the case of letters,
 * groups in .med files;
 
 files of VTK have none. Quadrilaterals are cut in two. Middle nodes of quadratic elements are left out, and points that
 no triangle needs; sides are straight.
 
-Files of Gmsh, formats 2.2 and 4.1, as text or in binary, are read here, the others by meshio. No array is made of a
-size that a file of Gmsh only claims: every count is compared with the bytes that are left. Sections that no mesh needs
-(periodic nodes, fields, views) are skipped.
+Files of Gmsh, formats 2.2 and 4.1, as text or in binary, are read here, those of Abaqus in `mesh.abaqus`, the others by
+meshio. No array is made of a size that a file of Gmsh only claims: every count is compared with the bytes that are
+left. Sections that no mesh needs (periodic nodes, fields, views) are skipped.
 """
 
 import warnings
@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.basics.writing import given_path, open_regular
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.abaqus import AbaqusFile
 from qvi_contact.mesh.curves import MeshParts
 from qvi_contact.mesh.edges import cross
 
@@ -42,6 +43,7 @@ _BETTER: Final = 1e-6  # share by which a triangle is larger that rounding alone
 
 _NODES: Final = {1: 2, 2: 3, 3: 4, 8: 3, 9: 6, 10: 9, 15: 1, 16: 8}  # by the number of a kind in Gmsh
 _OTHERS: Final = {4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid"}
+_CORNERS: Final = {"triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4}  # for meshio
 _LINES: Final = {1: (0, 1), 8: (0, 1)}
 _CELLS: Final = {2: (0, 1, 2, 2), 9: (0, 1, 2, 2), 3: (0, 1, 2, 3), 10: (0, 1, 2, 3), 16: (0, 1, 2, 3)}
 _MOST_SETS: Final = 10_000_000  # names times blocks of elements: each of the blocks may have all names
@@ -64,7 +66,7 @@ def read_mesh(path: str | Path) -> MeshParts:
         if ((numbers < 0) | (numbers >= len(mesh.vertices))).any():
             held = f"(it has {len(mesh.vertices)})"
             raise _refused(path, f"joins nodes that it does not hold {held}: write the mesh again")
-    cells, parent = _triangles(mesh.vertices[:, :2], mesh.cells)
+    cells, parent = triangles_of(mesh.vertices[:, :2], mesh.cells)
     if len(cells) > _MOST_TRIANGLES:
         raise _refused(path, f"holds {len(cells)} triangles: give at most {_MOST_TRIANGLES}")
     used = np.unique(cells)  # the plane mesh without the points that no triangle needs
@@ -94,9 +96,11 @@ def _read(path: Path) -> MeshParts:
             size = path.stat().st_size
             if size > _LARGEST:
                 raise _refused(path, f"holds more than {_LARGEST} bytes, the limit: give a coarser mesh")
-            if reader != "gmsh":
-                return _named_cells(import_module(f"meshio.{reader}").read(path))
-            return _GmshFile(source, size).read()
+            if reader == "gmsh":
+                return _GmshFile(source, size).read()
+            if reader == "abaqus":
+                return AbaqusFile(path).read()
+            return _named_cells(import_module(f"meshio.{reader}").read(path))
     except InputError as error:
         raise _refused(path, error.remedy) from error
     except FileNotFoundError as error:
@@ -112,35 +116,34 @@ def _read(path: Path) -> MeshParts:
 
 
 def _named_cells(found: Any) -> MeshParts:
-    """What meshio read, by name: its sets of cells (ELSET), and the groups of the families of MED."""
-    corners = {"triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4}
+    """What meshio read, by name: the groups of the families of MED."""
     lines = ("line", "line3")
-    kinds = sorted({block.type for block in found.cells} - {*corners, *lines, "vertex"})
+    kinds = sorted({block.type for block in found.cells} - {*_CORNERS, *lines, "vertex"})
     if kinds:
         raise InputError("mesh", kinds[0], f"holds cells of kind {kinds[0]!r}: give triangles and quadrilaterals only")
-    sets = [(name, members) for name, members in found.cell_sets.items()]
     families, tags = getattr(found, "cell_tags", None) or {}, found.cell_data.get("cell_tags", ())
-    for family, names in families.items():
-        members = [np.flatnonzero(np.asarray(values) == family) for values in tags]
-        sets += [(name, members) for name in names]
     edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
-    for name, members in sets:
+    for name, family in ((name, family) for family, names in families.items() for name in names):
         start = 0
-        for block, rows in zip(found.cells, members, strict=False):
-            rows = np.asarray([] if rows is None else rows, dtype=np.int64).ravel()
-            if block.type in corners:
+        for block, values in zip(found.cells, tags, strict=False):
+            rows = np.flatnonzero(np.asarray(values) == family)
+            if block.type in _CORNERS:
                 regions[name] = np.concatenate([regions.get(name, rows[:0]), start + rows])
                 start += len(block.data)
             elif block.type in lines:
                 pairs = np.asarray(block.data[rows, :2], dtype=np.int64)
                 edge_sets[name] = np.concatenate([edge_sets.get(name, pairs[:0]), pairs])
     edge_sets, regions = ({n: parts for n, parts in each.items() if len(parts)} for each in (edge_sets, regions))
-    cells = [block.data[:, [0, 1, 2, corners[block.type] - 1]] for block in found.cells if block.type in corners]
-    points = np.asarray(found.points, dtype=float)
-    return MeshParts(points, np.concatenate([np.empty((0, 4), np.int64), *cells]), edge_sets, regions)
+    return MeshParts(np.asarray(found.points, dtype=float), corners_of(found.cells), edge_sets, regions)
 
 
-def _triangles(points: FloatArray, cells: IntArray) -> tuple[IntArray, IntArray]:
+def corners_of(blocks: Any) -> IntArray:
+    """Corners (m, 4) of the triangles, their last one twice, and of the quadrilaterals in cells that meshio read."""
+    cells = [block.data[:, [0, 1, 2, _CORNERS[block.type] - 1]] for block in blocks if block.type in _CORNERS]
+    return np.concatenate([np.empty((0, 4), np.int64), *cells]).astype(np.int64)
+
+
+def triangles_of(points: FloatArray, cells: IntArray) -> tuple[IntArray, IntArray]:
     """Triangles (t, 3) of cells (m, 4), of which triangles have their last corner twice; and the cell of each (t,).
 
     A quadrilateral is cut from a corner of the body that it fills, as a triangle with two edges on the boundary could
@@ -205,11 +208,23 @@ class _GmshFile:
                 raise ValueError(f"${name.decode('ascii', 'replace')} does not end where it should")
         cells, of_cells = self._joined(_CELLS, 4)
         lines, of_lines = self._joined(_LINES, 2)
-        curves = {name: number for dimension, number, name in self._names if dimension == 1 and number in of_lines}
-        surfaces = {name: number for dimension, number, name in self._names if dimension == 2 and number in of_cells}
-        edge_sets = {name: lines[np.concatenate(of_lines[number])] for name, number in curves.items()}
-        regions = {name: np.concatenate(of_cells[number]) for name, number in surfaces.items()}
+        edge_sets = {name: lines[rows] for name, rows in self._by_name(1, of_lines).items()}
+        regions = self._by_name(2, of_cells)
+        if self._version == "2.2" and len(of_cells) > 1:  # repeats what is in several surfaces for each of them
+            alike, first, place = np.unique(np.sort(cells, axis=1), axis=0, return_index=True, return_inverse=True)
+            if len(alike) < len(cells):
+                kept = np.sort(first)
+                number = np.searchsorted(kept, first)[place.reshape(-1)]
+                cells, regions = cells[kept], {name: number[rows] for name, rows in regions.items()}
         return MeshParts(self._points, cells, edge_sets, regions)
+
+    def _by_name(self, dimension: int, numbered: Mapping[int, list[IntArray]]) -> dict[str, IntArray]:
+        """Numbers of elements by physical names, each of which may belong to several physical numbers."""
+        found = dict[str, list[IntArray]]()
+        for each, number, name in self._names:
+            if each == dimension and number in numbered:
+                found.setdefault(name, []).extend(numbered[number])
+        return {name: np.concatenate(parts) for name, parts in found.items()}
 
     def _joined(self, kinds: Mapping[int, tuple[int, ...]], corners: int) -> tuple[IntArray, dict[int, list[IntArray]]]:
         """Indices of the corners of all elements of some kinds, (k, corners), and their numbers by physical number."""

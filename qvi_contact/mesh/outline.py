@@ -38,6 +38,7 @@ _MOST_TRIANGLES: Final = 200_000
 _NEAR: Final = 1e-9  # distance of points over the body's length below which they are one
 _APART: Final = 1e-5  # distance of points and lines over the body's length that do not meet
 _FARTHEST: Final = 1e5  # coordinates over the body's length
+_FLATTEST: Final = 1e6  # radius of an arc over its chord, which it is but for rounding
 _CHUNK: Final = 256  # points whose distances are looked at at a time
 _SMALLEST: Final = 1e-7  # of sizes, as a share of the outline's length
 
@@ -92,12 +93,14 @@ class Polygon(NamedTuple):
     """Centre of the circle that each piece is a chord of [length]; not a number where it is straight, shape (k, 2)."""
 
     def holds(self, points: FloatArray) -> BoolArray:
-        """Whether points (m, 2) lie inside this closed polygon."""
+        """Whether points (m, 2) lie inside this closed line, up to its arcs."""
         inside = np.zeros(len(points), dtype=bool)
-        for (ax, ay), (bx, by) in self.pieces.tolist():
-            crossed = (ay > points[:, 1]) != (by > points[:, 1])
-            left = (bx - ax) * (points[:, 1] - ay) > (points[:, 0] - ax) * (by - ay)  # of an edge that goes up
-            inside ^= crossed & (left == (by > ay))
+        for (start, stop), centre in zip(self.pieces, self.centres, strict=True):
+            crossed = (start[1] > points[:, 1]) != (stop[1] > points[:, 1])
+            side = cross(stop - start, points - start)
+            inside ^= crossed & ((side > 0.0) == (stop[1] > start[1]))
+            beyond = side * cross(stop - start, centre - start) < 0.0  # the chord of an arc
+            inside ^= beyond & (np.hypot(*(points - centre).T) < np.hypot(*(start - centre)))
         return inside
 
 
@@ -229,7 +232,7 @@ def _check_lines(found: Polygons) -> None:
     points = np.concatenate([pieces[:, 0], pieces[:, 1], found.points])
     touching, sides = list[BoolArray](), list[IntArray]()
     for chosen in np.array_split(points, 1 + len(points) // _CHUNK):
-        distances = _distances(chosen, pieces)
+        distances = _distances(chosen, found.every)
         close = (distances > rounding) & (distances < least)
         if close.any():
             place = tuple(chosen[np.argwhere(close)[0, 0]].tolist())
@@ -258,17 +261,23 @@ def _check_inside(found: Polygons) -> None:
         if not outer.holds(start)[0] or any(other.holds(start)[0] for other in others):
             raise InputError(f"holes[{k}]", tuple(start[0].tolist()), "this hole is not inside the body: move it")
     inside = np.sum([line.holds(found.points) for line in found.boundary], axis=0) == 1  # in the outer line alone
-    border = np.concatenate([line.pieces for line in found.boundary])
+    border = Polygon(*map(np.concatenate, zip(*found.boundary, strict=True)))
     inside |= (_distances(found.points, border) <= _NEAR * found.length).any(axis=1)
     if not inside.all():
         raise InputError("sizes", tuple(found.points[np.argmin(inside)].tolist()), "give points of the body")
 
 
-def _distances(points: FloatArray, pieces: FloatArray) -> FloatArray:
-    """Distances of points (m, 2) from each of some pieces (k, 2, 2), shape (m, k) [length]."""
-    along, offset = pieces[:, 1] - pieces[:, 0], points[:, None] - pieces[:, 0]
+def _distances(points: FloatArray, line: Polygon) -> FloatArray:
+    """Distances of points (m, 2) from each of the pieces (k,) of a line, arcs being arcs, shape (m, k) [length]."""
+    start, stop = line.pieces[:, 0], line.pieces[:, 1]
+    along, offset = stop - start, points[:, None] - start
     t = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
-    return np.asarray(np.hypot(*np.moveaxis(offset - t[:, :, None] * along, 2, 0)))
+    found = np.hypot(*np.moveaxis(offset - t[:, :, None] * along, 2, 0))
+    first, last, away = start - line.centres, stop - line.centres, points[:, None] - line.centres
+    radius, turn = np.hypot(*first.T), np.sign(cross(first, last))
+    beside = (turn * cross(first, away) >= 0.0) & (turn * cross(away, last) >= 0.0)  # between the radii to its ends
+    beside &= radius < _FLATTEST * np.hypot(*along.T)
+    return np.asarray(np.where(beside, np.abs(np.hypot(*np.moveaxis(away, 2, 0)) - radius), found))
 
 
 def _listed(line: object) -> Sequence[Any]:
@@ -370,7 +379,8 @@ def _divided(gmsh: Any, shape: Polygons) -> MeshParts:
         nodes = gmsh.model.mesh.getElementsByType(dimension, tag)[1]
         return np.asarray(nodes, dtype=np.int64).reshape(-1, dimension + 1)
 
-    cells = np.concatenate([elements(2, tag) for _, tag in sorted(surfaces)])
+    parts = [elements(2, tag) for _, tag in sorted(surfaces)]
+    cells, surface = np.concatenate(parts), np.repeat(np.arange(len(parts)), list(map(len, parts)))
     used = np.flatnonzero(np.isin(tags, cells))
     vertex = np.full(int(tags.max()) + 1, -1)
     vertex[tags[used].astype(np.int64)] = np.arange(len(used))
@@ -378,9 +388,10 @@ def _divided(gmsh: Any, shape: Polygons) -> MeshParts:
     pieces, names, _, centres = shape.every
     named, radii = {name: list[IntArray]() for name in names if name}, np.hypot(*(pieces[:, 0] - centres).T)
     circles, fixed = dict[tuple[float, float, float], list[IntArray]](), list[IntArray]()
-    for _, tag in gmsh.model.getEntities(1):  # each is on those pieces that both of its ends are on
-        ends = [gmsh.model.getValue(0, abs(end), [])[:2] for _, end in gmsh.model.getBoundary([(1, tag)])]
-        on = np.flatnonzero((_distances(np.array(ends) / unit, pieces) <= _NEAR * shape.length).all(axis=0))
+    for _, tag in gmsh.model.getEntities(1):  # each is on those pieces that its ends and its middle are on
+        places = [gmsh.model.getValue(0, abs(end), [])[:2] for _, end in gmsh.model.getBoundary([(1, tag)])]
+        places.append(gmsh.model.getValue(1, tag, np.mean(gmsh.model.getParametrizationBounds(1, tag), axis=0))[:2])
+        on = np.flatnonzero((_distances(np.array(places) / unit, shape.every) <= _NEAR * shape.length).all(axis=0))
         pairs = vertex[elements(1, tag)]
         fixed.append(pairs)
         for name in {*names[on]} - {""}:
@@ -399,8 +410,13 @@ def _divided(gmsh: Any, shape: Polygons) -> MeshParts:
         for (x, y, radius), found in circles.items()
     ]
     cells = divided_corners(vertices, vertex[cells], np.concatenate(fixed))
-    middles = vertices[cells].mean(axis=1)
-    regions = {name: np.flatnonzero(polygon.holds(middles)) for name, polygon in shape.regions.items()}
+    # a surface of gmsh lies in a region or outside; a triangle on the chord of an arc may have its middle beyond that
+    a, b, c = vertices[cells].swapaxes(0, 1)
+    middles, areas = (a + b + c) / 3.0, np.abs(cross(b - a, c - a))
+    held = {
+        name: np.bincount(surface, areas * (2.0 * line.holds(middles) - 1.0)) for name, line in shape.regions.items()
+    }
+    regions = {name: np.flatnonzero((share > 0.0)[surface]) for name, share in held.items()}
     for name, chosen in regions.items():
         if not len(chosen):
             raise InputError(f"regions.{name}", name, "no part of the body lies in this region: move it")

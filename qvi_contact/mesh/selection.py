@@ -12,7 +12,7 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, real_array
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import Topology, reference_of
+from qvi_contact.mesh.edges import TURNED, Topology, reference_of
 
 Point: TypeAlias = Sequence[float]
 Range: TypeAlias = Sequence[float] | None
@@ -21,6 +21,7 @@ Where: TypeAlias = Callable[[FloatArray, FloatArray], ArrayLike] | ArrayLike
 """A function of coordinate arrays (x, y) that says which ones are meant, or the numbers themselves."""
 
 _NEAR: Final = 1e-6  # distance over the body's length below which a vertex lies on a line
+_ALONG: Final = 0.1  # slope of an edge to a line, from which on it leaves this, however short it is
 _LARGEST: Final = 2.0**53  # whole numbers below it are exact
 
 
@@ -135,8 +136,9 @@ def edges_on_segment(
     t, distance = offset @ along, np.abs(offset @ np.array([-along[1], along[0]]))
     on = (distance <= near) & (t >= -near) & (t <= length + near)
     pairs = _pairs(topology, on, inside)
-    run = vertices[pairs[:, 1]] - vertices[pairs[:, 0]]
-    pairs = pairs[np.abs(run @ along) > np.abs(run @ [-along[1], along[0]])]  # shorter ones may leave the line
+    run, middle = vertices[pairs[:, 1]] - vertices[pairs[:, 0]], t[pairs].mean(axis=1)
+    follows = _ALONG * np.abs(run @ along) > np.abs(run @ [-along[1], along[0]])  # shorter ones may leave the line
+    pairs = pairs[follows & (middle > 0.0) & (middle < length)]
     if not len(pairs):
         where = "inside the body" if inside else "of the boundary"
         raise InputError("segment", [list(start), list(stop)], f"no edge {where} lies on this line: correct its ends")
@@ -151,7 +153,9 @@ def edges_on_segment(
 
 def edges_in_box(vertices: FloatArray, topology: Topology, x: Range, y: Range) -> IntArray:
     """Edges (k, 2) of the boundary whose two ends lie in ranges of x and y [length], by their vertices."""
-    pairs = _pairs(topology, _within(vertices, x, y)[0], False)
+    low, high, near = _box(vertices, x, y)
+    within = (vertices >= low - near) & (vertices <= high + near)
+    pairs = _pairs(topology, np.asarray(within.all(axis=1)), False)
     if not len(pairs):
         raise InputError("box", {"x": x, "y": y}, "no edge of the boundary lies in this box: make it larger")
     return pairs
@@ -160,13 +164,20 @@ def edges_in_box(vertices: FloatArray, topology: Topology, x: Range, y: Range) -
 def triangles_in_box(vertices: FloatArray, cells: IntArray, x: Range, y: Range) -> IntArray:
     """Numbers (k,) of the triangles in ranges of x and y [length], the borders of which must be edges of the mesh."""
     given = {name: bounds for name, bounds in (("x", x), ("y", y)) if bounds is not None}
-    closed, open_ = _within(vertices, x, y)
-    inside = closed[cells].all(axis=1)
-    for axis, bounds in ((0, x), (1, y)):
-        if bounds is not None:  # of triangles that are smaller than what counts as near, on which side they lie
-            centres = vertices[cells][..., axis].mean(axis=1)
-            inside &= (centres > bounds[0]) & (centres < bounds[1])
-    cut = open_[cells].any(axis=1) & ~inside
+    low, high, near = _box(vertices, x, y)
+    corners = vertices[cells]
+    centres = corners.mean(axis=1)  # of triangles smaller than what counts as near they say on which side these lie
+    inside = ((corners >= low - near) & (corners <= high + near)).all(axis=(1, 2))
+    inside &= ((centres > low) & (centres < high)).all(axis=1)
+    # a triangle and the box are apart if a side of one of them has them on its two sides
+    apart = ((corners.max(axis=1) <= low + near) | (corners.min(axis=1) >= high - near)).any(axis=1)
+    for start, stop in ((0, 1), (1, 2), (2, 0)):
+        along = corners[:, stop] - corners[:, start]
+        normal = along[:, ::-1] * TURNED
+        outward = np.sign(((corners[:, start] - centres) * normal).sum(axis=1))[:, None] * normal
+        nearest = np.where(outward > 0.0, low + near, high - near)  # corner of the box
+        apart |= ((nearest - corners[:, start]) * outward).sum(axis=1) >= 0.0
+    cut = ~apart & ~inside
     if cut.any():
         px, py = vertices[cells[np.argmax(cut)]].mean(axis=0)
         remedy = f"cuts the triangle around ({px:.6g}, {py:.6g}): give ranges that end on edges of the mesh"
@@ -182,19 +193,17 @@ def _pairs(topology: Topology, chosen: BoolArray, inside: bool) -> IntArray:
     return np.asarray(ends[chosen[ends].all(axis=1) & (topology.boundary != inside)])
 
 
-def _within(vertices: FloatArray, x: Range, y: Range) -> tuple[BoolArray, BoolArray]:
-    """Vertices (v,) in ranges, with and without their borders."""
-    near = _NEAR * float(np.ptp(vertices, axis=0).max())
-    closed, open_ = np.ones(len(vertices), dtype=bool), np.ones(len(vertices), dtype=bool)
-    for bounds, values in ((x, vertices[:, 0]), (y, vertices[:, 1])):
+def _box(vertices: FloatArray, x: Range, y: Range) -> tuple[FloatArray, FloatArray, float]:
+    """Lower left and upper right corner (2,) of ranges, and how far off them a vertex still lies on their border."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    near = _NEAR * float((high - low).max())
+    for axis, bounds in enumerate((x, y)):
         if bounds is not None:
             ends = real_array("range", bounds, "give a pair of numbers")
             if ends.shape != (2,) or not ends[0] < ends[1]:
                 raise InputError("range", bounds, "give two numbers, the smaller end first")
-            low, high = ends
-            closed &= (values >= low - near) & (values <= high + near)
-            open_ &= (values > low + near) & (values < high - near)
-    return closed, open_
+            low[axis], high[axis] = ends
+    return low, high, near
 
 
 _INSIDE: Final = -1e-9  # least barycentric coordinate of a point that counts as inside

@@ -194,7 +194,7 @@ class TriangleMesh(PicklesFields):
 
     @classmethod
     def load(cls, path: str | Path, join: str | None = None) -> TriangleMesh:
-        """Read a mesh file: Gmsh (.msh, format 4.1 or 2.2), and by meshio Abaqus or CalculiX (.inp), MED (.med), VTK.
+        """Read a mesh file: Gmsh (.msh, format 4.1 or 2.2), Abaqus or CalculiX (.inp), and by meshio MED (.med), VTK.
 
         Names of curves (physical names, ELSET, groups) become edge sets, or joints where the curves lie inside the
         body; names of surfaces become regions. Quadrilaterals are cut in two. See `mesh.files`. Bodies in the file that

@@ -6,9 +6,9 @@ ones, or the normal and the tangential one.
 
 A `Contact` on a joint inside the body rules no boundary edge.
 
-Signs: n is the outward normal; the tangent t is the direction along the edge with t_x > 0, or t_y > 0 where t_x = 0 (+x
-on horizontal edges, +y on vertical ones), whichever way the edge faces. σ_N = n·σn is negative under pressure, σ_T is
-the tangential component of the traction σn, u_N and u_T are the components of the displacement.
+Signs: n is the outward normal; the tangent t is the direction along the edge with t_x > 0, or t_y > 0 where |t_x| is at
+most 1e-5 (+x on horizontal edges, +y on vertical ones), whichever way the edge faces. σ_N = n·σn is negative under
+pressure, σ_T is the tangential component of the traction σn, u_N and u_T are the components of the displacement.
 """
 
 from __future__ import annotations
@@ -167,7 +167,6 @@ class RigidPlate:
             if DRIVES.get(name) in names:
                 remedy = f"{DRIVES[name]} is given too: what moves a plate is a force or a motion, leave one out"
                 raise InputError(f"RigidPlate.{name}", getattr(self, name), remedy)
-        object.__setattr__(self, "pivot", tuple(map(float, self.pivot)))
 
     @property
     def driven(self) -> bool:

@@ -22,6 +22,7 @@ from qvi_contact.basics.writing import given_path
 from qvi_contact.element.quadrature import EdgeQuadrature, adapted, constant
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, rounding_along
+from qvi_contact.mesh.files import corners_of, triangles_of
 from qvi_contact.mesh.triangles import TriangleMesh
 from solvers.basics.types import PicklesFields, load
 from solvers.errors import known_name
@@ -90,17 +91,15 @@ class BodyForces(PicklesFields):
     def __post_init__(self) -> None:
         if not isinstance(self.parts, Mapping) or not self.parts:
             raise InputError("BodyForces.parts", self.parts, "give a mapping from names to potentials")
-        for name, potential in self.parts.items():
+        for name in self.parts:
             if not isinstance(name, str) or not name or name in ("body", "pore pressure"):
                 raise InputError("BodyForces.parts", name, "give a name other than 'body', which means all of them")
-            if not callable(potential):
-                finite_number(f"BodyForces.{name}", potential)
-        object.__setattr__(self, "parts", MappingProxyType(dict(self.parts)))
+        parts = {name: check_field(f"BodyForces.{name}", potential) for name, potential in self.parts.items()}
+        object.__setattr__(self, "parts", MappingProxyType(parts))
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y): of all parts together."""
-        parts = (part(x, y) if callable(part) else part for part in self.parts.values())
-        return np.asarray(sum(np.broadcast_to(np.asarray(part, dtype=float), np.shape(x)) for part in parts))
+        return np.asarray(sum(evaluate(f"BodyForces.{name}", part, x, y) for name, part in self.parts.items()))
 
 
 @dataclass(frozen=True)
@@ -117,13 +116,15 @@ class Expression:
     t: float = 0.0
 
     def __post_init__(self) -> None:
-        finite_number("Expression.t", self.t)
+        object.__setattr__(self, "t", finite_number("Expression.t", self.t))
         if not isinstance(self.constants, Mapping):
             raise InputError("Expression.constants", self.constants, "give a mapping from names to numbers")
         for name, value in self.constants.items():
             if name in (*_VARIABLES, "pi", *FUNCTIONS):
                 raise InputError(f"constants.{name}", value, "this name means something already: choose another one")
-            finite_number(f"constants.{name}", value)
+        # a copy, which later changes of the caller's do not reach; NumPy's numbers have limits, or fewer digits
+        constants = {name: finite_number(f"constants.{name}", value) for name, value in self.constants.items()}
+        object.__setattr__(self, "constants", constants)
         _ = self._tree
         try:
             self(np.array([0.25, 0.75]), np.array([0.25, 0.75]))  # all of it, so that a bad text is refused here
@@ -150,8 +151,7 @@ class Expression:
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y)."""
-        constants = {name: float(value) for name, value in self.constants.items()}  # NumPy's whole numbers have limits
-        names = {"x": np.asarray(x, float), "y": np.asarray(y, float), "t": float(self.t), "pi": np.pi, **constants}
+        names = {"x": np.asarray(x, float), "y": np.asarray(y, float), "t": self.t, "pi": np.pi, **self.constants}
         with np.errstate(all="ignore"):  # what is not finite is refused where it is used
             value = _value(self._tree, names)
         return np.array(np.broadcast_to(np.asarray(value, dtype=float), np.shape(x)))
@@ -171,7 +171,8 @@ def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
         case ast.Compare(left=left, ops=ops, comparators=others) if all(type(op) in _OPERATORS for op in ops):
             sides = [_value(each, names) for each in (left, *others)]
             pairs = zip(ops, sides, sides[1:], strict=False)
-            return reduce(np.logical_and, [_OPERATORS[type(op)](one, other) for op, one, other in pairs])
+            holds = reduce(np.logical_and, [_OPERATORS[type(op)](one, other) for op, one, other in pairs])
+            return np.asarray(holds, float)  # a sum of truths were a truth, a root of one had few digits
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:
             wanted = _ARGUMENTS.get(name, 1)  # more would be taken for the place to write the result to
             if len(arguments) != wanted:
@@ -230,10 +231,10 @@ class PointData:
 
     @classmethod
     def load(cls, path: str | Path, name: str) -> PointData:
-        """The point data of that name in a file with triangles that meshio reads, such as .vtu, .vtk, .msh or .med.
+        """The point data of that name in a file that meshio reads, such as .vtu, .vtk, .msh or .med.
 
-        `InputError` if meshio is missing, the file cannot be read, has no triangles, or no such data with one number a
-        point.
+        Quadrilaterals are cut in two. `InputError` if meshio is missing, the file cannot be read, has no such cells and
+        no triangles, or no such data with one number a point.
         """
         path, printed = given_path("file", path), StringIO()
         try:
@@ -243,10 +244,9 @@ class PointData:
             told = " ".join(f"{error} {printed.getvalue()}".split()) or type(error).__name__
             raise InputError("file", str(path), f"cannot be read ({told}): write the file again") from error
         data = read.point_data[known_name("data", name, {"point data": read.point_data})]
-        blocks = [block.data[:, :3] for block in read.cells if block.type.startswith("triangle")]
-        if not blocks or np.ndim(data) != 1:
+        cells = triangles_of(read.points[:, :2], corners_of(read.cells))[0]
+        if not len(cells) or np.ndim(data) != 1:
             raise InputError("file", str(path), f"needs triangles, and one number a point as {name!r}")
-        cells = np.concatenate(blocks).astype(np.int64)
         used, places = np.unique(cells, return_inverse=True)
         return cls(
             TriangleMesh(read.points[used, :2], places.reshape(cells.shape)), np.asarray(data, dtype=float)[used]

@@ -87,8 +87,8 @@ class ContactProblem(PicklesFields):
             raise InputError("ContactProblem.mesh", self.mesh, "give a TriangleMesh")
         if not isinstance(self.material, Material):
             raise InputError("ContactProblem.material", self.material, "give a Material")
-        check_field("ContactProblem.body_potential", self.body_potential)
-        check_field("ContactProblem.temperature", self.temperature)
+        for name in ("body_potential", "temperature"):
+            object.__setattr__(self, name, check_field(f"ContactProblem.{name}", getattr(self, name)))
         _check_parts(self)
         _ = self.owners, self.cell_materials  # refuse edges without conditions, and regions that cut triangles
         _check_pressure(self)

@@ -272,6 +272,7 @@ REFUSALS = {
     "points": lambda points: CUT.graded(points, 1),
     "points of places": CUT.locate,
     "depth": lambda depth: CUT.graded([[0.0, 0.0]], depth),
+    "vertices": lambda vertices: CUT.fanned(vertices, 0.5),
     "marked": CUT.refined,
     "here": lambda where: CUT.with_region("here", where),
     "x, y": lambda x: step().displacement(x, 0.5),

@@ -75,6 +75,19 @@ class TestExpression:
         assert found.shape == POINTS[0].shape
         assert found == pytest.approx(np.broadcast_to(trusted(text.strip()), found.shape), rel=1e-14)
 
+    def test_truths_are_numbers(self):
+        """Of which numpy would make a truth again by +, and numbers of few digits by functions."""
+        x, y = POINTS
+        less, more = (x < 1.0).astype(float), (x + y < 2.0).astype(float)
+        assert (Expression("(x < 1) + (x + y < 2) - (0 < 1)")(x, y) == less + more - 1.0).all()
+        assert (Expression("exp(x < 1) + hypot(x < 1, x + y < 2)")(x, y) == np.exp(less) + np.hypot(less, more)).all()
+
+    def test_constants_are_those_of_before(self):
+        constants = {"a": np.int8(2)}
+        expression = Expression("a * x", constants)
+        constants["a"] = 3.0
+        assert (expression(*POINTS) == 2.0 * POINTS[0]).all()
+
     def test_time(self):
         load = Expression("x * t")
         assert load.names == {"x", "t"}

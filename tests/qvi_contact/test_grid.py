@@ -130,8 +130,9 @@ def test_parts_are_named_by_segments_functions_and_ranges():
      ({"joints": {"seam": lambda x, _: x > 5.0}}, "no interior edge"),
      ({"edges": {"top": ((0, 0), (1, 0))}}, "exists already"), ({"edges": {"": ((0, 0), (1, 0))}}, "non-empty"),
      ({"edges": {"foot": "bottom"}}, "pair of points"), ({"edges": [((0, 0), (1, 0))]}, "mapping"),
-     ({"regions": {"core": ((0, 0.3), None)}}, "no triangle"),
-     ({"regions": {"core": ((0.3, 2), None)}}, "cuts the triangle"),
+     ({"regions": {"core": ((5, 6), None)}}, "no triangle"),
+     *(({"regions": {"core": ranges}}, "cuts the triangle")
+       for ranges in (((0.3, 2), None), ((0, 0.3), None), ((0, 1.5), (0, 1)), ((0.9, 2), (1, 2)))),
      ({"regions": {"core": ((1, 0), None)}}, "smaller end"), ({"regions": {"core": 3}}, "pair of ranges")],
 )  # fmt: skip
 def test_parts_that_fit_no_line_are_refused(parts, word):

@@ -248,7 +248,10 @@ def test_a_temperature_by_values_at_points(tmp_path, shell):
     field = PointData(mesh, hot)
     assert field(x, y) == pytest.approx(10.0 + 20.0 * x - 7.0 * y)
     meshio.write_points_cells(
-        tmp_path / "hot.vtu", np.pad(mesh.vertices, [(0, 0), (0, 1)]), {"triangle": mesh.cells}, {"T": hot}
+        tmp_path / "hot.vtu",
+        np.pad(mesh.vertices, [(0, 0), (0, 1)]),
+        {"quad": [[0, 1, 7, 6]], "triangle": mesh.cells[2:]},
+        {"T": hot},
     )
     (tmp_path / "problem.toml").write_text(FILE.replace('"dT * x * t"', '{ file = "hot.vtu", data = "T" }'))
     problem = load_problem(tmp_path / "problem.toml").problem

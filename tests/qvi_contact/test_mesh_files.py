@@ -62,7 +62,7 @@ class TestFiles:
         [("a.stl", "", "endings"), ("a.msh", None, "no such file"), ("a.msh", "nonsense", "cannot be read"),
          ("a.msh", "", "cannot be read"),
          ("a.inp", INP.replace("CPS3", "CPE9"), "cannot be read"),
-         ("a.inp", INP.replace("TYPE=CPS3\n3, 1, 2, 3\n4, 1, 3, 4", "TYPE=C3D4\n3, 1, 2, 3, 4"), "'tetra'"),
+         ("a.inp", INP.replace("TYPE=CPS3\n3, 1, 2, 3\n4, 1, 3, 4", "TYPE=C3D4\n3, 1, 2, 3, 4"), "'C3D4'"),
          ("a.inp", INP.partition("*ELEMENT, TYPE=CPS3")[0], "no triangles"),
          ("a.msh", MSH_2.replace("3 1 1 0\n", "3 1 1 1\n"), "not plane"), ("a.med", "nonsense", "cannot be read")],
     )  # fmt: skip
@@ -102,11 +102,10 @@ class TestFiles:
         assert TriangleMesh.load(tmp_path / "a.msh").edges("floor").length.sum() == pytest.approx(2.0)
 
     def test_without_meshio_the_command_to_type_is_told(self, tmp_path, without):
-        path = tmp_path / "a.inp"
-        path.write_text(INP)
-        without("meshio.abaqus")
+        (tmp_path / "a.vtk").write_text("")
+        without("meshio.vtk")
         with pytest.raises(InputError, match="pip install"):
-            TriangleMesh.load(path)
+            TriangleMesh.load(tmp_path / "a.vtk")
 
 
 def refusal(path):
@@ -225,6 +224,14 @@ class TestGmsh:
         regions = TriangleMesh.load(tmp_path / "a.msh").regions
         assert {name: cells.tolist() for name, cells in regions.items()} == {"one": [0], "other": [1]}
 
+    def test_a_name_of_several_numbers_is_that_of_all(self, tmp_path):
+        """And a triangle in several surfaces, which stands there once for each, is one."""
+        changes = [("$PhysicalNames\n3", '$PhysicalNames\n5\n1 8 "floor"\n2 9 "all"'), ("$Elements\n4", "$Elements\n7")]
+        more = "3 2 2 3 1 1 2 3\n5 1 2 8 1 2 3\n6 2 2 9 1 1 2 3\n7 2 2 9 1 1 3 4\n"
+        mesh = TriangleMesh.load(written(tmp_path / "a.msh", MSH_2, *changes, ("3 2 2 3 1 1 2 3\n", more)))
+        assert mesh.pairs("floor").tolist() == [[0, 1], [1, 2]]
+        assert {name: cells.tolist() for name, cells in mesh.regions.items()} == {"steel": [0], "all": [0, 1]}
+
     def test_partitions_are_read_over(self, tmp_path):
         """As more numbers of each element, of which the first is the physical one."""
         path = written(tmp_path / "a.msh", MSH_2, ("3 2 2 3 1 1 2 3", "3 2 4 3 1 1 7 1 2 3"))
@@ -234,13 +241,26 @@ class TestGmsh:
 class TestAbaqus:
     """Sets of elements."""
 
-    def test_ranges(self, tmp_path):
-        path = tmp_path / "a.inp"
-        mesh = TriangleMesh.load(written(path, f"{INP}*ELSET, ELSET=both, GENERATE\n3, 4, 1\n"))
-        assert mesh.regions["both"].tolist() == [0, 1]
-        apart = ("4, 1, 3, 4", "*ELEMENT, TYPE=CPS3\n4, 1, 3, 4")  # in a block of its own
-        mesh = TriangleMesh.load(written(path, f"{INP}*ELSET, ELSET=second\n4\n", apart))
-        assert mesh.regions["second"].tolist() == [1]
+    def test_blocks_of_nodes_ranges_sets_of_sets_and_other_files(self, tmp_path):
+        nodes, quad = "*Node\n11, 2., 0.\n12, 2., 1.\n", "*Element, type=cpe4r, elset=STEEL\n9, 2, 11, 12, 3\n"
+        (tmp_path / "ends.inc").write_text(nodes + quad)
+        sets = "*ELSET, ELSET=both, GENERATE\n3, 4, 1\n*ELSET, ELSET=all\nSteel, rest\n*ELSET, ELSET=rest\n4\n"
+        text = INP.replace("5, 5, 5", "13, 0.5, 1") + "*ELEMENT, TYPE=T3D3, ELSET=lid\n7, 4, 13, 3\n" + sets
+        mesh = TriangleMesh.load(written(tmp_path / "a.inp", f"{text}*INCLUDE, INPUT=ends.inc\n"))
+        assert mesh.vertices.tolist() == [*map(list, SQUARE), [2.0, 0.0], [2.0, 1.0]]
+        named = {name: numbers.tolist() for name, numbers in (*mesh.regions.items(), *mesh.edge_sets.items())}
+        lines = {"floor": [[0, 1]], "seam": [[0, 2]], "lid": [[2, 3]]}
+        assert named == {"steel": [0, 2, 3], "all": [0, 1, 2, 3], "rest": [1], "both": [0, 1], **lines}
+
+    @pytest.mark.parametrize(
+        ("new", "told"),
+        [("*PART\n*END PART\n*PART\n", "several parts"), ("*INSTANCE, NAME=a\n0, 1, 0\n", "INSTANCE"),
+         ("*NODE, SYSTEM=C\n", "moves or makes"), ("*NODE\n1, 0, 9\n", "two nodes"), ("*NGEN\n1, 3, 1\n", "NGEN"),
+         ("*ELSET, ELSET=a, GENERATE\n1, 1000000000000, 0\n", "zero"), ("*INCLUDE, INPUT=a.inp\n", "includes"),
+         ("*ELSET, ELSET=a\nb\n", "no set B"), ("*ELEMENT, TYPE=CPS4\n9, 1, 2, 3\n", "reshape")],
+    )  # fmt: skip
+    def test_what_is_not_read_is_told(self, tmp_path, new, told):
+        assert told in refusal(written(tmp_path / "a.inp", INP, ("*NODE\n", f"{new}*NODE\n")))
 
     def test_nodes_that_are_not_there(self, tmp_path):
         refusal(written(tmp_path / "a.inp", INP, ("3, 1, 2, 3\n", "3, 1, 2, 7\n")))

@@ -225,6 +225,24 @@ class TestMeshes:
         assert set(np.bincount(np.concatenate([joint.first, joint.second])).tolist()) == {0, 2}
         assert np.isin(joint.cells, mesh.region("pin")).sum(axis=1).tolist() == len(joint) * [1]
 
+    @pytest.mark.parametrize("more", [{"sizes": {(0.5 + 0.3 * np.cos(0.2), 0.5 + 0.3 * np.sin(0.2)): 0.02}},
+                                      {"joints": {"cut": [(0.0, 0.55), (1.0, 0.55)]}}])  # fmt: skip
+    def test_what_meets_an_arc_between_its_chords_leaves_it_whole(self, more):
+        """Its name, its edges as arcs, and the region inside."""
+        circle = Corner.circle((0.5, 0.5), 0.3, size=0.3)
+        more = {**more, "joints": {"pin": circle, **more.get("joints", {})}}
+        mesh = TriangleMesh.outline(SQUARE, 0.3, regions={"pin": circle}, **more)
+        assert mesh.edges("pin").length.sum() == pytest.approx(0.6 * np.pi)
+        boundary = mesh.part(mesh.region("pin")).boundary
+        assert boundary.length.sum() == pytest.approx(0.6 * np.pi)
+
+    def test_a_line_may_end_on_an_arc(self):
+        end = np.sqrt(0.25 - 0.15**2)
+        dome = [Corner((0.0, 0.0), "base"), Corner((1.0, 0.0), "dome", (0.5, 0.0))]
+        mesh = TriangleMesh.outline(dome, 0.3, joints={"cut": [(0.35, 0.0), (0.35, end)]})
+        assert mesh.edges("dome").length.sum() == pytest.approx(0.5 * np.pi)
+        assert mesh.edges("cut").length.sum() == pytest.approx(end)
+
     @pytest.mark.parametrize(("size", "away"), [(1e-6, 0.0), (1e5, 0.0), (1.0, 1e4), (3.0, 0.0)])
     def test_neither_units_nor_places_matter(self, size, away):
         """The tolerances of gmsh are absolute. Corners are kept to the last digit, straight lines straight."""

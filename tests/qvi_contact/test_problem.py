@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from qvi_contact import InputError, TriangleMesh, discretize, load_problem, load_result, solve, verify_result
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
+from qvi_contact.problem import BodyForces, Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
 
 MESH = TriangleMesh.rectangle((2, 2))
 STEEL = Material(2.1e5, 0.3)
@@ -37,6 +37,21 @@ def test_bad_materials_are_refused(name, value):
     assert caught.value.field == f"Material.{name}"
 
 
+@pytest.mark.parametrize("kind", [np.uint8, np.float16, np.int64, np.float32, int])
+def test_numbers_of_any_kind_are_floats(kind):
+    """So that −5 is not 251, and nothing is computed with few digits."""
+    material = Material(kind(3), kind(1) / kind(3) if issubclass(kind, np.floating) else 0.25, prestress=[kind(1)] * 3)
+    conditions = [Contact("bottom", kind(1)), Traction("top", normal=kind(5), tangential=kind(0)),
+                  Traction("left", kind(0), kind(0)), Displacement("right", kind(1), kind(1))]  # fmt: skip
+    regions = [Region(material, x=[kind(1), kind(2)])]
+    stated = ContactProblem(BLOCK, material, conditions, regions=regions, temperature=kind(7))
+    found = [*material.prestress, material.young, material.poisson, *stated.regions[0].x, stated.temperature]
+    found += [value for each in stated.conditions for value in vars(each).values() if not isinstance(value, str)]
+    assert {type(value) for value in found if value is not None} == {float}
+    assert stated.cartesian_conditions[1].y == 5.0
+    assert (material.compliance == Material(3.0, float(material.poisson)).compliance).all()
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize(
     ("kind", "name"),
@@ -51,6 +66,7 @@ def test_what_is_not_finite_is_refused(kind, name, value):
 @pytest.mark.parametrize(
     "friction",
     [lambda x, y: -x - y, lambda x, y: x * y * np.nan, lambda x: x, lambda x, y: np.ones(len(x) + len(y) - 1),
+     lambda x, _: np.abs(x[0]),  # the first of several rows
      lambda x, y: f"rough {x} {y}"],
 )  # fmt: skip
 def test_bad_friction_functions_are_refused(friction):
@@ -112,6 +128,13 @@ LOADED = (
         Displacement("right", normal=-0.01, tangential=0.002),
     ),
 )
+
+
+def test_functions_may_write_to_their_arguments():
+    x = np.linspace(0.0, 1.0, 5)
+    parts = dict.fromkeys("abc", lambda x, y: np.add(x, y, out=x))
+    assert (BodyForces(parts)(x, x) == 6.0 * x).all()
+    assert (x == np.linspace(0.0, 1.0, 5)).all()
 
 
 def test_both_ways_of_stating_are_one_problem():

@@ -180,7 +180,7 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
      ("y = [0.0, 1.0]", 'y = [0.0, 1.0]\nrefine = { largest = 1.0, towards = ["a"] }', "mesh.refine.towards[0]",
       "name"),
      ("[material]", "[[regions]]\nyoung = 1.0\npoisson = 0.9\n[material]", "regions[0].poisson", "at most 0.5"),
-     ("[material]", "[[regions]]\nyoung = 1.0\npoisson = 0.3\ny = [0.0, 0.5]\n[material]", "regions[0]", "no triangle"),
+     ("[material]", "[[regions]]\nyoung = 1.0\npoisson = 0.3\ny = [0.0, 0.5]\n[material]", "regions[0]", "cuts the"),
      ("[material]", "[constants]\nx = 1.0\n[material]", "constants.x", "means something already"),
      ("[material]", '[constants]\n"a b" = 1.0\n[material]', "constants.'a b'", "letters"),
      ("[material]", '[[edges]]\nname = "top"\nside = "top"\n[material]', "edges[0].name", "another name"),

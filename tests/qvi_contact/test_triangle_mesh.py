@@ -320,8 +320,17 @@ def test_regions_and_segments_are_told_apart_in_the_smallest_triangles():
     free = [Traction(side, x=0.0, y=0.0) for side in mesh.edge_names]
     problem = ContactProblem(mesh, Material(1.0, 0.3), free, regions=[Region(Material(2.0, 0.3), y=(0.5, 1.0))])
     assert (problem.cell_materials == (mesh.corners.mean(axis=1)[:, 1] > 0.5)).all()
-    base = mesh.with_edges("base", edges_on_segment(mesh.vertices, mesh.topology, (0.0, 0.0), (1.0, 0.0)))
-    assert (base.pairs("base") == mesh.pairs("bottom")).all()
+    for lean in (0.0, 2.0, -2.0):  # corners of 90°, 27° and 153°
+        leaning = TriangleMesh(mesh.vertices @ [[1.0, 0.0], [lean, 1.0]], mesh.cells, mesh.edge_sets)
+        base = edges_on_segment(leaning.vertices, mesh.topology, (0.0, 0.0), (1.0, 0.0))
+        assert (leaning.with_edges("base", base).pairs("base") == mesh.pairs("bottom")).all()
+
+
+def test_tangents_of_a_wall_that_is_upright_but_for_rounding_of_data_point_up():
+    mesh = TriangleMesh.rectangle((2, 20))
+    rounded = 1e-7 * np.random.default_rng(0).standard_normal(mesh.vertices.shape)
+    for name in ("left", "right"):
+        assert (TriangleMesh(mesh.vertices + rounded, mesh.cells, mesh.edge_sets).edges(name).tangent[:, 1] > 0.0).all()
 
 
 class TestJoined:
@@ -351,6 +360,27 @@ class TestJoined:
             assert mesh.edges("seam").length.sum() == pytest.approx(2.5)
         same = TriangleMesh.joined("seam", [self.below((4, 2)), self.above((4, 2))])
         assert (len(same.cells), len(same.pairs("seam"))) == (32, 4)
+
+    @pytest.mark.parametrize(("rounding", "place"), [(1e-9, 0.0), (1e-7, 0.0), (0.0, 1e7)])
+    def test_bodies_whose_data_are_rounded_are_joined_along_all_of_the_line(self, rounding, place):
+        turn, rng = np.array([[0.8, 0.6], [-0.6, 0.8]]), np.random.default_rng(0)
+        for _ in range(4):
+            meshes = [
+                TriangleMesh(
+                    (mesh.vertices + place) @ turn + rng.normal(0.0, rounding, mesh.vertices.shape), mesh.cells
+                )
+                for mesh in (self.below((5, 2)), self.above((7, 3), 1.6, 0.2))
+            ]
+            mesh = TriangleMesh.joined("seam", meshes)
+            assert mesh.edges("seam").length.sum() == pytest.approx(1.6, abs=1e-6)
+            assert len(mesh.outlines) == 1
+
+    def test_bodies_that_meet_at_some_of_their_vertices_are_refused(self):
+        above = self.above((4, 2))
+        vertices = above.vertices.copy()
+        vertices[2, 1] += 1e-5
+        with pytest.raises(InputError, match="apart around"):
+            TriangleMesh.joined("seam", [self.below((1, 2)), TriangleMesh(vertices, above.cells)])
 
     def test_what_cannot_be_joined(self):
         apart = TriangleMesh.rectangle((2, 2), 1.0, 1.0, origin=(0.0, 1.5))
