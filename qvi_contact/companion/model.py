@@ -28,7 +28,7 @@ from qvi_contact.solution.contact_line import turning_senses
 from qvi_contact.solution.result import PlateMotion, plate_motion
 from qvi_contact.solution.stress import given_points, mean_at
 from qvi_contact.version import __version__
-from solvers import Certificate, QVISolution, Status, solve_qvi
+from solvers import Certificate, QVISolution, Status
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import PicklesFields
 from solvers.certificate.certificate import EXPONENTS
@@ -404,13 +404,13 @@ def solve_companions(
             said = status, Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance), message, None, (message,), None
             return (CompanionResult(problem, scales, body, *said),) * len(laws)
         for dual in duals:
-            solution, own, state = solve_qvi(dual.qvi, tolerance=tolerance), dual.contacts, None
+            solution, own, state = dual.solved(tolerance), dual.contacts, None
             reasons = held.reasons + remarks + own.reasons
             if solution.status is not Status.INFEASIBLE and np.isfinite(solution.z).all():
                 bound = np.full(own.count, np.inf)
                 bound[~own.tied] = dual.qvi.threshold(np.abs(dual.qvi.normal(solution.z)))
                 values, plates = dual.displacements(solution)
-                v, c, wrong = admissible(dual, values, plates, solution.z, bound)
+                v, c, plates, wrong = admissible(dual, values, plates, solution.z, bound)
                 tractions = np.where(dual.live, solution.z, 0.0)
                 state = CompanionState(own, v, c, plates, tractions, dual.live, bound, load - body.initial_load, wrong)
                 reasons += (wrong,) if wrong else ()
