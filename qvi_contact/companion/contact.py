@@ -46,8 +46,8 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
-from qvi_contact.companion.body import MISFIT, PARALLEL, CondensedBody, along_arcs, edge_data, load_points, moments
-from qvi_contact.companion.space import DisplacementSpace, spread
+from qvi_contact.companion.body import CondensedBody, load_points, moments
+from qvi_contact.discretization.displacements import MISFIT, PARALLEL, DisplacementSpace, along_arcs, edge_data, spread
 from qvi_contact.discretization.plates import COMPONENTS, independent_rows
 from qvi_contact.discretization.scaling import REACH, Scales
 from qvi_contact.element import bernstein
@@ -510,7 +510,7 @@ def moved(
             wanted.append(none @ change[group])
     ties = np.concatenate(tied)
     ties[np.abs(ties) < _SHARED] = 0.0  # rounding moves no plate
-    plates = np.linalg.lstsq(ties, np.concatenate(wanted), _SHARED)[0]
+    plates = np.asarray(np.linalg.lstsq(ties, np.concatenate(wanted), _SHARED)[0], dtype=np.float64)
     target, result = rows @ values + change + motions @ plates, values.copy()
     for _ in range(2):  # once more for rounding
         error = target - rows @ result

@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number
-from qvi_contact.companion.body import PARALLEL, CondensedBody, Elasticity, Supports, load_vector, supports
+from qvi_contact.companion.body import CondensedBody, Elasticity, load_vector
 from qvi_contact.companion.contact import Contacts, DisplacementContact, admissible, dual_problem
-from qvi_contact.companion.space import DisplacementSpace, Triangle, triangle
+from qvi_contact.discretization.displacements import PARALLEL, DisplacementSpace, Supports, Triangle, supports, triangle
 from qvi_contact.discretization.loads import scaled_stress_at_rest
 from qvi_contact.discretization.plates import COMPONENTS
 from qvi_contact.discretization.scaling import Scales
