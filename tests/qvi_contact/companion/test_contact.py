@@ -141,12 +141,10 @@ def block(shear, friction=0.3):
 class TestDraggedBlock:
     """What friction can carry, exactly up to μ p."""
 
-    @pytest.mark.parametrize("shear", [1.499])
-    def test_carried(self, shear):
-        companion = companion_of(block(shear))
-        ground = companion.contacts["ground"]
+    def test_carried(self):
+        ground = companion_of(block(1.499)).contacts["ground"]
         assert ground.normal_force == pytest.approx(10.0, rel=1e-9)
-        assert ground.tangential_force == pytest.approx(-2 * shear, rel=1e-9)
+        assert ground.tangential_force == pytest.approx(-2.998, rel=1e-9)
 
     def test_beyond_the_limit(self):
         companion = solve_companion(block(1.501))
@@ -183,22 +181,13 @@ def test_a_plate_that_forces_drive_is_the_motion_imposed_instead(law, plate):
     assert driven.parts["load"] == pytest.approx(work, rel=1e-12)
 
 
-def box(gap, law="unilateral"):
-    """Two contact lines that end in one corner, tied ground, symmetry."""
-    conditions = [
-        Contact("top", 0.3, gap=-1e-3),
-        Contact("right", 0.2, gap=gap, law=law),
-        Symmetry("left"),
-        Contact.tied("bottom"),
-    ]
-    return ContactProblem(MESH, STEEL, conditions)
-
-
 def test_contradictions_are_named():
     """The right side keeps a distance that the ground below it does not let it have."""
-    companion = solve_companion(box(1e-4, "bilateral"))
-    assert any("contradict the obstacle" in reason for reason in companion.reasons)
-    assert not any("contradict the obstacle" in reason for reason in companion_of(box(0.0, "bilateral")).reasons)
+    for gap, told in ((1e-4, True), (0.0, False)):
+        beside = Contact("top", 0.3, gap=-1e-3), Symmetry("left"), Contact.tied("bottom")
+        problem = ContactProblem(MESH, STEEL, [Contact("right", 0.2, gap=gap, law="bilateral"), *beside])
+        reasons = companion_of(problem).reasons
+        assert any("contradict the obstacle" in reason for reason in reasons) is told
 
 
 def test_weight_on_both_sides_of_a_joint():
@@ -359,13 +348,10 @@ def test_friction_where_joints_cross():
     assert bracket.lower <= bracket.upper <= bracket.lower + 0.01 * bracket.strain
 
 
-@pytest.mark.parametrize("gap", [0.5, 5.0])
-def test_obstacles_that_a_slender_body_reaches_from_far_away(gap):
-    """More than a thousand units of displacement are in the way."""
-    problem = ContactProblem(
-        TriangleMesh.rectangle((12, 1), 20.0, 0.5), STEEL,
-        [Displacement("left", 0.0, 0.0), Traction("top", 0.0, -0.02), FREE[1], Contact("bottom", 0.0, gap=gap)],
-    )  # fmt: skip
-    bracket = solve(problem).bracket
+def test_an_obstacle_that_a_slender_body_reaches_from_far_away():
+    """More than ten thousand units of displacement are in the way."""
+    mesh, base = TriangleMesh.rectangle((12, 1), 20.0, 0.5), Contact("bottom", 0.0, gap=5.0)
+    conditions = [Displacement("left", 0.0, 0.0), Traction("top", 0.0, -0.02), FREE[1], base]
+    bracket = solve(ContactProblem(mesh, STEEL, conditions)).bracket
     assert bracket.guaranteed
     assert bracket.lower <= bracket.upper <= bracket.lower + 0.03 * bracket.strain
