@@ -525,10 +525,7 @@ def moved(
 def admissible(
     problem: DualProblem, values: FloatArray, plates: FloatArray, tractions: FloatArray, bound: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, str]:
-    """(v (size,), c (2 n,), motions of plates (q,), why not) that meets the contact conditions to rounding.
-
-    From w_Γ and motions of plates.
-    """
+    """(v (size,), c (2 n,), motions (q,), why not) that meets contact conditions to rounding, from w_Γ and motions."""
     contacts, rows = problem.contacts, sparse.csr_array(problem.B)
     unit, n, slipping = max(1.0, float(np.abs(tractions).max(initial=0.0))), contacts.count, contacts.slipping
     c = rows @ values + problem.constant - contacts.motions @ plates

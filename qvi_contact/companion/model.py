@@ -341,9 +341,8 @@ def solve_companion(
     Notes
     -----
     ∫ s |v_T − w| is bounded from above by Σ |c_i − w_i| ∫ s B_i, in which s is bounded from above by the smaller of the
-    means of c and t_max. The laws hold for the coefficients' forces ∫ σ B_i, not for stresses at points. Data given as
-    functions are looked at in 99 points of every edge (`bernstein.SAMPLES`), a body potential in those of two
-    quadratures. `CompanionResult.reasons` names those that are no polynomials there.
+    means of c and t_max. The laws hold for the coefficients' forces ∫ σ B_i, not for stresses at points. A body
+    potential is looked at in the points of two quadratures, see `CompanionResult.reasons` for other data.
 
     """
     cell = checked(problem, degree, tolerance)
