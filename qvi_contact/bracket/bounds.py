@@ -33,10 +33,9 @@ from qvi_contact.bracket.parts import (
 )
 from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_contacts, with_numbers, with_shares
 from qvi_contact.companion import CompanionResult, solve_companion, solve_companions
-from qvi_contact.companion.body import PARALLEL
 from qvi_contact.companion.model import checked
-from qvi_contact.companion.space import HIGHEST, triangle
 from qvi_contact.discretization.discretization import Discretization
+from qvi_contact.discretization.displacements import HIGHEST, PARALLEL, triangle
 from qvi_contact.discretization.loads import is_polynomial, physical, scaled_stress_at_rest, spanned
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError

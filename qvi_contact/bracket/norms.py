@@ -23,10 +23,10 @@ from scipy.sparse.linalg import spsolve
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.bracket.share import Share, bodies_of, held_directions, shares_on, spans
-from qvi_contact.companion.body import PARALLEL, Elasticity
+from qvi_contact.companion.body import Elasticity
 from qvi_contact.companion.contact import DisplacementContact
 from qvi_contact.companion.model import MOST, SINGULAR, BodyAtRest
-from qvi_contact.companion.space import DisplacementSpace, reference_matrices, triangle
+from qvi_contact.discretization.displacements import PARALLEL, DisplacementSpace, reference_matrices, triangle
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError

@@ -24,8 +24,8 @@ from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.bracket.parts import EdgeTractions
-from qvi_contact.companion.body import PARALLEL
 from qvi_contact.discretization.discretization import Discretization, discretize
+from qvi_contact.discretization.displacements import PARALLEL
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.mechanism.bodies import blocks_of_cells

@@ -24,6 +24,5 @@ __getattr__ = front(
         "body": ("Elasticity",),
         "contact": ("DualProblem",),
         "model": ("BodyAtRest", "moduli"),
-        "space": ("DisplacementSpace", "Triangle"),
     },
 )

@@ -23,8 +23,9 @@ over the mean tractions τ = z / W that the laws admit, a `FrictionQVI`, subject
 
 The multipliers of its rows are W (g − c_N) ≥ 0 and −W (c_T − w). Unknowns come as all normal tractions, then all
 tangential ones. Those whose c nothing can change (supports prescribe it, or the tip of a joint) get a compliance of
-their own and stay zero; so do those whose c follows from others, in a corner where two contact lines end, or where
-joints cross: friction there is left to the other line.
+their own and stay zero; so do normal and tied ones whose c follows from others. Friction whose c does, in a
+corner where two contact lines end or where joints cross, and what stops a plate where supports prescribe c, get a
+small compliance beside C, which is singular there.
 
 A solution meets the contact conditions to a tolerance, and is then made `admissible`.
 
@@ -40,24 +41,27 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
-from qvi_contact.companion.body import MISFIT, PARALLEL, CondensedBody, along_arcs, edge_data, load_points, moments
-from qvi_contact.companion.space import DisplacementSpace, spread
+from qvi_contact.companion.body import CondensedBody, load_points, moments
+from qvi_contact.discretization.displacements import MISFIT, PARALLEL, DisplacementSpace, along_arcs, edge_data, spread
 from qvi_contact.discretization.plates import COMPONENTS, independent_rows
-from qvi_contact.discretization.scaling import Scales
+from qvi_contact.discretization.scaling import REACH, Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
+from qvi_contact.mechanism.mechanism import null_space
 from qvi_contact.mesh.edges import Edges, centre_of, frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, RigidPlate
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem
-from solvers import FrictionQVI, QVISolution
+from solvers import FrictionQVI, QVISolution, Status, solve_qvi
 from solvers.basics.linked import linked
 
 _DEPENDENT = 1e-9  # length of an equality row, relative, left after those before it, that counts as nothing
 _BALANCED = 1e-9
 _STICKS = 1e3  # of the largest bound of friction: the bound of what must not slip
+_SOFT = 1e-3  # compliance of a force whose c follows from others, over that of other forces
+_TRIALS = 4  # of what gives way by it
 
 _SHARED = 1e-9  # singular value of rows that share unknowns, relative, that counts as zero
 _VIOLATED = 1e-12
@@ -364,10 +368,27 @@ class DualProblem:
     body: CondensedBody
     B: FloatArray  # (2 n, k): c from w_Γ
     constant: FloatArray  # (2 n,): c_D, plates moved as given
-    movable: BoolArray  # (2 n,): where c can change
-    live: BoolArray  # (2 n,): where there is a force: c can change, and does not follow from others
+    # (2 n,): where the body can change c, and that does not follow from others; where there is a force
+    alone: BoolArray
+    live: BoolArray
     equalities: IntArray  # which of the rigid motions, then plate motions, have a row of their own
     qvi: FrictionQVI
+    beyond: FloatArray  # (2 n,): what f lacks in obstacles that count as nearer than they stand, see `Scales.reach`
+    soft: FloatArray  # (2 n,): compliances of C that f is to make up for
+
+    def solved(self, tolerance: float) -> QVISolution:
+        """Its solution: again with obstacles where they stand if the body gets there, and with what gives way added."""
+        found, given, reached = solve_qvi(self.qvi, tolerance=tolerance), self.qvi, False
+        for _ in range(_TRIALS):
+            least = tolerance * found.certificate.scales.get("stress", np.inf)
+            reached |= bool((found.z[self.beyond > 0.0] < -least).any())
+            f = self.qvi.f + reached * self.beyond + self.soft * found.z
+            more = float(np.abs(f - given.f).max(initial=0.0))
+            if found.status is not Status.SOLVED or more <= tolerance * float(np.abs(f).max(initial=0.0)):
+                break
+            given = self.qvi.with_loads(f=f)
+            found = solve_qvi(given, tolerance=tolerance)
+        return found
 
     def displacements(self, solution: QVISolution) -> tuple[FloatArray, FloatArray]:
         """(w_Γ, motions q of the plates) of a solution."""
@@ -381,21 +402,23 @@ class DualProblem:
 
 def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
     """Pose the problem; `InputError` if loads, or resultants of plates, contradict equilibrium."""
-    W, touched = contacts.weights, contacts.rows @ body.supports.axes
+    n, W, touched = contacts.count, contacts.weights, contacts.rows @ body.supports.axes
     constant = touched @ body.supports.fixed - contacts.moved
     B = touched[:, body.interface].toarray()
-    movable = np.abs(B).sum(axis=1) > PARALLEL
-    B[~movable] = 0.0
-    live = movable.copy()
-    live[_determined(B, contacts)] = False
+    alone = np.abs(B).sum(axis=1) > PARALLEL
+    B[~alone] = 0.0
+    alone[_determined(B, contacts)] = False
+    rubs = np.append(np.zeros(n, dtype=bool), ~contacts.tied)
+    live = alone | (rubs & B.any(axis=1)) | (np.abs(contacts.motions).sum(axis=1) > PARALLEL)
     compliance = B @ body.relieve(np.ascontiguousarray(B.T)) if len(B) else np.zeros((0, 0))
-    C = compliance * W * W[:, None]
+    usual = float(np.median(np.diag(compliance)[alone])) if alone.any() else 1.0
+    compliance[~live], compliance[:, ~live] = 0.0, 0.0
+    own = usual * np.select([alone, live], [0.0, _SOFT], 1.0) * W**2
+    C = compliance * W * W[:, None] + np.diag(own)
     C = (C + C.T) / 2.0
-    diagonal = np.diag(C).copy()
-    C[~live], C[:, ~live] = 0.0, 0.0
-    diagonal[~live] = np.median(diagonal[live]) if live.any() else 1.0
-    np.fill_diagonal(C, diagonal)
-    f = np.where(live, W * (contacts.obstacle - constant - B @ body.relieve(body.r)), 0.0)
+    beyond = np.where(contacts.bilateral, 0.0, np.maximum(contacts.obstacle[:n] - REACH, 0.0))
+    beyond = np.append(beyond, np.zeros(n)) * W * live
+    f = np.where(live, W * (contacts.obstacle - constant - B @ body.relieve(body.r)), 0.0) - beyond
     A = np.where(live, np.vstack([body.R.T @ B.T, contacts.motions.T]), 0.0) * W
     b = np.concatenate([-body.R.T @ body.r, contacts.resultants])
     kept = _independent(A, b, body.R.shape[1])
@@ -418,7 +441,8 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
         A=sparse.csc_array(A[kept].reshape(len(kept), 2 * contacts.count)),
         b=b[kept],
     )
-    return DualProblem(contacts, body, B, constant, movable, live, kept, qvi)
+    soft = np.where(live & ~(rubs & np.append(rubs[:n], contacts.slipping != 0.0)), own, 0.0)
+    return DualProblem(contacts, body, B, constant, alone, live, kept, qvi, beyond, soft)
 
 
 def _determined(B: FloatArray, contacts: Contacts) -> IntArray:
@@ -463,63 +487,73 @@ def _independent(A: FloatArray, b: FloatArray, rigid: int) -> IntArray:
     return np.array(kept, dtype=np.int64)
 
 
-def moved(rows: sparse.csr_array, values: FloatArray, change: FloatArray) -> FloatArray:
-    """Values (k,) with rows · values changed by `change` (j,), by the least change of values where rows share some."""
-    wanted = rows @ values + change
+def moved(
+    rows: sparse.csr_array, motions: FloatArray, values: FloatArray, change: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Values (k,) and motions (q,) by which rows · values − `motions` q is changed as told (j,), by the least changes.
+
+    Plates move only as far as that is needed: where rows are zero, or share values.
+    """
     square = np.asarray(rows.multiply(rows).sum(axis=1)).ravel()
-    shared = groups(rows)
-    alone = square > 0.0
+    shared, alone = groups(rows), square > 0.0
+    tied, wanted = [-motions[~alone]], [change[~alone]]
     for group in shared:
         alone[group] = False
-    result = values.copy()
+        if motions.shape[1]:
+            none = null_space(rows[group].toarray().T, _SHARED).T  # combinations that no values change
+            tied.append(-none @ motions[group])
+            wanted.append(none @ change[group])
+    ties = np.concatenate(tied)
+    ties[np.abs(ties) < _SHARED] = 0.0  # rounding moves no plate
+    plates = np.asarray(np.linalg.lstsq(ties, np.concatenate(wanted), _SHARED)[0], dtype=np.float64)
+    target, result = rows @ values + change + motions @ plates, values.copy()
     for _ in range(2):  # once more for rounding
-        error = wanted - rows @ result
+        error = target - rows @ result
         result += rows.T @ np.where(alone, error / np.where(alone, square, 1.0), 0.0)
         for group in shared:
             part = rows[group]
             columns = np.unique(part.indices)
             result[columns] += np.linalg.lstsq(part[:, columns].toarray(), error[group], _SHARED)[0]
-    return result
+    return result, plates
 
 
 def admissible(
     problem: DualProblem, values: FloatArray, plates: FloatArray, tractions: FloatArray, bound: FloatArray
-) -> tuple[FloatArray, FloatArray, str]:
-    """(v (size,), c (2 n,), why not) that meets the contact conditions to rounding, from w_Γ and motions of plates.
+) -> tuple[FloatArray, FloatArray, FloatArray, str]:
+    """(v (size,), c (2 n,), motions (q,), why not) that meets contact conditions to rounding, from w_Γ and motions.
 
     What presses or sticks beyond doubt, must not slip, or slips the wrong way gets the displacement of the obstacle.
     """
     contacts, rows = problem.contacts, sparse.csr_array(problem.B)
-    beyond = problem.constant + contacts.motions @ (-plates)
     unit, n, slipping = max(1.0, float(np.abs(tractions).max(initial=0.0))), contacts.count, contacts.slipping
-    c = rows @ values + beyond
+    c = rows @ values + problem.constant - contacts.motions @ plates
     opening, slip = contacts.obstacle[:n] - c[:n], c[n:] - contacts.obstacle[n:]
     closed = (-tractions[:n] / unit > np.maximum(opening, 0.0)) | (opening < 0.0)
-    sticks = ((bound - np.abs(tractions[n:])) / unit > np.abs(slip)) & (np.abs(slip) < 1e-6)
+    sticks = ((bound - np.abs(tractions[n:])) / unit > np.abs(slip)) & (np.abs(slip) < 1e-6) & problem.alone[n:]
     sticks |= (slipping == 0.0) | (slipping * slip < 0.0)
     closed = contacts.bilateral | (closed & (np.abs(opening) < 1e-6))
-    held = np.concatenate([closed, (sticks & problem.live[n:]) | contacts.tied])  # what is moved to the obstacle
-    held &= problem.movable
+    held = np.concatenate([closed, sticks | contacts.tied])  # what is moved to the obstacle
     for _ in range(3):  # a correction in a corner may push another contact line over its gap
-        values = moved(sparse.csr_array(rows[np.flatnonzero(held)]), values, (contacts.obstacle - c)[held])
-        c = rows @ values + beyond
-        over = np.flatnonzero(_excess(problem, c) > 0.0)
-        over = over[problem.movable[over] & ~held[over]]
-        if not len(over):
+        at = np.flatnonzero(held)
+        values, more = moved(sparse.csr_array(rows[at]), contacts.motions[at], values, (contacts.obstacle - c)[at])
+        plates = plates + more
+        c = rows @ values + problem.constant - contacts.motions @ plates
+        over = (_excess(problem, c) > 0.0) & ~held
+        if not over.any():
             break
-        held[over] = True
+        held |= over
     v = problem.body.expand(values)
     c = contacts.rows @ v - contacts.motions @ plates - contacts.moved
     excess = _excess(problem, c)
     worst = float(excess.max(initial=0.0)) / max(1.0, float(np.abs(c).max(initial=0.0)))
     if worst <= _VIOLATED:
-        return v, c, ""
+        return v, c, plates, ""
     half, number = divmod(int(np.argmax(excess)), contacts.count)
     trace = next(each for each in contacts.traces if number < each.here.stop)
     x, y = trace.mesh.origin + trace.scales.length * trace.places[number - trace.start]
     what = "what holds the slip" if half else "the obstacle"
     where = f"{what} of {trace.name!r} at ({x:.6g}, {y:.6g})"
-    return v, c, f"Prescribed displacements contradict {where}, by {worst:.1e} of their size."
+    return v, c, plates, f"Prescribed displacements contradict {where}, by {worst:.1e} of their size."
 
 
 def _excess(problem: DualProblem, c: FloatArray) -> FloatArray:

@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number
-from qvi_contact.companion.body import PARALLEL, CondensedBody, Elasticity, Supports, load_vector, supports
+from qvi_contact.companion.body import CondensedBody, Elasticity, load_vector
 from qvi_contact.companion.contact import Contacts, DisplacementContact, admissible, dual_problem
-from qvi_contact.companion.space import DisplacementSpace, Triangle, triangle
+from qvi_contact.discretization.displacements import PARALLEL, DisplacementSpace, Supports, Triangle, supports, triangle
 from qvi_contact.discretization.loads import scaled_stress_at_rest
 from qvi_contact.discretization.plates import COMPONENTS
 from qvi_contact.discretization.scaling import Scales
@@ -28,7 +28,7 @@ from qvi_contact.solution.contact_line import turning_senses
 from qvi_contact.solution.result import PlateMotion, plate_motion
 from qvi_contact.solution.stress import given_points, mean_at
 from qvi_contact.version import __version__
-from solvers import Certificate, QVISolution, Status, solve_qvi
+from solvers import Certificate, QVISolution, Status
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import PicklesFields
 from solvers.certificate.certificate import EXPONENTS
@@ -341,9 +341,8 @@ def solve_companion(
     Notes
     -----
     ∫ s |v_T − w| is bounded from above by Σ |c_i − w_i| ∫ s B_i, in which s is bounded from above by the smaller of the
-    means of c and t_max. The laws hold for the coefficients' forces ∫ σ B_i, not for stresses at points. Data given as
-    functions are looked at in 99 points of every edge (`bernstein.SAMPLES`), a body potential in those of two
-    quadratures. `CompanionResult.reasons` names those that are no polynomials there.
+    means of c and t_max. The laws hold for the coefficients' forces ∫ σ B_i, not for stresses at points. A body
+    potential is looked at in the points of two quadratures, see `CompanionResult.reasons` for other data.
 
     """
     cell = checked(problem, degree, tolerance)
@@ -404,13 +403,13 @@ def solve_companions(
             said = status, Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance), message, None, (message,), None
             return (CompanionResult(problem, scales, body, *said),) * len(laws)
         for dual in duals:
-            solution, own, state = solve_qvi(dual.qvi, tolerance=tolerance), dual.contacts, None
+            solution, own, state = dual.solved(tolerance), dual.contacts, None
             reasons = held.reasons + remarks + own.reasons
             if solution.status is not Status.INFEASIBLE and np.isfinite(solution.z).all():
                 bound = np.full(own.count, np.inf)
                 bound[~own.tied] = dual.qvi.threshold(np.abs(dual.qvi.normal(solution.z)))
                 values, plates = dual.displacements(solution)
-                v, c, wrong = admissible(dual, values, plates, solution.z, bound)
+                v, c, plates, wrong = admissible(dual, values, plates, solution.z, bound)
                 tractions = np.where(dual.live, solution.z, 0.0)
                 state = CompanionState(own, v, c, plates, tractions, dual.live, bound, load - body.initial_load, wrong)
                 reasons += (wrong,) if wrong else ()

@@ -8,6 +8,7 @@ __all__ = ["Discretization", "discretize"]
 __getattr__ = front(
     __name__,
     {
+        "displacements": ("DisplacementSpace", "Triangle"),
         "energy": ("BodyStiffness", "Root"),
         "frames": ("shortest_cuts",),
         "loads": ("physical",),

@@ -5,7 +5,7 @@ In `docs/theory.md`: (D1), (D2).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final, get_args
@@ -13,7 +13,8 @@ from typing import Any, Final, get_args
 import numpy as np
 from scipy import sparse
 
-from qvi_contact.basics.checks import FloatArray, acts, evaluate, whole_number
+from qvi_contact.basics.checks import FloatArray, acts, whole_number
+from qvi_contact.discretization.displacements import DisplacementSpace, supports, triangle
 from qvi_contact.discretization.energy import BodyStiffness, Root, Springs
 from qvi_contact.discretization.loads import (
     ContactRows,
@@ -33,8 +34,7 @@ from qvi_contact.discretization.space import EdgeRule, LawOn, StressSpace, edge_
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import hsieh_clough_tocher
 from qvi_contact.errors import InputError, refuse_arguments
-from qvi_contact.mesh.edges import edge_ends, vectors_along
-from qvi_contact.problem.conditions import Displacement, Traction
+from qvi_contact.problem.conditions import Traction
 from qvi_contact.problem.problem import ContactProblem
 from solvers import ContactMatrices, FrictionQVI, Law, Loads, TractionFactor
 from solvers.basics.types import Kept, PicklesFields, read_only
@@ -46,7 +46,6 @@ DEFAULT_DEGREE: Final = 4
 _TOO_SMALL = 1e-2  # mean stress in units of the problem below which the units are changed
 _NOISE = 1e-12  # mean stress in units of the problem below which there is none
 _MISFIT = 1e-6  # difference of data from what is taken for them, in units of the problem, that needs no word
-_PARALLEL = 1e-9  # square of the angle between directions that count as one
 _UNRELIABLE = 1e-4  # relative error of the linear solve above which they are left
 
 
@@ -129,7 +128,8 @@ class Discretization(PicklesFields):
                     "bore. This is a press fit: the pin presses all around before it is loaded. If it should have a "
                     "clearance, give it a smaller radius."
                 )
-        return (*found, *_jumps(self.problem, self.scales))
+        space = DisplacementSpace.of(self.problem, triangle(1), self.scales.length)
+        return (*found, *supports(self.problem, space, self.scales, least=_MISFIT).jumps)
 
     def with_law(self, problem: ContactProblem) -> Discretization:
         """Another problem, in these units, that differs in friction, cohesion and caps of contacts only."""
@@ -319,37 +319,3 @@ def law_of(contacts: Sequence[ContactRows]) -> Law:
     """The law of contacts one after the other, tied ones left out."""
     parts = [(*rows.row_limits, rows.bilateral) for rows in contacts if rows.law != "tied"]
     return Law(*map(np.concatenate, zip(*parts, strict=True))) if parts else Law(np.empty(0))
-
-
-def _jumps(problem: ContactProblem, scales: Scales) -> Iterator[str]:
-    """A sentence where displacements prescribed beside a vertex disagree there: the energy has no limit then.
-
-    Beside the end of a joint they are those of two bodies, which may.
-    """
-    mesh, ends = problem.mesh, np.array([0.0, 1.0])
-    given = [
-        (
-            np.column_stack([each.edges.first, each.edges.second]).ravel(),
-            vectors_along(each.edges, each.direction, ends, turns=each.turns).reshape(-1, 2),
-            evaluate(each.name, each.value, *mesh.points_along(each.edges, ends)).ravel(),
-        )
-        for each in problem.prescribed(Displacement)
-    ]
-    if not given:
-        return
-    vertex, direction, value = (np.concatenate(part) for part in zip(*given, strict=True))
-    known, group = np.unique(vertex, return_inverse=True)
-    normal, right = np.zeros((len(known), 2, 2)), np.zeros((len(known), 2))
-    np.add.at(normal, group, direction[:, :, None] * direction[:, None, :])
-    np.add.at(right, group, direction * value[:, None])
-    nearest = np.einsum("kij,kj->ki", np.linalg.pinv(normal, rcond=_PARALLEL, hermitian=True), right)
-    missed = np.abs(value - (direction * nearest[group]).sum(axis=1))
-    for name in mesh.joint_names:
-        missed[np.isin(vertex, edge_ends(mesh.edges(name)))] = 0.0
-    worst = int(np.argmax(missed))
-    if missed[worst] > _MISFIT * max(scales.displacement, np.abs(value).max()):
-        x, y = mesh.vertices[vertex[worst]]
-        yield (
-            f"Prescribed displacements disagree at ({x:.6g}, {y:.6g}), by about {2.0 * missed[worst]:.3g} [length]. "
-            "There stresses grow on finer meshes, and the energy of the body, without end. Let them agree."
-        )

@@ -22,8 +22,8 @@ from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.basics.units import Units
-from qvi_contact.companion import DisplacementSpace, Elasticity
-from qvi_contact.companion.space import barycentric, triangle
+from qvi_contact.companion import Elasticity
+from qvi_contact.discretization.displacements import DisplacementSpace, barycentric, triangle
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mechanism import RigidMotion

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from qvi_contact import InputError, TriangleMesh
-from qvi_contact.companion import DisplacementSpace, Elasticity, Triangle, moduli, solve_companion
-from qvi_contact.discretization import Scales, discretize
+from qvi_contact.companion import Elasticity, moduli, solve_companion
+from qvi_contact.discretization import DisplacementSpace, Scales, Triangle, discretize
 from qvi_contact.gallery import exact
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
 from tests.cases import every_pair
