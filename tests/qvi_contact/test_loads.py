@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.polynomial import legendre
 
 from qvi_contact import BodyForces, InputError, TriangleMesh, limit_load_factor, solve, solve_history, solve_sweep
 from qvi_contact.companion import solve_companion
@@ -27,11 +28,11 @@ def strip(x, y):
     return np.where((x > FIRST) & (x < LAST), -8.0, 0.0) + 0.0 * y
 
 
-def block(mesh=None, load=strip):
+def block(mesh=None, load=strip, top=None):
     """A block that rests on the ground with friction."""
     mesh = TriangleMesh.rectangle((4, 4)) if mesh is None else mesh
     sides = [Traction(side, 0.0, 0.0) for side in ("left", "right")]
-    conditions = [Contact("bottom", 0.5, name="ground"), Traction("top", 0.0, load), *sides]
+    conditions = [Contact("bottom", 0.5, name="ground"), top or Traction("top", 0.0, load), *sides]
     return ContactProblem(mesh, Material(1e3, 0.3), conditions)
 
 
@@ -114,6 +115,22 @@ class TestResultants:
         companion = solve_companion(result.problem)
         assert companion.contacts["ground"].normal_force == pytest.approx(self.FORCE, rel=1e-9)
         assert companion.reasons == solve_companion(block(load=-1.0)).reasons
+
+    def test_of_displacements_every_edge_keeps_what_tractions_feel(self):
+        """A dent between Gauss points, and the polynomials of degree 2 with the same moments on edges from 0.5 on."""
+        t, weights = legendre.leggauss(900)
+
+        def dent(x, y):
+            return -1e-3 * np.exp(-(((x - 0.53) / 0.005) ** 2)) + 0.0 * y
+
+        moments = [(k + 0.5) * (weights * dent(0.75 + t / 4.0, 0.0)) @ legendre.Legendre.basis(k)(t) for k in range(3)]
+        same = legendre.Legendre(moments, domain=[0.5, 1.0])
+        found, other = (
+            solve(block(TriangleMesh.rectangle((2, 1)), top=Displacement("top", x=0.0, y=field))).contacts["ground"]
+            for field in (dent, lambda x, y: np.where(x > 0.5, same(x), 0.0) + 0.0 * y)
+        )
+        assert found.normal_force == pytest.approx(other.normal_force, rel=1e-9)
+        assert found.normal_stress == pytest.approx(other.normal_stress, rel=1e-8)
 
     def test_what_is_changed_is_told(self):
         """Half the jump and more, as long as it is inside an edge, and nothing where an edge ends there."""
