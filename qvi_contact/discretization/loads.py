@@ -125,7 +125,7 @@ def traction_data(problem: ContactProblem, scales: Scales, given: Prescribed, po
 
 
 def displacements_at_points(
-    problem: ContactProblem, space: StressSpace, scales: Scales
+    problem: ContactProblem, space: StressSpace
 ) -> Iterator[tuple[FloatArray, EdgePoints, FloatArray]]:
     """Prescribed displacements but zeros as (directions (m, 2), m Gauss points of edges, values there [length]).
 
@@ -144,7 +144,7 @@ def displacements_at_points(
 def displacement_load(problem: ContactProblem, space: StressSpace, scales: Scales) -> FloatArray:
     """∫_{Γ_u} U·τn ds as a vector over all degrees of freedom, the first term on the right of (D1)."""
     load = np.zeros(space.size)
-    for direction, points, values in displacements_at_points(problem, space, scales):
+    for direction, points, values in displacements_at_points(problem, space):
         load += points.traction_load(direction, points.weights * values / scales.displacement)
     return load
 
