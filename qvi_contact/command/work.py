@@ -206,7 +206,8 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         problem, refinement, proof = problem_file.problem, None, targets.pop("proof", None)
         if proof is not None and not loads:
             return _without_loads(proof, problem, degree, {"target": target, **targets}, as_json)
-        acts = report.act(problem, checked_loads(problem, loads or [Missing()], "--load"))
+        named: list[Any] = list(loads) or [Missing()]
+        acts = report.act(problem, checked_loads(problem, named, "--load"))
         if target is None:
             found = limit_load_factor(problem, loads=list(loads), **told)
         else:

@@ -125,21 +125,26 @@ def traction_data(problem: ContactProblem, scales: Scales, given: Prescribed, po
 
 
 def displacements_at_points(
-    problem: ContactProblem, space: StressSpace, scales: Scales
+    problem: ContactProblem, space: StressSpace
 ) -> Iterator[tuple[FloatArray, EdgePoints, FloatArray]]:
-    """Prescribed displacements but zeros as (directions (m, 2), m Gauss points of edges, values there [length])."""
+    """Prescribed displacements but zeros as (directions (m, 2), m Gauss points of edges, values there [length]).
+
+    They are those of polynomials on which tractions do the same work, however displacements bend inside an edge.
+    """
+    count = max(LOAD_POINTS, space.degree - 1)
+    shapes = legendre.basis(count - 1, gauss_legendre(count)[0])
     for given in problem.prescribed(Displacement):
-        if not acts(given.value):
-            continue
-        points = EdgePoints(space, given.edges, LOAD_POINTS)
-        x, y = physical(problem, scales, points.coordinates)
-        yield points.vectors(given.direction, given.turns), points, evaluate(given.name, given.value, x, y)
+        if acts(given.value):
+            points = EdgePoints(space, given.edges, count)
+            field = along_edges(problem.mesh, given.edges, given.name, given.value, count)
+            values = field.coefficients(count - 1) @ shapes.T
+            yield points.vectors(given.direction, given.turns), points, values.ravel()
 
 
 def displacement_load(problem: ContactProblem, space: StressSpace, scales: Scales) -> FloatArray:
     """∫_{Γ_u} U·τn ds as a vector over all degrees of freedom, the first term on the right of (D1)."""
     load = np.zeros(space.size)
-    for direction, points, values in displacements_at_points(problem, space, scales):
+    for direction, points, values in displacements_at_points(problem, space):
         load += points.traction_load(direction, points.weights * values / scales.displacement)
     return load
 

@@ -259,7 +259,7 @@ class Contact:
     normal_stiffness: Field | None = field(default=None, metadata=key(kind=_STIFF, symbol="k_N", unit="stiffness"))
     tangential_stiffness: Field | None = field(default=None, metadata=key(kind=_STIFF, symbol="k_T", unit="stiffness"))
     """Stiffness k_N or k_T of springs along the edges [stress/length], such as a bed or a compliant joint. The law
-    holds for u_N + σ_N/k_N and u_T + σ_T/k_T, of which gap and slip are: `normal_stiffness = 50.0`."""
+    holds for u_N + σ_N'/k_N and u_T + σ_T/k_T, of which gap and slip are: `normal_stiffness = 50.0`."""
 
     in_files: ClassVar[dict[str, Key]] = {"pin": Key(Table(Pin), needed=False)}
     """Rigid pin, see `pin`, instead of gap and plate: `pin = { centre = [0, 0], radius = 9.95, force_x = 10.0 }`."""

@@ -20,14 +20,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, evaluate, real_array
+from qvi_contact.basics.checks import FloatArray, real_array
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization, discretize
-from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, laws_vary, physical
+from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, laws_vary
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import centre_of, cross
 from qvi_contact.problem.conditions import LOCAL, Displacement, components
+from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of, run_digest
 from qvi_contact.solution.result import ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import Settings
@@ -364,10 +365,8 @@ def _of_support(step: ContactResult, name: str) -> dict[str, tuple[float, float]
         if isinstance(condition, Displacement) and condition.edges == name:
             for component, value in components(condition).items():
                 given, turns = direction_of(component, edges), component in LOCAL
-                values = evaluate(
-                    f"Displacement.{component}", value, *physical(problem, known.scales, points.coordinates)
-                )
-                mean = float(weights @ values / weights.sum())
+                means = along_edges(problem.mesh, edges, f"Displacement.{component}", value).coefficients(0)[:, 0]
+                mean = float(edges.length @ means / edges.length.sum())
                 force = float(weights @ (acting * points.vectors(given, turns)).sum(axis=1))
                 found.append((-abs(float(given[0] @ edges.tangent[0])), component, (mean, force)))
     return {component: pair for _, component, pair in sorted(found, key=lambda each: each[0])}

@@ -229,7 +229,7 @@ def support_work(discretization: Discretization, u: FloatArray) -> float:
     """∫_{Γ_u} U·τn ds [stress × length²] of degrees of freedom u of Φ."""
     problem, space, scales = discretization.problem, discretization.space, discretization.scales
     work = 0.0
-    for direction, points, values in displacements_at_points(problem, space, scales):
+    for direction, points, values in displacements_at_points(problem, space):
         along = component(traction(discretization, u, points), direction)
         work += scales.length * float(points.weights @ (values * along))
     return work

@@ -186,7 +186,7 @@ class TestNorms:
             assert 0.2 < found.value < most
 
     def test_where_no_proof_holds(self):
-        """Two materials, springs, rough sides at a corner, a hole, friction that jumps by springs, a share that varies."""
+        """Two materials, springs, rough sides at a corner, a hole, a jump of friction at springs, uneven shares."""
         soft = Region(Material(1.0, 0.1), x=(0.0, compressed_plate(0.1).mesh.length / 2.0))
         problems = [replace(plate, regions=[soft]) for plate in (compressed_plate(0.1), clamped_plate(0.1))]
         spring = replace(Contact.tied("left"), normal_stiffness=1.0)  # in place of the symmetry
