@@ -51,7 +51,7 @@ asked = {
     "qp:daqp": lambda: solve(plate, inner="qp:daqp"),
     "tables": lambda: large.contacts["plate"].to_frame(),
     "pictures": lambda: result_figure(large),
-    "mesh files": lambda: TriangleMesh.load(f"{sys.argv[2]}/tests/qvi_contact/named.inp"),
+    "mesh files": lambda: TriangleMesh.load(f"{sys.argv[1]}/body.vtk"),
 }
 found["messages"] = {}
 for what, ask in asked.items():
@@ -80,6 +80,7 @@ def _closure(requirements):
 def base(tmp_path_factory):
     """What the process has found."""
     folder = tmp_path_factory.mktemp("base")
+    (folder / "body.vtk").touch()
     for name in _closure(map(Requirement, PROJECT["dependencies"])):
         package = distribution(name)
         for top in {file.parts[0] for file in package.files} - {"..", "__pycache__"}:
