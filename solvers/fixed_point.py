@@ -247,6 +247,7 @@ class _Loop:
         self.history: list[Iteration] = []
         self.recoveries = self.breaks = 0
         self.nearer = 0  # how often s was halved towards the last feasible one
+        self.refuted: InnerSolution | None = None  # the last inner problem that was proved infeasible
         self.feasibility: Feasibility | None = None
         self.reason: Status | None = None
         self.message = self.advice = ""  # the latter instead of that of the reason
@@ -283,13 +284,15 @@ class _Loop:
     def _solve_inner(self, bound: Vector) -> InnerSolution:
         """The inner problem about the last result, or the start if that fails.
 
-        "infeasible" counts only where it is proved. Once an inner problem has failed a linear program is asked first,
+        "infeasible" counts only where it is proved. After an inner problem that failed a linear program is asked first,
         which takes a hundredth of the time.
         """
+        bound = np.minimum(bound, np.finfo(np.float64).max)
         qvi, form, solver = self.qvi.with_bound(bound), self.form, self.solver
         threshold, near = form.threshold(bound), form.centre(self.inner, self.previous)
-        inner = None if self.recoveries else solver.solve(threshold, near, self.inner)
-        if inner is None or not _is_usable(inner):
+        failed = bool(self.history) and self.history[-1].residual == np.inf
+        inner = None if failed else solver.solve(threshold, near, self.inner)
+        if inner is None or not (_is_usable(inner) or deadline.over):
             if (proof := refuted(qvi, _ASKED)) is not None:
                 return no_result(form.problem, Status.INFEASIBLE, proof.message)
             inner = inner or solver.solve(threshold, near, self.inner)
@@ -360,9 +363,12 @@ class _Loop:
         if self.feasibility is None:
             self.feasibility = check_feasibility(qvi)
         start = self.feasibility.z  # None unless the load can be carried
-        curable = result.status in (Status.INFEASIBLE, Status.BACKEND_FAILED)
-        if start is None or not curable or self.recoveries > _RECOVERIES or self.nearer >= _NEARER:
-            self.reason, self.message = result.status, f"inner problem: {result.message}"
+        self.refuted = result if result.status is Status.INFEASIBLE else self.refuted
+        curable = result.status in (Status.INFEASIBLE, Status.BACKEND_FAILED) and self.recoveries <= _RECOVERIES
+        arrived = self.nearer >= _NEARER or (self.feasible is not None and np.array_equal(self.s, self.feasible))
+        if start is None or not curable or arrived:
+            told = self.refuted or result
+            self.reason, self.message = told.status, f"inner problem: {told.message}"
         elif self.feasible is None:
             self.s = self.feasible = np.abs(qvi.normal(start))
         else:

@@ -133,7 +133,7 @@ class CoulombBounds:
         """How far from τ solutions are of which the bounds hold, over |τ + η|; infinite where they hold for all."""
         stopped = self.norm.stopped
         near = np.inf if stopped is None else self._relative(max(stopped.reach - self.moved, 0.0))
-        return near if near < _FAR else np.inf
+        return np.inf if near >= _FAR else near
 
     def _relative(self, error: float) -> float:
         return error / self.size if self.size > 0.0 else float("inf") if error > 0.0 else 0.0
@@ -196,7 +196,7 @@ def coulomb_bounds(
     return CoulombBounds(shares, *parts, result, companion)
 
 
-_FAR: Final = 1e6  # |R d_k| of a motion that far is that of a rigid motion, but for rounding
+_FAR: Final = 1e12  # |R d_k| of a motion that far is that of a rigid motion, but for rounding
 _CUTS: Final = (1e-6, 1e-1)
 """Shares of the largest opening, slip, pressure or room below the bound of a contact that count as none.
 
@@ -298,7 +298,7 @@ class _Pairs:
         load = self.state.load @ z + contacts.resultants @ plates - adhesion @ (c - goal)[1]
         force = own.stress * own.length * float(load + goal.ravel() @ contacts.fluid)
         # what has been rounded: loads and tractions may cancel each other
-        largest = np.abs(self.state.load) @ np.abs(z) + contacts.weights @ np.abs(self.state.tractions)
+        largest = np.abs(self.state.load).sum() * np.abs(z).max() + contacts.weights @ np.abs(self.state.tractions)
         middle, terms = work / length - force, abs(work / length) + own.stress * own.length * float(largest)
         rest = (error * residual + ratio * self.defect + second) / length + _ROUNDED * terms
         return Bounds(float(middle - rest), float(middle + rest))

@@ -59,7 +59,7 @@ def _opened(
     problem_file = load_problem(file)
     read = set(map(identity, problem_file.files.values()))
     for name, path in targets.items():
-        if identity(path) in read:
+        if read.intersection(map(identity, _files_of(name, path))):
             raise InputError(_option_name(name), path, "is a file that the problem reads: give a file of its own")
     if single and problem_file.times:
         remedy = f"{single} needs a single problem: give a file without [history]"
@@ -469,7 +469,7 @@ def _checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
         name = _option_name(option)
         if not path or os.path.isdir(path):  # Path's raises for names that no file can have
             raise InputError(name, path, "give the name of a file")
-        for each in (path, str(_contacts_file(path))) if option == "vtk" else (path,):
+        for each in _files_of(option, path):
             check_writable(each, name)
             place = identity(each)
             if place in taken:
@@ -485,6 +485,11 @@ def _checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
 
             require_matplotlib()
     return dict(given)
+
+
+def _files_of(option: str, path: str) -> tuple[str, ...]:
+    """What an option writes."""
+    return (path, str(_contacts_file(path))) if option == "vtk" else (path,)
 
 
 def _contacts_file(path: str) -> Path:

@@ -4,6 +4,7 @@ A file can never run code: functions are numbers, polynomials or expressions of 
 errors count from 0: ``contacts[1].friction`` belongs to the second ``[[contacts]]``.
 """
 
+import os
 import tomllib
 import unicodedata
 from collections.abc import Iterable, Iterator, Mapping
@@ -386,7 +387,7 @@ class ProblemFile:
                 yield from named(part)
 
         places = {name: (self._reader.folder or Path()) / name for name in named(self._reader.data)}
-        return {name: place for name, place in places.items() if place.is_file()}  # not a body force of this name
+        return {name: place for name, place in places.items() if os.path.isfile(place)}  # not a formula
 
     def with_constants(self, changed: Mapping[str, float]) -> "ProblemFile":
         """The same file with other values of some of its constants, on the same mesh."""

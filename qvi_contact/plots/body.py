@@ -213,10 +213,15 @@ class Carried:
         return force, centre
 
     @property
+    def turns(self) -> bool:
+        """Whether the line is not straight, so that pressure on it may balance itself."""
+        return bool(np.ptp(self.normal, axis=0).max() > 1e-6)
+
+    @property
     def eccentricity(self) -> float:
         """Distance of the centre of pressure from the middle of a straight line [length]; 0 on others."""
         share = self.weights * self.pressure
-        if np.ptp(self.normal, axis=0).max() > 1e-6 or share.sum() <= 0.0:
+        if self.turns or share.sum() <= _NOTHING * np.abs(share).sum():
             return 0.0
         return abs(float(share @ self.s / share.sum() - (self.s[0] + self.s[-1]) / 2.0))
 
@@ -474,7 +479,8 @@ def _resultants(
     sizes = [float(np.hypot(*force)) for force, _ in found]
     names, ends, written = beside(sizes), [np.empty((0, 2))], list[Written]()
     for part, (force, centre), size, number in zip(carried, found, sizes, names, strict=True):
-        if size <= _LEAST * max(max(sizes), float(part.weights @ np.abs(part.pressure))):  # or balances itself
+        balanced = part.turns and size <= _LEAST * float(part.weights @ np.abs(part.pressure))
+        if balanced or size <= _LEAST * max(sizes):
             continue
         way = -force / size
         tail = centre + way * length * max(_LONGEST * size / max(sizes), 0.3 * _LONGEST)

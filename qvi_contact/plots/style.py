@@ -217,7 +217,8 @@ def value_range(name: str, values: FloatArray, unit: str) -> str:
 def beside(values: Sequence[float], digits: int = 4) -> list[str]:
     """Numbers that stand beside each other, to the last place of the largest with so many digits: noise is 0."""
     largest = max((abs(value) for value in values), default=0.0)
-    power = int(np.floor(np.log10(largest))) if 0.0 < largest < np.inf else 0
+    rounded_up = float(f"{largest:.{digits - 1}e}")
+    power = int(np.floor(np.log10(rounded_up))) if 0.0 < rounded_up < np.inf else 0
     tens = power if abs(power) >= _LONG else 0
     places = digits - 1 - power + tens
     rounded = np.round(np.divide(values, 10.0**tens), places).tolist()

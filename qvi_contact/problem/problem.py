@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import pickle
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeAlias
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field, evaluate
+from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field
 from qvi_contact.element.triangle import triangle_lattice
 from qvi_contact.errors import InputError, UnknownNameError, refuse_retired
 from qvi_contact.mesh.edges import Edges
@@ -27,8 +27,8 @@ from qvi_contact.problem.conditions import (
     Traction,
     components,
 )
-from qvi_contact.problem.fields import BodyForces, along_edges
-from qvi_contact.problem.material import Material, Region, cell_materials, is_strained, stress_at_rest
+from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polynomial, along_edges
+from qvi_contact.problem.material import Material, Region, cell_materials, is_strained, stress_at_rest, varies
 from solvers.basics.types import PicklesFields, load
 
 _OVERLAP: Final = "drop one, or name parts of the side by with_edges()"
@@ -362,7 +362,7 @@ def _check_pressure(problem: ContactProblem) -> None:
 # what stored answers are told from those of other problems by; functions count by their values at some points
 
 _PASSING = ("callback", "threads", "throw")  # options that change no answer
-_DIVIDED = 12  # parts of a side of a triangle, at whose inner corners functions count: about where a solve looks
+_DIVIDED = 12  # parts of a side of a triangle, beside whose corners functions without data of their own count
 
 
 def run_digest(problems: Sequence[ContactProblem], options: Mapping[str, object]) -> str:
@@ -383,32 +383,56 @@ def run_digest(problems: Sequence[ContactProblem], options: Mapping[str, object]
 
 def problem_digest(problem: ContactProblem) -> bytes:
     """SHA-256 of everything but the mesh."""
-    mesh, cells = problem.mesh, np.arange(problem.mesh.cell_count)
-    t = triangle_lattice(_DIVIDED)[0]
-    places = np.moveaxis(mesh.placed(cells, t[t.min(axis=1) > 0.0]) @ mesh.corners, 2, 0)
+    mesh, t = problem.mesh, triangle_lattice(_DIVIDED)[0] * 0.99 + 0.01 / 3.0  # so that none lies on an edge
     parts: list[object] = [problem.compliances, problem.cell_materials]
+
+    def values(function: Callable[..., Any]) -> Iterator[object]:
+        a, b, c = mesh.corners.T[..., None].swapaxes(0, 1)  # products one by one: alike on every processor
+        with np.errstate(all="ignore"):  # where a solve does not look there may be no value
+            yield np.asarray(function(*(a * t[:, 0] + b * t[:, 1] + c * t[:, 2])))
+
     for name, potential in problem.body_forces.items():  # a sweep may multiply one of them
         parts += [name] * (name != "body")
-        parts.append(evaluate("body_potential", potential, *places) if callable(potential) else potential)
-    if is_strained(problem):
-        parts.append(stress_at_rest(problem, cells, *places))
+        parts += _told(potential, values)
+    if is_strained(problem) and varies(problem):
+        for material in problem.materials:
+            for part in (material.expansion, material.shrinkage, *(material.prestress or ())):
+                parts += _told(part, values)
+        for part in (problem.temperature, *(region.temperature for region in problem.regions)):
+            parts += _told(part, values)
+    elif is_strained(problem):
+        middles = mesh.vertices[mesh.cells].mean(axis=1).T
+        parts.append(stress_at_rest(problem, np.arange(mesh.cell_count), *middles))
     for condition in problem.conditions:
         parts += [type(condition).__name__, *_values(condition, mesh.edges(condition.edges), mesh)]
     return _digest(parts)
 
 
+def _told(field: object, values: Callable[[Any], Iterator[object]]) -> Iterator[object]:
+    """What a number or a function is told from others by: its own data if it has any, else values that it takes."""
+    if isinstance(field, PointData):
+        yield from (field.mesh.vertices, field.mesh.cells, field.values)
+    elif callable(field) and not isinstance(field, Expression | Polynomial):
+        yield from values(field)
+    else:
+        yield field
+
+
+def _along(mesh: TriangleMesh, edges: Edges, name: str, function: Field) -> Iterator[object]:
+    """A function as quadrature sees it: parted where it jumps."""
+    found = along_edges(mesh, edges, name, function)
+    yield from (found.edge, found.t, found.values)
+
+
 def _values(part: Condition | RigidPlate, edges: Edges, mesh: TriangleMesh) -> Iterator[object]:
     """Names and values of all fields."""
     for each in fields(part):
-        value = getattr(part, each.name)
-        yield each.name
-        if callable(value):
-            found = along_edges(mesh, edges, each.name, value)  # parted where it jumps
-            yield from (found.edge, found.t, found.values)
-        elif isinstance(value, RigidPlate):
+        value, name = getattr(part, each.name), each.name
+        yield name
+        if isinstance(value, RigidPlate):
             yield from _values(value, edges, mesh)
         else:
-            yield value
+            yield from _told(value, partial(_along, mesh, edges, name))
 
 
 def _digest(parts: Iterable[object]) -> bytes:

@@ -317,7 +317,8 @@ def _refined(
             answer = _answer(strategy, mesh, first=not rounds)
             found = strategy.assessed(mesh, answer, rounds)
             record = found.record
-            if rounds and deadline.over and record.estimate > rounds[-1].record.estimate:  # bounds that were cut short
+            before = rounds[-1].record if rounds and rounds[-1].record.certainty is not Certainty.ESTIMATE else record
+            if deadline.over and record.estimate > before.estimate:  # bounds that were cut short
                 raise StopError(RefinementStatus.TIME_LIMIT)
             rounds.append(found)
             callback(record)
