@@ -409,7 +409,8 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
     B[~alone] = 0.0
     alone[_determined(B, contacts)] = False
     rubs = np.append(np.zeros(n, dtype=bool), ~contacts.tied)
-    live = alone | (rubs & B.any(axis=1)) | (np.abs(contacts.motions).sum(axis=1) > PARALLEL)
+    driven = np.abs(contacts.motions).sum(axis=1) > PARALLEL
+    live = alone | (rubs & B.any(axis=1)) | driven | B[:, B[driven].any(axis=0)].any(axis=1)
     compliance = B @ body.relieve(np.ascontiguousarray(B.T)) if len(B) else np.zeros((0, 0))
     usual = float(np.median(np.diag(compliance)[alone])) if alone.any() else 1.0
     compliance[~live], compliance[:, ~live] = 0.0, 0.0

@@ -34,7 +34,7 @@ from qvi_contact.discretization.space import EdgeRule, LawOn, StressSpace, edge_
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.element.hsieh_clough_tocher import hsieh_clough_tocher
 from qvi_contact.errors import InputError, refuse_arguments
-from qvi_contact.problem.conditions import Traction
+from qvi_contact.problem.conditions import Displacement, Traction
 from qvi_contact.problem.problem import ContactProblem
 from solvers import ContactMatrices, FrictionQVI, Law, Loads, TractionFactor
 from solvers.basics.types import Kept, PicklesFields, read_only
@@ -46,6 +46,7 @@ DEFAULT_DEGREE: Final = 4
 _TOO_SMALL = 1e-2  # mean stress in units of the problem below which the units are changed
 _NOISE = 1e-12  # mean stress in units of the problem below which there is none
 _MISFIT = 1e-6  # difference of data from what is taken for them, in units of the problem, that needs no word
+_ALIKE = 3e-5  # sine of the angle between directions that are one but for coordinates that were rounded
 _UNRELIABLE = 1e-4  # relative error of the linear solve above which they are left
 
 
@@ -128,8 +129,10 @@ class Discretization(PicklesFields):
                     "bore. This is a press fit: the pin presses all around before it is loaded. If it should have a "
                     "clearance, give it a smaller radius."
                 )
+        if not self.problem.prescribed(Displacement):
+            return tuple(found)
         space = DisplacementSpace.of(self.problem, triangle(1), self.scales.length)
-        return (*found, *supports(self.problem, space, self.scales, least=_MISFIT).jumps)
+        return (*found, *supports(self.problem, space, self.scales, least=_MISFIT, parallel=_ALIKE).jumps)
 
     def with_law(self, problem: ContactProblem) -> Discretization:
         """Another problem, in these units, that differs in friction, cohesion and caps of contacts only."""

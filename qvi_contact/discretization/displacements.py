@@ -375,11 +375,16 @@ class Supports:
 
 
 def supports(
-    problem: ContactProblem, space: DisplacementSpace, scales: Scales, springs: int = 0, least: float = MISFIT
+    problem: ContactProblem,
+    space: DisplacementSpace,
+    scales: Scales,
+    springs: int = 0,
+    least: float = MISFIT,
+    parallel: float = PARALLEL,
 ) -> Supports:
     """Prescribed displacements, of so many stretches of springs none; where two disagree in a corner their mean.
 
-    They disagree if they differ by more than a share of their size.
+    They disagree if they differ by more than a share of their size. Directions are one if they are parallel so far.
     """
     p, unit, reasons = space.degree, scales.displacement, list[str]()
     on_arcs, fixed = list[tuple[Edges, IntArray]](), list[tuple[IntArray, FloatArray]]()
@@ -414,7 +419,7 @@ def supports(
     wanted = np.zeros(D.shape[:2])
     D[place], wanted[place] = direction[order], value[order]  # those of one coefficient in a row, zeros after them
     U, size, V = np.linalg.svd(D, full_matrices=False)
-    both, first = size[:, 1] > PARALLEL, D[:, 0]
+    both, first = size[:, 1] > parallel, D[:, 0]
     solved = np.einsum("kmi,km,ki,kij->kj", U, wanted, 1.0 / np.where(both[:, None], size, 1.0), V)
     mean = (np.sign(np.einsum("kmi,ki->km", D, first)) * wanted).sum(axis=1) / count
     found = np.where(both[:, None], solved, mean[:, None] * first)

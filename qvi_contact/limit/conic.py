@@ -31,9 +31,9 @@ HELD: Final = 1e-7  # violation, relative to what stands in the rows, that count
 ROUNDING: Final = 1e-11  # of sizes: violation that is not worth a second program
 _ROOM: Final = 1e-9  # of sizes: rows that no point is farther inside leave no room
 _ENOUGH: Final = 1e-3  # of sizes: the least solution of the equations, if it is farther inside, is a point inside
-_NARROW: Final = 1e-6  # of it: cones without room
 _TIP: Final = 1e-5  # of sizes: cones that are at their tips
-_ASIDE: Final = 1e-3  # angle between a cone without room, and the ray that it is taken for
+FACES: Final = ((1e-6, 1e-3), (1e-5, 1e-3), (1e-7, 1e-3), (1e-6, 1e-2))
+"""Share of it below which cones have no room, and angle between one and the ray it is taken for; tried in turn."""
 _LITTLE: Final = 1e-5  # share of the way to it for which no second program is solved
 _NEAR: Final = 1e-3  # room that is enough in each row: more of it in some rows may leave none in others
 _TIGHTER: Final = 4.0  # times what an answer misses, which is asked for in a second program
@@ -148,21 +148,21 @@ class ConicProgram:
         gained = -float(self.q @ x)  # 1, which the last inequality allows, if there is such a direction
         return gained > max(0.5, HELD * float(np.abs(self.q) @ np.abs(x))) and violation * program.size(x) <= HELD
 
-    def on_faces(self, units: FloatArray) -> ConicProgram | None:
+    def on_faces(self, units: FloatArray, narrow_below: float, aside: float) -> ConicProgram | None:
         """The program in which cones without room are rays u = t û, or t = u = 0; None if none is there to be told.
 
         The û (blocks, k, width − 1) are those that each may be. What cannot leave the surface of a cone the solver
         finds to the root of what it is missed by only, and equations exactly. Points that keep them keep the cones.
         """
         x, room = self._rooms() or (self.q, np.full(1, -np.inf))
-        if room.min() < -_NARROW:  # nothing that the solver says of room is to be believed
+        if room.min() < -narrow_below:  # nothing that the solver says of room is to be believed
             return None
-        narrow = np.flatnonzero(room[self.linear :] < _NARROW)
+        narrow = np.flatnonzero(room[self.linear :] < narrow_below)
         t, u = np.split(self.blocks(x)[narrow], [1], axis=1)
         own = units[narrow]
         unit = own[np.arange(len(narrow)), np.einsum("bku,bu->bk", own, u).argmax(axis=1)]
         at_tip = t[:, 0] <= _TIP * self.size(x)
-        ray = ~at_tip & (np.linalg.norm(u - t * unit, axis=1) <= _ASIDE * t[:, 0])
+        ray = ~at_tip & (np.linalg.norm(u - t * unit, axis=1) <= aside * t[:, 0])
         heads = self.equal + self.linear + self.width * narrow[:, None]
         parts, tips = heads + np.arange(1, self.width), (heads + np.arange(self.width))[at_tip]
         rows = sparse.csr_array(sparse.hstack([self.A, sparse.csr_array(self.b[:, None])]))

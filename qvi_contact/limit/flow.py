@@ -31,9 +31,9 @@ from qvi_contact.element import bernstein
 from qvi_contact.element.triangle import bernstein as bernstein_values
 from qvi_contact.element.triangle import gradient, quadrature
 from qvi_contact.errors import SolveError
-from qvi_contact.limit.conic import HELD, INFEASIBLE, ROUNDING, ConicProgram
+from qvi_contact.limit.conic import FACES, HELD, INFEASIBLE, ROUNDING, ConicProgram
 from qvi_contact.limit.split import Nodes, coefficients_of, nodes_along, numbered, part_corners
-from qvi_contact.limit.stresses import ALONG, FACES, Carried, YieldCones, limited
+from qvi_contact.limit.stresses import ALONG, PASSES, Carried, YieldCones, limited
 from qvi_contact.mechanism import RigidMotion
 from qvi_contact.mechanism.bodies import FLUID
 from qvi_contact.mesh.edges import Edges
@@ -234,9 +234,9 @@ class FlowProgram:
 
         x, violation = program.repaired(raised(found.x), share)
         x = raised(x)
-        for _ in range(0 if share or cones.limit.all() else FACES):
+        for _ in range(0 if share or cones.limit.all() else PASSES):
             missed = -float(program.margins(raised(found.x)).min(initial=0.0))
-            narrower = program.on_faces(cones.rays(self.space.mesh)) if missed > ROUNDING else None
+            narrower = program.on_faces(cones.rays(self.space.mesh), *FACES[0]) if missed > ROUNDING else None
             found = narrower.solve() if narrower else INFEASIBLE
             if narrower is None or isinstance(found, str):
                 break

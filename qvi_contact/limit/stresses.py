@@ -28,7 +28,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, joined
 from qvi_contact.element.triangle import exponents
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.limit.conic import HELD, ROUNDING, UNBOUNDED, Answer, ConicProgram
+from qvi_contact.limit.conic import FACES, HELD, ROUNDING, UNBOUNDED, Answer, ConicProgram
 from qvi_contact.limit.split import SAMPLES, coefficients_of, lattice, part_corners, sampled
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -49,8 +49,10 @@ PRESSURE, TENSION, EITHER = -1, 1, 0
 ALONG: Final = np.linspace(0.0, 1.0, 33)
 """Places of an edge where fields of contacts are looked at."""
 
-FACES: Final = 4
+PASSES: Final = 4
 """Times that cones without room are taken for rays, after which others may have none."""
+
+_LOST: Final = 0.1  # share of what is carried, but for rounding, that passes lose where they take rooms for none
 
 WIDER: Final = HELD / 4.0
 """Of sizes: room that is nothing but rounding."""
@@ -310,15 +312,29 @@ class StressProgram:
             program, known = self.program(signs), None
             with suppress(SolveError):
                 known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
-            found, rays = self._of_program(program, share, known), self.cones.rays(self.low.problem.mesh)
-            for _ in range(FACES):
-                narrower = program.on_faces(rays) if found.violation > ROUNDING else None
-                if narrower is None:
+            first = best = self._of_program(program, share, known)
+            for faces in FACES:
+                found = self._on_faces(program, first, share, *faces)
+                larger = best.violation > ROUNDING or found.factor > best.factor
+                best = found if best is first or (found.violation <= ROUNDING and larger) else best
+                if not best.factor < first.factor - _LOST * abs(first.factor):
                     break
-                program, found = narrower, self._of_program(narrower, share)  # in which others may have none
-            return found
+            return best
 
         return self._with_signs(solve)
+
+    def _on_faces(
+        self, program: ConicProgram, found: Carried, share: float, narrow_below: float, aside: float
+    ) -> Carried:
+        """What is carried once cones without room are rays, from what was found of the program."""
+        rays = self.cones.rays(self.low.problem.mesh)
+        for _ in range(PASSES):
+            unsure = found.violation > ROUNDING or found.factor == -np.inf
+            narrower = program.on_faces(rays, narrow_below, aside) if unsure else None
+            if narrower is None:
+                break
+            program, found = narrower, self._of_program(narrower, share)  # in which others may have none
+        return found
 
     def _of_program(self, program: ConicProgram, share: float, known: FloatArray | None = None) -> Carried:
         """What the first point shows that keeps a program but for rounding: one that is known, or of the solver."""

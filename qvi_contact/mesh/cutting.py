@@ -403,7 +403,7 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     if not across.any():
         remedy = "no pieces of this mesh touch along straight lines or declared arcs: leave it out"
         raise InputError("join", name, remedy)
-    _refuse_slits(vertices[first], new_cells, fine, _SLIT * reach)
+    _refuse_slits(vertices[first], new_cells, fine, _SLIT * reach, piece[parent])
     step = np.flatnonzero(edge[1:] == edge[:-1])[:, None] + [0, 1]
     whole, order = edge[step[:, 0]], np.argsort(vertex[step], axis=1)
     ends, between = (np.take_along_axis(each[step], order, axis=1) for each in (vertex, share))
@@ -417,15 +417,16 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     return divided_at_arcs(MeshParts(vertices[first], new_cells, edge_sets, regions, arcs))
 
 
-def _refuse_slits(vertices: FloatArray, cells: IntArray, topology: Topology, width: float) -> None:
+def _refuse_slits(vertices: FloatArray, cells: IntArray, topology: Topology, width: float, piece: IntArray) -> None:
     """`InputError` about the first hole that is narrower than this: bodies met at some of their vertices only."""
     ends = topology.ends[topology.boundary]
     third = cells[topology.cells[topology.boundary, 0]].sum(axis=1) - ends.sum(axis=1)
     one, other, inner = (vertices[each] - vertices[0] for each in (*ends.T, third))
     lengths, middles = np.hypot(*(other - one).T), vertices[ends].mean(axis=1)
     areas = cross(one, other) * np.sign(cross(other - one, inner - one))  # of closed lines twice what they enclose
+    piece = piece[topology.cells[topology.boundary, 0]]  # bodies may have narrow holes of their own
     for line in chains(ends):
-        if abs(areas[line].sum()) < width * lengths[line].sum():
+        if np.ptp(piece[line]) and abs(areas[line].sum()) < width * lengths[line].sum():
             (x, y), apart = middles[line[0]].tolist(), abs(areas[line].sum()) / lengths[line].sum()
             remedy = f"the bodies touch at some of their vertices and are {apart:.1g} apart around ({x:.6g}, {y:.6g}): "
             raise InputError("join", apart, f"{remedy}give their coordinates with more digits")

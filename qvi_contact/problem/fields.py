@@ -99,6 +99,7 @@ class BodyForces(PicklesFields):
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y): of all parts together."""
+        x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
         return np.asarray(sum(evaluate(f"BodyForces.{name}", part, x, y) for name, part in self.parts.items()))
 
 
