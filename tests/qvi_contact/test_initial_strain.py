@@ -27,7 +27,7 @@ from qvi_contact.problem import (
     problem_digest,
     stress_along_z,
 )
-from tests.cases import examples
+from tests.cases import examples, refused_at
 from tests.qvi_contact.builders import holed, quarter, solved
 
 E, NU, ALPHA = 1000.0, 0.3, 1e-3
@@ -282,9 +282,8 @@ SOFT = Material(100.0, 0.0)
 def test_bad_regions_are_refused(regions, field):
     mesh = TriangleMesh.rectangle((2, 2))
     conditions = [Symmetry("left"), Symmetry("bottom"), Traction("right", x=0, y=0), Traction("top", x=0, y=0)]
-    with pytest.raises(InputError) as caught:
+    with refused_at(field):
         ContactProblem(mesh, SOFT, conditions, regions=regions)
-    assert caught.value.field == field
 
 
 RUBBER = Material(1000.0, 0.5, "strain")

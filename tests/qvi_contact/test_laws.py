@@ -10,7 +10,7 @@ from qvi_contact.gallery import exact
 from qvi_contact.mesh import TriangleMesh, graded_lines
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from solvers import Status
-from tests.cases import every_pair, thinned
+from tests.cases import every_pair, refused_at, thinned
 from tests.qvi_contact.builders import difference, solved
 
 MATERIALS = {
@@ -202,9 +202,8 @@ def test_uzawa_finds_the_same_state():
     ],
 )
 def test_wrong_laws_are_refused(arguments, field):
-    with pytest.raises(InputError) as caught:
+    with refused_at(field):
         Contact("bottom", **arguments)
-    assert caught.value.field == field
 
 
 @pytest.mark.parametrize("name", ["friction", "cohesion", "shear_limit"])

@@ -31,7 +31,7 @@ from qvi_contact.problem import (
     Traction,
     Tresca,
 )
-from tests.cases import thinned
+from tests.cases import refused_at, thinned
 
 E = 1e-9
 
@@ -436,9 +436,8 @@ class TestCones:
      (lambda: Material(1.0, 0.3, "strain", 2.0), "Material.strength")],
 )  # fmt: skip
 def test_bad_strengths_are_refused(make, field):
-    with pytest.raises(InputError) as caught:
+    with refused_at(field):
         make()
-    assert caught.value.field == field
 
 
 def test_an_angle_may_be_written_in_degrees():

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from qvi_contact import Corner, InputError, TriangleMesh, load_problem, solve
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.mesh import Topology, divided_corners, polygons
-from tests.cases import examples
+from tests.cases import examples, refused_at
 from tests.qvi_contact.builders import PROBLEMS, area
 
 try:
@@ -109,10 +109,8 @@ class TestPolygons:
         ],
     )  # fmt: skip
     def test_what_is_no_outline_is_refused(self, changes, field, words):
-        with pytest.raises(InputError, match=words) as caught:
+        with refused_at(field, words):
             polygons(**{"corners": SQUARE, "size": 0.5} | changes)
-        assert caught.value.field == field
-        assert len(str(caught.value).splitlines()) == 1
 
 
 def _simple(points):
@@ -204,9 +202,8 @@ class TestMeshes:
         hole = [Corner.circle((1.0, 0.5), 0.45, name="bore")]
         mesh = TriangleMesh.outline(body, 0.2, holes=hole)
         assert np.hypot(*(mesh.vertices[mesh.edge_sets["bore"]] - [1.0, 0.5]).T) == pytest.approx(0.45, rel=1e-12)
-        with pytest.raises(InputError) as caught:
+        with refused_at("size"):
             TriangleMesh.outline(body, 1.0, holes=hole)
-        assert caught.value.field == "size"
 
     def test_sizes_are_kept(self, arch):
         for place, size in (((2.0, 0.0), 0.05), ((1.0, 0.2), 0.05), ((0.0, 0.0), 0.2), ((1.0, 2.0), 0.2)):
@@ -310,6 +307,5 @@ class TestFiles:
     )  # fmt: skip
     def test_what_is_wrong_is_named_by_its_place(self, old, new, field):
         assert old in FILE
-        with pytest.raises(InputError) as caught:
+        with refused_at(field):
             problem_from_toml(FILE.replace(old, new, 1))
-        assert caught.value.field == field

@@ -8,7 +8,7 @@ import pytest
 from qvi_contact import InputError, TriangleMesh, solve
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from solvers import Status, certify
-from tests.cases import every_pair, thinned
+from tests.cases import every_pair, refused_at, thinned
 from tests.qvi_contact.builders import difference, solved
 
 STEEL = Material(1000.0, 0.3)
@@ -214,9 +214,8 @@ class TestImpossible:
          ({"moment": 1.0, "rotation": 1.0}, "RigidPlate.moment"), ({"y": float("nan")}, "RigidPlate.y")],
     )  # fmt: skip
     def test_bad_data(self, given, field):
-        with pytest.raises(InputError) as caught:
+        with refused_at(field):
             RigidPlate(**given)
-        assert caught.value.field == field
 
 
 @pytest.mark.parametrize("plate", [RigidPlate(force_x=0.0), RigidPlate(moment=0.0, pivot=(0.5, 1.0))])

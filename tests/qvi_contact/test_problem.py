@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from qvi_contact import InputError, TriangleMesh, discretize, load_problem, load_result, solve, verify_result
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import BodyForces, Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
+from tests.cases import refused_at
 
 MESH = TriangleMesh.rectangle((2, 2))
 STEEL = Material(2.1e5, 0.3)
@@ -32,9 +33,8 @@ def test_compliance(young, poisson):
     [("young", 0.0), ("young", np.nan), ("young", "steel"), ("poisson", 0.51), ("poisson", -1.0), ("plane", "shell")],
 )
 def test_bad_materials_are_refused(name, value):
-    with pytest.raises(InputError) as caught:
+    with refused_at(f"Material.{name}"):
         Material(**{"young": 1.0, "poisson": 0.3, name: value})
-    assert caught.value.field == f"Material.{name}"
 
 
 @pytest.mark.parametrize("kind", [np.uint8, np.float16, np.int64, np.float32, int])
@@ -58,9 +58,8 @@ def test_numbers_of_any_kind_are_floats(kind):
     [(Contact, "friction"), (Contact, "gap"), (Contact, "offset"), (Traction, "x"), (Displacement, "y")],
 )
 def test_what_is_not_finite_is_refused(kind, name, value):
-    with pytest.raises(InputError) as caught:
+    with refused_at(f"{kind.__name__}.{name}"):
         kind("top", **({"friction": 0.1} if kind is Contact else {}) | {name: value})
-    assert caught.value.field == f"{kind.__name__}.{name}"
 
 
 @pytest.mark.parametrize(

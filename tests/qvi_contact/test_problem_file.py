@@ -28,7 +28,7 @@ from qvi_contact.problem import (
     Tresca,
 )
 from qvi_contact.units import Units
-from tests.cases import examples
+from tests.cases import examples, refused_at
 from tests.qvi_contact.builders import PRINTED, RICH, same
 
 SMALL = """
@@ -136,9 +136,8 @@ def plate(**changes):
     ],
 )
 def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
-    with pytest.raises(InputError, match=words) as caught:
+    with refused_at(field, words):
         save_problem(tmp_path / "plate.toml", plate(**changes))
-    assert caught.value.field == field
     assert list(tmp_path.iterdir()) == []
 
 
@@ -228,9 +227,8 @@ def test_pins_move_in_time_and_are_written_as_gap_and_plate(tmp_path):
 def test_files_that_are_no_text_or_not_there(tmp_path):
     (tmp_path / "bad.toml").write_bytes(b"version = 1 # \xe4")
     for path in (tmp_path / "bad.toml", tmp_path, tmp_path / "missing.toml", "a\0b", tmp_path / ("x" * 300)):
-        with pytest.raises(InputError) as caught:
+        with refused_at("file"):
             load_problem(path)
-        assert caught.value.field == "file"
 
 
 def test_a_byte_order_mark_and_other_line_ends_do_no_harm(tmp_path):

@@ -11,7 +11,7 @@ from scipy.sparse import block_array, block_diag, csc_array, csc_matrix, diags, 
 
 from qvi_contact import discretize
 from qvi_contact.gallery import compressed_plate
-from solvers import FrictionQVI, InputError, Status, solve_qvi
+from solvers import FrictionQVI, Status, solve_qvi
 from solvers.factorisation import (
     BACKENDS,
     DENSE,
@@ -26,6 +26,7 @@ from solvers.factorisation import (
     thread_count,
 )
 from solvers.settings import METHODS
+from tests.cases import refused_at
 
 BACKENDS_HERE = list(available_backends())
 BACKEND = pytest.mark.parametrize("backend", [*BACKENDS_HERE, DENSE])
@@ -203,9 +204,8 @@ def test_order_of_preference_and_default(environ):
         assert solve_qvi(gallery_plate()).factorisation.startswith(name)
         assert solve_qvi(gallery_plate(), factorisation="multifrontal").factorisation.startswith("multifrontal")
     environ(**{VARIABLE: "umfpack"})
-    with pytest.raises(InputError) as caught:
+    with refused_at(VARIABLE):
         factorise(grid(), np.arange(2))
-    assert caught.value.field == VARIABLE
 
 
 def printed(code, *words):
@@ -242,9 +242,8 @@ def test_wrong_input():
         (lambda: factor.expand(state, np.ones(3)), "values"),
         (lambda: factor.expand(state, np.ones((2, 1))), "values"),
     ):
-        with pytest.raises(InputError) as caught:
+        with refused_at(field):
             call()
-        assert caught.value.field == field
 
 
 def test_order_puts_the_interface_last_and_groups_together():

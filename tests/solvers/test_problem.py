@@ -15,7 +15,7 @@ from scipy.sparse import csc_array, csc_matrix, csr_array
 
 from solvers import FrictionQVI, InputError, SolverUnavailableError, Status, certify, solve_qvi
 from solvers.basics import real_array
-from tests.cases import examples
+from tests.cases import examples, refused_at
 from tests.solvers.conftest import one_contact, random_problem
 
 
@@ -129,9 +129,8 @@ def test_bonded_solution_with_dependent_equalities():
      ("time_limit", [1.0])],
 )  # fmt: skip
 def test_wrong_options(name, value):
-    with pytest.raises(InputError) as caught:
+    with refused_at(name):
         solve_qvi(random_problem(0), **{name: value})
-    assert caught.value.field == name
 
 
 def test_options_of_other_methods_are_refused_and_names_listed():
@@ -139,9 +138,8 @@ def test_options_of_other_methods_are_refused_and_names_listed():
         ({"method": "fixed-point", "omega_T": 0.1}, "omega_T"), ({"method": "uzawa", "memory": 3}, "memory"),
         ({"speed": 3}, "speed"),
     ):  # fmt: skip
-        with pytest.raises(InputError) as caught:
+        with refused_at(field):
             solve_qvi(random_problem(0), **options)
-        assert caught.value.field == field
     for options, listed in (
         ({"inner": "qp:abacus"}, "qp:clarabel"), ({"inner": "qp:qpswift"}, "qpSWIFT"),
         ({"method": "newton"}, "uzawa"), ({"factorisation": "mumps"}, "multifrontal"),
@@ -159,9 +157,8 @@ def test_options_of_other_methods_are_refused_and_names_listed():
 def test_certificates_take_numbers_of_their_shapes(name, value):
     qvi = random_problem(0)
     given = dict.fromkeys(("normal_multiplier", "tangential_multiplier"), np.zeros(8)) | {name: value}
-    with pytest.raises(InputError) as caught:
+    with refused_at(name):
         certify(qvi, np.zeros(qvi.n), **given)
-    assert caught.value.field == name
 
 
 class TestParts:

@@ -10,7 +10,7 @@ from qvi_contact.companion import DualProblem, solve_companion
 from qvi_contact.gallery import compressed_plate, exact, ssnv128
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from solvers import Status
-from tests.cases import every_pair
+from tests.cases import every_pair, refused_at
 from tests.qvi_contact.builders import bernstein, companion_of
 from tests.qvi_contact.test_plates import moved
 
@@ -228,12 +228,10 @@ class TestBadInput:
     )
     def test_options(self, name, values):
         for value in values:
-            with pytest.raises(InputError) as caught:
+            with refused_at(name):
                 solve_companion(PLATE, **{name: value})
-            assert caught.value.field == name
-        with pytest.raises(InputError) as caught:
+        with refused_at("problem"):
             solve_companion("plate")
-        assert caught.value.field == "problem"
         with pytest.raises(InputError, match="plate"):
             solve_companion(PLATE).trace("roof", [0.5])
 
