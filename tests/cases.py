@@ -6,7 +6,7 @@ times as many: a search for rare faults after a change to what the file tests.
 
 import os
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -43,6 +43,14 @@ def every_pair(first: Sequence[Any], second: Sequence[Any], third: Sequence[Any]
     """
     assert len(third) <= min(len(first), len(second))
     return [(a, b, third[(i + j) % len(third)]) for i, a in enumerate(first) for j, b in enumerate(second)]
+
+
+def refusal(call: Callable[..., object], *given: Any) -> InputError:
+    """The error of a call, which is one line."""
+    with pytest.raises(InputError) as caught:
+        call(*given)
+    assert len(str(caught.value).splitlines()) == 1
+    return caught.value
 
 
 @contextmanager

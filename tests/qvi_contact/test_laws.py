@@ -245,24 +245,22 @@ class TestBilateralFriction:
         assert any("'bottom'" in remark for remark in result.remarks)
 
 
-class TestVaryingLaws:
-    """Coefficients of the traction cannot hold a law whose friction varies along an edge: Gauss points are taken."""
-
-    @pytest.mark.parametrize(
-        ("law", "kind"),
-        [
-            ({"friction": 0.3}, "edges"),
-            ({"friction": lambda x, _: 0.3 + 0.0 * x}, "edges"),
-            ({"friction": lambda x, _: 0.3 + 0.1 * x}, "points"),
-            ({"friction": lambda x, _: np.where(x < 1.0, 0.3, 0.2)}, "points"),  # at a node
-            ({"friction": 0.3, "cohesion": lambda x, _: 1.0 + x}, "edges"),
-            ({"friction": 0.3, "cohesion": lambda x, _: 1.0 + x**2}, "points"),
-            ({"friction": 0.3, "shear_limit": lambda x, _: 1.0 + x**2}, "points"),
-        ],
-    )
-    def test_which_rows_are_taken(self, law, kind):
-        problem = punched(MESHES["uniform"], MATERIALS["stress"], Contact("bottom", **law))
-        assert discretize(problem, degree=4).rule.law_on == kind
+@pytest.mark.parametrize(
+    ("law", "kind"),
+    [
+        ({"friction": 0.3}, "edges"),
+        ({"friction": lambda x, _: 0.3 + 0.0 * x}, "edges"),
+        ({"friction": lambda x, _: 0.3 + 0.1 * x}, "points"),
+        ({"friction": lambda x, _: np.where(x < 1.0, 0.3, 0.2)}, "points"),  # at a node
+        ({"friction": 0.3, "cohesion": lambda x, _: 1.0 + x}, "edges"),
+        ({"friction": 0.3, "cohesion": lambda x, _: 1.0 + x**2}, "points"),
+        ({"friction": 0.3, "shear_limit": lambda x, _: 1.0 + x**2}, "points"),
+    ],
+)
+def test_rows_of_laws_that_vary_along_an_edge_are_gauss_points(law, kind):
+    """Coefficients of the traction cannot hold a law whose friction varies there."""
+    problem = punched(MESHES["uniform"], MATERIALS["stress"], Contact("bottom", **law))
+    assert discretize(problem, degree=4).rule.law_on == kind
 
 
 def test_the_law_of_tresca_by_its_name():

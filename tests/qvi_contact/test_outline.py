@@ -128,32 +128,25 @@ def _simple(points):
     )
 
 
-class TestCorners:
-    """Triangles with two edges on the boundary."""
+def test_triangles_that_fill_corners_are_divided_but_lines_with_a_name_stay():
+    """And no needles are made: a sharp corner would become two that are too sharp."""
+    rising = np.array([[a, a + 1, a + 4] for a in (0, 1, 3, 4)] + [[a, a + 4, a + 3] for a in (0, 1, 3, 4)])
+    vertices = np.array([(x, y) for y in (0.0, 1.0, 2.0) for x in (0.0, 1.0, 2.0)])
+    none = np.empty((0, 2), dtype=np.int64)
 
-    RISING = np.array([[a, a + 1, a + 4] for a in (0, 1, 3, 4)] + [[a, a + 4, a + 3] for a in (0, 1, 3, 4)])
-    SQUARES = np.array([(x, y) for y in (0.0, 1.0, 2.0) for x in (0.0, 1.0, 2.0)])
-    NONE = np.empty((0, 2), dtype=np.int64)
-
-    @staticmethod
     def filled(cells):
         topology = Topology.of(np.sort(cells, axis=1), 9)
         return int((topology.boundary[topology.of_cells].sum(axis=1) == 2).sum())
 
-    def test_they_are_divided_but_lines_with_a_name_stay(self):
-        assert self.filled(self.RISING) == 2
-        cells = divided_corners(self.SQUARES, self.RISING, self.NONE)
-        assert self.filled(cells) == 0
-        assert area(TriangleMesh(self.SQUARES, cells)) == pytest.approx(4.0)
-        cells = divided_corners(self.SQUARES, self.RISING, np.array([[5, 1]]))
-        assert self.filled(cells) == 1
-        assert Topology.of(np.sort(cells, axis=1), 9).number(np.array([[1, 5]])) >= 0
-
-    def test_no_needles_are_made(self):
-        """A sharp corner would become two that are too sharp."""
-        vertices = self.SQUARES.copy()
-        vertices[2] = (10.0, -4.0)
-        assert self.filled(divided_corners(vertices, self.RISING, self.NONE)) == 1
+    assert filled(rising) == 2
+    cells = divided_corners(vertices, rising, none)
+    assert filled(cells) == 0
+    assert area(TriangleMesh(vertices, cells)) == pytest.approx(4.0)
+    cells = divided_corners(vertices, rising, np.array([[5, 1]]))
+    assert filled(cells) == 1
+    assert Topology.of(np.sort(cells, axis=1), 9).number(np.array([[1, 5]])) >= 0
+    vertices[2] = (10.0, -4.0)
+    assert filled(divided_corners(vertices, rising, none)) == 1
 
 
 def test_where_a_library_of_the_system_is_missing_one_line_says_how_to_get_it(monkeypatch, tmp_path):

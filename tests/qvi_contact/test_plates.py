@@ -186,14 +186,12 @@ class TestRedundantResultants:
 class TestImpossible:
     """Forces that no contact carries end in a status with a reason."""
 
-    def test_more_than_friction_carries(self):
+    def test_more_than_friction_carries_and_a_plate_that_pulls(self):
         assert solve(column(RigidPlate(force_x=1.0, force_y=-30.0))).status is Status.INFEASIBLE  # without friction
         assert solved(column(RigidPlate(force_x=8.0, force_y=-30.0), 0.3), tolerance=1e-8).plates["plate"].x > 0.0
         result = solve(column(RigidPlate(force_x=9.1, force_y=-30.0), 0.3))
         assert result.status is Status.INFEASIBLE
         assert result.mechanism.contacts["plate"].slides
-
-    def test_a_plate_that_pulls(self):
         result = solve(column(RigidPlate(force_y=1.0), 0.3))
         assert result.status is Status.INFEASIBLE
         assert result.mechanism.contacts["plate"].opens

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from qvi_contact import InputError, TriangleMesh, discretize, load_problem, load_result, solve, verify_result
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import BodyForces, Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
-from tests.cases import refused_at
+from tests.cases import refusal, refused_at
 
 MESH = TriangleMesh.rectangle((2, 2))
 STEEL = Material(2.1e5, 0.3)
@@ -163,25 +163,18 @@ def test_the_two_kinds_of_components_do_not_mix_in_one_condition(kind):
 OLD = Path(__file__).parent / "old"
 
 
-def refusal(use):
-    with pytest.raises(InputError) as caught:
-        use()
-    assert len(str(caught.value).splitlines()) == 1
-    return caught.value
-
-
 @pytest.mark.parametrize(
     ("name", "instead"), [("RectilinearMesh", "TriangleMesh.grid"), ("stream_sweep", r"solve_sweep(")]
 )
 def test_names_that_were_imported(name, instead):
-    found = refusal(lambda: getattr(importlib.import_module("qvi_contact"), name))
+    found = refusal(getattr, importlib.import_module("qvi_contact"), name)
     assert found.value == name
     assert instead in found.remedy
 
 
 @pytest.mark.parametrize("name", ["rectangles.npz", "steps_of_rectangles/step-000001.npz"])
 def test_archives_of_rectangles(name):
-    found = refusal(lambda: load_result(OLD / name))
+    found = refusal(load_result, OLD / name)
     assert "rectangles" in found.remedy
     assert "solve its problem again" in found.remedy
 
@@ -197,7 +190,7 @@ def test_an_archive_of_triangles_is_read_as_before():
 
 
 def test_problem_files():
-    found = refusal(lambda: load_problem(OLD / "rectangles.toml"))
+    found = refusal(load_problem, OLD / "rectangles.toml")
     assert (found.field, "leave this key out" in found.remedy) == ("solve.element", True)
     file = load_problem(OLD / "grid.toml")
     assert dict(file.solve_options) == {"law_on": "points"}
