@@ -1,4 +1,4 @@
-"""How many cases a test tries: of generated ones, and of combinations.
+"""How many cases a test tries, of generated ones and of combinations; and that an input is refused.
 
 The suite tries few of each kind, the same ones every time. ``QVI_CONTACT_EFFORT=10 python -m pytest FILE`` tries ten
 times as many: a search for rare faults after a change to what the file tests.
@@ -6,8 +6,13 @@ times as many: a search for rare faults after a change to what the file tests.
 
 import os
 import random
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
+
+import pytest
+
+from solvers import InputError
 
 EFFORT = float(os.environ.get("QVI_CONTACT_EFFORT", "1"))
 
@@ -38,3 +43,19 @@ def every_pair(first: Sequence[Any], second: Sequence[Any], third: Sequence[Any]
     """
     assert len(third) <= min(len(first), len(second))
     return [(a, b, third[(i + j) % len(third)]) for i, a in enumerate(first) for j, b in enumerate(second)]
+
+
+def refusal(call: Callable[..., object], *given: Any) -> InputError:
+    """The error of a call, which is one line."""
+    with pytest.raises(InputError) as caught:
+        call(*given)
+    assert len(str(caught.value).splitlines()) == 1
+    return caught.value
+
+
+@contextmanager
+def refused_at(field: str, words: str | None = None) -> Iterator[None]:
+    """That what is done inside is refused by one line that names this field, and has these words (a pattern)."""
+    with pytest.raises(InputError, match=words) as caught:
+        yield
+    assert (caught.value.field, len(str(caught.value).splitlines())) == (field, 1)

@@ -26,10 +26,11 @@ from comparisons.exchange.local import project
 from comparisons.exchange.quadratic_programs import programs_of
 from qvi_contact import load_problem, save_problem, solve
 from qvi_contact.gallery import compressed_plate
-from solvers import FrictionQVI, InputError, Status, TractionFactor, certify, solve_qvi
+from solvers import FrictionQVI, Status, TractionFactor, certify, solve_qvi
 from solvers.inequality import Compliance
+from tests.cases import refusal
 from tests.comparisons.conftest import command, refused_command
-from tests.solvers.conftest import dragged_block, one_contact, two_contacts
+from tests.solvers.conftest import dragged_block, one_contact, random_problem, two_contacts
 
 h5py = pytest.importorskip("h5py", reason="FCLIB files need the extra 'exchange'")
 
@@ -66,14 +67,8 @@ def solved(problem: LocalProblem) -> ContactState:
 
 def random_qvi(seed: int, n: int = 12, m: int = 5, equalities: int = 0) -> FrictionQVI:
     """Every field filled; 2 m rows depend on each other where 2 m > n."""
-    random = np.random.default_rng(seed)
-    root = random.normal(size=(n, n))
-    return FrictionQVI.from_arrays(
-        K=root @ root.T + np.eye(n), f=3.0 * random.normal(size=n), N=random.normal(size=(m, n)),
-        n0=np.full(m, -0.5), T=random.normal(size=(m, n)), t0=0.1 * random.normal(size=m),
-        mu=random.uniform(0.0, 0.3, m), W=random.uniform(0.5, 1.0, m),
-        A=random.normal(size=(equalities, n)), b=0.01 * np.ones(equalities),
-    )  # fmt: skip
+    qvi = random_problem(seed, equalities=equalities, n=n, m=m)
+    return qvi.with_law(mu=np.random.default_rng(seed).uniform(0.0, 0.3, m))
 
 
 def with_every_law(seed: int) -> FrictionQVI:
@@ -88,11 +83,8 @@ def with_every_law(seed: int) -> FrictionQVI:
 
 def refused(call) -> str:
     """The error's field, and behind it one clear line."""
-    with pytest.raises(InputError) as caught:
-        call()
-    message = str(caught.value)
-    assert len(message.splitlines()) == 1
-    return f"{caught.value.field}|{message}"
+    error = refusal(call)
+    return f"{error.field}|{error}"
 
 
 @few

@@ -54,27 +54,19 @@ class TestGenerator:
         assert [dice.whole(0, 999) for _ in range(4)] == [74, 198, 372, 275]
 
 
-class TestBoundsProblems:
-    """Polygons whose errors bounds are compared with."""
-
-    @staticmethod
-    def stated():
-        return [bounds.stated("polygons", number)[0] for number in range(40)]
-
-    def test_sides_that_move_press_on_the_obstacle(self):
-        for problem in self.stated():
-            normal = problem.mesh.edges("side 0").normal[0]
-            moves = [each for each in problem.conditions if isinstance(each, Displacement)]
-            assert all(move.x * normal[0] + move.y * normal[1] > 0.0 for move in moves)
-
-    def test_bent_gaps_are_parabolas_along_the_side(self):
-        """Multiples of (a x + b y + c)²."""
-        gaps = [each.gap for problem in self.stated() for each in problem.contacts]
-        bent = [gap for gap in gaps if callable(gap) and len(gap.coefficients) == 3]
-        assert len(bent) > 3
-        for gap in bent:
-            (c, y, yy), (x, xy), (xx,) = gap.coefficients
-            assert [x * x, y * y, xy * xy] == pytest.approx([4.0 * xx * c, 4.0 * yy * c, 4.0 * xx * yy], rel=1e-9)
+def test_sides_of_polygons_that_move_press_on_the_obstacle_and_bent_gaps_are_parabolas_along_the_side():
+    """Of those whose errors bounds are compared with; such gaps are multiples of (a x + b y + c)²."""
+    problems = [bounds.stated("polygons", number)[0] for number in range(40)]
+    for problem in problems:
+        normal = problem.mesh.edges("side 0").normal[0]
+        moves = [each for each in problem.conditions if isinstance(each, Displacement)]
+        assert all(move.x * normal[0] + move.y * normal[1] > 0.0 for move in moves)
+    gaps = [each.gap for problem in problems for each in problem.contacts]
+    bent = [gap for gap in gaps if callable(gap) and len(gap.coefficients) == 3]
+    assert len(bent) > 3
+    for gap in bent:
+        (c, y, yy), (x, xy), (xx,) = gap.coefficients
+        assert [x * x, y * y, xy * xy] == pytest.approx([4.0 * xx * c, 4.0 * yy * c, 4.0 * xx * yy], rel=1e-9)
 
 
 @pytest.mark.parametrize(("family", "number"), SAMPLE)
@@ -110,13 +102,9 @@ class TestJudge:
         assert judge.wrong(right) == []
         assert judge.wrong(solve(pressed(), degree=6, law_on="points"), 6) == []
 
-    def test_another_load_is_seen(self, right):
+    def test_another_load_less_friction_and_a_body_force_that_is_not_there_are_seen(self, right):
         assert any("prescribed" in text for text in judge.wrong(forged(right, pressed(top=(2.0, -11.0)))))
-
-    def test_less_friction_is_seen(self, right):
         assert any(text.startswith("friction on bottom") for text in judge.wrong(forged(right, pressed(0.01))))
-
-    def test_a_body_force_that_is_not_there_is_seen(self, right):
         heavy = replace(pressed(), body_potential=lambda _, y: 3.0 * y)
         assert not judge.wrong(solve(heavy))
         assert judge.wrong(ContactResult(replace(right.discretization, problem=heavy), right.solution))
@@ -140,17 +128,12 @@ class TestJudge:
         assert judge.wrong(solve(generator.wild_problem(family, 0).problem)) == []
 
 
-class TestEnumeration:
-    """States gone through."""
-
-    def test_of_a_plate(self):
-        assert judge.enumerated(discretize(compressed_plate(0.2, (2, 1))).qvi, 20.0) == judge.EXISTS
-
-    def test_of_a_block_dragged_beyond_its_limit(self):
-        mesh = TriangleMesh.rectangle((2, 1), 2.0, 1.0)
-        free = [Traction(side, 0.0, 0.0) for side in ("left", "right")]
-        dragged = ContactProblem(mesh, Material(1e3, 0.3), [Contact("bottom", 0.1), Traction("top", 2.0, -10.0), *free])
-        assert judge.enumerated(discretize(dragged).qvi, 20.0) == judge.NONE
+def test_states_gone_through_of_a_plate_and_of_a_block_dragged_beyond_its_limit():
+    assert judge.enumerated(discretize(compressed_plate(0.2, (2, 1))).qvi, 20.0) == judge.EXISTS
+    mesh = TriangleMesh.rectangle((2, 1), 2.0, 1.0)
+    free = [Traction(side, 0.0, 0.0) for side in ("left", "right")]
+    dragged = ContactProblem(mesh, Material(1e3, 0.3), [Contact("bottom", 0.1), Traction("top", 2.0, -10.0), *free])
+    assert judge.enumerated(discretize(dragged).qvi, 20.0) == judge.NONE
 
 
 def test_problems_of_a_small_study_are_counted():
@@ -197,9 +180,8 @@ def test_an_exception_that_is_not_the_packages_own_is_foreign():
 class TestLimits:
     """Both sides of limit loads, and their proofs."""
 
-    @pytest.mark.parametrize("number", [12])
-    def test_sides_and_proofs_are_in_order(self, number):
-        found = limits.solve_case({"number": number})
+    def test_sides_and_proofs_are_in_order(self):
+        found = limits.solve_case({"number": 12})
         assert found["proved_lower"] <= found["lower"] <= found["upper"] <= found["proved_upper"] * (1.0 + 1e-9)
         assert found["proved_upper"] - found["proved_lower"] < 1e-3 * found["upper"] + found["upper"] - found["lower"]
 

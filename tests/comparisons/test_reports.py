@@ -263,14 +263,11 @@ def test_a_page_opens_in_a_browser_without_an_error_and_its_tables_sort(browser,
     assert said == []
 
 
-class TestTables:
-    """Frames as Markdown."""
-
-    def test_a_table_is_declared_by_its_columns(self):
-        frame = DataFrame({"time": [0.5, None], "|name|": ["a", None], "other": [1, 2]})
-        text = markdown_table(frame, {"|name|": "|σ|", "time": "time [s]"}, {"time": numbers.fixed(".2f")})
-        assert text.splitlines() == [r"| \|σ\| | time [s] |", "| --- | ---: |", "| a | 0.50 |", "| none | none |"]
-        assert markdown_table(frame[:0]) == "No rows.\n"
+def test_a_table_in_markdown_is_declared_by_its_columns():
+    frame = DataFrame({"time": [0.5, None], "|name|": ["a", None], "other": [1, 2]})
+    text = markdown_table(frame, {"|name|": "|σ|", "time": "time [s]"}, {"time": numbers.fixed(".2f")})
+    assert text.splitlines() == [r"| \|σ\| | time [s] |", "| --- | ---: |", "| a | 0.50 |", "| none | none |"]
+    assert markdown_table(frame[:0]) == "No rows.\n"
 
 
 @settings(max_examples=50)

@@ -176,17 +176,12 @@ class TestManual:
         assert texts[0] == texts[1] != texts[2]
 
 
-class TestPictures:
-    """Bodies and rows."""
-
-    def test_every_benchmark_has_a_picture(self):
-        """But for the conservation of forces, which is about the others. Few cells keep a body's picture small."""
-        own = {*room.CHAPTERS["benchmarks"], "oblique-block"} - {"conservation"}
-        assert own == set(room.POSED)
-        assert max(posed().mesh.cell_count for posed, _ in room.POSED.values()) <= 140
-
-    def test_pictures_are_of_bodies(self, manual):
-        assert all(unit in body for unit, body in zip(SHOWN.values(), manual.pictures.values(), strict=True))
+def test_every_benchmark_has_a_picture_of_its_body(manual):
+    """But for the conservation of forces, which is about the others. Few cells keep a body's picture small."""
+    own = {*room.CHAPTERS["benchmarks"], "oblique-block"} - {"conservation"}
+    assert own == set(room.POSED)
+    assert max(posed().mesh.cell_count for posed, _ in room.POSED.values()) <= 140
+    assert all(unit in body for unit, body in zip(SHOWN.values(), manual.pictures.values(), strict=True))
 
 
 class TestRows:

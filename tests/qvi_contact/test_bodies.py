@@ -11,6 +11,7 @@ from qvi_contact.mechanism import Bodies
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Polynomial, Traction
 from qvi_contact.solution import motions_in_words
 from tests.qvi_contact.builders import solved
+from tests.qvi_contact.test_triangles import oblique
 
 STEEL = Material(1000.0, 0.3)
 CIRCLE = np.linspace(0.0, 2.0 * np.pi, 17)[:-1]
@@ -83,20 +84,16 @@ class TestLoose:
     @pytest.mark.parametrize("friction", [0.0, 0.3])
     def test_block_on_a_plane(self, angle, friction):
         """Without friction it slides along the plane; what sticks, does not."""
-        cosine, sine = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
-        mesh = TriangleMesh.rectangle((2, 1), 2.0, 1.0)
-        turned = TriangleMesh(mesh.vertices @ np.array([[cosine, sine], [-sine, cosine]]), mesh.cells, mesh.edge_sets)
         sides = [Traction(side, normal=0.0, tangential=0.0) for side in ("left", "right")]
-        pressed = Traction("top", normal=-1.0, tangential=0.0)
-        found = solved(
-            ContactProblem(turned, STEEL, [Contact("bottom", friction), pressed, *sides])
-        ).undetermined_motions
+        conditions = [Contact("bottom", friction), Traction("top", normal=-1.0, tangential=0.0), *sides]
+        turned = oblique(TriangleMesh.rectangle((2, 1), 2.0, 1.0), angle)
+        found = solved(ContactProblem(turned, STEEL, conditions)).undetermined_motions
         if friction:
             assert found == ()
         else:
             (loose,) = found
             along = [float(part) for part in loose.way.removeprefix("move along ").strip("()").split(",")]
-            assert along == pytest.approx([cosine, sine], abs=1e-4)
+            assert along == pytest.approx([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))], abs=1e-4)
             assert loose.names == ("the body",)
 
     def test_two_blocks_slide_each_for_itself(self):

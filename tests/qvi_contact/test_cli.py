@@ -50,39 +50,33 @@ def test_help_and_what_is_unknown(shell):
         refused(shell(*words), words[-1])
 
 
-@pytest.mark.parametrize("module", ["qvi_contact.command.cli", "comparisons.cli"])
-def test_help_imports_nothing_but_click(module):
-    """So that it comes at once; numpy alone would take as long again, and solvers several times that."""
+def loaded_by(module, *words):
+    """Names of what a command loads in a process of its own, beyond Python."""
     code = f"""
 import sys
 before = set(sys.modules)
 from {module} import group
 try:
-    group.main(["--help"])
+    group.main({list(map(str, words))})
 except SystemExit:
-    loaded = {{name.partition(".")[0] for name in set(sys.modules) - before}}
-    print(*loaded - set(sys.stdlib_module_names), file=sys.stderr)
+    print(*set(sys.modules) - before, file=sys.stderr)
 """
-    loaded = set(ran("-c", code).stderr.split())
+    return set(ran("-c", code).stderr.split())
+
+
+@pytest.mark.parametrize("module", ["qvi_contact.command.cli", "comparisons.cli"])
+def test_help_imports_nothing_but_click(module):
+    """So that it comes at once; numpy alone would take as long again, and solvers several times that."""
+    loaded = {name.partition(".")[0] for name in loaded_by(module, "--help")} - sys.stdlib_module_names
     assert "click" in loaded
     assert loaded - {"colorama"} <= {"click", *OWN}  # colorama: on Windows
 
 
 def test_a_solve_imports_of_scipy_what_it_needs():
     """Arrays and their factorisations: other parts would take a third of the time of a small solve."""
-    file = ROOT / "examples" / "wedge.toml"
-    code = f"""
-import sys
-from qvi_contact.command.cli import group
-try:
-    group.main(["solve", {str(file)!r}])
-except SystemExit:
-    pass
-print(*(name for name in sys.modules if name.startswith("scipy.") and name.count(".") == 1), file=sys.stderr)
-"""
-    loaded = {name.partition(".")[2] for name in ran("-c", code).stderr.split() if name.startswith("scipy.")}
-    assert {"sparse", "linalg"} <= loaded
-    assert not loaded & {"optimize", "spatial"}
+    loaded = loaded_by("qvi_contact.command.cli", "solve", ROOT / "examples" / "wedge.toml")
+    assert {"scipy.sparse", "scipy.linalg"} <= loaded
+    assert not loaded & {"scipy.optimize", "scipy.spatial"}
 
 
 def test_methods(shell):

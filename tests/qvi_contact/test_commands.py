@@ -110,12 +110,14 @@ class TestVerify:
 class TestHistory:
     """Problem files with times."""
 
-    def test_a_table_with_a_row_for_each_step(self, shell, cycle, tmp_path):
-        status, out, err = shell("solve", cycle, "--npz", tmp_path / "a.npz")
+    def test_a_table_with_a_row_for_each_step_and_files(self, shell, cycle, tmp_path):
+        status, out, err = shell("solve", cycle, "--npz", tmp_path / "a.npz", "--vtk", tmp_path / "a.vtu")
         assert (status, err) == (0, "")
         rows = [line.split() for line in out.splitlines() if line[:1].isdigit()]
         assert [row[:3] for row in rows] == [["1", "0", "solved"], ["2", "0.25", "solved"], ["3", "0.5", "solved"]]
         assert shell("verify", tmp_path / "a.npz")[0] == 0
+        names = [name.split()[0] for name in pytest.importorskip("meshio").read(tmp_path / "a.vtu").point_data]
+        assert ("stress" in names, "displacement" in names) == (True, True)
 
     @pytest.mark.usefixtures("outlined")
     def test_a_document_and_a_picture(self, shell, cycle, tmp_path):
@@ -129,13 +131,6 @@ class TestHistory:
         assert lost["total"]["value"] == pytest.approx(sum(lost["steps"]["value"]))
         assert lost["total"]["unit"] == document["steps"][0]["units"]["energy"]
         assert "<svg" in (tmp_path / "loop.svg").read_text(encoding="utf-8")
-
-    def test_fields_of_steps(self, shell, cycle, tmp_path):
-        fields = tmp_path / "a.vtu"
-        status, _, err = shell("solve", cycle, "--vtk", fields)
-        assert (status, err) == (0, "")
-        names = [name.split()[0] for name in pytest.importorskip("meshio").read(fields).point_data]
-        assert ("stress" in names, "displacement" in names) == (True, True)
 
     def test_a_history_is_neither_swept_nor_refined(self, shell, cycle, tmp_path):
         refused(shell("solve", cycle, "--set", "friction=0.1"), "[history]")

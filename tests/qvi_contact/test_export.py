@@ -107,7 +107,7 @@ class TestSummary:
 
 
 class TestVtu:
-    """VTU files, read back by meshio."""
+    """VTU files, read back by meshio; with displacements, errors of cells and contacts."""
 
     def test_materials(self, path):
         grid = meshio.read(path)
@@ -121,10 +121,6 @@ class TestVtu:
             with pytest.raises(InputError, match="subdivisions"):
                 write_vtu(tmp_path / "a.vtu", notched, subdivisions=count)
         assert {"stress [MPa]", "von Mises [MPa]", "Airy function [MPa mm²]"} <= names
-
-
-class TestMore:
-    """Displacement, error of cells and contacts."""
 
     def test_displacement_and_error_by_cell(self, plate, tmp_path):
         bracket = plate.bracket

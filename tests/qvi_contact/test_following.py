@@ -38,12 +38,9 @@ def test_all_solutions_and_nothing_else(seed):
     assert len(misfit) == 7 - rank
 
 
-def test_the_misfit_of_rows_that_contradict_each_other():
+def test_rows_that_contradict_have_a_misfit_and_pivots_are_the_latest_unless_their_entry_is_tiny():
     misfit = eliminated([[1, -1, 0], [0, 1, -1], [1, 0, -1]]).particular(np.array([1.0, 2.0, 3.5]))[1]
     assert misfit == pytest.approx([0.5])
-
-
-def test_pivots_are_the_latest_unless_their_entry_is_tiny():
     rows = [[0.0, 0.0, 1.0]]
     assert eliminated([[5.0, 1.0, 1.0], *rows], np.array([0, 1, 0])).basis.kept.tolist() == [0]
     assert eliminated([[5.0, 1e-9, 1.0], *rows], np.array([0, 1, 0])).basis.kept.tolist() == [1]
@@ -144,20 +141,16 @@ def test_the_rough_stress_is_that_of_the_problem():
         assert (after.qvi.bonded_state.rough_stress == rough) is (change == {"friction": 0.5})
 
 
-def test_other_bodies_share_nothing():
+def test_other_bodies_share_nothing_and_other_contact_rows_no_rows():
+    """A tied contact limits no traction: it has no rows."""
     first = discretize(block())
     for problem in (block(poisson=0.3), replace(block(), regions=[Region(Material(5e2, 0.2), y=(0.0, 0.5))])):
         alone = discretize(problem)
         after = first.with_data(alone.problem)
         assert after.qvi.stiffness is not first.qvi.stiffness
         assert abs(after.qvi.K - alone.qvi.K).max() == 0.0
-
-
-def test_other_contact_rows_share_no_rows():
-    """A tied contact limits no traction: it has no rows."""
-    first, alone = discretize(block()), discretize(block(law="tied"))
-    after = first.with_data(alone.problem)
-    assert after.qvi.m == alone.qvi.m < first.qvi.m
+    alone = discretize(block(law="tied"))
+    assert first.with_data(alone.problem).qvi.m == alone.qvi.m < first.qvi.m
 
 
 def test_one_factorisation_and_one_schur_complement_serve_the_sequence():

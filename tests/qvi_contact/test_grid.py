@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from qvi_contact import InputError, TriangleMesh, graded_lines
 from qvi_contact.files import problem_from_toml
-from tests.cases import thinned
+from tests.cases import refused_at, thinned
 from tests.qvi_contact.builders import area
 
 SIDES = ("bottom", "right", "top", "left")
@@ -153,10 +153,8 @@ def test_parts_that_fit_no_line_are_refused(parts, word):
      ([0, 1, 2, 3], [0, 1, 2, 3], np.array([[1, 1, 1], [1, 0, 1], [1, 1, 0]], dtype=bool), "TriangleMesh")],
 )  # fmt: skip
 def test_what_is_no_grid_is_refused(x, y, active, field):
-    with pytest.raises(InputError) as caught:
+    with refused_at(field):
         TriangleMesh.grid(x, y, active)
-    assert caught.value.field == field
-    assert "\n" not in str(caught.value)
 
 
 def elongation(mesh):

@@ -27,7 +27,7 @@ from qvi_contact.problem import (
     problem_digest,
     stress_along_z,
 )
-from tests.cases import examples
+from tests.cases import examples, refused_at
 from tests.qvi_contact.builders import holed, quarter, solved
 
 E, NU, ALPHA = 1000.0, 0.3, 1e-3
@@ -282,26 +282,22 @@ SOFT = Material(100.0, 0.0)
 def test_bad_regions_are_refused(regions, field):
     mesh = TriangleMesh.rectangle((2, 2))
     conditions = [Symmetry("left"), Symmetry("bottom"), Traction("right", x=0, y=0), Traction("top", x=0, y=0)]
-    with pytest.raises(InputError) as caught:
+    with refused_at(field):
         ContactProblem(mesh, SOFT, conditions, regions=regions)
-    assert caught.value.field == field
 
 
 RUBBER = Material(1000.0, 0.5, "strain")
 
 
-class TestIncompressible:
-    """The pressure is free of strain; a box of water, and ν → ½ under friction, are in the manual."""
-
-    def test_a_compressible_part(self):
-        """It knows the pressure: a closed box half filled with it."""
-        mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0)
-        sides = [*map(Symmetry, ("left", "bottom", "top")), Displacement("right", x=-1e-3), Traction("right", y=0.0)]
-        soft = Region(Material(500.0, 0.2, "strain"), x=(1.0, 2.0))
-        c = soft.material.compliance
-        modulus = c[0, 0] / (c[0, 0] ** 2 - c[0, 1] ** 2)  # no strain along y
-        result = solved(ContactProblem(mesh, RUBBER, sides, regions=[soft]), degree=4)
-        assert result.resultant("right").x == pytest.approx(-1e-3 * modulus, rel=1e-9)
+def test_a_compressible_part_knows_the_pressure():
+    """A closed box half filled with it; a box of water, and ν → ½ under friction, are in the manual."""
+    mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0)
+    sides = [*map(Symmetry, ("left", "bottom", "top")), Displacement("right", x=-1e-3), Traction("right", y=0.0)]
+    soft = Region(Material(500.0, 0.2, "strain"), x=(1.0, 2.0))
+    c = soft.material.compliance
+    modulus = c[0, 0] / (c[0, 0] ** 2 - c[0, 1] ** 2)  # no strain along y
+    result = solved(ContactProblem(mesh, RUBBER, sides, regions=[soft]), degree=4)
+    assert result.resultant("right").x == pytest.approx(-1e-3 * modulus, rel=1e-9)
 
 
 class TestRefusals:

@@ -10,7 +10,7 @@ from qvi_contact.gallery import exact
 from qvi_contact.mesh import TriangleMesh, graded_lines
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from solvers import Status
-from tests.cases import every_pair, thinned
+from tests.cases import every_pair, refused_at, thinned
 from tests.qvi_contact.builders import difference, solved
 
 MATERIALS = {
@@ -202,9 +202,8 @@ def test_uzawa_finds_the_same_state():
     ],
 )
 def test_wrong_laws_are_refused(arguments, field):
-    with pytest.raises(InputError) as caught:
+    with refused_at(field):
         Contact("bottom", **arguments)
-    assert caught.value.field == field
 
 
 @pytest.mark.parametrize("name", ["friction", "cohesion", "shear_limit"])
@@ -246,24 +245,22 @@ class TestBilateralFriction:
         assert any("'bottom'" in remark for remark in result.remarks)
 
 
-class TestVaryingLaws:
-    """Coefficients of the traction cannot hold a law whose friction varies along an edge: Gauss points are taken."""
-
-    @pytest.mark.parametrize(
-        ("law", "kind"),
-        [
-            ({"friction": 0.3}, "edges"),
-            ({"friction": lambda x, _: 0.3 + 0.0 * x}, "edges"),
-            ({"friction": lambda x, _: 0.3 + 0.1 * x}, "points"),
-            ({"friction": lambda x, _: np.where(x < 1.0, 0.3, 0.2)}, "points"),  # at a node
-            ({"friction": 0.3, "cohesion": lambda x, _: 1.0 + x}, "edges"),
-            ({"friction": 0.3, "cohesion": lambda x, _: 1.0 + x**2}, "points"),
-            ({"friction": 0.3, "shear_limit": lambda x, _: 1.0 + x**2}, "points"),
-        ],
-    )
-    def test_which_rows_are_taken(self, law, kind):
-        problem = punched(MESHES["uniform"], MATERIALS["stress"], Contact("bottom", **law))
-        assert discretize(problem, degree=4).rule.law_on == kind
+@pytest.mark.parametrize(
+    ("law", "kind"),
+    [
+        ({"friction": 0.3}, "edges"),
+        ({"friction": lambda x, _: 0.3 + 0.0 * x}, "edges"),
+        ({"friction": lambda x, _: 0.3 + 0.1 * x}, "points"),
+        ({"friction": lambda x, _: np.where(x < 1.0, 0.3, 0.2)}, "points"),  # at a node
+        ({"friction": 0.3, "cohesion": lambda x, _: 1.0 + x}, "edges"),
+        ({"friction": 0.3, "cohesion": lambda x, _: 1.0 + x**2}, "points"),
+        ({"friction": 0.3, "shear_limit": lambda x, _: 1.0 + x**2}, "points"),
+    ],
+)
+def test_rows_of_laws_that_vary_along_an_edge_are_gauss_points(law, kind):
+    """Coefficients of the traction cannot hold a law whose friction varies there."""
+    problem = punched(MESHES["uniform"], MATERIALS["stress"], Contact("bottom", **law))
+    assert discretize(problem, degree=4).rule.law_on == kind
 
 
 def test_the_law_of_tresca_by_its_name():

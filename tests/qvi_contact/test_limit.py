@@ -12,6 +12,7 @@ from qvi_contact.limit import limit_load_factor
 from qvi_contact.mechanism import find_mechanism
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Traction
 from solvers import Status
+from tests.qvi_contact.builders import with_line
 
 STEEL = Material(1000.0, 0.3)
 SIDES = {"top": 1.0, "right": 1.0, "left": -1.0}
@@ -36,27 +37,23 @@ def dragged(mesh, pressure, shear, contact, material=STEEL):
     )
 
 
-class TestStack:
-    """Blocks on each other and on the ground, pressed by 10 and dragged by 1: the weakest joint decides."""
-
-    MESH = TriangleMesh.grid([0.0, 0.7, 2.0], [0.0, 0.25, 0.5, 0.75, 1.0]).with_joint(
-        "low", lambda _, y: np.isclose(y, 0.25)
+@pytest.mark.parametrize(
+    ("frictions", "factor", "name"),
+    [((0.3, 0.4, 0.5), 3.0, "bottom"), ((0.3, 0.2, 0.5), 2.0, "low"), ((0.6, 0.5, 0.1), 1.0, "high")],
+)
+def test_the_weakest_joint_of_a_stack_decides(frictions, factor, name):
+    """Blocks on each other and on the ground, pressed by 10 and dragged by 1."""
+    mesh = TriangleMesh.grid([0.0, 0.7, 2.0], [0.0, 0.25, 0.5, 0.75, 1.0])
+    mesh = with_line(with_line(mesh, "low", "horizontal", 0.25), "high", "horizontal", 0.75)
+    contacts = [Contact(edges, mu) for edges, mu in zip(("bottom", "low", "high"), frictions, strict=True)]
+    held, beyond = (
+        ContactProblem(mesh, STEEL, [*contacts, *dragged(mesh, 10.0, shear, contacts[0]).conditions[1:]])
+        for shear in (1.0, 1.01 * factor)
     )
-    MESH = MESH.with_joint("high", lambda _, y: np.isclose(y, 0.75))
-
-    @pytest.mark.parametrize(
-        ("frictions", "factor", "name"),
-        [((0.3, 0.4, 0.5), 3.0, "bottom"), ((0.3, 0.2, 0.5), 2.0, "low"), ((0.6, 0.5, 0.1), 1.0, "high")],
-    )
-    def test_weakest_joint(self, frictions, factor, name):
-        contacts = [Contact(edges, mu) for edges, mu in zip(("bottom", "low", "high"), frictions, strict=True)]
-        loads = dragged(self.MESH, 10.0, 1.0, contacts[0]).conditions[1:]
-        problem = ContactProblem(self.MESH, STEEL, [*contacts, *loads])
-        assert limit_load_factor(problem, ["shear"]) == pytest.approx(factor, rel=1e-6)
-        scaled = dragged(self.MESH, 10.0, 1.01 * factor, problem.contacts[0]).conditions
-        failed = solve(ContactProblem(self.MESH, STEEL, [*problem.contacts, *scaled[1:]]))
-        assert failed.status is Status.INFEASIBLE
-        assert [joint for joint, motion in failed.mechanism.contacts.items() if motion.slides] == [name]
+    assert limit_load_factor(held, ["shear"]) == pytest.approx(factor, rel=1e-6)
+    failed = solve(beyond)
+    assert failed.status is Status.INFEASIBLE
+    assert [joint for joint, motion in failed.mechanism.contacts.items() if motion.slides] == [name]
 
 
 class TestKindsOfLoads:

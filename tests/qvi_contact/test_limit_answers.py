@@ -25,19 +25,21 @@ from qvi_contact.problem import (
     Tresca,
 )
 from tests.cases import EFFORT
+from tests.qvi_contact.builders import quarter
+from tests.qvi_contact.test_mechanism import wall
 
 FULL = EFFORT >= 10.0
 NEAR = 1e-9
 GRAVITY = Expression("y")
 
 
-def ground(strength, lines=(0, 0.5, 1, 2, 3, 4)):
+def ground(strength, lines=(0, 0.5, 1, 2, 3, 4), levels=(-2, -1, 0)):
     """Half of a strip of pressure 1 wide on a layer 2 deep, and as long as the last of the vertical lines says.
 
     What gives way under friction ends 2 r cos(45° + φ/2) beyond the strip, with r = e^(π/2 tan φ)/(2 cos(45° + φ/2)):
     2.5 at 20°, 4.3 at 30°.
     """
-    mesh = TriangleMesh.grid(lines, [-2, -1, 0])
+    mesh = TriangleMesh.grid(lines, levels)
     mesh = TriangleMesh(mesh.vertices, mesh.cells)
     mesh = mesh.with_edges("foot", lambda x, y: (y > -NEAR) & (x < 1)).with_edges("left", lambda x, _: x < NEAR)
     mesh = mesh.with_edges("free", lambda x, y: (y > -NEAR) & (x > 1))
@@ -73,6 +75,7 @@ def cut():
     return ContactProblem(mesh, Material(10.0, 0.3, "strain", Tresca(1.0)), conditions, Expression("y"))
 
 
+LONGER = (0, 0.5, 1, 2, 3, 4.5, 6)
 CASES = {
     # problem, load, exact value from … to, accuracy of both sides in the suite and in full, rounds, degree
     "Prandtl": (ground(Tresca(1.0)), "foot", 2 + np.pi, 2 + np.pi, 0.06, 0.005, 3, 6),
@@ -80,16 +83,7 @@ CASES = {
     "vertical cut": (cut(), "body", 3.7752, 3.7776, 0.09, 0.007, 3, 9),
     "Nc, 10°": (ground(MohrCoulomb(1.0, np.pi / 18)), "foot", 8.34492, 8.34492, 0.08, 0.01, 3, 6),
     "Nc, 20°": (ground(MohrCoulomb(1.0, np.pi / 9)), "foot", 14.83470, 14.83470, 0.12, 0.015, 3, 7),
-    "Nc, 30°": (
-        ground(MohrCoulomb(1.0, np.pi / 6), (0, 0.5, 1, 2, 3, 4.5, 6)),
-        "foot",
-        30.13963,
-        30.13963,
-        0.2,
-        0.03,
-        3,
-        7,
-    ),
+    "Nc, 30°": (ground(MohrCoulomb(1.0, np.pi / 6), LONGER), "foot", 30.13963, 30.13963, 0.2, 0.03, 3, 7),
 }
 
 
@@ -127,17 +121,9 @@ def test_the_last_mesh_is_no_finer_than_the_target_needs():
 
 def test_thick_cylinder():
     """Pressure 2c ln(b/a) inside a quarter ring with true arcs: estimates within 0.2 %."""
-    n = 12
-    theta, r = np.meshgrid(np.linspace(0, np.pi / 2, n + 1), np.geomspace(1.0, 2.0, 4))
-    flat = TriangleMesh.grid(np.arange(n + 1.0), np.arange(4.0))
-    i, j = flat.vertices.astype(int).T
-    vertices = r[j, i, None] * np.column_stack([np.cos(theta[j, i]), np.sin(theta[j, i])])
-    mesh = TriangleMesh(vertices, flat.cells, {name: flat.edge_sets[name] for name in flat.edge_names})
-    mesh = mesh.with_arc("bottom", (0.0, 0.0), 1.0).with_arc("top", (0.0, 0.0), 2.0)
-    loads = [Traction("bottom", normal=-1.0, tangential=0.0, name="pressure"), Traction("top", normal=0, tangential=0)]
-    problem = ContactProblem(
-        mesh, Material(10.0, 0.3, "strain", Tresca(1.0)), [*loads, Symmetry("left"), Symmetry("right")]
-    )
+    loads = [Traction("inner", normal=-1.0, tangential=0.0, name="pressure"), Traction("outer", normal=0, tangential=0)]
+    soft = Material(10.0, 0.3, "strain", Tresca(1.0))
+    problem = ContactProblem(quarter(3, 12), soft, [*loads, Symmetry("left"), Symmetry("bottom")])
     limit = limit_load_factor(problem, ["pressure"], degree=5)
     assert not limit.collapse.guaranteed
     assert limit.lower == pytest.approx(2 * np.log(2), rel=2e-3)
@@ -188,7 +174,6 @@ def arch(mu, eta, joints, half=90.0, columns=36, forces=GRAVITY):
     return ContactProblem(mesh, Material(10.0, 0.2), [*contacts, *loads], forces)
 
 
-STEEL = Material(1000.0, 0.3)
 TARGET = 1e-4
 
 
@@ -196,15 +181,9 @@ def refined(problem, *loads, target=TARGET, **options):
     return refine(problem, target=target, quantity=LimitFactor(loads), **options)
 
 
-def wall(mesh, friction=1.0, wind=0.25):
-    """A wall 1 × 4 of the weight 25 under a wind of 1: it tips at 6.25 and slides at 25 μ."""
-    loads = [Traction("left", wind, 0.0, name="wind"), *(Traction(side, 0.0, 0.0) for side in ("top", "right"))]
-    base = Contact("bottom", friction, name="base")
-    return ContactProblem(mesh, STEEL, [base, *loads], body_potential=lambda _, y: 6.25 * y)
-
-
 def triangles():
-    return wall(TriangleMesh.rectangle((2, 4), 1.0, 4.0))
+    """A wall 1 × 4 of the weight 25 under a wind of 1: it tips at 6.25."""
+    return wall(TriangleMesh.rectangle((2, 4), 1.0, 4.0), 1.0)
 
 
 def test_a_limit_that_only_stresses_bound():
@@ -236,8 +215,9 @@ def test_only_at_the_toe():
 
 
 def test_loads_that_the_mesh_cannot_follow_give_an_estimate():
-    problem = wall(TriangleMesh.rectangle((2, 4), 1.0, 4.0), wind=lambda _, y: np.sin(math.pi * y / 4.0))
-    found = refined(problem, "wind", target=1e-2, degree=3)
+    base, wind, *free = triangles().conditions
+    gusts = [base, replace(wind, x=lambda _, y: np.sin(math.pi * y / 4.0)), *free]
+    found = refined(replace(triangles(), conditions=gusts), "wind", target=1e-2, degree=3)
     assert found.status is RefinementStatus.REACHED
     assert not found.guaranteed
     assert "estimated" in found.message

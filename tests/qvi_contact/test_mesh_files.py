@@ -151,23 +151,17 @@ class TestGmsh:
          (MSH_4, "\n5\n0 0 0\n", "\n0\n0 0 0\n"), (MSH_4, "$EndElements", ""), (MSH_4, "$PhysicalNames", "$Nodes"),
          (MSH_2, "$Nodes\n5", f"$Nodes\n{MUCH}"), (MSH_2, "$Nodes\n5", "$Nodes\n4"),
          (MSH_2, "$Nodes\n5", "$Nodes\n-1"), (MSH_2, "9 5 5 0", "9.5 5 5 0"), (MSH_2, "9 5 5 0", "nan 5 5 0"),
-         (MSH_2, "$Elements\n4", f"$Elements\n{MUCH}"), (MSH_2, "$Elements\n4", "$Elements\n3")],
+         (MSH_2, "$Elements\n4", f"$Elements\n{MUCH}"), (MSH_2, "$Elements\n4", "$Elements\n3"),
+         (MSH_2, "3 2 2 3 1 1 2 3", "3 2 2 3 1 1 2 7"), (MSH_2, "3 2 2 3 1 1 2 3", "3 2 2 3 1 1 2 70"),
+         (MSH_2, "1 1 2 1 1 1 2", "1 1 2 1 1 1 7"), (MSH_2, "3 2 2 3 1 1 2 3", "3 2 2 3 1 1 2 0"),
+         (MSH_4, "3 1 2 3", "3 1 2 7"), (MSH_4, "3 1 2 3", "3 1 2 0")],
     )  # fmt: skip
-    def test_what_is_claimed_and_not_held(self, tmp_path, text, old, new):
+    def test_what_is_claimed_and_not_held_and_nodes_that_are_not_there(self, tmp_path, text, old, new):
         refusal(written(tmp_path / "a.msh", text, (old, new)))
 
     def test_numbers_with_gaps_are_read_and_take_no_memory(self, tmp_path):
         path = written(tmp_path / "a.msh", MSH_4, ("\n5\n0 0 0", f"\n{MUCH}\n0 0 0"))
         assert TriangleMesh.load(path).cells.tolist() == [[0, 1, 2], [0, 2, 3]]
-
-    @pytest.mark.parametrize(
-        ("text", "old", "new"),
-        [(MSH_2, "3 2 2 3 1 1 2 3", "3 2 2 3 1 1 2 7"), (MSH_2, "3 2 2 3 1 1 2 3", "3 2 2 3 1 1 2 70"),
-         (MSH_2, "1 1 2 1 1 1 2", "1 1 2 1 1 1 7"), (MSH_2, "3 2 2 3 1 1 2 3", "3 2 2 3 1 1 2 0"),
-         (MSH_4, "3 1 2 3", "3 1 2 7"), (MSH_4, "3 1 2 3", "3 1 2 0")],
-    )  # fmt: skip
-    def test_nodes_that_are_not_there(self, tmp_path, text, old, new):
-        refusal(written(tmp_path / "a.msh", text, (old, new)))
 
     @pytest.mark.parametrize("version", ["4.0", "4", "3", "1"])
     def test_other_formats_are_told_which_there_are(self, tmp_path, version):

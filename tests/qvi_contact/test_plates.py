@@ -8,7 +8,7 @@ import pytest
 from qvi_contact import InputError, TriangleMesh, solve
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from solvers import Status, certify
-from tests.cases import every_pair, thinned
+from tests.cases import every_pair, refused_at, thinned
 from tests.qvi_contact.builders import difference, solved
 
 STEEL = Material(1000.0, 0.3)
@@ -186,14 +186,12 @@ class TestRedundantResultants:
 class TestImpossible:
     """Forces that no contact carries end in a status with a reason."""
 
-    def test_more_than_friction_carries(self):
+    def test_more_than_friction_carries_and_a_plate_that_pulls(self):
         assert solve(column(RigidPlate(force_x=1.0, force_y=-30.0))).status is Status.INFEASIBLE  # without friction
         assert solved(column(RigidPlate(force_x=8.0, force_y=-30.0), 0.3), tolerance=1e-8).plates["plate"].x > 0.0
         result = solve(column(RigidPlate(force_x=9.1, force_y=-30.0), 0.3))
         assert result.status is Status.INFEASIBLE
         assert result.mechanism.contacts["plate"].slides
-
-    def test_a_plate_that_pulls(self):
         result = solve(column(RigidPlate(force_y=1.0), 0.3))
         assert result.status is Status.INFEASIBLE
         assert result.mechanism.contacts["plate"].opens
@@ -214,9 +212,8 @@ class TestImpossible:
          ({"moment": 1.0, "rotation": 1.0}, "RigidPlate.moment"), ({"y": float("nan")}, "RigidPlate.y")],
     )  # fmt: skip
     def test_bad_data(self, given, field):
-        with pytest.raises(InputError) as caught:
+        with refused_at(field):
             RigidPlate(**given)
-        assert caught.value.field == field
 
 
 @pytest.mark.parametrize("plate", [RigidPlate(force_x=0.0), RigidPlate(moment=0.0, pivot=(0.5, 1.0))])

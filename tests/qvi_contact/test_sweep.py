@@ -18,6 +18,7 @@ from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, Traction
 from qvi_contact.runs import Outcome, Workers
 from solvers import Status
+from tests.cases import refused_at
 from tests.run_tasks import deadly
 
 
@@ -126,9 +127,8 @@ def test_the_time_limit_keeps_what_was_done(clock):
      ("load", [1.0], [], "of")],
 )  # fmt: skip
 def test_bad_sweeps_are_refused(parameter, values, of, field):
-    with pytest.raises(InputError) as caught:
+    with refused_at(field):
         solve_sweep(PLATE, parameter, values, of)
-    assert caught.value.field == field
 
 
 VALUES = (0.1, 0.2, 0.3, 0.4)
@@ -228,9 +228,8 @@ def test_functions_that_other_processes_cannot_have(tmp_path):
     conditions = [replace(c, gap=lambda x, y: 0.0 * (x + y)) if isinstance(c, Contact) else c for c in PLATE.conditions]
     problem = replace(PLATE, conditions=conditions)
     assert solve_sweep(problem, "friction", [0.1], store=tmp_path / "a").status is Status.SOLVED
-    with pytest.raises(InputError) as caught:
+    with refused_at("problem"):
         solve_sweep(problem, "friction", [0.1, 0.2], store=tmp_path / "b", workers=2)
-    assert caught.value.field == "problem"
 
 
 def test_a_value_that_ends_its_process_has_a_row_that_says_so(tmp_path, environ):
@@ -242,15 +241,8 @@ def test_a_value_that_ends_its_process_has_a_row_that_says_so(tmp_path, environ)
     assert "exit status 9" in stored.message
 
 
-def test_several_processes_need_a_store():
-    for shared in ({"workers": 2}, {"dask": "tcp://127.0.0.1:1"}):
-        with pytest.raises(InputError) as caught:
-            solve_sweep(PLATE, "friction", [0.1], **shared)
-        assert caught.value.field in shared
-
-
 def test_what_is_refused(tmp_path):
-    """Another sweep than that of the store, and arguments that are wrong; the store stays as it was."""
+    """Another sweep than that of the store, several processes without one, wrong arguments. It stays as it was."""
     path = tmp_path / "a.sqlite"
     given = {"problem": PLATE, "parameter": "friction", "values": (0.1,), "store": path}
     solve_sweep(**given)
@@ -258,12 +250,12 @@ def test_what_is_refused(tmp_path):
     for field, changes in {
         "store": [{"values": (0.1, 0.2)}, {"parameter": "gap"}, {"tolerance": 1e-7}, {"store": "."},
                   {"problem": compressed_plate(0.2, (4, 5))}], "of": [{"of": ["base"]}],
-        "workers": [{"workers": 0}], "dask": [{"dask": "nowhere"}], "parameter": [{"parameter": "mu"}],
+        "workers": [{"workers": 0}, {"workers": 2, "store": None}], "parameter": [{"parameter": "mu"}],
+        "dask": [{"dask": "nowhere"}, {"dask": "tcp://127.0.0.1:1", "store": None}],
     }.items():  # fmt: skip
         for change in changes:
-            with pytest.raises(InputError) as caught:
+            with refused_at(field):
                 solve_sweep(**{**given, **change})
-            assert caught.value.field == field
     assert path.read_bytes() == before
 
 
@@ -356,10 +348,8 @@ class TestChanged:
     )  # fmt: skip
     def test_one_line(self, path, statements):
         self.changed(path, statements)
-        with pytest.raises(InputError) as caught:
+        with refused_at("store"):
             self.read(path)
-        assert caught.value.field == "store"
-        assert "\n" not in str(caught.value)
 
     @pytest.mark.parametrize("name", ["planned", "results"])
     def test_views_in_place_of_tables(self, path, name):
@@ -367,9 +357,8 @@ class TestChanged:
         endless = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i, i, i, i, i, i FROM n"
         self.changed(path, f"PRAGMA foreign_keys = OFF; DROP TABLE {name}; CREATE VIEW {name} AS {endless}")
         for use in (read_sweep, lambda place: solve_sweep(PLATE, "friction", [0.1, 0.2], store=place)):
-            with pytest.raises(InputError) as caught:
+            with refused_at("store"):
                 use(path)
-            assert caught.value.field == "store"
 
     def test_stores_without_the_digest_are_read_and_gone_on_with_but_compared_all_the_same(self, path):
         undone = "PRAGMA foreign_keys = ON; DELETE FROM results WHERE number = 2"

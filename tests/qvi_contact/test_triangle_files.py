@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from qvi_contact import InputError, TriangleMesh, load_problem, solve
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Traction
-from tests.cases import examples
+from tests.cases import examples, refusal, refused_at
 from tests.qvi_contact.builders import PROBLEMS, RICH, TRIANGLES, same
 from tests.qvi_contact.test_mesh_files import INP, MSH_2, MSH_4
 
@@ -68,10 +68,8 @@ class TestMeshFiles:
     @pytest.mark.parametrize("name", ["none.msh", "part.toml", ".", "a\\u0000.msh", "x.msh" * 19])
     def test_what_is_no_mesh_file_is_named(self, tmp_path, name):
         (tmp_path / "part.toml").write_text(WITH_FILE.replace("part.msh", name))
-        with pytest.raises(InputError) as caught:
+        with refused_at("mesh.file"):
             load_problem(tmp_path / "part.toml")
-        assert caught.value.field == "mesh.file"
-        assert len(str(caught.value).splitlines()) == 1
 
     def test_one_body_is_not_joined(self, tmp_path):
         (tmp_path / "part.msh").write_text(MSH_2)
@@ -139,10 +137,7 @@ def test_what_is_wrong_is_named_by_its_place(old, new, field, words):
             solve(file.problem, **file.solve_options)
         found = caught.value
     else:
-        with pytest.raises(InputError) as caught:
-            problem_from_toml(text)
-        found = caught.value
-        assert len(str(found).splitlines()) == 1
+        found = refusal(problem_from_toml, text)
     assert found.field == field
     assert words in str(found)
 

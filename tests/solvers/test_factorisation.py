@@ -4,6 +4,7 @@ import gc
 import os
 import subprocess
 import sys
+from itertools import product
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from scipy.sparse import block_array, block_diag, csc_array, csc_matrix, diags, 
 
 from qvi_contact import discretize
 from qvi_contact.gallery import compressed_plate
-from solvers import FrictionQVI, InputError, Status, solve_qvi
+from solvers import FrictionQVI, Status, solve_qvi
 from solvers.factorisation import (
     BACKENDS,
     DENSE,
@@ -26,6 +27,7 @@ from solvers.factorisation import (
     thread_count,
 )
 from solvers.settings import METHODS
+from tests.cases import refused_at
 
 BACKENDS_HERE = list(available_backends())
 BACKEND = pytest.mark.parametrize("backend", [*BACKENDS_HERE, DENSE])
@@ -112,27 +114,21 @@ def test_the_fronts_take_places_for_its_order_alone(interface):
 
 
 @BACKEND
-@pytest.mark.parametrize("interface", [[], [3], [0, 19]], ids=str)
-@pytest.mark.parametrize("shift", [0.0, -0.01, -3.0], ids=["singular", "indefinite", "negative diagonal"])
-def test_matrix_that_is_not_positive_definite(backend, interface, shift):
-    with pytest.raises(FactorisationError, match="positive definite") as caught:
-        factorise(laplace(20, shift), np.array(interface, dtype=int), backend).solve(np.ones(20))
-    assert (caught.value.reason, caught.value.backend) == ("singular", backend)
-
-
-@BACKEND
 @pytest.mark.parametrize(
     ("K", "interface"),
     [
+        *product((laplace(20, shift) for shift in (0.0, -0.01, -3.0)), ([], [3], [0, 19])),  # to a negative diagonal
         ([[1.0, 1.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 1.0]], [2]),  # det K = −1, the interior singular
         ([[1.0, 0.1, 0.0], [0.1, 0.0, 0.0], [0.0, 0.0, 1.0]], [2]),  # a diagonal entry that is not stored
         (laplace(5, -0.5), np.arange(5)),  # nothing but interface
     ],
 )
-def test_other_matrices_that_are_singular(backend, K, interface):
-    with pytest.raises(FactorisationError) as caught:
-        factorise(csc_matrix(K), np.array(interface), backend).solve(np.ones(len(csc_matrix(K).toarray())))
+def test_matrix_that_is_not_positive_definite(backend, K, interface):
+    K = csc_matrix(K)
+    with pytest.raises(FactorisationError, match="positive definite") as caught:
+        factorise(K, np.array(interface, dtype=int), backend).solve(np.ones(K.shape[0]))
     assert caught.value.reason == "singular"
+    assert caught.value.backend == (DENSE if len(interface) == K.shape[0] else backend)
 
 
 @BACKEND
@@ -203,9 +199,8 @@ def test_order_of_preference_and_default(environ):
         assert solve_qvi(gallery_plate()).factorisation.startswith(name)
         assert solve_qvi(gallery_plate(), factorisation="multifrontal").factorisation.startswith("multifrontal")
     environ(**{VARIABLE: "umfpack"})
-    with pytest.raises(InputError) as caught:
+    with refused_at(VARIABLE):
         factorise(grid(), np.arange(2))
-    assert caught.value.field == VARIABLE
 
 
 def printed(code, *words):
@@ -242,9 +237,8 @@ def test_wrong_input():
         (lambda: factor.expand(state, np.ones(3)), "values"),
         (lambda: factor.expand(state, np.ones((2, 1))), "values"),
     ):
-        with pytest.raises(InputError) as caught:
+        with refused_at(field):
             call()
-        assert caught.value.field == field
 
 
 def test_order_puts_the_interface_last_and_groups_together():

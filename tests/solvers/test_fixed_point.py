@@ -275,7 +275,7 @@ def test_first_iterations_by_hand(rule):
             lam[1, i] = np.sign(t) * new
 
 
-def test_frictionless_cycles_unless_the_step_shrinks():
+def test_frictionless_cycles_unless_the_step_shrinks_and_a_long_history_is_thinned_out():
     qvi = one_contact(0.0, (-1.0, -3.0))
     cycling = solve_qvi(qvi, method="uzawa", omega_T=0.07)
     assert cycling.status is Status.CYCLING
@@ -283,10 +283,6 @@ def test_frictionless_cycles_unless_the_step_shrinks():
     solution = solve_qvi(qvi, method="uzawa", omega_T=0.07, step_decay=50.0)
     assert solution.solved
     assert solution.z == pytest.approx([1.0, 0.0], abs=1e-7)
-
-
-def test_long_history_is_thinned_out():
-    qvi = one_contact(0.0, (-1.0, -3.0))
     solution = solve_qvi(qvi, method="uzawa", omega_T=0.07, iterations=4_005)
     numbers = [entry.number for entry in solution.history]
     assert numbers[:1000] == list(range(1, 1001))

@@ -7,12 +7,12 @@ from itertools import product
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, TriangleMesh, solve, solve_history
+from qvi_contact import TriangleMesh, solve, solve_history
 from qvi_contact.bracket import BracketKind, EdgeParts, EdgeTractions, bracket, by_cell, computed_norm
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate, sliding_block
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
-from tests.cases import thinned
+from tests.cases import refused_at, thinned
 from tests.qvi_contact.test_triangles import STEEL, moved, oblique, squeezed, tilted
 
 U = 1e-3
@@ -172,9 +172,8 @@ def test_what_has_no_bracket_is_refused():
         [Contact("bottom", 0.1), Traction("top", 1.0, -1.0), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)],
     )  # fmt: skip
     for refused in (compressed_plate(0.2), solve(nothing)):
-        with pytest.raises(InputError) as caught:
+        with refused_at("result"):
             bracket(refused)
-        assert caught.value.field == "result"
 
 
 SOAKED = Material(1000.0, 0.3)

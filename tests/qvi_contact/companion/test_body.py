@@ -29,53 +29,35 @@ def notched():
 
 
 @pytest.mark.parametrize("cell", CELLS, ids=lambda cell: str(cell.degree))
-class TestCells:
-    """Shape functions of the reference cells."""
-
-    T = np.random.default_rng(0).uniform(0.05, 0.45, size=(7, 2))
-
-    def test_functions_are_positive_and_sum_to_one(self, cell):
-        values = cell.values(self.T)
-        assert values.min() >= 0.0
-        assert values.sum(axis=1) == pytest.approx(1.0, abs=1e-14)
-
-    def test_sides_carry_the_trace(self, cell):
-        """Along a side the function is the polynomial of the side's coefficients, in its direction."""
-        c, t = np.random.default_rng(2).normal(size=len(cell.places)), np.linspace(0.0, 1.0, 5)
-        corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-        pairs = np.argwhere(cell.sides[:, :, 0] >= 0)
-        assert len(pairs) == 2 * len(corners)
-        for first, last in pairs:
-            line = corners[first] + t[:, None] * (corners[last] - corners[first])
-            along = bernstein(cell.degree, t) @ c[cell.sides[first, last]]
-            assert cell.values(line) @ c == pytest.approx(along, abs=1e-13)
+def test_shape_functions_are_positive_sum_to_one_and_have_the_trace_of_their_sides(cell):
+    """Along a side the function is the polynomial of the side's coefficients, in its direction."""
+    values = cell.values(np.random.default_rng(0).uniform(0.05, 0.45, size=(7, 2)))
+    assert values.min() >= 0.0
+    assert values.sum(axis=1) == pytest.approx(1.0, abs=1e-14)
+    c, t = np.random.default_rng(2).normal(size=len(cell.places)), np.linspace(0.0, 1.0, 5)
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    pairs = np.argwhere(cell.sides[:, :, 0] >= 0)
+    assert len(pairs) == 2 * len(corners)
+    for first, last in pairs:
+        line = corners[first] + t[:, None] * (corners[last] - corners[first])
+        along = bernstein(cell.degree, t) @ c[cell.sides[first, last]]
+        assert cell.values(line) @ c == pytest.approx(along, abs=1e-13)
 
 
 @pytest.mark.parametrize("cell", CELLS, ids=lambda cell: str(cell.degree))
-class TestStiffness:
-    """K of a body with joint, notch and two materials."""
-
-    def body(self, cell):
-        problem = notched()
-        scales = Scales.of(problem)
-        return Elasticity(DisplacementSpace.of(problem, cell, scales.length), moduli(problem, scales))
-
-    def test_it_is_the_energy(self, cell):
-        body = self.body(cell)
-        v = np.random.default_rng(1).normal(size=body.space.size)
-        K = body.stiffness()
-        assert body.force(v) == pytest.approx(K @ v, abs=1e-10)
-        assert body.energy(v) == pytest.approx(0.5 * v @ (K @ v), rel=1e-12)
-
-    def test_each_block_moves_freely(self, cell):
-        """Three rigid motions each, no more: the joint separates the blocks, and nothing else does."""
-        body = self.body(cell)
-        K = body.stiffness()
-        motions = body.space.rigid()
-        assert motions.shape[1] == 6
-        assert np.abs(K @ motions).max() < 1e-12
-        values = np.linalg.eigvalsh(K.toarray())
-        assert values[5] < 1e-12 < 1e-5 < values[6]
+def test_the_stiffness_is_the_energy_and_lets_each_block_move_freely(cell):
+    """Three rigid motions each, no more: the joint separates the blocks, and nothing else does."""
+    problem = notched()
+    scales = Scales.of(problem)
+    body = Elasticity(DisplacementSpace.of(problem, cell, scales.length), moduli(problem, scales))
+    v, K = np.random.default_rng(1).normal(size=body.space.size), body.stiffness()
+    assert body.force(v) == pytest.approx(K @ v, abs=1e-10)
+    assert body.energy(v) == pytest.approx(0.5 * v @ (K @ v), rel=1e-12)
+    motions = body.space.rigid()
+    assert motions.shape[1] == 6
+    assert np.abs(K @ motions).max() < 1e-12
+    values = np.linalg.eigvalsh(K.toarray())
+    assert values[5] < 1e-12 < 1e-5 < values[6]
 
 
 def test_places_of_the_joint_are_doubled():

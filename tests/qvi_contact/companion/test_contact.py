@@ -10,7 +10,7 @@ from qvi_contact.companion import DualProblem, solve_companion
 from qvi_contact.gallery import compressed_plate, exact, ssnv128
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from solvers import Status
-from tests.cases import every_pair
+from tests.cases import every_pair, refused_at
 from tests.qvi_contact.builders import bernstein, companion_of
 from tests.qvi_contact.test_plates import moved
 
@@ -138,22 +138,17 @@ def block(shear, friction=0.3):
     return ContactProblem(mesh, STEEL, conditions)
 
 
-class TestDraggedBlock:
-    """What friction can carry, exactly up to μ p."""
-
-    def test_carried(self):
-        ground = companion_of(block(1.499)).contacts["ground"]
-        assert ground.normal_force == pytest.approx(10.0, rel=1e-9)
-        assert ground.tangential_force == pytest.approx(-2.998, rel=1e-9)
-
-    def test_beyond_the_limit(self):
-        companion = solve_companion(block(1.501))
-        assert companion.status is Status.INFEASIBLE
-        assert not companion.has_state
-        assert "reduce" in companion.status.advice
-        for use in (lambda: companion.energy, lambda: companion.contacts, lambda: companion.stress(0.5, 0.5)):
-            with pytest.raises(InputError, match="infeasible"):
-                use()
+def test_friction_carries_a_dragged_block_exactly_up_to_its_bound():
+    ground = companion_of(block(1.499)).contacts["ground"]
+    assert ground.normal_force == pytest.approx(10.0, rel=1e-9)
+    assert ground.tangential_force == pytest.approx(-2.998, rel=1e-9)
+    companion = solve_companion(block(1.501))
+    assert companion.status is Status.INFEASIBLE
+    assert not companion.has_state
+    assert "reduce" in companion.status.advice
+    for use in (lambda: companion.energy, lambda: companion.contacts, lambda: companion.stress(0.5, 0.5)):
+        with pytest.raises(InputError, match="infeasible"):
+            use()
 
 
 DRIVEN = RigidPlate(force_x=0.5, force_y=-8.0, moment=-5.0, pivot=(0.7, -0.3))
@@ -219,29 +214,27 @@ def joined(contact, top=None):
     return ContactProblem(mesh, STEEL, [contact, top or Traction("top", 0.0, -1.0), *FREE])
 
 
-class TestBadInput:
-    """Every mistake is an InputError that names the field."""
-
-    @pytest.mark.parametrize(
-        ("name", "values"),
-        [("degree", [0, 6, 2.5, "2", True, np.array([2, 3])]), ("tolerance", [0.0, 1.0, -1e-8, "small", None, True])],
-    )
-    def test_options(self, name, values):
+def test_bad_input_is_refused():
+    """Options, problems and names, and loads out of balance."""
+    wrong = {"degree": [0, 6, 2.5, "2", True, np.array([2, 3])], "tolerance": [0.0, 1.0, -1e-8, "small", None, True]}
+    for name, values in wrong.items():
         for value in values:
-            with pytest.raises(InputError) as caught:
+            with refused_at(name):
                 solve_companion(PLATE, **{name: value})
-            assert caught.value.field == name
-        with pytest.raises(InputError) as caught:
-            solve_companion("plate")
-        assert caught.value.field == "problem"
-        with pytest.raises(InputError, match="plate"):
-            solve_companion(PLATE).trace("roof", [0.5])
+    with refused_at("problem"):
+        solve_companion("plate")
+    with pytest.raises(InputError, match="plate"):
+        solve_companion(PLATE).trace("roof", [0.5])
+    conditions = [Traction("top", 0.0, -1.0), Traction("bottom", 0.0, 0.9), *FREE]
+    with pytest.raises(InputError, match="balance"):
+        solve_companion(ContactProblem(TriangleMesh.rectangle((2, 2)), STEEL, conditions))
 
-    def test_loads_out_of_balance(self):
-        mesh = TriangleMesh.rectangle((2, 2))
-        conditions = [Traction("top", 0.0, -1.0), Traction("bottom", 0.0, 0.9), *FREE]
-        with pytest.raises(InputError, match="balance"):
-            solve_companion(ContactProblem(mesh, STEEL, conditions))
+
+def bonded(kind, field):
+    """A field that is the gap or the offset of a bond, or the support of its top."""
+    if kind == "support":
+        return joined(Contact("bottom", 0.0, cohesion=0.1), Displacement("top", 0.0, field))
+    return joined(Contact("bottom", 0.0, cohesion=0.1, **{kind: field}))
 
 
 PEAK = 0.2548  # on an edge from 0 to 0.5: away from all points of quadrature, 4e-4 from a sample
@@ -262,13 +255,9 @@ class TestReasons:
     @pytest.mark.parametrize(("kind", "power", "degree"), every_pair(["gap", "offset", "support"], [2, 3, 5], [2, 3]))
     def test_degree_of_the_data(self, kind, degree, power):
         def field(x, y):
-            return 1e-3 * (x**power + 0 * y)
+            return -0.1 + 1e-3 * (x**power + 0 * y)
 
-        if kind == "support":
-            problem = joined(Contact.frictionless("bottom"), Displacement("top", 0.0, lambda x, y: -0.1 + field(x, y)))
-        else:
-            problem = joined(Contact("bottom", 0.0, cohesion=0.1, **{kind: field}))
-        reasons = solve_companion(problem, degree=degree).reasons
+        reasons = solve_companion(bonded(kind, field), degree=degree).reasons
         assert bool(reasons) == (power > degree)
         assert all("interpolated" in reason for reason in reasons)
 
@@ -311,10 +300,8 @@ class TestReasons:
         def field(x, y):
             return -0.1 - 1e-3 * peak(x, PEAK, 5e-4) + 0 * y
 
-        base = Contact("bottom", 0.0, cohesion=0.1, **({kind: field} if kind in ("gap", "offset") else {}))
-        top = Displacement("top", 0.0, field) if kind == "support" else None
         what = "Displacement.y" if kind == "support" else f"The {kind} of 'bottom'"
-        (reason,) = solve_companion(joined(base, top)).reasons
+        (reason,) = solve_companion(bonded(kind, field)).reasons
         assert reason.startswith(what)
 
     def test_friction_between_coefficients(self):
