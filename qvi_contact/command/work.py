@@ -44,6 +44,8 @@ if TYPE_CHECKING:
 
 _MOST: Final = 1_000_000  # values that are asked for at once
 _PARAMETERS: Final = ("friction", "load", "gap", "offset")
+_TAKEN: Final = (*_PARAMETERS, "title", "solved", "steps")  # what constants are not called alone in documents
+_CONSTANT: Final = "constants."
 _OWN: Final = ("parameter", "values", "of")  # arguments of `solve_sweep`, and keys of [sweep]
 
 
@@ -355,7 +357,7 @@ def _swept_constant(file: ProblemFile, plan: SweepPlan, options: dict[str, Any],
     with solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance, deadline(limit):
         for value in plan.values:
             if not (steps and deadline.over):
-                problem = file.with_constants({plan.parameter: value}).problem
+                problem = file.with_constants({plan.parameter.removeprefix(_CONSTANT): value}).problem
                 steps.append(solve_one(problem, **options, verbose=verbose))
                 advance()
     return qvi_contact.Sweep(plan.parameter, plan.values, tuple(steps))
@@ -446,14 +448,15 @@ def _asked(file: ProblemFile, given: Sequence[str]) -> tuple[ProblemFile, SweepP
             if len(values) == 1:
                 constants[parameter] = values[0]
                 continue
-            owner = ""
+            owner, parameter = "", f"{_CONSTANT}{parameter}" if parameter in _TAKEN else parameter
         plans.append(SweepPlan(parameter, values, (owner,) if owner else None))
     if len(plans) > 1:
         remedy = "one number can be swept at a time: give one value of constants, and one option for something else"
         raise InputError("--set", " ".join(given), remedy)
     if plans and file.times:
         raise InputError("--set", given[0], "a file with a [history] cannot be swept: give one without")
-    return file.with_constants(constants) if constants else file, plans[0] if plans else file.sweep
+    file = file.with_constants(constants) if constants else file
+    return file, plans[0] if plans else file.sweep
 
 
 # files, checked before the work begins, and written as far as they can be

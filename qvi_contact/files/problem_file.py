@@ -390,7 +390,7 @@ class ProblemFile:
 
     def with_constants(self, changed: Mapping[str, float]) -> "ProblemFile":
         """The same file with other values of some of its constants, on the same mesh."""
-        found = _from_tables(self._reader.data, self._reader.folder, self.problem.mesh, changed)
+        found = _from_tables(self._reader.data, self._reader.folder, self.problem.mesh, {**self.constants, **changed})
         return replace(found, text=self.text)
 
     @cached_property

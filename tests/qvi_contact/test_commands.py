@@ -310,11 +310,15 @@ class TestSweep:
         assert force("--set", "mu=0.9", "--set", "drag.load=1.0") == pytest.approx([whole], rel=1e-6)
         assert force("--set", "mu=0.8,0.9") == pytest.approx([whole, whole], rel=1e-6)
         assert shell("solve", path, "--set", "constants.mu=0.8:0.9:2")[1].count("\nmu ") == 1
+        assert force("--set", "T=0.1", "--set", "p=0.5,1.0") == pytest.approx([-0.2, -0.2], rel=1e-6)
         late = shell("solve", path, "--set", "mu=0.8,0.9", "--method=condensed", "--time-limit=1e-9", "--json")
         assert [step["status"] for step in json.loads(late[1])["steps"]] == ["time_limit"]
         refused(shell("solve", path, "--set", "nu=0.1,0.2"), "--set: 'nu': name one of", "constants (p, mu, T)")
         refused(shell("solve", path, "--set", "mu=0.1,1e100"), "constants.mu: 1e+100: give a finite number")
         refused(shell("solve", path, "--set", "mu=0.1,0.2", "--store", tmp_path / "a.sqlite"), "--store")
+        text = path.read_text(encoding="utf-8")
+        path.write_text(text.replace("mu = ", "load = ").replace('"mu"', '"load"'), encoding="utf-8")
+        assert force("--set", "constants.load=0.8,0.9") == pytest.approx([whole, whole], rel=1e-6)  # no factor of loads
 
     @pytest.mark.parametrize(
         "words",
