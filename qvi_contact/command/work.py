@@ -45,8 +45,6 @@ if TYPE_CHECKING:
 _MOST: Final = 1_000_000  # values that are asked for at once
 _PARAMETERS: Final = ("friction", "load", "gap", "offset")
 _TAKEN: Final = (*_PARAMETERS, "title", "solved", "steps")  # what constants are not called alone in documents
-_CONSTANT: Final = "constants."
-_OWN: Final = ("parameter", "values", "of")  # arguments of `solve_sweep`, and keys of [sweep]
 
 
 @contextmanager
@@ -357,7 +355,7 @@ def _swept_constant(file: ProblemFile, plan: SweepPlan, options: dict[str, Any],
     with solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance, deadline(limit):
         for value in plan.values:
             if not (steps and deadline.over):
-                problem = file.with_constants({plan.parameter.removeprefix(_CONSTANT): value}).problem
+                problem = file.with_constants({plan.parameter.rpartition(".")[2]: value}).problem
                 steps.append(solve_one(problem, **options, verbose=verbose))
                 advance()
     return qvi_contact.Sweep(plan.parameter, plan.values, tuple(steps))
@@ -375,7 +373,7 @@ def _swept(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose:
         try:
             return solved(file.problem, *asked, lambda *_: advance(), **stored, **options, verbose=verbose)
         except InputError as error:
-            if error.field not in _OWN:
+            if error.field not in ("parameter", "values", "of"):  # also keys of [sweep]
                 raise
             place = f"sweep.{error.field}" if plan is file.sweep else "--set"
             raise type(error)(place, error.value, error.remedy) from error
@@ -448,7 +446,7 @@ def _asked(file: ProblemFile, given: Sequence[str]) -> tuple[ProblemFile, SweepP
             if len(values) == 1:
                 constants[parameter] = values[0]
                 continue
-            owner, parameter = "", f"{_CONSTANT}{parameter}" if parameter in _TAKEN else parameter
+            owner, parameter = "", f"constants.{parameter}" if parameter in _TAKEN else parameter
         plans.append(SweepPlan(parameter, values, (owner,) if owner else None))
     if len(plans) > 1:
         remedy = "one number can be swept at a time: give one value of constants, and one option for something else"

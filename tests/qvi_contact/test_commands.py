@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-from qvi_contact import TriangleMesh, load_problem, refine, save_problem, solve
+from qvi_contact import InputError, TriangleMesh, load_problem, refine, save_problem, solve
 from qvi_contact.export import write_npz
 from qvi_contact.files import Archive
 from qvi_contact.gallery import compressed_plate
@@ -319,6 +319,8 @@ class TestSweep:
         text = path.read_text(encoding="utf-8")
         path.write_text(text.replace("mu = ", "load = ").replace('"mu"', '"load"'), encoding="utf-8")
         assert force("--set", "constants.load=0.8,0.9") == pytest.approx([whole, whole], rel=1e-6)  # no factor of loads
+        with pytest.raises(InputError, match="name one of the constants"):
+            load_problem(path).with_constants({"mu": 0.1})
 
     @pytest.mark.parametrize(
         "words",
