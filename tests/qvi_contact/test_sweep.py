@@ -242,15 +242,8 @@ def test_a_value_that_ends_its_process_has_a_row_that_says_so(tmp_path, environ)
     assert "exit status 9" in stored.message
 
 
-def test_several_processes_need_a_store():
-    for shared in ({"workers": 2}, {"dask": "tcp://127.0.0.1:1"}):
-        with pytest.raises(InputError) as caught:
-            solve_sweep(PLATE, "friction", [0.1], **shared)
-        assert caught.value.field in shared
-
-
 def test_what_is_refused(tmp_path):
-    """Another sweep than that of the store, and arguments that are wrong; the store stays as it was."""
+    """Another sweep than that of the store, processes without one, wrong arguments; the store stays as it was."""
     path = tmp_path / "a.sqlite"
     given = {"problem": PLATE, "parameter": "friction", "values": (0.1,), "store": path}
     solve_sweep(**given)
@@ -258,7 +251,8 @@ def test_what_is_refused(tmp_path):
     for field, changes in {
         "store": [{"values": (0.1, 0.2)}, {"parameter": "gap"}, {"tolerance": 1e-7}, {"store": "."},
                   {"problem": compressed_plate(0.2, (4, 5))}], "of": [{"of": ["base"]}],
-        "workers": [{"workers": 0}], "dask": [{"dask": "nowhere"}], "parameter": [{"parameter": "mu"}],
+        "workers": [{"workers": 0}, {"workers": 2, "store": None}], "parameter": [{"parameter": "mu"}],
+        "dask": [{"dask": "nowhere"}, {"dask": "tcp://127.0.0.1:1", "store": None}],
     }.items():  # fmt: skip
         for change in changes:
             with pytest.raises(InputError) as caught:
