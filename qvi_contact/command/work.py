@@ -448,8 +448,8 @@ def _asked(file: ProblemFile, given: Sequence[str]) -> tuple[ProblemFile, SweepP
                 continue
             owner, parameter = "", f"constants.{parameter}" if parameter in _TAKEN else parameter
         plans.append(SweepPlan(parameter, values, (owner,) if owner else None))
-    if len(plans) > 1:
-        remedy = "one number can be swept at a time: give one value of constants, and one option for something else"
+    if len(plans) > 1 or len({*constants, *(plan.parameter for plan in plans)}) < len(given):
+        remedy = "name a number once, sweep one at a time: give one value of constants, one option for something else"
         raise InputError("--set", " ".join(given), remedy)
     if plans and file.times:
         raise InputError("--set", given[0], "a file with a [history] cannot be swept: give one without")

@@ -331,8 +331,9 @@ class TestSweep:
 
     def test_one_number_is_swept_at_a_time(self, shell, tmp_path):
         """The first of two was left out without a word."""
-        ending = shell("solve", plate_file(tmp_path, 0.2), "--set", "friction=0.1", "--set", "gap=0.0")
-        refused(ending, "--set: 'friction=0.1 gap=0.0': ")
+        path = example(tmp_path, "dragged_block_holds")
+        for one, other in (("friction=0.1", "gap=0.0"), ("p=1", "p=2"), ("p=3", "p=1,2")):
+            refused(shell("solve", path, "--set", one, "--set", other), f"--set: '{one} {other}': ")
 
 
 def test_guaranteed_example_with_all_files(shell, tmp_path):
