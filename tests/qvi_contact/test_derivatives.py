@@ -34,8 +34,8 @@ class TestLimitLoads:
 
     @pytest.mark.parametrize(
         ("parameter", "expected", "cohesion"),
-        [("ground.friction", 4.0, 0.5), ("ground.cohesion", 1.0, 0.5), ("load.body", 1.2, 0.5), ("load.drag", -1.7, 0.5),
-         ("ground.cohesion", 1.0, 0.0)],
+        [("ground.friction", 4.0, 0.5), ("ground.cohesion", 1.0, 0.5), ("load.body", 1.2, 0.5),
+         ("load.drag", -1.7, 0.5), ("ground.cohesion", 1.0, 0.0)],
     )  # fmt: skip
     def test_a_dragged_block(self, parameter, expected, cohesion):
         """The last is zero, and grows only."""
