@@ -163,7 +163,7 @@ def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
             found = other_solutions(result) if result.status == "solved" else None
         document = {"title": problem_file.title, **report.branches_document(result, found, units)}
         best = result if found is None else found.preferred
-        complete = _write_all(targets, problem_file, best, document, time_limit=given["time_limit"])
+        complete = _write_all(targets, problem_file, best, document, time_limit=limit)
     lines = report.branches_lines(result, found, units)
     return _ended(problem_file, as_json, document, lines, result.status == "solved", complete)
 
@@ -351,7 +351,7 @@ def _solved_series(
 
 def _swept_constant(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool) -> qvi_contact.Sweep:
     """The sweep of a constant: each value is a problem of its own."""
-    steps, limit = list[ContactResult](), options.pop("time_limit", None)
+    steps, limit = list[ContactResult](), options.get("time_limit")
     with solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance, deadline(limit):
         for value in plan.values:
             if not (steps and deadline.over):

@@ -298,7 +298,7 @@ class TestSweep:
         named = answered(shell("solve", path, "--set", "plate.gap=0.0,1e-4", "--json"))
         assert list(named["gap"]) == [0.0, 1e-4]
 
-    def test_constants_of_the_file_and_loads_by_name(self, shell, tmp_path):
+    def test_constants_of_the_file_and_loads_by_name(self, shell, tmp_path, monkeypatch):
         path = example(tmp_path, "dragged_block_holds", ("cells = 8", "cells = 2"), ("cells = 4", "cells = 2"))
 
         def force(*words):
@@ -316,7 +316,12 @@ class TestSweep:
         refused(shell("solve", path, "--set", "nu=0.1,0.2"), "--set: 'nu': name one of", "constants (p, mu, T)")
         refused(shell("solve", path, "--set", "mu=0.1,1e100"), "constants.mu: 1e+100: give a finite number")
         refused(shell("solve", path, "--set", "mu=0.1,0.2", "--store", tmp_path / "a.sqlite"), "--store")
-        text = path.read_text(encoding="utf-8")
+        text, seen = path.read_text(encoding="utf-8"), []
+        monkeypatch.setattr("qvi_contact.bracket.bracket", lambda _, time_limit: seen.append(time_limit))
+        path.write_text(f"{text}[solve]\ntime_limit = 50.0\n", encoding="utf-8")
+        for words in (("solve", path, "--set", "mu=0.8,0.9"), ("branches", path)):
+            assert shell(*words, "--vtk", tmp_path / "a.vtu")[0] == 0
+        assert seen == [50.0, 50.0]  # the second solve, for displacements, had no limit
         path.write_text(text.replace("mu = ", "load = ").replace('"mu"', '"load"'), encoding="utf-8")
         assert force("--set", "constants.load=0.8,0.9") == pytest.approx([whole, whole], rel=1e-6)  # no factor of loads
         with pytest.raises(InputError, match="name one of the constants"):

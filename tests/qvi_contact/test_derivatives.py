@@ -35,10 +35,9 @@ class TestLimitLoads:
     @pytest.mark.parametrize(
         ("parameter", "expected", "cohesion"),
         [("ground.friction", 4.0, 0.5), ("ground.cohesion", 1.0, 0.5), ("load.body", 1.2, 0.5),
-         ("load.drag", -1.7, 0.5), ("ground.cohesion", 1.0, 0.0)],
+         ("load.drag", -1.7, 0.5), ("ground.cohesion", 1.0, 0.0)],  # what is zero grows only
     )  # fmt: skip
     def test_a_dragged_block(self, parameter, expected, cohesion):
-        """The last is zero, and grows only."""
         found = LimitFactor(["drag"]).derivative(dragged(cohesion=cohesion), parameter)
         assert found == pytest.approx(expected, rel=1e-6)
 
