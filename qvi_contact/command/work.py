@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 _MOST: Final = 1_000_000  # values that are asked for at once
 _PARAMETERS: Final = ("friction", "load", "gap", "offset")
-_OWN: Final = ("parameter", "values", "of")  # arguments of `solve_sweep`, and keys of [sweep]
+_TAKEN: Final = (*_PARAMETERS, "title", "solved", "steps")  # what constants are not called alone in documents
 
 
 @contextmanager
@@ -163,7 +163,7 @@ def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
             found = other_solutions(result) if result.status == "solved" else None
         document = {"title": problem_file.title, **report.branches_document(result, found, units)}
         best = result if found is None else found.preferred
-        complete = _write_all(targets, problem_file, best, document, time_limit=given["time_limit"])
+        complete = _write_all(targets, problem_file, best, document, time_limit=limit)
     lines = report.branches_lines(result, found, units)
     return _ended(problem_file, as_json, document, lines, result.status == "solved", complete)
 
@@ -351,11 +351,11 @@ def _solved_series(
 
 def _swept_constant(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool) -> qvi_contact.Sweep:
     """The sweep of a constant: each value is a problem of its own."""
-    steps, limit = list[ContactResult](), options.pop("time_limit", None)
+    steps, limit = list[ContactResult](), options.get("time_limit")
     with solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance, deadline(limit):
         for value in plan.values:
             if not (steps and deadline.over):
-                problem = file.with_constants({plan.parameter: value}).problem
+                problem = file.with_constants({plan.parameter.rpartition(".")[2]: value}).problem
                 steps.append(solve_one(problem, **options, verbose=verbose))
                 advance()
     return qvi_contact.Sweep(plan.parameter, plan.values, tuple(steps))
@@ -373,7 +373,7 @@ def _swept(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose:
         try:
             return solved(file.problem, *asked, lambda *_: advance(), **stored, **options, verbose=verbose)
         except InputError as error:
-            if error.field not in _OWN:
+            if error.field not in ("parameter", "values", "of"):  # also keys of [sweep]
                 raise
             place = f"sweep.{error.field}" if plan is file.sweep else "--set"
             raise type(error)(place, error.value, error.remedy) from error
@@ -446,14 +446,15 @@ def _asked(file: ProblemFile, given: Sequence[str]) -> tuple[ProblemFile, SweepP
             if len(values) == 1:
                 constants[parameter] = values[0]
                 continue
-            owner = ""
+            owner, parameter = "", f"constants.{parameter}" if parameter in _TAKEN else parameter
         plans.append(SweepPlan(parameter, values, (owner,) if owner else None))
-    if len(plans) > 1:
-        remedy = "one number can be swept at a time: give one value of constants, and one option for something else"
+    if len(plans) > 1 or len({*constants, *(plan.parameter for plan in plans)}) < len(given):
+        remedy = "name a number once, sweep one at a time: give one value of constants, one option for something else"
         raise InputError("--set", " ".join(given), remedy)
     if plans and file.times:
         raise InputError("--set", given[0], "a file with a [history] cannot be swept: give one without")
-    return file.with_constants(constants) if constants else file, plans[0] if plans else file.sweep
+    file = file.with_constants(constants) if constants else file
+    return file, plans[0] if plans else file.sweep
 
 
 # files, checked before the work begins, and written as far as they can be

@@ -35,6 +35,7 @@ from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polyno
 from qvi_contact.problem.material import Material, cell_materials
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.settings import RefineOptions, SolveOptions
+from solvers.errors import known_name
 
 VERSION: Final = 1
 
@@ -390,8 +391,10 @@ class ProblemFile:
         return {name: place for name, place in places.items() if os.path.isfile(place)}  # not a formula
 
     def with_constants(self, changed: Mapping[str, float]) -> "ProblemFile":
-        """The same file with other values of some of its constants, on the same mesh."""
-        found = _from_tables(self._reader.data, self._reader.folder, self.problem.mesh, changed)
+        """The same file with other values of some of its constants, on the same mesh; `InputError` for other names."""
+        for name in changed:
+            known_name("constants", name, {"constants": self.constants})
+        found = _from_tables(self._reader.data, self._reader.folder, self.problem.mesh, {**self.constants, **changed})
         return replace(found, text=self.text)
 
     @cached_property

@@ -174,9 +174,9 @@ def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
             pairs = zip(ops, sides, sides[1:], strict=False)
             holds = reduce(np.logical_and, [_OPERATORS[type(op)](one, other) for op, one, other in pairs])
             return np.asarray(holds, float)  # a sum of truths were a truth, a root of one had few digits
-        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=named) if name in FUNCTIONS:
             wanted = _ARGUMENTS.get(name, 1)  # more would be taken for the place to write the result to
-            if len(arguments) != wanted:
+            if named or len(arguments) != wanted:
                 raise ValueError(f"{name} takes {wanted} argument{'s' if wanted > 1 else ''}")
             return FUNCTIONS[name](*(_value(each, names) for each in arguments))
         case ast.Call(func=function):

@@ -49,7 +49,6 @@ _UNITS: Final = {
     **dict.fromkeys((*COMPONENTS, "pressure"), "stress"),
 }
 """Which of the `Units` kinds of numbers are in, all but forces."""
-_FORCE: Final = "force"
 
 _SMALL: Final = 1e-6  # of the problem's unit: numbers below count as this for relative errors
 _ON: Final = 1e-6  # of the body's length: distance from a contact that is rounding
@@ -72,7 +71,7 @@ class Measure:
             return result.energies.strain
         scales = result.discretization.scales
         least = Rounding.of(scales.stress, scales.displacement, scales.length, _SMALL)
-        return max(abs(value), least.of_kind(_UNITS.get(self.kind, _FORCE)) if self.kind else 0.0)
+        return max(abs(value), least.of_kind(_UNITS.get(self.kind, "force")) if self.kind else 0.0)
 
     @property
     def bounded(self) -> bool:
@@ -117,7 +116,7 @@ class Measure:
 def unit_of(quantity: str, units: Units) -> str:
     """The unit of a quantity of a refinement by its name, that of forces for a function."""
     kind = quantity.partition("(")[0].rpartition(".")[2]
-    chosen = _UNITS.get(kind.removeprefix("largest_").removeprefix("smallest_"), _FORCE)
+    chosen = _UNITS.get(kind.removeprefix("largest_").removeprefix("smallest_"), "force")
     return str(getattr(units, chosen)) if chosen else "rad"
 
 

@@ -314,7 +314,6 @@ class SweepTask:
     settings: Settings = field(default_factory=Settings)  # how to solve it
     warm: bool = False  # whether to start from the value before
     _before: Discretization | None = field(default=None, init=False)
-    _vary: bool = field(default=False, init=False)  # whether its laws do, which decides what bounds tractions
     _state: ContactResult | None = field(default=None, init=False)
     _pause: int = field(default=0, init=False)
     _left: int = field(default=0, init=False)
@@ -338,8 +337,7 @@ class SweepTask:
             limit = load("qvi_contact.limit.load_factor")  # which commands that solve once need not load
             chosen = tuple(limit.loads_of(problem)) if names is None else limit.checked_loads(problem, names, "of")
         elif not known:
-            remedy = "the problem has no contact that could open or slip"
-            raise InputError("parameter", "friction, gap or offset", remedy)
+            raise InputError("parameter", parameter, "the problem has no contact that could open or slip")
         elif names is None:
             chosen = tuple(known)
         elif isinstance(names, str) or not isinstance(names, Sequence) or not names:
@@ -373,8 +371,7 @@ class SweepTask:
             if count >= at_least and deadline.over:
                 return
             began, posed = time.perf_counter(), self.changed(value)
-            before, self._vary = self._vary, laws_vary(posed)
-            if self._before is None or self._vary != before:
+            if self._before is None or laws_vary(posed) != laws_vary(self._before.problem):  # what bounds tractions
                 self._before = discretized(posed, self.settings)
             elif self.parameter == "friction":
                 self._before = self._before.with_law(posed)

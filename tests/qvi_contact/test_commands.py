@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-from qvi_contact import TriangleMesh, load_problem, refine, save_problem, solve
+from qvi_contact import InputError, TriangleMesh, load_problem, refine, save_problem, solve
 from qvi_contact.export import write_npz
 from qvi_contact.files import Archive
 from qvi_contact.gallery import compressed_plate
@@ -293,7 +293,7 @@ class TestSweep:
         named = answered(shell("solve", path, "--set", "plate.gap=0.0,1e-4", "--json"))
         assert list(named["gap"]) == [0.0, 1e-4]
 
-    def test_constants_of_the_file_and_loads_by_name(self, shell, tmp_path):
+    def test_constants_of_the_file_and_loads_by_name(self, shell, tmp_path, monkeypatch):
         path = example(tmp_path, "dragged_block_holds", ("cells = 8", "cells = 2"), ("cells = 4", "cells = 2"))
 
         def force(*words):
@@ -305,11 +305,22 @@ class TestSweep:
         assert force("--set", "mu=0.9", "--set", "drag.load=1.0") == pytest.approx([whole], rel=1e-6)
         assert force("--set", "mu=0.8,0.9") == pytest.approx([whole, whole], rel=1e-6)
         assert shell("solve", path, "--set", "constants.mu=0.8:0.9:2")[1].count("\nmu ") == 1
+        assert force("--set", "T=0.1", "--set", "p=0.5,1.0") == pytest.approx([-0.2, -0.2], rel=1e-6)
         late = shell("solve", path, "--set", "mu=0.8,0.9", "--method=condensed", "--time-limit=1e-9", "--json")
         assert [step["status"] for step in json.loads(late[1])["steps"]] == ["time_limit"]
         refused(shell("solve", path, "--set", "nu=0.1,0.2"), "--set: 'nu': name one of", "constants (p, mu, T)")
         refused(shell("solve", path, "--set", "mu=0.1,1e100"), "constants.mu: 1e+100: give a finite number")
         refused(shell("solve", path, "--set", "mu=0.1,0.2", "--store", tmp_path / "a.sqlite"), "--store")
+        text, seen = path.read_text(encoding="utf-8"), []
+        monkeypatch.setattr("qvi_contact.bracket.bracket", lambda _, time_limit: seen.append(time_limit))
+        path.write_text(f"{text}[solve]\ntime_limit = 50.0\n", encoding="utf-8")
+        for words in (("solve", path, "--set", "mu=0.8,0.9"), ("branches", path)):
+            assert shell(*words, "--vtk", tmp_path / "a.vtu")[0] == 0
+        assert seen == [50.0, 50.0]  # the second solve, for displacements, had no limit
+        path.write_text(text.replace("mu = ", "load = ").replace('"mu"', '"load"'), encoding="utf-8")
+        assert force("--set", "constants.load=0.8,0.9") == pytest.approx([whole, whole], rel=1e-6)  # no factor of loads
+        with pytest.raises(InputError, match="name one of the constants"):
+            load_problem(path).with_constants({"mu": 0.1})
 
     @pytest.mark.parametrize(
         "words",
@@ -320,8 +331,9 @@ class TestSweep:
 
     def test_one_number_is_swept_at_a_time(self, shell, tmp_path):
         """The first of two was left out without a word."""
-        ending = shell("solve", plate_file(tmp_path, 0.2), "--set", "friction=0.1", "--set", "gap=0.0")
-        refused(ending, "--set: 'friction=0.1 gap=0.0': ")
+        path = example(tmp_path, "dragged_block_holds")
+        for one, other in (("friction=0.1", "gap=0.0"), ("p=1", "p=2"), ("p=3", "p=1,2")):
+            refused(shell("solve", path, "--set", one, "--set", other), f"--set: '{one} {other}': ")
 
 
 def test_guaranteed_example_with_all_files(shell, tmp_path):

@@ -151,9 +151,9 @@ class TestRefused:
                 text = f"{function}({', '.join(['x'] * count)})"
                 if count == wanted:
                     assert np.isfinite(Expression(text)(x, x)).all()
-                else:
-                    with pytest.raises(InputError, match=f"{function} takes {wanted} argument"):
-                        Expression(text)
+                    text = f"{text[:-1]}, out=y)"
+                with pytest.raises(InputError, match=f"{function} takes {wanted} argument"):
+                    Expression(text)
         assert (x == [0.5, 0.25]).all()
 
     @pytest.mark.parametrize(

@@ -104,8 +104,7 @@ def test_a_load_factor_multiplies_named_loads():
 
 def test_a_value_without_an_answer_does_not_end_the_sweep():
     seen = []
-    problem = pushed()
-    sweep = solve_sweep(problem, "friction", [0.5, 0.05, 0.4], callback=lambda number, _: seen.append(number))
+    sweep = solve_sweep(pushed(), "friction", [0.5, 0.05, 0.4], callback=lambda number, _: seen.append(number))
     assert seen == [1, 2, 3]
     assert [step.status is Status.SOLVED for step in sweep.steps] == [True, False, True]
     assert sweep.status is sweep.steps[1].status is Status.INFEASIBLE
@@ -291,6 +290,8 @@ def test_on_the_command_line(tmp_path, shell):
     assert path.read_bytes() == before
     document = json.loads(told.read_text(encoding="utf-8"))
     assert (document["solved"], document["values"], document["statuses"]) == (True, 3, {"solved": 3})
+    assert shell(*SWEPT, "--workers", "2")[2].startswith("qvi-contact: --workers")
+    assert shell("solve", FILE, "--store", "a")[2].startswith("qvi-contact: --store")
 
 
 @pytest.mark.parametrize(
@@ -304,11 +305,6 @@ def test_what_the_command_line_refuses(tmp_path, shell, words, option):
     assert status == 2
     assert message.startswith(f"qvi-contact: {option}")
     assert not (tmp_path / "a").exists() or not read_sweep(tmp_path / "a").statuses
-
-
-def test_workers_are_for_stored_sweeps(shell):
-    assert shell(*SWEPT, "--workers", "2")[2].startswith("qvi-contact: --workers")
-    assert shell("solve", FILE, "--store", "a")[2].startswith("qvi-contact: --store")
 
 
 @pytest.fixture(scope="module")
