@@ -43,7 +43,9 @@ _BETTER: Final = 1e-6  # share by which a triangle is larger that rounding alone
 
 _NODES: Final = {1: 2, 2: 3, 3: 4, 8: 3, 9: 6, 10: 9, 15: 1, 16: 8}  # by the number of a kind in Gmsh
 _OTHERS: Final = {4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid"}
-_CORNERS: Final = {"triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4}  # for meshio
+_CORNERS: Final = {  # for meshio
+    "triangle": 3, "triangle6": 3, "triangle7": 3, "triangle10": 3, "triangle15": 3, "quad": 4, "quad8": 4, "quad9": 4,
+}  # fmt: skip
 _LINES: Final = {1: (0, 1), 8: (0, 1)}
 _CELLS: Final = {2: (0, 1, 2, 2), 9: (0, 1, 2, 2), 3: (0, 1, 2, 3), 10: (0, 1, 2, 3), 16: (0, 1, 2, 3)}
 _MOST_SETS: Final = 10_000_000  # names times blocks of elements: each of the blocks may have all names
