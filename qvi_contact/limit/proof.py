@@ -548,6 +548,8 @@ def _exactly(
     for n in (n for n, terms in moving.items() if not any(terms)):
         moving[n] = [{len(values): ONE}, {len(values) + 1: ONE}]
         values += map(Fraction, rounded[n].tolist())
+    for pair in space.hinges.T.tolist():
+        rows += [combined((ONE, own), (-ONE, other)) for own, other in zip(*(moving[n] for n in pair), strict=True)]
     all_rows = [(row, ZERO) for row in (*rows, *_held(stated, space, moving, places, bodies, values))]
     values = solved([*smooth.at_vertices(), *all_rows, *smooth.conditions()] if smooth else all_rows, values)
     found = [[_value(terms, values) for terms in moving[n]] for n in range(space.count)]

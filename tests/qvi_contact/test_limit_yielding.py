@@ -11,12 +11,14 @@ from qvi_contact import (
     InputError,
     TriangleMesh,
     limit_load_factor,
+    limit_proof,
     load_problem,
     save_problem,
     solve,
     strength_reduction_factor,
 )
 from qvi_contact.files import problem_from_toml, problem_to_toml
+from qvi_contact.limit import check
 from qvi_contact.problem import (
     Contact,
     ContactProblem,
@@ -323,6 +325,19 @@ def test_what_is_tied_is_held():
                   for each in (block.conditions[0], Contact.tied("bottom")))  # fmt: skip
     assert 0.5 < tied.lower <= tied.upper < 1.5
     assert (tied.lower, tied.upper) == pytest.approx((held.lower, held.upper), rel=1e-6)
+
+
+def test_rigid_parts_that_share_a_vertex_turn_about_it():
+    """Quarters of a block between two that yield: as if they were 10 000 times as strong as these."""
+    mesh = TriangleMesh.rectangle((1, 1)).with_region("rock", lambda x, y: np.abs(x - 0.5) > np.abs(y - 0.5))
+    free = [Traction(side, 0.0, 0.0) for side in ("top", "bottom")]
+    held = [Displacement("left", x=0.0, y=0.0), Traction("right", x=0.0, y=1.0, name="shear"), *free]
+    rocks = (Region(Material(10.0, 0.3, "strain", law), name="rock") for law in (None, Tresca(1e4)))
+    material = Material(10.0, 0.3, "strain", Tresca(1.0))
+    problems = [ContactProblem(mesh, material, held, regions=[rock]) for rock in rocks]
+    rigid, strong = (limit_load_factor(problem, ["shear"], degree=3) for problem in problems)
+    assert rigid.upper == pytest.approx(strong.upper, rel=1e-5)
+    assert float(check(limit_proof(problems[0], ["shear"], degree=3))[1]) == pytest.approx(rigid.upper, rel=1e-5)
 
 
 def test_a_program_that_the_simplex_method_cannot_begin_goes_to_the_other(pytestconfig):
