@@ -241,7 +241,8 @@ class FlowProgram:
             x[n + free] -= blocks[:, 0] - np.linalg.norm(blocks[:, 1:], axis=1)
             return x
 
-        x, violation = program.repaired(raised(found.x), share)
+        start = raised(found.x)
+        x, violation = program.repaired(start, share)
         x = raised(x)
         for _ in range(0 if share or cones.limit.all() else FACES):
             missed = -float(program.margins(raised(found.x)).min(initial=0.0))
@@ -258,6 +259,9 @@ class FlowProgram:
                 x, violation = other, off
         power = float(live @ x[:n])
         if not violation <= HELD or not power > 0.0:
+            strain, jumps = (np.abs(part).max(initial=0.0) for part in (every.blocks(start), self._slips.L @ start[:n]))
+            if strain <= HELD * jumps:
+                return Flow(np.inf)  # rigid blocks have a bound of their own
             raise SolveError(
                 f"limit load: the velocities found break their conditions by {violation:.1e}: use another degree, or a "
                 "mesh that is less graded"

@@ -340,6 +340,30 @@ def test_rigid_parts_that_share_a_vertex_turn_about_it():
     assert float(check(limit_proof(problems[0], ["shear"], degree=3))[1]) == pytest.approx(rigid.upper, rel=1e-5)
 
 
+def test_a_plate_that_nothing_keeps_from_sliding_carries_nothing():
+    """No strain is in that motion, but rounding: whether it breaks the conditions of strain does not count."""
+    mesh = TriangleMesh.rectangle((3, 1))
+    mesh = TriangleMesh(mesh.vertices @ [[1.0, 0.0], [-0.3, 1.0]], mesh.cells, mesh.edge_sets)
+    plate = RigidPlate(force_x=-0.1, force_y=-0.8, moment=-0.1, pivot=(0.6, 1.0))
+    cap = Contact("top", 0.0, plate=plate, name="cap")
+    contacts = [Contact("bottom", 0.8), cap, Contact("right", 0.8, cohesion=0.3)]
+    material = Material(1.0, 0.2, "strain", Mises(1.3))
+    problem = ContactProblem(mesh, material, [*contacts, Traction("left", x=0.5, y=0.0)], lambda _, y: y)
+    limit = limit_load_factor(problem, ["cap"], degree=3)
+    assert limit.lower == pytest.approx(0.0, abs=1e-9)
+    assert limit.upper == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("room", [1e-4, 1e-5])
+def test_what_other_loads_leave_of_a_strength_is_carried(room):
+    """Pressed to all but its strength, a block carries as little shear as that leaves, in proportion: not none."""
+    crushing = 2.0 * np.cos(0.5) / (1.0 - np.sin(0.5))
+    block, top = stretched(MohrCoulomb(1.0, 0.5)), Traction("top", x=0.0, y=-crushing * (1.0 - room))
+    pressed = [top, Traction("right", x=0.0, y=1.0), *block.conditions[2:]]
+    limit = limit_load_factor(replace(block, conditions=pressed), ["right"], degree=3)
+    assert limit.lower == pytest.approx(5.47 * room, rel=1e-2)
+
+
 def test_a_program_that_the_simplex_method_cannot_begin_goes_to_the_other(pytestconfig):
     """HiGHS refuses one of the dam's at tolerances of 1e-10."""
     found = strength_reduction_factor(load_problem(pytestconfig.rootpath / "examples" / "gravity_dam.toml").problem)
