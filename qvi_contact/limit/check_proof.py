@@ -292,9 +292,11 @@ def demand(holds: bool, otherwise: str) -> None:
         raise ValueError(otherwise)
 
 
-def sentences(lower: Fraction | None, upper: Fraction | float | None) -> list[str]:
+def sentences(lower: Fraction | float | None, upper: Fraction | float | None) -> list[str]:
     """What is proved, rounded to the safe side."""
-    found = [] if lower is None else [f"proved: the loads times {rounded(lower, ROUND_FLOOR)} are carried"]
+    found = []
+    if isinstance(lower, Fraction):
+        found.append(f"proved: the loads times {rounded(lower, ROUND_FLOOR)} are carried")
     if isinstance(upper, Fraction):
         found.append(f"proved: no stress carries the loads times more than {rounded(upper, ROUND_CEILING)}")
     return [*found, "proved: no stress carries any multiple of the loads"] if upper == -inf else found

@@ -169,9 +169,9 @@ class Velocities:
 
     def held(self) -> sparse.csr_array:
         """Velocities that supports and what is tied rule out, as such rows."""
-        copies, nodes = (np.repeat(part, 2) for part in self.hinges)
+        copies, first = (np.repeat(part, 2) for part in self.hinges)
         axes = np.tile(np.eye(2), (len(self.hinges[0]), 1))
-        found = [self.rows(copies, axes) - self.rows(nodes, axes)]
+        found = [self.rows(copies, axes) - self.rows(first, axes)]
         for given in self.problem.prescribed(Displacement):
             nodes = self.along(given.edges)
             found.append(self.rows(nodes.ravel(), np.repeat(given.direction, nodes.shape[1], axis=0)))
