@@ -196,7 +196,8 @@ class Statement:
             "body_force": [[-c for c in potential[1:]] for potential in self.potentials],
             "strengths": [[] if law is None else list(self._cones(law, plane)) for law in laws],
             "strength_of": np.repeat(problem.cell_materials, 3).tolist(),
-            "loads": [{"edge": pair, "along": _both(loads)} for pair, loads in self.loads.items()],
+            "loads": [{"edge": pair, "along": [*loads, *(((-y, x), None) for (x, y), _ in loads if len(loads) == 1)]}
+                      for pair, loads in self.loads.items()],
             "contacts": [self._contact(contact, names) for contact in self.contacts],
         }  # fmt: skip
 
@@ -290,12 +291,6 @@ class Statement:
             forces = [None if each is None else [Fraction(each)] for each in parts]
             found["forces"] = [each and ([[ZERO], each] if live else [each, [ZERO]]) for each in forces]
         return found
-
-
-def _both(loads: list[_Load]) -> list[Any]:
-    """Two directions with the loads along them, None where there is none."""
-    (x, y), _ = loads[0]
-    return [*loads, *([((-y, x), None)] if len(loads) == 1 else [])]
 
 
 def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:

@@ -186,14 +186,6 @@ def test_what_is_tied_slips_at_no_price():
         check(changed(proof, ("flow", "plates", "cap", 0), "1"))
 
 
-def test_files_of_other_versions_are_refused(tmp_path, shell):
-    path, proof = tmp_path / "limit.json", limit_proof(heavy_wall(), ["push"], degree=3)
-    path.write_text(json.dumps({**proof, "format": 1}))
-    status, out, _ = shell("check-proof", path)
-    assert status == 1
-    assert "write it once more" in out
-
-
 def test_loads_that_cannot_be_carried():
     """A mechanism of rigid blocks proves it; loads that are carried have none."""
     wall = heavy_wall()
@@ -297,6 +289,7 @@ def test_a_block_lifts_off_the_ground_but_does_not_sink_into_it(cohesion):
 @pytest.mark.parametrize(
     ("place", "value", "told"),
     [
+        (("format",), 1, "write it once more"),
         (("strengths", 0, 0, 2), "-1", "negative γ²"),
         (("strengths", 0, 0, 0), float("nan"), "NaN"),
         (("contacts", 0, "cohesion"), "nan", "Fraction: 'nan'"),
