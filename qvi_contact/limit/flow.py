@@ -260,8 +260,10 @@ class FlowProgram:
         power = float(live @ x[:n])
         if not violation <= HELD or not power > 0.0:
             strain, jumps = (np.abs(part).max(initial=0.0) for part in (every.blocks(start), self._slips.L @ start[:n]))
-            if strain <= HELD * jumps:
-                return Flow(np.inf)  # rigid blocks have a bound of their own
+            nearest = every.projected(np.zeros_like(start))
+            off = np.abs(every.A[: every.equal] @ nearest - every.b[: every.equal]).max()
+            if strain <= HELD * jumps or off > HELD:
+                return Flow(np.inf)  # rigid blocks have a bound of their own, and what cannot move has none
             raise SolveError(
                 f"limit load: the velocities found break their conditions by {violation:.1e}: use another degree, or a "
                 "mesh that is less graded"

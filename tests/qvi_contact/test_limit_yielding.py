@@ -340,6 +340,18 @@ def test_rigid_parts_that_share_a_vertex_turn_about_it():
     assert float(check(limit_proof(problems[0], ["shear"], degree=3))[1]) == pytest.approx(rigid.upper, rel=1e-5)
 
 
+def test_what_rigid_parts_hold_has_no_limit():
+    """Three hinges in a triangle: equations say that it does not move, and that it has power."""
+    mesh = TriangleMesh.rectangle((3, 1))
+    mesh = TriangleMesh(mesh.vertices @ [[1.0, 0.0], [0.2, 1.0]], mesh.cells, mesh.edge_sets)
+    mesh = mesh.with_region("rock", lambda x, y: np.hypot(x - 0.578, y - 0.667) > 0.1)
+    loads = [Traction("left", x=1.0, y=0.1), Traction("right", x=0.0, y=0.0), Traction("top", x=0.0, y=-0.5)]
+    material, rock = Material(1.0, 0.3, "strain", Tresca(1.0)), Region(Material(1.0, 0.3, "strain"), name="rock")
+    problem = ContactProblem(mesh, material, [Displacement("bottom", x=0.0, y=0.0), *loads], regions=[rock])
+    limit = limit_load_factor(problem, ["left"], degree=3)
+    assert (limit.lower, limit.upper) == (np.inf, np.inf)
+
+
 def test_a_plate_that_nothing_keeps_from_sliding_carries_nothing():
     """No strain is in that motion, but rounding: whether it breaks the conditions of strain does not count."""
     mesh = TriangleMesh.rectangle((3, 1))
