@@ -268,15 +268,19 @@ class ConicProgram:
         missed = -margins[outside] * max(1.0, self.size(x) / self.size(inside))
         return float((missed / (room[outside] + missed)).max(initial=0.0))
 
+    def room(self) -> tuple[FloatArray, float]:
+        """The point that is farthest inside all inequalities and cones, and how far: negative if it is outside."""
+        found = self._roomy(each=False).solve()
+        return (np.zeros(0), -np.inf) if isinstance(found, str) else (self.projected(found.x[:-1]), float(found.x[-1]))
+
     def _inside(self) -> FloatArray | None:
         """A point as far inside as can be, as far as rows leave room."""
         if not self.dependent:  # flows far inside dissipate much more
-            found = self._roomy(each=False).solve()
-            x = self.projected(np.zeros_like(self.q) if isinstance(found, str) else found.x[:-1])
-            if self.margins(x).min(initial=1.0) > ROUNDING:
+            x, room = self.room()
+            if room > 0.0 and self.margins(x).min(initial=1.0) > ROUNDING:
                 return x
-        nearest = self._rooms()
-        return None if nearest is None else nearest[0]
+        found = self._rooms()
+        return None if found is None else found[0]
 
     def _rooms(self) -> tuple[FloatArray, FloatArray] | None:
         """A point as far inside all rows as can be, up to 1e-3, and how far inside each of them."""
