@@ -289,7 +289,7 @@ def check_proof(file: str) -> int:
 
     remedy = "give a file written by qvi-contact limit --proof"
     try:
-        *proved, counted = proofs.check(json.loads(Path(file).read_text(encoding="utf-8")))
+        *proved, counted = proofs.check(proofs.parsed(Path(file).read_text(encoding="utf-8")))
     except OSError as error:
         raise InputError("file", file, f"cannot be read ({error.strerror}): {remedy}") from error
     except (

@@ -19,6 +19,7 @@ import json
 import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from fractions import Fraction
 from itertools import product
 from math import comb, inf
@@ -27,6 +28,9 @@ from typing import Any
 
 FORMAT = 2
 
+PLAIN = {"about", "multiplied", "missing", "name", "law", "triangles", "strength_of", "edge", "edges", "degree"}
+"""Entries that are names and whole numbers."""
+
 
 def check(proof: dict[str, Any]) -> tuple[Fraction | None, Fraction | float | None, Counter[str]]:
     """Factors below and above that are proved, None where the file does not speak of one, and how much was checked.
@@ -34,9 +38,11 @@ def check(proof: dict[str, Any]) -> tuple[Fraction | None, Fraction | float | No
     The factor above is −inf if no multiple is carried. `ValueError` says what does not hold.
     """
     demand(proof["format"] == FORMAT, f"the file has format {proof['format']}, not {FORMAT}: write it once more")
+    demand("stress" in proof or "flow" in proof, "the file has neither stresses nor velocities")
     proof, counted = exact(proof), Counter[str]()
     names = [contact["name"] for contact in proof["contacts"]]
     demand(len({*names}) == len(names), "two contacts have one name")
+    demand(all(gamma2 >= 0 for cones in proof["strengths"] for _, _, gamma2 in cones), "a strength has a negative γ²")
     lower = carried(proof, counted) if "stress" in proof else None
     upper = exceeded(proof, counted) if "flow" in proof else None
     demand(lower is None or upper is None or lower <= upper, "the factors contradict each other")
@@ -115,6 +121,7 @@ def triangles(proof: dict[str, Any], field: dict[str, Any]) -> Iterator[tuple[in
     """Number, cones, area, gradients of barycentric coordinates, and ordinates of a field, of every triangle."""
     demand(field["degree"] > 0, "a degree is not positive")
     for t, (names, values) in enumerate(zip(proof["triangles"], field["ordinates"], strict=True)):
+        demand(len(values) == comb(field["degree"] + 2, 2), f"triangle {t} has not the ordinates of its degree")
         a, b, c = (proof["vertices"][n] for n in names)
         twice = cross(less(b, a), less(c, a))
         demand(twice != 0, f"triangle {t} has no area")
@@ -146,7 +153,8 @@ def edges(proof: dict[str, Any], field: dict[str, Any]) -> Iterator[tuple[Any, A
         held: Any = () if others else (((1, 0), None), ((0, 1), None))
         contact, pressure, loads = given.get(edge, (None, None, held))
         demand(not others or not (loads or (contact and any(contact["forces"]))), f"edge {edge} is inside the body")
-        demand(not loads or (len(loads) == 2 and dot(loads[0][0], loads[1][0]) == 0), f"edge {edge} is overloaded")
+        across = not loads or (len(loads) == 2 and dot(loads[0][0], loads[1][0]) == 0 and all(any(d) for d, _ in loads))
+        demand(across, f"edge {edge} has not two loads along directions at a right angle")
         yield edge, n, sides, contact, pressure, loads
 
 
@@ -158,13 +166,15 @@ def arms(proof: dict[str, Any], contact: dict[str, Any], edge: Any) -> list[Any]
 def power(given: Any, along: list[Any], told: str) -> list[Fraction]:
     """The power of forces along a direction, those that stay and those that are multiplied; None hold it."""
     demand(given is not None or not any(along), told)
-    return [mean(times(force, along)) for force in given or ([0], [0])]
+    dead, live = given if given is not None else ([0], [0])
+    return [mean(times(force, along)) for force in (dead, live)]
 
 
 def law(contact: dict[str, Any]) -> tuple[Any, ...]:
     """μ, c and t_max; what is tied has no t_max."""
     mu, c, cap = contact["friction"], contact["cohesion"], contact["shear_limit"]
     demand(min(mu, c, cap or 0) >= 0, f"contact {contact['name']!r} has a negative strength")
+    demand(contact["law"] in ("unilateral", "bilateral", "tied"), f"contact {contact['name']!r} has an unknown law")
     return mu, c, inf if cap is None or contact["law"] == "tied" else cap
 
 
@@ -241,16 +251,24 @@ def at_factor(given: Any, factor: Fraction) -> list[Fraction]:
     return [dead + factor * live for dead, live in zip(*given, strict=True)]
 
 
-def exact(value: Any) -> Any:
-    """Numbers, and texts of numbers, as fractions."""
+def parsed(text: str) -> Any:
+    """What a file says; `ValueError` if it says something twice."""
+
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        demand(len(dict(pairs)) == len(pairs), f"the file has an entry twice: {', '.join(key for key, _ in pairs)}")
+        return dict(pairs)
+
+    return json.loads(text, object_pairs_hook=once)
+
+
+def exact(value: Any, *, named: bool = False) -> Any:
+    """Numbers, and texts of numbers, as fractions; what `PLAIN` lists as it is, but for keys that are names."""
     if isinstance(value, dict):
-        return {exact(key): exact(each) for key, each in value.items()}
+        return {key: each if key in PLAIN and not named else exact(each, named=key == "plates")
+                for key, each in value.items()}  # fmt: skip
     if isinstance(value, list):
         return [exact(each) for each in value]
-    try:
-        return Fraction(value) if isinstance(value, (str, float)) else value
-    except ValueError:
-        return value
+    return value if value is None else Fraction(value)
 
 
 def less(u: Any, v: Any) -> Any:
@@ -275,15 +293,21 @@ def demand(holds: bool, otherwise: str) -> None:
 
 
 def sentences(lower: Fraction | float | None, upper: Fraction | float | None) -> list[str]:
-    """What is proved."""
-    found = [] if lower is None else [f"proved: the loads times {float(lower):.12g} are carried"]
-    if upper is not None:
-        what = f"no stress carries the loads times more than {float(upper):.12g}"
-        found.append(f"proved: {what if upper > -inf else 'no stress carries any multiple of the loads'}")
-    return found
+    """What is proved, rounded to the safe side."""
+    found = []
+    if isinstance(lower, Fraction):
+        found.append(f"proved: the loads times {rounded(lower, ROUND_FLOOR)} are carried")
+    if isinstance(upper, Fraction):
+        found.append(f"proved: no stress carries the loads times more than {rounded(upper, ROUND_CEILING)}")
+    return [*found, "proved: no stress carries any multiple of the loads"] if upper == -inf else found
+
+
+def rounded(value: Fraction, towards: str) -> Decimal:
+    """Twelve digits of it."""
+    return Context(12, towards).divide(Decimal(value.numerator), Decimal(value.denominator))
 
 
 if __name__ == "__main__":
     with open(sys.argv[1], encoding="utf-8") as file:
-        *proved, numbers = check(json.load(file))
+        *proved, numbers = check(parsed(file.read()))
     print("\n".join([*sentences(*proved), ", ".join(f"{count} {name}" for name, count in numbers.items())]))

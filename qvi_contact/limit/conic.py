@@ -275,9 +275,10 @@ class ConicProgram:
 
     def _inside(self) -> FloatArray | None:
         """A point as far inside as can be, as far as rows leave room."""
-        x, room = self.room()
-        if room > 0.0 and self.margins(x).min(initial=0.0) > ROUNDING:
-            return x
+        if not self.dependent:  # flows far inside dissipate much more
+            x, room = self.room()
+            if room > 0.0 and self.margins(x).min(initial=1.0) > ROUNDING:
+                return x
         found = self._rooms()
         return None if found is None else found[0]
 

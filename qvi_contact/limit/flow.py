@@ -35,7 +35,7 @@ from qvi_contact.limit.conic import FACES, HELD, INFEASIBLE, ROUNDING, ConicProg
 from qvi_contact.limit.split import Nodes, coefficients_of, nodes_along, numbered, part_corners
 from qvi_contact.limit.stresses import ALONG, PASSES, Carried, YieldCones, limited
 from qvi_contact.mechanism import RigidMotion
-from qvi_contact.mechanism.bodies import FLUID
+from qvi_contact.mechanism.bodies import FLUID, whole_edges
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import DRIVES, SHEAR_LAW, Contact, Displacement, Traction, components
 from qvi_contact.problem.fields import along_edges
@@ -111,6 +111,8 @@ class Velocities:
         Coefficients of a triangle.
     global_ : (cells, m) int array
         Which of all coefficients they are; triangles share those on edges that are no open joint.
+    hinges : (2, h) int array
+        Coefficients at vertices in which rigid parts meet without a common edge: every later part's own, and the first.
     rigid : (N,) int array
         The rigid part that each coefficient belongs to, −1 for none.
     basis : (2 N + 3 plates, n) sparse array
@@ -121,15 +123,20 @@ class Velocities:
     def __init__(self, problem: ContactProblem, degree: int, strong: BoolArray) -> None:
         self.problem, self.mesh, self.degree, self.nodes = problem, problem.mesh, degree, Nodes.of(degree)
         mesh, places = self.mesh, self.nodes.places
-        self.global_ = numbered(problem, self.nodes)
+        self.global_, edges = numbered(problem, self.nodes), whole_edges(problem)
+        first, second = edges.cells[strong[edges.cells].all(axis=1)].T
+        own, part = self.global_[strong], linked(first, second, mesh.cell_count)[strong]
+        pairs = np.stack([own, np.broadcast_to(part[:, None], own.shape)], axis=-1).reshape(-1, 2)
+        (node, part), at = (each.T for each in np.unique(pairs, axis=0, return_inverse=True))
+        again, inside = np.flatnonzero(np.diff(node, prepend=-1) == 0), node.copy()
+        inside[again] = self.global_.max() + 1 + np.arange(len(again))
+        self.hinges = np.stack([inside[again], node[again]])
+        self.global_[strong] = inside[at.reshape(own.shape)]
         self.count = int(self.global_.max()) + 1
         self.points = np.empty((self.count, 2))
         self.points[self.global_] = places @ ((mesh.corners - mesh.origin) / mesh.length)
         self.rigid = np.full(self.count, -1)
-        own = self.global_[strong]
-        inside = np.unique(own)
-        label = linked(np.broadcast_to(own[:, :1], own.shape), own, self.count)
-        self.rigid[inside] = np.unique(label[inside], return_inverse=True)[1]
+        self.rigid[inside] = np.unique(part, return_inverse=True)[1]
         self.plates = [contact for contact in problem.contacts if contact.plate is not None and contact.plate.driven]
         self.size = 2 * self.count + 3 * len(self.plates)
         self.basis = self._basis()
@@ -162,7 +169,9 @@ class Velocities:
 
     def held(self) -> sparse.csr_array:
         """Velocities that supports and what is tied rule out, as such rows."""
-        found = [sparse.csr_array((0, self.size))]
+        copies, first = (np.repeat(part, 2) for part in self.hinges)
+        axes = np.tile(np.eye(2), (len(self.hinges[0]), 1))
+        found = [self.rows(copies, axes) - self.rows(first, axes)]
         for given in self.problem.prescribed(Displacement):
             nodes = self.along(given.edges)
             found.append(self.rows(nodes.ravel(), np.repeat(given.direction, nodes.shape[1], axis=0)))
@@ -232,7 +241,8 @@ class FlowProgram:
             x[n + free] -= blocks[:, 0] - np.linalg.norm(blocks[:, 1:], axis=1)
             return x
 
-        x, violation = program.repaired(raised(found.x), share)
+        start = raised(found.x)
+        x, violation = program.repaired(start, share)
         x = raised(x)
         for _ in range(0 if share or cones.limit.all() else PASSES):
             missed = -float(program.margins(raised(found.x)).min(initial=0.0))
@@ -249,6 +259,11 @@ class FlowProgram:
                 x, violation = other, off
         power = float(live @ x[:n])
         if not violation <= HELD or not power > 0.0:
+            strain, jumps = (np.abs(part).max(initial=0.0) for part in (every.blocks(start), self._slips.L @ start[:n]))
+            nearest = every.projected(np.zeros_like(start))
+            off = np.abs(every.A[: every.equal] @ nearest - every.b[: every.equal]).max()
+            if strain <= HELD * jumps or off > HELD:
+                return Flow(np.inf)  # rigid blocks have a bound of their own, and what cannot move has none
             raise SolveError(
                 f"limit load: the velocities found break their conditions by {violation:.1e}: use another degree, or a "
                 "mesh that is less graded"

@@ -196,7 +196,8 @@ class Statement:
             "body_force": [[-c for c in potential[1:]] for potential in self.potentials],
             "strengths": [[] if law is None else list(self._cones(law, plane)) for law in laws],
             "strength_of": np.repeat(problem.cell_materials, 3).tolist(),
-            "loads": [{"edge": pair, "along": _both(loads)} for pair, loads in self.loads.items()],
+            "loads": [{"edge": pair, "along": [*loads, *(((-y, x), None) for (x, y), _ in loads if len(loads) == 1)]}
+                      for pair, loads in self.loads.items()],
             "contacts": [self._contact(contact, names) for contact in self.contacts],
         }  # fmt: skip
 
@@ -290,12 +291,6 @@ class Statement:
             forces = [None if each is None else [Fraction(each)] for each in parts]
             found["forces"] = [each and ([[ZERO], each] if live else [each, [ZERO]]) for each in forces]
         return found
-
-
-def _both(loads: list[_Load]) -> list[Any]:
-    """Two directions with the loads along them, None where there is none."""
-    (x, y), _ = loads[0]
-    return [*loads, *([((-y, x), None)] if len(loads) == 1 else [])]
 
 
 def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
@@ -548,6 +543,8 @@ def _exactly(
     for n in (n for n, terms in moving.items() if not any(terms)):
         moving[n] = [{len(values): ONE}, {len(values) + 1: ONE}]
         values += map(Fraction, rounded[n].tolist())
+    for pair in space.hinges.T.tolist():
+        rows += [combined((ONE, own), (-ONE, other)) for own, other in zip(*(moving[n] for n in pair), strict=True)]
     all_rows = [(row, ZERO) for row in (*rows, *_held(stated, space, moving, places, bodies, values))]
     values = solved([*smooth.at_vertices(), *all_rows, *smooth.conditions()] if smooth else all_rows, values)
     found = [[_value(terms, values) for terms in moving[n]] for n in range(space.count)]

@@ -11,12 +11,14 @@ from qvi_contact import (
     InputError,
     TriangleMesh,
     limit_load_factor,
+    limit_proof,
     load_problem,
     save_problem,
     solve,
     strength_reduction_factor,
 )
 from qvi_contact.files import problem_from_toml, problem_to_toml
+from qvi_contact.limit import check
 from qvi_contact.problem import (
     Contact,
     ContactProblem,
@@ -310,6 +312,55 @@ def test_what_is_tied_is_held():
                   for each in (block.conditions[0], Contact.tied("bottom")))  # fmt: skip
     assert 0.5 < tied.lower <= tied.upper < 1.5
     assert (tied.lower, tied.upper) == pytest.approx((held.lower, held.upper), rel=1e-6)
+
+
+def test_rigid_parts_that_share_a_vertex_turn_about_it():
+    """Quarters of a block between two that yield: as if they were 10 000 times as strong as these."""
+    mesh = TriangleMesh.rectangle((1, 1)).with_region("rock", lambda x, y: np.abs(x - 0.5) > np.abs(y - 0.5))
+    free = [Traction(side, 0.0, 0.0) for side in ("top", "bottom")]
+    held = [Displacement("left", x=0.0, y=0.0), Traction("right", x=0.0, y=1.0, name="shear"), *free]
+    rocks = (Region(Material(10.0, 0.3, "strain", law), name="rock") for law in (None, Tresca(1e4)))
+    material = Material(10.0, 0.3, "strain", Tresca(1.0))
+    problems = [ContactProblem(mesh, material, held, regions=[rock]) for rock in rocks]
+    rigid, strong = (limit_load_factor(problem, ["shear"], degree=3) for problem in problems)
+    assert rigid.upper == pytest.approx(strong.upper, rel=1e-5)
+    assert float(check(limit_proof(problems[0], ["shear"], degree=3))[1]) == pytest.approx(rigid.upper, rel=1e-5)
+
+
+def test_what_rigid_parts_hold_has_no_limit():
+    """Three hinges in a triangle: equations say that it does not move, and that it has power."""
+    mesh = TriangleMesh.rectangle((3, 1))
+    mesh = TriangleMesh(mesh.vertices @ [[1.0, 0.0], [0.2, 1.0]], mesh.cells, mesh.edge_sets)
+    mesh = mesh.with_region("rock", lambda x, y: np.hypot(x - 0.578, y - 0.667) > 0.1)
+    loads = [Traction("left", x=1.0, y=0.1), Traction("right", x=0.0, y=0.0), Traction("top", x=0.0, y=-0.5)]
+    material, rock = Material(1.0, 0.3, "strain", Tresca(1.0)), Region(Material(1.0, 0.3, "strain"), name="rock")
+    problem = ContactProblem(mesh, material, [Displacement("bottom", x=0.0, y=0.0), *loads], regions=[rock])
+    limit = limit_load_factor(problem, ["left"], degree=3)
+    assert (limit.lower, limit.upper) == (np.inf, np.inf)
+
+
+def test_a_plate_that_nothing_keeps_from_sliding_carries_nothing():
+    """No strain is in that motion, but rounding: whether it breaks the conditions of strain does not count."""
+    mesh = TriangleMesh.rectangle((3, 1))
+    mesh = TriangleMesh(mesh.vertices @ [[1.0, 0.0], [-0.3, 1.0]], mesh.cells, mesh.edge_sets)
+    plate = RigidPlate(force_x=-0.1, force_y=-0.8, moment=-0.1, pivot=(0.6, 1.0))
+    cap = Contact("top", 0.0, plate=plate, name="cap")
+    contacts = [Contact("bottom", 0.8), cap, Contact("right", 0.8, cohesion=0.3)]
+    material = Material(1.0, 0.2, "strain", Mises(1.3))
+    problem = ContactProblem(mesh, material, [*contacts, Traction("left", x=0.5, y=0.0)], lambda _, y: y)
+    limit = limit_load_factor(problem, ["cap"], degree=3)
+    assert limit.lower == pytest.approx(0.0, abs=1e-9)
+    assert limit.upper == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("room", [1e-4, 1e-5])
+def test_what_other_loads_leave_of_a_strength_is_carried(room):
+    """Pressed to all but its strength, a block carries as little shear as that leaves, in proportion: not none."""
+    crushing = 2.0 * np.cos(0.5) / (1.0 - np.sin(0.5))
+    block, top = stretched(MohrCoulomb(1.0, 0.5)), Traction("top", x=0.0, y=-crushing * (1.0 - room))
+    pressed = [top, Traction("right", x=0.0, y=1.0), *block.conditions[2:]]
+    limit = limit_load_factor(replace(block, conditions=pressed), ["right"], degree=3)
+    assert limit.lower == pytest.approx(5.47 * room, rel=1e-2)
 
 
 def test_a_program_that_the_simplex_method_cannot_begin_goes_to_the_other(pytestconfig):

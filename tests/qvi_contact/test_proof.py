@@ -22,6 +22,7 @@ from qvi_contact import (
     save_problem,
 )
 from qvi_contact.limit import check
+from qvi_contact.limit.check_proof import sentences
 from qvi_contact.problem import Contact, ContactProblem, Material, Mises, MohrCoulomb, Region, RigidPlate, Traction
 from tests.cases import refused_at
 from tests.qvi_contact.test_limit_yielding import random_body, stretched
@@ -185,14 +186,6 @@ def test_what_is_tied_slips_at_no_price():
         check(changed(proof, ("flow", "plates", "cap", 0), "1"))
 
 
-def test_files_of_other_versions_are_refused(tmp_path, shell):
-    path, proof = tmp_path / "limit.json", limit_proof(heavy_wall(), ["push"], degree=3)
-    path.write_text(json.dumps({**proof, "format": 1}))
-    status, out, _ = shell("check-proof", path)
-    assert status == 1
-    assert "write it once more" in out
-
-
 def test_loads_that_cannot_be_carried():
     """A mechanism of rigid blocks proves it; loads that are carried have none."""
     wall = heavy_wall()
@@ -255,6 +248,10 @@ def test_the_command_writes_and_checks_them(tmp_path, shell):
     status, out, _ = shell("check-proof", proof)
     assert status == 1
     assert out.startswith("not proved")
+    twice = '{"format": 2, "flow": 1, "flow": 2}', "an entry twice"
+    for other, said in [twice, ('{"format": 2}', "neither stresses nor velocities")]:
+        proof.write_text(other)
+        assert said in shell("check-proof", proof)[1]
     for other in (json.dumps({"degree": 4}), "[" * 100_000):
         proof.write_text(other)
         assert shell("check-proof", proof)[0] == 2
@@ -286,6 +283,40 @@ def test_a_block_lifts_off_the_ground_but_does_not_sink_into_it(cohesion):
     assert [counted[each] for each in (*in_parts, *along_edges, "loads carried")] == [6, 2, 5, 5, 6]
     with pytest.raises(ValueError, match="ground"):
         check(block_on_the_ground(-1, [0, "-1/1000"], cohesion))
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "told"),
+    [
+        (("format",), 1, "write it once more"),
+        (("strengths", 0, 0, 2), "-1", "negative γ²"),
+        (("strengths", 0, 0, 0), float("nan"), "NaN"),
+        (("contacts", 0, "cohesion"), "nan", "Fraction: 'nan'"),
+        (("contacts", 0, "law"), "glued", "unknown law"),
+        (("loads", 1, "along", 0, 0), [0, 0], "right angle"),
+        (("stress", "degree"), 10**30, "ordinates of its degree"),
+    ],
+)
+def test_what_is_no_statement_is_refused(place, value, told):
+    proof = block_on_the_ground(1, [0, "1/1000"])
+    *path, last = place
+    part = proof
+    for key in path:
+        part = part[key]
+    part[last] = value
+    with pytest.raises(ValueError, match=told):
+        check(proof)
+
+
+def test_whole_numbers_are_exact_and_factors_are_rounded_to_the_safe_side():
+    """Divided as they are, 2^53 + 1 is 2^53."""
+    proof = block_on_the_ground(1, [0, 1])
+    proof["loads"][0]["along"][1][1] = [[-1 - 2**53] * 2, [3, 3]]
+    del proof["stress"]
+    lower, upper, _ = check(proof)
+    assert (lower, upper) == (None, Fraction(1 + 2**53, 3))
+    assert sentences(Fraction(2, 3), Fraction(2, 3))[0].endswith(" 0.666666666666 are carried")
+    assert sentences(None, Fraction(2, 3))[0].endswith(" 0.666666666667")
 
 
 def test_a_strain_rate_must_lie_in_its_cone():
