@@ -17,7 +17,7 @@ __getattr__ = front(
     __name__,
     {
         "flow": ("BodyMotion", "ContactFlow"),
-        "check_proof": ("check",),
+        "check_proof": ("check", "sentences"),
         "load_factor": ("Collapse", "LimitLoad", "StrengthReduction", "limit_load_factor", "strength_reduction_factor"),
         "proof": ("limit_proof",),
     },

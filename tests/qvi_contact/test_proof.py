@@ -12,17 +12,8 @@ import numpy as np
 import pytest
 
 import qvi_contact.limit
-from qvi_contact import (
-    SolveError,
-    Tresca,
-    TriangleMesh,
-    limit_load_factor,
-    limit_proof,
-    load_problem,
-    save_problem,
-)
-from qvi_contact.limit import check
-from qvi_contact.limit.check_proof import sentences
+from qvi_contact import SolveError, Tresca, TriangleMesh, limit_load_factor, limit_proof, load_problem, save_problem
+from qvi_contact.limit import check, sentences
 from qvi_contact.problem import Contact, ContactProblem, Material, Mises, MohrCoulomb, Region, RigidPlate, Traction
 from tests.cases import refused_at
 from tests.qvi_contact.test_limit_yielding import random_body, stretched
