@@ -267,6 +267,9 @@ def fitted(
     # (γ − x)·d vanishes at a vertex x, d being from the sample before the nearest to that after: by halving, which
     # needs no derivative, and no smoothness but between vertices
     nearest = np.asarray(cKDTree(samples).query(vertices[numbers])[1])
+    if given.closed:  # where both ends are nearest the sample beside them tells which one a vertex is at
+        beside = np.asarray(cKDTree(samples[[1, -2]]).query(vertices[numbers])[1])
+        nearest = np.where(nearest % (len(t) - 1) == 0, beside * (len(t) - 1), nearest)
     before, after = np.maximum(nearest - 1, 0), np.minimum(nearest + 1, len(t) - 1)
     low, high, along = t[before], t[after], samples[after] - samples[before]
     for _ in range(_HALVINGS):
