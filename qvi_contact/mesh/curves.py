@@ -36,8 +36,6 @@ ROUNDING: Final = 1.5e-6
 of data."""
 
 _FLATTEST: Final = 5e-8  # angle from the chord below which an edge is its chord: off by rounding of data
-
-
 _LEVEL: Final = 1e-9  # angle between a chord and the line that angles count from that is rounding of data [rad]
 
 
@@ -92,9 +90,8 @@ def checked_bends(field: str, given: ArrayLike, count: int) -> FloatArray:
         raise InputError(field, float(np.abs(found).max()), "give angles [rad] from the chord, numbers from -π to π")
     off = float(np.abs(levelled(found) - found).max())
     if off > _LEVEL:
-        raise InputError(
-            field, off, "these angles count from a line that is this angle [rad] off the chord: correct it"
-        )
+        remedy = "these angles count from a line that is this angle [rad] off the chord: correct it"
+        raise InputError(field, off, remedy)
     return found
 
 

@@ -73,10 +73,9 @@ def test_points_between_chord_and_arc_are_found():
     mesh = quarter(1, 2)
     angle = np.array([0.1, 0.7, 1.5])
     way = np.column_stack([np.cos(angle), np.sin(angle)])
-    assert (mesh.locate((OUTER - 1e-6) * way) >= 0).all()
-    assert (mesh.locate((INNER - 1e-6) * way) == -1).all()
-    assert (mesh.locate((OUTER + 1e-6) * way) == -1).all()
-    assert (mesh.locate((INNER + 1e-6) * way) >= 0).all()
+    for radius, beyond in ((INNER, 1.0), (OUTER, -1.0)):
+        assert (mesh.locate((radius + 1e-6 * beyond) * way) >= 0).all()
+        assert (mesh.locate((radius - 1e-6 * beyond) * way) == -1).all()
     result = solve(under_pressure(mesh), degree=10)
     x, y = (OUTER - 1e-6) * way.T
     np.testing.assert_allclose(result.stress(x, y), lame(x, y), atol=2e-3)
@@ -109,10 +108,8 @@ def test_barycentres_see_their_arcs(height, seen):
     triangle = TriangleMesh(vertices, [(0, 1, 2)], {"rim": [(0, 1)]})
     if seen:
         curved = triangle.with_arc("rim", (0.0, 0.0), 1.0)
-        x, y = (
-            curved.points_along(curved.edges("rim"), np.linspace(0.0, 1.0, 101))
-            - curved.corners.mean(axis=1).T[:, None]
-        )
+        points = curved.points_along(curved.edges("rim"), np.linspace(0.0, 1.0, 101))
+        x, y = points - curved.corners.mean(axis=1).T[:, None]
         along = np.diff(np.unwrap(np.arctan2(y, x)))
         assert np.abs(np.sign(along).sum()) == 100.0
     else:
