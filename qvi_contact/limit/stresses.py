@@ -398,7 +398,7 @@ class StressProgram:
         wide, N = np.zeros(N.shape[1]), N[:, kept]
         rows, h = sparse.csr_array(H @ N), limit - H @ n
         heights, columns = (np.sqrt(np.asarray(rows.multiply(rows).sum(axis=axis))).ravel() for axis in (1, 0))
-        beside = (sparse.diags_array(heights) @ (rows != 0.0)).max(axis=0).toarray().ravel()
+        beside = (sparse.diags_array(heights) @ abs(rows).sign()).max(axis=0).toarray().ravel()
         columns[columns <= _LOST * beside] = columns[-1] = 1.0  # no stress there, which as unit would become one
         units = sparse.diags_array(1.0 / columns)  # tolerances are for numbers near 1
         G, E = sparse.csc_array(rows @ units), sparse.csc_array(A[:, kept] @ units)
