@@ -231,6 +231,7 @@ class CondensedBody:
     r: FloatArray  # (k,): right-hand side on Γ
     R: FloatArray  # (k, j): rigid motions
     cholesky: tuple[FloatArray, bool]
+    closely: float  # share of their size to which rigid motions rest, and loads do no work on them, beside arcs
 
     @classmethod
     def of(cls, body: Elasticity, load: FloatArray, supports: Supports, rows: sparse.csr_array) -> "CondensedBody":
@@ -242,9 +243,10 @@ class CondensedBody:
         free = np.setdiff1d(np.arange(size), supports.index)
         motions, K, turned = body.space.rigid(), body.stiffness(), Q[:size, :size]
         strained = float(np.linalg.norm(K @ motions)) / float(K.diagonal().max())  # on arcs alone more than rounding
+        closely = min(_AS_STRAINED * strained, _FREE_ON_ARCS)
         rigid = (supports.inverse @ np.pad(motions, ((0, body.size - size), (0, 0))))[:size]
         interface = np.setdiff1d((rows @ Q)[:, :size].indices, supports.index)
-        interface = np.union1d(interface, _pins(body, rigid, supports.index, interface, strained)).astype(np.int64)
+        interface = np.union1d(interface, _pins(body, rigid, supports.index, interface, closely)).astype(np.int64)
         K = (sparse.csr_array(turned.T @ K @ turned) if supports.slanted else K)[free][:, free]
         place = np.searchsorted(free, interface)
         shift = float(K.diagonal().mean()) if len(free) else 0.0
@@ -253,7 +255,7 @@ class CondensedBody:
         factor = factorise(sparse.csc_array(K + sparse.diags_array(held)), place)
         S = factor.schur - shift * np.eye(len(place))
         r, _ = factor.reduce((Q.T @ (load - body.force(Q @ supports.fixed)))[free])
-        motions = (rigid @ _unheld(rigid[supports.index], strained))[interface]
+        motions = (rigid @ _unheld(rigid[supports.index], closely))[interface]
         R = np.asarray(np.linalg.qr(motions)[0]) if motions.size else np.zeros((len(motions), 0))
         more = body.size - size  # springs
         S, interface = block_diag(S, body.springs.toarray()), np.append(interface, np.arange(size, body.size))
@@ -266,7 +268,7 @@ class CondensedBody:
             except np.linalg.LinAlgError as error:
                 message = "the condensed stiffness is not positive definite"
                 raise FactorisationError("singular", "lapack", message) from error
-        return cls(body, load, supports, free, interface, factor, S, np.asarray(r), R, stiffened)
+        return cls(body, load, supports, free, interface, factor, S, np.asarray(r), R, stiffened, closely)
 
     def relieve(self, forces: FloatArray) -> FloatArray:
         """G times forces on Γ, (k,) or (k, j)."""
@@ -283,14 +285,14 @@ class CondensedBody:
         return np.asarray(Q @ w)
 
 
-def _pins(body: Elasticity, rigid: FloatArray, fixed: IntArray, interface: IntArray, strained: float) -> IntArray:
+def _pins(body: Elasticity, rigid: FloatArray, fixed: IntArray, interface: IntArray, closely: float) -> IntArray:
     """Two vertices of every block that neither supports nor contacts would hold: Γ must hold all motions."""
     held = np.concatenate([fixed, interface])
     blocks = int(body.space.block.max()) + 1
     found: list[IntArray] = [np.empty(0, dtype=np.int64)]
     for block in range(blocks):
         motions = rigid[:, 3 * block : 3 * block + 3]
-        if _unheld(motions[held], strained).shape[1]:
+        if _unheld(motions[held], closely).shape[1]:
             mine = np.flatnonzero(body.space.owner == block)
             place = body.space.places[mine].sum(axis=1)
             pair = mine[[int(np.argmin(place)), int(np.argmax(place))]]
@@ -298,10 +300,9 @@ def _pins(body: Elasticity, rigid: FloatArray, fixed: IntArray, interface: IntAr
     return np.setdiff1d(np.concatenate(found), fixed)
 
 
-def _unheld(motions: FloatArray, strained: float) -> FloatArray:
+def _unheld(motions: FloatArray, closely: float) -> FloatArray:
     """Combinations (k, j) of rigid motions that rest where these (m, k) are, which are of the size of one.
 
-    As closely as elements beside arcs, which `strained` tells, can turn.
+    As `closely` as elements beside arcs can turn.
     """
-    as_closely = min(_AS_STRAINED * strained, _FREE_ON_ARCS)
-    return null_space(motions, max(_FREE * max(1.0, float(np.linalg.norm(motions))), as_closely))
+    return null_space(motions, max(_FREE * max(1.0, float(np.linalg.norm(motions))), closely))

@@ -61,6 +61,7 @@ CERTIFIED: Final = 1e-7
 """Violation of the rows, and gap of the bounds relative to 1 + factor, that is accepted."""
 
 _MOST: Final = 1e6  # factor that is asked for where a program without such a bound was not solved
+_LOST: Final = 1e-13  # stress of an unknown over those that stand in the same rows, which is rounding
 _COST: Final = 1e4  # of the factor, so that absolute tolerances of multipliers are as much smaller
 
 _AT_LIMIT: Final = (
@@ -412,8 +413,9 @@ class StressProgram:
         (N, n), (A, b), kept = self._tractions, self._equations, np.append(np.arange(self.low.qvi.n), -1)
         wide, N = np.zeros(N.shape[1]), N[:, kept]
         rows, h = sparse.csr_array(H @ N), limit - H @ n
-        columns = np.sqrt(np.asarray(rows.multiply(rows).sum(axis=0))).ravel()
-        columns[columns == 0.0] = columns[-1] = 1.0
+        heights, columns = (np.sqrt(np.asarray(rows.multiply(rows).sum(axis=axis))).ravel() for axis in (1, 0))
+        beside = (sparse.diags_array(heights) @ abs(rows).sign()).max(axis=0).toarray().ravel()
+        columns[columns <= _LOST * beside] = columns[-1] = 1.0  # no stress there, which as unit would become one
         units = sparse.diags_array(1.0 / columns)  # tolerances are for numbers near 1
         G, E = sparse.csc_array(rows @ units), sparse.csc_array(A[:, kept] @ units)
         cost, free = np.append(np.zeros(G.shape[1] - 1), -_COST), [(None, None)] * G.shape[1]

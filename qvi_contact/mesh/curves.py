@@ -36,8 +36,6 @@ ROUNDING: Final = 1.5e-6
 of data."""
 
 _FLATTEST: Final = 5e-8  # angle from the chord below which an edge is its chord: off by rounding of data
-
-
 _LEVEL: Final = 1e-9  # angle between a chord and the line that angles count from that is rounding of data [rad]
 
 
@@ -92,9 +90,8 @@ def checked_bends(field: str, given: ArrayLike, count: int) -> FloatArray:
         raise InputError(field, float(np.abs(found).max()), "give angles [rad] from the chord, numbers from -π to π")
     off = float(np.abs(levelled(found) - found).max())
     if off > _LEVEL:
-        raise InputError(
-            field, off, "these angles count from a line that is this angle [rad] off the chord: correct it"
-        )
+        remedy = "these angles count from a line that is this angle [rad] off the chord: correct it"
+        raise InputError(field, off, remedy)
     return found
 
 
@@ -267,6 +264,9 @@ def fitted(
     # (γ − x)·d vanishes at a vertex x, d being from the sample before the nearest to that after: by halving, which
     # needs no derivative, and no smoothness but between vertices
     nearest = np.asarray(cKDTree(samples).query(vertices[numbers])[1])
+    if given.closed:  # where both ends are nearest the sample beside them tells which one a vertex is at
+        beside = np.asarray(cKDTree(samples[[1, -2]]).query(vertices[numbers])[1])
+        nearest = np.where(nearest % (len(t) - 1) == 0, beside * (len(t) - 1), nearest)
     before, after = np.maximum(nearest - 1, 0), np.minimum(nearest + 1, len(t) - 1)
     low, high, along = t[before], t[after], samples[after] - samples[before]
     for _ in range(_HALVINGS):

@@ -357,9 +357,8 @@ def stacked(meshes: Sequence[MeshParts]) -> MeshParts:
         for name, chosen in mesh.regions.items():
             regions[name] = np.concatenate([regions.get(name, chosen[:0]), chosen + count])
         nodes, count = nodes + len(mesh.vertices), count + len(mesh.cells)
-    return MeshParts(
-        np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(cells), edge_sets, regions, arcs
-    )
+    vertices = np.concatenate([mesh.vertices for mesh in meshes])
+    return MeshParts(vertices, np.concatenate(cells), edge_sets, regions, arcs)
 
 
 def joined(mesh: MeshParts, name: str) -> MeshParts:

@@ -462,11 +462,10 @@ class TriangleMesh(PicklesFields):
             if np.ndim(pairs) != 2 or np.shape(pairs)[1] != 2:
                 raise InputError(f"edge_sets[{name!r}]", pairs, f"give a mapping of {_EDGE_SETS}")
         sets = {name: place[found] for name, pairs in named_edges.items() if len(found := here(pairs))}
-        regions = {name: np.flatnonzero(np.isin(taken, found)) for name, found in self.regions.items()}
+        regions = {name: own for name, old in self.regions.items() if len(own := np.flatnonzero(np.isin(taken, old)))}
         kept_arcs = ((arc, inside[self.topology.number(arc.edges)]) for arc in self.arcs)
         arcs = [Curve(place[arc.edges[own]], arc.coefficients[own]) for arc, own in kept_arcs if own.any()]
-        named = {name: found for name, found in regions.items() if len(found)}
-        return TriangleMesh(self.vertices[kept], place[self.cells[taken]], sets, named, arcs)
+        return TriangleMesh(self.vertices[kept], place[self.cells[taken]], sets, regions, arcs)
 
     @cached_property
     def outlines(self) -> tuple[IntArray, ...]:

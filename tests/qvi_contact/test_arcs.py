@@ -78,10 +78,9 @@ def test_points_between_chord_and_arc_are_found():
     mesh = quarter(1, 2)
     angle = np.array([0.1, 0.7, 1.5])
     way = np.column_stack([np.cos(angle), np.sin(angle)])
-    assert (mesh.locate((OUTER - 1e-6) * way) >= 0).all()
-    assert (mesh.locate((INNER - 1e-6) * way) == -1).all()
-    assert (mesh.locate((OUTER + 1e-6) * way) == -1).all()
-    assert (mesh.locate((INNER + 1e-6) * way) >= 0).all()
+    for radius, beyond in ((INNER, 1.0), (OUTER, -1.0)):
+        assert (mesh.locate((radius + 1e-6 * beyond) * way) >= 0).all()
+        assert (mesh.locate((radius - 1e-6 * beyond) * way) == -1).all()
     result = solve(under_pressure(mesh), degree=10)
     x, y = (OUTER - 1e-6) * way.T
     np.testing.assert_allclose(result.stress(x, y), lame(x, y), atol=2e-3)
@@ -114,10 +113,8 @@ def test_barycentres_see_their_arcs(height, seen):
     triangle = TriangleMesh(vertices, [(0, 1, 2)], {"rim": [(0, 1)]})
     if seen:
         curved = triangle.with_arc("rim", (0.0, 0.0), 1.0)
-        x, y = (
-            curved.points_along(curved.edges("rim"), np.linspace(0.0, 1.0, 101))
-            - curved.corners.mean(axis=1).T[:, None]
-        )
+        points = curved.points_along(curved.edges("rim"), np.linspace(0.0, 1.0, 101))
+        x, y = points - curved.corners.mean(axis=1).T[:, None]
         along = np.diff(np.unwrap(np.arctan2(y, x)))
         assert np.abs(np.sign(along).sum()) == 100.0
     else:
@@ -144,10 +141,8 @@ def test_loads_that_are_no_polynomials_keep_their_force_on_arcs(load, degree):
     corners = [Corner((0, 0), "b"), Corner((2, 0), "r"), Corner((2, 1), "t", (1, 0.2)), Corner((0, 1), "l")]
     fields = {name: Expression(text) for name, text in load.items()}
     held = [Displacement("r", x=0.0, y=0.0), Traction("l", x=0.0, y=0.0)]
-    material = Material(1e4, 0.3)
-    problem = ContactProblem(
-        TriangleMesh.outline(corners, 0.6), material, [Contact("b", 0.3), *held, Traction("t", **fields)]
-    )
+    given = [Contact("b", 0.3), *held, Traction("t", **fields)]
+    problem = ContactProblem(TriangleMesh.outline(corners, 0.6), Material(1e4, 0.3), given)
     result = solve(problem, degree=degree)
 
     def traction(angle, axis):
@@ -171,10 +166,8 @@ def test_the_work_of_pressure_on_arcs():
     """Of a uniform pressure all around nothing is left, and on the lower half of a ring what is above it."""
     angles = np.linspace(0.0, np.pi, 5)
     mesh = fan([arc(0.5, angles), arc(1.0, angles)], closed=False, arcs=("inner", "outer"))
-    ends = [Traction(end, normal=-3.0, tangential=0.0) for end in ("start", "end")]
-    pressed = ContactProblem(
-        mesh, STEEL, [*(Traction(e, normal=-3.0, tangential=0.0) for e in ("inner", "outer")), *ends]
-    )
+    loads = [Traction(e, normal=-3.0, tangential=0.0) for e in ("inner", "outer", "start", "end")]
+    pressed = ContactProblem(mesh, STEEL, loads)
     works = Rigid(pressed).works
     assert sum(work.row for work in works.values()) == pytest.approx(0.0, abs=1e-13)
     assert works["outer"].row[:2] == pytest.approx([0.0, -6.0], abs=1e-13)
@@ -185,9 +178,8 @@ def test_the_work_of_pressure_on_arcs():
 def test_supports_on_arcs_let_a_disc_turn():
     """Held normally all around it can turn about its centre, and nothing else."""
     mesh = fan([arc(1.0, np.linspace(0.0, 2.0 * np.pi, 13)[:-1])], closed=True, centre=(0.0, 0.0), arcs=("outer",))
-    turning = Rigid(
-        ContactProblem(mesh, STEEL, [Displacement("outer", normal=0.0), Traction("outer", tangential=0.0)])
-    ).free
+    held = [Displacement("outer", normal=0.0), Traction("outer", tangential=0.0)]
+    turning = Rigid(ContactProblem(mesh, STEEL, held)).free
     assert turning.shape == (3, 1)
     assert np.abs(turning[:, 0]) == pytest.approx([0.0, 0.0, 1.0], abs=1e-12)
 
@@ -240,18 +232,21 @@ def test_high_degrees_where_much_is_open():
     assert 0.1 < result.contacts["inner"].shares["open"] < 0.9
 
 
-def turn(angle):
-    """The matrix that turns vectors counterclockwise [°]."""
-    c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
-    return np.array([[c, -s], [s, c]])
-
-
 def held_ring(contact, angle=0.0):
-    """A whole ring, turned, that is held outside; its bore is called "hole"."""
+    """A whole ring, turned by an angle [°], that is held outside; its bore is called "hole"."""
     mesh = polygon(8, 1)
-    mesh = replace(mesh, vertices=mesh.vertices @ turn(angle).T)
+    places = np.exp(1j * np.deg2rad(angle)) * (mesh.vertices @ [1.0, 1.0j])
+    mesh = replace(mesh, vertices=np.column_stack([places.real, places.imag]))
     mesh = mesh.with_arc("hole", (0.0, 0.0), 1.0).with_arc("outside", (0.0, 0.0), 2.0)
     return ContactProblem(mesh, Material(1.0, NU), [contact, Displacement("outside", x=0.0, y=0.0)])
+
+
+def test_a_ring_that_nothing_holds():
+    """Elements beside arcs turn as rigid bodies up to their order: what pressure does on that is no load left over."""
+    loads = [Traction("hole", normal=-1.0, tangential=0.0), Traction("outside", normal=0.0, tangential=0.0)]
+    problem = replace(held_ring(Contact("hole", 0.3)), conditions=loads)
+    moved = solve(problem, degree=4).displacement([1.0, -1.0], [0.0, 0.0])[:, 0]
+    assert (moved[0] - moved[1]) / 2.0 == pytest.approx(WIDENED, rel=3e-3)
 
 
 @pytest.mark.parametrize("angle", [10.0, 90.0])

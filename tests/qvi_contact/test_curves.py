@@ -62,9 +62,9 @@ def disc():
     return fan([oval(np.linspace(0.0, 2.0 * np.pi, 13)[:-1])], closed=True, centre=(0.0, 0.0))
 
 
-@pytest.mark.parametrize("start", [0.0, 1.0, -0.7])
+@pytest.mark.parametrize("start", [0.0, 1.0, -0.7, 1e-3, -1e-3])
 def test_closed_curves_may_begin_anywhere(start):
-    """Twelve edges all around an ellipse, whose parameter passes its ends inside an edge or in a vertex."""
+    """Twelve edges all around an ellipse, whose parameter passes its ends inside an edge, in a vertex or near one."""
     mesh = disc().with_curve("outer", oval, start, start + 2.0 * np.pi)
     edges = mesh.edges("outer")
     assert edges.length.sum() == pytest.approx(9.688448220547675, rel=1e-13)  # 8 E(3/4)

@@ -12,7 +12,7 @@ from qvi_contact.limit import limit_load_factor
 from qvi_contact.mechanism import find_mechanism
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Traction
 from solvers import Status
-from tests.qvi_contact.builders import with_line
+from tests.qvi_contact.builders import polygon, with_line
 
 STEEL = Material(1000.0, 0.3)
 SIDES = {"top": 1.0, "right": 1.0, "left": -1.0}
@@ -22,19 +22,10 @@ MESHES = {"one cell": TriangleMesh.rectangle((1, 1), 2.0, 1.0), "uniform": Trian
 
 def dragged(mesh, pressure, shear, contact, material=STEEL):
     """A block under pressure p and uniform shear, with the complementary shear on its sides: σ_T = −T, σ_N = −p."""
-    return ContactProblem(
-        mesh,
-        material,
-        [
-            contact,
-            Traction("top", y=-pressure, name="pressure"),
-            Traction("top", x=shear, name="shear"),
-            Traction("right", x=0.0, name="free"),
-            Traction("right", y=shear, name="shear"),
-            Traction("left", x=0.0),
-            Traction("left", y=-shear, name="shear"),
-        ],
-    )
+    given = [Traction("top", y=-pressure, name="pressure"), Traction("right", x=0.0, name="free")]
+    shears = ("top", {"x": shear}), ("right", {"y": shear}), ("left", {"y": -shear})
+    given += [Traction("left", x=0.0), *(Traction(side, name="shear", **along) for side, along in shears)]
+    return ContactProblem(mesh, material, [contact, *given])
 
 
 @pytest.mark.parametrize(
@@ -78,6 +69,18 @@ class TestKindsOfLoads:
         with pytest.raises(InputError) as caught:
             limit_load_factor(dragged(MESHES["uniform"], 10.0, 1.0, Contact("bottom", 0.3)), loads)
         assert caught.value.field == "loads"
+
+
+def test_cohesion_on_a_circle_carries_a_torque():
+    """2π c r², whatever presses there: unknowns that make no stress on a joint but rounding carry nothing."""
+    mesh = polygon(12, 2, 0.5, 2.0).with_joint("seam", lambda x, y: np.abs(np.hypot(x, y) - 0.966) < 0.01)
+    for name, radius in (("hole", 0.5), ("seam", 1.0), ("outside", 2.0)):
+        mesh = mesh.with_arc(name, (0.0, 0.0), radius)
+    torque = Traction("outside", x=lambda _, y: -y, y=lambda x, _: x, name="torque")  # 16π
+    for law in ("bilateral", "unilateral"):
+        held = [Contact("seam", 0.0, cohesion=0.5, law=law), Displacement("hole", x=0.0, y=0.0)]
+        limit = limit_load_factor(ContactProblem(mesh, STEEL, [*held, torque]), ["torque"], degree=3)
+        assert (limit.lower, limit.upper) == pytest.approx((0.0625, 0.0625), rel=1e-9)
 
 
 def test_gap_material_and_offset_do_not_enter():
