@@ -52,7 +52,7 @@ ALONG: Final = np.linspace(0.0, 1.0, 33)
 PASSES: Final = 4
 """Times that cones without room are taken for rays, after which others may have none."""
 
-_LOST: Final = 0.1  # share of what is carried, but for rounding, that passes lose where they take rooms for none
+_DROP: Final = 0.1  # share of what is carried, but for rounding, that passes lose where they take rooms for none
 
 WIDER: Final = HELD / 4.0
 """Of sizes: room that is nothing but rounding."""
@@ -318,7 +318,7 @@ class StressProgram:
                 found = self._on_faces(program, first, share, *faces)
                 larger = best.violation > ROUNDING or found.factor > best.factor
                 best = found if best is first or (found.violation <= ROUNDING and larger) else best
-                if not best.factor < first.factor - _LOST * abs(first.factor):
+                if not best.factor < first.factor - _DROP * abs(first.factor):
                     break
             return best
 

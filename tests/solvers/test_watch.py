@@ -23,14 +23,7 @@ from solvers.pivoting import solve_lcp
 from solvers.solution import Start
 from solvers.solve import followed_solutions, traction_difference
 from tests.cases import examples, refused_at
-from tests.solvers.conftest import (
-    LAWS,
-    chain,
-    one_contact,
-    random_problem,
-    two_contacts,
-    with_constant_tractions,
-)
+from tests.solvers.conftest import LAWS, chain, one_contact, random_problem, two_contacts, with_constant_tractions
 
 INNER = "qp:clarabel"
 LIMITED = ("qp:clarabel", "qp:osqp", "qp:qpalm", "direct:clarabel")  # these say so, too
