@@ -6,6 +6,8 @@ import subprocess
 import sys
 from dataclasses import replace
 from fractions import Fraction
+from functools import reduce
+from operator import getitem
 from pathlib import Path
 
 import numpy as np
@@ -278,23 +280,14 @@ def test_a_block_lifts_off_the_ground_but_does_not_sink_into_it(cohesion):
 
 @pytest.mark.parametrize(
     ("place", "value", "told"),
-    [
-        (("format",), 1, "write it once more"),
-        (("strengths", 0, 0, 2), "-1", "negative γ²"),
-        (("strengths", 0, 0, 0), float("nan"), "NaN"),
-        (("contacts", 0, "cohesion"), "nan", "Fraction: 'nan'"),
-        (("contacts", 0, "law"), "glued", "unknown law"),
-        (("loads", 1, "along", 0, 0), [0, 0], "right angle"),
-        (("stress", "degree"), 10**30, "ordinates of its degree"),
-    ],
-)
+    [(("format",), 1, "write it once more"), (("strengths", 0, 0, 2), "-1", "negative γ²"),
+     (("strengths", 0, 0, 0), float("nan"), "NaN"), (("contacts", 0, "cohesion"), "nan", "Fraction: 'nan'"),
+     (("contacts", 0, "law"), "glued", "unknown law"), (("loads", 1, "along", 0, 0), [0, 0], "right angle"),
+     (("stress", "degree"), 10**30, "ordinates of its degree")],
+)  # fmt: skip
 def test_what_is_no_statement_is_refused(place, value, told):
     proof = block_on_the_ground(1, [0, "1/1000"])
-    *path, last = place
-    part = proof
-    for key in path:
-        part = part[key]
-    part[last] = value
+    reduce(getitem, place[:-1], proof)[place[-1]] = value
     with pytest.raises(ValueError, match=told):
         check(proof)
 
