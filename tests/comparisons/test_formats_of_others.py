@@ -312,7 +312,7 @@ def read(path):
 
 
 def test_export_commands(tmp_path, tiny):
-    """A problem file becomes .hdf5 and .npz."""
+    """A problem file becomes .hdf5 and .npz, with a penalty without equations or solution."""
     for kind, file in (("fclib", tmp_path / "a.hdf5"), ("npz", tmp_path / "a.npz")):
         status, out, err = command("export", kind, tiny, file)
         assert (status, err) == (0, "")
@@ -328,12 +328,8 @@ def test_export_commands(tmp_path, tiny):
     qvi, solution = load_qvi(tmp_path / "a.npz")
     assert r[0::2].sum() == pytest.approx(-qvi.resultant(solution.z), rel=1e-12)
     assert force * r[0::2].sum() == pytest.approx(expected, rel=1e-9)
-
-
-def test_a_penalised_export_has_no_equations_and_no_solution(tmp_path, tiny):
     assert command("export", "fclib", tiny, tmp_path / "a.hdf5", "--penalty", "1e6")[0] == 0
-    r, _, _, vectors = read(tmp_path / "a.hdf5")
-    assert (r, vectors) == (None, {"q", "mu"})
+    assert read(tmp_path / "a.hdf5")[::3] == (None, {"q", "mu"})
 
 
 def test_what_cannot_be_carried_is_written(tmp_path):

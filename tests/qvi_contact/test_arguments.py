@@ -3,6 +3,7 @@
 import re
 import warnings
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
@@ -119,8 +120,10 @@ def test_unknown_options_of_limits_are_refused_as_those_of_solves(use):
         use(*given, degre=5)
 
 
-def test_wrong_options_of_a_bracket_and_of_the_algebraic_solve():
+def test_wrong_options_of_a_bracket_the_algebraic_solve_and_tables():
     refused(lambda given: bracket(step(), given), 99, "degree")
+    for units, table in product((*OBJECTS[1:], "mm", ("mm", "MPa")), tables()):
+        refused(table, units, "units")
     for tolerance in ("1e-8", 0.0, 1.0):
         refused(lambda given: solve_qvi(step().discretization.qvi, tolerance=given), tolerance, "tolerance")
 
@@ -206,12 +209,6 @@ PATHS = {
 @pytest.mark.parametrize("entry", PATHS)
 def test_names_that_no_file_can_have(entry, name, tmp_path):
     refused(PATHS[entry], f"{tmp_path}/{name}.msh", entry.split()[0])
-
-
-def test_units_of_tables_are_units():
-    for units in (*OBJECTS[1:], "mm", ("mm", "MPa")):
-        for table in tables():
-            refused(table, units, "units")
 
 
 @cache

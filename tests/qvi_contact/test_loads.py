@@ -314,11 +314,11 @@ def test_a_sweep_scales_one_of_them():
     mesh = TriangleMesh.rectangle((1, 1))  # a spot beside the middles of triangles, a patch that ends 0.01 further
 
     def posed(hot=1.0, heavy=1.0, reach=0.1):
-        spot = "{} * where(hypot(x - 0.5, y - 0.5) < 0.1, 1, 0)"
-        sides = [Traction(side, y=Expression(f"where(abs(x - 0.575) < {reach}, -1, 0)")) for side in mesh.edge_names]
+        weight, heat = (lambda x, y, f=f: f * (np.hypot(x - 0.5, y - 0.5) < 0.1) for f in (heavy, hot))
+        sides = [Traction(side, y=lambda x, _: -1.0 * (np.abs(x - 0.575) < reach)) for side in mesh.edge_names]
         sides += [Displacement(side, x=0.0) for side in mesh.edge_names]
         material = Material(1.0, 0.3, expansion=1.0)
-        return ContactProblem(mesh, material, sides, Expression(spot.format(heavy)), (), Expression(spot.format(hot)))
+        return ContactProblem(mesh, material, sides, weight, (), heat)
 
     others = posed(), posed(hot=2.0), posed(heavy=2.0), posed(reach=0.11), posed()
     assert len(set(map(problem_digest, others))) == 4

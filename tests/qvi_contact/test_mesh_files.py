@@ -236,8 +236,10 @@ class TestAbaqus:
     """Sets of elements."""
 
     def test_blocks_of_nodes_ranges_sets_of_sets_and_other_files(self, tmp_path):
-        nodes, quad = "*Node\n11, 2., 0.\n12, 2., 1.\n", "*Element, type=cpe4r, elset=STEEL\n9, 2, 11, 12, 3\n"
-        (tmp_path / "ends.inc").write_text(nodes + quad)
+        """Keywords that go on, comments that are set in, and reference points of an assembly among them."""
+        nodes = "\ufeff*Node\n11, 2., 0.\n  ** the last one\n12, 2., 1.\n*Assembly\n*Node\n1, 9., 9.\n*End Assembly\n"
+        (tmp_path / "ends.inc").write_text(f"{nodes}*Element, type=cpe4r,\nelset=STEEL, input=quad.inc\n")
+        (tmp_path / "quad.inc").write_text("9, 2, 11, 12, 3\n")
         sets = "*ELSET, ELSET=both, GENERATE\n3, 4, 1\n*ELSET, ELSET=all\nSteel, rest\n*ELSET, ELSET=rest\n4\n"
         text = INP.replace("5, 5, 5", "13, 0.5, 1") + "*ELEMENT, TYPE=T3D3, ELSET=lid\n7, 4, 13, 3\n" + sets
         mesh = TriangleMesh.load(written(tmp_path / "a.inp", f"{text}*INCLUDE, INPUT=ends.inc\n"))
@@ -251,7 +253,8 @@ class TestAbaqus:
         [("*PART\n*END PART\n*PART\n", "several parts"), ("*INSTANCE, NAME=a\n0, 1, 0\n", "INSTANCE"),
          ("*NODE, SYSTEM=C\n", "moves or makes"), ("*NODE\n1, 0, 9\n", "two nodes"), ("*NGEN\n1, 3, 1\n", "NGEN"),
          ("*ELSET, ELSET=a, GENERATE\n1, 1000000000000, 0\n", "zero"), ("*INCLUDE, INPUT=a.inp\n", "includes"),
-         ("*ELSET, ELSET=a\nb\n", "no set B"), ("*ELEMENT, TYPE=CPS4\n9, 1, 2, 3\n", "reshape")],
+         ("*ELSET, ELSET=a\nb\n", "no set B"), ("*ELEMENT, TYPE=CPS4\n9, 1, 2, 3\n", "reshape"),
+         ("*ASSEMBLY\n*ELSET, ELSET=steel\n3\n*END ASSEMBLY\n", "another one of its assembly")],
     )  # fmt: skip
     def test_what_is_not_read_is_told(self, tmp_path, new, told):
         assert told in refusal(written(tmp_path / "a.inp", INP, ("*NODE\n", f"{new}*NODE\n")))

@@ -12,6 +12,7 @@ from qvi_contact.problem import Contact, ContactProblem, Displacement, Material,
 from qvi_contact.refinement import energies_between, places, reference_problem
 from solvers import Status
 from solvers.basics import Progress, report
+from tests.cases import refused_at
 from tests.qvi_contact.test_triangles import oblique
 
 FORCE = "plate.normal_force"
@@ -204,10 +205,8 @@ class TestEnds:
         assert all(each.unknowns <= 200 for each in outcome.rounds)
         assert outcome.rounds[-1].unknowns == outcome.result.discretization.qvi.n
         assert "max_unknowns" in outcome.status.advice
-        with pytest.raises(InputError) as caught:
+        with refused_at("max_unknowns", "48 unknowns"):
             refine(plate(0.2), max_unknowns=47, degree=4)
-        assert caught.value.field == "max_unknowns"
-        assert "48 unknowns" in str(caught.value)
 
     def test_cells_too_thin_for_double_precision(self):
         """Triangles a hundred times as long as high: rounding keeps their stresses from 1e-12."""
@@ -338,9 +337,8 @@ class TestStressesAndSlip:
     ],
 )
 def test_bad_input(field, value):
-    with pytest.raises(InputError) as caught:
+    with refused_at(field):
         refine(compressed_plate(0.2), **{field: value})
-    assert caught.value.field == field
     with pytest.raises(InputError, match="ContactProblem"):
         refine(compressed_plate(0.2).mesh)
 

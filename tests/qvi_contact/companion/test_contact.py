@@ -329,6 +329,14 @@ def test_a_plate_that_ends_where_a_support_holds_the_corner(law):
     assert found.plates["right"].rotation == pytest.approx(-shear, abs=1e-11)
 
 
+def test_a_wall_that_ends_at_a_tied_plate():
+    """The least J(v) of these displacements is that of a quadratic program."""
+    cap = Contact("top", 0.0, law="tied", plate=RigidPlate(force_x=-1.0, force_y=-1.0))
+    conditions = [cap, Contact("left", 0.0), Symmetry("bottom"), Traction("right", 0.0, 0.0)]
+    problem = ContactProblem(TriangleMesh.rectangle((8, 8)), Material(1000.0, 0.3, "strain"), conditions)
+    assert companion_of(problem, degree=3).energy == pytest.approx(-4.325e-4, rel=1e-3)
+
+
 def test_friction_where_joints_cross():
     """In a slope whose blocks slide it alone may hold some on coarse meshes; the bound is near."""
     bracket = solve(exact.jointed_slope()).bracket
