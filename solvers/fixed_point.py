@@ -269,7 +269,7 @@ class _Loop:
             self._record(result, residual, began)
             if residual < self.best_residual:
                 self.best, self.best_residual = result, residual
-            self.inner, self.previous, self.feasible, self.nearer = inner, result, self.s, 0
+            self.inner, self.previous, self.feasible, self.nearer, self.refuted = inner, result, self.s, 0, None
             proof = (qvi, result.z, result.m_N, result.m_T, result.nu, self.tolerance)
             if residual <= self.tolerance and certify(*proof).passed:
                 self.best, self.reason = result, Status.SOLVED

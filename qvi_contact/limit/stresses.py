@@ -35,6 +35,7 @@ from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.material import Material, MohrCoulomb, YieldCone
 from qvi_contact.problem.problem import ContactProblem
+from solvers.basics.progress import deadline
 from solvers.inner.linear_program import INFEASIBLE, TIME_LIMIT, solved
 from solvers.inner.linear_program import UNBOUNDED as NO_LIMIT
 
@@ -313,13 +314,16 @@ class StressProgram:
             program, known = self.program(signs), None
             with suppress(SolveError):
                 known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
-            first = best = self._of_program(program, share, known)
-            for faces in FACES:
-                found = self._on_faces(program, first, share, *faces)
-                larger = best.violation > ROUNDING or found.factor > best.factor
-                best = found if best is first or (found.violation <= ROUNDING and larger) else best
-                if not best.factor < first.factor - _DROP * abs(first.factor):
+            first = self._of_program(program, share, known)
+            best = self._on_faces(program, first, share, *FACES[0])
+            for faces in FACES[1:]:
+                least = first.factor - max(_DROP * abs(first.factor), CERTIFIED)
+                if best is first or best.factor >= least or deadline.over:
                     break
+                with suppress(SolveError):  # what is known is right without it
+                    found = self._on_faces(program, first, share, *faces)
+                    larger = best.violation > ROUNDING or found.factor > best.factor
+                    best = found if found.violation <= ROUNDING and larger else best
             return best
 
         return self._with_signs(solve)

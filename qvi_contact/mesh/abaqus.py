@@ -21,6 +21,7 @@ _PLANE: Final = re.compile(r"(?:CPS|CPE|CPEG|CAX|S|STRI|M3D|R3D)([34689])\w*")  
 _TRUSS: Final = re.compile(r"(?:(T2D2|T3D2|R2D2|B[23][13])|T2D3|T3D3|B[23]2)H?")  # of two nodes, or of three
 _MAKING: Final = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY")  # nodes and elements of others
 _READ: Final = ("NODE", "ELEMENT", "ELSET")
+_WORDS: Final = ("GENERATE", "INTERNAL", "UNSORTED")  # options without a value
 _LARGEST: Final = 2**62  # number of an element that a range may end with
 
 _Member: TypeAlias = str | int | range
@@ -56,7 +57,7 @@ class AbaqusFile:
         self._sections = list[tuple[str, dict[str, str], list[str]]]()
         goes_on = False
         for line in _lines(path):
-            if line.startswith("*") or (goes_on and line[0].isalpha()):
+            if line.startswith("*") or (goes_on and ("=" in line or line.strip(", ").upper() in _WORDS)):
                 words = [word.strip() for word in line.lstrip("*").rstrip(",").split(",")]
                 if line.startswith("*"):
                     self._sections.append((" ".join(words.pop(0).upper().split()), {}, []))
@@ -69,6 +70,24 @@ class AbaqusFile:
 
     def read(self) -> MeshParts:
         """The mesh; `InputError` for what is no plane mesh in one part, `ValueError` for a file that is broken."""
+        self._read_sections()
+        if not self._nodes:
+            raise InputError("mesh", "", "holds no nodes: write the mesh again")
+        index, points = {number: place for place, number in enumerate(self._nodes)}, list(self._nodes.values())
+        found = {number: [index.get(node, -1) for node in each] for number, each in self._elements.items()}
+        at = {number: row for row, number in enumerate(n for n, nodes in found.items() if len(nodes) == 4)}
+        edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
+        for key, (name, _) in self._called.items():
+            members = self._numbers(key)
+            lines = [_ends(found[number], points) for number in members if number not in at]
+            cells = [at[number] for number in members if number in at]
+            edge_sets |= {name: np.array(lines)} if lines else {}
+            regions |= {name: np.array(cells)} if cells else {}
+        corners = np.array([found[number] for number in at], dtype=np.int64).reshape(-1, 4)
+        return MeshParts(np.array(points, dtype=float).reshape(-1, 3), corners, edge_sets, regions)
+
+    def _read_sections(self) -> None:
+        """Nodes, elements and sets."""
         if [keyword for keyword, _, _ in self._sections].count("PART") > 1:
             raise InputError("mesh", "", "holds several parts: write one, with all nodes where they are")
         of_assembly = False
@@ -84,22 +103,12 @@ class AbaqusFile:
             rows = (line.rstrip(",").split(",") for line in data)
             if keyword == "NODE" and not of_assembly:  # those of assemblies are reference points
                 self._read_nodes(rows)
+            elif keyword == "ELEMENT" and of_assembly:
+                raise InputError("mesh", "", "holds elements of an assembly: write one part, with all elements")
             elif keyword == "ELEMENT":
-                self._read_elements(options, rows, of_assembly)
-            elif keyword == "ELSET":
+                self._read_elements(options, rows)
+            elif keyword == "ELSET" and not (of_assembly and "INTERNAL" in options):
                 self._read_set(options, rows, of_assembly)
-        index, points = {number: place for place, number in enumerate(self._nodes)}, list(self._nodes.values())
-        found = {number: [index.get(node, -1) for node in each] for number, each in self._elements.items()}
-        at = {number: row for row, number in enumerate(n for n, nodes in found.items() if len(nodes) == 4)}
-        edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
-        for key, (name, _) in self._called.items():
-            members = self._numbers(key)
-            lines = [_ends(found[number], points) for number in members if number not in at]
-            cells = [at[number] for number in members if number in at]
-            edge_sets |= {name: np.array(lines)} if lines else {}
-            regions |= {name: np.array(cells)} if cells else {}
-        corners = np.array([found[number] for number in at], dtype=np.int64).reshape(-1, 4)
-        return MeshParts(np.array(points, dtype=float).reshape(-1, 3), corners, edge_sets, regions)
 
     def _read_nodes(self, rows: Iterator[list[str]]) -> None:
         for number, *place in rows:
@@ -107,22 +116,22 @@ class AbaqusFile:
             if self._nodes.setdefault(int(number), found) != found:
                 raise ValueError(f"two nodes have the number {number}")
 
-    def _read_elements(self, options: dict[str, str], rows: Iterator[list[str]], of_assembly: bool) -> None:
+    def _read_elements(self, options: dict[str, str], rows: Iterator[list[str]]) -> None:
         kind = options.get("TYPE", "")
         plane, truss = _PLANE.fullmatch(kind.upper()), _TRUSS.fullmatch(kind.upper())
         if not plane and not truss:
             raise InputError("mesh", "", f"holds elements of type {kind!r}: give triangles and quadrilaterals only")
         count = int(plane[1]) if plane else 2 if truss and truss[1] else 3
-        given = np.array([int(word) for words in rows for word in words]).reshape(-1, 1 + count)
+        given = np.array([int(word) for words in rows for word in words if word.strip()]).reshape(-1, 1 + count)
         for number, *nodes in given.tolist():
             if number in self._elements:
                 raise ValueError(f"two elements have the number {number}")
             self._elements[number] = nodes if truss else [*nodes[:3], nodes[2 if count in (3, 6) else 3]]
         if "ELSET" in options:
-            self._set(options, of_assembly).extend(given[:, 0].tolist())
+            self._set(options, of_assembly=False).extend(given[:, 0].tolist())
 
     def _read_set(self, options: dict[str, str], rows: Iterator[list[str]], of_assembly: bool) -> None:
-        own = self._set(options, of_assembly)
+        own = self._set(options, of_assembly=of_assembly)
         for words in rows:
             if "GENERATE" in options:
                 first, last, *step = map(int, words)
@@ -130,7 +139,7 @@ class AbaqusFile:
             else:
                 own += [int(word) if word.isdigit() else word.upper() for word in map(str.strip, words)]
 
-    def _set(self, options: dict[str, str], of_assembly: bool) -> list[_Member]:
+    def _set(self, options: dict[str, str], *, of_assembly: bool) -> list[_Member]:
         """The members of the set that is named."""
         name = options.get("ELSET", "")
         if not name:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import pickle
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeAlias
@@ -388,14 +389,15 @@ def problem_digest(problem: ContactProblem) -> bytes:
 
     def values(function: Callable[..., Any]) -> Iterator[object]:
         a, b, c = mesh.corners.T[..., None].swapaxes(0, 1)  # products one by one: alike on every processor
-        with np.errstate(all="ignore"):  # where a solve does not look there may be no value
-            yield np.asarray(function(*(a * t[:, 0] + b * t[:, 1] + c * t[:, 2])))
+        with np.errstate(all="ignore"), suppress(Exception):  # a solve says what is wrong, if it looks there at all
+            yield np.asarray(function(*(a * t[:, 0] + b * t[:, 1] + c * t[:, 2])), dtype=np.float64)
 
     for name, potential in problem.body_forces.items():  # a sweep may multiply one of them
         parts += [name] * (name != "body")
         parts += _told(potential, values)
     if is_strained(problem) and varies(problem):
         for material in problem.materials:
+            parts += [material.young, material.poisson, material.plane]
             for part in (material.expansion, material.shrinkage, *(material.prestress or ())):
                 parts += _told(part, values)
         for part in (problem.temperature, *(region.temperature for region in problem.regions)):
