@@ -32,7 +32,7 @@ ROUNDING: Final = 1e-11  # of sizes: violation that is not worth a second progra
 _ROOM: Final = 1e-9  # of sizes: rows that no point is farther inside leave no room
 _ENOUGH: Final = 1e-3  # of sizes: the least solution of the equations, if it is farther inside, is a point inside
 _TIP: Final = 1e-5  # of sizes: cones that are at their tips
-FACES: Final = ((1e-6, 1e-3), (1e-5, 1e-3), (1e-7, 1e-3), (1e-6, 1e-2))
+FACES: Final = ((1e-6, 1e-3), (1e-5, 1e-3), (1e-7, 1e-3), (1e-6, 1e-2), (1e-5, 1e-2))
 """Share of it below which cones have no room, and angle between one and the ray it is taken for; tried in turn."""
 _LITTLE: Final = 1e-5  # share of the way to it for which no second program is solved
 _NEAR: Final = 1e-3  # room that is enough in each row: more of it in some rows may leave none in others

@@ -41,6 +41,7 @@ from qvi_contact.problem.conditions import DRIVES, SHEAR_LAW, Contact, Displacem
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of
 from solvers.basics.linked import linked
+from solvers.basics.progress import deadline
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,19 +245,22 @@ class FlowProgram:
         start = raised(found.x)
         x, violation = program.repaired(start, share)
         x = raised(x)
-        for _ in range(0 if share or cones.limit.all() else PASSES):
-            missed = -float(program.margins(raised(found.x)).min(initial=0.0))
-            narrower = program.on_faces(cones.rays(self.space.mesh), *FACES[0]) if missed > ROUNDING else None
-            found = narrower.solve() if narrower else INFEASIBLE
-            if narrower is None or isinstance(found, str):
-                break
-            program = narrower
-            other, off = program.repaired(raised(found.x))
-            other = raised(other)
-            off = max(off, -float(every.margins(other).min(initial=0.0)))
-            both = max(off, violation) <= ROUNDING
-            if every.q @ other < every.q @ x if both else off < violation:  # all have one power
-                x, violation = other, off
+        first, rays = found, cones.rays(self.space.mesh)
+        for faces in () if share or cones.limit.all() else FACES:
+            program, found = every, first
+            for _ in range(PASSES):
+                missed = -float(program.margins(raised(found.x)).min(initial=0.0))
+                narrower = program.on_faces(rays, *faces) if missed > ROUNDING and not deadline.over else None
+                found = narrower.solve() if narrower else INFEASIBLE
+                if narrower is None or isinstance(found, str):
+                    break
+                program = narrower
+                other, off = program.repaired(raised(found.x))
+                other = raised(other)
+                off = max(off, -float(every.margins(other).min(initial=0.0)))
+                both = max(off, violation) <= ROUNDING
+                if every.q @ other < every.q @ x if both else off < violation:  # all have one power
+                    x, violation = other, off
         power = float(live @ x[:n])
         if not violation <= HELD or not power > 0.0:
             strain, jumps = (np.abs(part).max(initial=0.0) for part in (every.blocks(start), self._slips.L @ start[:n]))

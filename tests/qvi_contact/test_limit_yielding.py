@@ -198,9 +198,8 @@ def test_what_has_no_tension_has_no_scale():
         conditions = [Displacement("bottom", x=0.0, y=0.0), cap, Traction("left", x=1.0, y=0.0, name="push"), free]
         mesh, material = TriangleMesh.rectangle((2, 3), 1.0, 2.0), Material(1.0, 0.2, strength=NoTension())
         found.append(limit_load_factor(ContactProblem(mesh, material, conditions), ["push"], degree=3))
-    assert [found[0].lower, found[1].lower / 2.5] == pytest.approx([0.145592] * 2, rel=2e-6)
-    assert [found[0].upper, found[1].upper / 2.5] == pytest.approx([found[0].upper] * 2, rel=1e-4)
-    assert found[0].upper < 10.0
+    assert [found[0].lower, found[1].lower / 2.5] == pytest.approx([0.145592] * 2, rel=1e-5)  # of kernels of BLAS
+    assert [found[0].upper, found[1].upper / 2.5] == pytest.approx([2.116995] * 2, rel=1e-5)
 
 
 def test_what_the_other_loads_break_carries_no_multiple():
