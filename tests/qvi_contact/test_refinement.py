@@ -364,7 +364,7 @@ def test_bounds_that_time_cuts_short_are_no_round(clock):
         clock.passes(float(x.size > 200))  # points of edges at once: bounds of the second round take more
         return -1e-3 + 2e-3 * x
 
-    *others, plate = (problem := compressed_plate(0.2, (1, 1))).conditions
+    *others, plate = (problem := compressed_plate(0.05, (1, 1))).conditions
     problem = replace(problem, conditions=[*others, replace(plate, gap=gap)])
     outcome = refine(problem, None, 1e-6, FORCE, guaranteed=True, degree=4, time_limit=0.5)
     assert (outcome.status, len(outcome.rounds)) == (RefinementStatus.TIME_LIMIT, 1)
