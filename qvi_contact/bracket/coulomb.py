@@ -196,7 +196,7 @@ def coulomb_bounds(
     return CoulombBounds(shares, *parts, result, companion)
 
 
-_FAR: Final = 1e12  # |R d_k| of a motion that far is that of a rigid motion, but for rounding
+_FAR: Final = 1e6  # |R d_k| comes from squares: of a motion that far it is rounding, and the motion a rigid one
 _CUTS: Final = (1e-6, 1e-1)
 """Shares of the largest opening, slip, pressure or room below the bound of a contact that count as none.
 
