@@ -287,15 +287,16 @@ class _Loop:
         "infeasible" counts only where it is proved. After an inner problem that failed a linear program is asked first,
         which takes a hundredth of the time.
         """
-        bound = np.minimum(bound, np.finfo(np.float64).max)
-        qvi, form, solver = self.qvi.with_bound(bound), self.form, self.solver
+        form, solver, bound = self.form, self.solver, np.minimum(bound, np.finfo(np.float64).max)
         threshold, near = form.threshold(bound), form.centre(self.inner, self.previous)
         failed = bool(self.history) and self.history[-1].residual == np.inf
         inner = None if failed else solver.solve(threshold, near, self.inner)
-        if inner is None or not (_is_usable(inner) or deadline.over):
-            if (proof := refuted(qvi, _ASKED)) is not None:
-                return no_result(form.problem, Status.INFEASIBLE, proof.message)
-            inner = inner or solver.solve(threshold, near, self.inner)
+        if inner is not None and (_is_usable(inner) or deadline.over):
+            return inner
+        qvi = self.qvi.with_bound(bound)
+        if (proof := refuted(qvi, _ASKED)) is not None:
+            return no_result(form.problem, Status.INFEASIBLE, proof.message)
+        inner = inner or solver.solve(threshold, near, self.inner)
         if not _is_usable(inner) and self.inner is not None and not deadline.over:
             inner = solver.solve(threshold, form.centre(None, None), None)
         if inner.status is not Status.INFEASIBLE or deadline.over or check_feasibility(qvi).feasible is False:

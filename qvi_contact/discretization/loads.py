@@ -83,6 +83,14 @@ class EdgePoints:
         normal, shear = (weights * (direction * own).sum(axis=1) for own in (self.normals, self.tangents))
         return self.space.traction_load(normal, shear, self.edges, self.reference)
 
+    def nearest(self, field: EdgeQuadrature) -> FloatArray:
+        """Values (n q,) of the polynomials through as many points that are nearest to a field in the mean square.
+
+        Tractions do the same work on these, however the field bends inside an edge.
+        """
+        degree = self.count - 1
+        return np.asarray(field.coefficients(degree) @ legendre.basis(degree, self.reference).T).ravel()
+
     def tractions(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """σ_N without φ and σ_T of degrees of freedom u (N,), shape (n q,) each."""
         return self.space.tractions(u, self.edges, self.reference)
@@ -127,18 +135,12 @@ def traction_data(problem: ContactProblem, scales: Scales, given: Prescribed, po
 def displacements_at_points(
     problem: ContactProblem, space: StressSpace
 ) -> Iterator[tuple[FloatArray, EdgePoints, FloatArray]]:
-    """Prescribed displacements but zeros as (directions (m, 2), m Gauss points of edges, values there [length]).
-
-    They are those of polynomials on which tractions do the same work, however displacements bend inside an edge.
-    """
-    count = max(LOAD_POINTS, space.degree - 1)
-    shapes = legendre.basis(count - 1, gauss_legendre(count)[0])
+    """Prescribed displacements but zeros as (directions (m, 2), m Gauss points of edges, values there [length])."""
     for given in problem.prescribed(Displacement):
         if acts(given.value):
-            points = EdgePoints(space, given.edges, count)
-            field = along_edges(problem.mesh, given.edges, given.name, given.value, count)
-            values = field.coefficients(count - 1) @ shapes.T
-            yield points.vectors(given.direction, given.turns), points, values.ravel()
+            points = EdgePoints(space, given.edges, max(LOAD_POINTS, space.degree - 1))
+            field = along_edges(problem.mesh, given.edges, given.name, given.value, points.count)
+            yield points.vectors(given.direction, given.turns), points, points.nearest(field)
 
 
 def displacement_load(problem: ContactProblem, space: StressSpace, scales: Scales) -> FloatArray:
@@ -269,13 +271,12 @@ def contact_rows(
             moved = contact.plate.displacement(x, y).T / scales.displacement
             motion = np.stack([(moved * along).sum(axis=1) for along in (points.normals, points.tangents)])
         pressure, misfit = np.zeros(len(x)), 0.0
-        if contact.has_fluid:  # the polynomials on edges that are taken for it
-            name, degree = "Contact.pore_pressure", points.count - 1
-            given = (contact.pore_pressure, max(LOAD_POINTS, degree + 3))
-            fluid = along_edges(problem.mesh, points.edges, name, *given, minimum=0.0)
-            coefficients = fluid.coefficients(degree)
-            pressure = (coefficients @ legendre.basis(degree, points.reference).T).ravel()
-            misfit = fluid.misfit(coefficients) if callable(contact.pore_pressure) else 0.0
+        if contact.has_fluid:
+            given = ("Contact.pore_pressure", contact.pore_pressure, max(LOAD_POINTS, points.count + 2))
+            fluid = along_edges(problem.mesh, points.edges, *given, minimum=0.0)
+            pressure = points.nearest(fluid)
+            if callable(contact.pore_pressure):
+                misfit = fluid.misfit(fluid.coefficients(points.count - 1))
         rows = ContactRows(
             contact.name,
             contact.law,

@@ -31,9 +31,9 @@ HELD: Final = 1e-7  # violation, relative to what stands in the rows, that count
 ROUNDING: Final = 1e-11  # of sizes: violation that is not worth a second program
 _ROOM: Final = 1e-9  # of sizes: rows that no point is farther inside leave no room
 _ENOUGH: Final = 1e-3  # of sizes: the least solution of the equations, if it is farther inside, is a point inside
-_TIP: Final = 1e-5  # of sizes: cones that are at their tips
 FACES: Final = ((1e-6, 1e-3), (1e-5, 1e-3), (1e-7, 1e-3), (1e-6, 1e-2), (1e-5, 1e-2))
-"""Share of it below which cones have no room, and angle between one and the ray it is taken for; tried in turn."""
+"""Room of a cone, of sizes, below which it has none, and angle to the ray that it is taken for then; tried in turn."""
+_TIP: Final = 1e-5  # of sizes: cones that are at their tips
 _LITTLE: Final = 1e-5  # share of the way to it for which no second program is solved
 _NEAR: Final = 1e-3  # room that is enough in each row: more of it in some rows may leave none in others
 _TIGHTER: Final = 4.0  # times what an answer misses, which is asked for in a second program
@@ -154,7 +154,7 @@ class ConicProgram:
         The û (blocks, k, width − 1) are those that each may be. What cannot leave the surface of a cone the solver
         finds to the root of what it is missed by only, and equations exactly. Points that keep them keep the cones.
         """
-        x, room = self._rooms() or (self.q, np.full(1, -np.inf))
+        x, room = self._rooms or (self.q, np.full(1, -np.inf))
         if room.min() < -narrow_below:  # nothing that the solver says of room is to be believed
             return None
         narrow = np.flatnonzero(room[self.linear :] < narrow_below)
@@ -279,9 +279,10 @@ class ConicProgram:
             x, room = self.room()
             if room > 0.0 and self.margins(x).min(initial=1.0) > ROUNDING:
                 return x
-        found = self._rooms()
+        found = self._rooms
         return None if found is None else found[0]
 
+    @cached_property
     def _rooms(self) -> tuple[FloatArray, FloatArray] | None:
         """A point as far inside all rows as can be, up to 1e-3, and how far inside each of them."""
         found, n = self._roomy(each=True).solve(_REGULAR[::-1]), len(self.q)  # without interior, the most is best

@@ -245,12 +245,12 @@ class FlowProgram:
         start = raised(found.x)
         x, violation = program.repaired(start, share)
         x = raised(x)
-        first, rays = found, cones.rays(self.space.mesh)
+        first = found
         for faces in () if share or cones.limit.all() else FACES:
             program, found = every, first
             for _ in range(PASSES):
                 missed = -float(program.margins(raised(found.x)).min(initial=0.0))
-                narrower = program.on_faces(rays, *faces) if missed > ROUNDING and not deadline.over else None
+                narrower = program.on_faces(cones.rays, *faces) if missed > ROUNDING and not deadline.over else None
                 found = narrower.solve() if narrower else INFEASIBLE
                 if narrower is None or isinstance(found, str):
                     break

@@ -168,6 +168,7 @@ class YieldCones:
     What becomes of angles of friction that vary says "Friction that varies" in `docs/theory.md`.
     """
 
+    mesh: TriangleMesh
     degree: int  # k
     coefficient: IntArray  # (r,) which coefficient each row is about: ((triangle · 3) + part) · count + its number
     first: BoolArray  # (r,) whether it is the first cone of its coefficient
@@ -191,7 +192,7 @@ class YieldCones:
                 found.append(tuple(part.ravel() for part in parts))
         coefficient, first, limit, pressure, mean = (np.concatenate(part) for part in zip(*found, strict=True))
         strong = np.array([material.strength is None for material in problem.materials])[number]
-        return cls(degree, coefficient.astype(np.int64), first, limit, pressure, mean, strong)
+        return cls(problem.mesh, degree, coefficient.astype(np.int64), first, limit, pressure, mean, strong)
 
     @property
     def count(self) -> int:
@@ -203,14 +204,15 @@ class YieldCones:
         """The triangle (r,) of each row."""
         return self.coefficient // (3 * self.count)
 
-    def rays(self, mesh: TriangleMesh) -> FloatArray:
+    @cached_property
+    def rays(self) -> FloatArray:
         """Directions û (r, k, 2 or 3) of u in cones (t, u) where stress is along, or strain across, an edge nearby.
 
         That is a side of the part of the triangle, or any that is parallel to one with a name.
         """
-        parts = part_corners(mesh.corners)
+        parts = part_corners(self.mesh.corners)
         sides = (np.roll(parts, -1, axis=2) - parts).reshape(-1, 3, 2)
-        named = np.concatenate([mesh.edges(name).tangent for name in mesh.edge_names])
+        named = np.concatenate([self.mesh.edges(name).tangent for name in self.mesh.edge_names])
         upright = np.where(named[:, :1] < 0.0, -named, named)
         named = named[np.unique(upright.round(9), axis=0, return_index=True)[1]]
         x, y = np.moveaxis(np.concatenate([sides, np.broadcast_to(named, (len(sides), *named.shape))], axis=1), -1, 0)
@@ -332,10 +334,9 @@ class StressProgram:
         self, program: ConicProgram, found: Carried, share: float, narrow_below: float, aside: float
     ) -> Carried:
         """What is carried once cones without room are rays, from what was found of the program."""
-        rays = self.cones.rays(self.low.problem.mesh)
         for _ in range(PASSES):
             unsure = found.violation > ROUNDING or found.factor == -np.inf
-            narrower = program.on_faces(rays, narrow_below, aside) if unsure else None
+            narrower = program.on_faces(self.cones.rays, narrow_below, aside) if unsure else None
             if narrower is None:
                 break
             program, found = narrower, self._of_program(narrower, share)  # in which others may have none

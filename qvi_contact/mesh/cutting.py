@@ -15,7 +15,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_
 from qvi_contact.basics.schema import LARGEST
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import ROUNDING, Curve, MeshParts, bends_of, bent_too_far
-from qvi_contact.mesh.edges import Topology, angles, arc_offsets, chains, cross
+from qvi_contact.mesh.edges import Topology, angles, arc_offsets, chains, cross, finest_at
 from qvi_contact.mesh.selection import known_edges, new_name, numbers_of
 from solvers.basics.linked import linked
 
@@ -376,8 +376,7 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     of_vertex = np.empty(len(vertices), dtype=np.int64)
     of_vertex[cells] = piece[:, None]
     reach, (start, stop) = _NEAR * float(np.ptp(vertices, axis=0).max()), vertices[topology.ends].swapaxes(0, 1)
-    shortest = np.full(len(vertices), np.inf)
-    np.minimum.at(shortest, topology.ends, np.hypot(*(stop - start).T)[:, None])
+    shortest = finest_at(topology.ends, np.hypot(*(stop - start).T), len(vertices))
     radius = np.minimum(2.0 * reach, _FARTHEST * shortest)
     here, there = _near(vertices, vertices, radius)
     same = (of_vertex[here] != of_vertex[there]) & (np.hypot(*(vertices[here] - vertices[there]).T) <= radius[there])

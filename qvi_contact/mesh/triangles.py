@@ -25,7 +25,7 @@ from qvi_contact.mesh.cutting import (
     refuse_flaws,
     stacked,
 )
-from qvi_contact.mesh.edges import Edges, Topology, barycentric_of, chains, edges_of, points_along, stretches
+from qvi_contact.mesh.edges import Edges, Topology, barycentric_of, chains, edges_of, finest_at, points_along, stretches
 from qvi_contact.mesh.files import read_mesh
 from qvi_contact.mesh.grid import grid_parts, rectangle_lines
 from qvi_contact.mesh.outline import Line, Point, meshed, polygons
@@ -476,9 +476,7 @@ class TriangleMesh(PicklesFields):
     @cached_property
     def finest(self) -> FloatArray:
         """Length of the shortest edge at each vertex, shape (n,) [length]."""
-        shortest = np.full(len(self.vertices), np.inf)
-        np.minimum.at(shortest, self.topology.ends, self._edge_lengths[:, None])
-        return shortest
+        return finest_at(self.topology.ends, self._edge_lengths, len(self.vertices))
 
     @cached_property
     def _edge_lengths(self) -> FloatArray:

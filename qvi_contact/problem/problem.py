@@ -360,7 +360,7 @@ def _check_pressure(problem: ContactProblem) -> None:
         raise InputError("Material.poisson", 0.5, remedy)
 
 
-# what stored answers are told from those of other problems by; functions count by their values at some points
+# what stored answers are told from those of other problems by; functions by their data, or by values
 
 _PASSING = ("callback", "threads", "throw")  # options that change no answer
 _DIVIDED = 12  # parts of a side of a triangle, beside whose corners functions without data of their own count
