@@ -250,7 +250,7 @@ class QuarterPlate:
         stress = self._stress_rows()
         parts = [sum(triangle[c, k] * stress[c] for c in range(3) if triangle[c, k] != 0.0) for k in range(3)]
         R = sparse.diags_array(np.tile(np.sqrt(weights), 3)) @ sparse.vstack(parts)
-        return StressRoot(sparse.csr_array(R), np.tile(self._places(), (3, 1)))
+        return StressRoot(sparse.csr_array(R))
 
     def _places(self) -> FloatArray:
         """The Gauss points of all elements, along x first, (m, 2), dimensionless."""
@@ -284,8 +284,6 @@ class StressRoot:
 
     R: sparse.csr_array
     """Weighted stresses, shape (r, n)."""
-    places: FloatArray
-    """The point of each row, dimensionless, shape (r, 2)."""
 
     def apply(self, z: FloatArray) -> FloatArray:
         """R z (r,)."""
@@ -294,10 +292,6 @@ class StressRoot:
     def adjoint(self, r: FloatArray) -> FloatArray:
         """Rᵀ r (n,)."""
         return np.asarray(self.R.T @ r)
-
-    def matrix(self) -> tuple[sparse.csr_array, FloatArray]:
-        """R and the places of its rows."""
-        return self.R, self.places
 
     def rounding(self, z: FloatArray) -> float:
         """Error of R z that the rounding of z may cause, a norm."""

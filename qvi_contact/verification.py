@@ -35,7 +35,6 @@ from solvers import Certificate, FrictionQVI, Status, certify
 from solvers.certificate.certificate import EXPONENTS
 from solvers.certificate.feasibility import is_farkas
 from solvers.factorisation import FactorisationError
-from solvers.factorisation.augmented import ORTHOGONAL
 from solvers.solution import LOOSEST
 
 AGREEMENT: Final = 1e-8
@@ -54,8 +53,6 @@ def recomputed(result: ContactResult, known: Discretization, given: float | None
     if not 0.0 < tolerance < 1.0:
         raise InputError("tolerance", tolerance, "give a number between 0 and 1")
     solution, qvi = result.solution, known.qvi
-    if solution.factorisation.startswith(ORTHOGONAL):  # as another problem with this K had needed it
-        qvi.stiffness.use_root()
     multipliers = solution.normal_multiplier, solution.tangential_multiplier, solution.equality_multiplier
     try:
         certificate = certify(qvi, solution.z, *multipliers, tolerance=tolerance)

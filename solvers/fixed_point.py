@@ -28,10 +28,10 @@ from solvers.basics.status import Status
 from solvers.basics.types import Matrix, Vector
 from solvers.certificate.certificate import certify, scales_at
 from solvers.certificate.feasibility import Feasibility, check_feasibility, refuted
-from solvers.errors import InputError, one_line
+from solvers.errors import InputError
 from solvers.inequality.problem import Compliance, FrictionQVI
 from solvers.inequality.rows import independent_rows, largest
-from solvers.inner.linear_program import is_failure
+from solvers.inner.linear_program import BackendFailure, attempt
 from solvers.inner.problem import Centre, InnerSolution, InnerSolver, no_result
 from solvers.inner.registry import make_inner, versions
 from solvers.settings import FixedPointOptions
@@ -388,15 +388,10 @@ def solve_fixed_point(qvi: FrictionQVI, inner: str, tolerance: float, options: F
     """Solve the QVI by the iteration of this module; `inner` names the inner solver."""
     began = time.perf_counter()
     inner_tolerance = options.inner_tolerance or float(np.clip(_INNER_FACTOR * tolerance, *_INNER_LIMITS))
-    try:
-        form = make_form(qvi, options.form)
-        solver = make_inner(inner, form.problem, inner_tolerance, options.inner_options)
-    except InputError:
-        raise
-    except BaseException as error:
-        if not is_failure(error):
-            raise
-        return Outcome.nothing(qvi, Status.BACKEND_FAILED, one_line(f"{inner}: {type(error).__name__}: {error}"))
+    form = make_form(qvi, options.form)
+    solver = attempt(inner, lambda: make_inner(inner, form.problem, inner_tolerance, options.inner_options))
+    if isinstance(solver, BackendFailure):
+        return Outcome.nothing(qvi, Status.BACKEND_FAILED, str(solver))
     loop = _Loop(qvi, form, solver, tolerance, options)
     set_up = time.perf_counter()
     while loop.reason is None:

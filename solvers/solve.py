@@ -21,7 +21,6 @@ from solvers.condensed.systems import FITTING_SHARES, NEAR_BONDED_SHARES
 from solvers.errors import InputError, SolveError
 from solvers.factorisation import FactorisationError
 from solvers.fixed_point import initial_pressure, solve_fixed_point
-from solvers.inequality.body import SLOW_CONTRACTION
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.registry import check_name, versions
 from solvers.pivoting import DIRECTIONS, LARGEST_LATE, affordable, solve_pivoting
@@ -128,15 +127,6 @@ def usual_start(search: Search) -> Tries:
     yield run.attempt("condensed", ""), run.outcome()
 
 
-def energy_root(search: Search) -> Tries:
-    """The same with R factorised in place of K, where defect corrections show that K has lost too much to rounding."""
-    run = search.run
-    if run is not None and run.sizes and run.sizes[0] > SLOW_CONTRACTION and search.qvi.stiffness.use_root():
-        run = search.run = run.by_root()
-        run.iterate()
-        yield run.attempt("condensed, R in place of K", "K has lost too much to rounding"), run.outcome()
-
-
 def other_shares(search: Search) -> Tries:
     """Other central paths: the usual start where an earlier answer led nowhere, then other shares of friction in s λ.
 
@@ -205,7 +195,7 @@ def uzawa(search: Search) -> Tries:
 
 def _hopeless(qvi: FrictionQVI) -> Outcome | None:
     """What is left of a problem whose plain linear system cannot be solved; None of others."""
-    error = qvi.settled.error
+    error = qvi.bonded_state.error
     if error <= _HOPELESS:
         return None
     message = f"the linear system is solved to {error:.0e} only, in the energy norm"
@@ -233,7 +223,7 @@ class Way(NamedTuple):
 
 ATTEMPTS: Final = (
     Way("pivoting", (vertex,), serves=affordable),
-    Way("condensed", (usual_start, energy_root, other_shares)),
+    Way("condensed", (usual_start, other_shares)),
     Way("pivoting", (other_vertices,), "Pivoting", lambda qvi: affordable(qvi, LARGEST_LATE)),
     Way("fixed-point", (fixed_point,), "The fixed point", lambda qvi: qvi.m <= _ITERABLE),
     Way("uzawa", (uzawa,), serves=lambda _: False),

@@ -63,8 +63,6 @@ from solvers.solution import QVISolution
 LARGEST = 6000
 """Rows 2c up to which problems are taken: their matrices are treated as dense."""
 
-_ROOTED = 20_000  # unknowns up to which a condensation pays for factorising R instead of K
-
 
 class ContactState(NamedTuple):
     """Displacements u (2c,), forces r (2c,) and multipliers λ (p,) of the equations."""
@@ -136,9 +134,6 @@ def local_problem(qvi: FrictionQVI) -> LocalProblem:
         raise InputError("cohesion", float(qvi.cohesion.max()), remedy)
     if np.isfinite(qvi.cap).any():
         raise InputError("cap", float(qvi.cap.min()), remedy)
-    if qvi.root is not None and qvi.n <= _ROOTED:
-        qvi = replace(qvi, stiffness=replace(qvi.stiffness))  # one of its own: the caller's is left as it is
-        qvi.stiffness.use_root()
     nothing = FullForm(qvi, np.zeros(qvi.m, dtype=np.bool_), np.zeros((0, 0)))
     condensed = CondensedForm(nothing).problem
     rows = condensed.contact_rows.toarray()

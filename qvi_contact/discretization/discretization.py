@@ -172,9 +172,9 @@ class Discretization(PicklesFields):
         `Scales` cannot foresee every load, such as an obstacle that drags the body along by friction. Stresses far
         below the unit would be lost in the tolerances of solvers and certificate.
         """
-        if not 0.0 < self.qvi.bonded_state.rough_stress < _TOO_SMALL or self.qvi.settled.error > _UNRELIABLE:
+        if not 0.0 < self.qvi.bonded_state.rough_stress < _TOO_SMALL or self.qvi.bonded_state.error > _UNRELIABLE:
             return self
-        size = float(np.sqrt(2.0 * self.qvi.settled.strain_energy))
+        size = float(np.sqrt(2.0 * self.qvi.bonded_state.strain_energy))
         if not _NOISE < size < _TOO_SMALL:
             return self
         return _discretized(self.problem, self.space, self.rule, replace(self.scales, stress=self.scales.stress * size))

@@ -184,7 +184,6 @@ class Springs(NamedTuple):
 
     rows: sparse.csr_array  # (r, N) sparse: S
     constant: FloatArray  # (r,): s, of body forces and fluids
-    places: FloatArray  # (r, 2): where they are
 
     @classmethod
     def of(
@@ -209,11 +208,11 @@ class Springs(NamedTuple):
                         pressure = evaluate("Contact.pore_pressure", contact.pore_pressure, x, y, minimum=0.0)
                         own = potential_at(problem, scales, points.coordinates) + pressure / scales.stress
                     chosen = table[half * count : (half + 1) * count]
-                    parts.append((sparse.diags_array(roots) @ chosen, roots * own, points.coordinates))
+                    parts.append((sparse.diags_array(roots) @ chosen, roots * own))
         if not parts:
             return None
-        rows_of, constants, places = zip(*parts, strict=True)
-        return cls(sparse.csr_array(sparse.vstack(rows_of)), np.concatenate(constants), np.concatenate(places))
+        rows_of, constants = zip(*parts, strict=True)
+        return cls(sparse.csr_array(sparse.vstack(rows_of)), np.concatenate(constants))
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,10 +261,10 @@ class BodyStiffness(PicklesFields):
         return K
 
     def matrix(self, kept: Kept) -> Stiffness:
-        """K with its root, and what is factorised of it, made once; it refers to this, not the other way round."""
+        """K, and what is factorised of it, made once; it does not refer to this."""
 
         def made() -> Stiffness:
-            found = Stiffness(self.K, Root(self, np.zeros(self.energy.space.size), None), self.places)
+            found = Stiffness(self.K, self.places)
             read_only(found.K)  # by columns where K is dense
             return found
 
@@ -319,17 +318,6 @@ class Root(PicklesFields):
         if springs is not None:
             full = full + springs.rows.T @ r[count * (k + 1) :]
         return self.stiffness.supports.basis.reduced(full)
-
-    def matrix(self) -> tuple[sparse.csr_array, FloatArray]:
-        """(R with RᵀR = K, the centre of each row's triangle or its place); the n rows that are zero left out."""
-        space, roots = self.stiffness.energy.space, self.stiffness.energy.roots
-        R = space.differences.all_rows(roots) @ self.stiffness.supports.basis.matrix
-        places = np.repeat(space.triangles.corners.mean(axis=1), roots.shape[1], axis=0)
-        springs = self.stiffness.springs
-        if springs is not None:
-            R = sparse.vstack([R, springs.rows @ self.stiffness.supports.basis.matrix])
-            places = np.concatenate([places, springs.places])
-        return sparse.csr_array(R), places
 
     def rounding(self, z: FloatArray) -> float:
         """Size of the error of R z that rounding of z may cause: ε ‖ |R| |z| ‖, ε = 2⁻⁵³."""

@@ -385,7 +385,6 @@ def certify(
 
 def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) -> tuple[dict[str, float], ...]:
     """All measures, scales, and measures with their signs; the formulas stand in the module's docstring."""
-    _ = qvi.settled  # by the factorisation that the problem needs: k and K⁻¹ρ must not depend on the way here
     body, gradient = qvi.state(z)
     scales = scales_at(qvi, z, body)
     S, E, E_b = scales["stress"], scales["energy"], scales["body_energy"]
@@ -437,7 +436,7 @@ def body_scales(qvi: FrictionQVI, body: float) -> tuple[float, float, float]:
     reference = length / stiffness  # energy of unit stress
     least = _LITTLE
     if body <= _NOTHING**2 * reference:  # next to nothing, unless the bonded state has no more
-        bonded = qvi.settled.strain_energy
+        bonded = qvi.bonded_state.strain_energy
         # only equations can cancel loads: those on a plate that is free to move
         loads = _diagonal_norm(qvi, qvi.f) if qvi.p else 0.0
         if 2.0 * bonded > (_CANCELLED * loads) ** 2:

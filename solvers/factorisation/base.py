@@ -104,17 +104,16 @@ class Factorisation(ABC):
         """Unknowns x = K⁻¹ g for right-hand sides (n,) or (n, j); needs S positive definite, whose factor is kept."""
         reduced, state = self.reduce(right)
         if reduced.size:
-            factor, lower = self._schur_factor
-            reduced = np.asarray(dpotrs(factor, reduced, lower=int(lower))[0])
+            reduced = np.asarray(dpotrs(self._schur_factor, reduced, lower=1)[0])
         return self.expand(state, reduced)
 
     @cached_property
-    def _schur_factor(self) -> tuple[Matrix, bool]:
+    def _schur_factor(self) -> Matrix:
         factor, info = dpotrf(self.schur, lower=1, clean=0)
         if info:
             raise FactorisationError("singular", self.backend, "the Schur complement is not positive definite")
         check_pivots(factor.diagonal() ** 2, self._diagonal, self.backend, self.size)
-        return factor, True
+        return np.asarray(factor)
 
 
 def symmetrised(matrix: Matrix) -> Matrix:

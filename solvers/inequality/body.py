@@ -13,10 +13,9 @@ from typing import Protocol
 
 import numpy as np
 
-from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, SparseRows, Vector
+from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, Vector
 from solvers.errors import InputError
-from solvers.factorisation import Factorisation, FactorisationError
-from solvers.factorisation.augmented import factorise_root
+from solvers.factorisation import Factorisation
 from solvers.factorisation.base import State, limited_blas
 from solvers.factorisation.choice import Refactorisation, Request, condensing_pays, factorise, refactorisation
 from solvers.inequality.contact import CondensedContact, ContactMatrices
@@ -46,10 +45,6 @@ class EnergyRoot(Protocol):
         """Rᵀr (n,)."""
         ...
 
-    def matrix(self) -> tuple[SparseRows, Matrix]:
-        """(R as sparse rows, a place (2,) for each row), for factorising R where K has lost too much to rounding."""
-        ...
-
     def rounding(self, z: Vector) -> float:
         """Error of R z that the rounding of z itself may cause, a norm like |r|."""
         ...
@@ -60,7 +55,6 @@ class _Made:
     """What changes: the request for a factorisation under way, what was made, and the contact condensed by it."""
 
     request: Request | None = None
-    rooted: bool = False
     factor: Factorisation | None = None
     condensed: CondensedContact | None = None
 
@@ -72,8 +66,6 @@ class Stiffness(PicklesFields):
     Attributes
     ----------
     K : (n, n) symmetric, positive definite on the null space of A; dense where it is small
-    root : `EnergyRoot`, optional
-        Its R is factorised where K is not positive definite to working precision, or when `use_root` says so.
     places : (n, 2), optional
         Where the unknowns are, in any unit: without MKL unknowns are eliminated by nested dissection of these places.
 
@@ -82,7 +74,6 @@ class Stiffness(PicklesFields):
     """
 
     K: Columns
-    root: EnergyRoot | None = None
     places: Matrix | None = None
 
     def __post_init__(self) -> None:
@@ -142,14 +133,6 @@ class Stiffness(PicklesFields):
         """Whether dense matrices on what the contact touches cost less than sparse ones in all unknowns."""
         return condensing_pays(self.K, len(contact.touched))
 
-    def use_root(self) -> bool:
-        """Factorise R instead of K from now on; False if there is no root, or it was done before."""
-        if self.root is None or self._made.rooted:
-            return False
-        self._made.rooted = True
-        self._forget()
-        return True
-
     @contextmanager
     def using(self, name: str, threads: int | None) -> Iterator[None]:
         """Take this factorisation, and so many threads, within the context; one made earlier goes unless it fits.
@@ -167,7 +150,7 @@ class Stiffness(PicklesFields):
         before, made.request = made.request, request
         try:
             if made.factor is not None and not request.fits(made.factor):
-                self._forget()
+                made.factor = made.condensed = None
             with limited_blas(request.threads or 1):  # on busy machines more are slower by far
                 yield
         finally:
@@ -177,36 +160,17 @@ class Stiffness(PicklesFields):
         """For unsymmetric matrices of a symmetric pattern, by the library and on the threads that are asked for."""
         return refactorisation(starts, columns, *(self._made.request or Request()), self.places)
 
-    def _forget(self) -> None:
-        self._made.factor = self._made.condensed = None
-
     def _factor_for(self, contact: ContactMatrices, wide: bool) -> Factorisation:
         """The one at hand if its interface holds the unknowns that it must, or a new one."""
         made, factor = self._made, self._made.factor  # which another thread may exchange meanwhile
         if factor is None or not factor.keeps(contact.touched if wide else contact.equated):
             interface = contact.touched if wide or self.condensing_pays(contact) else contact.equated
-            factor = made.factor = self._factorised(interface)
+            factor = made.factor = factorise(self.K, interface, *(made.request or Request()), self.places)
         return factor
-
-    def _factorised(self, interface: IntVector) -> Factorisation:
-        made = self._made
-        if not made.rooted:
-            try:
-                return factorise(self.K, interface, *(made.request or Request()), self.places)
-            except FactorisationError as error:
-                if error.reason != "singular" or self.root is None:
-                    raise
-                made.rooted = True
-        assert self.root is not None
-        R, places = self.root.matrix()
-        return factorise_root(R, interface, places)
 
 
 # Loads, energy and the bonded state.
 
-
-SLOW_CONTRACTION = 1e-3
-"""Contraction of defect corrections above which K has lost too much to rounding, and R is factorised instead."""
 
 _ROUNDING = 1e-24  # an energy this small beside that of z = 0 is rounding: the loads cancel
 _CORRECTIONS = 6  # defect corrections of the bonded solution at most
@@ -301,11 +265,6 @@ class BondedState:
         return self._corrected[0]
 
     @cached_property
-    def is_slow(self) -> bool:
-        """Whether defect corrections shrink so slowly that K must have lost what its root still holds."""
-        return self._size(self._second) > SLOW_CONTRACTION * self._size(self._first)
-
-    @cached_property
     def strain_energy(self) -> float:
         """That of z; 0 if it is rounding, since all loads cancel."""
         return self._not_rounding(self.energy.state(self.z)[0])
@@ -352,22 +311,17 @@ class BondedState:
         return float(np.sqrt(abs(step @ (self.energy.K @ step))))
 
     @cached_property
-    def _second(self) -> Vector:
-        """The first defect correction."""
-        missed = self._b - self.condensed.contact.A @ self._first
-        return np.asarray(self.condensed.system.solve(-self._at_first[1], missed)[0])
-
-    @cached_property
     def _corrected(self) -> tuple[Vector, list[float]]:
         """The bonded solution, and the energy norms of the steps towards it, the last one not taken unless tiny."""
-        system, z, step = self.condensed.system, self._first, self._second
+        system, z, gradient = self.condensed.system, self._first, self._at_first[1]
         sizes = [self._size(z)]
         for _ in range(_CORRECTIONS):
+            step = system.solve(-gradient, self._b - self.condensed.contact.A @ z)[0]
             sizes.append(self._size(step))
             if not sizes[-1] < 0.5 * sizes[-2]:
                 break
             z = z + step
             if sizes[-1] ** 2 <= _FORESEEN * sizes[0] * sizes[-2]:  # the next one is smaller than that
                 break
-            step = system.solve(-self.energy.state(z)[1], self._b - self.condensed.contact.A @ z)[0]
+            gradient = self.energy.state(z)[1]
         return z, sizes

@@ -163,7 +163,7 @@ class CondensedContact:
     def reduced(self) -> ReducedContact:
         """The same in trace coordinates."""
         coordinates = trace_coordinates(self.contact.factor, self.system.interface)
-        stiffness = coordinates.quadratic(self.system.factor)
+        stiffness = coordinates.quadratic(self.system.schur)
         diagonal = stiffness.diagonal()
         scale: Vector = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         A = np.asarray(coordinates.from_unknowns(self.system.A.T)).T.reshape(len(self.system.A), len(scale)) * scale

@@ -95,7 +95,7 @@ class FrictionQVI(PicklesFields):
 
     Attributes
     ----------
-    stiffness : `Stiffness`: K, its root and its factorisation
+    stiffness : `Stiffness`: K and its factorisation
     contact : `ContactMatrices`: N, T, W, A, traces
     loads : `Loads`: f, n0, t0, b, and what the bonded state is
     law : `Law`: mu, cohesion, cap, bilateral
@@ -176,7 +176,7 @@ class FrictionQVI(PicklesFields):
 
         All are converted to float64 (matrices to csc) and checked; what is wrong raises `InputError`.
         """
-        stiffness, contact = Stiffness(K, root, places), ContactMatrices(N, T, W, A, traces)
+        stiffness, contact = Stiffness(K, places), ContactMatrices(N, T, W, A, traces)
         return cls(stiffness, contact, Loads(f, n0, t0, b, root, load), Law(mu, cohesion, cap, bilateral))
 
     def with_contact(self, **changes: Any) -> FrictionQVI:
@@ -283,13 +283,7 @@ class FrictionQVI(PicklesFields):
 
         Defect corrections with `gradient` remove the rounding of K as long as they shrink.
         """
-        return self.settled.z
-
-    @property
-    def settled(self) -> BondedState:
-        """The bonded state by the factorisation that the problem needs: R's where K has lost too much to rounding."""
-        found = self.bonded_state
-        return self.bonded_state if found.is_slow and self.stiffness.use_root() else found
+        return self.bonded_state.z
 
 
 # What the contact points feel of the body: σ = σ_bonded − C m with C = B K⁻¹ Bᵀ, B = [N; T].
@@ -311,7 +305,7 @@ class Compliance:
     def __init__(self, qvi: FrictionQVI) -> None:
         self._qvi = qvi
         self._rows = qvi.contact.rows
-        self.bonded = self.tractions(qvi.bonded)  # chooses the factorisation
+        self.bonded = self.tractions(qvi.bonded)
         self._condensed = qvi.condensed_contact
 
     @property

@@ -15,8 +15,6 @@ from scipy.sparse.linalg import splu
 
 from solvers.basics.types import IntVector, Matrix, PicklesFields, Vector
 from solvers.errors import InputError
-from solvers.factorisation.augmented import OrthogonalFactor
-from solvers.factorisation.base import Factorisation
 from solvers.inequality.rows import (
     Columns,
     Rows,
@@ -98,12 +96,8 @@ class TraceCoordinates:
         """Y = P x (k,)."""
         return np.asarray(self._matrix @ x)
 
-    def quadratic(self, factor: Factorisation) -> Matrix:
-        """P⁻ᵀ S P⁻¹ (k, k), symmetric; from S = UᵀU where the factor U is at hand, which S may be too coarse for."""
-        S = factor.schur
-        if isinstance(factor, OrthogonalFactor):
-            root = np.asarray(self.from_unknowns(np.asfortranarray(factor.schur_root.T)))
-            return np.asarray(root @ root.T)
+    def quadratic(self, S: Matrix) -> Matrix:
+        """P⁻ᵀ S P⁻¹ (k, k), symmetric."""
         half = self.from_unknowns(S)
         full = np.asarray(self.from_unknowns(np.asfortranarray(half.T)))
         return np.asarray((full + full.T) / 2.0)

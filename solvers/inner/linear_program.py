@@ -119,16 +119,9 @@ def attempt(name: str, call: Callable[[], _Answer]) -> _Answer | BackendFailure:
         with foreign_code():
             return call()
     except BaseException as error:
-        if not is_failure(error):
+        if isinstance(error, TimeoutError) or not (isinstance(error, Exception) or type(error).__name__ == _PANIC):
             raise
         return BackendFailure(one_line(f"{name}: {type(error).__name__}: {error}"))
-
-
-def is_failure(error: BaseException) -> bool:
-    """Whether an exception is a failure of what was called, rather than a sign that it is to end."""
-    if isinstance(error, Exception):
-        return not isinstance(error, TimeoutError)
-    return type(error).__name__ == _PANIC
 
 
 def real_vector(name: str, value: object, size: int) -> Vector:

@@ -14,13 +14,11 @@ from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
-from scipy.sparse import csc_array, csc_matrix, diags_array, triu, vstack
-from scipy.sparse.linalg import splu
+from scipy.sparse import csc_array, csc_matrix, triu, vstack
 
 from solvers.basics.progress import deadline
 from solvers.basics.status import Status
 from solvers.basics.types import Sparse, Vector, load
-from solvers.errors import InputError
 from solvers.inequality.problem import FrictionQVI
 from solvers.inner.linear_program import within_time
 from solvers.inner.problem import Centre, InnerSolution, limited_rows, no_result, row_multipliers
@@ -225,7 +223,7 @@ class DirectClarabel:
 # Inner solver ``socp:<name>``: the problem as a second-order cone program in cvxpy, canonicalised once.
 #
 # Friction bound and `Centre` are parameters (DPP), |T x + t0| ≤ thr one two-dimensional cone for each contact
-# point, the energy the square of a norm, ½|R x|² − fᵀx with RᵀR = K. Cite: S. Diamond, S. Boyd, CVXPY, JMLR 2016.
+# point. Cite: S. Diamond, S. Boyd, CVXPY, JMLR 2016.
 
 
 _AS_QP = ("clarabel", "copt", "ecos", "gurobi", "mosek", "scs")
@@ -255,7 +253,7 @@ class SOCPSolver:
         tangential = cp.reshape(qvi.T @ self._x + self._t0, (1, qvi.m), order="C")
         self._friction = cp.SOC(self.threshold, tangential, axis=0)
         self._equality = [qvi.A @ self._x == self._b] if qvi.p else []
-        energy = 0.5 * cp.sum_squares(square_root(qvi.K) @ self._x) - self._f @ self._x
+        energy = 0.5 * cp.quad_form(self._x, cp.psd_wrap(qvi.K)) - self._f @ self._x
         self.problem = cp.Problem(cp.Minimize(energy), [self._normal, self._friction, *self._equality])
         assert self.problem.is_dpp()
 
@@ -284,24 +282,3 @@ class SOCPSolver:
         nu = arrays[3] if qvi.p else np.zeros(0)
         iterations = int(getattr(self.problem.solver_stats, "num_iters", 0) or 0)
         return InnerSolution(centre.z + arrays[0], arrays[1], -arrays[2], nu, status, iterations, seconds, message)
-
-
-# A square root of a sparse positive definite matrix: RᵀR = K.
-
-
-def square_root(K: Sparse) -> Sparse:
-    """R (n, n) sparse with RᵀR = K, from P K Pᵀ = L D Lᵀ (SuperLU in symmetric mode): R = D^½ Lᵀ P.
-
-    K has to be positive definite itself, not only on a subspace; otherwise `InputError`.
-    """
-    try:
-        factor = splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    except RuntimeError as error:
-        raise InputError("K", "singular", "give a positive definite K, or a 'qp:' inner solver") from error
-    pivots = factor.U.diagonal()
-    if not np.array_equal(factor.perm_r, factor.perm_c) or pivots.min() <= 0:
-        raise InputError("K", "not positive definite", "give a positive definite K, or a 'qp:' inner solver")
-    n = K.shape[0]
-    order = np.argsort(factor.perm_c)  # row i of P K Pᵀ is row order[i] of K
-    P = csc_array((np.ones(n), (np.arange(n), order)), shape=(n, n))
-    return csc_array(diags_array(np.sqrt(pivots)) @ factor.L.T @ P)

@@ -5,7 +5,7 @@ from pkgutil import resolve_name
 
 import numpy as np
 import pytest
-from scipy.sparse import csc_array, eye_array, random_array
+from scipy.sparse import eye_array, random_array
 
 from solvers import FrictionQVI
 
@@ -56,19 +56,16 @@ def prescribed_shear() -> FrictionQVI:
 
 
 class Root:
-    """R z + r₀ with dense R, as an `EnergyRoot`; said to be so many times R where it is factorised."""
+    """R z + r₀ with dense R, as an `EnergyRoot`."""
 
-    def __init__(self, R, r0=0.0, times=1.0):
-        self.R, self.r0, self.times = R, r0, times
+    def __init__(self, R, r0=0.0):
+        self.R, self.r0 = R, r0
 
     def apply(self, z):
         return self.R @ z + self.r0
 
     def adjoint(self, r):
         return self.R.T @ r
-
-    def matrix(self):
-        return csc_array(self.times * self.R), np.zeros((len(self.R), 1))
 
     def rounding(self, z):
         return float(np.finfo(float).eps * (np.abs(self.R) @ np.abs(z)).max())
