@@ -28,7 +28,7 @@ from qvi_contact.discretization.loads import (
     potential_at,
     traction_data,
 )
-from qvi_contact.discretization.plates import PlateRows, pins, plate_rows
+from qvi_contact.discretization.plates import PlateRows, plate_rows, remarks_on_pins
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import EdgeRule, LawOn, StressSpace, edge_rule
 from qvi_contact.discretization.supports import Supports
@@ -52,34 +52,21 @@ _UNRELIABLE = 1e-4  # relative error of the linear solve above which they are le
 
 @dataclass(frozen=True, eq=False)
 class Discretization(PicklesFields):
-    """A contact problem on the elements of its mesh, traction conditions and gauge eliminated.
-
-    Attributes
-    ----------
-    problem : ContactProblem
-        The problem.
-    scales : Scales
-        The units.
-    rule : EdgeRule
-        What the rows of contacts are.
-    root : Root
-        The energy of the body on the unknowns, with `stiffness` and `supports` that other problems may have too.
-    contacts : tuple of ContactRows
-        Which rows of the algebraic problem belong to which contact.
-    plates : PlateRows
-        Equality rows of plates driven by force.
-    qvi : FrictionQVI
-        The algebraic problem, dimensionless.
-
-    """
+    """A contact problem on the elements of its mesh, traction conditions and gauge eliminated."""
 
     problem: ContactProblem
     scales: Scales
+    """The units."""
     rule: EdgeRule
+    """What the rows of contacts are."""
     root: Root
+    """The energy of the body on the unknowns, with `stiffness` and `supports` that other problems may have too."""
     contacts: tuple[ContactRows, ...]
+    """Which rows of the algebraic problem belong to which contact."""
     plates: PlateRows
+    """Equality rows of plates driven by force."""
     qvi: FrictionQVI
+    """The algebraic problem, dimensionless."""
 
     @property
     def supports(self) -> Supports:
@@ -116,19 +103,7 @@ class Discretization(PicklesFields):
             "The plate's motion in that component is not determined, and is given as zero."
             for row in self.plates.determined
         ]
-        for pin in pins(self.problem):
-            if pin.misplaced:
-                found.append(
-                    "The centre ({:.6g}, {:.6g}) of the pin at ".format(*pin.centre)
-                    + f"{pin.name!r} is not in its hole: the edge nearest to the centre faces away from it. There the "
-                    "distance from the pin is no gap. Correct the centre of the pin, or the edges of its contact."
-                )
-            if pin.interference:
-                found.append(
-                    f"The radius of the pin at {pin.name!r} is {pin.interference:.6g} [length] larger than that of its "
-                    "bore. This is a press fit: the pin presses all around before it is loaded. If it should have a "
-                    "clearance, give it a smaller radius."
-                )
+        found += remarks_on_pins(self.problem)
         if not self.problem.prescribed(Displacement):
             return tuple(found)
         space = DisplacementSpace.of(self.problem, triangle(1), self.scales.length)

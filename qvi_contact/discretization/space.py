@@ -34,7 +34,7 @@ from scipy import sparse
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.curved import CurvedTriangles, from_corners
 from qvi_contact.discretization.frames import Frames
-from qvi_contact.element import legendre
+from qvi_contact.element import bernstein, legendre
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, hsieh_clough_tocher
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.triangle import EDGES, AffineTriangles, quadrature, triangle_lattice
@@ -100,7 +100,7 @@ def edge_rule(law_on: LawOn, degree: int) -> EdgeRule:
     points, weights = gauss_legendre(count)
     if law_on == "points":
         return EdgeRule(law_on, points, weights, points, weights, np.eye(count), np.eye(count))
-    values = legendre.basis(count - 1, points) @ np.linalg.inv(legendre.to_bernstein(count - 1))
+    values = bernstein.basis(count - 1, points)
     places, shares = np.linspace(0.0, 1.0, count), np.full(count, 1.0 / count)
     return EdgeRule(law_on, points, weights, places, shares, values, np.asarray(np.linalg.inv(values)))
 

@@ -68,9 +68,7 @@ def from_values(degree: int) -> FloatArray:
 
 def gauss_interpolation(count: int, t: FloatArray) -> FloatArray:
     """Matrix (count, j): values at the `count` Gauss points to those at t (j,) of the polynomial through them."""
-    points, weights = gauss_legendre(count)
-    at_points, at_t = (legendre.basis(count - 1, part) for part in (points, t))
-    return np.asarray((weights[:, None] * at_points * (2.0 * np.arange(count) + 1.0)) @ at_t.T)
+    return np.asarray((legendre.basis(count - 1, t) @ legendre.from_values(count - 1, count)).T)
 
 
 @cache

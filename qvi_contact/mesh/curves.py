@@ -23,7 +23,6 @@ from qvi_contact.mesh.edges import (
     arc_offsets,
     cross,
     levelled,
-    part_of,
     polynomials,
     reversed_bends,
     stretches,
@@ -49,36 +48,19 @@ class Curve:
     """How each bends from its first vertex to the second one: coefficients of Legendre, along its length, of the angle
     from its chord to its tangent, counterclockwise [rad]. See `mesh.edges`. Shape (k, n)."""
 
-    def middles(self, pairs: IntArray, vertices: FloatArray) -> FloatArray:
-        """The points in the middle of edges (n, 2) of the curve, shape (n, 2)."""
-        first, second = (vertices[end] for end in pairs.T)
-        own = self.coefficients[self._places(pairs)]
-        return np.asarray(first + arc_offsets(second - first, own, np.array([0.5]))[:, 0])
-
-    def parts(self, pairs: IntArray, whole: IntArray, shares: FloatArray) -> "Curve":
-        """The same by parts (n, 2) of edges (n, 2) of the curve, between shares (n, 2) of their lengths."""
-        own, back = self.coefficients[self._places(whole)], shares[:, :1] > shares[:, 1:]
-        found = np.where(np.ptp(shares, axis=1, keepdims=True) < 1.0, part_of(own, *np.sort(shares, axis=1).T), own)
-        return Curve(pairs, np.where(back, reversed_bends(found), found))
-
-    def checked(self, name: str, vertices: FloatArray, topology: Topology) -> "Curve":
+    def checked(self, name: str, topology: Topology) -> "Curve":
         """The same, with edges in the order of the topology, from the lower number to the higher one.
 
         `InputError` if edges are no edges of the mesh, or given twice, or bends are not one row of angles for each; its
         field begins with the name if there is one.
         """
-        chosen, given = checked_set(name or "edges", self.edges, topology, vertices), np.asarray(self.edges)
+        chosen, given = checked_set(name or "edges", self.edges, topology), np.asarray(self.edges)
         bends = checked_bends(f"{name}.bends" if name else "bends", self.coefficients, len(given))
         if len(chosen) != len(bends):
             raise InputError(name or "edges", len(bends), "an edge is given twice: give each once")
         back = given[:, 0] > given[:, 1]
         bends = np.where(back[:, None], reversed_bends(bends), bends)
         return Curve(topology.ends[chosen], bends[np.argsort(topology.number(given))])
-
-    def _places(self, pairs: IntArray) -> IntArray:
-        """Which of the edges these (n, 2) are; edges are in ascending order."""
-        base = np.array([int(self.edges.max()) + 1, 1])
-        return np.asarray(np.searchsorted(self.edges @ base, pairs @ base), dtype=np.int64)
 
 
 def checked_bends(field: str, given: ArrayLike, count: int) -> FloatArray:

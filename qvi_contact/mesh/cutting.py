@@ -15,7 +15,16 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_
 from qvi_contact.basics.schema import LARGEST
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import ROUNDING, Curve, MeshParts, bends_of, bent_too_far
-from qvi_contact.mesh.edges import Topology, angles, arc_offsets, chains, cross, finest_at
+from qvi_contact.mesh.edges import (
+    Topology,
+    angles,
+    arc_offsets,
+    chains,
+    cross,
+    finest_at,
+    part_of,
+    reversed_bends,
+)
 from qvi_contact.mesh.selection import known_edges, new_name, numbers_of
 from solvers.basics.linked import linked
 
@@ -325,23 +334,23 @@ def _halved(mesh: MeshParts, topology: Topology, number: IntArray) -> MeshParts:
     shares = np.repeat([(0.0, 1.0), (0.0, 0.5), (1.0, 0.5)], [len(rest), len(number), len(number)], axis=0)
     whole = np.concatenate([rest, number, number])
     edge_sets = {name: ends[np.isin(whole, topology.number(pairs))] for name, pairs in mesh.edge_sets.items()}
-    for arc in mesh.arcs:
-        own = np.isin(number, topology.number(arc.edges))
-        vertices[new[own]] = arc.middles(topology.ends[number[own]], mesh.vertices)
+    bends = bends_of(mesh.arcs, topology)[number]
+    own = bends.any(axis=1)
+    first, second = mesh.vertices[topology.ends[number[own]]].swapaxes(0, 1)
+    vertices[new[own]] = first + arc_offsets(second - first, bends[own], np.array([0.5]))[:, 0]
     return MeshParts(vertices, fine, edge_sets, regions, _arcs(mesh, topology, whole, ends, shares))
 
 
 def _arcs(mesh: MeshParts, topology: Topology, whole: IntArray, ends: IntArray, shares: FloatArray) -> list[Curve]:
     """The mesh's arcs by parts of its edges (k,) with ends (k, 2) at shares (k, 2) of their lengths; each part once."""
-    keys, taken, found = ends @ [int(ends.max()) + 1, 1], np.empty(0, dtype=np.int64), list[Curve]()
-    for arc in mesh.arcs:
-        own = np.flatnonzero(np.isin(whole, topology.number(arc.edges)))
-        own = own[~np.isin(keys[own], taken)]
-        own = own[np.unique(keys[own], return_index=True)[1]]
-        taken = np.append(taken, keys[own])
-        if len(own):
-            found.append(arc.parts(ends[own], topology.ends[whole[own]], shares[own]))
-    return found
+    bends = bends_of(mesh.arcs, topology)[whole]
+    own = np.flatnonzero(bends.any(axis=1))
+    own = own[np.unique(ends[own], axis=0, return_index=True)[1]]
+    if not len(own):
+        return []
+    start, stop = np.sort(shares[own], axis=1).T
+    found = np.where((stop - start < 1.0)[:, None], part_of(bends[own], start, stop), bends[own])
+    return [Curve(ends[own], np.where(shares[own, :1] > shares[own, 1:], reversed_bends(found), found))]
 
 
 def stacked(meshes: Sequence[MeshParts]) -> MeshParts:

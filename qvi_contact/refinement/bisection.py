@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -195,7 +195,7 @@ class TriangleRefinement:
             raise StopError(status, f"the mesh with {unknowns} unknowns: {answer.message}")
         value = self._value(answer)
         unit, there = measure.unit(last, value), [places(each) for each in results]
-        at = Places(*(np.unique(np.concatenate([getattr(one, of) for one in there])) for of in ("cells", "corners")))
+        at = Places(*(np.unique(np.concatenate(parts)) for parts in zip(*there, strict=True)))
         hopeless = len(results) > 1 or any(each.hopeless for each in earlier)
         rough = any(map(has_coulomb, last.problem.contacts))
         tried = (
@@ -327,8 +327,7 @@ def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison
     return Comparison(max(upper - value, value - lower, 0.0), bracket.certainty, parts)
 
 
-@dataclass(frozen=True, eq=False)
-class Places:
+class Places(NamedTuple):
     """Where a mesh is bisected for a reference solution."""
 
     cells: IntArray  # (k,): triangles at contact edges that hold, or meet in, a change of state
