@@ -28,7 +28,7 @@ from qvi_contact.discretization.loads import (
     potential_at,
     traction_data,
 )
-from qvi_contact.discretization.plates import PlateRows, plate_rows, remarks_on_pins
+from qvi_contact.discretization.plates import PlateRows, pins, plate_rows
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import EdgeRule, LawOn, StressSpace, edge_rule
 from qvi_contact.discretization.supports import Supports
@@ -103,7 +103,19 @@ class Discretization(PicklesFields):
             "The plate's motion in that component is not determined, and is given as zero."
             for row in self.plates.determined
         ]
-        found += remarks_on_pins(self.problem)
+        for pin in pins(self.problem):
+            if pin.misplaced:
+                found.append(
+                    "The centre ({:.6g}, {:.6g}) of the pin at ".format(*pin.centre)
+                    + f"{pin.name!r} is not in its hole: the edge nearest to the centre faces away from it. There the "
+                    "distance from the pin is no gap. Correct the centre of the pin, or the edges of its contact."
+                )
+            if pin.interference:
+                found.append(
+                    f"The radius of the pin at {pin.name!r} is {pin.interference:.6g} [length] larger than that of its "
+                    "bore. This is a press fit: the pin presses all around before it is loaded. If it should have a "
+                    "clearance, give it a smaller radius."
+                )
         if not self.problem.prescribed(Displacement):
             return tuple(found)
         space = DisplacementSpace.of(self.problem, triangle(1), self.scales.length)

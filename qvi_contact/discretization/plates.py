@@ -10,7 +10,8 @@ Aᵀ(ℓ a), and stationarity K z − f + … + Aᵀν = 0 has the multiplier in
 Wherever a force is given, its moment is taken off the third row and arms count from the contact's centre instead of the
 pivot, however far away that is; r is ℓ, or the arm that is left if a force is not given and the pivot is farther away.
 
-Pins that a user should look at are found here too: a centre where no pin can be, and a pin larger than its bore.
+A pin is a plate whose gap is the distance from a disc around its pivot. Those that a user should look at are found here
+too: a centre where no pin can be, and a pin larger than its bore.
 """
 
 from __future__ import annotations
@@ -158,8 +159,17 @@ def independent_rows(A: FloatArray, least: FloatArray) -> tuple[list[int], dict[
     return kept, combinations
 
 
-def remarks_on_pins(problem: ContactProblem) -> Iterator[str]:
-    """A sentence about each pin, a plate whose gap is the distance from a disc around its pivot, that looks wrong.
+class Pin(NamedTuple):
+    """A plate whose gap is the distance from a disc around its pivot."""
+
+    name: str
+    centre: tuple[float, float]
+    misplaced: bool  # whether the edge nearest to the centre faces away from it
+    interference: float  # the radius less that of the bore in a press fit [length], else 0
+
+
+def pins(problem: ContactProblem) -> Iterator[Pin]:
+    """All pins of a problem.
 
     At a corner that is nearest the normals of both its edges count together, which is right whichever way it turns. In
     a press fit the bore goes around more than half of the pin, and overlaps with it everywhere before anything is
@@ -174,21 +184,12 @@ def remarks_on_pins(problem: ContactProblem) -> Iterator[str]:
             arms = np.stack([centre[0] - x, centre[1] - y], axis=-1)
             away = np.hypot(arms[..., 0], arms[..., 1])
             radii = away - evaluate("Contact.gap", contact.gap, x, y)
-            if np.ptp(radii) > _SAME * away.max() or radii.min() <= 0.0:
-                continue
-            nearest, radius = away <= away.min() * (1.0 + _SAME), float(radii.mean())
-            normals = vectors_along(edges, edges.normal, t, turns=True)
-            first, second = arms[:, :-1], arms[:, 1:]
-            turns = np.abs(np.arctan2(cross(first, second), (first * second).sum(axis=-1)))  # of edges either way
-            if (normals[nearest] * arms[nearest]).sum() < 0.0:
-                yield (
-                    f"The centre ({centre[0]:.6g}, {centre[1]:.6g}) of the pin at {contact.name!r} is not in its hole: "
-                    "the edge nearest to the centre faces away from it. There the distance from the pin is no gap. "
-                    "Correct the centre of the pin, or the edges of its contact."
-                )
-            elif turns.sum() > np.pi * (1.0 + _SAME) and (radius - away).min() > _SAME * radius:
-                yield (
-                    f"The radius of the pin at {contact.name!r} is {radius - away[:, [0, -1]].mean():.6g} [length] "
-                    "larger than that of its bore. This is a press fit: the pin presses all around before it is "
-                    "loaded. If it should have a clearance, give it a smaller radius."
-                )
+            if np.ptp(radii) <= _SAME * away.max() and radii.min() > 0.0:
+                nearest, radius = away <= away.min() * (1.0 + _SAME), float(radii.mean())
+                normals = vectors_along(edges, edges.normal, t, turns=True)
+                misplaced = bool((normals[nearest] * arms[nearest]).sum() < 0.0)
+                first, second = arms[:, :-1], arms[:, 1:]
+                turns = np.abs(np.arctan2(cross(first, second), (first * second).sum(axis=-1)))  # of edges either way
+                enclosed = turns.sum() > np.pi * (1.0 + _SAME) and (radius - away).min() > _SAME * radius
+                interference = radius - float(away[:, [0, -1]].mean()) if enclosed and not misplaced else 0.0
+                yield Pin(contact.name, centre, misplaced, interference)
