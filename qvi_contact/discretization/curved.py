@@ -34,7 +34,7 @@ from qvi_contact.element import legendre
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, compliance_roots
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.triangle import EDGES, AffineTriangles
-from qvi_contact.mesh.edges import angles, arc_offsets, arc_points, area_factors, barycentric_of, stretches, turned
+from qvi_contact.mesh.edges import angles, arc_offsets, area_factors, barycentric_of, stretches, turned
 
 _ALONG_ARCS: Final = 8  # Gauss points beside the degree and the coefficients of bends
 
@@ -120,7 +120,9 @@ class CurvedTriangles:
         lengths = np.hypot(*chords.T)
         tangent = turned((chords / lengths[:, None])[:, None], angles(bends[:, s], t))
         normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
-        at = barycentric_of(corners, bends, arc_points(s, t))
+        along = np.zeros((len(t), 3))
+        along[:, first], along[:, second] = 1.0 - t, t
+        at = barycentric_of(corners, bends, along)
         hessians = self.triangles.hessian_maps[chosen][:, None] @ self.element.reference_functions(at, 2)
         a, b = np.moveaxis(tangent, -1, 0)  # factors of (Φ_xx, Φ_yy, Φ_xy) in derivatives along two vectors
         factors = (np.stack([a * c, b * d, a * d + b * c], axis=-1) for c, d in ((a, b), np.moveaxis(normal, -1, 0)))

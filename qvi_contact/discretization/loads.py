@@ -143,14 +143,6 @@ def displacements_at_points(
             yield points.vectors(given.direction, given.turns), points, points.nearest(field)
 
 
-def displacement_load(problem: ContactProblem, space: StressSpace, scales: Scales) -> FloatArray:
-    """∫_{Γ_u} U·τn ds as a vector over all degrees of freedom, the first term on the right of (D1)."""
-    load = np.zeros(space.size)
-    for direction, points, values in displacements_at_points(problem, space):
-        load += points.traction_load(direction, points.weights * values / scales.displacement)
-    return load
-
-
 def cell_stress(problem: ContactProblem, space: StressSpace, scales: Scales) -> FloatArray | None:
     """φI − σ⁰ at the quadrature points of the cells (cells, g, 3), dimensionless; None without either of them."""
     loaded, strained = has_body_force(problem), is_strained(problem)

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.polynomial import Legendre
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.element import legendre
 from qvi_contact.element.legendre import gauss_legendre
 
 _END = 1e-6  # so far inside the ends a step on a grid line is not seen, a peak there is
@@ -64,11 +63,6 @@ def from_values(degree: int) -> FloatArray:
     matrix = np.asarray(np.linalg.inv(basis(degree, nodes(degree))))
     matrix.flags.writeable = False
     return matrix
-
-
-def gauss_interpolation(count: int, t: FloatArray) -> FloatArray:
-    """Matrix (count, j): values at the `count` Gauss points to those at t (j,) of the polynomial through them."""
-    return np.asarray((legendre.basis(count - 1, t) @ legendre.from_values(count - 1, count)).T)
 
 
 @cache

@@ -157,33 +157,24 @@ class HsiehCloughTocher:
         ]
         return np.stack(symmetric).reshape(len(_PAIRS), -1)
 
-    def energies(self, triangles: AffineTriangles, compliances: FloatArray) -> FloatArray:
-        """∫ c σ:τ of the reference functions `interior_first` on n triangles, exactly, (n, …, …), with c (n, 3, 3)."""
-        maps, count = triangles.stress_maps, len(self.interior_first)
-        weights = triangles.scales[:, None, None] * (maps.swapaxes(1, 2) @ compliances @ maps)
-        own = weights.reshape(-1, 9).take(_OF_PAIRS, axis=1)
-        return np.asarray(own @ self._energies).reshape(-1, count, count)
-
-    def energy_rows(self, triangles: AffineTriangles, compliances: FloatArray) -> FloatArray:
-        """Rows S (n, 3 q, dimension), SᵀS = `energies`, stresses at q points: what small energies are not lost in."""
-        upper = compliance_roots(compliances).swapaxes(1, 2) * np.sqrt(triangles.scales)[:, None, None]
-        rows = np.einsum("nab,bqd->naqd", upper @ triangles.stress_maps, self._weighted_hessians)
-        return np.asarray(rows).reshape(len(triangles), -1, self.dimension)
-
     def roots(self, triangles: AffineTriangles, compliances: FloatArray) -> FloatArray:
-        """R (n, …) upper triangular, RᵀR the energies of `interior_first`.
+        """R (n, …) upper triangular, RᵀR = ∫ c σ:τ of the reference functions `interior_first`, with c (n, 3, 3).
 
         By Cholesky; by QR of stresses where small energies would be lost: in triangles that are long and thin, and in
         those that hardly resist pressure, or not at all.
         """
         in_plane = compliances[:, :2, :2].sum(axis=(1, 2))  # what pressure does, beside what shear does
         soft = in_plane < _NEARLY * (compliances[:, 0, 0] + compliances[:, 1, 1])
-        small, order = (triangles.elongations > _LONG) | soft, self.interior_first
+        small, maps, order = (triangles.elongations > _LONG) | soft, triangles.stress_maps, self.interior_first
         if not small.any():
-            return np.asarray(np.linalg.cholesky(self.energies(triangles, compliances)).swapaxes(1, 2))
+            weights = triangles.scales[:, None, None] * (maps.swapaxes(1, 2) @ compliances @ maps)
+            energies = weights.reshape(-1, 9).take(_OF_PAIRS, axis=1) @ self._energies
+            return np.asarray(np.linalg.cholesky(energies.reshape(-1, len(order), len(order))).swapaxes(1, 2))
         R = np.empty((len(triangles), len(order), len(order)))
         R[~small] = self.roots(triangles.take(~small), compliances[~small])
-        R[small] = np.linalg.qr(self.energy_rows(triangles.take(small), compliances[small])[:, :, order], mode="r")
+        upper = compliance_roots(compliances).swapaxes(1, 2) * np.sqrt(triangles.scales)[:, None, None]
+        rows = np.einsum("nab,bqd->naqd", (upper @ maps)[small], self._weighted_hessians[:, :, order])
+        R[small] = np.linalg.qr(rows.reshape(len(rows), -1, len(order)), mode="r")
         return R
 
     def transformations(self, triangles: AffineTriangles) -> FloatArray:

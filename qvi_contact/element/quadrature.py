@@ -134,9 +134,9 @@ def constant(value: float, count: int, points: int = 8) -> EdgeQuadrature:
 @cache
 def _interpolations(points: int) -> tuple[FloatArray, ...]:
     """From so many points of a part to those of its halves, just inside its ends, and to the samples of an edge."""
-    t = gauss_legendre(points)[0]
+    t, project = gauss_legendre(points)[0], legendre.from_values(points - 1, points)
     halfway = np.concatenate([t / 2.0, (1.0 + t) / 2.0])
-    found = tuple(bernstein.gauss_interpolation(points, places) for places in (halfway, _ENDS, bernstein.SAMPLES))
+    found = tuple((legendre.basis(points - 1, at) @ project).T for at in (halfway, _ENDS, bernstein.SAMPLES))
     read_only(*found)
     return found
 

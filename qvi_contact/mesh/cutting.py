@@ -6,7 +6,7 @@ So both sides have the same nodes and edges afterwards, and everything on the li
 """
 
 from collections.abc import Sequence
-from typing import Final, NoReturn
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -98,7 +98,19 @@ def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> N
     _refuse(pinched, all_vertices, alone, vertices)
     piece = pieces(topology, len(cells))
     if piece.any():
-        _refuse_pieces(vertices, cells, piece)
+        from scipy.spatial import cKDTree  # slow to import, and few meshes need it
+
+        apart, others = (vertices[np.unique(cells[chosen])] for chosen in (piece == 1, piece != 1))
+        distances, nearest = map(np.asarray, cKDTree(others).query(apart))
+        at = int(np.argmin(distances))
+        x, y = (apart[at] + others[nearest[at]]) / 2.0
+        remedy = (
+            f"the body consists of this many pieces; the nearest vertices of two are {distances[at]:.3g} apart around "
+            f"({x:.6g}, {y:.6g}): give one piece. Bodies that touch across a space are meshed without it, with common "
+            "nodes along a joint whose Contact has that gap; nodes of one body are merged with a larger tolerance "
+            "(Geometry.Tolerance in Gmsh)"
+        )
+        raise InputError("TriangleMesh", int(piece.max()) + 1, remedy)
 
 
 def _refuse(wrong: BoolArray, given: IntArray, remedy: str, places: FloatArray) -> None:
@@ -107,22 +119,6 @@ def _refuse(wrong: BoolArray, given: IntArray, remedy: str, places: FloatArray) 
         number = int(np.argmax(wrong))
         x, y = places[number]
         raise InputError("TriangleMesh", given[number].tolist(), remedy.format(f"({x:.6g}, {y:.6g})"))
-
-
-def _refuse_pieces(vertices: FloatArray, cells: IntArray, piece: IntArray) -> NoReturn:
-    from scipy.spatial import cKDTree  # slow to import, and few meshes need it
-
-    apart, others = (vertices[np.unique(cells[chosen])] for chosen in (piece == 1, piece != 1))
-    distances, nearest = map(np.asarray, cKDTree(others).query(apart))
-    at = int(np.argmin(distances))
-    x, y = (apart[at] + others[nearest[at]]) / 2.0
-    remedy = (
-        f"the body consists of this many pieces; the nearest vertices of two are {distances[at]:.3g} apart around "
-        f"({x:.6g}, {y:.6g}): give one piece. Bodies that touch across a space are meshed without it, with common "
-        "nodes along a joint whose Contact has that gap; nodes of one body are merged with a larger tolerance "
-        "(Geometry.Tolerance in Gmsh)"
-    )
-    raise InputError("TriangleMesh", int(piece.max()) + 1, remedy)
 
 
 def pieces(topology: Topology, count: int) -> IntArray:

@@ -268,13 +268,6 @@ def area_factors(corners: FloatArray, bends: FloatArray, t: FloatArray) -> Float
     return found
 
 
-def arc_points(s: int, t: FloatArray) -> FloatArray:
-    """Reference coordinates (q, 3) of the points t (q,) along side s, from its corner of lower number."""
-    found = np.zeros((len(t), 3))
-    found[:, EDGES[s][0]], found[:, EDGES[s][1]] = 1.0 - t, t
-    return found
-
-
 def _tau(t: FloatArray, s: int, r: FloatArray) -> FloatArray:
     """The τ of points t (n, 3) of the straight triangle in the third at side s, from their r; any at the barycentre."""
     along = t[:, EDGES[s][1]] - t[:, s]

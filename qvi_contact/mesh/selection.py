@@ -88,22 +88,6 @@ def checked_region(name: str, cells: ArrayLike, count: int) -> IntArray:
     return np.asarray(chosen)
 
 
-def chosen_edges(name: str, where: Where, inside: bool, topology: Topology, vertices: FloatArray) -> IntArray:
-    """Vertices (k, 2) of the edges that a function of their midpoints chooses, or of those given by their vertices.
-
-    `InputError` unless all lie on the boundary, or inside the body.
-    """
-    among = topology.boundary != inside
-    if callable(where):
-        candidates: IntArray = topology.ends[among]
-        pairs: IntArray = candidates[selected(name, where, vertices[candidates].mean(axis=1))]
-    else:
-        pairs = topology.ends[checked_set(name, where, topology, vertices)]
-    if not len(pairs) or not among[topology.number(pairs)].all():
-        raise InputError(name, where, f"no {'interior' if inside else 'boundary'} edge lies there: check the set")
-    return pairs
-
-
 def selected(name: str, where: Callable[[FloatArray, FloatArray], ArrayLike], points: FloatArray) -> IntArray:
     """Indices of the points (k, 2) that a function of (x, y) chooses."""
     try:

@@ -46,7 +46,6 @@ from qvi_contact.mesh.selection import (
     Where,
     checked_region,
     checked_set,
-    chosen_edges,
     edges_on_segment,
     new_name,
     selected,
@@ -413,7 +412,16 @@ class TriangleMesh(PicklesFields):
         return self._with_set(name, where, inside=True)
 
     def _with_set(self, name: str, where: Where, inside: bool) -> TriangleMesh:
-        pairs = chosen_edges(new_name(name, self.edge_sets), where, inside, self.topology, self.vertices)
+        new_name(name, self.edge_sets)
+        ends, among = self.topology.ends, self.topology.boundary != inside
+        if callable(where):
+            candidates = np.flatnonzero(among)
+            chosen = candidates[selected(name, where, self.midpoints[candidates])]
+        else:
+            chosen = checked_set(name, where, self.topology, self.vertices)
+        if not len(chosen) or not among[chosen].all():
+            raise InputError(name, where, f"no {'interior' if inside else 'boundary'} edge lies there: check the set")
+        pairs = ends[chosen]
         return self._renamed({**self.edge_sets, name: pairs}, self.regions)
 
     def _renamed(self, edge_sets: Mapping[str, IntArray], regions: Mapping[str, IntArray]) -> TriangleMesh:
@@ -466,16 +474,13 @@ class TriangleMesh(PicklesFields):
         place = np.full(len(self.vertices), -1)
         place[kept] = np.arange(len(kept))
         inside = np.asarray(np.isin(self.topology.cells, taken).any(axis=1))
-
-        def here(pairs: IntArray) -> IntArray:
-            chosen: BoolArray = inside[self.topology.number(pairs)]
-            return np.asarray(pairs[chosen])
-
+        sets = dict[str, IntArray]()
         named_edges = self.edge_sets if edge_sets is None else mapping("edge_sets", edge_sets, _EDGE_SETS)
         for name, pairs in named_edges.items():
             if np.ndim(pairs) != 2 or np.shape(pairs)[1] != 2:
                 raise InputError(f"edge_sets[{name!r}]", pairs, f"give a mapping of {_EDGE_SETS}")
-        sets = {name: place[found] for name, pairs in named_edges.items() if len(found := here(pairs))}
+            if len(found := pairs[inside[self.topology.number(pairs)]]):
+                sets[name] = place[found]
         regions = {name: own for name, old in self.regions.items() if len(own := np.flatnonzero(np.isin(taken, old)))}
         kept_arcs = ((arc, inside[self.topology.number(arc.edges)]) for arc in self.arcs)
         arcs = [Curve(place[arc.edges[own]], arc.coefficients[own]) for arc, own in kept_arcs if own.any()]
@@ -593,12 +598,9 @@ class TriangleMesh(PicklesFields):
 
     def same_as(self, other: TriangleMesh) -> bool:
         """Whether the other mesh has the same vertices and triangles, whatever its edge sets are called."""
-        return (
-            isinstance(other, TriangleMesh)
-            and np.array_equal(self.vertices, other.vertices)
-            and np.array_equal(self.cells, other.cells)
-            and np.array_equal(self.bends, other.bends)
-        )
+        parts = ("vertices", "cells", "bends")
+        alike = (np.array_equal(getattr(self, part), getattr(other, part)) for part in parts)
+        return isinstance(other, TriangleMesh) and all(alike)
 
     def parents(self, coarse: TriangleMesh) -> IntArray:
         """The triangle of a coarser mesh of the same body in which each triangle lies, shape (m,)."""
