@@ -34,7 +34,7 @@ from qvi_contact.element import legendre
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, compliance_roots
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.triangle import EDGES, AffineTriangles
-from qvi_contact.mesh.edges import angles, arc_offsets, area_factors, barycentric_of, stretches, turned
+from qvi_contact.mesh.edges import angles, arc_offsets, beyond_chords, stretches, turned
 
 _ALONG_ARCS: Final = 8  # Gauss points beside the degree and the coefficients of bends
 
@@ -122,7 +122,7 @@ class CurvedTriangles:
         normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
         along = np.zeros((len(t), 3))
         along[:, first], along[:, second] = 1.0 - t, t
-        at = barycentric_of(corners, bends, along)
+        at = beyond_chords(corners, bends, along)[0]
         hessians = self.triangles.hessian_maps[chosen][:, None] @ self.element.reference_functions(at, 2)
         a, b = np.moveaxis(tangent, -1, 0)  # factors of (Φ_xx, Φ_yy, Φ_xy) in derivatives along two vectors
         factors = (np.stack([a * c, b * d, a * d + b * c], axis=-1) for c, d in ((a, b), np.moveaxis(normal, -1, 0)))
@@ -146,10 +146,9 @@ class CurvedTriangles:
 
     def areas(self, points: FloatArray) -> FloatArray:
         """Areas (c, q), dimensionless, that weights of sum 1 at reference points (q, 3) are shares of."""
-        factors = area_factors(self.triangles.corners, self.bends, points)
-        return np.asarray(self.triangles.areas[:, None] * factors)
+        return self.triangles.areas[:, None] * beyond_chords(self.triangles.corners, self.bends, points)[1]
 
     def _hessians(self, block: slice | IntArray, points: FloatArray) -> FloatArray:
         """Of the reference functions, on the reference triangle, at reference points (q, 3); (k, q, 3, dimension)."""
-        at = barycentric_of(self.triangles.corners[block], self.bends[block], points)
+        at = beyond_chords(self.triangles.corners[block], self.bends[block], points)[0]
         return self.element.reference_functions(at, 2)

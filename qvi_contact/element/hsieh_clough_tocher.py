@@ -31,9 +31,6 @@ from qvi_contact.errors import InputError
 LOWEST, HIGHEST = 3, 12
 """Degrees that are offered; at the highest rounding leaves twelve digits."""
 
-#: Pairs of components of the Hessian (xx, yy, xy) whose products make up an energy.
-_PAIRS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-_OF_PAIRS: Final = np.array([3 * a + b for a, b in _PAIRS])
 _FIRST, _SECOND = np.transpose(EDGES)  # corners at the ends of each edge
 _FROBENIUS: Final = np.array([1.0, 1.0, 2.0])  # |∇∇Φ|² = Φ_xx² + Φ_yy² + 2 Φ_xy²
 _NEARLY: Final = 1e-4  # of c_11: a resistance to pressure below which Cholesky's root of an energy loses digits
@@ -149,13 +146,9 @@ class HsiehCloughTocher:
 
     @cached_property
     def _energies(self) -> FloatArray:
-        """∫ (H_a ⊗ H_b + H_b ⊗ H_a)/(1 + δ_ab) of `interior_first` on the reference triangle for `_PAIRS`, (6, …)."""
+        """∫ H_a ⊗ H_b of `interior_first` on the reference triangle for all pairs of components, (9, …)."""
         hessians = self._weighted_hessians[:, :, self.interior_first]
-        products = [hessians[a].T @ hessians[b] for a, b in _PAIRS]
-        symmetric = [
-            product if a == b else product + product.T for product, (a, b) in zip(products, _PAIRS, strict=True)
-        ]
-        return np.stack(symmetric).reshape(len(_PAIRS), -1)
+        return np.asarray(hessians[:, None].swapaxes(2, 3) @ hessians).reshape(9, -1)
 
     def roots(self, triangles: AffineTriangles, compliances: FloatArray) -> FloatArray:
         """R (n, …) upper triangular, RᵀR = ∫ c σ:τ of the reference functions `interior_first`, with c (n, 3, 3).
@@ -168,7 +161,7 @@ class HsiehCloughTocher:
         small, maps, order = (triangles.elongations > _LONG) | soft, triangles.stress_maps, self.interior_first
         if not small.any():
             weights = triangles.scales[:, None, None] * (maps.swapaxes(1, 2) @ compliances @ maps)
-            energies = weights.reshape(-1, 9).take(_OF_PAIRS, axis=1) @ self._energies
+            energies = weights.reshape(-1, 9) @ self._energies
             return np.asarray(np.linalg.cholesky(energies.reshape(-1, len(order), len(order))).swapaxes(1, 2))
         R = np.empty((len(triangles), len(order), len(order)))
         R[~small] = self.roots(triangles.take(~small), compliances[~small])

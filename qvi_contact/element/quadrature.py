@@ -53,10 +53,7 @@ class EdgeQuadrature:
         return cls(starts[-1], edge, t, weights, values, sum(part.error for part in given))
 
     def coefficients(self, degree: int) -> FloatArray:
-        """Coefficients of Legendre on every edge (n, degree + 1) of the projection in the mean square.
-
-        Mean and first moment of the function are kept from degree 1 on.
-        """
+        """Coefficients of Legendre on every edge (n, degree + 1) of the projection in the mean square."""
         return self.integrals(legendre.basis(degree, self.t)) * (2.0 * np.arange(degree + 1) + 1.0)
 
     def misfit(self, coefficients: FloatArray) -> float:

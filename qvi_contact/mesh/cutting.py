@@ -1,8 +1,7 @@
 """What a mesh of triangles must be, and triangles cut into smaller ones, with the names of edges and regions.
 
-Checks name the place of the first fault. Triangles are bisected, in fans, or where bodies are joined: bodies meshed
-apart that touch along straight lines, or arcs that both declare, are joined by putting nodes of either into the other.
-So both sides have the same nodes and edges afterwards, and everything on the line is as exact as on one mesh.
+Checks name the place of the first fault. Bodies that touch are joined by putting nodes of either into the other: both
+sides have the same nodes and edges afterwards, and everything on the line is as exact as on one mesh.
 """
 
 from collections.abc import Sequence
@@ -199,11 +198,7 @@ _ROUNDING: Final = 1e-9  # of angles, as a share
 
 
 def bisected(mesh: MeshParts, marked: ArrayLike | None = None) -> MeshParts:
-    """The mesh with marked triangles refined, and others as far as needed; without marks each is divided into four.
-
-    Old vertices keep their numbers, new ones are midpoints of old edges, those on arcs of the arcs. A triangle that
-    became too flat for its arc is divided further, arcs are half as long then.
-    """
+    """See `TriangleMesh.refined`: old vertices keep their numbers, new ones are middles of old edges and arcs."""
     count = len(mesh.cells)
     if marked is None:
         return divided_at_arcs(_bisected(mesh, np.arange(count)))
@@ -367,11 +362,7 @@ def stacked(meshes: Sequence[MeshParts]) -> MeshParts:
 
 
 def joined(mesh: MeshParts, name: str) -> MeshParts:
-    """The pieces of a mesh with common nodes where they touch, the edges there being the joint of that name.
-
-    A named part of the boundary loses the edges that are in the joint, unless all of it is. `InputError` if the name is
-    taken, or no pieces touch along straight lines or declared arcs.
-    """
+    """See `TriangleMesh.joined`; `InputError` if the name is taken, or no pieces touch along lines or declared arcs."""
     if name in mesh.edge_sets:
         raise InputError("join", name, "this edge set exists already: choose another name")
     new_name(name)

@@ -29,7 +29,7 @@ from qvi_contact.mesh.cutting import (
 from qvi_contact.mesh.edges import (
     Edges,
     Topology,
-    barycentric_of,
+    beyond_chords,
     chains,
     cross,
     edges_of,
@@ -593,7 +593,7 @@ class TriangleMesh(PicklesFields):
         if not len(bent):
             return t
         found = np.array(np.broadcast_to(t, (len(cells), *np.shape(t)[-2:])))
-        found[bent] = barycentric_of(self.corners[cells[bent]], self.sides[cells[bent]], found[bent])
+        found[bent] = beyond_chords(self.corners[cells[bent]], self.sides[cells[bent]], found[bent])[0]
         return found
 
     def same_as(self, other: TriangleMesh) -> bool:
