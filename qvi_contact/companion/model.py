@@ -315,12 +315,6 @@ def solve_companion(
         If the problem or an argument is wrong, or loads on a body that nothing holds are out of balance. A failure to
         solve does not raise: check `status`.
 
-    Notes
-    -----
-    ∫ s |v_T − w| is bounded from above by Σ |c_i − w_i| ∫ s B_i, in which s is bounded from above by the smaller of the
-    means of c and t_max. The laws hold for the coefficients' forces ∫ σ B_i, not for stresses at points. A body
-    potential is looked at in the points of two quadratures, see `CompanionResult.reasons` for other data.
-
     """
     cell = checked(problem, degree, tolerance)
     with deadline(time_limit), Log(f"qvi_contact {__version__}: solve_companion", verbose) as log:

@@ -10,7 +10,7 @@ from functools import cache
 from math import comb
 
 import numpy as np
-from numpy.polynomial import Legendre
+from numpy.polynomial import Legendre, Polynomial
 
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.element.legendre import gauss_legendre
@@ -68,10 +68,8 @@ def from_values(degree: int) -> FloatArray:
 @cache
 def product_integrals(first: int, second: int) -> FloatArray:
     """∫₀¹ B_i B_j dt of the degrees `first` and `second`, shape (first + 1, second + 1)."""
-    i, j = range(first + 1), range(second + 1)
-    total = first + second
-    table = [[comb(first, a) * comb(second, b) / (comb(total, a + b) * (total + 1)) for b in j] for a in i]
-    found = np.array(table)
+    t, w = gauss_legendre((first + second) // 2 + 1)
+    found = basis(first, t).T @ (w[:, None] * basis(second, t))
     found.flags.writeable = False
     return found
 
@@ -95,8 +93,6 @@ def _roots(coefficients: FloatArray) -> FloatArray:
     """Real roots inside (0, 1), ascending: those of Σ c_i C(p, i) rⁱ with r = t/(1 − t)."""
     p = len(coefficients) - 1
     powers = coefficients * np.array([comb(p, i) for i in range(p + 1)])
-    size = np.abs(powers).max()
-    significant = np.flatnonzero(np.abs(powers) > _LEADING * size)
-    found = np.roots(powers[: significant[-1] + 1][::-1])
+    found = Polynomial(powers).trim(_LEADING * np.abs(powers).max()).roots()
     real = found.real[(np.abs(found.imag) <= 1e-9 * (1.0 + np.abs(found.real))) & (found.real > 0.0)]
     return np.sort(real / (1.0 + real))

@@ -21,11 +21,11 @@ from qvi_contact.mesh.edges import (
     Topology,
     angles,
     arc_offsets,
+    beyond_chords,
     cross,
     levelled,
     polynomials,
     reversed_bends,
-    stretches,
     turned,
 )
 from qvi_contact.mesh.selection import checked_set, point
@@ -110,7 +110,7 @@ _LEAST_TERMS: Final = 2  # of bends: those of circles
 _WIDEST: Final = np.pi / 2.0 * (1.0 + 1e-12)  # angle that one edge may turn by
 _HIGHEST: Final = 1.5  # height of an arc over the distance of its chord from the triangle's barycentre, outwards
 _LEAST: Final = 0.01  # share of the area between an arc's end and the barycentre that bending has to leave
-_PLACES: Final = np.linspace(0.0, 1.0, 33)  # where heights, areas and angles are looked at
+_PLACES: Final = np.linspace(1e-9, 1.0 - 1e-9, 33)  # where heights, areas and angles are looked at
 
 
 def bends_of(arcs: Sequence[Curve], topology: Topology) -> FloatArray:
@@ -150,15 +150,10 @@ def bent_too_far(bends: FloatArray, vertices: FloatArray, cells: IntArray, topol
     sides = bends[topology.of_cells]
     bent = np.asarray(sides.any(axis=2))
     for s, (a, b) in enumerate(EDGES):
-        cell = np.flatnonzero(bent[:, s])
-        bend, centre = sides[cell, s], vertices[cells[cell]].mean(axis=1)
-        first, second = vertices[cells[cell, a]] - centre, vertices[cells[cell, b]] - centre
-        chord, straight = (second - first)[:, None], cross(first, second)[:, None]
-        offsets = arc_offsets(second - first, bend, _PLACES)
-        slope = stretches(bend)[:, None, None] * turned(chord, angles(bend, _PLACES))
-        outwards = cross(offsets, chord) / straight
-        areas = cross(first[:, None] + offsets, slope) / straight
-        bent[cell, s] = (outwards.max(axis=1) > _HIGHEST) | (areas.min(axis=1) < _LEAST)
+        cell, along = np.flatnonzero(bent[:, s]), np.zeros((len(_PLACES), 3))
+        along[:, a], along[:, b] = 1.0 - _PLACES, _PLACES
+        places, areas = beyond_chords(vertices[cells[cell]], sides[cell], along)
+        bent[cell, s] = (places[:, :, s].min(axis=1) < -_HIGHEST / 3.0) | (areas.min(axis=1) < _LEAST)
     return bent
 
 

@@ -245,10 +245,7 @@ class _GmshFile:
 
     def _next_line(self) -> bytes:
         """The next line that is not blank, without blanks around it; empty at the end of the file."""
-        for line in self._source:
-            if line.strip():
-                return line.strip()
-        return b""
+        return next((line.strip() for line in self._source if line.strip()), b"")
 
     def _take(self, kind: str, count: int, what: str) -> NDArray[Any]:
         """Numbers, no more than the rest of the file can hold."""
