@@ -25,7 +25,7 @@ coefficients A of the reference functions' tractions, and of the identity.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 
@@ -37,10 +37,6 @@ from qvi_contact.element.triangle import EDGES, AffineTriangles
 from qvi_contact.mesh.edges import angles, arc_offsets, beyond_chords, stretches, turned
 
 _ALONG_ARCS: Final = 8  # Gauss points beside the degree and the coefficients of bends
-
-Rule: TypeAlias = tuple[FloatArray, FloatArray]
-"""Points (q, 3) and weights (q,) of sum 1 on the reference triangle."""
-_MORE: Final = 6  # Gauss points along arcs beside the degree and the coefficients of bends
 
 
 def resultant_shapes(bend: FloatArray, t: FloatArray) -> FloatArray:
@@ -113,7 +109,7 @@ class CurvedTriangles:
     def _tractions(self, s: int, chosen: IntArray) -> tuple[FloatArray, FloatArray]:
         """N_2 …, Q_1 … on the arcs at side s of the reference functions (k, on_edge, dimension), and squared chords."""
         degree = self.element.traction_degree
-        t, _ = gauss_legendre(degree + _MORE + self.bends.shape[2])
+        t, _ = gauss_legendre(degree + _ALONG_ARCS + self.bends.shape[2])
         first, second = EDGES[s]
         corners, bends = self.triangles.corners[chosen], self.bends[chosen]
         chords = corners[:, second] - corners[:, first]
@@ -131,7 +127,7 @@ class CurvedTriangles:
         found = np.concatenate([(project @ normal_part)[:, 2:], (project @ shear_part)[:, 1:]], axis=1)
         return found, np.square(lengths)[:, None, None]
 
-    def stress_rows(self, block: slice, compliances: FloatArray, rule: Rule) -> FloatArray:
+    def stress_rows(self, block: slice, compliances: FloatArray, rule: tuple[FloatArray, FloatArray]) -> FloatArray:
         """Rows S with SᵀS the energies ∫ c σ:τ of the functions up to the arcs, in k triangles, (k, 3 q, dimension)."""
         upper = compliance_roots(compliances).swapaxes(1, 2) @ self.triangles.stress_maps[block]
         roots = np.sqrt(self.areas(rule[0])[block] * rule[1])

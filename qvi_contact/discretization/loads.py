@@ -239,10 +239,7 @@ class ContactRows:
         return np.outer(self.points.lengths, self.rule.shares).ravel()
 
     def work(self) -> FloatArray:
-        """∫ g τ_N + w τ_T ds as a vector over all degrees of freedom, the last term of (D1); g within reach.
-
-        A tied contact has not slipped.
-        """
+        """∫ g τ_N + w τ_T ds as a vector over all degrees of freedom, the last term of (D1); g within reach."""
         space, weights, (across, along) = self.points.space, self.points.weights, self.motion
         w = self.offset + along if self.law == "tied" else self.offset + along + self.slip
         across = across + self.gap - self.beyond

@@ -142,10 +142,7 @@ def plate_rows(
 
 
 def independent_rows(A: FloatArray, least: FloatArray) -> tuple[list[int], dict[int, FloatArray]]:
-    """Rows (r, n) that those before them do not determine, and the others as combinations of the kept ones before them.
-
-    A row is determined if no more is left of it than the length `least` (r,).
-    """
+    """Rows (r, n) of which those before leave more than a length `least` (r,), and the others as their combinations."""
     kept, combinations = list[int](), dict[int, FloatArray]()
     for index, row in enumerate(A):
         combination = np.linalg.lstsq(A[kept].T, row, rcond=None)[0] if kept else np.zeros(0)

@@ -407,10 +407,7 @@ class StressSpace(PicklesFields):
         return np.asarray(hessians @ self.triangles.stress_maps[cells].swapaxes(1, 2))
 
     def jumps(self, u: FloatArray) -> FloatArray:
-        """By how much Φ of u (N,) and its slopes jump where each of the cuts begins, shape (k, 3).
-
-        The jumps of the slopes are the resultant force on the hole, turned.
-        """
+        """By how much Φ of u (N,) and its slopes, the hole's force turned, jump where each cut begins, shape (k, 3)."""
         return np.asarray((self.units * u)[self.frames.start :].reshape(-1, 3))
 
     def cell_measures(self, t: FloatArray, weights: FloatArray) -> FloatArray:

@@ -62,22 +62,18 @@ class HsiehCloughTocher:
         self.interior = self.dimension - self.shared
         # the order in which functions are condensed, those of the first corner, an affine function, left out
         self.interior_first = np.concatenate([np.arange(self.shared, self.dimension), np.arange(3, self.shared)])
-        self._gradients, self._hessians = self._derivations()
+        # from coefficients of each part to those of the gradient (3, 2, …, count) and Hessian (3, 3, …, count)
+        gradients, hessians, centre = [], [], CORNERS.mean(axis=0)
+        for edge in EDGES:
+            slopes = np.linalg.inv(np.column_stack([np.vstack([CORNERS[list(edge)], centre]), np.ones(3)]))[:2].T
+            x, y = gradient(degree, slopes), gradient(degree - 1, slopes)  # slopes of the barycentric coordinates
+            gradients.append(x)
+            hessians.append([y[0] @ x[0], y[1] @ x[1], y[0] @ x[1]])
+        self._gradients, self._hessians = np.array(gradients), np.array(hessians)
         # Bernstein coefficients on the reference triangle (3, count, dimension), part by part: part s holds edge s and
         # has the corners of `EDGES[s]` and the barycentre
         self.coefficients = self._dual_basis(self._smooth_functions())
         self._weighted_hessians = self._weighted(self.coefficients)
-
-    def _derivations(self) -> tuple[FloatArray, FloatArray]:
-        """From coefficients of each part to those of the gradient (3, 2, …, count) and Hessian (3, 3, …, count)."""
-        gradients, hessians, centre = [], [], CORNERS.mean(axis=0)
-        for edge in EDGES:
-            corners = np.vstack([CORNERS[list(edge)], centre])
-            slopes = np.linalg.inv(np.column_stack([corners, np.ones(3)]))[:2].T  # of the barycentric coordinates
-            x, y = gradient(self.degree, slopes), gradient(self.degree - 1, slopes)
-            gradients.append(x)
-            hessians.append([y[0] @ x[0], y[1] @ x[1], y[0] @ x[1]])
-        return np.array(gradients), np.array(hessians)
 
     def _smooth_functions(self) -> FloatArray:
         """An orthonormal basis of the C1 functions among the piecewise polynomials, shape (3, count, dimension)."""
@@ -226,11 +222,7 @@ def _corner(degree: int, corner: int) -> int:
 
 
 def compliance_roots(compliances: FloatArray) -> FloatArray:
-    """L lower triangular with L Lᵀ = c, for c (n, 3, 3) positive semi-definite with c_11, c_33 > 0.
-
-    Where a pivot is zero, up to rounding, so is its column: a constant pressure has no energy in an incompressible
-    body.
-    """
+    """L lower triangular with L Lᵀ = c (n, 3, 3), positive semi-definite: where a pivot is zero so is its column."""
     roots = np.zeros_like(compliances)
     for j in range(3):
         left = compliances[:, j:, j] - (roots[:, j:, :j] @ roots[:, j, :j, None])[..., 0]

@@ -68,10 +68,7 @@ def gradient(degree: int, slopes: FloatArray) -> FloatArray:
 
 @cache
 def quadrature(degree: int) -> tuple[FloatArray, FloatArray]:
-    """Points λ (n, 3) and weights (n,) of sum 1, exact for polynomials of the degree: Gauss-Jacobi, collapsed.
-
-    Points towards the corner, where the weight vanishes, are eigenvalues (Golub and Welsch, 1969).
-    """
+    """Points λ (n, 3) and weights (n,) of sum 1, exact up to the degree: Gauss-Jacobi (Golub and Welsch, 1969)."""
     count = degree // 2 + 1
     along, weights_along = leggauss(count)
     k = np.arange(1.0, count + 1.0)

@@ -375,10 +375,7 @@ def frames_along(edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def vectors_along(edges: Edges, vectors: FloatArray, t: FloatArray, *, turns: bool | BoolArray = True) -> FloatArray:
-    """Vectors (n, 2), given for the chord of each edge, at t as above, shape (n, q, 2): they turn with it, or do not.
-
-    Whether they do says one truth value, or one for each edge (n,).
-    """
+    """Vectors (n, 2), given for chords, at t as above, (n, q, 2); whether they turn along says one truth, or (n,)."""
     given = vectors[:, None].repeat(np.shape(t)[-1], axis=1)
     if not edges.curved or not np.any(turns):
         return given

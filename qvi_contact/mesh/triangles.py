@@ -176,7 +176,7 @@ class TriangleMesh(PicklesFields):
         """
         mesh = cls(*grid_parts(x, y, active))
         what = "names to segments, or to functions of (x, y)"
-        for kind, given in (("edges", edges), ("joints", joints)):
+        for kind, given, inside in (("edges", edges, False), ("joints", joints, True)):
             for name, place in mapping(kind, given, what, optional=True).items():
                 where: Where = place
                 if not callable(place):
@@ -184,9 +184,8 @@ class TriangleMesh(PicklesFields):
                     ends = real_array(name, place, remedy)
                     if ends.shape != (2, 2) or not np.isfinite(ends).all():
                         raise InputError(name, place, remedy)
-                    inside = kind == "joints"
                     where = edges_on_segment(mesh.vertices, mesh.topology, *ends.tolist(), inside=inside)
-                mesh = mesh.with_joint(name, where) if kind == "joints" else mesh.with_edges(name, where)
+                mesh = mesh._with_set(name, where, inside)
         for name, ranges in mapping("regions", regions, "names to pairs of ranges", optional=True).items():
             if not isinstance(ranges, (tuple, list)) or len(ranges) != 2:
                 raise InputError(f"regions[{name!r}]", ranges, "give a pair of ranges ((x, x), (y, y)), None for all")

@@ -211,7 +211,7 @@ class TriangleRefinement:
             found = Comparison(np.inf, Certainty.ESTIMATE, np.ones(mesh.cell_count))
         if earlier and found.certainty is Certainty.ESTIMATE:
             step = abs(found.reference - earlier[-1].reference)  # while that moves the error is no less
-            found = replace(found, error=float(np.fmax(found.error, _SAFETY * step)))
+            found = found._replace(error=float(np.fmax(found.error, _SAFETY * step)))
         estimate, parts = found.error / unit if unit != 0.0 else 0.0, found.parts
         marked, deeper = np.ones(mesh.cell_count, dtype=bool), tuple[IntArray, ...]()
         if np.isfinite(estimate):
@@ -303,8 +303,7 @@ def _deeper(mesh: TriangleMesh, corners: IntArray, parts: FloatArray, goal: floa
     return tuple(vertices for vertices in levels if len(vertices))
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(NamedTuple):
     """An answer beside something else."""
 
     error: float  # of the quantity, in its own unit
