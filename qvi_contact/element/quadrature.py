@@ -87,10 +87,6 @@ class _Parts(NamedTuple):
     long: FloatArray
     values: FloatArray
 
-    @classmethod
-    def of(cls, function: Function, edge: IntArray, start: FloatArray, long: FloatArray, t: FloatArray) -> "_Parts":
-        return cls(edge, start, long, function(edge, start[:, None] + long[:, None] * t))
-
     def places(self, t: FloatArray) -> FloatArray:
         """Points t (q,) of the parts as places on their edges, (k, q)."""
         return np.asarray(self.start[:, None] + self.long[:, None] * t)
@@ -104,9 +100,9 @@ class _Parts(NamedTuple):
         return np.asarray(_POLYNOMIAL * size + _MOVED * rounding[self.edge] * slopes)
 
     def halves(self, function: Function, t: FloatArray) -> "_Parts":
-        half = self.long / 2.0
-        starts = np.stack([self.start, self.start + half], axis=1).ravel()
-        return _Parts.of(function, np.repeat(self.edge, 2), starts, np.repeat(half, 2), t)
+        edge, long = np.repeat(self.edge, 2), np.repeat(self.long / 2.0, 2)
+        start = np.stack([self.start, self.start + self.long / 2.0], axis=1).ravel()
+        return _Parts(edge, start, long, function(edge, start[:, None] + long[:, None] * t))
 
     def missed(self, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Sum and maximum of |p − f| (k,) over the samples f (edges, 99) that lie on each part, p its polynomial."""
@@ -148,7 +144,7 @@ def adapted(function: Function, count: int, points: int = 8, rounding: FloatArra
         return constant(0.0, 0, points)
     every, (t, w) = np.arange(count), gauss_legendre(points)
     rounding = np.zeros(count) if rounding is None else rounding
-    whole = _Parts.of(function, every, np.zeros(count), np.ones(count), t)
+    whole = _Parts(every, np.zeros(count), np.ones(count), function(every, np.tile(t, (count, 1))))
     samples = function(every, np.tile(bernstein.SAMPLES, (count, 1)))
     size = max(float(np.abs(values).max()) for values in (samples, whole.values))
     to_halves, to_ends, to_samples = _interpolations(points)

@@ -78,10 +78,7 @@ def checked_bends(field: str, given: ArrayLike, count: int) -> FloatArray:
 
 
 def circle(centre: tuple[float, float], radius: float, edges: IntArray, vertices: FloatArray, field: str = "") -> Curve:
-    """The edges (k, 2) as arcs of a circle, on which their vertices lie: of each edge the shorter one.
-
-    `InputError` if a vertex is off the circle; fields of errors begin so.
-    """
+    """The edges (k, 2) as arcs of a circle, of each the shorter one; `InputError` if a vertex is off the circle."""
     middle, radius = np.array(point(f"{field}centre", centre)), positive_number(f"{field}radius", radius)
     pairs = np.unique(np.sort(edges, axis=1), axis=0)
     ends = vertices[np.unique(pairs)]

@@ -357,10 +357,7 @@ def _session(gmsh: Any) -> Iterator[None]:
 
 
 def _divided(gmsh: Any, shape: Polygons) -> MeshParts:
-    """See `meshed`.
-
-    gmsh has absolute tolerances, so the body is about one unit long there: a power of two changes no digit.
-    """
+    """See `meshed`; tolerances of gmsh are absolute: the body is about one unit long there, by a power of two."""
     occ, unit = gmsh.model.occ, 2.0 ** -round(np.log2(shape.length))
     outer = [_drawn(occ, polygon, unit) for polygon in shape.boundary]
     surfaces = [(2, occ.addPlaneSurface([occ.addCurveLoop(lines) for lines in outer]))]
