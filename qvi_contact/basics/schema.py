@@ -506,6 +506,13 @@ def check_keys(stated: Any) -> None:
             object.__setattr__(stated, name, getattr(stated, each.like))
 
 
+class Checked:
+    """Dataclasses whose fields are checked by their keys."""
+
+    def __post_init__(self) -> None:
+        check_keys(self)
+
+
 @_cached
 def described(kind: type) -> dict[str, str]:
     """What docstrings of a class, and of those above it, say of each of its parameters; nothing without docstrings."""

@@ -186,10 +186,7 @@ def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tu
 
 
 def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count: int) -> FloatArray:
-    """∫ b·v dx with b = −∇φ, as ∫ φ div v dx − ∮ φ v·n ds over every block: no derivative of φ is needed.
-
-    φ counts from its value at one point: a constant does no work.
-    """
+    """∫ b·v dx with b = −∇φ, as ∫ φ div v dx − ∮ φ v·n ds over every block; φ counts from its value at one point."""
     space, mesh, field = body.space, problem.mesh, problem.body_potential
     if not callable(field):
         return np.zeros(body.size)
@@ -301,8 +298,5 @@ def _pins(body: Elasticity, rigid: FloatArray, fixed: IntArray, interface: IntAr
 
 
 def _unheld(motions: FloatArray, closely: float) -> FloatArray:
-    """Combinations (k, j) of rigid motions that rest where these (m, k) are, which are of the size of one.
-
-    As `closely` as elements beside arcs can turn.
-    """
+    """Combinations (k, j) of rigid motions of size one that rest where these (m, k) are, beside arcs as `closely`."""
     return null_space(motions, max(_FREE * max(1.0, float(np.linalg.norm(motions))), closely))

@@ -52,38 +52,26 @@ class CompanionContact:
 
     A quantity at a coefficient is no value at a point: a displacement is the coefficient itself, a traction the mean
     weighted by B_i. Coefficients whose displacement supports prescribe carry no traction here; it is the support's.
-
-    Attributes
-    ----------
-    name : str
-        Name of the contact.
-    x, y : (n,) arrays
-        The coefficients' own points, i/p along each edge [length].
-    weights : (n,) array
-        ∫ B_i ds [length].
-    normal_stress, tangential_stress : (n,) arrays
-        Mean tractions [stress], signs as in `ContactLine`, the pressure of a fluid included.
-    friction_bound : (n,) array
-        Bound of |tangential_stress| [stress]; infinity if tied.
-    gap : (n,) array
-        g − v_N ≥ 0 [length].
-    slip : (n,) array
-        v_T − w [length].
-    senses : (n,) array
-        ±1, in which sense a tangential stress counts for the force, see `turning_senses`.
-
     """
 
     name: str
+    """Name of the contact."""
     x: FloatArray
     y: FloatArray
+    """The coefficients' own points, i/p along each edge [length], (n,) each."""
     weights: FloatArray
+    """∫ B_i ds [length], (n,)."""
     normal_stress: FloatArray
     tangential_stress: FloatArray
+    """Mean tractions [stress], signs as in `ContactLine`, the pressure of a fluid included, (n,) each."""
     friction_bound: FloatArray
+    """Bound of |tangential_stress| [stress]; infinity if tied, (n,)."""
     gap: FloatArray
+    """g − v_N ≥ 0 [length], (n,)."""
     slip: FloatArray
+    """v_T − w [length], (n,)."""
     senses: FloatArray
+    """±1, in which sense a tangential stress counts for the force, see `turning_senses`, (n,)."""
 
     @property
     def normal_force(self) -> float:
@@ -116,36 +104,25 @@ class CompanionResult(PicklesFields):
     """A displacement model solved, or not: check `status`.
 
     Without a state (loads that cannot be carried, failed back end) fields, energies and forces raise `InputError`.
-
-    Attributes
-    ----------
-    problem, scales, body
-        The problem, units of the dimensionless model, and the body in these.
-    status : Status
-        How the solve ended; ``status.advice`` says what to do.
-    certificate : Certificate
-        Residuals of the contact problem in its forces.
-    message : str
-        One sentence about the outcome.
-    state : CompanionState or None
-        The displacement; None where there is none.
-    reasons : tuple of str
-        Why the displacement or its energy is not admissible or exact; empty where J(v) is a guaranteed upper bound, for
-        data that are between `bernstein.SAMPLES` of every edge the polynomials that they are there.
-    solution : QVISolution or None
-        The algebraic answer.
-
     """
 
     problem: ContactProblem
     scales: Scales
     body: Elasticity
+    """The problem, units of the dimensionless model, and the body in these."""
     status: Status
+    """How the solve ended; ``status.advice`` says what to do."""
     certificate: Certificate
+    """Residuals of the contact problem in its forces."""
     message: str
+    """One sentence about the outcome."""
     state: CompanionState | None
+    """The displacement; None where there is none."""
     reasons: tuple[str, ...]
+    """Why the displacement or its energy is not admissible or exact; empty where J(v) is a guaranteed upper bound, for
+    data that are between `bernstein.SAMPLES` of every edge the polynomials that they are there."""
     solution: QVISolution | None
+    """The algebraic answer."""
 
     def __repr__(self) -> str:
         return f"<CompanionResult {self.message}>"
@@ -337,12 +314,6 @@ def solve_companion(
     InputError
         If the problem or an argument is wrong, or loads on a body that nothing holds are out of balance. A failure to
         solve does not raise: check `status`.
-
-    Notes
-    -----
-    ∫ s |v_T − w| is bounded from above by Σ |c_i − w_i| ∫ s B_i, in which s is bounded from above by the smaller of the
-    means of c and t_max. The laws hold for the coefficients' forces ∫ σ B_i, not for stresses at points. A body
-    potential is looked at in the points of two quadratures, see `CompanionResult.reasons` for other data.
 
     """
     cell = checked(problem, degree, tolerance)

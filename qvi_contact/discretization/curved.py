@@ -25,7 +25,7 @@ coefficients A of the reference functions' tractions, and of the identity.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 
@@ -34,13 +34,9 @@ from qvi_contact.element import legendre
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, compliance_roots
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.triangle import EDGES, AffineTriangles
-from qvi_contact.mesh.edges import angles, arc_offsets, arc_points, area_factors, barycentric_of, stretches, turned
+from qvi_contact.mesh.edges import angles, arc_offsets, beyond_chords, stretches, turned
 
 _ALONG_ARCS: Final = 8  # Gauss points beside the degree and the coefficients of bends
-
-Rule: TypeAlias = tuple[FloatArray, FloatArray]
-"""Points (q, 3) and weights (q,) of sum 1 on the reference triangle."""
-_MORE: Final = 6  # Gauss points along arcs beside the degree and the coefficients of bends
 
 
 def resultant_shapes(bend: FloatArray, t: FloatArray) -> FloatArray:
@@ -113,14 +109,16 @@ class CurvedTriangles:
     def _tractions(self, s: int, chosen: IntArray) -> tuple[FloatArray, FloatArray]:
         """N_2 …, Q_1 … on the arcs at side s of the reference functions (k, on_edge, dimension), and squared chords."""
         degree = self.element.traction_degree
-        t, _ = gauss_legendre(degree + _MORE + self.bends.shape[2])
+        t, _ = gauss_legendre(degree + _ALONG_ARCS + self.bends.shape[2])
         first, second = EDGES[s]
         corners, bends = self.triangles.corners[chosen], self.bends[chosen]
         chords = corners[:, second] - corners[:, first]
         lengths = np.hypot(*chords.T)
         tangent = turned((chords / lengths[:, None])[:, None], angles(bends[:, s], t))
         normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
-        at = barycentric_of(corners, bends, arc_points(s, t))
+        along = np.zeros((len(t), 3))
+        along[:, first], along[:, second] = 1.0 - t, t
+        at = beyond_chords(corners, bends, along)[0]
         hessians = self.triangles.hessian_maps[chosen][:, None] @ self.element.reference_functions(at, 2)
         a, b = np.moveaxis(tangent, -1, 0)  # factors of (Φ_xx, Φ_yy, Φ_xy) in derivatives along two vectors
         factors = (np.stack([a * c, b * d, a * d + b * c], axis=-1) for c, d in ((a, b), np.moveaxis(normal, -1, 0)))
@@ -129,7 +127,7 @@ class CurvedTriangles:
         found = np.concatenate([(project @ normal_part)[:, 2:], (project @ shear_part)[:, 1:]], axis=1)
         return found, np.square(lengths)[:, None, None]
 
-    def stress_rows(self, block: slice, compliances: FloatArray, rule: Rule) -> FloatArray:
+    def stress_rows(self, block: slice, compliances: FloatArray, rule: tuple[FloatArray, FloatArray]) -> FloatArray:
         """Rows S with SᵀS the energies ∫ c σ:τ of the functions up to the arcs, in k triangles, (k, 3 q, dimension)."""
         upper = compliance_roots(compliances).swapaxes(1, 2) @ self.triangles.stress_maps[block]
         roots = np.sqrt(self.areas(rule[0])[block] * rule[1])
@@ -144,10 +142,9 @@ class CurvedTriangles:
 
     def areas(self, points: FloatArray) -> FloatArray:
         """Areas (c, q), dimensionless, that weights of sum 1 at reference points (q, 3) are shares of."""
-        factors = area_factors(self.triangles.corners, self.bends, points)
-        return np.asarray(self.triangles.areas[:, None] * factors)
+        return self.triangles.areas[:, None] * beyond_chords(self.triangles.corners, self.bends, points)[1]
 
     def _hessians(self, block: slice | IntArray, points: FloatArray) -> FloatArray:
         """Of the reference functions, on the reference triangle, at reference points (q, 3); (k, q, 3, dimension)."""
-        at = barycentric_of(self.triangles.corners[block], self.bends[block], points)
+        at = beyond_chords(self.triangles.corners[block], self.bends[block], points)[0]
         return self.element.reference_functions(at, 2)

@@ -20,7 +20,7 @@ from qvi_contact.discretization.loads import (
     ContactRows,
     cell_stress,
     contact_rows,
-    displacement_load,
+    displacements_at_points,
     has_body_force,
     joined,
     laws_vary,
@@ -52,34 +52,21 @@ _UNRELIABLE = 1e-4  # relative error of the linear solve above which they are le
 
 @dataclass(frozen=True, eq=False)
 class Discretization(PicklesFields):
-    """A contact problem on the elements of its mesh, traction conditions and gauge eliminated.
-
-    Attributes
-    ----------
-    problem : ContactProblem
-        The problem.
-    scales : Scales
-        The units.
-    rule : EdgeRule
-        What the rows of contacts are.
-    root : Root
-        The energy of the body on the unknowns, with `stiffness` and `supports` that other problems may have too.
-    contacts : tuple of ContactRows
-        Which rows of the algebraic problem belong to which contact.
-    plates : PlateRows
-        Equality rows of plates driven by force.
-    qvi : FrictionQVI
-        The algebraic problem, dimensionless.
-
-    """
+    """A contact problem on the elements of its mesh, traction conditions and gauge eliminated."""
 
     problem: ContactProblem
     scales: Scales
+    """The units."""
     rule: EdgeRule
+    """What the rows of contacts are."""
     root: Root
+    """The energy of the body on the unknowns, with `stiffness` and `supports` that other problems may have too."""
     contacts: tuple[ContactRows, ...]
+    """Which rows of the algebraic problem belong to which contact."""
     plates: PlateRows
+    """Equality rows of plates driven by force."""
     qvi: FrictionQVI
+    """The algebraic problem, dimensionless."""
 
     @property
     def supports(self) -> Supports:
@@ -276,9 +263,9 @@ def _discretized(
     root = Root(stiffness, particular, body, 0.0 if springs is None else springs.constant)
     limited = [rows for rows in contacts if rows.law != "tied"]
     matrices = _contact_matrices(supports, rule, limited, plates, kept)
-    load = displacement_load(problem, space, scales)
-    for rows in contacts:
-        load = load + rows.work()
+    load = sum((rows.work() for rows in contacts), np.zeros(space.size))
+    for direction, points, values in displacements_at_points(problem, space):  # ∫_{Γ_u} U·τn ds
+        load += points.traction_load(direction, points.weights * values / scales.displacement)
     load = supports.basis.reduced(load)
     f, (n0, t0) = load, np.zeros((2, matrices.N.shape[0]))
     if root.body is not None or root.particular.any() or np.any(root.springs):

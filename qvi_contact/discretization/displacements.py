@@ -419,10 +419,9 @@ def supports(
     wanted = np.zeros(D.shape[:2])
     D[place], wanted[place] = direction[order], value[order]  # those of one coefficient in a row, zeros after them
     U, size, V = np.linalg.svd(D, full_matrices=False)
-    both, first = size[:, 1] > parallel, D[:, 0]
-    solved = np.einsum("kmi,km,ki,kij->kj", U, wanted, 1.0 / np.where(both[:, None], size, 1.0), V)
-    mean = (np.sign(np.einsum("kmi,ki->km", D, first)) * wanted).sum(axis=1) / count
-    found = np.where(both[:, None], solved, mean[:, None] * first)
+    both, first = size[:, 1] > parallel, D[:, 0]  # of one direction the pseudo-inverse makes the mean along it
+    inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > parallel)
+    found = np.einsum("kmi,km,ki,kij->kj", U, wanted, inverse, V)
     missed, jumps = np.abs(np.einsum("kmi,ki->km", D, found) - wanted).max(axis=1), list[str]()
     if missed.max(initial=0.0) > least * max(1.0, np.abs(value).max(initial=0.0)):
         worst = int(np.argmax(missed))
@@ -432,9 +431,9 @@ def supports(
             "[length]. There stresses grow on finer meshes, and the energy of the body, without end. Let them agree."
         )
     along, slanted = np.argmax(np.abs(first), axis=1), ~both & (np.abs(first).max(axis=1) < 1.0)
-    one = np.where(slanted, mean, np.take_along_axis(found, along[:, None], axis=1)[:, 0])
+    one = np.where(slanted, (found * first).sum(axis=1), np.take_along_axis(found, along[:, None], axis=1)[:, 0])
     fixed.append(((2 * known + np.where(slanted, 0, along))[~both], one[~both]))
-    fixed.append(((2 * known[both, None] + np.arange(2)).ravel(), solved[both].ravel()))
+    fixed.append(((2 * known[both, None] + np.arange(2)).ravel(), found[both].ravel()))
 
     frames = np.tile(np.eye(2), (space.size // 2, 1, 1))
     frames[known[slanted]] = np.stack([first, np.stack([-first[:, 1], first[:, 0]], axis=1)], axis=2)[slanted]

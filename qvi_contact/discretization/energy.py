@@ -65,14 +65,7 @@ class BodyLoad(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TriangleEnergy(PicklesFields):
-    """The energies of all triangles of a body, dimensionless.
-
-    Raises
-    ------
-    InputError
-        If a triangle is so long and thin that its energy is lost in rounding.
-
-    """
+    """The energies of a body's triangles, dimensionless; `InputError` if one is so thin that rounding takes its own."""
 
     space: StressSpace
     materials: IntArray  # (cells,): which of the compliances each cell has
@@ -236,11 +229,7 @@ class BodyStiffness(PicklesFields):
     def K(self) -> Any:  # noqa: N802  # letter of (D2)
         """Bᵀ 𝒦 B (n, n), with 𝒦 the matrix of ∫ cσ:τ over u; symmetric up to rounding, dense if small, else sparse.
 
-        Raises
-        ------
-        InputError
-            If rounding leaves a triangle no energy.
-
+        `InputError` if rounding leaves a triangle no energy.
         """
         space, roots, basis = self.energy.space, self.energy.roots, self.supports.basis
         rows, dofs, across = space.differences.expanded(roots), space.dofs, None
@@ -287,10 +276,7 @@ class BodyStiffness(PicklesFields):
 
 @dataclass(frozen=True, eq=False)
 class Root(PicklesFields):
-    """z ↦ r(z) = R z + r₀ with ½|r|² the strain energy: U w + U⁻ᵀs triangle by triangle, √(2 rest), then springs.
-
-    It is evaluated without the cancellation inside K.
-    """
+    """z ↦ r(z) = R z + r₀, ½|r|² the energy without K's cancellation: U w + U⁻ᵀs by triangles, √(2 rest), springs."""
 
     stiffness: BodyStiffness
     particular: FloatArray  # (N,): u₀

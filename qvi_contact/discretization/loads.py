@@ -143,14 +143,6 @@ def displacements_at_points(
             yield points.vectors(given.direction, given.turns), points, points.nearest(field)
 
 
-def displacement_load(problem: ContactProblem, space: StressSpace, scales: Scales) -> FloatArray:
-    """∫_{Γ_u} U·τn ds as a vector over all degrees of freedom, the first term on the right of (D1)."""
-    load = np.zeros(space.size)
-    for direction, points, values in displacements_at_points(problem, space):
-        load += points.traction_load(direction, points.weights * values / scales.displacement)
-    return load
-
-
 def cell_stress(problem: ContactProblem, space: StressSpace, scales: Scales) -> FloatArray | None:
     """φI − σ⁰ at the quadrature points of the cells (cells, g, 3), dimensionless; None without either of them."""
     loaded, strained = has_body_force(problem), is_strained(problem)
@@ -247,10 +239,7 @@ class ContactRows:
         return np.outer(self.points.lengths, self.rule.shares).ravel()
 
     def work(self) -> FloatArray:
-        """∫ g τ_N + w τ_T ds as a vector over all degrees of freedom, the last term of (D1); g within reach.
-
-        A tied contact has not slipped.
-        """
+        """∫ g τ_N + w τ_T ds as a vector over all degrees of freedom, the last term of (D1); g within reach."""
         space, weights, (across, along) = self.points.space, self.points.weights, self.motion
         w = self.offset + along if self.law == "tied" else self.offset + along + self.slip
         across = across + self.gap - self.beyond

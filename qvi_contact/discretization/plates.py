@@ -9,9 +9,6 @@ Aᵀ(ℓ a), and stationarity K z − f + … + Aᵀν = 0 has the multiplier in
 
 Wherever a force is given, its moment is taken off the third row and arms count from the contact's centre instead of the
 pivot, however far away that is; r is ℓ, or the arm that is left if a force is not given and the pivot is farther away.
-
-A pin is a plate whose gap is the distance from a disc around its pivot. Those that a user should look at are found here
-too: a centre where no pin can be, and a pin larger than its bore.
 """
 
 from __future__ import annotations
@@ -145,10 +142,7 @@ def plate_rows(
 
 
 def independent_rows(A: FloatArray, least: FloatArray) -> tuple[list[int], dict[int, FloatArray]]:
-    """Rows (r, n) that those before them do not determine, and the others as combinations of the kept ones before them.
-
-    A row is determined if no more is left of it than the length `least` (r,).
-    """
+    """Rows (r, n) of which those before leave more than a length `least` (r,), and the others as their combinations."""
     kept, combinations = list[int](), dict[int, FloatArray]()
     for index, row in enumerate(A):
         combination = np.linalg.lstsq(A[kept].T, row, rcond=None)[0] if kept else np.zeros(0)

@@ -34,7 +34,7 @@ from scipy import sparse
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.curved import CurvedTriangles, from_corners
 from qvi_contact.discretization.frames import Frames
-from qvi_contact.element import legendre
+from qvi_contact.element import bernstein, legendre
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, hsieh_clough_tocher
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.triangle import EDGES, AffineTriangles, quadrature, triangle_lattice
@@ -100,7 +100,7 @@ def edge_rule(law_on: LawOn, degree: int) -> EdgeRule:
     points, weights = gauss_legendre(count)
     if law_on == "points":
         return EdgeRule(law_on, points, weights, points, weights, np.eye(count), np.eye(count))
-    values = legendre.basis(count - 1, points) @ np.linalg.inv(legendre.to_bernstein(count - 1))
+    values = bernstein.basis(count - 1, points)
     places, shares = np.linspace(0.0, 1.0, count), np.full(count, 1.0 / count)
     return EdgeRule(law_on, points, weights, places, shares, values, np.asarray(np.linalg.inv(values)))
 
@@ -407,10 +407,7 @@ class StressSpace(PicklesFields):
         return np.asarray(hessians @ self.triangles.stress_maps[cells].swapaxes(1, 2))
 
     def jumps(self, u: FloatArray) -> FloatArray:
-        """By how much Φ of u (N,) and its slopes jump where each of the cuts begins, shape (k, 3).
-
-        The jumps of the slopes are the resultant force on the hole, turned.
-        """
+        """By how much Φ of u (N,) and its slopes, the hole's force turned, jump where each cut begins, shape (k, 3)."""
         return np.asarray((self.units * u)[self.frames.start :].reshape(-1, 3))
 
     def cell_measures(self, t: FloatArray, weights: FloatArray) -> FloatArray:

@@ -23,7 +23,7 @@ In `docs/theory.md`: (D2).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final, NamedTuple
 
@@ -255,16 +255,13 @@ class Basis:
 
     def expanded(self, z: FloatArray) -> FloatArray:
         """B z (N,)."""
-        return self._placed(z, self.factors @ z)
+        found = np.zeros(self.size)
+        found[self.kept], found[self.following] = z, self.factors @ z
+        return found
 
     def magnitudes(self, z: FloatArray) -> FloatArray:
         """|B| |z| (N,)."""
-        return self._placed(np.abs(z), abs(self.factors) @ np.abs(z))
-
-    def _placed(self, kept: FloatArray, following: FloatArray) -> FloatArray:
-        found = np.zeros(self.size)
-        found[self.kept], found[self.following] = kept, following
-        return found
+        return replace(self, factors=abs(self.factors)).expanded(np.abs(z))
 
     def reduced(self, functional: FloatArray) -> FloatArray:
         """A functional (N,) of u as one of z, (n,)."""

@@ -8,7 +8,7 @@ __all__ = ["hsieh_clough_tocher"]
 __getattr__ = front(
     __name__,
     {
-        "bernstein": ("absolute_integrals", "gauss_interpolation", "product_integrals"),
+        "bernstein": ("absolute_integrals", "product_integrals"),
         "hsieh_clough_tocher": ("compliance_roots",),
         "legendre": ("from_values", "gauss_legendre"),
         "quadrature": ("adapted", "constant"),

@@ -10,10 +10,9 @@ from functools import cache
 from math import comb
 
 import numpy as np
-from numpy.polynomial import Legendre
+from numpy.polynomial import Legendre, Polynomial
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.element import legendre
 from qvi_contact.element.legendre import gauss_legendre
 
 _END = 1e-6  # so far inside the ends a step on a grid line is not seen, a peak there is
@@ -66,20 +65,11 @@ def from_values(degree: int) -> FloatArray:
     return matrix
 
 
-def gauss_interpolation(count: int, t: FloatArray) -> FloatArray:
-    """Matrix (count, j): values at the `count` Gauss points to those at t (j,) of the polynomial through them."""
-    points, weights = gauss_legendre(count)
-    at_points, at_t = (legendre.basis(count - 1, part) for part in (points, t))
-    return np.asarray((weights[:, None] * at_points * (2.0 * np.arange(count) + 1.0)) @ at_t.T)
-
-
 @cache
 def product_integrals(first: int, second: int) -> FloatArray:
     """∫₀¹ B_i B_j dt of the degrees `first` and `second`, shape (first + 1, second + 1)."""
-    i, j = range(first + 1), range(second + 1)
-    total = first + second
-    table = [[comb(first, a) * comb(second, b) / (comb(total, a + b) * (total + 1)) for b in j] for a in i]
-    found = np.array(table)
+    t, w = gauss_legendre((first + second) // 2 + 1)
+    found = basis(first, t).T @ (w[:, None] * basis(second, t))
     found.flags.writeable = False
     return found
 
@@ -103,8 +93,6 @@ def _roots(coefficients: FloatArray) -> FloatArray:
     """Real roots inside (0, 1), ascending: those of Σ c_i C(p, i) rⁱ with r = t/(1 − t)."""
     p = len(coefficients) - 1
     powers = coefficients * np.array([comb(p, i) for i in range(p + 1)])
-    size = np.abs(powers).max()
-    significant = np.flatnonzero(np.abs(powers) > _LEADING * size)
-    found = np.roots(powers[: significant[-1] + 1][::-1])
+    found = Polynomial(powers).trim(_LEADING * np.abs(powers).max()).roots()
     real = found.real[(np.abs(found.imag) <= 1e-9 * (1.0 + np.abs(found.real))) & (found.real > 0.0)]
     return np.sort(real / (1.0 + real))

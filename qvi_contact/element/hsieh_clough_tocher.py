@@ -31,9 +31,6 @@ from qvi_contact.errors import InputError
 LOWEST, HIGHEST = 3, 12
 """Degrees that are offered; at the highest rounding leaves twelve digits."""
 
-#: Pairs of components of the Hessian (xx, yy, xy) whose products make up an energy.
-_PAIRS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-_OF_PAIRS: Final = np.array([3 * a + b for a, b in _PAIRS])
 _FIRST, _SECOND = np.transpose(EDGES)  # corners at the ends of each edge
 _FROBENIUS: Final = np.array([1.0, 1.0, 2.0])  # |∇∇Φ|² = Φ_xx² + Φ_yy² + 2 Φ_xy²
 _NEARLY: Final = 1e-4  # of c_11: a resistance to pressure below which Cholesky's root of an energy loses digits
@@ -65,21 +62,18 @@ class HsiehCloughTocher:
         self.interior = self.dimension - self.shared
         # the order in which functions are condensed, those of the first corner, an affine function, left out
         self.interior_first = np.concatenate([np.arange(self.shared, self.dimension), np.arange(3, self.shared)])
-        self._gradients, self._hessians = self._derivations()
+        # from coefficients of each part to those of the gradient (3, 2, …, count) and Hessian (3, 3, …, count)
+        gradients, hessians, centre = [], [], CORNERS.mean(axis=0)
+        for edge in EDGES:
+            slopes = np.linalg.inv(np.column_stack([np.vstack([CORNERS[list(edge)], centre]), np.ones(3)]))[:2].T
+            x, y = gradient(degree, slopes), gradient(degree - 1, slopes)  # slopes of the barycentric coordinates
+            gradients.append(x)
+            hessians.append([y[0] @ x[0], y[1] @ x[1], y[0] @ x[1]])
+        self._gradients, self._hessians = np.array(gradients), np.array(hessians)
         # Bernstein coefficients on the reference triangle (3, count, dimension), part by part: part s holds edge s and
         # has the corners of `EDGES[s]` and the barycentre
         self.coefficients = self._dual_basis(self._smooth_functions())
-
-    def _derivations(self) -> tuple[FloatArray, FloatArray]:
-        """From coefficients of each part to those of the gradient (3, 2, …, count) and Hessian (3, 3, …, count)."""
-        gradients, hessians, centre = [], [], CORNERS.mean(axis=0)
-        for edge in EDGES:
-            corners = np.vstack([CORNERS[list(edge)], centre])
-            slopes = np.linalg.inv(np.column_stack([corners, np.ones(3)]))[:2].T  # of the barycentric coordinates
-            x, y = gradient(self.degree, slopes), gradient(self.degree - 1, slopes)
-            gradients.append(x)
-            hessians.append([y[0] @ x[0], y[1] @ x[1], y[0] @ x[1]])
-        return np.array(gradients), np.array(hessians)
+        self._weighted_hessians = self._weighted(self.coefficients)
 
     def _smooth_functions(self) -> FloatArray:
         """An orthonormal basis of the C1 functions among the piecewise polynomials, shape (3, count, dimension)."""
@@ -123,11 +117,7 @@ class HsiehCloughTocher:
         """The functions: dual to the functionals with least energy, then energy-orthonormal ones without any."""
         flat = smooth.reshape(-1, self.dimension)
         functionals = self._functionals().reshape(self.shared, -1) @ flat
-        points, weights = quadrature(2 * self.degree - 4)
-        values = bernstein(self.degree - 2, points)
-        stresses = values @ (self._hessians @ smooth[:, None])  # (part, component, point, function)
-        stresses *= np.sqrt(_AREA / 3.0 * np.outer(_FROBENIUS, weights))[:, :, None]
-        stresses = stresses.reshape(-1, self.dimension)
+        stresses = (np.sqrt(_FROBENIUS)[:, None, None] * self._weighted(smooth)).reshape(-1, self.dimension)
         dual, null = np.linalg.pinv(functionals), np.linalg.svd(functionals)[2][self.shared :].T
         orthogonal, triangular = np.linalg.qr(stresses @ null)
         dual = dual - null @ np.linalg.solve(triangular, orthogonal.T @ (stresses @ dual))
@@ -143,50 +133,37 @@ class HsiehCloughTocher:
         functions = self.coefficients[:, None]
         return functions, self._gradients @ functions, self._hessians @ functions
 
-    @cached_property
-    def _weighted_hessians(self) -> FloatArray:
-        """(xx, yy, xy) at quadrature points of the reference triangle times √weight, shape (3, q, dimension)."""
+    def _weighted(self, functions: FloatArray) -> FloatArray:
+        """(xx, yy, xy) of functions at quadrature points of the reference triangle times √weight, (3, q, dimension)."""
         points, weights = quadrature(2 * self.degree - 4)
         values = bernstein(self.degree - 2, points) * np.sqrt(_AREA / 3.0 * weights)[:, None]
-        return np.asarray(np.moveaxis(values @ self.derivatives[2], 1, 0)).reshape(3, -1, self.dimension)
+        found = np.moveaxis(values @ (self._hessians @ functions[:, None]), 1, 0)
+        return np.asarray(found).reshape(3, -1, self.dimension)
 
     @cached_property
     def _energies(self) -> FloatArray:
-        """∫ (H_a ⊗ H_b + H_b ⊗ H_a)/(1 + δ_ab) of `interior_first` on the reference triangle for `_PAIRS`, (6, …)."""
+        """∫ H_a ⊗ H_b of `interior_first` on the reference triangle for all pairs of components, (9, …)."""
         hessians = self._weighted_hessians[:, :, self.interior_first]
-        products = [hessians[a].T @ hessians[b] for a, b in _PAIRS]
-        symmetric = [
-            product if a == b else product + product.T for product, (a, b) in zip(products, _PAIRS, strict=True)
-        ]
-        return np.stack(symmetric).reshape(len(_PAIRS), -1)
-
-    def energies(self, triangles: AffineTriangles, compliances: FloatArray) -> FloatArray:
-        """∫ c σ:τ of the reference functions `interior_first` on n triangles, exactly, (n, …, …), with c (n, 3, 3)."""
-        maps, count = triangles.stress_maps, len(self.interior_first)
-        weights = triangles.scales[:, None, None] * (maps.swapaxes(1, 2) @ compliances @ maps)
-        own = weights.reshape(-1, 9).take(_OF_PAIRS, axis=1)
-        return np.asarray(own @ self._energies).reshape(-1, count, count)
-
-    def energy_rows(self, triangles: AffineTriangles, compliances: FloatArray) -> FloatArray:
-        """Rows S (n, 3 q, dimension), SᵀS = `energies`, stresses at q points: what small energies are not lost in."""
-        upper = compliance_roots(compliances).swapaxes(1, 2) * np.sqrt(triangles.scales)[:, None, None]
-        rows = np.einsum("nab,bqd->naqd", upper @ triangles.stress_maps, self._weighted_hessians)
-        return np.asarray(rows).reshape(len(triangles), -1, self.dimension)
+        return np.asarray(hessians[:, None].swapaxes(2, 3) @ hessians).reshape(9, -1)
 
     def roots(self, triangles: AffineTriangles, compliances: FloatArray) -> FloatArray:
-        """R (n, …) upper triangular, RᵀR the energies of `interior_first`.
+        """R (n, …) upper triangular, RᵀR = ∫ c σ:τ of the reference functions `interior_first`, with c (n, 3, 3).
 
         By Cholesky; by QR of stresses where small energies would be lost: in triangles that are long and thin, and in
         those that hardly resist pressure, or not at all.
         """
         in_plane = compliances[:, :2, :2].sum(axis=(1, 2))  # what pressure does, beside what shear does
         soft = in_plane < _NEARLY * (compliances[:, 0, 0] + compliances[:, 1, 1])
-        small, order = (triangles.elongations > _LONG) | soft, self.interior_first
+        small, maps, order = (triangles.elongations > _LONG) | soft, triangles.stress_maps, self.interior_first
         if not small.any():
-            return np.asarray(np.linalg.cholesky(self.energies(triangles, compliances)).swapaxes(1, 2))
+            weights = triangles.scales[:, None, None] * (maps.swapaxes(1, 2) @ compliances @ maps)
+            energies = weights.reshape(-1, 9) @ self._energies
+            return np.asarray(np.linalg.cholesky(energies.reshape(-1, len(order), len(order))).swapaxes(1, 2))
         R = np.empty((len(triangles), len(order), len(order)))
         R[~small] = self.roots(triangles.take(~small), compliances[~small])
-        R[small] = np.linalg.qr(self.energy_rows(triangles.take(small), compliances[small])[:, :, order], mode="r")
+        upper = compliance_roots(compliances).swapaxes(1, 2) * np.sqrt(triangles.scales)[:, None, None]
+        rows = np.einsum("nab,bqd->naqd", (upper @ maps)[small], self._weighted_hessians[:, :, order])
+        R[small] = np.linalg.qr(rows.reshape(len(rows), -1, len(order)), mode="r")
         return R
 
     def transformations(self, triangles: AffineTriangles) -> FloatArray:
@@ -195,34 +172,24 @@ class HsiehCloughTocher:
         Φ_ξ = Jᵀ ∇Φ in corners. On an edge Φ_ee = h² Φ_tt and Φ_em = h (α Φ_tn + β Φ_tt) with the median's vector
         m = α n + β t, where the coefficient N₁ of Φ_tt follows from the corners.
         """
-        n, a, b = len(triangles), triangles.corners.take(_FIRST, axis=1), triangles.corners.take(_SECOND, axis=1)
-        h = np.sqrt(np.square(b - a).sum(axis=2))
-        t, median = (b - a) / h[..., None], triangles.corners - (a + b) / 2.0
-        alpha = t[..., 0] * median[..., 1] - t[..., 1] * median[..., 0]
-        beta = (median * t).sum(axis=2)
-        slopes, bent = triangles.jacobians.swapaxes(1, 2).reshape(n, 4), (3.0 * beta[..., None] * t).reshape(n, 6)
-        corners = 6.0 * beta / h
-        parts = [np.ones((n, 1)), slopes, np.square(h), alpha * h, beta * h, corners, -corners, bent]
-        row, column, number = self._pattern
-        B = np.zeros((n, self.shared, self.shared))
-        B[:, row, column] = np.concatenate(parts, axis=1).take(number, axis=1)
+        a, b = triangles.corners.take(_FIRST, axis=1), triangles.corners.take(_SECOND, axis=1)
+        h = np.sqrt(np.square(b - a).sum(axis=2, keepdims=True))
+        t, median = (b - a) / h, triangles.corners - (a + b) / 2.0
+        alpha = t[..., :1] * median[..., 1:] - t[..., 1:] * median[..., :1]
+        beta = (median * t).sum(axis=2, keepdims=True)
+        B = np.zeros((len(triangles), self.shared, self.shared))
+        corner = 3 * np.arange(3)[:, None]
+        slopes, ends = corner + np.array([1, 2]), 3 * np.array(EDGES)
+        N = 9 + self.on_edge * np.arange(3)[:, None] + np.arange(self.degree - 3)  # edges have the numbers of corners
+        Q = 6 + self.degree + self.on_edge * np.arange(3)[:, None] + np.arange(self.degree - 2)
+        B[:, corner, corner], B[:, slopes[:, :, None], slopes[:, None]] = (
+            1.0,
+            triangles.jacobians.swapaxes(1, 2)[:, None],
+        )
+        B[:, N, N], B[:, Q, Q], B[:, Q[:, 1:], N] = np.square(h), alpha * h, beta * h
+        B[:, Q[:, :1], ends] = beta / h * [6.0, -6.0]
+        B[:, Q[:, :1, None], ends[..., None] + np.array([1, 2])] = (3.0 * beta * t)[:, :, None]
         return B
-
-    @cached_property
-    def _pattern(self) -> tuple[IntArray, IntArray, IntArray]:
-        """Row and column of each entry of `transformations` that is not zero, and which of its 26 numbers it is."""
-        found = list[tuple[int, int, int]]()
-        for v in range(3):
-            at = 3 * v
-            found += [(at, at, 0), *((at + 1 + i, at + 1 + j, 1 + 2 * i + j) for i in (0, 1) for j in (0, 1))]
-            N = range(9 + self.on_edge * v, 6 + self.degree + self.on_edge * v)  # edges have the numbers of corners
-            Q = range(N.stop, N.start + self.on_edge)
-            found += [*((k, k, 5 + v) for k in N), *((k, k, 8 + v) for k in Q)]
-            found += [(q, k, 11 + v) for q, k in zip(Q[1:], N, strict=True)]
-            for end, first in zip(EDGES[v], (14, 17), strict=True):
-                found += [(Q[0], 3 * end, first + v), *((Q[0], 3 * end + 1 + i, 20 + 2 * v + i) for i in (0, 1))]
-        row, column, number = np.array(found).T
-        return row, column, number
 
     def reference_functions(self, barycentric: FloatArray, order: int) -> FloatArray:
         """Values (1), gradients (2) or Hessians (3 components xx, yy, xy) on the reference triangle, by order 0, 1, 2.
@@ -255,16 +222,10 @@ def _corner(degree: int, corner: int) -> int:
 
 
 def compliance_roots(compliances: FloatArray) -> FloatArray:
-    """L lower triangular with L Lᵀ = c, for c (n, 3, 3) positive semi-definite with c_11, c_33 > 0.
-
-    Where a pivot is zero, up to rounding, so is its column: a constant pressure has no energy in an incompressible
-    body.
-    """
-    c, roots = compliances, np.zeros_like(compliances)
-    roots[:, 0, 0] = np.sqrt(c[:, 0, 0])
-    roots[:, 1:, 0] = c[:, 1:, 0] / roots[:, :1, 0]
-    roots[:, 1, 1] = np.sqrt(np.maximum(c[:, 1, 1] - roots[:, 1, 0] ** 2, 0.0))
-    rest = c[:, 2, 1] - roots[:, 2, 0] * roots[:, 1, 0]
-    roots[:, 2, 1] = np.divide(rest, roots[:, 1, 1], out=np.zeros_like(rest), where=roots[:, 1, 1] > 0.0)
-    roots[:, 2, 2] = np.sqrt(np.maximum(c[:, 2, 2] - roots[:, 2, 0] ** 2 - roots[:, 2, 1] ** 2, 0.0))
+    """L lower triangular with L Lᵀ = c (n, 3, 3), positive semi-definite: where a pivot is zero so is its column."""
+    roots = np.zeros_like(compliances)
+    for j in range(3):
+        left = compliances[:, j:, j] - (roots[:, j:, :j] @ roots[:, j, :j, None])[..., 0]
+        pivot = np.sqrt(np.maximum(left[:, :1], 0.0))
+        roots[:, j:, j] = np.divide(left, pivot, out=np.zeros_like(left), where=pivot > 0.0)
     return roots

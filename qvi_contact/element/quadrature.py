@@ -53,10 +53,7 @@ class EdgeQuadrature:
         return cls(starts[-1], edge, t, weights, values, sum(part.error for part in given))
 
     def coefficients(self, degree: int) -> FloatArray:
-        """Coefficients of Legendre on every edge (n, degree + 1) of the projection in the mean square.
-
-        Mean and first moment of the function are kept from degree 1 on.
-        """
+        """Coefficients of Legendre on every edge (n, degree + 1) of the projection in the mean square."""
         return self.integrals(legendre.basis(degree, self.t)) * (2.0 * np.arange(degree + 1) + 1.0)
 
     def misfit(self, coefficients: FloatArray) -> float:
@@ -90,10 +87,6 @@ class _Parts(NamedTuple):
     long: FloatArray
     values: FloatArray
 
-    @classmethod
-    def of(cls, function: Function, edge: IntArray, start: FloatArray, long: FloatArray, t: FloatArray) -> "_Parts":
-        return cls(edge, start, long, function(edge, start[:, None] + long[:, None] * t))
-
     def places(self, t: FloatArray) -> FloatArray:
         """Points t (q,) of the parts as places on their edges, (k, q)."""
         return np.asarray(self.start[:, None] + self.long[:, None] * t)
@@ -107,9 +100,9 @@ class _Parts(NamedTuple):
         return np.asarray(_POLYNOMIAL * size + _MOVED * rounding[self.edge] * slopes)
 
     def halves(self, function: Function, t: FloatArray) -> "_Parts":
-        half = self.long / 2.0
-        starts = np.stack([self.start, self.start + half], axis=1).ravel()
-        return _Parts.of(function, np.repeat(self.edge, 2), starts, np.repeat(half, 2), t)
+        edge, long = np.repeat(self.edge, 2), np.repeat(self.long / 2.0, 2)
+        start = np.stack([self.start, self.start + self.long / 2.0], axis=1).ravel()
+        return _Parts(edge, start, long, function(edge, start[:, None] + long[:, None] * t))
 
     def missed(self, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Sum and maximum of |p − f| (k,) over the samples f (edges, 99) that lie on each part, p its polynomial."""
@@ -134,9 +127,9 @@ def constant(value: float, count: int, points: int = 8) -> EdgeQuadrature:
 @cache
 def _interpolations(points: int) -> tuple[FloatArray, ...]:
     """From so many points of a part to those of its halves, just inside its ends, and to the samples of an edge."""
-    t = gauss_legendre(points)[0]
+    t, project = gauss_legendre(points)[0], legendre.from_values(points - 1, points)
     halfway = np.concatenate([t / 2.0, (1.0 + t) / 2.0])
-    found = tuple(bernstein.gauss_interpolation(points, places) for places in (halfway, _ENDS, bernstein.SAMPLES))
+    found = tuple((legendre.basis(points - 1, at) @ project).T for at in (halfway, _ENDS, bernstein.SAMPLES))
     read_only(*found)
     return found
 
@@ -151,7 +144,7 @@ def adapted(function: Function, count: int, points: int = 8, rounding: FloatArra
         return constant(0.0, 0, points)
     every, (t, w) = np.arange(count), gauss_legendre(points)
     rounding = np.zeros(count) if rounding is None else rounding
-    whole = _Parts.of(function, every, np.zeros(count), np.ones(count), t)
+    whole = _Parts(every, np.zeros(count), np.ones(count), function(every, np.tile(t, (count, 1))))
     samples = function(every, np.tile(bernstein.SAMPLES, (count, 1)))
     size = max(float(np.abs(values).max()) for values in (samples, whole.values))
     to_halves, to_ends, to_samples = _interpolations(points)

@@ -22,7 +22,6 @@ CORNERS: Final[FloatArray] = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(0.7
 """Corners of the reference triangle: equilateral, so that no corner and no direction is preferred."""
 CORNERS.flags.writeable = False
 _TO_UNIT: Final[FloatArray] = np.linalg.inv(CORNERS[1:] - CORNERS[0])  # from its edges to (1, 0) and (0, 1)
-_TWICE: Final[FloatArray] = np.array([1.0, 1.0, 2.0, 1.0, 1.0, 2.0, 1.0, 1.0, 1.0])  # of products of slopes
 _SIGNS: Final[FloatArray] = np.array([[1.0], [1.0], [-1.0]])  # of stresses in second derivatives
 
 EDGES: Final = ((1, 2), (0, 2), (0, 1))
@@ -69,10 +68,7 @@ def gradient(degree: int, slopes: FloatArray) -> FloatArray:
 
 @cache
 def quadrature(degree: int) -> tuple[FloatArray, FloatArray]:
-    """Points λ (n, 3) and weights (n,) of sum 1, exact for polynomials of the degree: Gauss-Jacobi, collapsed.
-
-    Points towards the corner, where the weight vanishes, are eigenvalues (Golub and Welsch, 1969).
-    """
+    """Points λ (n, 3) and weights (n,) of sum 1, exact up to the degree: Gauss-Jacobi (Golub and Welsch, 1969)."""
     count = degree // 2 + 1
     along, weights_along = leggauss(count)
     k = np.arange(1.0, count + 1.0)
@@ -140,14 +136,11 @@ class AffineTriangles:
     @cached_property
     def hessian_maps(self) -> FloatArray:
         """From (Φ_ξξ, Φ_ηη, Φ_ξη) to (Φ_xx, Φ_yy, Φ_xy), shape (n, 3, 3)."""
-        J = self.jacobians.reshape(-1, 4)
-        adjugate = J.take([3, 1, 2, 0], axis=1) * [1.0, -1.0, -1.0, 1.0]
-        inverse = adjugate / (J[:, :1] * J[:, 3:] - J[:, 1:2] * J[:, 2:3])  # (a, b), (c, d)
-        # a² c² 2ac, b² d² 2bd, ab cd ad + bc
-        found = inverse.take([0, 2, 0, 1, 3, 1, 0, 2, 0], axis=1) * _TWICE
-        found *= inverse.take([0, 2, 2, 1, 3, 3, 1, 3, 3], axis=1)
-        found[:, 8] += inverse[:, 1] * inverse[:, 2]
-        return np.asarray(found.reshape(-1, 3, 3))
+        J = self.jacobians
+        det = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
+        a, b, c, d = J[:, 1, 1] / det, -J[:, 0, 1] / det, -J[:, 1, 0] / det, J[:, 0, 0] / det  # ∂ξ/∂x, by rows
+        found = np.array([[a * a, c * c, 2.0 * a * c], [b * b, d * d, 2.0 * b * d], [a * b, c * d, a * d + b * c]])
+        return np.ascontiguousarray(found.transpose(2, 0, 1))
 
     @cached_property
     def stress_maps(self) -> FloatArray:

@@ -290,10 +290,10 @@ class ArcTable:
         if self.bends is not None:
             edges = np.array(self.edges, dtype=np.int64).reshape(-1, 2)
             curve = Curve(edges, checked_bends("bends", self.bends, len(edges)))
-            return curve.checked("", mesh.vertices, mesh.topology)
+            return curve.checked("", mesh.topology)
         if self.name is not None:
             return self.curve(mesh.pairs(self.name), mesh.vertices)
-        chosen = checked_set("edges", self.edges or [], mesh.topology, mesh.vertices)
+        chosen = checked_set("edges", self.edges or [], mesh.topology)
         return self.curve(mesh.topology.ends[chosen], mesh.vertices)
 
     def curve(self, pairs: IntArray, vertices: FloatArray) -> Curve:

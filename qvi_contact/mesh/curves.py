@@ -21,12 +21,11 @@ from qvi_contact.mesh.edges import (
     Topology,
     angles,
     arc_offsets,
+    beyond_chords,
     cross,
     levelled,
-    part_of,
     polynomials,
     reversed_bends,
-    stretches,
     turned,
 )
 from qvi_contact.mesh.selection import checked_set, point
@@ -49,36 +48,19 @@ class Curve:
     """How each bends from its first vertex to the second one: coefficients of Legendre, along its length, of the angle
     from its chord to its tangent, counterclockwise [rad]. See `mesh.edges`. Shape (k, n)."""
 
-    def middles(self, pairs: IntArray, vertices: FloatArray) -> FloatArray:
-        """The points in the middle of edges (n, 2) of the curve, shape (n, 2)."""
-        first, second = (vertices[end] for end in pairs.T)
-        own = self.coefficients[self._places(pairs)]
-        return np.asarray(first + arc_offsets(second - first, own, np.array([0.5]))[:, 0])
-
-    def parts(self, pairs: IntArray, whole: IntArray, shares: FloatArray) -> "Curve":
-        """The same by parts (n, 2) of edges (n, 2) of the curve, between shares (n, 2) of their lengths."""
-        own, back = self.coefficients[self._places(whole)], shares[:, :1] > shares[:, 1:]
-        found = np.where(np.ptp(shares, axis=1, keepdims=True) < 1.0, part_of(own, *np.sort(shares, axis=1).T), own)
-        return Curve(pairs, np.where(back, reversed_bends(found), found))
-
-    def checked(self, name: str, vertices: FloatArray, topology: Topology) -> "Curve":
+    def checked(self, name: str, topology: Topology) -> "Curve":
         """The same, with edges in the order of the topology, from the lower number to the higher one.
 
         `InputError` if edges are no edges of the mesh, or given twice, or bends are not one row of angles for each; its
         field begins with the name if there is one.
         """
-        chosen, given = checked_set(name or "edges", self.edges, topology, vertices), np.asarray(self.edges)
+        chosen, given = checked_set(name or "edges", self.edges, topology), np.asarray(self.edges)
         bends = checked_bends(f"{name}.bends" if name else "bends", self.coefficients, len(given))
         if len(chosen) != len(bends):
             raise InputError(name or "edges", len(bends), "an edge is given twice: give each once")
         back = given[:, 0] > given[:, 1]
         bends = np.where(back[:, None], reversed_bends(bends), bends)
         return Curve(topology.ends[chosen], bends[np.argsort(topology.number(given))])
-
-    def _places(self, pairs: IntArray) -> IntArray:
-        """Which of the edges these (n, 2) are; edges are in ascending order."""
-        base = np.array([int(self.edges.max()) + 1, 1])
-        return np.asarray(np.searchsorted(self.edges @ base, pairs @ base), dtype=np.int64)
 
 
 def checked_bends(field: str, given: ArrayLike, count: int) -> FloatArray:
@@ -96,10 +78,7 @@ def checked_bends(field: str, given: ArrayLike, count: int) -> FloatArray:
 
 
 def circle(centre: tuple[float, float], radius: float, edges: IntArray, vertices: FloatArray, field: str = "") -> Curve:
-    """The edges (k, 2) as arcs of a circle, on which their vertices lie: of each edge the shorter one.
-
-    `InputError` if a vertex is off the circle; fields of errors begin so.
-    """
+    """The edges (k, 2) as arcs of a circle, of each the shorter one; `InputError` if a vertex is off the circle."""
     middle, radius = np.array(point(f"{field}centre", centre)), positive_number(f"{field}radius", radius)
     pairs = np.unique(np.sort(edges, axis=1), axis=0)
     ends = vertices[np.unique(pairs)]
@@ -128,7 +107,7 @@ _LEAST_TERMS: Final = 2  # of bends: those of circles
 _WIDEST: Final = np.pi / 2.0 * (1.0 + 1e-12)  # angle that one edge may turn by
 _HIGHEST: Final = 1.5  # height of an arc over the distance of its chord from the triangle's barycentre, outwards
 _LEAST: Final = 0.01  # share of the area between an arc's end and the barycentre that bending has to leave
-_PLACES: Final = np.linspace(0.0, 1.0, 33)  # where heights, areas and angles are looked at
+_PLACES: Final = np.linspace(1e-9, 1.0 - 1e-9, 33)  # where heights, areas and angles are looked at
 
 
 def bends_of(arcs: Sequence[Curve], topology: Topology) -> FloatArray:
@@ -168,15 +147,10 @@ def bent_too_far(bends: FloatArray, vertices: FloatArray, cells: IntArray, topol
     sides = bends[topology.of_cells]
     bent = np.asarray(sides.any(axis=2))
     for s, (a, b) in enumerate(EDGES):
-        cell = np.flatnonzero(bent[:, s])
-        bend, centre = sides[cell, s], vertices[cells[cell]].mean(axis=1)
-        first, second = vertices[cells[cell, a]] - centre, vertices[cells[cell, b]] - centre
-        chord, straight = (second - first)[:, None], cross(first, second)[:, None]
-        offsets = arc_offsets(second - first, bend, _PLACES)
-        slope = stretches(bend)[:, None, None] * turned(chord, angles(bend, _PLACES))
-        outwards = cross(offsets, chord) / straight
-        areas = cross(first[:, None] + offsets, slope) / straight
-        bent[cell, s] = (outwards.max(axis=1) > _HIGHEST) | (areas.min(axis=1) < _LEAST)
+        cell, along = np.flatnonzero(bent[:, s]), np.zeros((len(_PLACES), 3))
+        along[:, a], along[:, b] = 1.0 - _PLACES, _PLACES
+        places, areas = beyond_chords(vertices[cells[cell]], sides[cell], along)
+        bent[cell, s] = (places[:, :, s].min(axis=1) < -_HIGHEST / 3.0) | (areas.min(axis=1) < _LEAST)
     return bent
 
 

@@ -1,12 +1,11 @@
 """What a mesh of triangles must be, and triangles cut into smaller ones, with the names of edges and regions.
 
-Checks name the place of the first fault. Triangles are bisected, in fans, or where bodies are joined: bodies meshed
-apart that touch along straight lines, or arcs that both declare, are joined by putting nodes of either into the other.
-So both sides have the same nodes and edges afterwards, and everything on the line is as exact as on one mesh.
+Checks name the place of the first fault. Bodies that touch are joined by putting nodes of either into the other: both
+sides have the same nodes and edges afterwards, and everything on the line is as exact as on one mesh.
 """
 
 from collections.abc import Sequence
-from typing import Final, NoReturn
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +14,16 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_
 from qvi_contact.basics.schema import LARGEST
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import ROUNDING, Curve, MeshParts, bends_of, bent_too_far
-from qvi_contact.mesh.edges import Topology, angles, arc_offsets, chains, cross, finest_at
+from qvi_contact.mesh.edges import (
+    Topology,
+    angles,
+    arc_offsets,
+    chains,
+    cross,
+    finest_at,
+    part_of,
+    reversed_bends,
+)
 from qvi_contact.mesh.selection import known_edges, new_name, numbers_of
 from solvers.basics.linked import linked
 
@@ -89,7 +97,19 @@ def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> N
     _refuse(pinched, all_vertices, alone, vertices)
     piece = pieces(topology, len(cells))
     if piece.any():
-        _refuse_pieces(vertices, cells, piece)
+        from scipy.spatial import cKDTree  # slow to import, and few meshes need it
+
+        apart, others = (vertices[np.unique(cells[chosen])] for chosen in (piece == 1, piece != 1))
+        distances, nearest = map(np.asarray, cKDTree(others).query(apart))
+        at = int(np.argmin(distances))
+        x, y = (apart[at] + others[nearest[at]]) / 2.0
+        remedy = (
+            f"the body consists of this many pieces; the nearest vertices of two are {distances[at]:.3g} apart around "
+            f"({x:.6g}, {y:.6g}): give one piece. Bodies that touch across a space are meshed without it, with common "
+            "nodes along a joint whose Contact has that gap; nodes of one body are merged with a larger tolerance "
+            "(Geometry.Tolerance in Gmsh)"
+        )
+        raise InputError("TriangleMesh", int(piece.max()) + 1, remedy)
 
 
 def _refuse(wrong: BoolArray, given: IntArray, remedy: str, places: FloatArray) -> None:
@@ -98,22 +118,6 @@ def _refuse(wrong: BoolArray, given: IntArray, remedy: str, places: FloatArray) 
         number = int(np.argmax(wrong))
         x, y = places[number]
         raise InputError("TriangleMesh", given[number].tolist(), remedy.format(f"({x:.6g}, {y:.6g})"))
-
-
-def _refuse_pieces(vertices: FloatArray, cells: IntArray, piece: IntArray) -> NoReturn:
-    from scipy.spatial import cKDTree  # slow to import, and few meshes need it
-
-    apart, others = (vertices[np.unique(cells[chosen])] for chosen in (piece == 1, piece != 1))
-    distances, nearest = map(np.asarray, cKDTree(others).query(apart))
-    at = int(np.argmin(distances))
-    x, y = (apart[at] + others[nearest[at]]) / 2.0
-    remedy = (
-        f"the body consists of this many pieces; the nearest vertices of two are {distances[at]:.3g} apart around "
-        f"({x:.6g}, {y:.6g}): give one piece. Bodies that touch across a space are meshed without it, with common "
-        "nodes along a joint whose Contact has that gap; nodes of one body are merged with a larger tolerance "
-        "(Geometry.Tolerance in Gmsh)"
-    )
-    raise InputError("TriangleMesh", int(piece.max()) + 1, remedy)
 
 
 def pieces(topology: Topology, count: int) -> IntArray:
@@ -194,11 +198,7 @@ _ROUNDING: Final = 1e-9  # of angles, as a share
 
 
 def bisected(mesh: MeshParts, marked: ArrayLike | None = None) -> MeshParts:
-    """The mesh with marked triangles refined, and others as far as needed; without marks each is divided into four.
-
-    Old vertices keep their numbers, new ones are midpoints of old edges, those on arcs of the arcs. A triangle that
-    became too flat for its arc is divided further, arcs are half as long then.
-    """
+    """See `TriangleMesh.refined`: old vertices keep their numbers, new ones are middles of old edges and arcs."""
     count = len(mesh.cells)
     if marked is None:
         return divided_at_arcs(_bisected(mesh, np.arange(count)))
@@ -325,23 +325,23 @@ def _halved(mesh: MeshParts, topology: Topology, number: IntArray) -> MeshParts:
     shares = np.repeat([(0.0, 1.0), (0.0, 0.5), (1.0, 0.5)], [len(rest), len(number), len(number)], axis=0)
     whole = np.concatenate([rest, number, number])
     edge_sets = {name: ends[np.isin(whole, topology.number(pairs))] for name, pairs in mesh.edge_sets.items()}
-    for arc in mesh.arcs:
-        own = np.isin(number, topology.number(arc.edges))
-        vertices[new[own]] = arc.middles(topology.ends[number[own]], mesh.vertices)
+    bends = bends_of(mesh.arcs, topology)[number]
+    own = bends.any(axis=1)
+    first, second = mesh.vertices[topology.ends[number[own]]].swapaxes(0, 1)
+    vertices[new[own]] = first + arc_offsets(second - first, bends[own], np.array([0.5]))[:, 0]
     return MeshParts(vertices, fine, edge_sets, regions, _arcs(mesh, topology, whole, ends, shares))
 
 
 def _arcs(mesh: MeshParts, topology: Topology, whole: IntArray, ends: IntArray, shares: FloatArray) -> list[Curve]:
     """The mesh's arcs by parts of its edges (k,) with ends (k, 2) at shares (k, 2) of their lengths; each part once."""
-    keys, taken, found = ends @ [int(ends.max()) + 1, 1], np.empty(0, dtype=np.int64), list[Curve]()
-    for arc in mesh.arcs:
-        own = np.flatnonzero(np.isin(whole, topology.number(arc.edges)))
-        own = own[~np.isin(keys[own], taken)]
-        own = own[np.unique(keys[own], return_index=True)[1]]
-        taken = np.append(taken, keys[own])
-        if len(own):
-            found.append(arc.parts(ends[own], topology.ends[whole[own]], shares[own]))
-    return found
+    bends = bends_of(mesh.arcs, topology)[whole]
+    own = np.flatnonzero(bends.any(axis=1))
+    own = own[np.unique(ends[own], axis=0, return_index=True)[1]]
+    if not len(own):
+        return []
+    start, stop = np.sort(shares[own], axis=1).T
+    found = np.where((stop - start < 1.0)[:, None], part_of(bends[own], start, stop), bends[own])
+    return [Curve(ends[own], np.where(shares[own, :1] > shares[own, 1:], reversed_bends(found), found))]
 
 
 def stacked(meshes: Sequence[MeshParts]) -> MeshParts:
@@ -362,11 +362,7 @@ def stacked(meshes: Sequence[MeshParts]) -> MeshParts:
 
 
 def joined(mesh: MeshParts, name: str) -> MeshParts:
-    """The pieces of a mesh with common nodes where they touch, the edges there being the joint of that name.
-
-    A named part of the boundary loses the edges that are in the joint, unless all of it is. `InputError` if the name is
-    taken, or no pieces touch along straight lines or declared arcs.
-    """
+    """See `TriangleMesh.joined`; `InputError` if the name is taken, or no pieces touch along lines or declared arcs."""
     if name in mesh.edge_sets:
         raise InputError("join", name, "this edge set exists already: choose another name")
     new_name(name)

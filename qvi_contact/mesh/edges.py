@@ -53,17 +53,12 @@ class Topology:
     def of(cls, cells: IntArray, vertices: int) -> "Topology":
         """Edges of triangles (m, 3), whose corners are in ascending order, among so many vertices."""
         pairs = cells[:, EDGES].reshape(-1, 2)
-        keys = pairs[:, 0] * vertices + pairs[:, 1]
-        order = np.argsort(keys, kind="stable")
-        ordered, begins = keys[order], np.ones(len(keys), dtype=bool)  # where the next edge begins
-        begins[1:] = ordered[1:] != ordered[:-1]
-        start, number = begins.nonzero()[0], begins.cumsum() - 1
-        count, index = np.bincount(number), np.empty_like(order)
-        index[order] = number
-        beside, shared = np.full((len(start), 2), -1), count > 1
-        first = order[start]
-        beside[:, 0], beside[shared, 1] = first // 3, order[start[shared] + 1] // 3
-        return cls(pairs[first], index.reshape(-1, 3), beside, count, keys[first], vertices)
+        of_pairs = pairs[:, 0] * vertices + pairs[:, 1]
+        keys, first, index, count = np.unique(of_pairs, return_index=True, return_inverse=True, return_counts=True)
+        last = np.empty_like(first)
+        last[index] = np.arange(len(pairs))
+        beside = np.column_stack([first // 3, np.where(count > 1, last // 3, -1)])
+        return cls(pairs[first], index.reshape(-1, 3), beside, count, keys, vertices)
 
     @cached_property
     def boundary(self) -> BoolArray:
@@ -142,10 +137,7 @@ def stretches(bend: FloatArray) -> FloatArray:
 
 
 def arc_offsets(chords: FloatArray, bend: FloatArray, t: FloatArray) -> FloatArray:
-    """From the first ends of edges with chords (n, 2) and bends (n, k) to their points, shape (n, q, 2).
-
-    Points are at shares t of the lengths, (q,) or (n, q).
-    """
+    """From the first ends of edges with chords (n, 2), bends (n, k) to points (n, q, 2) at shares t, (q,) or (n, q)."""
     count = len(chords)
     shares = np.concatenate([np.broadcast_to(t, (count, np.shape(t)[-1])), np.ones((count, 1))], axis=1)
     along, across = _from_first(bend, shares)
@@ -211,24 +203,25 @@ def _from_first(bend: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray
 _STEPS: Final = 8  # of Newton's method for τ; it doubles the digits each time
 
 
-def barycentric_of(corners: FloatArray, bends: FloatArray, t: FloatArray) -> FloatArray:
-    """Barycentric coordinates λ (n, q, 3) of reference points t, (q, 3) or (n, q, 3), of triangles (n, 3, 2).
+def beyond_chords(corners: FloatArray, bends: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Where reference points t, (q, 3) or (n, q, 3), of triangles (n, 3, 2) lie, whose sides bend so (n, 3, k).
 
-    Sides bend so (n, 3, k) from the corner of lower number to that of higher one.
+    Their barycentric coordinates λ (n, q, 3), and how many times as large areas are there as on the straight triangles,
+    (n, q).
     """
     t = np.broadcast_to(t, (len(corners), *np.shape(t)[-2:]))
-    found, part = np.array(t), np.argmin(t, axis=-1)
+    found, factors, part = np.array(t), np.ones(t.shape[:2]), np.argmin(t, axis=-1)
     for s, (a, b) in enumerate(EDGES):
         cell, point = np.nonzero((part == s) & bends[:, [s]].any(axis=2))
-        at = t[cell, point]
-        r = 1.0 - 3.0 * at[:, s]
-        tau = _tau(at, s, r)
-        chord = corners[cell, b] - corners[cell, a]
-        bulge = arc_offsets(chord, bends[cell, s], tau[:, None])[:, 0] - tau[:, None] * chord
-        u, v, along = corners[cell, 1] - corners[cell, 0], corners[cell, 2] - corners[cell, 0], r[:, None] * bulge
-        second, third = cross(along, v) / cross(u, v), cross(u, along) / cross(u, v)
+        at, bend, first = t[cell, point], bends[cell, s], corners[cell, a]
+        chord, arm, r = corners[cell, b] - first, first - corners[cell].mean(axis=1), 1.0 - 3.0 * at[:, s]
+        tau = _tau(at, s, r)[:, None]
+        offset, slope = arc_offsets(chord, bend, tau)[:, 0], _slope(chord, bend, tau)
+        u, v, along = corners[cell, 1] - corners[cell, 0], corners[cell, 2] - corners[cell, 0], offset - tau * chord
+        second, third = r * cross(along, v) / cross(u, v), r * cross(u, along) / cross(u, v)
         found[cell, point] += np.column_stack([-second - third, second, third])
-    return found
+        factors[cell, point] = cross(arm + offset, slope) / cross(arm, chord)
+    return found, factors
 
 
 def reference_of(corners: FloatArray, bends: FloatArray, barycentric: FloatArray) -> FloatArray:
@@ -236,42 +229,20 @@ def reference_of(corners: FloatArray, bends: FloatArray, barycentric: FloatArray
     found, part = np.array(barycentric), np.argmin(barycentric, axis=-1)
     for s, (a, b) in enumerate(EDGES):
         cell = np.flatnonzero((part == s) & bends[:, s].any(axis=1))
-        own, bend, centre = corners[cell], bends[cell, s], corners[cell].mean(axis=1)
-        at = barycentric[cell]
+        own, bend, at = corners[cell], bends[cell, s], barycentric[cell]
+        first, chord = own[:, a] - own.mean(axis=1), own[:, b] - own[:, a]
         away = np.einsum("nk,nkx->nx", at - 1.0 / 3.0, own)
         outer = at[:, a] + at[:, b] - 2.0 * at[:, s]  # r on the straight triangle
         tau = np.clip(_tau(at, s, outer), 0.0, 1.0)
         for _ in range(_STEPS):
-            place, slope = _arc(own[:, a], own[:, b], bend, tau)
-            across, rate = cross(place - centre, away), cross(slope, away)
+            arm = first + arc_offsets(chord, bend, tau[:, None])[:, 0]
+            across, rate = cross(arm, away), cross(_slope(chord, bend, tau[:, None]), away)
             tau = np.clip(tau - np.where(rate != 0.0, across / np.where(rate != 0.0, rate, 1.0), 0.0), -0.5, 1.5)
-        arm = _arc(own[:, a], own[:, b], bend, tau)[0] - centre
+        arm = first + arc_offsets(chord, bend, tau[:, None])[:, 0]
         r = (arm * away).sum(axis=1) / np.square(arm).sum(axis=1)
         found[cell, s] = (1.0 - r) / 3.0
         found[cell, a] = r * (1.0 - tau) + (1.0 - r) / 3.0
         found[cell, b] = r * tau + (1.0 - r) / 3.0
-    return found
-
-
-def area_factors(corners: FloatArray, bends: FloatArray, t: FloatArray) -> FloatArray:
-    """How many times as large areas are as on the straight triangles, at reference points t; shape (n, q)."""
-    t = np.broadcast_to(t, (len(corners), *np.shape(t)[-2:]))
-    found, part, centres = np.ones(t.shape[:2]), np.argmin(t, axis=-1), corners.mean(axis=1)
-    for s, (a, b) in enumerate(EDGES):
-        cell, point = np.nonzero((part == s) & bends[:, [s]].any(axis=2))
-        at = t[cell, point]
-        tau = _tau(at, s, 1.0 - 3.0 * at[:, s])
-        first, second = corners[cell, a], corners[cell, b]
-        place, slope = _arc(first, second, bends[cell, s], tau)
-        straight = cross(first - centres[cell], second - first)
-        found[cell, point] = cross(place - centres[cell], slope) / straight
-    return found
-
-
-def arc_points(s: int, t: FloatArray) -> FloatArray:
-    """Reference coordinates (q, 3) of the points t (q,) along side s, from its corner of lower number."""
-    found = np.zeros((len(t), 3))
-    found[:, EDGES[s][0]], found[:, EDGES[s][1]] = 1.0 - t, t
     return found
 
 
@@ -281,11 +252,9 @@ def _tau(t: FloatArray, s: int, r: FloatArray) -> FloatArray:
     return np.where(r > 0.0, along / np.where(r > 0.0, r, 1.0), 0.5)
 
 
-def _arc(first: FloatArray, second: FloatArray, bend: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points (n, 2) at t (n,) on arcs, and their derivatives by t."""
-    chord = second - first
-    slope = turned(chord * stretches(bend)[:, None], angles(bend, t[:, None])[:, 0])
-    return first + arc_offsets(chord, bend, t[:, None])[:, 0], slope
+def _slope(chord: FloatArray, bend: FloatArray, t: FloatArray) -> FloatArray:
+    """Derivatives (n, 2) by t (n, 1) of points on arcs."""
+    return turned(chord * stretches(bend)[:, None], angles(bend, t)[:, 0])
 
 
 # edges with their normals and cells
@@ -296,21 +265,18 @@ _UPRIGHT: Final = 1e-5  # x over the length of a vector that is vertical but for
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """Edges of cells, straight ones and curved ones, as arrays with one entry an edge.
+    """Edges of cells as arrays with one entry an edge; σ_N = n·σn and σ_T = t·σn are taken with n and t of the edge.
 
-    The first cell of an edge is the body's side: on the boundary the only one, inside the body the one that the normal
-    points away from, which is the lower or left one of a pair. σ_N = n·σn and σ_T = t·σn are taken with n and t of the
-    edge.
-
-    A curved edge, an arc, is known by the angle from its chord to its tangent along it; n and t are those of the chord,
-    and turn with it (see `frames_along`). Reference coordinates, 0 to 1, are shares of its length.
+    Of a curved edge, an arc, n and t are those of the chord, and turn along it (see `frames_along`). Reference
+    coordinates, 0 to 1, are shares of the length.
     """
 
     first: IntArray
     second: IntArray
     """Vertices at the two ends, in the direction of the tangent, shape (n,) each."""
     cells: IntArray
-    """The cell that the normal points out of, and the one beyond; −1 where there is none, shape (n, 2)."""
+    """The cell that the normal points out of, inside the body the lower or left one, and the one beyond; −1 where there
+    is none, shape (n, 2)."""
     normal: FloatArray
     """Unit normal n, outward on the boundary, inside the body from the first cell to the other, shape (n, 2)."""
     tangent: FloatArray
@@ -409,10 +375,7 @@ def frames_along(edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def vectors_along(edges: Edges, vectors: FloatArray, t: FloatArray, *, turns: bool | BoolArray = True) -> FloatArray:
-    """Vectors (n, 2), given for the chord of each edge, at t as above, shape (n, q, 2): they turn with it, or do not.
-
-    Whether they do says one truth value, or one for each edge (n,).
-    """
+    """Vectors (n, 2), given for chords, at t as above, (n, q, 2); whether they turn along says one truth, or (n,)."""
     given = vectors[:, None].repeat(np.shape(t)[-1], axis=1)
     if not edges.curved or not np.any(turns):
         return given

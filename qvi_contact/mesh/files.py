@@ -148,8 +148,8 @@ def corners_of(blocks: Any) -> IntArray:
 def triangles_of(points: FloatArray, cells: IntArray) -> tuple[IntArray, IntArray]:
     """Triangles (t, 3) of cells (m, 4), of which triangles have their last corner twice; and the cell of each (t,).
 
-    A quadrilateral is cut from a corner of the body that it fills, as a triangle with two edges on the boundary could
-    follow the tractions on neither of them; else so that the smaller triangle is large.
+    A quadrilateral is cut from a corner of the body that it fills, as in `TriangleMesh.grid`, else so that the smaller
+    triangle is large.
     """
     quads = cells[:, 3] != cells[:, 2]
     if not quads.any():
@@ -245,10 +245,7 @@ class _GmshFile:
 
     def _next_line(self) -> bytes:
         """The next line that is not blank, without blanks around it; empty at the end of the file."""
-        for line in self._source:
-            if line.strip():
-                return line.strip()
-        return b""
+        return next((line.strip() for line in self._source if line.strip()), b"")
 
     def _take(self, kind: str, count: int, what: str) -> NDArray[Any]:
         """Numbers, no more than the rest of the file can hold."""

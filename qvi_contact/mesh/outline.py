@@ -4,9 +4,8 @@ An arc is divided first as a polygon whose vertices lie on the circle; its chord
 there are to be. The edges of the triangles know the circle, so that the body ends at the arc.
 
 gmsh makes the triangles. It keeps one state for the whole process, so it is started for one mesh and ended behind it,
-under a lock, without configuration files, signal handlers, threads of its own, or output; a session of the caller's is
-left as it was. Its start puts eleven signals back to what they do in a new program: SIGPIPE would end the process
-without a word, handlers of SIGTERM and of crashes would be lost. They are kept.
+under a lock, without configuration files, threads of its own, or output; a session of the caller's is left as it was,
+and so are handlers of signals, which its start takes away.
 """
 
 from __future__ import annotations
@@ -358,10 +357,7 @@ def _session(gmsh: Any) -> Iterator[None]:
 
 
 def _divided(gmsh: Any, shape: Polygons) -> MeshParts:
-    """See `meshed`.
-
-    gmsh has absolute tolerances, so the body is about one unit long there: a power of two changes no digit.
-    """
+    """See `meshed`; tolerances of gmsh are absolute: the body is about one unit long there, by a power of two."""
     occ, unit = gmsh.model.occ, 2.0 ** -round(np.log2(shape.length))
     outer = [_drawn(occ, polygon, unit) for polygon in shape.boundary]
     surfaces = [(2, occ.addPlaneSurface([occ.addCurveLoop(lines) for lines in outer]))]
@@ -450,10 +446,9 @@ def _set_sizes(gmsh: Any, shape: Polygons, unit: float) -> None:
 
 
 def divided_corners(vertices: FloatArray, cells: IntArray, fixed: IntArray) -> IntArray:
-    """The triangles (m, 3), corners of the body no longer filled by a single one where that can be helped.
+    """The triangles (m, 3), corners of the body not filled by a single one, for the reason in `TriangleMesh.grid`.
 
-    A triangle with two edges on the boundary could follow the tractions on neither of them. The edge opposite the
-    corner is turned, unless it is one of the `fixed` ones (k, 2) or that would make a needle.
+    The edge opposite the corner is turned, unless it is one of the `fixed` ones (k, 2) or that would make a needle.
     """
     cells = np.sort(cells, axis=1)
     topology = Topology.of(cells, len(vertices))

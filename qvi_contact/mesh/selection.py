@@ -1,18 +1,15 @@
-"""Which edges and triangles are meant: by number, function, segment or box; and those that hold a point."""
+"""Which edges and triangles are meant: by number, function, segment or box."""
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, real_array
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import TURNED, Topology, reference_of
+from qvi_contact.mesh.edges import TURNED, Topology
 
 Point: TypeAlias = Sequence[float]
 Range: TypeAlias = Sequence[float] | None
@@ -55,15 +52,15 @@ def numbers_of(name: str, value: Any, kind: type) -> Any:
     return found.astype(np.int64) if kind is int else found
 
 
-def checked_set(name: str, pairs: ArrayLike, topology: Topology, vertices: FloatArray) -> IntArray:
-    """Numbers (k,) in `topology` of the edges of a set, ascending, all on the boundary or all inside the body."""
+def checked_set(name: str, pairs: ArrayLike, topology: Topology, vertices: FloatArray | None = None) -> IntArray:
+    """Numbers (k,) in `topology` of edges, ascending; with vertices all on the boundary, or all inside the body."""
     new_name(name)
     found = numbers_of(name, pairs, int)
     if found.ndim != 2 or found.shape[1] != 2 or not len(found):
         raise InputError(name, f"shape {found.shape}", "give the vertices of one or more edges as an array (k, 2)")
     number = known_edges(name, found, topology)
     outer = topology.boundary[number]
-    if outer.any() and not outer.all():
+    if vertices is not None and outer.any() and not outer.all():
         x, y = vertices[found[np.argmin(outer)]].mean(axis=0)
         remedy = f"lies partly on the boundary and partly inside, as around ({x:.6g}, {y:.6g}): make two sets of it"
         raise InputError("TriangleMesh.edge_sets", name, remedy)
@@ -89,22 +86,6 @@ def checked_region(name: str, cells: ArrayLike, count: int) -> IntArray:
     chosen = np.unique(found)
     chosen.flags.writeable = False
     return np.asarray(chosen)
-
-
-def chosen_edges(name: str, where: Where, inside: bool, topology: Topology, vertices: FloatArray) -> IntArray:
-    """Vertices (k, 2) of the edges that a function of their midpoints chooses, or of those given by their vertices.
-
-    `InputError` unless all lie on the boundary, or inside the body.
-    """
-    among = topology.boundary != inside
-    if callable(where):
-        candidates: IntArray = topology.ends[among]
-        pairs: IntArray = candidates[selected(name, where, vertices[candidates].mean(axis=1))]
-    else:
-        pairs = topology.ends[checked_set(name, where, topology, vertices)]
-    if not len(pairs) or not among[topology.number(pairs)].all():
-        raise InputError(name, where, f"no {'interior' if inside else 'boundary'} edge lies there: check the set")
-    return pairs
 
 
 def selected(name: str, where: Callable[[FloatArray, FloatArray], ArrayLike], points: FloatArray) -> IntArray:
@@ -204,85 +185,3 @@ def _box(vertices: FloatArray, x: Range, y: Range) -> tuple[FloatArray, FloatArr
                 raise InputError("range", bounds, "give two numbers, the smaller end first")
             low[axis], high[axis] = ends
     return low, high, near
-
-
-_INSIDE: Final = -1e-9  # least barycentric coordinate of a point that counts as inside
-_NEIGHBOURS: Final = 12  # triangles with the nearest centres where a point is looked for first
-_TOGETHER: Final = 256  # points that are looked for in all triangles at a time
-
-
-@dataclass(frozen=True, eq=False)
-class PointSearch:
-    """Points in triangles (m,), whose sides bend so (m, 3, k).
-
-    `curved` tells which of them bend, `reach` the radii [length] of circles at the centres of the corners that hold
-    them.
-    """
-
-    cells: IntArray
-    corners: FloatArray
-    sides: FloatArray
-    curved: BoolArray
-    reach: FloatArray
-
-    @cached_property
-    def _centres(self) -> Any:
-        from scipy.spatial import cKDTree  # slow to import, and few solves need it
-
-        return cKDTree(self.corners.mean(axis=1))
-
-    @cached_property
-    def _neighbours(self) -> Any:
-        """Which triangles share a vertex, each with itself too, as a sparse matrix."""
-        ones = np.ones(self.cells.size)
-        at = (np.repeat(np.arange(len(self.cells)), 3), self.cells.ravel())
-        touching = sparse.csr_array((ones, at))
-        found = sparse.csr_array(touching @ touching.T)
-        found.sort_indices()
-        return found
-
-    def locate(self, points: FloatArray) -> IntArray:
-        """The triangle of lowest number that holds each of the points (k, 2), −1 if none does."""
-        from scipy.spatial import cKDTree
-
-        count = min(_NEIGHBOURS, len(self.cells))
-        near = self._centres.query(points, count)[1].reshape(-1, count)
-        found = self._lowest(points, np.repeat(np.arange(len(points)), count), near.ravel())
-        missing = np.flatnonzero(found < 0)  # in or beside long triangles, or outside
-        for start in range(0, len(missing), _TOGETHER):
-            some = missing[start : start + _TOGETHER]
-            held = cKDTree(points[some]).query_ball_point(self._centres.data, self.reach)
-            cell = np.repeat(np.arange(len(self.cells)), [len(own) for own in held])
-            found[some] = self._lowest(points[some], np.concatenate(held).astype(np.int64), cell)
-        return found
-
-    def around(self, points: FloatArray, first: IntArray) -> tuple[IntArray, IntArray]:
-        """All pairs (point (l,), triangle (l,)) of points and triangles that hold them, from one triangle of each."""
-        inside = np.flatnonzero(first >= 0)
-        near = self._neighbours[first[inside]]
-        point, cell = np.repeat(inside, np.diff(near.indptr)), near.indices.astype(np.int64)
-        held = self._holds(cell, points[point])
-        return point[held], cell[held]
-
-    def reference(self, cells: IntArray, points: FloatArray) -> FloatArray:
-        """Barycentric coordinates (l, 3) of points (l, 2) in the triangles (l,), see `TriangleMesh.reference`."""
-        a, b, c = self.corners[cells].swapaxes(0, 1)
-        (ux, uy), (vx, vy), (wx, wy) = (b - a).T, (c - a).T, (points - a).T
-        area = ux * vy - uy * vx
-        second, third = (wx * vy - wy * vx) / area, (ux * wy - uy * wx) / area
-        found = np.column_stack([1.0 - second - third, second, third])
-        bent = self.curved[cells]
-        if bent.any():
-            found[bent] = reference_of(self.corners[cells[bent]], self.sides[cells[bent]], found[bent])
-        return found
-
-    def _lowest(self, points: FloatArray, point: IntArray, cell: IntArray) -> IntArray:
-        """The triangle of lowest number that holds each point, among pairs (point (l,), triangle (l,)); −1 if none."""
-        held = self._holds(cell, points[point])
-        found = np.full(len(points), len(self.cells))
-        np.minimum.at(found, point[held], cell[held])
-        return np.where(found < len(self.cells), found, -1)
-
-    def _holds(self, cells: IntArray, points: FloatArray) -> BoolArray:
-        """Whether triangles (l,) hold points (l, 2), on their border too."""
-        return np.asarray(self.reference(cells, points).min(axis=1) >= _INSIDE)

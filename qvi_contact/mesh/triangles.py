@@ -7,10 +7,11 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, positive_number, real_array
 from qvi_contact.errors import InputError
@@ -25,17 +26,26 @@ from qvi_contact.mesh.cutting import (
     refuse_flaws,
     stacked,
 )
-from qvi_contact.mesh.edges import Edges, Topology, barycentric_of, chains, edges_of, finest_at, points_along, stretches
+from qvi_contact.mesh.edges import (
+    Edges,
+    Topology,
+    beyond_chords,
+    chains,
+    cross,
+    edges_of,
+    finest_at,
+    points_along,
+    reference_of,
+    stretches,
+)
 from qvi_contact.mesh.files import read_mesh
 from qvi_contact.mesh.grid import grid_parts, rectangle_lines
 from qvi_contact.mesh.outline import Line, Point, meshed, polygons
 from qvi_contact.mesh.selection import (
-    PointSearch,
     Range,
     Where,
     checked_region,
     checked_set,
-    chosen_edges,
     edges_on_segment,
     new_name,
     selected,
@@ -53,6 +63,9 @@ _LISTED: Final = 8  # names in one line
 _FAR: Final = 1e3  # times the body's length: points farther from its corner are outside
 _DEEPEST: Final = 100
 _AT_VERTEX: Final = 1e-9  # distance over the body's length
+_INSIDE: Final = -1e-9  # least barycentric coordinate of a point that counts as inside
+_NEIGHBOURS: Final = 12  # triangles with the nearest centres where a point is looked for first
+_TOGETHER: Final = 256  # points that are looked for in all triangles at a time
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -91,7 +104,7 @@ class TriangleMesh(PicklesFields):
         object.__setattr__(self, "regions", MappingProxyType(regions))
         if not isinstance(self.arcs, Sequence) or not all(isinstance(arc, Curve) for arc in self.arcs):
             raise InputError("TriangleMesh.arcs", self.arcs, "give a list of Curves")
-        arcs = [a.checked(f"TriangleMesh.arcs[{k}]", self.vertices, self.topology) for k, a in enumerate(self.arcs)]
+        arcs = [a.checked(f"TriangleMesh.arcs[{k}]", self.topology) for k, a in enumerate(self.arcs)]
         object.__setattr__(self, "arcs", tuple(arcs))
         if arcs:
             refuse_bad_arcs(self.arcs, self.bends, self.vertices, self.cells, self.topology)
@@ -163,7 +176,7 @@ class TriangleMesh(PicklesFields):
         """
         mesh = cls(*grid_parts(x, y, active))
         what = "names to segments, or to functions of (x, y)"
-        for kind, given in (("edges", edges), ("joints", joints)):
+        for kind, given, inside in (("edges", edges, False), ("joints", joints, True)):
             for name, place in mapping(kind, given, what, optional=True).items():
                 where: Where = place
                 if not callable(place):
@@ -171,9 +184,8 @@ class TriangleMesh(PicklesFields):
                     ends = real_array(name, place, remedy)
                     if ends.shape != (2, 2) or not np.isfinite(ends).all():
                         raise InputError(name, place, remedy)
-                    inside = kind == "joints"
                     where = edges_on_segment(mesh.vertices, mesh.topology, *ends.tolist(), inside=inside)
-                mesh = mesh.with_joint(name, where) if kind == "joints" else mesh.with_edges(name, where)
+                mesh = mesh._with_set(name, where, inside)
         for name, ranges in mapping("regions", regions, "names to pairs of ranges", optional=True).items():
             if not isinstance(ranges, (tuple, list)) or len(ranges) != 2:
                 raise InputError(f"regions[{name!r}]", ranges, "give a pair of ranges ((x, x), (y, y)), None for all")
@@ -399,7 +411,16 @@ class TriangleMesh(PicklesFields):
         return self._with_set(name, where, inside=True)
 
     def _with_set(self, name: str, where: Where, inside: bool) -> TriangleMesh:
-        pairs = chosen_edges(new_name(name, self.edge_sets), where, inside, self.topology, self.vertices)
+        new_name(name, self.edge_sets)
+        ends, among = self.topology.ends, self.topology.boundary != inside
+        if callable(where):
+            candidates = np.flatnonzero(among)
+            chosen = candidates[selected(name, where, self.midpoints[candidates])]
+        else:
+            chosen = checked_set(name, where, self.topology, self.vertices)
+        if not len(chosen) or not among[chosen].all():
+            raise InputError(name, where, f"no {'interior' if inside else 'boundary'} edge lies there: check the set")
+        pairs = ends[chosen]
         return self._renamed({**self.edge_sets, name: pairs}, self.regions)
 
     def _renamed(self, edge_sets: Mapping[str, IntArray], regions: Mapping[str, IntArray]) -> TriangleMesh:
@@ -452,16 +473,13 @@ class TriangleMesh(PicklesFields):
         place = np.full(len(self.vertices), -1)
         place[kept] = np.arange(len(kept))
         inside = np.asarray(np.isin(self.topology.cells, taken).any(axis=1))
-
-        def here(pairs: IntArray) -> IntArray:
-            chosen: BoolArray = inside[self.topology.number(pairs)]
-            return np.asarray(pairs[chosen])
-
+        sets = dict[str, IntArray]()
         named_edges = self.edge_sets if edge_sets is None else mapping("edge_sets", edge_sets, _EDGE_SETS)
         for name, pairs in named_edges.items():
             if np.ndim(pairs) != 2 or np.shape(pairs)[1] != 2:
                 raise InputError(f"edge_sets[{name!r}]", pairs, f"give a mapping of {_EDGE_SETS}")
-        sets = {name: place[found] for name, pairs in named_edges.items() if len(found := here(pairs))}
+            if len(found := pairs[inside[self.topology.number(pairs)]]):
+                sets[name] = place[found]
         regions = {name: own for name, old in self.regions.items() if len(own := np.flatnonzero(np.isin(taken, old)))}
         kept_arcs = ((arc, inside[self.topology.number(arc.edges)]) for arc in self.arcs)
         arcs = [Curve(place[arc.edges[own]], arc.coefficients[own]) for arc, own in kept_arcs if own.any()]
@@ -484,11 +502,26 @@ class TriangleMesh(PicklesFields):
         return np.asarray(np.hypot(*(second - first).T))
 
     @cached_property
-    def _search(self) -> PointSearch:
+    def _centres(self) -> Any:
+        from scipy.spatial import cKDTree  # slow to import, and few solves need it
+
+        return cKDTree(self.corners.mean(axis=1))
+
+    @cached_property
+    def _reach(self) -> FloatArray:
+        """Radii (m,) of circles at the centres of the corners that hold the triangles [length]."""
         corners = np.hypot(*np.moveaxis(self.corners - self.corners.mean(axis=1)[:, None], -1, 0)).max(axis=1)
         lengths = self._edge_lengths * np.where(self.bends.any(axis=1), stretches(self.bends), 0.0)
-        reach = (1.0 + 1e-6) * (corners + lengths[self.topology.of_cells].max(axis=1) / 2.0)  # arcs stay that near
-        return PointSearch(self.cells, self.corners, self.sides, self.curved, reach)
+        return np.asarray((1.0 + 1e-6) * (corners + lengths[self.topology.of_cells].max(axis=1) / 2.0))
+
+    @cached_property
+    def _neighbours(self) -> Any:
+        """Which triangles share a vertex, each with itself too, as a sparse matrix."""
+        at = np.repeat(np.arange(len(self.cells)), 3), self.cells.ravel()
+        touching = sparse.csr_array((np.ones(self.cells.size), at))
+        found = sparse.csr_array(touching @ touching.T)
+        found.sort_indices()
+        return found
 
     def locate(self, points: ArrayLike) -> IntArray:
         """The triangle that holds each of the points (k, 2), the one of lowest number on edges; −1 outside."""
@@ -497,23 +530,58 @@ class TriangleMesh(PicklesFields):
             raise InputError("points", given, "give an array (k, 2) of coordinates")
         points = points.reshape(-1, 2)
         found = np.full(len(points), -1)
-        near = (np.abs(points - self.origin) <= _FAR * self.length).all(axis=1)  # neither far away nor not a number
-        found[near] = self._search.locate(points[near])
+
+        def look(point: IntArray, cell: IntArray) -> None:
+            held = self._holds(cell, points[point])
+            lowest = np.full(len(points), len(self.cells))
+            np.minimum.at(lowest, point[held], cell[held])
+            found[lowest < len(self.cells)] = lowest[lowest < len(self.cells)]
+
+        close = np.flatnonzero((np.abs(points - self.origin) <= _FAR * self.length).all(axis=1))  # not far away, or NaN
+        near = self.nearest(points[close])
+        look(np.repeat(close, near.shape[1]), near.ravel())
+        missing = close[found[close] < 0]  # in or beside long triangles, or outside
+        for start in range(0, len(missing), _TOGETHER):
+            some = missing[start : start + _TOGETHER]
+            held = type(self._centres)(points[some]).query_ball_point(self._centres.data, self._reach)
+            cell = np.repeat(np.arange(len(self.cells)), [len(own) for own in held])
+            look(some[np.concatenate(held).astype(np.int64)], cell)
         return found
+
+    def nearest(self, points: FloatArray) -> IntArray:
+        """Some triangles (k, n) whose centres are nearest to points (k, 2), the nearest first."""
+        count = min(_NEIGHBOURS, len(self.cells))
+        return np.asarray(self._centres.query(points, count)[1].reshape(-1, count), dtype=np.int64)
 
     def around(self, points: FloatArray) -> tuple[IntArray, IntArray]:
         """Points (k, 2) [length] and the triangles that hold them, as pairs of numbers (point (l,), triangle (l,)).
 
         A point on an edge or in a vertex is in a pair with every triangle there, one outside the body in none.
         """
-        return self._search.around(points, self.locate(points))
+        first = self.locate(points)
+        inside = np.flatnonzero(first >= 0)
+        near = self._neighbours[first[inside]]
+        point, cell = np.repeat(inside, np.diff(near.indptr)), near.indices.astype(np.int64)
+        held = self._holds(cell, points[point])
+        return point[held], cell[held]
+
+    def _holds(self, cells: IntArray, points: FloatArray) -> BoolArray:
+        """Whether triangles (l,) hold points (l, 2), on their border too."""
+        return np.asarray(self.reference(cells, points).min(axis=1) >= _INSIDE)
 
     def reference(self, cells: IntArray, points: FloatArray) -> FloatArray:
         """Barycentric coordinates of points (l, 2) [length] in the triangles (l,), shape (l, 3).
 
         In triangles with arcs they are those of the points of the straight triangle, see `mesh.edges`.
         """
-        return self._search.reference(cells, points)
+        a, b, c = self.corners[cells].swapaxes(0, 1)
+        u, v, w = b - a, c - a, points - a
+        second, third = cross(w, v) / cross(u, v), cross(u, w) / cross(u, v)
+        found = np.column_stack([1.0 - second - third, second, third])
+        bent = self.curved[cells]
+        if bent.any():
+            found[bent] = reference_of(self.corners[cells[bent]], self.sides[cells[bent]], found[bent])
+        return found
 
     def placed(self, cells: IntArray, t: FloatArray) -> FloatArray:
         """Barycentric coordinates of reference points t, (q, 3) or (k, q, 3), in the triangles (k,).
@@ -524,17 +592,14 @@ class TriangleMesh(PicklesFields):
         if not len(bent):
             return t
         found = np.array(np.broadcast_to(t, (len(cells), *np.shape(t)[-2:])))
-        found[bent] = barycentric_of(self.corners[cells[bent]], self.sides[cells[bent]], found[bent])
+        found[bent] = beyond_chords(self.corners[cells[bent]], self.sides[cells[bent]], found[bent])[0]
         return found
 
     def same_as(self, other: TriangleMesh) -> bool:
         """Whether the other mesh has the same vertices and triangles, whatever its edge sets are called."""
-        return (
-            isinstance(other, TriangleMesh)
-            and np.array_equal(self.vertices, other.vertices)
-            and np.array_equal(self.cells, other.cells)
-            and np.array_equal(self.bends, other.bends)
-        )
+        parts = ("vertices", "cells", "bends")
+        alike = (np.array_equal(getattr(self, part), getattr(other, part)) for part in parts)
+        return isinstance(other, TriangleMesh) and all(alike)
 
     def parents(self, coarse: TriangleMesh) -> IntArray:
         """The triangle of a coarser mesh of the same body in which each triangle lies, shape (m,)."""

@@ -21,6 +21,7 @@ import numpy as np
 from qvi_contact.basics.checks import Field, FloatArray, acts, finite_number, positive_number
 from qvi_contact.basics.schema import (
     NO_KEY,
+    Checked,
     Key,
     Name,
     Positive,
@@ -112,14 +113,11 @@ class Displacement(_ByComponents):
 
 
 @dataclass(frozen=True)
-class Symmetry:
+class Symmetry(Checked):
     """Line of symmetry: no normal displacement, no tangential traction."""
 
     edges: str
     """Name of an edge set of the mesh: `edges = "left"`."""
-
-    def __post_init__(self) -> None:
-        check_keys(self)
 
 
 DRIVES: Final = {"force_x": "x", "force_y": "y", "moment": "rotation"}

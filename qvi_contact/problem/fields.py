@@ -205,7 +205,6 @@ def along_edges(
     return adapted(values, len(edges), points, rounding_along(mesh.vertices, edges))
 
 
-_NEAREST: Final = 8  # triangles that are looked at for a point outside of all
 _BEYOND: Final = -1.0  # least barycentric coordinate to which they are extended
 
 
@@ -253,21 +252,15 @@ class PointData:
             TriangleMesh(read.points[used, :2], places.reshape(cells.shape)), np.asarray(data, dtype=float)[used]
         )
 
-    @cached_property
-    def _centres(self) -> Any:
-        from scipy.spatial import cKDTree  # slow to import, and few solves need it
-
-        return cKDTree(self.mesh.corners.mean(axis=1))
-
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y) [length]."""
         points = np.column_stack([np.ravel(x), np.ravel(y)])
         cells = self.mesh.locate(points)
         outside = np.flatnonzero(cells < 0)
         if len(outside):  # the triangles that they are least far from, by their barycentric coordinates
-            count, places = min(_NEAREST, self.mesh.cell_count), points[outside]
-            near = self._centres.query(places, count)[1].reshape(len(places), count)
-            least = self.mesh.reference(near.ravel(), np.repeat(places, count, axis=0)).min(axis=1).reshape(near.shape)
+            near = self.mesh.nearest(points[outside])
+            places = np.repeat(points[outside], near.shape[1], axis=0)
+            least = self.mesh.reference(near.ravel(), places).min(axis=1).reshape(near.shape)
             cells[outside] = near[np.arange(len(near)), least.argmax(axis=1)]
         weights = self.mesh.reference(cells, points)
         if weights.min(initial=0.0) < _BEYOND:

@@ -40,7 +40,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, NamedTupl
 import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, acts, evaluate
-from qvi_contact.basics.schema import Angle, Inline, Name, Positive, Scalar, Tagged, Varying, check_keys
+from qvi_contact.basics.schema import Angle, Checked, Inline, Name, Positive, Scalar, Tagged, Varying, check_keys
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.selection import triangles_in_box
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -71,15 +71,12 @@ class YieldCone(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Tresca:
+class Tresca(Checked):
     """Largest shear stress: half the difference of the principal stresses is at most c. For undrained clay c is s_u."""
 
     c: Strong
     """Strength in shear, positive [stress]; half the yield stress in tension: `c = 20.0`."""
     kind: ClassVar[str] = "tresca"
-
-    def __post_init__(self) -> None:
-        check_keys(self)
 
     def cones(self, plane: Plane) -> Iterator[YieldCone]:
         """Its cones in that plane state."""
@@ -90,15 +87,12 @@ class Tresca:
 
 
 @dataclass(frozen=True)
-class Mises:
+class Mises(Checked):
     """Von Mises: the equivalent stress is at most the yield stress. In plane strain a Tresca body with c = σ_0/√3."""
 
     yield_stress: Strong
     """Yield stress σ_0 in tension, positive [stress]: `yield_stress = 235.0`."""
     kind: ClassVar[str] = "mises"
-
-    def __post_init__(self) -> None:
-        check_keys(self)
 
     def cones(self, plane: Plane) -> Iterator[YieldCone]:
         """Its cone in that plane state."""
@@ -150,15 +144,12 @@ class MohrCoulomb:
 
 
 @dataclass(frozen=True)
-class NoTension:
+class NoTension(Checked):
     """Masonry after Heyman: no tension in any direction, and crushing at f if that is given."""
 
     crushing: Strong | None = None
     """Strength f in compression, positive [stress]; without it there is no limit: `crushing = 4.0`."""
     kind: ClassVar[str] = "no-tension"
-
-    def __post_init__(self) -> None:
-        check_keys(self)
 
     def cones(self, plane: Plane) -> Iterator[YieldCone]:  # noqa: ARG002  # as in all of them
         """Its cones, the same in both plane states."""

@@ -420,21 +420,17 @@ def _told(field: object, values: Callable[[Any], Iterator[object]]) -> Iterator[
         yield field
 
 
-def _along(mesh: TriangleMesh, edges: Edges, name: str, function: Field) -> Iterator[object]:
-    """A function as quadrature sees it: parted where it jumps."""
-    found = along_edges(mesh, edges, name, function)
-    yield from (found.edge, found.t, found.values)
-
-
 def _values(part: Condition | RigidPlate, edges: Edges, mesh: TriangleMesh) -> Iterator[object]:
-    """Names and values of all fields."""
-    for each in fields(part):
-        value, name = getattr(part, each.name), each.name
+    """Names and values of all fields; functions as quadrature sees them: parted where they jump."""
+
+    def seen(function: Field) -> Iterator[object]:
+        found = along_edges(mesh, edges, name, function)
+        yield from (found.edge, found.t, found.values)
+
+    for name in (each.name for each in fields(part)):
+        value = getattr(part, name)
         yield name
-        if isinstance(value, RigidPlate):
-            yield from _values(value, edges, mesh)
-        else:
-            yield from _told(value, partial(_along, mesh, edges, name))
+        yield from _values(value, edges, mesh) if isinstance(value, RigidPlate) else _told(value, seen)
 
 
 def _digest(parts: Iterable[object]) -> bytes:

@@ -69,10 +69,7 @@ class Outcome:
         return f"<{type(self).__name__} {self.message}>"
 
     def to_frame(self) -> DataFrame:
-        """One row a round as a pandas table: "round" (from 1), and the fields of `RefinementRound`.
-
-        `InputError` without pandas (extra ``frame``).
-        """
+        """A row a round: "round" from 1, fields of `RefinementRound`; `InputError` without pandas (extra ``frame``)."""
         rows = [{"round": number, **asdict(record)} for number, record in enumerate(self.rounds, 1)]
         return frame(columns_of(rows))
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -195,7 +195,7 @@ class TriangleRefinement:
             raise StopError(status, f"the mesh with {unknowns} unknowns: {answer.message}")
         value = self._value(answer)
         unit, there = measure.unit(last, value), [places(each) for each in results]
-        at = Places(*(np.unique(np.concatenate([getattr(one, of) for one in there])) for of in ("cells", "corners")))
+        at = Places(*(np.unique(np.concatenate(parts)) for parts in zip(*there, strict=True)))
         hopeless = len(results) > 1 or any(each.hopeless for each in earlier)
         rough = any(map(has_coulomb, last.problem.contacts))
         tried = (
@@ -211,7 +211,7 @@ class TriangleRefinement:
             found = Comparison(np.inf, Certainty.ESTIMATE, np.ones(mesh.cell_count))
         if earlier and found.certainty is Certainty.ESTIMATE:
             step = abs(found.reference - earlier[-1].reference)  # while that moves the error is no less
-            found = replace(found, error=float(np.fmax(found.error, _SAFETY * step)))
+            found = found._replace(error=float(np.fmax(found.error, _SAFETY * step)))
         estimate, parts = found.error / unit if unit != 0.0 else 0.0, found.parts
         marked, deeper = np.ones(mesh.cell_count, dtype=bool), tuple[IntArray, ...]()
         if np.isfinite(estimate):
@@ -303,8 +303,7 @@ def _deeper(mesh: TriangleMesh, corners: IntArray, parts: FloatArray, goal: floa
     return tuple(vertices for vertices in levels if len(vertices))
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(NamedTuple):
     """An answer beside something else."""
 
     error: float  # of the quantity, in its own unit
@@ -327,8 +326,7 @@ def bounded(measure: Measure, value: float, result: ContactResult) -> Comparison
     return Comparison(max(upper - value, value - lower, 0.0), bracket.certainty, parts)
 
 
-@dataclass(frozen=True, eq=False)
-class Places:
+class Places(NamedTuple):
     """Where a mesh is bisected for a reference solution."""
 
     cells: IntArray  # (k,): triangles at contact edges that hold, or meet in, a change of state

@@ -177,7 +177,7 @@ def test_edges_by_bends():
     flipped = Curve(
         known.edges[order][:, ::-1], known.coefficients[order] * (-1.0) ** np.arange(known.coefficients.shape[1])
     )
-    again = flipped.checked("", mesh.vertices, mesh.topology)
+    again = flipped.checked("", mesh.topology)
     np.testing.assert_array_equal(again.edges, known.edges)
     np.testing.assert_array_equal(again.coefficients, known.coefficients)
     for wrong in (
@@ -187,7 +187,7 @@ def test_edges_by_bends():
         Curve(known.edges, np.full((4, 2), np.nan)),
     ):
         with pytest.raises(InputError):
-            wrong.checked("", mesh.vertices, mesh.topology)
+            wrong.checked("", mesh.topology)
 
 
 def test_pictures_follow_curves():
