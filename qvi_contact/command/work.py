@@ -151,23 +151,6 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
     return _ended(problem_file, as_json, document, (*report.result_lines(result, units), *more), bounded, complete)
 
 
-def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
-    """Look for other solutions."""
-    from qvi_contact.bracket import other_solutions
-
-    with _opened(file, given, "a search for other solutions") as (problem_file, targets, options):
-        limit, title, units = options.pop("time_limit", None), problem_file.title or "branches", problem_file.units
-        with solving(title, 2, verbose=verbose) as advance, deadline(limit):
-            result = solve_one(problem_file.problem, **options, verbose=verbose)
-            advance("solved; friction is followed from other values")
-            found = other_solutions(result) if result.status == "solved" else None
-        document = {"title": problem_file.title, **report.branches_document(result, found, units)}
-        best = result if found is None else found.preferred
-        complete = _write_all(targets, problem_file, best, document, time_limit=limit)
-    lines = report.branches_lines(result, found, units)
-    return _ended(problem_file, as_json, document, lines, result.status == "solved", complete)
-
-
 def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     """Refine the mesh until a number is accurate."""
     from qvi_contact.refinement import refine as refined

@@ -66,8 +66,7 @@ def _about_numbers(result: ContactResult) -> Iterator[str]:
     if large and not _is_unique(result):
         yield (
             f"Friction is {friction:.3g}. Above {_LARGE_FRICTION:g} the discrete problem may have several solutions. "
-            "This is one of them. To look for others, call other_solutions(result), or run 'qvi-contact branches' with "
-            "the problem file."
+            "This is one of them. To look for others, call other_solutions(result) in Python."
         )
     yield from (motion.remark for motion in undetermined_motions(result))
     if result.stress_rounding > _ROUNDED * certified.get("stress", 1.0) * scales.stress:
