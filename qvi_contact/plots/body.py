@@ -26,7 +26,6 @@ from qvi_contact.companion import Elasticity
 from qvi_contact.discretization.displacements import DisplacementSpace, barycentric, triangle
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.mechanism import RigidMotion
 from qvi_contact.mesh.edges import Edges, cross, vectors_along
 from qvi_contact.plots import style
 from qvi_contact.plots.problem import SPRING, between, draw_symbols, ground, spaced, springs
@@ -161,10 +160,8 @@ def faces(result: ContactResult, name: str) -> tuple[FloatArray, FloatArray]:
         if getattr(contact, kind) is not None:
             moved -= stress / evaluate(f"Contact.{kind}", getattr(contact, kind), line.x, line.y)
     body, obstacle = outwards[:, None] * normal + sideways[:, None] * along, gap[:, None] * normal
-    plate = contact.plate
-    if plate is not None and name in result.plates:  # one that is driven by force
-        motion = result.plates[name]
-        rigid = RigidMotion(motion.x, motion.y, motion.rotation, plate.pivot).at(np.column_stack([line.x, line.y]))
+    if name in result.plates:  # one that is driven by force
+        rigid = result.plates[name].at(np.column_stack([line.x, line.y]))
         body, obstacle = body + rigid, obstacle + rigid
     return body, obstacle
 

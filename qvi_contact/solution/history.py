@@ -345,10 +345,8 @@ def _of_obstacle(step: ContactResult, name: str) -> dict[str, tuple[float, float
         return {"x": (motion.x, force.x), "y": (motion.y, force.y), "rotation": (motion.rotation, force.moment)}
     along = float(line.weights @ (rows.offset * scales.displacement) / line.weights.sum())
     if plate is not None:
-        motion, (x, y) = step.plates[name], centre_of(problem.mesh.vertices, rows.points.edges)
-        in_x = motion.x - motion.rotation * (y - plate.pivot[1])
-        in_y = motion.y + motion.rotation * (x - plate.pivot[0])
-        along += float(rows.points.edges.tangent[0] @ (in_x, in_y))
+        centre = np.array(centre_of(problem.mesh.vertices, rows.points.edges))
+        along += float(rows.points.edges.tangent[0] @ step.plates[name].at(centre))
     return {"along": (along, float(line.weights @ line.tangential_stress))}
 
 

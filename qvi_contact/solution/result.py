@@ -17,7 +17,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical, scaled_stress_at_rest
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import centre_of
-from qvi_contact.problem.conditions import DRIVES, RigidPlate
+from qvi_contact.problem.conditions import DRIVES, RigidMotion, RigidPlate
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine, contact_line
@@ -108,32 +108,14 @@ class Energies:
     dissipation: float
 
 
-@dataclass(frozen=True)
-class PlateMotion:
-    """Motion of a rigid plate beyond its gap and offset, given or found; zero where it is neither driven nor moved.
-
-    Attributes
-    ----------
-    x, y : float
-        Translation of the pivot [length].
-    rotation : float
-        Rotation about the pivot, counterclockwise [rad].
-
-    """
-
-    x: float = 0.0
-    y: float = 0.0
-    rotation: float = 0.0
-
-
-def plate_motion(plate: RigidPlate, centre: tuple[float, float], found: Mapping[str, float]) -> PlateMotion:
-    """The motion of a plate's pivot: what its forces and moment drive, by their names, with what is given.
+def plate_motion(plate: RigidPlate, centre: tuple[float, float], found: Mapping[str, float]) -> RigidMotion:
+    """The motion of a plate about its pivot: what its forces and moment drive, by their names, with what is given.
 
     What they drive was found at the place that arms count from, see `RigidPlate.reference`.
     """
-    place, (x, y, turn) = plate.reference(*centre), (found.get(name, 0.0) for name in DRIVES)
-    x, y = x - turn * (plate.pivot[1] - place[1]), y + turn * (plate.pivot[0] - place[0])
-    return PlateMotion(x + (plate.x or 0.0), y + (plate.y or 0.0), turn + (plate.rotation or 0.0))
+    x, y, turn = (found.get(name, 0.0) for name in DRIVES)
+    x, y = RigidMotion(x, y, turn, plate.reference(*centre)).at(np.array(plate.pivot)).tolist()
+    return RigidMotion(x + (plate.x or 0.0), y + (plate.y or 0.0), turn + (plate.rotation or 0.0), plate.pivot)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -331,8 +313,8 @@ class ContactResult(PicklesFields):
         return Rounding.of(stress * scales.stress, moved * scales.displacement, scales.length, share)
 
     @cached_property
-    def plates(self) -> Mapping[str, PlateMotion]:
-        """How far each rigid plate or pin has moved, by the name of its contact."""
+    def plates(self) -> Mapping[str, RigidMotion]:
+        """Motion of each rigid plate or pin beyond its gap and offset, about its pivot, by the name of its contact."""
         motion: dict[str, dict[str, float]] = {}
         _ = self.dofs  # says what is wrong if there is no state
         for row, multiplier in zip(self.discretization.plates.rows, self.solution.equality_multiplier, strict=True):
@@ -436,8 +418,9 @@ class ContactResult(PicklesFields):
 def contact_numbers(result: ContactResult) -> dict[str, dict[str, float]]:
     """The columns of `ContactResult.forces_frame` by the name of the contact; those of plates where it has one."""
     found = {name: line.summary() for name, line in result.contacts.items()}
-    for name in result.plates:
-        found[name] |= dict(zip(PLATE_COLUMNS, plate_numbers(result, name), strict=True))
+    for name, moved in result.plates.items():
+        numbers = moved.x, moved.y, moved.rotation, *astuple(result.plate_force(name))
+        found[name] |= dict(zip(PLATE_COLUMNS, numbers, strict=True))
     return found
 
 
@@ -445,11 +428,6 @@ def forces_units(units: Units | None) -> dict[str, str]:
     """Column of `contact_numbers` → its unit, of those that have one; none without `units`."""
     kinds = {name: kind for name, kind in (SUMMARY | PLATE_COLUMNS).items() if kind}
     return {} if units is None else {**Units.labels(units, kinds), "rotation": "rad"}
-
-
-def plate_numbers(result: ContactResult, name: str) -> tuple[float, ...]:
-    """Motion, force and moment of a plate or pin by the name of its contact, as in `PLATE_COLUMNS`."""
-    return (*astuple(result.plates[name]), *astuple(result.plate_force(name)))
 
 
 def overall_status(statuses: Sequence[Status], planned: int) -> Status:
