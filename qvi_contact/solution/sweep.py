@@ -97,9 +97,9 @@ class SweepRows(ABC):
         """What is done, in the order of the values."""
 
     @property
-    @abstractmethod
     def statuses(self) -> tuple[Status, ...]:
         """The status of each value done, in the order of the values."""
+        return tuple(row.status for row in self.rows())
 
     @property
     def status(self) -> Status:
@@ -287,11 +287,11 @@ def solve_sweep(
             data = {"parameter": task.parameter, "of": task.names, "values": numbers, "warm_start": task.warm}
             fingerprint = run_digest([task.problem], {**settings.stated, **data})
             with (
-                kept.writing(store, fingerprint, parameter, numbers) as opened,
-                closing(_rows(task, opened.pending(), shared)) as found,
+                kept.writing(store, fingerprint, parameter, numbers) as (pending, append),
+                closing(_rows(task, pending, shared)) as found,
             ):
                 for rows in found:
-                    opened.append(rows)
+                    append(rows)
                     for row in rows:
                         told(row.number, row, row.accuracy)
             sweep = kept.read_sweep(store)
