@@ -128,23 +128,15 @@ DRIVES: Final = {"force_x": "x", "force_y": "y", "moment": "rotation"}
 
 @dataclass(frozen=True)
 class RigidMotion:
-    """A small motion u(x) of a rigid body.
-
-    Attributes
-    ----------
-    x, y : float
-        Translation of the centre [length].
-    rotation : float
-        Rotation, counterclockwise [rad].
-    centre : (float, float)
-        The point that the translation belongs to [length].
-
-    """
+    """A small motion u(x) of a rigid body."""
 
     x: float
     y: float
+    """Translation of the centre [length]."""
     rotation: float
+    """Rotation, counterclockwise [rad]."""
     centre: tuple[float, float]
+    """The point that the translation belongs to [length]."""
 
     def at(self, points: FloatArray) -> FloatArray:
         """Displacements of points (..., 2) [length]."""

@@ -56,18 +56,12 @@ class History:
 
     In each step's result `slip` and `energies.dissipation` are those of the step. The energies are computed from the
     multipliers, which obey the friction law at every point, `slip` is their projection.
-
-    Attributes
-    ----------
-    steps : sequence of ContactResult
-        One for each load step done: a tuple, or with a store a sequence that reads a step when it is asked for.
-    planned : int
-        Number of load steps asked for.
-
     """
 
     steps: Sequence[ContactResult]
+    """One for each load step done: a tuple, or with a store a sequence that reads a step when it is asked for."""
     planned: int
+    """Number of load steps asked for."""
 
     @cached_property
     def statuses(self) -> tuple[Status, ...]:

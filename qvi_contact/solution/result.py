@@ -65,47 +65,31 @@ _ABOVE: Final = {
 
 @dataclass(frozen=True)
 class Resultant:
-    """Resultant of the tractions on an edge set, a unit of thickness.
-
-    Attributes
-    ----------
-    x, y : float
-        Force on the body [stress × length].
-    moment : float
-        Moment about the origin of coordinates, or what is named, counterclockwise [stress × length²].
-
-    """
+    """Resultant of the tractions on an edge set, a unit of thickness."""
 
     x: float
     y: float
+    """Force on the body [stress × length]."""
     moment: float
+    """Moment about the origin of coordinates, or what is named, counterclockwise [stress × length²]."""
 
 
 @dataclass(frozen=True)
 class Energies:
-    """Energies a unit of thickness [stress × length²].
-
-    Attributes
-    ----------
-    strain : float
-        ½∫ cσ:σ dx, strain energy of the body, and that of springs along contacts.
-    load : float
-        ∫_{Γ_u} U·σn ds + ∫_{Γ_μ} (g σ_N' + w σ_T) ds − ∫ ε⁰:σ dx, work of the prescribed displacements and initial
-        strains; g and w with the given motions of plates.
-    complementary : float
-        strain − load: what the stress minimises over the admissible stresses with the friction bound held fixed.
-    dissipation : float
-        −∫ σ_T (u_T − w) ds = Σ m_T σ_T over the contact points, work lost in friction. From the row multipliers m_T,
-        which obey the friction law at every point: ≥ 0 to the accuracy of the certificate, which the projected `slip`
-        need not give. Beside a prescribed shear other than zero the tractions of the mesh leave the slip of the corner
-        open, and this number with it, by a part of what the last edge loses.
-
-    """
+    """Energies a unit of thickness [stress × length²]."""
 
     strain: float
+    """½∫ cσ:σ dx, strain energy of the body, and that of springs along contacts."""
     load: float
+    """∫_{Γ_u} U·σn ds + ∫_{Γ_μ} (g σ_N' + w σ_T) ds − ∫ ε⁰:σ dx, work of the prescribed displacements and initial
+    strains; g and w with the given motions of plates."""
     complementary: float
+    """strain − load: what the stress minimises over the admissible stresses with the friction bound held fixed."""
     dissipation: float
+    """−∫ σ_T (u_T − w) ds = Σ m_T σ_T over the contact points, work lost in friction. From the row multipliers m_T,
+    which obey the friction law at every point: ≥ 0 to the accuracy of the certificate, which the projected `slip` need
+    not give. Beside a prescribed shear other than zero the tractions of the mesh leave the slip of the corner open, and
+    this number with it, by a part of what the last edge loses."""
 
 
 def plate_motion(plate: RigidPlate, centre: tuple[float, float], found: Mapping[str, float]) -> RigidMotion:
@@ -126,19 +110,14 @@ class ContactResult(PicklesFields):
     Without a stress state (infeasible problem, failed back end) fields and contacts raise `InputError`; an infeasible
     problem has none even if an iteration left one behind, but the `mechanism` that proves it.
 
-    Attributes
-    ----------
-    discretization : Discretization
-        The problem, its mesh and its algebraic form.
-    solution : QVISolution
-        The algebraic answer, dimensionless.
-    remarks, undetermined_motions, bracket
-        What the functions of these names in `solution.remarks` and `bracket` find, on first use.
-
+    `remarks`, `undetermined_motions` and `bracket` are what the functions of these names in `solution.remarks` and
+    `bracket` find, on first use.
     """
 
     discretization: Discretization
+    """The problem, its mesh and its algebraic form."""
     solution: QVISolution
+    """The algebraic answer, dimensionless."""
 
     if TYPE_CHECKING:  # functions of `_ABOVE`; for types they are no fields
         remarks: ClassVar[tuple[str, ...]]
