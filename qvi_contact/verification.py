@@ -23,7 +23,7 @@ from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.element import legendre
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
-from qvi_contact.files.archive import OWN, STORE, Archive, json_ready, result_from_archive, solution_names
+from qvi_contact.files.archive import OWN, STORE, Archive, answer_arrays, json_ready, result_from_archive
 from qvi_contact.files.export import field_arrays
 from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Traction, is_frictionless
@@ -319,7 +319,7 @@ def verify_file(path: str | Path, tolerance: float | None = None) -> Verificatio
         again = recomputed(result, result.discretization, tolerance)  # which was made from the file just now
         claims = None  # of stored steps
         if STORE not in archive.arrays:
-            others = OWN | solution_names(result)
+            others = OWN | {"problem", "problem_missing", *answer_arrays(result)}
             claims = {name: array for name, array in archive.arrays.items() if name not in others}
         return _verification(intact, result, again, claims, tolerance)
 

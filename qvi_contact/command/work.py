@@ -472,14 +472,9 @@ def _checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
 
 
 def _files_of(option: str, path: str) -> tuple[str, ...]:
-    """What an option writes."""
-    return (path, str(_contacts_file(path))) if option == "vtk" else (path,)
-
-
-def _contacts_file(path: str) -> Path:
-    """Where the contacts of a VTU file go."""
+    """What an option writes; a VTU file has one of contacts beside it."""
     whole = Path(path)
-    return whole.with_name(f"{whole.stem}_contacts{whole.suffix}")
+    return (path, str(whole.with_name(f"{whole.stem}_contacts{whole.suffix}"))) if option == "vtk" else (path,)
 
 
 def _asked_panels(file: ProblemFile, panels: str | None) -> list[str] | None:
@@ -539,7 +534,7 @@ def _write_all(
         moved = bracket if bracket is not None and bracket.companion.has_state else None
         files.write_vtu(path, result, units, bracket=moved)
         if result.contacts:
-            files.write_contacts_vtu(_contacts_file(path), result, units)
+            files.write_contacts_vtu(_files_of("vtk", path)[1], result, units)
 
     writers: dict[str, Callable[[str], None]] = {
         "save_json": lambda path: write_text(path, _json_text(document) + "\n"),

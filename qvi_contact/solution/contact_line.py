@@ -385,8 +385,8 @@ class ContactPath:
     """Numbers of the edges, one behind the other, shape (n,)."""
     forward: BoolArray
     """Whether the tangent of the edge leads along the path, (n,)."""
-    line: IntArray
-    """Number of the line that each of these edges belongs to, ascending, (n,)."""
+    lines: tuple[IntArray, ...]
+    """Of each line the places (k,) that its edges have in this order."""
     lengths: FloatArray
     """Their lengths [length], (n,)."""
 
@@ -402,8 +402,8 @@ class ContactPath:
             for first, second in pairs:
                 forward[place] = first == at
                 at, place = second if forward[place] else first, place + 1
-        number = np.repeat(np.arange(len(found)), [len(line) for line in found])
-        return cls(order, forward, number, lengths[order])
+        lines = np.split(np.arange(len(order)), np.cumsum([len(line) for line in found])[:-1])
+        return cls(order, forward, tuple(lines), lengths[order])
 
     @cached_property
     def starts(self) -> FloatArray:
@@ -433,8 +433,7 @@ def turning_senses(vertices: FloatArray, edges: Edges) -> FloatArray:
         return found
     ends = np.stack([vertices[edges.first], vertices[edges.second]], axis=1)
     path = ContactPath.of(ends, edges.length)
-    for line in range(path.line.max(initial=-1) + 1):
-        own = path.line == line
+    for own in path.lines:
         forward, chosen = path.forward[own], path.edges[own]
         if forward.all() or not forward.any():
             continue

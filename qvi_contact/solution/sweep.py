@@ -406,11 +406,6 @@ class _Slice(NamedTuple):
     end: float
 
 
-def _opened(task: SweepTask) -> tuple[None, Callable[[_Slice], list[SweepRow]]]:
-    """What a worker process does: the rows of slices, each on the factorisation of the one before."""
-    return None, task.rows
-
-
 def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Workers) -> Generator[Sequence[SweepRow]]:
     """Rows of these numbers and values as they come, a few at a time, until the time is over.
 
@@ -424,7 +419,7 @@ def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Worker
     remedy = "cannot be sent to other processes: give Expression or Polynomial for its functions, or those of modules"
     try:
         settings = replace(task.settings, threads=task.settings.threads or 1)
-        job = pickle.dumps(partial(_opened, replace(task, settings=settings)))
+        job = pickle.dumps(partial(tuple, (None, replace(task, settings=settings).rows)))  # each slice on one factor
     except Exception as error:  # PicklingError, AttributeError or TypeError, by what it is
         raise InputError("problem", task.problem, f"{remedy} ({error})") from error
     try:
