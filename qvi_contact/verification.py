@@ -10,6 +10,7 @@ says of itself counts, and nothing that a back end said.
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -284,21 +285,12 @@ def verify_result(result: ContactResult, tolerance: float | None = None) -> Veri
             "problem", problem_difference(result.solution.problem, again.solution.problem), AGREEMENT,
             "The algebraic problem that was solved, beside the problem discretised anew.",
         )  # fmt: skip
-        return _verification(same, result, again, _fields(result), tolerance)
-
-
-def _fields(result: ContactResult) -> dict[str, Any]:
-    """What a result says, names of contacts that are others among it.
-
-    Nothing where contacts are gone that its energies need, so that all of it is missing.
-    """
-    if not result.has_state:
-        return {}
-    others = {f"{name}.name": line.name for name, line in result.contacts.items() if line.name != name}
-    try:
-        return {**field_arrays(result), **others}
-    except KeyError:
-        return {}
+        claims: dict[str, Any] = {}  # all of it is missing where contacts are gone that its energies need
+        if result.has_state:
+            with suppress(KeyError):
+                others = {f"{name}.name": line.name for name, line in result.contacts.items() if line.name != name}
+                claims = {**field_arrays(result), **others}
+        return _verification(same, result, again, claims, tolerance)
 
 
 def verify_file(path: str | Path, tolerance: float | None = None) -> Verification:

@@ -25,9 +25,10 @@ from qvi_contact.element.triangle import bernstein, triangle_lattice
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import json_ready, solution_arrays, write_archive
 from qvi_contact.mesh.edges import cross
+from qvi_contact.problem.material import stress_along_z
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine
 from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, Energies, contact_numbers
-from qvi_contact.solution.stress import cell_factors, held_along_z, principal_stresses, stress_in_cells, von_mises
+from qvi_contact.solution.stress import principal_stresses, stress_in_cells, von_mises
 from solvers.basics.types import load
 
 if TYPE_CHECKING:
@@ -212,12 +213,11 @@ def write_vtu(
     stress *= known.scales.stress
     x, y = physical(problem, known.scales, places)
     xx, yy, xy = stress.T
-    factor, zero = np.repeat(cell_factors(problem), len(t)), np.zeros(len(stress))
-    held = held_along_z(problem, np.repeat(np.arange(count), len(t)), x, y)
+    zz, zero = stress_along_z(problem, np.repeat(np.arange(count), len(t)), x, y, stress), np.zeros(len(stress))
     first, second, _ = principal_stresses(stress)
     point_data: _Data = {
-        "stress": (np.column_stack([xx, yy, factor * (xx + yy) + held, xy, zero, zero]), "stress"),
-        "von Mises": (von_mises(stress, factor, held), "stress"),
+        "stress": (np.column_stack([xx, yy, zz, xy, zero, zero]), "stress"),
+        "von Mises": (von_mises(stress, zz), "stress"),
         "principal 1": (first, "stress"),
         "principal 2": (second, "stress"),
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -63,7 +64,10 @@ def _about_numbers(result: ContactResult) -> Iterator[str]:
         )
     friction = float(qvi.mu[qvi.law.moving].max(initial=0.0))
     large = friction > _LARGE_FRICTION and result.status is Status.SOLVED and not result.solution.remarks
-    if large and not _is_unique(result):
+    unique = False  # friction below the bound for one solution only, on usual meshes 0.01 to 0.1
+    with suppress(FactorisationError, ValueError):  # dense algebra refuses what has overflowed by ValueError
+        unique = large and result.solution.uniqueness.satisfied
+    if large and not unique:
         yield (
             f"Friction is {friction:.3g}. Above {_LARGE_FRICTION:g} the discrete problem may have several solutions. "
             "This is one of them. To look for others, call other_solutions(result) in Python."
@@ -91,14 +95,6 @@ def _about_numbers(result: ContactResult) -> Iterator[str]:
             f"gaps limits the accuracy, here to {accuracy:.1e}. Ask for a tolerance of "
             f"{10.0 ** np.ceil(np.log10(2.0 * accuracy)):.0e}, or state the problem with a smaller clearance or gap."
         )
-
-
-def _is_unique(result: ContactResult) -> bool:
-    """Whether friction is below the bound for one solution only, on usual meshes 0.01 to 0.1."""
-    try:
-        return result.solution.uniqueness.satisfied
-    except (FactorisationError, ValueError):  # dense algebra refuses what has overflowed by ValueError
-        return False
 
 
 def _about_contacts(result: ContactResult) -> Iterator[str]:
