@@ -396,13 +396,14 @@ class ContactPath:
         vertices = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)[1].reshape(-1, 2)
         found, forward = chains(vertices), np.zeros(len(ends), dtype=bool)
         order, place = np.concatenate([np.empty(0, dtype=np.int64), *found]), 0
+        lines: list[IntArray] = []
         for line in found:  # whether each edge leads on to the next one
+            lines.append(np.arange(place, place + len(line)))
             pairs = vertices[line].tolist()
             at = min(pairs[0]) if len(pairs) == 1 else next(end for end in pairs[0] if end not in pairs[1])
             for first, second in pairs:
                 forward[place] = first == at
                 at, place = second if forward[place] else first, place + 1
-        lines = np.split(np.arange(len(order)), np.cumsum([len(line) for line in found])[:-1])
         return cls(order, forward, tuple(lines), lengths[order])
 
     @cached_property

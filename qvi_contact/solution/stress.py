@@ -299,16 +299,14 @@ def loads_followed(discretization: Discretization) -> bool:
     if misfit_of_tractions(discretization, u) > allowed_misfit(unit, rounding):
         return False
     problem, most = discretization.problem, discretization.space.traction_degree
-    for contact in problem.contacts:
-        fields = {
-            "Contact.pore_pressure": contact.pore_pressure,
-            "ContactProblem.body_potential": problem.body_potential,
-        }
-        edges = problem.mesh.edges(contact.edges)
-        for name, field in fields.items():
-            if callable(field) and contact.law != "tied" and not is_polynomial(problem, edges, name, field, most):
-                return False
-    return True
+    return all(
+        is_polynomial(problem, problem.mesh.edges(contact.edges), name, field, most)
+        for contact in problem.contacts if contact.law != "tied"
+        for name, field in (
+            ("Contact.pore_pressure", contact.pore_pressure), ("ContactProblem.body_potential", problem.body_potential),
+        )
+        if callable(field)
+    )  # fmt: skip
 
 
 def rest_on_arcs(discretization: Discretization, u: FloatArray) -> float:
