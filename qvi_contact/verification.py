@@ -10,6 +10,7 @@ says of itself counts, and nothing that a back end said.
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -23,7 +24,7 @@ from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.element import legendre
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
-from qvi_contact.files.archive import OWN, STORE, Archive, json_ready, result_from_archive, solution_names
+from qvi_contact.files.archive import OWN, STORE, Archive, answer_arrays, json_ready, result_from_archive
 from qvi_contact.files.export import field_arrays
 from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Traction, is_frictionless
@@ -281,21 +282,12 @@ def verify_result(result: ContactResult, tolerance: float | None = None) -> Veri
             "problem", problem_difference(result.solution.problem, again.solution.problem), AGREEMENT,
             "The algebraic problem that was solved, beside the problem discretised anew.",
         )  # fmt: skip
-        return _verification(same, result, again, _fields(result), tolerance)
-
-
-def _fields(result: ContactResult) -> dict[str, Any]:
-    """What a result says, names of contacts that are others among it.
-
-    Nothing where contacts are gone that its energies need, so that all of it is missing.
-    """
-    if not result.has_state:
-        return {}
-    others = {f"{name}.name": line.name for name, line in result.contacts.items() if line.name != name}
-    try:
-        return {**field_arrays(result), **others}
-    except KeyError:
-        return {}
+        claims: dict[str, Any] = {}  # all of it is missing where contacts are gone that its energies need
+        if result.has_state:
+            with suppress(KeyError):
+                others = {f"{name}.name": line.name for name, line in result.contacts.items() if line.name != name}
+                claims = {**field_arrays(result), **others}
+        return _verification(same, result, again, claims, tolerance)
 
 
 def verify_file(path: str | Path, tolerance: float | None = None) -> Verification:
@@ -316,7 +308,7 @@ def verify_file(path: str | Path, tolerance: float | None = None) -> Verificatio
         again = recomputed(result, result.discretization, tolerance)  # which was made from the file just now
         claims = None  # of stored steps
         if STORE not in archive.arrays:
-            others = OWN | solution_names(result)
+            others = OWN | {"problem", "problem_missing", *answer_arrays(result)}
             claims = {name: array for name, array in archive.arrays.items() if name not in others}
         return _verification(intact, result, again, claims, tolerance)
 

@@ -85,11 +85,8 @@ class Reader(Protocol):
         """A number, which may be an expression of constants and t."""
 
 
-class Writer(Protocol):
-    """What writes functions, and collects the constants and the time that they have in common."""
-
-    def field(self, path: str, value: object) -> object:
-        """A number, text or table."""
+Writer: TypeAlias = Callable[[str, object], object]
+"""What makes of a path and a field a number, text or table, and collects the constants and the time that all share."""
 
 
 class Kind:
@@ -214,7 +211,7 @@ class Varying(Kind):
         return found
 
     def written(self, path: str, value: Any, writer: Writer) -> object:
-        return writer.field(path, value)
+        return writer(path, value)
 
 
 class Angle(Varying):

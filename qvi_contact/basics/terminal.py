@@ -7,11 +7,11 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout, suppress
 from time import monotonic
 from types import FrameType
-from typing import TYPE_CHECKING, Any, Final, NoReturn, Protocol, TextIO, cast
+from typing import TYPE_CHECKING, Any, Final, NoReturn, TextIO, TypeAlias, cast
 
 import click
 
@@ -35,10 +35,8 @@ _OFF_TERMINALS = 30.0  # where there is no terminal; then twice as many, and so 
 _REDRAWN = 0.1  # seconds
 
 
-class Advance(Protocol):
-    """Reports that one more step is done, and what comes next."""
-
-    def __call__(self, description: str = "") -> None: ...  # noqa: D102
+Advance: TypeAlias = Callable[..., None]
+"""Reports that one more step is done, and says in words, if there are any, how far all is."""
 
 
 class TerminatedError(SystemExit):

@@ -51,7 +51,18 @@ def replacing(path: str | Path) -> Iterator[Path]:
     temporary = Path(name)
     try:
         yield temporary
-        _put(temporary, target, earlier)
+        stream = None if earlier is None else _standard_stream(earlier)  # as /dev/stdout, in its turn
+        if stream is None and (earlier is None or stat.S_ISREG(earlier.st_mode)):
+            mask = os.umask(0)
+            os.umask(mask)
+            temporary.chmod(0o666 & ~mask if earlier is None else stat.S_IMODE(earlier.st_mode))
+            temporary.replace(target)
+        else:  # into what stands there
+            with (
+                temporary.open("rb") as source,
+                target.open("wb") if stream is None else os.fdopen(os.dup(stream), "wb") as sink,
+            ):
+                shutil.copyfileobj(source, sink)
     except OSError as error:
         raise unwritable(path, error) from error
     finally:
@@ -99,22 +110,6 @@ def _followed(path: Path) -> tuple[Path, os.stat_result | None]:
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     named = resolved.exists() and resolved.samefile(path)  # pipes that a process holds open have no name
     return resolved if named else path, found
-
-
-def _put(temporary: Path, target: Path, earlier: os.stat_result | None) -> None:
-    """Rename onto nothing or a regular file; else write into what stands there."""
-    if earlier is None or (stat.S_ISREG(earlier.st_mode) and _standard_stream(earlier) is None):
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask if earlier is None else stat.S_IMODE(earlier.st_mode))
-        temporary.replace(target)
-        return
-    stream = _standard_stream(earlier)  # as /dev/stdout: in its turn, wherever it leads
-    with (
-        temporary.open("rb") as source,
-        target.open("wb") if stream is None else os.fdopen(os.dup(stream), "wb") as sink,
-    ):
-        shutil.copyfileobj(source, sink)
 
 
 def _standard_stream(earlier: os.stat_result) -> int | None:

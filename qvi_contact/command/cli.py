@@ -265,25 +265,6 @@ def bracket() -> None:
 
 
 @_command(
-    "Look for other solutions of the same problem.",
-    "FILE degree law_on tolerance time_limit verbose json plot vtk npz save_json",
-)
-def branches() -> None:
-    """Solve the problem in FILE and look for other solutions of it, which large friction may have.
-
-    Friction is followed to its value from smaller and larger ones. That takes about as long as ten to thirty solves,
-    and up to a hundred. If several certified solutions are found, a displacement model on the same mesh is solved too.
-    The table lists the solutions by how far their strains are from those of that model, the nearest first. Files that
-    are written hold the first one. If no other solution is found, there may still be one.
-
-    \b
-    Examples:
-        qvi-contact branches examples/ssnv128.toml --time-limit 60
-        qvi-contact branches examples/ssnv128.toml --npz nearest.npz
-    """  # noqa: D301
-
-
-@_command(
     "Refine the mesh until a number is accurate.",
     "FILE target quantity max_unknowns max_rounds",
     click.option(

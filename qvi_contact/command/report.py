@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
+from itertools import product
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -19,10 +20,8 @@ from qvi_contact.problem.fields import Expression, PointData, Polynomial
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import SUMMARY, ContactState
 from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, contact_numbers
-from solvers.solution import WHAT_TO_DO
 
 if TYPE_CHECKING:
-    from qvi_contact.bracket import Branches
     from qvi_contact.limit.load_factor import LimitLoad
     from qvi_contact.refinement import LimitRefinement, Refinement, RefinementRound
     from qvi_contact.refinement.adaptive import Outcome
@@ -90,7 +89,10 @@ class Series(NamedTuple):
     def lines(self, units: Units) -> Iterator[str]:
         """The tables, each remark once, then what became of it all."""
         steps = self.results.steps
-        yield from _in_lines(self.tables(units))
+        for title, headings, rows in self.tables(units):
+            yield title
+            yield from table(headings, rows)
+            yield ""
         if self.label == "t":
             least = Rounding.largest(step.rounding for step in steps)
             lost = shown(float(self.results.dissipated.sum()), least.energy)
@@ -100,58 +102,35 @@ class Series(NamedTuple):
         yield self.results.message
 
     def tables(self, units: Units) -> Iterator[Titled]:
-        """One table for each contact and each plate: a row for each time "t", or value of a sweep."""
-        length = f"[{units.displacement}]"
+        """One table for each contact and each plate: a row for each time "t", or value of a sweep.
+
+        Rounding is that of the largest step of a history, and of each value of a sweep.
+        """
+        timed, length = self.label == "t", f"[{units.displacement}]"
         swept = {"load": "load factor", "gap": f"added gap {length}", "offset": f"added offset {length}"}
-
-        def first(number: int, step: ContactResult) -> list[str]:
-            value, status = f"{self.values[number]:.6g}", str(step.status)
-            return [str(number + 1), value, status] if self.label == "t" else [value, status, str(step.iterations)]
-
-        timed = self.label == "t"
-        headings = ["step", "t", "status"] if timed else [swept.get(self.label, self.label), "status", "iterations"]
-        return _contact_tables(self.results.steps, headings, first, units, apart=not timed)
-
-
-def _contact_tables(
-    steps: Sequence[ContactResult],
-    headings: Sequence[str],
-    first: Callable[[int, ContactResult], list[str]],
-    units: Units,
-    apart: bool = False,
-) -> Iterator[Titled]:
-    """One table for each contact and each plate: of each result, by its number from 0, the first columns and more.
-
-    Rounding is that of the largest result, or of each one where they are `apart`.
-    """
-    read = list[tuple[list[str], Mapping[str, Any], Mapping[str, Any], Rounding]]()
-    for number, step in enumerate(steps):  # each is read once: those of a store are files
-        lines = step.contacts if step.has_state else {}
-        numbers = contact_numbers(step) if lines else {}
-        read.append((first(number, step), numbers, {name: line.shares for name, line in lines.items()}, step.rounding))
-    largest = Rounding.largest(each for *_, each in read)
-    contacts, forces = steps[0].problem.contacts, f"forces in {units.force}"
-    wanted = [(f"contact {each.name}, {forces}", each.name, FORCES, ["normal", "tangential"]) for each in contacts]
-    wanted += [
-        (f"obstacle {each.name}, motion and what it does to the body", each.name, PLATE_COLUMNS, plate_headings(units))
-        for each in contacts if each.plate is not None
-    ]  # fmt: skip
-    for title, name, columns, labels in wanted:
-        states = [
-            state for state in STATES if columns is FORCES and any(state in of.get(name, ()) for *_, of, _ in read)
-        ]
-        rows = [
-            [*start, *cells(numbers.get(name), columns, own if apart else largest), *shares(of.get(name, {}), states)]
-            for start, numbers, of, own in read
-        ]
-        yield title, [*headings, *labels, *states], rows
-
-
-def _in_lines(tables: Iterable[Titled]) -> Iterator[str]:
-    for title, headings, rows in tables:
-        yield title
-        yield from table(headings, rows)
-        yield ""
+        first = ["step", "t", "status"] if timed else [swept.get(self.label, self.label), "status", "iterations"]
+        read = list[tuple[list[str], Mapping[str, Any], Mapping[str, Any], Rounding]]()
+        for number, step in enumerate(self.results.steps):  # each is read once: those of a store are files
+            begun = [f"{self.values[number]:.6g}", str(step.status)]
+            begun = [str(number + 1), *begun] if timed else [*begun, str(step.iterations)]
+            lines = step.contacts if step.has_state else {}
+            parts = {name: line.shares for name, line in lines.items()}
+            read.append((begun, contact_numbers(step) if lines else {}, parts, step.rounding))
+        largest = Rounding.largest(least for *_, least in read) if timed else None
+        kinds: Any = (
+            ("contact", f"forces in {units.force}", FORCES, ["normal", "tangential"]),
+            ("obstacle", "motion and what it does to the body", PLATE_COLUMNS, plate_headings(units)),
+        )
+        for (kind, what, columns, labels), contact in product(kinds, self.results.steps[0].problem.contacts):
+            if columns is PLATE_COLUMNS and contact.plate is None:
+                continue
+            name, known = contact.name, {state for _, _, parts, _ in read for state in parts.get(contact.name, ())}
+            states = [state for state in STATES if state in known and columns is FORCES]
+            rows = [
+                [*begun, *cells(numbers.get(name), columns, largest or own), *shares(parts.get(name, {}), states)]
+                for begun, numbers, parts, own in read
+            ]
+            yield f"{kind} {name}, {what}", [*first, *labels, *states], rows
 
 
 def plate_headings(units: Units) -> list[str]:
@@ -229,35 +208,6 @@ def table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str
     for row in filled:
         cells = [row[0].ljust(widths[0]), *(text.rjust(width) for text, width in zip(row[1:], widths[1:], strict=True))]
         yield "  ".join(cells).rstrip()
-
-
-def branches_lines(result: ContactResult, found: Branches | None, units: Units) -> Iterator[str]:
-    """The answer of the solve, what the search found, and a table with a row for each solution if there are several.
-
-    Without a search, as after a solve that failed, the answer alone.
-    """
-    yield from result_lines(result, units)
-    if found is None:
-        return
-    yield from ("", units.filled(found.message))
-    if len(found.results) > 1:
-
-        def first(number: int, _result: ContactResult) -> list[str]:
-            distance = found.distances[number]
-            return [str(number + 1), f"{100.0 * distance:.2g} %" if math.isfinite(distance) else ""]
-
-        yield ""
-        yield from _in_lines(_contact_tables(found.results, ["solution", "from displacements"], first, units))
-        yield WHAT_TO_DO
-
-
-def branches_document(result: ContactResult, found: Branches | None, units: Units) -> dict[str, Any]:
-    """The same for programs: a summary of each solution, the preferred one first; NaN is a distance not known."""
-    results, distances = ((result,), (math.nan,)) if found is None else (found.results, found.distances)
-    solutions = [
-        {"distance": distance, **files.summary(each, units)} for each, distance in zip(results, distances, strict=True)
-    ]
-    return {"message": units.filled(result.message if found is None else found.message), "solutions": solutions}
 
 
 def _accuracy(found: Outcome | RefinementRound) -> dict[str, Any]:

@@ -151,23 +151,6 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
     return _ended(problem_file, as_json, document, (*report.result_lines(result, units), *more), bounded, complete)
 
 
-def branches(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
-    """Look for other solutions."""
-    from qvi_contact.bracket import other_solutions
-
-    with _opened(file, given, "a search for other solutions") as (problem_file, targets, options):
-        limit, title, units = options.pop("time_limit", None), problem_file.title or "branches", problem_file.units
-        with solving(title, 2, verbose=verbose) as advance, deadline(limit):
-            result = solve_one(problem_file.problem, **options, verbose=verbose)
-            advance("solved; friction is followed from other values")
-            found = other_solutions(result) if result.status == "solved" else None
-        document = {"title": problem_file.title, **report.branches_document(result, found, units)}
-        best = result if found is None else found.preferred
-        complete = _write_all(targets, problem_file, best, document, time_limit=limit)
-    lines = report.branches_lines(result, found, units)
-    return _ended(problem_file, as_json, document, lines, result.status == "solved", complete)
-
-
 def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     """Refine the mesh until a number is accurate."""
     from qvi_contact.refinement import refine as refined
@@ -489,14 +472,9 @@ def _checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
 
 
 def _files_of(option: str, path: str) -> tuple[str, ...]:
-    """What an option writes."""
-    return (path, str(_contacts_file(path))) if option == "vtk" else (path,)
-
-
-def _contacts_file(path: str) -> Path:
-    """Where the contacts of a VTU file go."""
+    """What an option writes; a VTU file has one of contacts beside it."""
     whole = Path(path)
-    return whole.with_name(f"{whole.stem}_contacts{whole.suffix}")
+    return (path, str(whole.with_name(f"{whole.stem}_contacts{whole.suffix}"))) if option == "vtk" else (path,)
 
 
 def _asked_panels(file: ProblemFile, panels: str | None) -> list[str] | None:
@@ -556,7 +534,7 @@ def _write_all(
         moved = bracket if bracket is not None and bracket.companion.has_state else None
         files.write_vtu(path, result, units, bracket=moved)
         if result.contacts:
-            files.write_contacts_vtu(_contacts_file(path), result, units)
+            files.write_contacts_vtu(_files_of("vtk", path)[1], result, units)
 
     writers: dict[str, Callable[[str], None]] = {
         "save_json": lambda path: write_text(path, _json_text(document) + "\n"),

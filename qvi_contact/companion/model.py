@@ -22,10 +22,11 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import centre_of
+from qvi_contact.problem.conditions import RigidMotion
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import turning_senses
-from qvi_contact.solution.result import PlateMotion, plate_motion
+from qvi_contact.solution.result import plate_motion
 from qvi_contact.solution.stress import given_points, mean_at
 from qvi_contact.version import __version__
 from solvers import Certificate, QVISolution, Status
@@ -227,7 +228,7 @@ class CompanionResult(PicklesFields):
         return MappingProxyType({trace.name: self._contact(trace) for trace in self._state.contacts.traces})
 
     @cached_property
-    def plates(self) -> Mapping[str, PlateMotion]:
+    def plates(self) -> Mapping[str, RigidMotion]:
         """How far each rigid plate has moved, by the name of its contact, and the forces that are given."""
         scales, found, moved = self.scales, {}, iter(self._state.plates.tolist())
         for trace in self._state.contacts.traces:

@@ -194,11 +194,6 @@ def solution_arrays(
     return {"problem": problem, "problem_missing": missing, **answer_arrays(result)}
 
 
-def solution_names(result: ContactResult) -> set[str]:
-    """Names of the `solution_arrays`, without writing the problem."""
-    return {"problem", "problem_missing", *answer_arrays(result)}
-
-
 def answer_arrays(result: ContactResult) -> dict[str, Any]:
     """The algebraic solution alone, from which `answer_from_archive` makes the result again beside the problem."""
     solution, known, certificate = result.solution, result.discretization, result.solution.certificate

@@ -25,9 +25,10 @@ from qvi_contact.element.triangle import bernstein, triangle_lattice
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import json_ready, solution_arrays, write_archive
 from qvi_contact.mesh.edges import cross
+from qvi_contact.problem.material import stress_along_z
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine
-from qvi_contact.solution.result import ContactResult, Energies
-from qvi_contact.solution.stress import cell_factors, held_along_z, principal_stresses, stress_in_cells, von_mises
+from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, Energies, contact_numbers
+from qvi_contact.solution.stress import principal_stresses, stress_in_cells, von_mises
 from solvers.basics.types import load
 
 if TYPE_CHECKING:
@@ -129,7 +130,7 @@ def field_arrays(result: ContactResult) -> dict[str, Any]:
 
 def _state(result: ContactResult, units: Units) -> dict[str, Any]:
     """The part of the summary that needs a stress state."""
-    contacts, plates = {}, {}
+    contacts, found = {}, contact_numbers(result)
     for name, line in result.contacts.items():
         numbers, unit = line.summary(), dict(SUMMARY)
         if line.has_fluid:
@@ -139,11 +140,14 @@ def _state(result: ContactResult, units: Units) -> dict[str, Any]:
             "length": {state: _quantity(length, units.length) for state, length in line.lengths.items()},
             "points": len(line.x),
         }
+    plates = {
+        name: {
+            column.removeprefix("moved_"): _quantity(found[name][column], getattr(units, kind, "rad"))
+            for column, kind in PLATE_COLUMNS.items()
+        }
+        for name in result.plates
+    }
     pushed = {"x": units.force, "y": units.force, "moment": units.moment}
-    for name, motion in result.plates.items():
-        moved = _quantities(motion, {"x": units.displacement, "y": units.displacement, "rotation": "rad"})
-        force = _quantities(result.plate_force(name), pushed)
-        plates[name] = moved | {"force_x": force["x"], "force_y": force["y"], "moment": force["moment"]}
     return {
         "contacts": contacts,
         "plates": plates,
@@ -209,12 +213,11 @@ def write_vtu(
     stress *= known.scales.stress
     x, y = physical(problem, known.scales, places)
     xx, yy, xy = stress.T
-    factor, zero = np.repeat(cell_factors(problem), len(t)), np.zeros(len(stress))
-    held = held_along_z(problem, np.repeat(np.arange(count), len(t)), x, y)
+    zz, zero = stress_along_z(problem, np.repeat(np.arange(count), len(t)), x, y, stress), np.zeros(len(stress))
     first, second, _ = principal_stresses(stress)
     point_data: _Data = {
-        "stress": (np.column_stack([xx, yy, factor * (xx + yy) + held, xy, zero, zero]), "stress"),
-        "von Mises": (von_mises(stress, factor, held), "stress"),
+        "stress": (np.column_stack([xx, yy, zz, xy, zero, zero]), "stress"),
+        "von Mises": (von_mises(stress, zz), "stress"),
         "principal 1": (first, "stress"),
         "principal 2": (second, "stress"),
     }
@@ -265,8 +268,7 @@ def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | N
         parts.append(own | {"state": (line.state.astype(np.float64), ""), "normal": (normal, "")})
         along, order = line.path, line.path.points(line.points_per_edge)
         starts, stops = (line.ends[along.edges, end.astype(int)] for end in (~along.forward, along.forward))
-        each = np.split(np.arange(len(order)), np.flatnonzero(np.diff(along.line)) + 1)
-        following = np.concatenate([np.roll(own, -1) for own in each])  # the first edge of a line behind its last
+        following = np.concatenate([np.roll(own, -1) for own in along.lines])  # a closed line ends where it begins
         goes_on = (stops == starts[following]).all(axis=1)
         joints.append(count + np.column_stack([order[:, :-1].ravel(), order[:, 1:].ravel()]))
         joints.append(count + np.column_stack([order[goes_on, -1], order[following[goes_on], 0]]))

@@ -67,11 +67,11 @@ def unread_toml(problem: ContactProblem, title: str = "", description: str = "",
     table["regions"] = {name: chosen.tolist() for name, chosen in mesh.regions.items()}
     table["arcs"] = [{"bends": arc.coefficients.tolist(), "edges": arc.edges.tolist()} for arc in mesh.arcs]
     document["mesh"] = {name: value for name, value in table.items() if value}
-    document["material"] = write_table("material", problem.material, writer)
+    document["material"] = write_table("material", problem.material, writer.field)
     stated: dict[str, Sequence[object]] = {"regions": problem.regions}
     stated |= {name: [each for each in problem.conditions if isinstance(each, kind)] for name, kind in TABLES.items()}
     for name, parts in stated.items():
-        document[name] = [write_table(f"{name}[{i}]", part, writer) for i, part in enumerate(parts)]
+        document[name] = [write_table(f"{name}[{i}]", part, writer.field) for i, part in enumerate(parts)]
     if writer.time is not None:
         document["history"] = {"times": [writer.time]}
     document = {name: value for name, value in document.items() if value not in ({}, [], "")}

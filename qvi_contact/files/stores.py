@@ -21,6 +21,7 @@ from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import groupby
 from pathlib import Path
 from typing import Any, Final, TypeVar, get_args
 
@@ -150,11 +151,10 @@ _TABLES: Final = (
 _DATABASE: Final = Database("the store of a sweep", 0x51564957, 1, _TABLES, "results")  # "QVIW"
 
 _CONTACT: Final = f"INSERT INTO contacts VALUES (?, ?, {', '.join('?' * len(SUMMARY_COLUMNS))})"
-_DONE: Final = """
-    SELECT number, value, status, message, iterations, accuracy, seconds
-    FROM planned JOIN results USING (number) ORDER BY number
+_DONE: Final = f"""
+    SELECT number, value, status, message, iterations, accuracy, seconds, contact, {_COLUMNS}
+    FROM planned JOIN results USING (number) LEFT JOIN contacts USING (number) ORDER BY number, contacts.rowid
 """
-_CONTACTS: Final = f"SELECT contact, {_COLUMNS} FROM contacts WHERE number = ? ORDER BY rowid"
 
 
 @dataclass(frozen=True)
@@ -172,21 +172,15 @@ class StoredSweep(SweepRows):
     def rows(self) -> Iterator[SweepRow]:
         """What is done, in the order of the values."""
         with _DATABASE.opened(self.path) as connection, _sound(self.path):
-            for number, value, status, message, iterations, accuracy, seconds in connection.execute(_DONE):
+            for (number, value, *told), parts in groupby(connection.execute(_DONE), lambda row: row[:7]):
                 contacts = {}
-                for name, *numbers in connection.execute(_CONTACTS, (number,)):
+                for name, *numbers in (part[7:] for part in parts if part[7] is not None):
                     named = zip(SUMMARY_COLUMNS, numbers, strict=True)
                     contacts[_of(str, name)] = {key: _of(float, each) for key, each in named if each is not None}
-                told = Status(status), _of(str, message), _of(int, iterations)
+                status, message, iterations, accuracy, seconds = told
+                words = Status(status), _of(str, message), _of(int, iterations)
                 accuracy = math.nan if accuracy is None else _of(float, accuracy)
-                yield SweepRow(number, _of(float, value), *told, accuracy, _of(float, seconds), contacts)
-
-    @property
-    def statuses(self) -> tuple[Status, ...]:
-        """The status of each value done, in the order of the values."""
-        with _DATABASE.opened(self.path) as connection, _sound(self.path):
-            found = connection.execute("SELECT status FROM results ORDER BY number")
-            return tuple(Status(status) for (status,) in found)
+                yield SweepRow(number, _of(float, value), *words, accuracy, _of(float, seconds), contacts)
 
 
 def read_sweep(path: str | Path) -> StoredSweep:
@@ -207,33 +201,13 @@ def _place(path: str | Path) -> Path:
     return place
 
 
-class SweepStore:
-    """A store that rows are added to, see `writing`."""
-
-    def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
-        self._path, self._connection = path, connection
-
-    def pending(self) -> list[tuple[int, float]]:
-        """Numbers, from 1, and values that are not done."""
-        query = "SELECT number, value FROM planned WHERE number NOT IN (SELECT number FROM results) ORDER BY number"
-        with _DATABASE.explained(self._path):
-            return self._connection.execute(query).fetchall()
-
-    def append(self, rows: Sequence[SweepRow]) -> None:
-        """Write rows; when this returns, all are on disk, and none if it fails."""
-        with _DATABASE.explained(self._path), self._connection:
-            for row in rows:
-                found = (row.number, str(row.status), row.message, row.iterations, row.accuracy, row.seconds)
-                self._connection.execute("INSERT INTO results VALUES (?, ?, ?, ?, ?, ?)", found)
-                for name, summary in row.contacts.items():
-                    self._connection.execute(
-                        _CONTACT, (row.number, name, *(summary.get(key) for key in SUMMARY_COLUMNS))
-                    )
-
-
 @contextmanager
-def writing(path: str | Path, fingerprint: str, parameter: Parameter, values: Sequence[float]) -> Iterator[SweepStore]:
+def writing(
+    path: str | Path, fingerprint: str, parameter: Parameter, values: Sequence[float]
+) -> Iterator[tuple[list[tuple[int, float]], Callable[[Sequence[SweepRow]], None]]]:
     """Open the store of a sweep, made if it is missing, and keep all other runs away from it.
+
+    Numbers, from 1, and values that are not done; and what writes rows: all are on disk then, and none if it fails.
 
     `InputError` if it cannot be written, is in use, damaged, or holds another sweep.
     """
@@ -252,7 +226,18 @@ def writing(path: str | Path, fingerprint: str, parameter: Parameter, values: Se
         if (found, stored, planned) != (fingerprint, parameter, tuple(values)):
             remedy = f"holds another sweep, of {len(planned)} values, or data or options changed: give another file"
             raise InputError("store", str(path), remedy)
-        yield SweepStore(place, connection)
+
+        def append(rows: Sequence[SweepRow]) -> None:
+            with connection:
+                for row in rows:
+                    found = (row.number, str(row.status), row.message, row.iterations, row.accuracy, row.seconds)
+                    connection.execute("INSERT INTO results VALUES (?, ?, ?, ?, ?, ?)", found)
+                    for name, summary in row.contacts.items():
+                        numbers = (summary.get(key) for key in SUMMARY_COLUMNS)
+                        connection.execute(_CONTACT, (row.number, name, *numbers))
+
+        query = "SELECT number, value FROM planned WHERE number NOT IN (SELECT number FROM results) ORDER BY number"
+        yield connection.execute(query).fetchall(), append
 
 
 def _plan(connection: sqlite3.Connection, path: Path) -> tuple[Parameter, str, tuple[float, ...]]:

@@ -15,6 +15,12 @@ from qvi_contact.problem.conditions import Condition, Contact, Displacement, Rig
 from qvi_contact.problem.material import Material, Plane, Region
 from qvi_contact.problem.problem import ContactProblem
 
+__all__ = [
+    "CORNER_EXPONENTS", "SSNV128_DISPLACEMENTS", "arc", "block_corner", "compressed_plate", "cylinder_in_bore",
+    "cylinder_on_block", "fan", "half_discs", "loaded_pin", "persson_pressure", "press_fit", "press_fit_torque",
+    "rings", "ssnv128",
+]  # fmt: skip
+
 _MOST: Final = 1000  # sectors
 _QUARTER: Final = (Symmetry("start"), Symmetry("end"))
 

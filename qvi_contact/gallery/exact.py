@@ -19,6 +19,11 @@ from qvi_contact.problem.fields import Polynomial
 from qvi_contact.problem.material import Material, Plane
 from qvi_contact.problem.problem import ContactProblem
 
+__all__ = [
+    "DOOR_AND_WINDOW", "ExactState", "cantilever", "gravity_column", "jointed_slope", "masonry_wall",
+    "problem_from_state", "pure_bending", "sliding_block", "stick_slip_block", "uniform",
+]  # fmt: skip
+
 
 @dataclass(frozen=True)
 class ExactState:

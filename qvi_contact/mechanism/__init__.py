@@ -10,7 +10,8 @@ would carry if they were rigid. So three numbers a block decide: a small linear 
 | `mechanism` | proof, and bound of a load factor; linear programs   |
 """
 
-from qvi_contact.mechanism.mechanism import ContactMotion, Mechanism, RigidMotion, find_mechanism, upper_bound
+from qvi_contact.mechanism.mechanism import ContactMotion, Mechanism, find_mechanism, upper_bound
+from qvi_contact.problem.conditions import RigidMotion
 from solvers.basics.front import front
 
 __all__ = ["ContactMotion", "Mechanism", "RigidMotion", "find_mechanism", "upper_bound"]

@@ -29,7 +29,7 @@ from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.errors import SolveError
 from qvi_contact.mechanism.bodies import Bodies, Line, Work, lines, works
 from qvi_contact.mesh.edges import vectors_along
-from qvi_contact.problem.conditions import Displacement
+from qvi_contact.problem.conditions import Displacement, RigidMotion
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.types import PicklesFields
 from solvers.errors import Named
@@ -49,33 +49,6 @@ _FARTHEST: Final = 1e5  # size of motions that do the work 1 with loads of the s
 _LEAST: Final = 1e-7  # work of loads of the size 1 on motions of the size 1, below which it may be rounding
 _ROUNDS: Final = 40  # at most, of placing the points where the cap sets in
 _SETTLED: Final = 1e-13
-
-
-@dataclass(frozen=True)
-class RigidMotion:
-    """A small motion u(x) of a rigid body.
-
-    Attributes
-    ----------
-    x, y : float
-        Translation of the centre [length].
-    rotation : float
-        Rotation, counterclockwise [rad].
-    centre : (float, float)
-        The point that the translation belongs to [length].
-
-    """
-
-    x: float
-    y: float
-    rotation: float
-    centre: tuple[float, float]
-
-    def at(self, points: FloatArray) -> FloatArray:
-        """Displacements of points (..., 2) [length]."""
-        arm = np.asarray(points) - self.centre
-        turned = self.rotation * np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
-        return np.asarray(np.array([self.x, self.y]) + turned)
 
 
 @dataclass(frozen=True)

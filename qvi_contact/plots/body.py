@@ -26,16 +26,15 @@ from qvi_contact.companion import Elasticity
 from qvi_contact.discretization.displacements import DisplacementSpace, barycentric, triangle
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.mechanism import RigidMotion
 from qvi_contact.mesh.edges import Edges, cross, vectors_along
 from qvi_contact.plots import style
 from qvi_contact.plots.problem import SPRING, between, draw_symbols, ground, spaced, springs
 from qvi_contact.plots.style import Written, alignment, beside, write
 from qvi_contact.plots.tractions import pieces_along
 from qvi_contact.problem.conditions import SPRINGS, Displacement
-from qvi_contact.problem.material import stress_at_rest
+from qvi_contact.problem.material import stress_along_z, stress_at_rest
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.stress import cell_factors, held_along_z, sample_body, stress_component, stress_in_cells
+from qvi_contact.solution.stress import sample_body, stress_component, stress_in_cells
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -161,10 +160,8 @@ def faces(result: ContactResult, name: str) -> tuple[FloatArray, FloatArray]:
         if getattr(contact, kind) is not None:
             moved -= stress / evaluate(f"Contact.{kind}", getattr(contact, kind), line.x, line.y)
     body, obstacle = outwards[:, None] * normal + sideways[:, None] * along, gap[:, None] * normal
-    plate = contact.plate
-    if plate is not None and name in result.plates:  # one that is driven by force
-        motion = result.plates[name]
-        rigid = RigidMotion(motion.x, motion.y, motion.rotation, plate.pivot).at(np.column_stack([line.x, line.y]))
+    if name in result.plates:  # one that is driven by force
+        rigid = result.plates[name].at(np.column_stack([line.x, line.y]))
         body, obstacle = body + rigid, obstacle + rigid
     return body, obstacle
 
@@ -253,8 +250,8 @@ class Scales:
                 pressure = max(pressure, float(np.abs(line.normal_stress).max()))
                 friction = max(friction, float(np.abs(line.tangential_stress).max()))
             x, y, stress = result.gauss_stress()
-            held = held_along_z(result.problem, np.arange(len(x)), x, y)
-            ranges.append(usual_range(stress_component(stress, component, cell_factors(result.problem)[:, None], held)))
+            zz = stress_along_z(result.problem, np.arange(len(x)), x, y, stress)
+            ranges.append(usual_range(stress_component(stress, component, zz)))
         low, high = np.array(ranges).reshape(-1, 2).T
         common = (float(low.min()), float(high.max())) if len(ranges) > 1 else None
         return cls(most if np.isfinite(most) else 1.0, pressure, friction, common)
@@ -299,8 +296,9 @@ def draw_body(
     scales = Scales.of([result], component) if scales is None else scales
     factor, length, t = scales.factor, mesh.length, np.linspace(0.0, 1.0, style.CHORDS + 1)
     samples = sample_body(result, _SAMPLES)
-    held = held_along_z(result.problem, samples.cells, *samples.points.T)
-    values = stress_component(samples.stress, component, cell_factors(result.problem)[samples.cells], held)
+    x, y = samples.points.T
+    zz = stress_along_z(result.problem, samples.cells, x, y, samples.stress)
+    values = stress_component(samples.stress, component, zz)
     size = float(np.abs(samples.stress).max())
     values = values * (size > result.rounding.stress)
     places = samples.points + factor * shape.at(samples.cells, samples.reference[:, -2:])
@@ -336,7 +334,9 @@ def draw_body(
         height = min(height, _IN_BLOCKS * float(np.sqrt(np.median(areas))))
     few, most = len(carried) <= _LABELLED, beside([pressure, friction], 3)
     reach = 1.8 * _SPACING * length / max(scales.friction, _LEAST * scales.pressure, 1e-300)
-    name = _pressures(carried, units) if carried else ""
+    low, high = (float(end(end(part.pressure) for part in carried)) if carried else 0.0 for end in (min, max))
+    ends = dict.fromkeys(beside([low, high], 3)) if low < -_LEAST * abs(high) else ["up to " + beside([high], 3)[0]]
+    name = f"pressure, {' to '.join(ends)} {units.stress}"  # tells the largest, or the range where there is tension
     for part in carried:
         scale, spacing = height / max(scales.pressure, 1e-300), _SPACING * length if few else np.inf
         extent.append(_tractions(axes, part, scale, reach, spacing, name))
@@ -436,13 +436,6 @@ def _obstacle(axes: "Axes", part: Carried, length: float, spring: float) -> Floa
     if not part.joint:
         ground(axes, part.obstacle + away, part.normal, _HATCH * length)
     return part.obstacle + away if spring > 0.0 else part.place
-
-
-def _pressures(carried: Sequence[Carried], units: Units) -> str:
-    """What the legend calls pressures: it tells the largest, or their range where there is tension."""
-    low, high = (float(end(end(part.pressure) for part in carried)) for end in (min, max))
-    ends = dict.fromkeys(beside([low, high], 3)) if low < -_LEAST * abs(high) else ["up to " + beside([high], 3)[0]]
-    return f"pressure, {' to '.join(ends)} {units.stress}"
 
 
 def _tractions(axes: "Axes", part: Carried, scale: float, reach: float, spacing: float, label: str) -> FloatArray:

@@ -68,7 +68,7 @@ def result_figure(
         reason = f"{said or f'Not solved: {result.status.words}'}. {result.status.advice}"
         return _motion_figure(result.problem, result.mechanism, title, reason, result.solution.message, units)
     if panels is None:
-        panels = [line.name for line in result.contacts.values() if not line.path.line[-1]][:_PANELS]
+        panels = [line.name for line in result.contacts.values() if len(line.path.lines) == 1][:_PANELS]
     with style.settings():
         figure = style.new_figure(_WIDTH, _WIDTH)
         body, *charts = figure.subplots(1 + len(panels), 1, squeeze=False)[:, 0]

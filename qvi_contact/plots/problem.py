@@ -18,7 +18,6 @@ from qvi_contact.problem.conditions import (
     Condition,
     Contact,
     Displacement,
-    RigidPlate,
     Symmetry,
     Traction,
     components,
@@ -498,19 +497,15 @@ class _Sketch:
         if contact.law != "unilateral":
             yield contact.law
         places = self._along(pieces)
-        for name, each in keys_of(Contact).items():
-            value = getattr(contact, name)
-            if each.symbol and value is not None and (each.tied or contact.law != "tied"):
-                values = evaluate(f"Contact.{name}", value, *places.points.T)
-                if values.any() or defaults_of(Contact).get(name) is None:
-                    yield style.value_range(each.symbol, values, getattr(self.units, each.unit, ""))
-        plate = contact.plate
-        for name, each in keys_of(RigidPlate).items() if plate is not None else ():
-            value = getattr(plate, name)
-            if each.symbol and value is not None:
-                about = " about\xa0({:.4g}, {:.4g})".format(*plate.pivot) if plate and name == "moment" else ""
-                unit = getattr(self.units, each.unit, each.unit)
-                yield style.value_range(each.symbol, np.array([value]), unit) + about
+        stated: Any
+        for stated in filter(None, (contact, contact.plate)):
+            for name, each in keys_of(type(stated)).items():
+                value = getattr(stated, name)
+                if each.symbol and value is not None and (each.tied or contact.law != "tied"):
+                    values = evaluate(f"{type(stated).__name__}.{name}", value, *places.points.T)
+                    if values.any() or defaults_of(type(stated)).get(name) is None:
+                        about = " about\xa0({:.4g}, {:.4g})".format(*stated.pivot) if name == "moment" else ""
+                        yield style.value_range(each.symbol, values, getattr(self.units, each.unit, each.unit)) + about
 
 
 def _initial_strain(problem: ContactProblem, number: int, units: Units) -> Iterator[str]:

@@ -115,15 +115,15 @@ def pieces_along(line: ContactLine, *, coordinates: bool = True) -> tuple[list[P
     """
     path, ends = line.path, line.ends
     numbers, s = path.points(line.points_per_edge), path.places(gauss_legendre(line.points_per_edge)[0])
-    lines = [np.flatnonzero(path.line == number) for number in range(int(path.line.max(initial=-1)) + 1)]
     stops = path.starts + path.lengths
     found = [
-        Piece(numbers[own].ravel(), s[own].ravel(), np.array([path.starts[own[0]], stops[own[-1]]])) for own in lines
+        Piece(numbers[own].ravel(), s[own].ravel(), np.array([path.starts[own[0]], stops[own[-1]]]))
+        for own in path.lines
     ]
     rise = np.abs(ends[:, 1] - ends[:, 0])
     for axis, name in enumerate("xy" if coordinates else ""):
         places = ends[path.edges, :, axis]
-        reach = np.array([(places[own].min(), places[own].max()) for own in lines]).reshape(-1, 2)
+        reach = np.array([(places[own].min(), places[own].max()) for own in path.lines]).reshape(-1, 2)
         order = np.argsort(reach[:, 0], kind="stable")
         apart = reach[order][1:, 0] - reach[order][:-1, 1] >= -1e-6 * path.lengths.max()
         if (rise[:, 1 - axis] <= _SLANTED * rise[:, axis]).all() and apart.all():

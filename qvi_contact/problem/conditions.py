@@ -125,6 +125,25 @@ DRIVES: Final = {"force_x": "x", "force_y": "y", "moment": "rotation"}
 
 
 @dataclass(frozen=True)
+class RigidMotion:
+    """A small motion u(x) of a rigid body."""
+
+    x: float
+    y: float
+    """Translation of the centre [length]."""
+    rotation: float
+    """Rotation, counterclockwise [rad]."""
+    centre: tuple[float, float]
+    """The point that the translation belongs to [length]."""
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Displacements of points (..., 2) [length]."""
+        arm = np.asarray(points) - self.centre
+        turned = self.rotation * np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
+        return np.asarray(np.array([self.x, self.y]) + turned)
+
+
+@dataclass(frozen=True)
 class RigidPlate:
     """A rigid obstacle, such as a plate, a stamp or a pin, that moves as a whole.
 
@@ -173,9 +192,8 @@ class RigidPlate:
 
     def displacement(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """The given motion at points x, y [length], shape (2, *shape) [length]; zero in components driven by force."""
-        turn = self.rotation or 0.0
-        along_x = (self.x or 0.0) - turn * (y - self.pivot[1])
-        return np.stack([along_x, (self.y or 0.0) + turn * (x - self.pivot[0])])
+        motion = RigidMotion(self.x or 0.0, self.y or 0.0, self.rotation or 0.0, self.pivot)
+        return np.moveaxis(motion.at(np.stack([x, y], axis=-1)), -1, 0)
 
     def reference(self, x: float, y: float) -> tuple[float, float]:
         """Arms of the moment count from here [length]: x, y as far as the forces that go with them are given."""

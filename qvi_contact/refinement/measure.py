@@ -29,9 +29,10 @@ from qvi_contact.limit.stresses import StressProgram, both_signs
 from qvi_contact.mesh.edges import Edges, frames_along, points_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import SHEAR_LAW, SPRINGS, Contact, Displacement, components
+from qvi_contact.problem.material import stress_along_z
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.stress import COMPONENTS, cell_factors, held_along_z, stress_component, stress_in_cells
+from qvi_contact.solution.stress import COMPONENTS, stress_component, stress_in_cells
 from solvers.derivative import change
 from solvers.errors import known_name
 
@@ -146,9 +147,9 @@ def _number(result: ContactResult, own: str, kind: str) -> float:
 def _stress(result: ContactResult, component: str, point: FloatArray) -> float:
     """A stress at a point, between cells that of the mean."""
     problem, cells = result.problem, result.problem.mesh.locate(point[None])
-    held = held_along_z(problem, cells, *point[:, None])
-    stress = result.stress(*point[:, None])
-    return float(stress_component(stress, component, cell_factors(problem)[cells], held)[0])
+    x, y = point[:, None]
+    stress = result.stress(x, y)
+    return float(stress_component(stress, component, stress_along_z(problem, cells, x, y, stress))[0])
 
 
 def _slip(result: ContactResult, name: str, point: FloatArray) -> float:
@@ -192,8 +193,7 @@ def _extreme(result: ContactResult, edges: str, component: str, sign: float) -> 
         at = mesh.reference(np.repeat(cells, len(_LOOK)), places.reshape(-1, 2)).reshape(len(cells), len(_LOOK), -1)
         stress = scales.stress * stress_in_cells(discretization, discretization.coefficients(result.dofs), cells, at)[1]
         x, y = np.moveaxis(places, -1, 0)
-        factor, held = cell_factors(problem)[cells][:, None], held_along_z(problem, cells, x, y)
-        values = stress_component(stress, component, factor, held)
+        values = stress_component(stress, component, stress_along_z(problem, cells, x, y, stress))
     number, k = np.unravel_index(np.argmax(sign * values), values.shape)
     value = float(values[number, k])
     if 0 < k < len(_LOOK) - 1:

@@ -27,6 +27,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing.connection import wait
 from queue import Empty, SimpleQueue
 from threading import Event, Lock, get_ident
@@ -296,61 +297,56 @@ class Workers:
         `InputError` if the cluster cannot be reached, has no workers, cannot load this package, or is lost.
         """
         if self.dask is None:
-            yield self.count, lambda orders: done_here(job, limits, self.count, orders)
+            yield self.count, partial(done_here, job, limits, self.count)
             return
         with _quiet(), closing(_client(self.dask)) as client:
-            cluster = _Cluster(client, self.dask, job, limits)
-            yield cluster.threads(), cluster.done
+            yield _threads(client, self.dask), partial(_done_on_cluster, client, self.dask, job, limits)
 
 
-class _Cluster:
-    """A run on a cluster."""
+def _threads(client: Client, address: str) -> int:
+    """Of all workers of a cluster that there are now."""
+    try:
+        return sum(client.nthreads().values())
+    except Exception as error:
+        raise InputError("dask", address, _LOST) from error
 
-    def __init__(self, client: Client, address: str, job: bytes, limits: Limits) -> None:
-        self._client, self._address, self._job, self._limits = client, address, job, limits
-        self._run = uuid4().hex
 
-    def threads(self) -> int:
-        """Of all workers there are now."""
-        try:
-            return sum(self._client.nthreads().values())
-        except Exception as error:
-            raise InputError("dask", self._address, _LOST) from error
+def _done_on_cluster(
+    client: Client, address: str, job: bytes, limits: Limits, orders: deque[Order]
+) -> Generator[tuple[Order, Outcome], None, None]:
+    """The same on a cluster; workers that join get their share, and without any they are waited for."""
+    run, busy = uuid4().hex, dict["Future", Order]()
+    news: SimpleQueue[Future] = SimpleQueue()
+    try:
+        while orders or busy:
+            for _ in range(min(len(orders), _AHEAD * _threads(client, address) - len(busy))):
+                order = orders.popleft()
+                future = client.submit(_unpacking(), pickle.dumps((do_there, run, job, limits, order)), pure=False)
+                busy[future] = order
+                future.add_done_callback(news.put)
+            with suppress(Empty):
+                future = news.get(timeout=_LOOK)
+                yield busy.pop(future), _outcome(client, address, future)
+    finally:
+        with suppress(Exception):  # what the cluster has lost is ended already
+            if client.status == "running":
+                client.cancel(list(busy), force=True)
+                client.run(forget, run)
 
-    def done(self, orders: deque[Order]) -> Generator[tuple[Order, Outcome], None, None]:
-        """Orders and their outcomes; workers that join get their share, and without any they are waited for."""
-        busy: dict[Future, Order] = {}
-        news: SimpleQueue[Future] = SimpleQueue()
-        try:
-            while orders or busy:
-                for _ in range(min(len(orders), _AHEAD * self.threads() - len(busy))):
-                    order = orders.popleft()
-                    sent = pickle.dumps((do_there, self._run, self._job, self._limits, order))
-                    future = self._client.submit(_unpacking(), sent, pure=False)
-                    busy[future] = order
-                    future.add_done_callback(news.put)
-                with suppress(Empty):
-                    future = news.get(timeout=_LOOK)
-                    yield busy.pop(future), self._outcome(future)
-        finally:
-            with suppress(Exception):  # what the cluster has lost is ended already
-                if self._client.status == "running":
-                    self._client.cancel(list(busy), force=True)
-                    self._client.run(forget, self._run)
 
-    def _outcome(self, future: Future) -> Outcome:
-        try:
-            found: Outcome = future.result(timeout=_FETCHING)
-        except NotLoadedError:
-            raise
-        except Exception as error:
-            if type(error).__name__ == "KilledWorker":
-                return Outcome("crashed", None, "the workers of the cluster that had it were lost, again and again")
-            if future.status in ("cancelled", "lost") or self._client.status != "running":
-                raise InputError("dask", self._address, _LOST) from error
-            remedy = f"install this package and the task's on its scheduler and workers ({one_line(str(error))})"
-            raise InputError("dask", self._address, remedy) from error
-        return found
+def _outcome(client: Client, address: str, future: Future) -> Outcome:
+    try:
+        found: Outcome = future.result(timeout=_FETCHING)
+    except NotLoadedError:
+        raise
+    except Exception as error:
+        if type(error).__name__ == "KilledWorker":
+            return Outcome("crashed", None, "the workers of the cluster that had it were lost, again and again")
+        remedy = f"install this package and the task's on its scheduler and workers ({one_line(str(error))})"
+        if future.status in ("cancelled", "lost") or client.status != "running":
+            remedy = _LOST
+        raise InputError("dask", address, remedy) from error
+    return found
 
 
 def _unpacking() -> Callable[[bytes], Outcome]:

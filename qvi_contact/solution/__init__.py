@@ -18,6 +18,6 @@ __getattr__ = front(
         "remarks": ("UndeterminedMotion", "motions_in_words", "undetermined_motions"),
         "result": ("ContactResult",),
         "solver": ("discretized", "solve"),
-        "stress": ("cell_factors", "sample_body", "stress_at", "stress_component", "stress_in_cells", "von_mises"),
+        "stress": ("sample_body", "stress_at", "stress_component", "stress_in_cells", "von_mises"),
     },
 )

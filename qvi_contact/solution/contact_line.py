@@ -68,80 +68,57 @@ class ContactState(IntEnum):
 class ContactLine:
     """One contact in the solution; arrays over its m Gauss points, edges in the mesh's order.
 
-    An edge has p − 1 points, with p the degree of the Airy function.
-
-    Attributes
-    ----------
-    name : str
-        Name of the contact.
-    x, y : (m,) arrays
-        Coordinates [length].
-    weights : (m,) array
-        Quadrature weights along the contact [length].
-    friction : (m,) array
-        Coefficient μ.
-    friction_bound : (m,) array
-        Bound min(c + μ|σ_N'|, t_max) of |σ_T| [stress]; infinity if tied.
-    normal_stress : (m,) array
-        σ_N [stress], ≤ 0 under pressure; of either sign if bilateral or tied. The pressure of a fluid is part of it.
-    tangential_stress : (m,) array
-        σ_T [stress], component of the traction on the body along the tangent: +x (horizontal contact) or +y (vertical),
-        t_x > 0 on slanted edges.
-    gap : (m,) array
-        g − u_N [length], ≥ 0 and zero in contact up to the mesh: the multipliers of rows obey the contact law exactly,
-        the gap at points is that of a polynomial along each edge, and may dip below zero beside the end of a contact
-        zone.
-    slip : (m,) array
-        u_T − w [length] along the same tangent, opposite in sign to σ_T and zero at sticking points up to the mesh.
-    state : (m,) int array
-        `ContactState`: 0 open, 1 stick, 2 slip, without friction 3 closed; see `contact_states` for the rule.
-    ends : (edges, 2, 2) array
-        The two ends x, y of each edge, in the direction of the tangent [length].
-    pore_pressure : (m,) array
-        Pressure p_w of a fluid in the contact [stress]; zeros where there is none.
-    excess_between_points : float
-        Largest (|σ_T| − bound)⁺ anywhere on the contact [stress], with the bound of the pressure there: 0 at the points
-        up to the certificate's tolerance. Between them too with Bernstein rows, the default where they can
-        hold the law: not on bilateral contacts with friction, nor where friction varies along an edge.
-    pull_between_points : float
-        Largest (σ_N')⁺ anywhere on a unilateral contact [stress]. Both are exact, see above.
-    senses : (edges,) array
-        ±1, in which sense σ_T of each edge counts for the tangential force, see `turning_senses`; 1 on joints. One
-        number stands for all.
-    rounding : Rounding
-        Sizes up to which numbers of the contact are rounding, and shown as 0.
-    frictionless : bool
-        Whether the contact has no friction: then it is open or closed, and nothing sticks or slips.
-
-    Notes
-    -----
-    On edges that are arcs normals and tangents are those of the arc at each point.
+    An edge has p − 1 points, with p the degree of the Airy function. On edges that are arcs normals and tangents are
+    those of the arc at each point.
 
     On a joint u is the displacement of the lower or left block less that of the other one: the gap is how far the joint
     stands open, the slip how far that block has moved beyond the other along the tangent; tractions and forces are
     those on the lower or left block. Along a closed joint the blocks change places where the tangent turns back: there
     the tangential force is that on the block inside, clockwise; `ContactResult.resultant` has the whole force on it.
-
     """
 
     name: str
     x: FloatArray
     y: FloatArray
+    """Coordinates (m,) [length]."""
     weights: FloatArray
+    """Quadrature weights along the contact (m,) [length]."""
     friction: FloatArray
+    """Coefficient μ (m,)."""
     friction_bound: FloatArray
+    """Bound min(c + μ|σ_N'|, t_max) of |σ_T| (m,) [stress]; infinity if tied."""
     normal_stress: FloatArray
+    """σ_N (m,) [stress], ≤ 0 under pressure; of either sign if bilateral or tied. The pressure of a fluid is part of
+    it."""
     tangential_stress: FloatArray
+    """σ_T (m,) [stress], component of the traction on the body along the tangent: +x (horizontal contact) or +y
+    (vertical), t_x > 0 on slanted edges."""
     gap: FloatArray
+    """g − u_N (m,) [length], ≥ 0 and zero in contact up to the mesh: the multipliers of rows obey the contact law
+    exactly, the gap at points is that of a polynomial along each edge, and may dip below zero beside the end of a
+    contact zone."""
     slip: FloatArray
+    """u_T − w (m,) [length] along the same tangent, opposite in sign to σ_T and zero at sticking points up to the
+    mesh."""
     state: IntArray
+    """`ContactState` (m,): 0 open, 1 stick, 2 slip, without friction 3 closed; see `contact_states` for the rule."""
     ends: FloatArray
+    """The two ends x, y of each edge (edges, 2, 2), in the direction of the tangent [length]."""
     pore_pressure: FloatArray
+    """Pressure p_w of a fluid in the contact (m,) [stress]; zeros where there is none."""
     excess_between_points: float = 0.0
+    """Largest (|σ_T| − bound)⁺ anywhere on the contact [stress], with the bound of the pressure there: 0 at the points
+    up to the certificate's tolerance. Between them too with Bernstein rows, the default where they can hold the law:
+    not on bilateral contacts with friction, nor where friction varies along an edge."""
     pull_between_points: float = 0.0
+    """Largest (σ_N')⁺ anywhere on a unilateral contact [stress]. Both are exact, see above."""
     rounding: Rounding = field(default_factory=Rounding)
+    """Sizes up to which numbers of the contact are rounding, and shown as 0."""
     frictionless: bool = False
+    """Whether the contact has no friction: then it is open or closed, and nothing sticks or slips."""
     senses: FloatArray = field(default_factory=lambda: np.ones(1))
+    """±1 (edges,), in which sense σ_T of each edge counts for the tangential force, see `turning_senses`; 1 on joints.
+    One number stands for all."""
 
     @property
     def effective_normal_stress(self) -> FloatArray:
@@ -408,8 +385,8 @@ class ContactPath:
     """Numbers of the edges, one behind the other, shape (n,)."""
     forward: BoolArray
     """Whether the tangent of the edge leads along the path, (n,)."""
-    line: IntArray
-    """Number of the line that each of these edges belongs to, ascending, (n,)."""
+    lines: tuple[IntArray, ...]
+    """Of each line the places (k,) that its edges have in this order."""
     lengths: FloatArray
     """Their lengths [length], (n,)."""
 
@@ -419,14 +396,15 @@ class ContactPath:
         vertices = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)[1].reshape(-1, 2)
         found, forward = chains(vertices), np.zeros(len(ends), dtype=bool)
         order, place = np.concatenate([np.empty(0, dtype=np.int64), *found]), 0
+        lines: list[IntArray] = []
         for line in found:  # whether each edge leads on to the next one
+            lines.append(np.arange(place, place + len(line)))
             pairs = vertices[line].tolist()
             at = min(pairs[0]) if len(pairs) == 1 else next(end for end in pairs[0] if end not in pairs[1])
             for first, second in pairs:
                 forward[place] = first == at
                 at, place = second if forward[place] else first, place + 1
-        number = np.repeat(np.arange(len(found)), [len(line) for line in found])
-        return cls(order, forward, number, lengths[order])
+        return cls(order, forward, tuple(lines), lengths[order])
 
     @cached_property
     def starts(self) -> FloatArray:
@@ -456,8 +434,7 @@ def turning_senses(vertices: FloatArray, edges: Edges) -> FloatArray:
         return found
     ends = np.stack([vertices[edges.first], vertices[edges.second]], axis=1)
     path = ContactPath.of(ends, edges.length)
-    for line in range(path.line.max(initial=-1) + 1):
-        own = path.line == line
+    for own in path.lines:
         forward, chosen = path.forward[own], path.edges[own]
         if forward.all() or not forward.any():
             continue

@@ -56,18 +56,12 @@ class History:
 
     In each step's result `slip` and `energies.dissipation` are those of the step. The energies are computed from the
     multipliers, which obey the friction law at every point, `slip` is their projection.
-
-    Attributes
-    ----------
-    steps : sequence of ContactResult
-        One for each load step done: a tuple, or with a store a sequence that reads a step when it is asked for.
-    planned : int
-        Number of load steps asked for.
-
     """
 
     steps: Sequence[ContactResult]
+    """One for each load step done: a tuple, or with a store a sequence that reads a step when it is asked for."""
     planned: int
+    """Number of load steps asked for."""
 
     @cached_property
     def statuses(self) -> tuple[Status, ...]:
@@ -345,10 +339,8 @@ def _of_obstacle(step: ContactResult, name: str) -> dict[str, tuple[float, float
         return {"x": (motion.x, force.x), "y": (motion.y, force.y), "rotation": (motion.rotation, force.moment)}
     along = float(line.weights @ (rows.offset * scales.displacement) / line.weights.sum())
     if plate is not None:
-        motion, (x, y) = step.plates[name], centre_of(problem.mesh.vertices, rows.points.edges)
-        in_x = motion.x - motion.rotation * (y - plate.pivot[1])
-        in_y = motion.y + motion.rotation * (x - plate.pivot[0])
-        along += float(rows.points.edges.tangent[0] @ (in_x, in_y))
+        centre = np.array(centre_of(problem.mesh.vertices, rows.points.edges))
+        along += float(rows.points.edges.tangent[0] @ step.plates[name].at(centre))
     return {"along": (along, float(line.weights @ line.tangential_stress))}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -63,11 +64,13 @@ def _about_numbers(result: ContactResult) -> Iterator[str]:
         )
     friction = float(qvi.mu[qvi.law.moving].max(initial=0.0))
     large = friction > _LARGE_FRICTION and result.status is Status.SOLVED and not result.solution.remarks
-    if large and not _is_unique(result):
+    unique = False  # friction below the bound for one solution only, on usual meshes 0.01 to 0.1
+    with suppress(FactorisationError, ValueError):  # dense algebra refuses what has overflowed by ValueError
+        unique = large and result.solution.uniqueness.satisfied
+    if large and not unique:
         yield (
             f"Friction is {friction:.3g}. Above {_LARGE_FRICTION:g} the discrete problem may have several solutions. "
-            "This is one of them. To look for others, call other_solutions(result), or run 'qvi-contact branches' with "
-            "the problem file."
+            "This is one of them. To look for others, call other_solutions(result) in Python."
         )
     yield from (motion.remark for motion in undetermined_motions(result))
     if result.stress_rounding > _ROUNDED * certified.get("stress", 1.0) * scales.stress:
@@ -92,14 +95,6 @@ def _about_numbers(result: ContactResult) -> Iterator[str]:
             f"gaps limits the accuracy, here to {accuracy:.1e}. Ask for a tolerance of "
             f"{10.0 ** np.ceil(np.log10(2.0 * accuracy)):.0e}, or state the problem with a smaller clearance or gap."
         )
-
-
-def _is_unique(result: ContactResult) -> bool:
-    """Whether friction is below the bound for one solution only, on usual meshes 0.01 to 0.1."""
-    try:
-        return result.solution.uniqueness.satisfied
-    except (FactorisationError, ValueError):  # dense algebra refuses what has overflowed by ValueError
-        return False
 
 
 def _about_contacts(result: ContactResult) -> Iterator[str]:
@@ -153,9 +148,7 @@ def _about_contacts(result: ContactResult) -> Iterator[str]:
 #     M(v) = ∫_{closed} −σ_N' [v]_N² ds + ∫ (b − |σ_T|) [v]_T² ds = 0:
 #
 # what presses stays closed, what is below its bound of shear stays stuck, whether it has slipped or, with cohesion, is
-# open; points at their bound may move.
-# Stresses and forces are the same for all such v. Gaps and slips are not, if [v] ≠ 0 somewhere: then the motion is
-# found.
+# open; points at their bound may move. The motion is found if [v] ≠ 0 somewhere.
 
 
 _HELD: Final = 1e-12  # M(v) over the largest pressure times the length of all contacts: above, something holds
@@ -163,7 +156,6 @@ _SLACK: Final = 1e-6  # share of the certificate's unit of stress that is left o
 _MOVES: Final = 1e-6  # share of a motion's size below which it is rounding: a point stands still, a body does not turn
 _COUNTED: Final = 1e-6  # share of the certificate's unit of stress that tractions reach where it is theirs
 _NOTHING: Final = 1e-9  # share of it below which they are none
-_ALL: Final = 3  # rigid motions of a body in the plane
 
 
 @dataclass(frozen=True)
@@ -201,19 +193,18 @@ def undetermined_motions(result: ContactResult) -> tuple[UndeterminedMotion, ...
     if result.status is not Status.SOLVED or largest_counted(result) is not None:
         return ()
     rigid = Rigid(result.problem)
-    problem, bodies, motions = result.problem, rigid.bodies, _free_motions(result, rigid)
+    bodies, motions = rigid.bodies, _free_motions(result, rigid)
     at = bodies.centre[0] + bodies.size[0] * np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]])
     along = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
-    moved = [bodies.rows(np.full(_ALL, body), at, along) @ motions for body in range(len(bodies))]
+    moved = [bodies.rows(np.full(3, body), at, along) @ motions for body in range(len(bodies))]
     moving = [body for body, each in enumerate(moved) if np.abs(each).max(initial=0.0) > _MOVES]
     found = []
     while moving:  # those with the same motion together
         first, least = moving[0], _MOVES * np.abs(moved[moving[0]]).max()
         alike = [body for body in moving if np.abs(moved[body] - moved[first]).max() <= least]
         moving = [body for body in moving if body not in alike]
-        own = motions[3 * first : 3 * first + _ALL]
-        names, count = tuple(_name(problem, bodies, b) for b in alike), int(np.linalg.matrix_rank(own, tol=_MOVES))
-        words = motions_in_words(own, bodies, first)
+        own, names = motions[3 * first : 3 * first + 3], tuple(_name(result.problem, bodies, body) for body in alike)
+        count, words = int(np.linalg.matrix_rank(own, tol=_MOVES)), motions_in_words(own, bodies, first)
         found.append(UndeterminedMotion(names, count, words, max(alike) >= bodies.blocks))
     return tuple(found)
 
@@ -227,40 +218,31 @@ def largest_counted(result: ContactResult) -> float | None:
 
 def _free_motions(result: ContactResult, rigid: Rigid) -> FloatArray:
     """Columns (3 k, d) of motions that change gaps or slips and nothing else; of what moves together one body rests."""
-    problem, bodies, mesh = result.problem, rigid.bodies, result.problem.mesh
-    if not rigid.free.shape[1] or not problem.contacts:
+    problem, bodies = result.problem, rigid.bodies
+    parts = list(zip(problem.contacts, result.discretization.contacts, result.contacts.values(), strict=True))
+    parts = [part for part in parts if part[0].law != "tied"]  # ties are equations, which rigid motions meet
+    if not rigid.free.shape[1] or not parts:
         return np.zeros((3 * len(bodies), 0))
     unit = result.certificate.scales.get("stress", 1.0) * result.discretization.scales.stress
-    rows, holding = [], []
-    for contact, known in zip(problem.contacts, result.discretization.contacts, strict=True):
-        line, points, edges = result.contacts[contact.name], known.points, known.points.edges
-        x, y = mesh.points_along(edges, points.reference)
-        places, first = np.column_stack([x.ravel(), y.ravel()]), bodies.of_cells[edges.cells[:, 0]]
-        second = np.full(len(edges), bodies.number(contact))
-        if contact in problem.joints:
-            second = bodies.of_cells[edges.cells[:, 1]]
-        pair = [np.repeat(body, points.count) for body in (first, second)]
+    rows, holding = list[FloatArray](), list[FloatArray]()
+    for contact, known, line in parts:
+        points, places = known.points, np.column_stack([line.x, line.y])
+        pair = bodies.beside(points.edges, contact)
         for along in (points.normals, points.tangents):  # [v]_N, then [v]_T at the points
-            ours, theirs = (bodies.rows(body, places, along) for body in pair)
+            ours, theirs = (bodies.rows(np.repeat(body, points.count), places, along) for body in pair)
             rows.append(ours - theirs)
-        holds = np.zeros((2, len(line.x)))  # [stress]; ties are equations, not here
-        if contact.law != "tied":
-            holds[0] = np.where(line.state == ContactState.OPEN, 0.0, -line.effective_normal_stress)
-            slack = line.friction_bound - np.abs(line.tangential_stress)
-            # On an edge that sticks in part every point may have slipped, but friction is below its bound.
-            holds[1] = np.where((line.state == ContactState.STICK) | (slack > _SLACK * unit), slack, 0.0)
-        holding.append(np.ravel(line.weights * np.maximum(holds, 0.0)))
+        # On an edge that sticks in part every point may have slipped, but friction is below its bound.
+        slack = line.friction_bound - np.abs(line.tangential_stress)
+        stuck = (line.state == ContactState.STICK) | (slack > _SLACK * unit)
+        pressure = np.where(line.state == ContactState.OPEN, 0.0, -line.effective_normal_stress)
+        holding.append(np.ravel(line.weights * np.maximum([pressure, np.where(stuck, slack, 0.0)], 0.0)))
     speeds, weights = np.concatenate(rows), np.concatenate(holding)
     length = sum(float(line.weights.sum()) for line in result.contacts.values())
-    held = np.sqrt(weights / (unit * length))[:, None] * speeds
-    free = _still(rigid.free, held, float(np.sqrt(_HELD)))
+    free = _still(rigid.free, np.sqrt(weights / (unit * length))[:, None] * speeds, float(np.sqrt(_HELD)))
     together = _still(free, speeds, _MOVES)  # what moves all that touches together: of that the largest body rests
     for body in np.argsort(-bodies.size, kind="stable").tolist():
-        if not together.shape[1]:
-            break
-        own = np.zeros((_ALL, 3 * len(bodies)))
-        own[:, 3 * body : 3 * body + _ALL] = np.eye(_ALL)
-        if np.abs(own @ together).max() > _MOVES:
+        own = np.eye(3 * len(bodies))[3 * body : 3 * body + 3]
+        if np.abs(own @ together).max(initial=0.0) > _MOVES:
             free, together = _still(free, own, _MOVES), _still(together, own, _MOVES)
     return free
 

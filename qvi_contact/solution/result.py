@@ -17,7 +17,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical, scaled_stress_at_rest
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import centre_of
-from qvi_contact.problem.conditions import DRIVES, RigidPlate
+from qvi_contact.problem.conditions import DRIVES, RigidMotion, RigidPlate
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine, contact_line
@@ -65,75 +65,41 @@ _ABOVE: Final = {
 
 @dataclass(frozen=True)
 class Resultant:
-    """Resultant of the tractions on an edge set, a unit of thickness.
-
-    Attributes
-    ----------
-    x, y : float
-        Force on the body [stress × length].
-    moment : float
-        Moment about the origin of coordinates, or what is named, counterclockwise [stress × length²].
-
-    """
+    """Resultant of the tractions on an edge set, a unit of thickness."""
 
     x: float
     y: float
+    """Force on the body [stress × length]."""
     moment: float
+    """Moment about the origin of coordinates, or what is named, counterclockwise [stress × length²]."""
 
 
 @dataclass(frozen=True)
 class Energies:
-    """Energies a unit of thickness [stress × length²].
-
-    Attributes
-    ----------
-    strain : float
-        ½∫ cσ:σ dx, strain energy of the body, and that of springs along contacts.
-    load : float
-        ∫_{Γ_u} U·σn ds + ∫_{Γ_μ} (g σ_N' + w σ_T) ds − ∫ ε⁰:σ dx, work of the prescribed displacements and initial
-        strains; g and w with the given motions of plates.
-    complementary : float
-        strain − load: what the stress minimises over the admissible stresses with the friction bound held fixed.
-    dissipation : float
-        −∫ σ_T (u_T − w) ds = Σ m_T σ_T over the contact points, work lost in friction. From the row multipliers m_T,
-        which obey the friction law at every point: ≥ 0 to the accuracy of the certificate, which the projected `slip`
-        need not give. Beside a prescribed shear other than zero the tractions of the mesh leave the slip of the corner
-        open, and this number with it, by a part of what the last edge loses.
-
-    """
+    """Energies a unit of thickness [stress × length²]."""
 
     strain: float
+    """½∫ cσ:σ dx, strain energy of the body, and that of springs along contacts."""
     load: float
+    """∫_{Γ_u} U·σn ds + ∫_{Γ_μ} (g σ_N' + w σ_T) ds − ∫ ε⁰:σ dx, work of the prescribed displacements and initial
+    strains; g and w with the given motions of plates."""
     complementary: float
+    """strain − load: what the stress minimises over the admissible stresses with the friction bound held fixed."""
     dissipation: float
+    """−∫ σ_T (u_T − w) ds = Σ m_T σ_T over the contact points, work lost in friction. From the row multipliers m_T,
+    which obey the friction law at every point: ≥ 0 to the accuracy of the certificate, which the projected `slip` need
+    not give. Beside a prescribed shear other than zero the tractions of the mesh leave the slip of the corner open, and
+    this number with it, by a part of what the last edge loses."""
 
 
-@dataclass(frozen=True)
-class PlateMotion:
-    """Motion of a rigid plate beyond its gap and offset, given or found; zero where it is neither driven nor moved.
-
-    Attributes
-    ----------
-    x, y : float
-        Translation of the pivot [length].
-    rotation : float
-        Rotation about the pivot, counterclockwise [rad].
-
-    """
-
-    x: float = 0.0
-    y: float = 0.0
-    rotation: float = 0.0
-
-
-def plate_motion(plate: RigidPlate, centre: tuple[float, float], found: Mapping[str, float]) -> PlateMotion:
-    """The motion of a plate's pivot: what its forces and moment drive, by their names, with what is given.
+def plate_motion(plate: RigidPlate, centre: tuple[float, float], found: Mapping[str, float]) -> RigidMotion:
+    """The motion of a plate about its pivot: what its forces and moment drive, by their names, with what is given.
 
     What they drive was found at the place that arms count from, see `RigidPlate.reference`.
     """
-    place, (x, y, turn) = plate.reference(*centre), (found.get(name, 0.0) for name in DRIVES)
-    x, y = x - turn * (plate.pivot[1] - place[1]), y + turn * (plate.pivot[0] - place[0])
-    return PlateMotion(x + (plate.x or 0.0), y + (plate.y or 0.0), turn + (plate.rotation or 0.0))
+    x, y, turn = (found.get(name, 0.0) for name in DRIVES)
+    x, y = RigidMotion(x, y, turn, plate.reference(*centre)).at(np.array(plate.pivot)).tolist()
+    return RigidMotion(x + (plate.x or 0.0), y + (plate.y or 0.0), turn + (plate.rotation or 0.0), plate.pivot)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -144,19 +110,14 @@ class ContactResult(PicklesFields):
     Without a stress state (infeasible problem, failed back end) fields and contacts raise `InputError`; an infeasible
     problem has none even if an iteration left one behind, but the `mechanism` that proves it.
 
-    Attributes
-    ----------
-    discretization : Discretization
-        The problem, its mesh and its algebraic form.
-    solution : QVISolution
-        The algebraic answer, dimensionless.
-    remarks, undetermined_motions, bracket
-        What the functions of these names in `solution.remarks` and `bracket` find, on first use.
-
+    `remarks`, `undetermined_motions` and `bracket` are what the functions of these names in `solution.remarks` and
+    `bracket` find, on first use.
     """
 
     discretization: Discretization
+    """The problem, its mesh and its algebraic form."""
     solution: QVISolution
+    """The algebraic answer, dimensionless."""
 
     if TYPE_CHECKING:  # functions of `_ABOVE`; for types they are no fields
         remarks: ClassVar[tuple[str, ...]]
@@ -331,8 +292,8 @@ class ContactResult(PicklesFields):
         return Rounding.of(stress * scales.stress, moved * scales.displacement, scales.length, share)
 
     @cached_property
-    def plates(self) -> Mapping[str, PlateMotion]:
-        """How far each rigid plate or pin has moved, by the name of its contact."""
+    def plates(self) -> Mapping[str, RigidMotion]:
+        """Motion of each rigid plate or pin beyond its gap and offset, about its pivot, by the name of its contact."""
         motion: dict[str, dict[str, float]] = {}
         _ = self.dofs  # says what is wrong if there is no state
         for row, multiplier in zip(self.discretization.plates.rows, self.solution.equality_multiplier, strict=True):
@@ -436,8 +397,9 @@ class ContactResult(PicklesFields):
 def contact_numbers(result: ContactResult) -> dict[str, dict[str, float]]:
     """The columns of `ContactResult.forces_frame` by the name of the contact; those of plates where it has one."""
     found = {name: line.summary() for name, line in result.contacts.items()}
-    for name in result.plates:
-        found[name] |= dict(zip(PLATE_COLUMNS, plate_numbers(result, name), strict=True))
+    for name, moved in result.plates.items():
+        numbers = moved.x, moved.y, moved.rotation, *astuple(result.plate_force(name))
+        found[name] |= dict(zip(PLATE_COLUMNS, numbers, strict=True))
     return found
 
 
@@ -445,11 +407,6 @@ def forces_units(units: Units | None) -> dict[str, str]:
     """Column of `contact_numbers` → its unit, of those that have one; none without `units`."""
     kinds = {name: kind for name, kind in (SUMMARY | PLATE_COLUMNS).items() if kind}
     return {} if units is None else {**Units.labels(units, kinds), "rotation": "rad"}
-
-
-def plate_numbers(result: ContactResult, name: str) -> tuple[float, ...]:
-    """Motion, force and moment of a plate or pin by the name of its contact, as in `PLATE_COLUMNS`."""
-    return (*astuple(result.plates[name]), *astuple(result.plate_force(name)))
 
 
 def overall_status(statuses: Sequence[Status], planned: int) -> Status:

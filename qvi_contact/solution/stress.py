@@ -32,8 +32,6 @@ from qvi_contact.element.quadrature import EdgeQuadrature
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Traction
-from qvi_contact.problem.material import is_strained, stress_along_z
-from qvi_contact.problem.problem import ContactProblem
 
 if TYPE_CHECKING:
     from qvi_contact.solution.result import ContactResult
@@ -183,40 +181,20 @@ def sample_body(result: ContactResult, parts: int) -> BodySamples:
     return BodySamples(place, numbers, references, stresses, np.concatenate(triangles))
 
 
-def cell_factors(problem: ContactProblem) -> FloatArray:
-    """The factor f of σ_zz = f (σ_xx + σ_yy) in each cell, shape (cells,): ν in plane strain, 0 in plane stress."""
-    return np.asarray(np.array(out_of_plane_factors(problem))[problem.cell_materials])
-
-
-def out_of_plane_factors(problem: ContactProblem) -> list[float]:
-    """The same for each of the problem's materials."""
-    return [material.poisson if material.plane == "strain" else 0.0 for material in problem.materials]
-
-
-def held_along_z(problem: ContactProblem, cells: IntArray, x: FloatArray, y: FloatArray) -> FloatArray:
-    """What an initial strain adds to σ_zz at points of cells (k,), from coordinates (k, …) [length]; 0 without one."""
-    if not is_strained(problem):
-        return np.zeros(np.shape(x))
-    return stress_along_z(problem, cells, x, y, np.zeros((*np.shape(x), 3)))
-
-
-def von_mises(stress: FloatArray, factor: FloatArray | float = 0.0, held: FloatArray | float = 0.0) -> FloatArray:
+def von_mises(stress: FloatArray, zz: FloatArray | float = 0.0) -> FloatArray:
     """Von Mises stress √(½[(σ_xx−σ_yy)² + (σ_yy−σ_zz)² + (σ_zz−σ_xx)²] + 3σ_xy²) (...) of stresses (..., 3).
 
-    σ_zz = factor (σ_xx + σ_yy) + held (...), see `cell_factors` and `held_along_z`; 0, plane stress, by default.
+    σ_zz (...) is what `stress_along_z` gives; 0, plane stress, by default.
     """
     xx, yy, xy = np.moveaxis(real_array("stress", stress), -1, 0)
-    zz = factor * (xx + yy) + held
     return np.asarray(np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2.0 + 3.0 * xy**2))
 
 
-def stress_component(
-    stress: FloatArray, component: str, factor: FloatArray | float = 0.0, held: FloatArray | float = 0.0
-) -> FloatArray:
-    """One of the `COMPONENTS` of stresses (..., 3), else `InputError`; `factor` and `held` as in `von_mises`."""
+def stress_component(stress: FloatArray, component: str, zz: FloatArray | float = 0.0) -> FloatArray:
+    """One of the `COMPONENTS` of stresses (..., 3), else `InputError`; σ_zz as in `von_mises`."""
     one_of("component", component, COMPONENTS)
     if component == "von_mises":
-        return von_mises(stress, factor, held)
+        return von_mises(stress, zz)
     if component in ("first", "second"):
         return principal_stresses(stress)[("first", "second").index(component)]
     return np.asarray(stress[..., ("xx", "yy", "xy").index(component)])
@@ -321,16 +299,14 @@ def loads_followed(discretization: Discretization) -> bool:
     if misfit_of_tractions(discretization, u) > allowed_misfit(unit, rounding):
         return False
     problem, most = discretization.problem, discretization.space.traction_degree
-    for contact in problem.contacts:
-        fields = {
-            "Contact.pore_pressure": contact.pore_pressure,
-            "ContactProblem.body_potential": problem.body_potential,
-        }
-        edges = problem.mesh.edges(contact.edges)
-        for name, field in fields.items():
-            if callable(field) and contact.law != "tied" and not is_polynomial(problem, edges, name, field, most):
-                return False
-    return True
+    return all(
+        is_polynomial(problem, problem.mesh.edges(contact.edges), name, field, most)
+        for contact in problem.contacts if contact.law != "tied"
+        for name, field in (
+            ("Contact.pore_pressure", contact.pore_pressure), ("ContactProblem.body_potential", problem.body_potential),
+        )
+        if callable(field)
+    )  # fmt: skip
 
 
 def rest_on_arcs(discretization: Discretization, u: FloatArray) -> float:

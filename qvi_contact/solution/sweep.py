@@ -17,7 +17,7 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias, get_args, overload
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, get_args, overload
 
 import numpy as np
 
@@ -97,9 +97,9 @@ class SweepRows(ABC):
         """What is done, in the order of the values."""
 
     @property
-    @abstractmethod
     def statuses(self) -> tuple[Status, ...]:
         """The status of each value done, in the order of the values."""
+        return tuple(row.status for row in self.rows())
 
     @property
     def status(self) -> Status:
@@ -287,11 +287,11 @@ def solve_sweep(
             data = {"parameter": task.parameter, "of": task.names, "values": numbers, "warm_start": task.warm}
             fingerprint = run_digest([task.problem], {**settings.stated, **data})
             with (
-                kept.writing(store, fingerprint, parameter, numbers) as opened,
-                closing(_rows(task, opened.pending(), shared)) as found,
+                kept.writing(store, fingerprint, parameter, numbers) as (pending, append),
+                closing(_rows(task, pending, shared)) as found,
             ):
                 for rows in found:
-                    opened.append(rows)
+                    append(rows)
                     for row in rows:
                         told(row.number, row, row.accuracy)
             sweep = kept.read_sweep(store)
@@ -313,6 +313,7 @@ class SweepTask:
     names: tuple[str, ...]  # the contacts or loads that are changed
     settings: Settings = field(default_factory=Settings)  # how to solve it
     warm: bool = False  # whether to start from the value before
+    end: float = math.inf  # by `time.time`, which clocks of a cluster share
     _before: Discretization | None = field(default=None, init=False)
     _state: ContactResult | None = field(default=None, init=False)
     _pause: int = field(default=0, init=False)
@@ -388,27 +389,15 @@ class SweepTask:
                 self._state = found
             yield number, value, found, time.perf_counter() - began
 
-    def rows(self, part: _Slice) -> list[SweepRow]:
-        """The rows of a slice; a value that the time has cut short has none."""
-        rows, seconds = list[SweepRow](), max(part.end - time.time(), _LEAST)
+    def rows(self, planned: Sequence[tuple[int, float]]) -> list[SweepRow]:
+        """The rows of a slice of numbers and neighbouring values; a value that the time has cut short has none."""
+        rows, seconds = list[SweepRow](), max(self.end - time.time(), _LEAST)
         with deadline(seconds if seconds < math.inf else None):
-            for number, value, found, taken in self.results(part.planned):
+            for number, value, found, taken in self.results(planned):
                 if found.status is Status.TIME_LIMIT:
                     break
                 rows.append(SweepRow.of(number, value, found, taken))
         return rows
-
-
-class _Slice(NamedTuple):
-    """Numbers and neighbouring values for one worker, until `end` by `time.time`, which clocks of a cluster share."""
-
-    planned: tuple[tuple[int, float], ...]
-    end: float
-
-
-def _opened(task: SweepTask) -> tuple[None, Callable[[_Slice], list[SweepRow]]]:
-    """What a worker process does: the rows of slices, each on the factorisation of the one before."""
-    return None, task.rows
 
 
 def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Workers) -> Generator[Sequence[SweepRow]]:
@@ -417,30 +406,31 @@ def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Worker
     The values of a slice whose process was lost are done again one by one, so that the one that was to blame is found.
     """
     if workers == Workers() or not planned:
-        yield from filter(None, (task.rows(_Slice((each,), math.inf)) for each in planned))
+        yield from filter(None, (task.rows([each]) for each in planned))
         return
-    seconds, end = deadline.left, time.time() + deadline.left
+    seconds = deadline.left
     limits = Limits(seconds + _GRACE if seconds < math.inf else None)
     remedy = "cannot be sent to other processes: give Expression or Polynomial for its functions, or those of modules"
     try:
         settings = replace(task.settings, threads=task.settings.threads or 1)
-        job = pickle.dumps(partial(_opened, replace(task, settings=settings)))
+        shared = replace(task, settings=settings, end=time.time() + seconds)  # all slices of a process on one factor
+        job = pickle.dumps(partial(tuple, (None, shared.rows)))
     except Exception as error:  # PicklingError, AttributeError or TypeError, by what it is
         raise InputError("problem", task.problem, f"{remedy} ({error})") from error
     try:
         with workers.ready(job, limits) as (size, outcomes):
             length = min(_LARGEST, max(1, math.ceil(len(planned) / (_SLICES * size))))
-            slices = deque(_Slice(tuple(planned[i : i + length]), end) for i in range(0, len(planned), length))
+            slices = deque(planned[i : i + length] for i in range(0, len(planned), length))
             with closing(outcomes(slices)) as found:
                 for part, outcome in found:
                     if outcome.status == "done":
                         yield outcome.value
                     elif outcome.status == "error":
                         raise outcome.error or SolveError(outcome.reason)
-                    elif outcome.status != "timeout" and len(part.planned) > 1:
-                        slices.extendleft(_Slice((each,), end) for each in reversed(part.planned))
+                    elif outcome.status != "timeout" and len(part) > 1:
+                        slices.extendleft([each] for each in reversed(part))
                     elif outcome.status != "timeout":
-                        ((number, value),) = part.planned
+                        ((number, value),) = part
                         status = Status.OUT_OF_MEMORY if outcome.status == "memory" else Status.BACKEND_FAILED
                         message = f"the process that solved it died twice ({outcome.reason})"
                         yield [SweepRow(number, value, status, message, 0, math.nan, outcome.seconds, {})]

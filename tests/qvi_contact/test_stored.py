@@ -14,8 +14,9 @@ from qvi_contact import InputError, TriangleMesh, solve, solve_history, verify_r
 from qvi_contact.export import field_arrays, write_npz
 from qvi_contact.files import FORMAT_VERSION, Archive, digest, load_result
 from qvi_contact.gallery import compressed_plate
+from qvi_contact.mechanism import RigidMotion
 from qvi_contact.problem import Contact, ContactProblem, Expression, Material, Region, RigidPlate, Symmetry, Traction
-from qvi_contact.solution.result import ContactResult, Energies, PlateMotion
+from qvi_contact.solution.result import ContactResult, Energies
 from qvi_contact.units import Units
 from qvi_contact.verification import verify_file
 from solvers import Certificate, Status, certify
@@ -180,7 +181,7 @@ class TestWrong:
 
     def test_the_motion_of_a_plate_and_the_misfit_of_tractions(self, result):
         motion = result.plates["plate"]
-        wrong = PlateMotion(motion.x, motion.y * (1.0 + 1e-6), motion.rotation)
+        wrong = replace(motion, y=motion.y * (1.0 + 1e-6))
         assert failed(claiming(result, plates={"plate": wrong})) == {"plate: motion"}
         assert failed(claiming(result, traction_misfit=1.0)) == {"traction_misfit"}
 
@@ -195,7 +196,7 @@ class TestWrong:
         line = plate.contacts["plate"]
         for contacts in ({}, {"plate": line, "wall": line}, {"plate": replace(line, name="wall")}):
             assert "entries" in failed(claiming(plate, contacts=contacts))
-        assert failed(claiming(plate, plates={"wall": PlateMotion()})) == {"entries"}
+        assert failed(claiming(plate, plates={"wall": RigidMotion(0.0, 0.0, 0.0, (0.0, 0.0))})) == {"entries"}
 
     @pytest.mark.parametrize("measures", [{}, {"normal": np.nan}, {"normal": -1.0}])
     @pytest.mark.parametrize("status", [Status.SOLVED, Status.INACCURATE])

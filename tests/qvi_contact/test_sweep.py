@@ -208,7 +208,7 @@ def test_rows_that_come_in_any_order_are_each_on_disk_before_the_next(tmp_path, 
             while slices:
                 part = slices.pop()
                 yield part, Outcome("done", rows(part))
-                seen.extend(number for number, _ in part.planned)
+                seen.extend(number for number, _ in part)
                 assert sorted(row.number for row in read_sweep(path).rows()) == sorted(seen)
                 if lost is not None and not slices:
                     yield lost, Outcome("crashed", None, "lost")

@@ -31,12 +31,12 @@ from qvi_contact.plots.body import Scales
 from qvi_contact.plots.figures import limit_figure, problem_figure, result_figure
 from qvi_contact.plots.style import inline_image, magnified, new_figure, png_bytes, settings, svg_text
 from qvi_contact.plots.tractions import contact_tractions, pieces_along
-from qvi_contact.problem.material import is_strained
+from qvi_contact.problem.material import stress_along_z
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement import Refinement
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine, ContactState
 from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, contact_numbers
-from qvi_contact.solution.stress import held_along_z, out_of_plane_factors, sample_body
+from qvi_contact.solution.stress import sample_body
 from qvi_contact.version import __version__
 
 if TYPE_CHECKING:
@@ -243,7 +243,7 @@ _COLOURS: Final = 33  # of a colour map
 def field_data(result: ContactResult, companion: CompanionResult | None, units: Units) -> dict[str, Any] | None:
     """Points, small triangles, stresses and displacements of a result; None where there are too many for a page.
 
-    Arrays are little-endian, in base64: float32, triangles as uint16 or uint32, materials as uint16.
+    Arrays are little-endian, in base64: float32, triangles as uint16 or uint32.
     """
     from matplotlib import colormaps
 
@@ -253,7 +253,8 @@ def field_data(result: ContactResult, companion: CompanionResult | None, units: 
             break
     if len(samples.points) > _LARGEST:
         return None
-    strained = is_strained(result.problem) and result.problem.material.plane == "strain"
+    x, y = samples.points.T
+    along_z = stress_along_z(result.problem, samples.cells, x, y, samples.stress)
     mesh, wide = result.problem.mesh, 2 if len(samples.points) <= _SHORT else 4
     reference = samples.reference[:, None, -2:]
     moved = None if companion is None else companion.displacement_in(samples.cells, reference)[:, 0]
@@ -264,9 +265,7 @@ def field_data(result: ContactResult, companion: CompanionResult | None, units: 
         "triangles": _encoded(samples.triangles.astype("<u2" if wide == 2 else "<u4")),
         "bytes": wide,
         "stress": _floats(samples.stress),
-        "material": _encoded(result.problem.cell_materials[samples.cells].astype("<u2")),
-        "factor": out_of_plane_factors(result.problem),
-        "held": _floats(held_along_z(result.problem, samples.cells, *samples.points.T)) if strained else None,
+        "alongZ": _floats(along_z) if along_z.any() else None,
         "displacement": None if moved is None else _floats(moved),
         "factorOfDisplacement": 0.0 if moved is None else magnified(largest, mesh.length) if largest else 1.0,
         "outline": _segments(mesh, mesh.boundary, companion),

@@ -42,8 +42,8 @@
 
   const fieldPicture = (field) => {
     const points = array(field.points, Float32Array), triangles = array(field.triangles, field.bytes === 2 ? Uint16Array : Uint32Array);
-    const stress = array(field.stress, Float32Array), material = array(field.material, Uint16Array);
-    const moved = field.displacement && array(field.displacement, Float32Array), alongZ = field.held && array(field.held, Float32Array);
+    const stress = array(field.stress, Float32Array), alongZ = field.alongZ && array(field.alongZ, Float32Array);
+    const moved = field.displacement && array(field.displacement, Float32Array);
     const lines = ({ points: text, displacement }) => ({ ends: array(text, Float32Array), moved: displacement && array(displacement, Float32Array) });
     const outline = lines(field.outline), mesh = lines(field.mesh), contacts = field.contacts.map(lines);
     const canvas = find("drawing"), context = canvas.getContext("2d"), count = points.length / 2;
@@ -51,17 +51,17 @@
     const mises = (xx, yy, xy, zz) => Math.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * xy * xy);
     const { length, stress: unit } = field.units;
     const quantities = {
-      "von Mises stress": [unit, (xx, yy, xy, f, ux, uy, more) => mises(xx, yy, xy, f * (xx + yy) + more)],
+      "von Mises stress": [unit, mises],
       "σ_xx": [unit, (xx) => xx], "σ_yy": [unit, (xx, yy) => yy], "σ_xy": [unit, (xx, yy, xy) => xy],
       "largest principal stress": [unit, (xx, yy, xy) => mean(xx, yy) + radius(xx, yy, xy)],
       "smallest principal stress": [unit, (xx, yy, xy) => mean(xx, yy) - radius(xx, yy, xy)],
     };
     if (moved) {
-      quantities["u_x"] = [length, (xx, yy, xy, f, ux) => ux];
-      quantities["u_y"] = [length, (xx, yy, xy, f, ux, uy) => uy];
+      quantities["u_x"] = [length, (xx, yy, xy, zz, ux) => ux];
+      quantities["u_y"] = [length, (xx, yy, xy, zz, ux, uy) => uy];
     }
-    const at = (function_, p) => function_(stress[3 * p], stress[3 * p + 1], stress[3 * p + 2], field.factor[material[p]],
-      moved ? moved[2 * p] : 0, moved ? moved[2 * p + 1] : 0, alongZ ? alongZ[p] : 0);
+    const at = (function_, p) => function_(stress[3 * p], stress[3 * p + 1], stress[3 * p + 2], alongZ ? alongZ[p] : 0,
+      moved ? moved[2 * p] : 0, moved ? moved[2 * p + 1] : 0);
 
     let values = new Float32Array(count), low = 0, high = 1, colours = field.colours.cividis, scale = 0;
     let view = null, picked = new Int32Array(0), screen = new Float32Array(2 * count), queued = false;

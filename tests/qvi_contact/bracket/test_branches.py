@@ -1,22 +1,16 @@
 """Several certified solutions of one discrete problem, and the one that displacements confirm."""
 
-import json
 from functools import partial
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, TriangleMesh, load_result, other_solutions, save_problem, solve, solve_history
+from qvi_contact import InputError, TriangleMesh, other_solutions, solve, solve_history
 from qvi_contact.bracket import CellFields
 from qvi_contact.gallery import compressed_plate, masonry_wall, ssnv128
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Traction
-from qvi_contact.units import Units
-from qvi_contact.verification import verify_file
 from solvers import Status
-
-EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
 def leaning():
@@ -81,38 +75,6 @@ def test_results_without_an_answer_or_with_a_past_are_refused():
         with pytest.raises(InputError) as caught:
             other_solutions(result)
         assert caught.value.field == "result"
-
-
-def test_the_command_writes_a_row_for_each_solution_and_the_nearest(tmp_path, shell):
-    save_problem(tmp_path / "problem.toml", leaning(), units=Units("m", "Pa"))
-    npz, written = tmp_path / "nearest.npz", tmp_path / "all.json"
-    status, out, _ = shell("branches", tmp_path / "problem.toml", "--degree", "3", "--npz", npz, "--save-json", written)
-    assert status == 0
-    solutions = json.loads(written.read_text("utf-8"))["solutions"]
-    rows = [line.split() for line in out.splitlines() if line[:1].isdigit()]
-    assert len(rows) >= 2
-    assert [row[0] for row in rows] == [str(number) for number in range(1, len(solutions) + 1)]
-    shears = [solution["contacts"]["base"]["tangential_force"]["value"] for solution in solutions]
-    assert [float(row[4]) for row in rows] == pytest.approx(shears, rel=1e-5)
-    distances = [solution["distance"] for solution in solutions]
-    assert distances == sorted(distances)
-    assert [float(row[1]) for row in rows] == pytest.approx([100.0 * each for each in distances], rel=0.05)
-    assert "N/m" in out
-    assert load_result(npz).contacts["base"].tangential_force == shears[0]
-    assert verify_file(npz).passed
-
-
-def test_the_command_where_there_is_one_or_none(tmp_path, shell):
-    save_problem(tmp_path / "plate.toml", compressed_plate(2))
-    for file, status, word in (
-        (tmp_path / "plate.toml", 0, "solved"),
-        (EXAMPLES / "dragged_block_slides.toml", 1, "infeasible"),
-    ):
-        found, out, _ = shell("branches", file, "--json")
-        (only,) = json.loads(out)["solutions"]
-        assert (found, only["status"], only["distance"]) == (status, word, None)
-    found, _, err = shell("branches", EXAMPLES / "cyclic_shear.toml")
-    assert (found, "history" in err) == (2, True)
 
 
 ORDINARY = [
