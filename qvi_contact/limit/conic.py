@@ -243,23 +243,32 @@ class ConicProgram:
         equations hold but for rounding.
         """
         x, inside = self.projected(x), self.projected(np.zeros_like(x))
-        known = self.margins(inside).min(initial=1.0) > _ENOUGH
-        missed = float(-self.margins(x).min(initial=0.0))
+        known, size = self.margins(inside).min(initial=1.0) > _ENOUGH, self.size(x)
+        large = float(np.abs(self.q) @ np.abs(x)) or 1.0
+
+        def off(y: FloatArray) -> float:
+            """What a point violates, in the size of x: larger ones miss no less."""
+            return float(-self.margins(y).min(initial=0.0)) * self.size(y) / size
+
+        def worse(y: FloatArray) -> float:
+            """The same; of flows beside what they dissipate more: those inside may dissipate any amount."""
+            return off(y) / HELD + float(self.q @ y) / large if self.dependent else off(y)
+
+        missed = off(x)
         if self.dependent and missed > ROUNDING and not (known and self._share(x, inside) < _LITTLE):
             # Once more, with as much room: flows inside may dissipate much more.
-            found = self.tightened(room=_TIGHTER * missed * self.size(x)).solve()
-            nearby = x if isinstance(found, str) else self.projected(found.x)
-            if -self.margins(nearby).min(initial=0.0) < missed:
-                x, missed = nearby, float(-self.margins(nearby).min(initial=0.0))
+            found = self.tightened(room=_TIGHTER * missed * size).solve()
+            x = min([x] if isinstance(found, str) else [x, self.projected(found.x)], key=worse)
+            missed = off(x)
         if least or missed > ROUNDING:
             point = inside if known else self._inside()
             if point is not None:
                 moved = x + min(1.0, self._share(x, point) * (1.0 + 1e-9) + least) * (point - x)
-                if least or -self.margins(moved).min(initial=0.0) < missed:  # rows without room gain nothing by it
+                if least or worse(moved) < worse(x):  # rows without room gain nothing by it
                     x = moved
         E, e = self.A[: self.equal], self.b[: self.equal]
-        off = np.abs(E @ x - e) / (1.0 + abs(E) @ np.abs(x))
-        return x, float(max(-self.margins(x).min(initial=0.0), off.max(initial=0.0), 0.0))
+        broken = np.abs(E @ x - e) / (1.0 + abs(E) @ np.abs(x))
+        return x, float(max(off(x), broken.max(initial=0.0), 0.0))
 
     def _share(self, x: FloatArray, inside: FloatArray) -> float:
         """How far x must go towards a point inside to keep what that keeps with room."""
