@@ -52,6 +52,7 @@ class Answer(NamedTuple):
 
     x: FloatArray
     multipliers: FloatArray  # of all rows: q + Aᵀ multipliers = 0
+    least: float  # what q·x is at least by its multipliers, among points no larger than x, or than limits
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +133,9 @@ class ConicProgram:
             raise SolveError(
                 f"limit load: the cone program was not solved ({word}): take other units, or a coarser mesh"
             )
-        return Answer(x, size * np.array(answer.z))
+        z = np.array(answer.z)  # which may be 1e15, beside which alone the rest is small
+        rest = float(np.linalg.norm(data[1] + A.T @ z)) * max(1.0, float(np.linalg.norm(answer.x)))
+        return Answer(x, size * z, -size * unit * (float(data[3] @ z) + rest))
 
     def up_to(self, most: float) -> ConicProgram:
         """The program in which −q·x is at most so much."""
