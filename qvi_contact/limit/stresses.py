@@ -365,11 +365,11 @@ class StressProgram:
     def _held(self, program: ConicProgram, x: FloatArray, violation: float) -> Carried:
         """What stresses carry; minus infinity if the solver has given up."""
         violation = max(violation, -float(program.margins(x).min(initial=0.0)))
-        grown = max(1.0, program.size(x) / max(1.0, program.size(0.0 * x)))  # stresses beyond loads and limits
-        if violation * grown > HELD:
-            return Carried(-np.inf)
         (N, n), (S, s) = self._tractions, self._stress
         stress = (S @ x + s).reshape(-1, 3, self.cones.count, 3)
+        size = max(program.size(x), float(np.abs(stress).max()))  # beyond loads and limits, where no limit is, too
+        if violation * max(1.0, size / max(1.0, program.size(0.0 * x))) > HELD:
+            return Carried(-np.inf)
         return Carried(float(x[-1]), violation, N @ x + n, unknowns=x, stress=stress)
 
     def _without_room(self, program: ConicProgram, share: float, *, grows: bool = False) -> Carried:
