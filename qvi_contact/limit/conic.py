@@ -22,7 +22,8 @@ from solvers.basics.types import load
 _TOLERANCE: Final = 1e-9  # of the solver
 _COARSER: Final = 1e-7  # gap of the solver in programs of more than so many blocks: bounds come from x in any case
 _LARGE: Final = 4000
-_REGULAR: Final = (1e-12, 1e-11, 1e-10)  # added to its matrices: by default 1e-8, in which thin triangles are lost
+_REGULAR: Final = (1e-12, 1e-11, 1e-10)  # added to its matrices: in more, thin triangles are lost
+_USUAL: Final = 1e-8  # by default; where stresses of rigid parts say nothing it does not solve with less
 _REFINED: Final = 30  # steps of its iterative refinement, at most
 _ROUNDED: Final = 1e-14  # of the largest column: columns that are nothing but rounding
 _DAMPED: Final = 1e-14  # added to the normal equations, whose rows may depend on each other
@@ -110,7 +111,7 @@ class ConicProgram:
         settings.time_limit = max(deadline.left, _LEAST_TIME)
         data = sparse.csc_matrix((len(q), len(q))), q / size, sparse.csc_matrix(A), self.b / unit, kinds
         stuck: list[Any] = []
-        for added in (None,) if self.dependent else regular:  # it may break down, or get stuck, with one of them
+        for added in (None,) if self.dependent else (*regular, _USUAL):  # it may break down, or get stuck, with one of them
             if added is not None:
                 settings.static_regularization_constant, settings.static_regularization_proportional = added, 0.0
             answer = clarabel.DefaultSolver(*data, settings).solve()
