@@ -22,7 +22,8 @@ from solvers.basics.types import load
 _TOLERANCE: Final = 1e-9  # of the solver
 _COARSER: Final = 1e-7  # gap of the solver in programs of more than so many blocks: bounds come from x in any case
 _LARGE: Final = 4000
-_REGULAR: Final = (1e-12, 1e-11, 1e-10)  # added to its matrices: by default 1e-8, in which thin triangles are lost
+_REGULAR: Final = (1e-12, 1e-11, 1e-10)  # added to its matrices: in more, thin triangles are lost
+_USUAL: Final = 1e-8  # by default; where stresses of rigid parts say nothing it does not solve with less
 _REFINED: Final = 30  # steps of its iterative refinement, at most
 _ROUNDED: Final = 1e-14  # of the largest column: columns that are nothing but rounding
 _DAMPED: Final = 1e-14  # added to the normal equations, whose rows may depend on each other
@@ -52,6 +53,7 @@ class Answer(NamedTuple):
 
     x: FloatArray
     multipliers: FloatArray  # of all rows: q + Aᵀ multipliers = 0
+    least: float  # what q·x is at least by its multipliers, among points no larger than x, or than limits
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +111,7 @@ class ConicProgram:
         settings.time_limit = max(deadline.left, _LEAST_TIME)
         data = sparse.csc_matrix((len(q), len(q))), q / size, sparse.csc_matrix(A), self.b / unit, kinds
         stuck: list[Any] = []
-        for added in (None,) if self.dependent else regular:  # it may break down, or get stuck, with one of them
+        for added in (None,) if self.dependent else (*regular, _USUAL):  # it may break down, or get stuck, with one of them
             if added is not None:
                 settings.static_regularization_constant, settings.static_regularization_proportional = added, 0.0
             answer = clarabel.DefaultSolver(*data, settings).solve()
@@ -132,7 +134,9 @@ class ConicProgram:
             raise SolveError(
                 f"limit load: the cone program was not solved ({word}): take other units, or a coarser mesh"
             )
-        return Answer(x, size * np.array(answer.z))
+        z = np.array(answer.z)  # which may be 1e15, beside which alone the rest is small
+        rest = float(np.linalg.norm(data[1] + A.T @ z)) * max(1.0, float(np.linalg.norm(answer.x)))
+        return Answer(x, size * z, -size * unit * (float(data[3] @ z) + rest))
 
     def up_to(self, most: float) -> ConicProgram:
         """The program in which −q·x is at most so much."""
@@ -243,23 +247,32 @@ class ConicProgram:
         equations hold but for rounding.
         """
         x, inside = self.projected(x), self.projected(np.zeros_like(x))
-        known = self.margins(inside).min(initial=1.0) > _ENOUGH
-        missed = float(-self.margins(x).min(initial=0.0))
+        known, size = self.margins(inside).min(initial=1.0) > _ENOUGH, self.size(x)
+        large = float(np.abs(self.q) @ np.abs(x)) or 1.0
+
+        def off(y: FloatArray) -> float:
+            """What a point violates, in the size of x: larger ones miss no less."""
+            return float(-self.margins(y).min(initial=0.0)) * self.size(y) / size
+
+        def worse(y: FloatArray) -> float:
+            """The same; of flows beside what they dissipate more: those inside may dissipate any amount."""
+            return off(y) / HELD + float(self.q @ y) / large if self.dependent else off(y)
+
+        missed = off(x)
         if self.dependent and missed > ROUNDING and not (known and self._share(x, inside) < _LITTLE):
             # Once more, with as much room: flows inside may dissipate much more.
-            found = self.tightened(room=_TIGHTER * missed * self.size(x)).solve()
-            nearby = x if isinstance(found, str) else self.projected(found.x)
-            if -self.margins(nearby).min(initial=0.0) < missed:
-                x, missed = nearby, float(-self.margins(nearby).min(initial=0.0))
+            found = self.tightened(room=_TIGHTER * missed * size).solve()
+            x = min([x] if isinstance(found, str) else [x, self.projected(found.x)], key=worse)
+            missed = off(x)
         if least or missed > ROUNDING:
             point = inside if known else self._inside()
             if point is not None:
                 moved = x + min(1.0, self._share(x, point) * (1.0 + 1e-9) + least) * (point - x)
-                if least or -self.margins(moved).min(initial=0.0) < missed:  # rows without room gain nothing by it
+                if least or worse(moved) < worse(x):  # rows without room gain nothing by it
                     x = moved
         E, e = self.A[: self.equal], self.b[: self.equal]
-        off = np.abs(E @ x - e) / (1.0 + abs(E) @ np.abs(x))
-        return x, float(max(-self.margins(x).min(initial=0.0), off.max(initial=0.0), 0.0))
+        broken = np.abs(E @ x - e) / (1.0 + abs(E) @ np.abs(x))
+        return x, float(max(off(x), broken.max(initial=0.0), 0.0))
 
     def _share(self, x: FloatArray, inside: FloatArray) -> float:
         """How far x must go towards a point inside to keep what that keeps with room."""

@@ -258,8 +258,8 @@ class FlowProgram:
                 other, off = program.repaired(raised(found.x))
                 other = raised(other)
                 off = max(off, -float(every.margins(other).min(initial=0.0)))
-                both = max(off, violation) <= ROUNDING
-                if every.q @ other < every.q @ x if both else off < violation:  # all have one power
+                gained = float(every.q @ (x - other)) / (float(np.abs(every.q) @ np.abs(start)) or 1.0)
+                if off < violation + HELD * gained:  # all have one power
                     x, violation = other, off
         power = float(live @ x[:n])
         if not violation <= HELD or not power > 0.0:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final, TypeAlias
 
@@ -78,7 +78,7 @@ class Carried:
     factor: float  # α; infinity if there is no limit, minus infinity if no multiple is carried
     violation: float = 0.0  # the most by which a row is missed, over what stands in them
     tractions: FloatArray | None = None  # (2 m,) rows [σ_N; σ_T] of the contacts; None if α is not finite
-    bound: float = np.inf  # where no body yields: the dual bound of α
+    bound: float = np.inf  # the dual bound of α, where bodies yield as the solver's multipliers have it
     # (2 m,) then, too: multipliers of tractions, moments of the opening w and of the slip −[v]_T in the motion with
     # which the mesh gives way, on which the loads do the work 1
     motion: FloatArray | None = None
@@ -318,6 +318,8 @@ class StressProgram:
                 known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
             first = self._of_program(program, share, known)
             best = self._on_faces(program, first, share, *FACES[0])
+            if first.violation <= ROUNDING:  # and is only not known to be the most
+                best = max(first, best, key=lambda one: one.factor)
             for faces in FACES[1:]:
                 least = first.factor - max(_DROP * abs(first.factor), CERTIFIED)
                 if best is first or best.factor >= least or deadline.over:
@@ -335,7 +337,8 @@ class StressProgram:
     ) -> Carried:
         """What is carried once cones without room are rays, from what was found of the program."""
         for _ in range(PASSES):
-            unsure = found.violation > ROUNDING or found.factor == -np.inf
+            doubt = abs(found.bound - found.factor) > max(_DROP * abs(found.factor), CERTIFIED)
+            unsure = found.violation > ROUNDING or found.factor == -np.inf or doubt
             narrower = program.on_faces(self.cones.rays, narrow_below, aside) if unsure else None
             if narrower is None:
                 break
@@ -353,6 +356,7 @@ class StressProgram:
                 continue
             x = answer.x if isinstance(answer, Answer) else answer
             carried = self._held(program, *program.repaired(x, share))
+            carried = replace(carried, bound=-answer.least if isinstance(answer, Answer) else carried.factor)
             if np.isfinite(carried.factor) and carried.violation <= ROUNDING:
                 return carried
             best = max(best, carried, key=lambda one: one.factor)
@@ -361,11 +365,11 @@ class StressProgram:
     def _held(self, program: ConicProgram, x: FloatArray, violation: float) -> Carried:
         """What stresses carry; minus infinity if the solver has given up."""
         violation = max(violation, -float(program.margins(x).min(initial=0.0)))
-        grown = max(1.0, program.size(x) / max(1.0, program.size(0.0 * x)))  # stresses beyond loads and limits
-        if violation * grown > HELD:
-            return Carried(-np.inf)
         (N, n), (S, s) = self._tractions, self._stress
         stress = (S @ x + s).reshape(-1, 3, self.cones.count, 3)
+        size = max(program.size(x), float(np.abs(stress).max()))  # beyond loads and limits, where no limit is, too
+        if violation * max(1.0, size / max(1.0, program.size(0.0 * x))) > HELD:
+            return Carried(-np.inf)
         return Carried(float(x[-1]), violation, N @ x + n, unknowns=x, stress=stress)
 
     def _without_room(self, program: ConicProgram, share: float, *, grows: bool = False) -> Carried:

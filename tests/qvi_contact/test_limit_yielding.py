@@ -202,6 +202,30 @@ def test_what_has_no_tension_has_no_scale():
     assert [found[0].upper, found[1].upper / 2.5] == pytest.approx([2.116995] * 2, rel=1e-5)
 
 
+def test_what_leaves_no_room_is_near_its_limit_from_both_sides():
+    """The solver calls 4e-9 the most that one carries, and flows of a huge size that rounding breaks passed for others.
+
+    Sides are those of own programs with stresses that jump, which are linear, and velocities that are quadratic.
+    """
+    mesh = TriangleMesh.rectangle((1, 2), 1.2, 1.0).with_region("part", lambda _, y: y < 0.5)
+    for name, above in (("free", True), ("held", False)):
+        mesh = mesh.with_edges(name, lambda x, y, above=above: (x == 0.0) & ((y > 0.5) == above))
+    push = [Traction(side, normal=-1.0, tangential=0.3, name="push") for side in ("bottom", "right")]
+    held = [Displacement("held", x=0.0, y=0.0), Symmetry("top"), Traction("free", x=0.0, y=0.0)]
+    own, other = (Material(1.0, 0.2, "strain", law) for law in (MohrCoulomb(0.9, 0.6, 0.0), MohrCoulomb(2.5, 0.75)))
+    block = ContactProblem(mesh, own, [*held, *push], regions=[Region(other, name="part")])
+    least, more = (limit_load_factor(block, ["push"], degree=degree).lower for degree in (3, 4))
+    assert (least, more) == (pytest.approx(0.894467, rel=1e-4), pytest.approx(1.67, abs=0.02))
+    sets = {"held": [(3, 4)], "cap": [(4, 5)], "load": [(1, 2)], "rest": [(0, 1), (0, 3)], "right": [(2, 5)]}
+    grid = TriangleMesh.rectangle((2, 1), 0.92, 0.62)
+    mesh = TriangleMesh(grid.vertices, grid.cells, sets).with_region("part", lambda x, _: x > 0.46)
+    contacts = [Contact("rest", 1.0, cohesion=0.1, shear_limit=1.0), Contact("cap", 0.0, cohesion=0.3, law="bilateral")]
+    loads = [Traction("load", x=0.1, y=-0.22), Traction("right", normal=-0.16, tangential=0.0), held[0]]
+    own, other = (Material(1.0, 0.2, "strain", NoTension(crushing)) for crushing in (5.4, None))
+    block = ContactProblem(mesh, own, [*contacts, *loads], regions=[Region(other, name="part")])
+    assert limit_load_factor(block, ["load"], degree=3).upper == pytest.approx(0.2149, rel=1e-3)
+
+
 def test_what_the_other_loads_break_carries_no_multiple():
     problem = block(Tresca(0.9), 0.3, 2.0)
     pressed = [each for each in problem.conditions if each.name != "weight"]
