@@ -332,7 +332,7 @@ def _assemble(
         own = EdgeTractions.of(discretization, u)
         contacts, slack = edge_parts(fields, discretization, own, given.bound, companion)
     lower = -complementary - slack if not refused else -np.inf
-    upper = companion.energy if moved else np.inf
+    upper = np.inf if companion.state is None or companion.state.contradiction else companion.energy
     parts = inside + by_cell(problem, {name: each.total for name, each in contacts.items()})
     data = data_reasons(discretization)
     found = [*reasons, *data, *companion.reasons]
@@ -344,7 +344,7 @@ def _assemble(
         found.append(refused)
     if not moved:
         found.append(f"No admissible displacement was found: {companion.message}")
-    balance = abs(upper + complementary - float(parts.sum())) / size if moved else 0.0
+    balance = abs(upper + complementary - float(parts.sum())) / size if np.isfinite(upper) else 0.0
     misfit, curved = stress.traction_misfit, bool(mesh.sides.any())
     if misfit > allowed_misfit(discretization.scales.stress, stress.stress_rounding):
         found.append(f"Computed tractions differ from the prescribed ones by up to {misfit:.3g} [stress] at points.")

@@ -192,7 +192,8 @@ class Bracket:
             error = f", stresses within {100 * self.relative_error:.2g} % of their energy norm"
         text = f"{what} {self.kind.value}: {bounds}{error}."
         why = "" if self.coulomb is None else self.coulomb.message
-        return " ".join(filter(None, [text, *map(units.filled, (*self.reasons, self.coulomb_reason, why))]))
+        said = dict.fromkeys((text, *map(units.filled, (*self.reasons, self.coulomb_reason, why))))
+        return " ".join(filter(None, said))
 
 
 def document(bracket: Bracket, units: Units | None = None) -> dict[str, Any]:

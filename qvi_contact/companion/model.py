@@ -383,8 +383,9 @@ def solve_companions(
                 values, plates = dual.displacements(solution)
                 v, c, plates, wrong = admissible(dual, values, plates, solution.z, bound)
                 tractions = np.where(dual.live, solution.z, 0.0)
-                state = CompanionState(own, v, c, plates, tractions, dual.live, bound, load - body.initial_load, wrong)
                 reasons += (wrong,) if wrong else ()
+                wrong = " ".join(filter(None, (*held.jumps, wrong)))
+                state = CompanionState(own, v, c, plates, tractions, dual.live, bound, load - body.initial_load, wrong)
             told = solution.status, solution.certificate, solution.message, state, reasons, solution
             found.append(CompanionResult(problem, scales, body, *told))
     return tuple(found)

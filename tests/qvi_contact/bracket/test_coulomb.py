@@ -331,12 +331,14 @@ class TestScope:
 
     @pytest.mark.parametrize(("x", "y", "what"), [(1e-3, 0.0, "what holds the slip"), (0.0, -1e-3, "the obstacle")])
     def test_supports_that_contradict_the_contact_are_named(self, x, y, what):
-        """In the corner where the side that they hold meets the contact."""
+        """In the corner where the side that they hold meets the contact, or the top: no displacement is admissible."""
         held = [Displacement("left", x=x, y=y), Displacement("top", x=x, y=-0.05), Traction("right", 0.0, 0.0)]
         mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0)
         found = solve(ContactProblem(mesh, Material(1.0, 0.3), [Contact("bottom", 0.5), *held]), degree=4).bracket
         assert found.coulomb is None
         assert f"{what} of 'bottom' at (0, 0)" in found.coulomb_reason
+        assert "disagree at (0, 1)" in found.coulomb_reason
+        assert found.upper == found.relative_error == np.inf
 
     def test_the_stress_of_more_friction(self):
         """What is beyond the bound of friction is taken off it, and counts."""

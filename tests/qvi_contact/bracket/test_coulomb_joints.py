@@ -77,7 +77,8 @@ def test_where_either_body_is_held_across_the_end_the_share_vanishes(side):
     mesh = TriangleMesh.rectangle((2, 4), 2.0, 2.0).with_joint("seam", lambda _, y: y == 1.0)
     mesh = mesh.with_edges("above", lambda x, y: (x == 0.0) & (y > 1.0))
     mesh = mesh.with_edges("below", lambda x, y: (x == 0.0) & (y < 1.0))
-    held = [Displacement(side, y=0.0), Traction(side, x=0.0), Displacement("bottom", x=0.0, y=0.0)]
+    pressed = Displacement(side, y=lambda _, y: -0.1 * np.maximum(y - 1.0, 0.0))  # as the top is, where they meet
+    held = [pressed, Traction(side, x=0.0), Displacement("bottom", x=0.0, y=0.0)]
     free = [Traction(name, x=0.0, y=0.0) for name in ("above", "below", "right") if name != side]
     conditions = [Contact("seam", 1.5), Displacement("top", x=0.01, y=-0.1), *held, *free]
     problem = ContactProblem(mesh, Material(1.0, 0.3), conditions)
