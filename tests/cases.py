@@ -9,6 +9,7 @@ import random
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
+from unittest.mock import ANY
 
 import pytest
 
@@ -54,8 +55,8 @@ def refusal(call: Callable[..., object], *given: Any) -> InputError:
 
 
 @contextmanager
-def refused_at(field: str, words: str | None = None) -> Iterator[None]:
-    """That what is done inside is refused by one line that names this field, and has these words (a pattern)."""
+def refused_at(field: str, words: str | None = None, value: object = ANY) -> Iterator[None]:
+    """That what is done inside is refused by one line that names field and value, and has these words (a pattern)."""
     with pytest.raises(InputError, match=words) as caught:
         yield
-    assert (caught.value.field, len(str(caught.value).splitlines())) == (field, 1)
+    assert (caught.value.field, caught.value.value, len(str(caught.value).splitlines())) == (field, value, 1)

@@ -70,9 +70,10 @@ def run(command: click.Command, name: str) -> None:
     """Run a command and exit.
 
     Anything wrong with the input, and a standard output that cannot be written, is one line on standard error and exit
-    status 2. A reader that has gone away, as in ``… | head -1``, is no fault: the command ends in silence. What
-    libraries print when the process ends does not reach standard output. At SIGTERM a command leaves as at an interrupt
-    from the keyboard: its temporary files and worker processes go, and the exit status is 143.
+    status 2; too little memory is one line and status 1. A reader that has gone away, as in ``… | head -1``, is no
+    fault: the command ends in silence. What libraries print when the process ends does not reach standard output. At
+    SIGTERM a command leaves as at an interrupt from the keyboard: its temporary files and worker processes go, and the
+    exit status is 143.
     """
     gc.set_threshold(_OFTEN_ENOUGH)  # loading libraries makes many objects, but no garbage
     atexit.register(gc.freeze)  # nor is there any to be collected when the process ends: both take a quarter of a solve
@@ -118,6 +119,9 @@ def _status(command: click.Command, name: str) -> int:
         return _complain(name, error.format_message())
     except QVIError as error:
         return _complain(name, str(error))
+    except MemoryError as error:
+        _complain(name, f"out of memory ({error or 'no details'}): take a coarser mesh, a lower degree, or more memory")
+        return 1
     except (click.Abort, KeyboardInterrupt):
         _say(f"{name}: interrupted")
         return 130

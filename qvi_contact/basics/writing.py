@@ -34,20 +34,20 @@ def given_path(field: str, value: object) -> Path:
 
 
 @contextmanager
-def replacing(path: str | Path) -> Iterator[Path]:
+def replacing(path: str | Path, field: str = "output") -> Iterator[Path]:
     """Give a temporary name to write to; when the block ends well, what was written becomes the contents of `path`.
 
-    An earlier file of that name survives any failure of the block, and keeps its mode after it. `InputError` if the
-    folder or file cannot be written.
+    An earlier file of that name survives any failure of the block, and keeps its mode after it. `InputError` about
+    `field` if the folder or file cannot be written.
     """
-    path = given_path("output", path)
+    path = given_path(field, path)
     try:
         target, earlier = _followed(path)
         beside = target.parent if earlier is None or stat.S_ISREG(earlier.st_mode) else None
         handle, name = tempfile.mkstemp(prefix=".writing-", suffix=path.suffix, dir=beside)
         os.close(handle)
     except (OSError, ValueError) as error:  # ValueError: a folder's name that none can have
-        raise unwritable(path, error) from error
+        raise unwritable(path, error, field) from error
     temporary = Path(name)
     try:
         yield temporary
@@ -64,7 +64,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
             ):
                 shutil.copyfileobj(source, sink)
     except OSError as error:
-        raise unwritable(path, error) from error
+        raise unwritable(path, error, field) from error
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -91,7 +91,7 @@ def identity(path: str | Path) -> object:
     return str(path)
 
 
-def unwritable(path: Path, error: OSError | ValueError, field: str = "output") -> InputError:
+def unwritable(path: Path, error: Exception, field: str = "output") -> InputError:
     """The error for a place where nothing can be written; `field` is the option that named it."""
     reason = getattr(error, "strerror", None) or str(error)
     return InputError(field, str(path), f"cannot be written ({reason}): give another place, or make room there")
@@ -123,10 +123,13 @@ def _standard_stream(earlier: os.stat_result) -> int | None:
     return None
 
 
-def write_text(path: str | Path, text: str) -> None:
-    """Write a text file in UTF-8, whole or not at all."""
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+def write_text(path: str | Path, text: str, field: str = "output") -> None:
+    """Write a text file in UTF-8, whole or not at all; see `replacing`.
+
+    What UTF-8 has no bytes for, as names of files may have on Unix, is a question mark, as on the terminal.
+    """
+    with replacing(path, field) as temporary:
+        temporary.write_text(text, encoding="utf-8", errors="replace", newline="\n")
 
 
 def check_suffix(option: str, path: str | Path, *suffixes: str) -> str:

@@ -23,7 +23,7 @@ import qvi_contact
 from qvi_contact import files
 from qvi_contact.basics.schema import Missing, keys_of
 from qvi_contact.basics.terminal import solving
-from qvi_contact.basics.writing import check_suffix, check_writable, identity, write_text
+from qvi_contact.basics.writing import check_suffix, check_writable, identity, unwritable, write_text
 from qvi_contact.command import report
 from qvi_contact.command.cli import TARGETS
 from qvi_contact.errors import InputError
@@ -561,9 +561,10 @@ def _written(
                 click.echo(f"qvi-contact: {missing[option]} {path}", err=True)
             else:
                 writers[option](path)
-        except InputError as error:
-            name = _option_name(option) if error.field == "output" else error.field
-            failure = InputError(name, error.value, error.remedy)
+        except (InputError, OSError, MemoryError) as error:  # also of a library that cannot open its fonts, or draw
+            failure = error if isinstance(error, InputError) else unwritable(Path(path), error)
+            name = _option_name(option) if failure.field == "output" else failure.field
+            failure = InputError(name, failure.value, failure.remedy)
             click.echo(f"qvi-contact: {' '.join(str(failure).split())}", err=True)
             complete = False
     return complete

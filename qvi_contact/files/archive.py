@@ -60,12 +60,12 @@ def digest(arrays: Mapping[str, NDArray[Any]]) -> str:
     return found.hexdigest()
 
 
-def write_archive(path: str | Path, arrays: Mapping[str, Any]) -> None:
-    """Write entries, format, version and digest, whole or not at all."""
+def write_archive(path: str | Path, arrays: Mapping[str, Any], field: str = "output") -> None:
+    """Write entries, format, version and digest, whole or not at all; `field` names the path in errors."""
     entries = {name: np.asarray(value) for name, value in arrays.items()}
     entries |= {"format": np.array(FORMAT), "format_version": np.array(FORMAT_VERSION)}
     entries["digest"] = np.array(digest(entries))
-    with replacing(path) as temporary:
+    with replacing(path, field) as temporary:
         np.savez_compressed(temporary, **entries)  # type: ignore[arg-type]  # names are entries, not options
 
 

@@ -71,7 +71,7 @@ class StepStore(Sequence[ContactResult]):
         elif any(not path.name.startswith(".writing-") for path in self._folder.iterdir()):  # a write cut short
             raise InputError("store", str(folder), "holds other files: give an empty folder, or a new name")
         else:
-            write_text(header, json.dumps(told, indent=2) + "\n")
+            write_text(header, json.dumps(told, indent=2) + "\n", "store")
         self.statuses: list[Status] = []
         while len(self.statuses) < planned:
             try:
@@ -99,7 +99,8 @@ class StepStore(Sequence[ContactResult]):
         """One more step: written if another may follow, else at hand only, as the end."""
         number = len(self.statuses) + 1
         if result.status in CONTINUES:
-            write_archive(self._path(number), solution_arrays(result, tried=False) | {STORE: self._fingerprint})
+            entries = solution_arrays(result, tried=False) | {STORE: self._fingerprint}
+            write_archive(self._path(number), entries, "store")
             self._near = number, result
         else:
             self._end = result

@@ -73,7 +73,7 @@ class Database:
                 with self.opened(path) as connection:
                     rows = connection.execute(f"SELECT * FROM {self.rows} LIMIT 1").fetchone()
             if rows is None:
-                with replacing(path) as temporary, self._connected(temporary) as connection:
+                with replacing(path, "store") as temporary, self._connected(temporary) as connection:
                     connection.execute("BEGIN IMMEDIATE")
                     with connection:  # all or nothing
                         connection.execute(f"PRAGMA application_id = {self.application}")
@@ -91,7 +91,7 @@ class Database:
     @contextmanager
     def opened(self, path: Path) -> Iterator[sqlite3.Connection]:
         """A connection to a file that is there, after a look whether it is sound, and of this kind and version."""
-        with self._connected(path) as connection:
+        with self.explained(path), self._connected(path) as connection:
             pages, application, schema = (
                 connection.execute(f"PRAGMA {name}").fetchone()[0]
                 for name in ("page_count", "application_id", "user_version")
@@ -115,10 +115,7 @@ class Database:
     @contextmanager
     def _connected(self, path: Path) -> Iterator[sqlite3.Connection]:
         address = f"{path.resolve().as_uri()}?mode=rw"
-        with (
-            self.explained(path),
-            closing(sqlite3.connect(address, uri=True, timeout=_PATIENCE, isolation_level="IMMEDIATE")) as connection,
-        ):
+        with closing(sqlite3.connect(address, uri=True, timeout=_PATIENCE, isolation_level="IMMEDIATE")) as connection:
             for setting in SETTINGS:
                 connection.execute(f"PRAGMA {setting}")
             yield connection

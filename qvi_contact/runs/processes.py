@@ -199,7 +199,7 @@ class Process:
         else:
             os.set_handle_inheritable(theirs.fileno(), True)  # type: ignore[attr-defined, unused-ignore]
         script = (
-            f"import sys; sys.path[:] = {sys.path!r}; "
+            f"import sys; sys.path[:] = {[*map(str, sys.path)]!r}; "
             f"from qvi_contact.runs.worker import main; main({theirs.fileno()}, {lifeline})"
         )
         try:
@@ -209,8 +209,6 @@ class Process:
                 close_fds=os.name == "posix", start_new_session=True,
                 env={**os.environ, **dict.fromkeys(THREADS, str(self._limits.threads))},
             )  # fmt: skip
-        except OSError as error:
-            raise NotLoadedError(f"no process can be started ({error.strerror})") from error
         finally:
             theirs.close()
             if lifeline is not None:
@@ -235,11 +233,12 @@ def done_here(
     """Orders and what became of each, as it comes, by so many processes; closing the iterator ends what is under way.
 
     Orders are taken from the left; more may be added while others are done. `NotLoadedError` if the pickled job cannot
-    be loaded.
+    be loaded, `InputError` about "workers" if the system does not allow so many.
     """
-    idle, busy = [Process(job, limits) for _ in range(min(workers, len(orders)))], dict[Process, Order]()
-    processes = list(idle)
+    idle, busy, processes = list[Process](), dict[Process, Order](), list[Process]()
     try:
+        processes.extend(Process(job, limits) for _ in range(min(workers, len(orders))))
+        idle.extend(processes)
         while orders or busy:
             while orders and idle:
                 busy[idle[-1]] = orders.popleft()
@@ -250,6 +249,11 @@ def done_here(
                 if outcome is not None:
                     idle.append(process)
                     yield busy.pop(process), outcome
+    except OSError as error:
+        remedy = (
+            f"not so many processes can be started ({error.strerror}): give fewer, or raise the limits of the system"
+        )
+        raise InputError("workers", workers, remedy) from error
     finally:
         for process in processes:
             process.close()

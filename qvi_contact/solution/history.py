@@ -38,7 +38,7 @@ from qvi_contact.version import __version__
 from solvers import Status
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.progress import Log, deadline
-from solvers.basics.types import frame, load, pandas
+from solvers.basics.types import PicklesFields, frame, load, pandas
 from solvers.errors import known_name
 
 if TYPE_CHECKING:
@@ -242,14 +242,7 @@ def solve_history(
         if settings.law is None and vary:
             settings = replace(settings, law_on="points")  # in all steps, as slip is handed on from one to the next
         log.begin({"steps": len(steps), "cells": steps[0].mesh.cell_count})
-        made: list[Discretization] = []
-
-        def discretized(number: int, own: Scales) -> Discretization:
-            """The problem of a step, from 1, in units, without earlier slip; all share the matrices of the first."""
-            if not made:
-                made.append(discretize(steps[0], degree=settings.degree, law_on=settings.law, scales=scales))
-            return made[0] if number == 1 and own == scales else made[0].with_data(steps[number - 1], own)
-
+        discretized = _Discretized(steps, settings, scales)
         results: Any = list[ContactResult]()
         if store is not None:
             fingerprint = run_digest(steps, {**settings.stated, "warm_start": warm_start})
@@ -258,7 +251,7 @@ def solve_history(
         for number in range(len(results) + 1, len(steps) + 1):
             before = results[number - 2] if number > 1 else None
             if before is None:
-                discretization = discretized(1, scales)
+                discretization = discretized.first
             elif deadline.over:
                 break
             else:
@@ -274,6 +267,22 @@ def solve_history(
         history = History(tuple(results) if store is None else results, len(steps))
         log.end(str(history.status), history.message, {}, history.status is Status.SOLVED)
         return history
+
+
+@dataclass(eq=False)
+class _Discretized(PicklesFields):
+    """The problem of a step, from 1, in units, without earlier slip; all share the matrices of the first."""
+
+    steps: Sequence[ContactProblem]
+    settings: Settings
+    scales: Scales  # of the first
+
+    def __call__(self, number: int, own: Scales) -> Discretization:
+        return self.first if number == 1 and own == self.scales else self.first.with_data(self.steps[number - 1], own)
+
+    @cached_property
+    def first(self) -> Discretization:
+        return discretize(self.steps[0], degree=self.settings.degree, law_on=self.settings.law, scales=self.scales)
 
 
 def _surveyed(problems: Iterable[ContactProblem], kept: bool) -> tuple[Sequence[ContactProblem], Scales, bool]:

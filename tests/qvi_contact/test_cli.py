@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from click.shell_completion import BashComplete
@@ -195,15 +196,18 @@ def test_files_that_the_problem_reads_are_kept(shell, tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_what_cannot_be_written_costs_nothing_else(shell, plate, tmp_path):
-    """The disk is full for one of three files: the report and the others come, with a line and status 2."""
+def test_what_cannot_be_written_costs_nothing_else(shell, plate, tmp_path, monkeypatch):
+    """The disk is full for one file, a library fails: the report and the others come, with a line and status 2."""
     npz, fields = tmp_path / "a.npz", tmp_path / "a.vtu"
     status, out, err = shell("solve", plate, "--save-json", "/dev/full", "--npz", npz, "--vtk", fields)
-    assert (status, len(err.splitlines())) == (2, 1)
+    assert (status, len(err.splitlines()), npz.exists(), fields.exists()) == (2, 1, True, True)
     assert err.startswith("qvi-contact: --save-json: '/dev/full': ")
     assert "certificate passed" in out
-    assert npz.exists()
-    assert fields.exists()
+    page = tmp_path / "\udcff.html"  # a name that is no UTF-8; the page repeats the command
+    monkeypatch.setattr("qvi_contact.plots.save_figure", Mock(side_effect=OSError(24, "no fonts")))
+    status, out, err = shell("solve", plate, "--plot", tmp_path / "a.png", "--report", page)
+    assert (status, len(err.splitlines()), "passed" in out, page.exists()) == (2, 1, True, True)
+    assert err.startswith(f"qvi-contact: --plot: '{tmp_path}/a.png': cannot be written (no fonts)")
     swept = "--set", "friction=0.1,0.2", "--store", tmp_path / "a.sqlite"
     status, out, err = shell("solve", plate, *swept, "--save-json", "/dev/full")
     assert (status, len(err.splitlines()), "2 solved" in out) == (2, 1, True)

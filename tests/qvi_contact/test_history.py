@@ -1,8 +1,11 @@
 """Load histories against a closed form and energy balance; and those that are kept in a folder, step by step."""
 
+import pickle
 import shutil
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -15,6 +18,7 @@ from qvi_contact.problem import Contact, ContactProblem, Displacement, Material,
 from qvi_contact.solution import loop_area
 from qvi_contact.verification import verify_file
 from solvers import Status
+from tests.cases import refused_at
 
 YOUNG, PRESSURE, FRICTION, WIDTH, HEIGHT = 1000.0, 10.0, 0.3, 2.0, 1.0
 YIELD = FRICTION * PRESSURE * HEIGHT / (YOUNG / 2.0)  # ν = 0: G = E/2
@@ -282,6 +286,7 @@ def test_a_last_step_that_is_not_carried_is_there_and_tried_again(tmp_path):
     for told in ([1, 2], [2]):
         seen = []
         history = solve_history(pushed, lambda number, _, seen=seen: seen.append(number), store=tmp_path / "steps")
+        history = pickle.loads(pickle.dumps(history))
         assert seen == told
         assert history.statuses == (Status.SOLVED, Status.INFEASIBLE)
         assert [step.status for step in history.steps] == list(history.statuses)
@@ -303,15 +308,14 @@ def test_a_store_of_another_history_is_refused(begun, other):
     assert {path.name: path.read_bytes() for path in begun.iterdir()} == held
 
 
-def test_a_folder_of_other_files_is_refused(tmp_path):
+def test_a_folder_of_other_files_or_without_room_is_refused(tmp_path, monkeypatch):
     (tmp_path / "letter.txt").write_text("kept", encoding="utf-8")
-    with pytest.raises(InputError, match="other files"):
-        solve_history(STEPS, store=tmp_path)
-    (tmp_path / "store.json").write_text("[]", encoding="utf-8")
-    with pytest.raises(InputError, match=r"store\.json"):
-        solve_history(STEPS, store=tmp_path)
-    with pytest.raises(InputError, match="store"):
-        solve_history(STEPS, store=tmp_path / "letter.txt")
+    for place, words in ((tmp_path, "other files"), (tmp_path, "store.json"), (tmp_path / "letter.txt", "not a folder"),
+                         (tmp_path / "full", "No space left")):  # fmt: skip
+        with refused_at("store", words):
+            solve_history(STEPS, store=place)
+        (tmp_path / "store.json").write_bytes(b"[]")
+        monkeypatch.setattr(Path, "write_text", Mock(side_effect=OSError(28, "No space left")))
 
 
 def test_each_step_can_be_checked_from_its_file(tmp_path):

@@ -140,9 +140,8 @@ def test_friction_that_varies():
 def test_friction_that_begins_at_zero_has_a_bound_with_a_cut_off_only_and_none_where_it_falls_to_zero():
     """Between a part with friction and one without there is no bound of what flow dissipates."""
     growing, falling = (lambda x, _: 0.3 * x), MohrCoulomb(1.0, lambda x, _: np.maximum(x - 0.5, 0.0))
-    with pytest.raises(InputError) as caught:
+    with refused_at("MohrCoulomb.phi", value=0.0):
         limit_load_factor(stretched(falling), ["top"], degree=3)
-    assert (caught.value.field, caught.value.value) == ("MohrCoulomb.phi", 0.0)
     with pytest.raises(InputError, match="cut-off"):
         limit_load_factor(stretched(MohrCoulomb(0.5, growing)), ["top"])
     limit = limit_load_factor(stretched(MohrCoulomb(0.5, growing, 0.2)), ["top"])

@@ -8,6 +8,7 @@ import time
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -113,8 +114,7 @@ def test_a_value_without_an_answer_does_not_end_the_sweep():
 
 def test_the_time_limit_keeps_what_was_done(clock):
     sweep = solve_sweep(PLATE, "friction", [0.1, 0.2, 0.3], callback=lambda *_: clock.passes(1.0), time_limit=0.5)
-    assert len(sweep.steps) == 1
-    assert sweep.status is Status.TIME_LIMIT
+    assert (len(sweep.steps), sweep.status) == (1, Status.TIME_LIMIT)
 
 
 @pytest.mark.parametrize(
@@ -167,10 +167,8 @@ def test_a_sweep_that_was_stopped_goes_on(tmp_path):
         solve_sweep(PLATE, "friction", VALUES, store=path, callback=interrupted)
     assert [row.number for row in read_sweep(path).rows()] == [1, 2]
     assert read_sweep(path).status is Status.TIME_LIMIT
-    stored = solve_sweep(
-        PLATE, "friction", VALUES, store=path, callback=lambda number, row: told.append((number, row.value))
-    )
-    assert told == [(3, 0.3), (4, 0.4)]
+    stored = solve_sweep(PLATE, "friction", VALUES, None, lambda *each: told.append(each), store=path)
+    assert [(number, row.value) for number, row in told] == [(3, 0.3), (4, 0.4)]
     forces = stored.to_frame().normal_force.to_numpy()
     assert forces == pytest.approx(solve_sweep(PLATE, "friction", VALUES).to_frame().normal_force.to_numpy(), rel=1e-10)
 
@@ -186,11 +184,8 @@ def test_a_value_that_the_time_cut_short_has_no_row(tmp_path):
 def test_several_processes_find_the_same(tmp_path):
     values, told = np.linspace(0.05, 1.0, 4), []
     one = solve_sweep(PLATE, "friction", values, store=tmp_path / "a")
-    two = solve_sweep(
-        PLATE, "friction", values, store=tmp_path / "b", callback=lambda *seen: told.append(seen[0]), workers=2
-    )
-    assert sorted(told) == [1, 2, 3, 4]
-    assert two.statuses == one.statuses
+    two = solve_sweep(PLATE, "friction", values, None, lambda *row: told.append(row), store=tmp_path / "b", workers=2)
+    assert (sorted(number for number, _ in told), two.statuses) == ([1, 2, 3, 4], one.statuses)
     names = ["friction", "normal_force", "tangential_force", "share_slip"]
     assert two.to_frame()[names].to_numpy() == pytest.approx(one.to_frame()[names].to_numpy(), rel=1e-7)
 
@@ -219,8 +214,7 @@ def test_rows_that_come_in_any_order_are_each_on_disk_before_the_next(tmp_path, 
     monkeypatch.setattr(Workers, "ready", ready)
     stored = solve_sweep(PLATE, "friction", values, store=path, workers=2)
     assert (stored.status, stored.values) == (Status.SOLVED, tuple(values))
-    assert sorted(seen) == list(range(1, 21))
-    assert sorted(seen[-2:]) == [1, 2]
+    assert (sorted(seen), sorted(seen[-2:])) == (list(range(1, 21)), [1, 2])
 
 
 def test_functions_that_other_processes_cannot_have(tmp_path):
@@ -234,8 +228,7 @@ def test_functions_that_other_processes_cannot_have(tmp_path):
 def test_a_value_that_ends_its_process_has_a_row_that_says_so(tmp_path, environ):
     environ(RUN_TEST_RUNNER=os.getpid())
     conditions = [replace(c, gap=deadly) if isinstance(c, Contact) else c for c in PLATE.conditions]
-    problem = replace(PLATE, conditions=conditions)
-    stored = solve_sweep(problem, "friction", [0.1], store=tmp_path / "a", workers=2)
+    stored = solve_sweep(replace(PLATE, conditions=conditions), "friction", [0.1], store=tmp_path / "a", workers=2)
     assert stored.statuses == (Status.BACKEND_FAILED,)
     assert "exit status 9" in stored.message
 
@@ -258,11 +251,14 @@ def test_what_is_refused(tmp_path):
     assert path.read_bytes() == before
 
 
-def test_a_store_without_rows_is_nobodys(tmp_path):
+def test_a_store_without_rows_is_nobodys_and_one_without_room_is_named_as_it_was_given(tmp_path, monkeypatch):
     path = tmp_path / "a"
     with pytest.raises(InputError, match="nonsense"):
         solve_sweep(PLATE, "friction", [0.1], store=path, nonsense=1)
     assert solve_sweep(PLATE, "gap", [0.0], store=path).status is Status.SOLVED
+    monkeypatch.setattr("qvi_contact.files.stores.datetime", Mock(**{"now.side_effect": sqlite3.OperationalError}))
+    with refused_at("store", "SQLite says", str(tmp_path / "b")):
+        solve_sweep(PLATE, "gap", [0.0], store=tmp_path / "b")
 
 
 def test_files_of_others_are_refused(tmp_path):
