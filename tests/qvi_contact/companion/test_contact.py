@@ -314,7 +314,7 @@ class TestReasons:
 
 @pytest.mark.parametrize(("law", "cohesion"), [("tied", 0.0), ("bilateral", 9.0), ("unilateral", 0.0)])
 def test_a_plate_that_ends_where_a_support_holds_the_corner(law, cohesion):
-    """Simple shear turns a plate that sticks about the corner; without friction one stays while the body is squeezed."""
+    """Simple shear turns a plate that sticks about the corner; without friction one stays while a body is squeezed."""
     shear, squeeze = (0.0, 2e-3) if law == "unilateral" else (3e-3, 0.0)
     material = Material(1000.0, 0.3, "strain")
     along, across, up = 1000.0 / 1.3 * np.array([0.5 * shear, -0.75 * squeeze, -1.75 * squeeze])  # σ_xy, σ_xx, σ_yy
