@@ -60,7 +60,7 @@ from solvers.basics.linked import linked
 _DEPENDENT = 1e-9  # length of an equality row, relative, left after those before it, that counts as nothing
 _BALANCED = 1e-9
 _STICKS = 1e3  # of the largest bound of friction: the bound of what must not slip
-_SOFT = 1e-3  # compliance of a force whose c follows from others, over that of other forces
+_SOFT = 1e-5  # compliance of a force whose c follows from others, over that of other forces
 _TRIALS = 4  # of what gives way by it
 
 _SHARED = 1e-9  # singular value of rows that share unknowns, relative, that counts as zero
@@ -442,7 +442,7 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
         A=sparse.csc_array(A[kept].reshape(len(kept), 2 * contacts.count)),
         b=b[kept],
     )
-    soft = np.where(live & ~(rubs & np.append(rubs[:n], contacts.slipping != 0.0)), own, 0.0)
+    soft = np.where(live, own, 0.0)
     return DualProblem(contacts, body, B, constant, alone, live, kept, qvi, beyond, soft)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -14,7 +14,7 @@ from qvi_contact.discretization.loads import physical
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mechanism.mechanism import Rigid, null_space
 from qvi_contact.mesh.edges import edge_ends
-from qvi_contact.problem.conditions import Symmetry, has_coulomb
+from qvi_contact.problem.conditions import Contact, Symmetry, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.stress import cell_stresses
@@ -192,7 +192,12 @@ def undetermined_motions(result: ContactResult) -> tuple[UndeterminedMotion, ...
     """
     if result.status is not Status.SOLVED or largest_counted(result) is not None:
         return ()
-    rigid = Rigid(result.problem)
+    problem = result.problem
+    smooth = [
+        replace(each, friction=0.0) if isinstance(each, Contact) and each.law == "bilateral" else each
+        for each in problem.conditions
+    ]  # what friction holds of these is in M(v)
+    rigid = Rigid(replace(problem, conditions=smooth))
     bodies, motions = rigid.bodies, _free_motions(result, rigid)
     at = bodies.centre[0] + bodies.size[0] * np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]])
     along = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])

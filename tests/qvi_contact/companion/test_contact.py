@@ -312,14 +312,14 @@ class TestReasons:
         assert solve_companion(problem).reasons == ()
 
 
-@pytest.mark.parametrize("law", ["tied", "pressed"])
-def test_a_plate_that_ends_where_a_support_holds_the_corner(law):
-    """Simple shear turns a tied plate about the corner; one without friction stays while the body is squeezed along."""
-    shear, squeeze = (3e-3, 0.0) if law == "tied" else (0.0, 2e-3)
+@pytest.mark.parametrize(("law", "cohesion"), [("tied", 0.0), ("bilateral", 9.0), ("unilateral", 0.0)])
+def test_a_plate_that_ends_where_a_support_holds_the_corner(law, cohesion):
+    """Simple shear turns a plate that sticks about the corner; without friction one stays while a body is squeezed."""
+    shear, squeeze = (0.0, 2e-3) if law == "unilateral" else (3e-3, 0.0)
     material = Material(1000.0, 0.3, "strain")
     along, across, up = 1000.0 / 1.3 * np.array([0.5 * shear, -0.75 * squeeze, -1.75 * squeeze])  # σ_xy, σ_xx, σ_yy
-    force = RigidPlate(force_x=across, force_y=along if law == "tied" else None, moment=0.0, pivot=(1.0, 0.5))
-    conditions = [Contact("right", 0.0, law=law.replace("pressed", "unilateral"), plate=force)]
+    force = RigidPlate(force_x=across, force_y=along if shear else None, moment=0.0, pivot=(1.0, 0.5))
+    conditions = [Contact("right", 0.0, law=law, plate=force, cohesion=cohesion)]
     conditions += [Displacement("bottom", 0.0, 0.0), Traction("top", x=along, y=up)]
     conditions += [Traction("left", x=-across, y=-along)]
     found = companion_of(ContactProblem(TriangleMesh.rectangle((2, 2)), material, conditions), degree=2)
