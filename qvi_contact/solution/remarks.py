@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
+from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.discretization.loads import physical
+from qvi_contact.discretization.loads import joined, physical
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mechanism.mechanism import Rigid, null_space
 from qvi_contact.mesh.edges import edge_ends
@@ -187,7 +188,8 @@ class UndeterminedMotion:
         instead = " For a plate or pin, you can give the motion instead of the force." if self.plate else ""
         return (
             f"Nothing determines the position of {what}, {together} can {self.way}. Stresses and forces do not depend "
-            "on it, but those of later steps of a history may. Gaps and slips hold for one of the possible positions. "
+            "on it, but those of later steps of a history may: there it stays as near as it can to where it was. Gaps "
+            "and slips hold for one of the possible positions. "
             f"To determine it, add a support, friction, or a load that closes a contact.{instead}"
         )
 
@@ -201,7 +203,7 @@ def undetermined_motions(result: ContactResult) -> tuple[UndeterminedMotion, ...
     if result.status is not Status.SOLVED or largest_counted(result) is not None:
         return ()
     rigid = Rigid(result.problem)
-    problem, bodies, motions = result.problem, rigid.bodies, _free_motions(result, rigid)
+    problem, bodies, motions = result.problem, rigid.bodies, free_motions(result, rigid).motions
     at = bodies.centre[0] + bodies.size[0] * np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]])
     along = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
     moved = [bodies.rows(np.full(_ALL, body), at, along) @ motions for body in range(len(bodies))]
@@ -225,36 +227,43 @@ def largest_counted(result: ContactResult) -> float | None:
     return largest if _NOTHING * stress < largest < _COUNTED * stress else None
 
 
-def _free_motions(result: ContactResult, rigid: Rigid) -> FloatArray:
-    """Columns (3 k, d) of motions that change gaps or slips and nothing else; of what moves together one body rests."""
-    problem, bodies, mesh = result.problem, rigid.bodies, result.problem.mesh
-    if not rigid.free.shape[1] or not problem.contacts:
-        return np.zeros((3 * len(bodies), 0))
-    unit = result.certificate.scales.get("stress", 1.0) * result.discretization.scales.stress
-    rows, holding = [], []
-    for contact, known in zip(problem.contacts, result.discretization.contacts, strict=True):
+class FreeMotions(NamedTuple):
+    """Motions that change gaps or slips and nothing else; of what moves together one body rests."""
+
+    motions: FloatArray  # (3 k, d), columns, in the unit of displacement
+    speeds: FloatArray  # (2, m, d): [v]_N and [v]_T at the points of all contacts that are not tied
+    changes: FloatArray  # (2, m, d): by what they change m_N and m_T
+    # G (r, d) and h (r,) ≥ 0: of motions y those with G y ≤ h keep the signs of multipliers, over W
+    limits: tuple[FloatArray, FloatArray]
+
+
+def free_motions(result: ContactResult, rigid: Rigid) -> FreeMotions:
+    """Those of a result that is solved."""
+    problem, bodies, mesh, solution = result.problem, rigid.bodies, result.problem.mesh, result.solution
+    discretization, qvi, size = result.discretization, solution.problem, result.certificate.scales.get("stress", 1.0)
+    unit, rule = size * discretization.scales.stress, discretization.rule
+    parts, holding, weights = [np.zeros((2, 0, 3 * len(bodies)))], [np.zeros((2, 0))], list[FloatArray]()
+    for contact, known in zip(problem.contacts, discretization.contacts, strict=True):
+        if contact.law == "tied":  # equations, not here
+            continue
         line, points, edges = result.contacts[contact.name], known.points, known.points.edges
         x, y = mesh.points_along(edges, points.reference)
-        places, first = np.column_stack([x.ravel(), y.ravel()]), bodies.of_cells[edges.cells[:, 0]]
-        second = np.full(len(edges), bodies.number(contact))
-        if contact in problem.joints:
-            second = bodies.of_cells[edges.cells[:, 1]]
-        pair = [np.repeat(body, points.count) for body in (first, second)]
-        for along in (points.normals, points.tangents):  # [v]_N, then [v]_T at the points
-            ours, theirs = (bodies.rows(body, places, along) for body in pair)
-            rows.append(ours - theirs)
-        holds = np.zeros((2, len(line.x)))  # [stress]; ties are equations, not here
-        if contact.law != "tied":
-            holds[0] = np.where(line.state == ContactState.OPEN, 0.0, -line.effective_normal_stress)
-            slack = line.friction_bound - np.abs(line.tangential_stress)
-            # On an edge that sticks in part every point may have slipped, but friction is below its bound.
-            holds[1] = np.where((line.state == ContactState.STICK) | (slack > _SLACK * unit), slack, 0.0)
-        holding.append(np.ravel(line.weights * np.maximum(holds, 0.0)))
-    speeds, weights = np.concatenate(rows), np.concatenate(holding)
+        places, pair = np.column_stack([x.ravel(), y.ravel()]), bodies.beside(edges, contact)
+        ours, theirs = (np.repeat(body, points.count) for body in pair)
+        turning = (points.normals, points.tangents)  # [v]_N, then [v]_T at the points
+        parts.append(np.stack([bodies.rows(ours, places, d) - bodies.rows(theirs, places, d) for d in turning]))
+        slack = line.friction_bound - np.abs(line.tangential_stress)
+        # On an edge that sticks in part every point may have slipped, but friction is below its bound.
+        sticks = (line.state == ContactState.STICK) | (slack > _SLACK * unit)
+        presses = np.where(line.state == ContactState.OPEN, 0.0, -line.effective_normal_stress)
+        holding.append(line.weights * np.maximum([presses, np.where(sticks, slack, 0.0)], 0.0))
+        weights.append(points.weights)
+    rows = np.concatenate(parts, axis=1).reshape(2 * qvi.m, -1)
     length = sum(float(line.weights.sum()) for line in result.contacts.values())
-    held = np.sqrt(weights / (unit * length))[:, None] * speeds
-    free = _still(rigid.free, held, float(np.sqrt(_HELD)))
-    together = _still(free, speeds, _MOVES)  # what moves all that touches together: of that the largest body rests
+    held = sparse.csr_array(np.sqrt(np.concatenate(holding, axis=1).ravel() / (unit * length))[:, None] * rows)
+    M, motions = np.linalg.eigh(rigid.free.T @ (held.T @ held).toarray() @ rigid.free)
+    free = rigid.free @ motions[:, M <= _HELD]
+    together = _still(free, rows, _MOVES)  # what moves all that touches together: of that the largest body rests
     for body in np.argsort(-bodies.size, kind="stable").tolist():
         if not together.shape[1]:
             break
@@ -262,7 +271,16 @@ def _free_motions(result: ContactResult, rigid: Rigid) -> FloatArray:
         own[:, 3 * body : 3 * body + _ALL] = np.eye(_ALL)
         if np.abs(own @ together).max() > _MOVES:
             free, together = _still(free, own, _MOVES), _still(together, own, _MOVES)
-    return free
+    d = free.shape[1]
+    speeds, by_edges = (rows @ free).reshape(2, qvi.m, d), (2, qvi.m // rule.count, rule.count, d)
+    works = (joined(weights)[:, None] * speeds).reshape(by_edges)  # of tractions of 1
+    changes = -np.einsum("aeqd,qr->aerd", works, rule.to_points).reshape(speeds.shape)
+    slips = np.sign(qvi.tangential(solution.z)) * (qvi.threshold(qvi.pressure(solution.z)) > _SLACK * size)
+    signs = np.stack([~qvi.bilateral, slips]) / qvi.W
+    G = (-signs[:, :, None] * changes).reshape(2 * qvi.m, d)
+    h = (signs * (solution.normal_multiplier, solution.tangential_multiplier)).ravel()
+    limited = np.abs(G).max(axis=1, initial=0.0) > _MOVES
+    return FreeMotions(free, speeds, changes, (G[limited], np.maximum(h[limited], 0.0)))
 
 
 def _still(motions: FloatArray, rows: FloatArray, least: float) -> FloatArray:
