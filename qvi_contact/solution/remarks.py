@@ -20,6 +20,7 @@ from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.stress import cell_stresses
 from solvers import Status
 from solvers.factorisation import FactorisationError
+from solvers.inner.linear_program import solved
 
 if TYPE_CHECKING:
     from qvi_contact.solution.result import ContactResult
@@ -156,7 +157,7 @@ def _about_contacts(result: ContactResult) -> Iterator[str]:
 # what presses stays closed, what is below its bound of shear stays stuck, whether it has slipped or, with cohesion, is
 # open; points at their bound may move.
 # Stresses and forces are the same for all such v. Gaps and slips are not, if [v] ≠ 0 somewhere: then the motion is
-# found.
+# found, unless contacts that touch without pressure leave no room for it.
 
 
 _HELD: Final = 1e-12  # M(v) over the largest pressure times the length of all contacts: above, something holds
@@ -203,7 +204,15 @@ def undetermined_motions(result: ContactResult) -> tuple[UndeterminedMotion, ...
     if result.status is not Status.SOLVED or largest_counted(result) is not None:
         return ()
     rigid = Rigid(result.problem)
-    problem, bodies, motions = result.problem, rigid.bodies, free_motions(result, rigid).motions
+    problem, bodies, free = result.problem, rigid.bodies, free_motions(result, rigid)
+    motions, (G, h) = free.motions, free.limits
+    closed = G[h <= _MOVES * result.certificate.scales.get("displacement", 0.0)]
+    if len(closed):  # max Σ t  s.t.  G y + t ≤ 0, t ≤ 1: rows with t = 0 let nothing move either way
+        (r, d), closed = closed.shape, closed / np.abs(closed).max(axis=1)[:, None]
+        cost, bounds = np.repeat([0.0, -1.0], [d, r]), [(None, None)] * d + [(0.0, 1.0)] * r
+        answer = solved(cost, A_ub=np.column_stack([closed, np.eye(r)]), b_ub=np.zeros(r), bounds=bounds)
+        if answer.solved:
+            motions = motions @ null_space(closed[answer.x[d:] < 0.5], _MOVES)
     at = bodies.centre[0] + bodies.size[0] * np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]])
     along = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
     moved = [bodies.rows(np.full(_ALL, body), at, along) @ motions for body in range(len(bodies))]
@@ -258,7 +267,7 @@ def free_motions(result: ContactResult, rigid: Rigid) -> FreeMotions:
         presses = np.where(line.state == ContactState.OPEN, 0.0, -line.effective_normal_stress)
         holding.append(line.weights * np.maximum([presses, np.where(sticks, slack, 0.0)], 0.0))
         weights.append(points.weights)
-    rows = np.concatenate(parts, axis=1).reshape(2 * qvi.m, -1)
+    rows = np.concatenate(parts, axis=1).reshape(2 * qvi.m, 3 * len(bodies))
     length = sum(float(line.weights.sum()) for line in result.contacts.values())
     held = sparse.csr_array(np.sqrt(np.concatenate(holding, axis=1).ravel() / (unit * length))[:, None] * rows)
     M, motions = np.linalg.eigh(rigid.free.T @ (held.T @ held).toarray() @ rigid.free)
