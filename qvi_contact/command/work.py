@@ -176,7 +176,7 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
 
 def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool, as_json: bool, **given: Any) -> int:
     """Bound the largest multiple of loads."""
-    from qvi_contact.limit.load_factor import checked_loads, limit_load_factor
+    from qvi_contact.limit.load_factor import OPTIONS, checked_loads, limit_load_factor
     from qvi_contact.refinement import LimitFactor
     from qvi_contact.refinement import refine as refined
 
@@ -184,19 +184,19 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         _opened(file, given) as (problem_file, targets, options),
         solving(problem_file.title or "limit", verbose=verbose),
     ):
-        degree = options.get("degree")
-        told: dict[str, Any] = {"degree": degree, "time_limit": given["time_limit"], "verbose": verbose}
+        told = {name: options.get(name) for name in OPTIONS}
         problem, refinement, proof = problem_file.problem, None, targets.pop("proof", None)
         if proof is not None and not loads:
-            return _without_loads(proof, problem, degree, {"target": target, **targets}, as_json)
+            return _without_loads(proof, problem, told, {"target": target, **targets}, as_json)
         named: list[Any] = list(loads) or [Missing()]
         acts = report.act(problem, checked_loads(problem, named, "--load"))
         if target is None:
-            found = limit_load_factor(problem, loads=list(loads), **told)
+            found = limit_load_factor(problem, loads=list(loads), verbose=verbose, **told)
         else:
-            refinement = refined(problem, target=target, quantity=LimitFactor(list(loads)), **told)
+            quantity = LimitFactor(list(loads))
+            refinement = refined(problem, target=target, quantity=quantity, verbose=verbose, **told)
             found, problem = refinement.limit, refinement.problem
-        proved = [] if proof is None else _write_proof(proof, problem, loads, degree)
+        proved = [] if proof is None else _write_proof(proof, problem, loads, told)
     said, units, missing = report.limit_lines(loads, found, refinement), problem_file.units, {}
     if not acts:
         times = problem_file.times
@@ -225,23 +225,23 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
 
 
 def _without_loads(
-    path: str, problem: ContactProblem, degree: int | None, more: Mapping[str, Any], as_json: bool
+    path: str, problem: ContactProblem, told: Mapping[str, Any], more: Mapping[str, Any], as_json: bool
 ) -> int:
     """Prove that the loads as they are cannot be carried; `more` are options that have no sense here."""
     for name, value in more.items():
         if value is not None:
             raise InputError(_option_name(name), value, "needs loads that are multiplied: give --load")
-    proved = _write_proof(path, problem, (), degree)
+    proved = _write_proof(path, problem, (), told)
     click.echo(_json_text({"loads": [], "message": "; ".join(proved)}) if as_json else "\n".join(proved))
     return 0
 
 
-def _write_proof(path: str, problem: ContactProblem, loads: Iterable[str], degree: int | None) -> list[str]:
+def _write_proof(path: str, problem: ContactProblem, loads: Iterable[str], told: Mapping[str, Any]) -> list[str]:
     """Write a proof file; what people read of it."""
     from qvi_contact.limit import check_proof as proofs
     from qvi_contact.limit.proof import limit_proof, save_proof
 
-    proof = limit_proof(problem, list(loads), degree=degree)
+    proof = limit_proof(problem, list(loads), **told)
     save_proof(path, proof)
     found = proofs.sentences(*proofs.check(proof)[:2])
     return found + [f"not proved: the {side} bound ({reason})" for side, reason in proof["missing"].items()]
@@ -249,16 +249,14 @@ def _write_proof(path: str, problem: ContactProblem, loads: Iterable[str], degre
 
 def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_json: bool, **given: Any) -> int:
     """Bound the factor of safety."""
-    from qvi_contact.limit.load_factor import strength_reduction_factor
+    from qvi_contact.limit.load_factor import OPTIONS, strength_reduction_factor
 
     with (
         _opened(file, given) as (problem_file, _, options),
         solving(problem_file.title or "safety", verbose=verbose),
     ):
-        found = strength_reduction_factor(
-            problem_file.problem, of=list(of) or None, accuracy=accuracy, time_limit=given["time_limit"],
-            degree=options.get("degree"),
-        )  # fmt: skip
+        told = {name: options.get(name) for name in OPTIONS}
+        found = strength_reduction_factor(problem_file.problem, of=list(of) or None, accuracy=accuracy, **told)
     above = f"divided by {found.upper:.6g} they do not on any mesh" if found.upper < math.inf else "no bound above"
     said = f"strengths divided by {found.lower:.6g} carry the loads on this mesh; {above}"
     document = {"of": list(of), "lower": found.lower, "upper": found.upper}

@@ -5,6 +5,8 @@ slip accumulated up to step k, step k is the static problem with the offset w_k 
 
     |σ_T| ≤ b(σ_N),   |σ_T| < b ⇒ s_k = s_{k−1},   (s_k − s_{k−1}) σ_T ≤ 0.
 
+A body whose position nothing determines stays as near as it can to where it was.
+
 That is the implicit Euler rule; loads and obstacles move in the steps the user gives. Slip is handed on as the
 multipliers of the Gauss points, not as their projection, so that each step starts in exactly the state the one before
 it ended in.
@@ -30,16 +32,18 @@ from qvi_contact.mesh.edges import centre_of, cross
 from qvi_contact.problem.conditions import LOCAL, Displacement, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, direction_of, run_digest
+from qvi_contact.solution.remarks import free_motions
 from qvi_contact.solution.result import ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import Settings
 from qvi_contact.solution.solver import solved
 from qvi_contact.solution.stress import traction
 from qvi_contact.version import __version__
-from solvers import Status
+from solvers import Status, certify
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import PicklesFields, frame, load, pandas
 from solvers.errors import known_name
+from solvers.inner.linear_program import BackendFailure, attempt
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -256,7 +260,7 @@ def solve_history(
                 break
             else:
                 discretization = before.discretization.with_data(steps[number - 1], scales, _slip_after(before))
-            result = solved(discretization, settings, before if warm else None)
+            result = _at_rest(solved(discretization, settings, before if warm else None), before)
             results.append(result)
             accuracy = result.certificate.accuracy
             log.line(number, str(result.status), result.solution.iterations, accuracy, log.seconds)
@@ -313,6 +317,47 @@ def _surveyed(problems: Iterable[ContactProblem], kept: bool) -> tuple[Sequence[
         known.append(Scales.of(problem))
         vary = vary or laws_vary(problem)
     return steps, max(known, key=lambda scales: (scales.loaded, scales.stress)), vary
+
+
+def _at_rest(result: ContactResult, before: ContactResult | None) -> ContactResult:
+    """The result with bodies where they were, as far as nothing else determines where they are.
+
+    Of the motions y that contacts leave free, G y ≤ h, it takes the one that changes places least in the mean square.
+    With y = R⁻¹ (x − c) it has the least x, which non-negative least squares give (Lawson and Hanson 1974, chapter 23).
+    """
+    free = free_motions(result) if result.status is Status.SOLVED else None
+    if free is None or not free.motions.shape[1]:
+        return result
+    from scipy.optimize import nnls  # loaded where a body is free only
+
+    moved, (G, h), solution = _places(result), free.limits, result.solution
+    moved -= 0.0 if before is None else _places(before)
+    Q, R = np.linalg.qr(free.speeds.reshape(moved.size, -1))
+    c, rows = Q.T @ moved.ravel(), np.linalg.solve(R.T, G.T)
+    last = np.eye(len(c) + 1)[-1]
+    E = np.column_stack([np.vstack([-rows, -h - c @ rows]), 0.0 * last])
+    rest = attempt("nnls", lambda: E @ nnls(E, last)[0] - last)
+    if isinstance(rest, BackendFailure):
+        return result
+    changes, qvi = free.changes @ np.linalg.solve(R, -rest[:-1] / rest[-1] - c), solution.problem
+    m_N, m_T = solution.normal_multiplier + changes[0], solution.tangential_multiplier + changes[1]
+    left = qvi.gradient(solution.z) + qvi.N.T @ m_N + qvi.T.T @ m_T
+    nu = np.linalg.lstsq(qvi.A.T.toarray(), -left)[0]  # driven plates move along
+    certificate = certify(qvi, solution.z, m_N, m_T, nu, solution.certificate.tolerance)
+    known = {"normal_multiplier": m_N, "tangential_multiplier": m_T, "equality_multiplier": nu}
+    at_rest = replace(solution, **known, certificate=certificate)
+    return ContactResult(result.discretization, at_rest) if certificate.passed else result
+
+
+def _places(result: ContactResult) -> FloatArray:
+    """u_N and u_T (2, m) at all points of contacts that are not tied, dimensionless, less motions of driven plates."""
+    unit, found = result.discretization.scales.displacement, [np.zeros((2, 0))]
+    for rows in result.discretization.contacts:
+        if rows.law != "tied":
+            line = result.contacts[rows.name]
+            shown = [rows.gap - line.gap / unit, rows.offset + rows.slip + line.slip / unit]
+            found.append(rows.motion + np.stack(shown))
+    return np.concatenate(found, axis=1)
 
 
 def _slip_after(result: ContactResult) -> list[FloatArray]:

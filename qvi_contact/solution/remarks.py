@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
+from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.discretization.loads import physical
+from qvi_contact.discretization.loads import joined, physical
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mechanism.mechanism import Rigid, null_space
 from qvi_contact.mesh.edges import edge_ends
@@ -20,6 +21,7 @@ from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.stress import cell_stresses
 from solvers import Status
 from solvers.factorisation import FactorisationError
+from solvers.inner.linear_program import solved
 
 if TYPE_CHECKING:
     from qvi_contact.solution.result import ContactResult
@@ -148,7 +150,9 @@ def _about_contacts(result: ContactResult) -> Iterator[str]:
 #     M(v) = ∫_{closed} −σ_N' [v]_N² ds + ∫ (b − |σ_T|) [v]_T² ds = 0:
 #
 # what presses stays closed, what is below its bound of shear stays stuck, whether it has slipped or, with cohesion, is
-# open; points at their bound may move. The motion is found if [v] ≠ 0 somewhere.
+# open; points at their bound may move.
+# Stresses and forces are the same for all such v. Gaps and slips are not, if [v] ≠ 0 somewhere: then the motion is
+# found, unless contacts that touch without pressure leave no room for it.
 
 
 _HELD: Final = 1e-12  # M(v) over the largest pressure times the length of all contacts: above, something holds
@@ -179,7 +183,8 @@ class UndeterminedMotion:
         instead = " For a plate or pin, you can give the motion instead of the force." if self.plate else ""
         return (
             f"Nothing determines the position of {what}, {together} can {self.way}. Stresses and forces do not depend "
-            "on it, but those of later steps of a history may. Gaps and slips hold for one of the possible positions. "
+            "on it, but those of later steps of a history may: there it stays as near as it can to where it was. Gaps "
+            "and slips hold for one of the possible positions. "
             f"To determine it, add a support, friction, or a load that closes a contact.{instead}"
         )
 
@@ -192,13 +197,16 @@ def undetermined_motions(result: ContactResult) -> tuple[UndeterminedMotion, ...
     """
     if result.status is not Status.SOLVED or largest_counted(result) is not None:
         return ()
-    problem = result.problem
-    smooth = [
-        replace(each, friction=0.0) if isinstance(each, Contact) and each.law == "bilateral" else each
-        for each in problem.conditions
-    ]  # what friction holds of these is in M(v)
-    rigid = Rigid(replace(problem, conditions=smooth))
-    bodies, motions = rigid.bodies, _free_motions(result, rigid)
+    free = free_motions(result)
+    bodies = free.bodies
+    motions, (G, h) = free.motions, free.limits
+    closed = G[h <= _MOVES * result.certificate.scales.get("displacement", 0.0)]
+    if len(closed):  # max Σ t  s.t.  G y + t ≤ 0, t ≤ 1: rows with t = 0 let nothing move either way
+        (r, d), closed = closed.shape, closed / np.abs(closed).max(axis=1)[:, None]
+        cost, bounds = np.repeat([0.0, -1.0], [d, r]), [(None, None)] * d + [(0.0, 1.0)] * r
+        answer = solved(cost, A_ub=np.column_stack([closed, np.eye(r)]), b_ub=np.zeros(r), bounds=bounds)
+        if answer.solved:
+            motions = motions @ null_space(closed[answer.x[d:] < 0.5], _MOVES)
     at = bodies.centre[0] + bodies.size[0] * np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]])
     along = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
     moved = [bodies.rows(np.full(3, body), at, along) @ motions for body in range(len(bodies))]
@@ -221,35 +229,64 @@ def largest_counted(result: ContactResult) -> float | None:
     return largest if _NOTHING * stress < largest < _COUNTED * stress else None
 
 
-def _free_motions(result: ContactResult, rigid: Rigid) -> FloatArray:
-    """Columns (3 k, d) of motions that change gaps or slips and nothing else; of what moves together one body rests."""
-    problem, bodies = result.problem, rigid.bodies
-    parts = list(zip(problem.contacts, result.discretization.contacts, result.contacts.values(), strict=True))
-    parts = [part for part in parts if part[0].law != "tied"]  # ties are equations, which rigid motions meet
-    if not rigid.free.shape[1] or not parts:
-        return np.zeros((3 * len(bodies), 0))
-    unit = result.certificate.scales.get("stress", 1.0) * result.discretization.scales.stress
-    rows, holding = list[FloatArray](), list[FloatArray]()
-    for contact, known, line in parts:
-        points, places = known.points, np.column_stack([line.x, line.y])
-        pair = bodies.beside(points.edges, contact)
-        for along in (points.normals, points.tangents):  # [v]_N, then [v]_T at the points
-            ours, theirs = (bodies.rows(np.repeat(body, points.count), places, along) for body in pair)
-            rows.append(ours - theirs)
-        # On an edge that sticks in part every point may have slipped, but friction is below its bound.
+class FreeMotions(NamedTuple):
+    """Motions that change gaps or slips and nothing else; of what moves together one body rests."""
+
+    bodies: Bodies
+    motions: FloatArray  # (3 k, d), columns, in the unit of displacement
+    speeds: FloatArray  # (2, m, d): [v]_N and [v]_T at the points of all contacts that are not tied
+    changes: FloatArray  # (2, m, d): by what they change m_N and m_T
+    # G (r, d) and h (r,) ≥ 0: of motions y those with G y ≤ h keep the signs of multipliers, over W
+    limits: tuple[FloatArray, FloatArray]
+
+
+def free_motions(result: ContactResult) -> FreeMotions:
+    """Those of a result that is solved."""
+    problem, mesh, solution = result.problem, result.problem.mesh, result.solution
+    smooth = [
+        replace(each, friction=0.0) if isinstance(each, Contact) and each.law == "bilateral" else each
+        for each in problem.conditions
+    ]  # what friction holds of these is in M(v)
+    rigid = Rigid(replace(problem, conditions=smooth))
+    bodies = rigid.bodies
+    discretization, qvi, size = result.discretization, solution.problem, result.certificate.scales.get("stress", 1.0)
+    unit, rule = size * discretization.scales.stress, discretization.rule
+    parts, holding, weights = [np.zeros((2, 0, 3 * len(bodies)))], [np.zeros((2, 0))], list[FloatArray]()
+    for contact, known in zip(problem.contacts, discretization.contacts, strict=True):
+        if contact.law == "tied":  # equations, not here
+            continue
+        line, points, edges = result.contacts[contact.name], known.points, known.points.edges
+        x, y = mesh.points_along(edges, points.reference)
+        places, pair = np.column_stack([x.ravel(), y.ravel()]), bodies.beside(edges, contact)
+        ours, theirs = (np.repeat(body, points.count) for body in pair)
+        turning = (points.normals, points.tangents)  # [v]_N, then [v]_T at the points
+        parts.append(np.stack([bodies.rows(ours, places, d) - bodies.rows(theirs, places, d) for d in turning]))
         slack = line.friction_bound - np.abs(line.tangential_stress)
-        stuck = (line.state == ContactState.STICK) | (slack > _SLACK * unit)
-        pressure = np.where(line.state == ContactState.OPEN, 0.0, -line.effective_normal_stress)
-        holding.append(np.ravel(line.weights * np.maximum([pressure, np.where(stuck, slack, 0.0)], 0.0)))
-    speeds, weights = np.concatenate(rows), np.concatenate(holding)
+        # On an edge that sticks in part every point may have slipped, but friction is below its bound.
+        sticks = (line.state == ContactState.STICK) | (slack > _SLACK * unit)
+        presses = np.where(line.state == ContactState.OPEN, 0.0, -line.effective_normal_stress)
+        holding.append(line.weights * np.maximum([presses, np.where(sticks, slack, 0.0)], 0.0))
+        weights.append(points.weights)
+    rows = np.concatenate(parts, axis=1).reshape(2 * qvi.m, 3 * len(bodies))
     length = sum(float(line.weights.sum()) for line in result.contacts.values())
-    free = _still(rigid.free, np.sqrt(weights / (unit * length))[:, None] * speeds, float(np.sqrt(_HELD)))
-    together = _still(free, speeds, _MOVES)  # what moves all that touches together: of that the largest body rests
+    held = sparse.csr_array(np.sqrt(np.concatenate(holding, axis=1).ravel() / (unit * length))[:, None] * rows)
+    M, motions = np.linalg.eigh(rigid.free.T @ (held.T @ held).toarray() @ rigid.free)
+    free = rigid.free @ motions[:, M <= _HELD]
+    together = _still(free, rows, _MOVES)  # what moves all that touches together: of that the largest body rests
     for body in np.argsort(-bodies.size, kind="stable").tolist():
         own = np.eye(3 * len(bodies))[3 * body : 3 * body + 3]
         if np.abs(own @ together).max(initial=0.0) > _MOVES:
             free, together = _still(free, own, _MOVES), _still(together, own, _MOVES)
-    return free
+    d = free.shape[1]
+    speeds, by_edges = (rows @ free).reshape(2, qvi.m, d), (2, qvi.m // rule.count, rule.count, d)
+    works = (joined(weights)[:, None] * speeds).reshape(by_edges)  # of tractions of 1
+    changes = -np.einsum("aeqd,qr->aerd", works, rule.to_points).reshape(speeds.shape)
+    slips = np.sign(qvi.tangential(solution.z)) * (qvi.threshold(qvi.pressure(solution.z)) > _SLACK * size)
+    signs = np.stack([~qvi.bilateral, slips]) / qvi.W
+    G = (-signs[:, :, None] * changes).reshape(2 * qvi.m, d)
+    h = (signs * (solution.normal_multiplier, solution.tangential_multiplier)).ravel()
+    limited = np.abs(G).max(axis=1, initial=0.0) > _MOVES
+    return FreeMotions(bodies, free, speeds, changes, (G[limited], np.maximum(h[limited], 0.0)))
 
 
 def _still(motions: FloatArray, rows: FloatArray, least: float) -> FloatArray:

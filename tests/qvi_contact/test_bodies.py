@@ -97,6 +97,14 @@ class TestLoose:
             assert along == pytest.approx([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))], abs=1e-4)
             assert loose.names == ("the body",)
 
+    @pytest.mark.parametrize("spare", [0.0, 0.1])
+    def test_block_between_walls(self, spare):
+        """Walls that touch it from both sides hold it, although they do not press."""
+        walls = [Contact("left", 0.0), Contact("right", 0.0, gap=spare), Traction("top", 0.0, -1.0)]
+        mesh = TriangleMesh.rectangle((2, 1), 2.0, 1.0)
+        block = ContactProblem(mesh, Material(1000.0, 0.0), [Contact("bottom", 0.0), *walls])
+        assert [loose.way for loose in solved(block).undetermined_motions] == ["move along (1, 0)"] * (spare > 0.0)
+
     def test_two_blocks_slide_each_for_itself(self):
         grid = TriangleMesh.grid([0.0, 1.0, 2.0], [0.0, 1.0, 2.0]).with_joint("bed", lambda _, y: np.isclose(y, 1.0))
         sides = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0), Traction("top", 0.0, -1.0)]

@@ -192,6 +192,20 @@ def test_a_step_at_rest_does_not_set_the_units():
     assert np.abs(after.tangential_stress - alone.tangential_stress).max() < 1e-7 * size
 
 
+@pytest.mark.parametrize("method", ["condensed", "fixed-point"])
+def test_a_free_body_stays_where_it_was(method):
+    """Pushed aside by a wall, lifted, and set down again: the other wall meets it there, and pushes it back."""
+
+    def step(pressure, left, right):
+        walls = [Contact("left", 0.0, gap=left), Contact("right", 0.0, gap=right), Traction("top", 0.0, -pressure)]
+        return ContactProblem(TriangleMesh.rectangle((3, 2)), Material(1e3, 0.0), [Contact("bottom", 0.3), *walls])
+
+    steps = [step(10.0, -0.2, 0.5), step(0.0, 0.5, 0.5), step(10.0, 0.5, 0.5), step(10.0, 0.5, 0.19)]
+    history = solve_history(steps, method=method)
+    assert history.steps[-1].contacts["right"].normal_force == pytest.approx(3.0)
+    assert history.slip("bottom").mean(axis=1) == pytest.approx([0.197, 0.198, 0.198, 0.193], abs=1e-3)
+
+
 PATH = 0.01 * np.array([0.0, 0.5, 1.0, 0.2, -0.6, -1.0, 0.1])
 
 

@@ -114,15 +114,21 @@ class TestResultants:
         assert companion.contacts["ground"].normal_force == pytest.approx(self.FORCE, rel=1e-9)
         assert companion.reasons == solve_companion(block(load=-1.0)).reasons
 
-    def test_of_displacements_every_edge_keeps_what_tractions_feel(self):
+    @pytest.mark.parametrize("name", ["top", "gap", "offset"])
+    def test_of_displacements_and_obstacles_every_edge_keeps_what_tractions_feel(self, name):
         """A dent between Gauss points, and polynomials of degree 2 with the same moments on edges from 0.5 on."""
         t, weights = legendre.leggauss(900)
-        dent = Expression("-exp(-((x - 0.53) / 0.005) ** 2)")
+        dent, found = Expression("-exp(-((x - 0.53) / 0.005) ** 2)"), []
         moments = [(k + 0.5) * (weights * dent(0.75 + t / 4.0, t)) @ legendre.Legendre.basis(k)(t) for k in range(3)]
         same = legendre.Legendre(moments, domain=[0.5, 1.0])
-        tops = [Displacement("top", 0.0, field) for field in (dent, lambda x, _: np.where(x > 0.5, same(x), 0.0))]
-        found, other = (solve(block(TriangleMesh.rectangle((2, 1)), top=top)).contacts["ground"] for top in tops)
-        assert found.normal_stress == pytest.approx(other.normal_stress, rel=1e-8)
+        for field in (dent, lambda x, _: np.where(x > 0.5, same(x), 0.0)):
+            given = {"top": -0.1, "gap": 0.0, "offset": 0.0, name: field}
+            whole = block(TriangleMesh.rectangle((2, 1)), top=Displacement("top", 0.0, given.pop("top")))
+            ground = replace(whole.conditions[0], **given)
+            found.append(solve(replace(whole, conditions=[ground, *whole.conditions[1:]])))
+        one, other = (result.contacts["ground"].normal_stress for result in found)
+        assert one == pytest.approx(other, rel=1e-8)
+        assert found[0].energies.load == pytest.approx(found[1].energies.load, rel=1e-8)
 
     def test_what_is_changed_is_told(self):
         """Half the jump and more, as long as it is inside an edge, and nothing where an edge ends there."""

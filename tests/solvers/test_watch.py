@@ -20,8 +20,8 @@ from solvers.condensed import GAP, Complementarity, DenseCoordinates, InteriorPo
 from solvers.factorisation import FactorisationError, factorise
 from solvers.inner import Centre, make_inner, within_time
 from solvers.pivoting import solve_lcp
-from solvers.solution import Start
-from solvers.solve import followed_solutions, traction_difference
+from solvers.solution import Attempt, Outcome, Start
+from solvers.solve import Way, followed_solutions, traction_difference
 from tests.cases import examples, refused_at
 from tests.solvers.conftest import LAWS, chain, one_contact, random_problem, two_contacts, with_constant_tractions
 
@@ -224,6 +224,33 @@ def test_the_fall_back_begins_at_the_start(large):
     assert solution.method == "fixed-point"
     assert solution.history[0].residual < 1e-7
     assert solve_qvi(large, gap=COARSE).history[0].residual > 1e-3
+
+
+BAD, OVER, DONE, NONE = Status.STALLED, Status.TIME_LIMIT, Status.SOLVED, Status.ILL_CONDITIONED
+
+
+@pytest.mark.parametrize(
+    ("ends", "best", "status"),
+    [(((BAD, 1e-5), (BAD, 1e-2)), 0, Status.INACCURATE), (((BAD, 1e-2), (BAD, 1e-5)), 1, Status.INACCURATE),
+     (((BAD, 1e-2), (OVER, 0.1)), 0, OVER), (((BAD, 1e-5), (OVER, 1e-2)), 0, OVER),
+     (((DONE, 1e-5), (OVER, 1e-2)), 0, Status.INACCURATE), (((NONE, 1e-5), (BAD, 1e-2)), 1, BAD),
+     (((BAD, 1e-5), (DONE, 0.0), (BAD, 0.0)), 1, DONE)],
+)  # fmt: skip
+def test_the_best_of_several_attempts_is_kept_and_all_iterations_count(monkeypatch, ends, best, status):
+    """Whatever comes first; time that is over is the status, but of a way that had come to its own end."""
+    qvi = random_problem(4)
+    exact, done = solve_qvi(qvi), []
+
+    def tries(_):
+        for count, (reason, off) in enumerate(ends, 1):
+            done.append(reason)
+            multipliers = exact.normal_multiplier, exact.tangential_multiplier, exact.equality_multiplier
+            yield Attempt("", "", reason, 1), Outcome(reason, (1 + off) * exact.z, *multipliers, iterations=count)
+
+    monkeypatch.setattr("solvers.solve.ATTEMPTS", (Way("condensed", (tries,)),))
+    found = solve_qvi(qvi, "condensed")
+    assert found.z == pytest.approx((1.0 + ends[best][1]) * exact.z, rel=1e-9)
+    assert (found.status, found.iterations, len(done)) == (status, len(ends[:2]), len(ends[:2]))
 
 
 def test_a_start_does_not_change_the_method_and_states_of_other_problems_give_the_pressure_at_most():
