@@ -12,4 +12,22 @@ __all__ = [
     "other_solutions",
 ]  # fmt: skip
 
-__getattr__ = front(__name__)
+__getattr__ = front(
+    __name__,
+    {
+        "outcome": ("document", "lines"),
+        "norms": (
+            "amplification",
+            "coercivity",
+            "computed_norm",
+            "defect_bound",
+            "error_bound",
+            "friction_norm",
+            "rectangle_constant",
+            "rectangle_norm",
+            "star_norm",
+        ),
+        "parts": ("CellFields", "EdgeTractions", "by_cell", "slip_work"),
+        "share": ("Share", "bodies_of"),
+    },
+)
