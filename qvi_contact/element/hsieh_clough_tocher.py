@@ -187,7 +187,7 @@ class HsiehCloughTocher:
             triangles.jacobians.swapaxes(1, 2)[:, None],
         )
         B[:, N, N], B[:, Q, Q], B[:, Q[:, 1:], N] = np.square(h), alpha * h, beta * h
-        B[:, Q[:, :1], ends] = beta / h * [6.0, -6.0]
+        B[:, Q[:, :1], ends] = 6.0 * beta / h * [1.0, -1.0]
         B[:, Q[:, :1, None], ends[..., None] + np.array([1, 2])] = (3.0 * beta * t)[:, :, None]
         return B
 
