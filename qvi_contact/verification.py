@@ -287,7 +287,8 @@ def verify_result(result: ContactResult, tolerance: float | None = None) -> Veri
             with suppress(KeyError):
                 others = {f"{name}.name": line.name for name, line in result.contacts.items() if line.name != name}
                 claims = {**field_arrays(result), **others}
-        return _verification(same, result, again, claims, tolerance)
+        rows = (same, *_rows(result, again, claims, tolerance))
+        return Verification(rows, result.status, again.certificate.tolerance)
 
 
 def verify_file(path: str | Path, tolerance: float | None = None) -> Verification:
@@ -310,20 +311,15 @@ def verify_file(path: str | Path, tolerance: float | None = None) -> Verificatio
         if STORE not in archive.arrays:
             others = OWN | {"problem", "problem_missing", *answer_arrays(result)}
             claims = {name: array for name, array in archive.arrays.items() if name not in others}
-        return _verification(intact, result, again, claims, tolerance)
-
-
-def _verification(
-    first: Check, result: ContactResult, again: ContactResult, claims: Mapping[str, Any] | None, given: float | None
-) -> Verification:
-    """All rows about a result, made again, and the fields it claims; `first` says whether it is of this problem."""
-    rows = (first, _status(result, again), *_rows(result, again, claims, given))
-    return Verification(rows, result.status, again.certificate.tolerance)
+        rows = (intact, *_rows(result, again, claims, tolerance))
+        return Verification(rows, result.status, again.certificate.tolerance)
 
 
 def _rows(
     result: ContactResult, again: ContactResult, claims: Mapping[str, Any] | None, given: float | None
 ) -> Iterator[Check]:
+    """All rows but the first about a result, made again, and the fields it claims."""
+    yield _status(result, again)
     certificate, tolerance, solution = again.certificate, again.certificate.tolerance, again.solution
     if given is None:
         yield _limited(
