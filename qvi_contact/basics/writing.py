@@ -134,7 +134,7 @@ def write_text(path: str | Path, text: str, field: str = "output") -> None:
 
 def check_suffix(option: str, path: str | Path, *suffixes: str) -> str:
     """The suffix of a file name in lower case; `InputError` unless it is one of these."""
-    suffix = Path(path).suffix.lower()
+    suffix = given_path(option, path).suffix.lower()
     if suffix not in suffixes:
         raise InputError(option, str(path), f"give a file name that ends in {', '.join(suffixes)}")
     return suffix

@@ -50,6 +50,7 @@ def summary(result: ContactResult, units: Units | None = None) -> dict[str, Any]
     infeasible problem or measures that could not be computed, is None. Signs are those of `ContactLine` and
     `Resultant`: the largest pressure is the largest −σ_N, the largest shear and slip are absolute values.
     """
+    _check_given(result, units)
     units, mesh, solution = units or Units(), result.problem.mesh, result.solution
     document = {
         "format": "qvi_contact summary",
@@ -100,6 +101,7 @@ def write_npz(path: str | Path, result: ContactResult, units: Units | None = Non
     which no file can hold, ``problem`` is empty: such a file has all fields, but cannot be checked.
     """
     check_suffix("npz", path, ".npz")
+    _check_given(result, units)
     write_archive(path, {**field_arrays(result), **solution_arrays(result, units, title)})
 
 
@@ -157,6 +159,13 @@ def _state(result: ContactResult, units: Units) -> dict[str, Any]:
     }
 
 
+def _check_given(result: object, units: object) -> None:
+    """Refuse what is no result, such as a whole history, and what are no units."""
+    if not isinstance(result, ContactResult):
+        raise InputError("result", result, "give a ContactResult, such as solve returns, or one of the steps")
+    Units.labels(units, {})
+
+
 def element_of(discretization: Discretization) -> dict[str, Any]:
     """Name, degree and contact rows of the element, for documents."""
     space = discretization.space
@@ -204,6 +213,7 @@ def write_vtu(
     the energy.
     """
     _check_vtu(path)
+    _check_given(result, units)
     known, problem = result.discretization, result.problem
     t, corners = known.space.lattice(whole_number("subdivisions", subdivisions, _MOST_SUBDIVISIONS))
     count, coefficients = problem.mesh.cell_count, known.coefficients(result.dofs)
@@ -249,6 +259,7 @@ def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | N
     along each contact.
     """
     _check_vtu(path)
+    _check_given(result, units)
     if not result.contacts:
         raise InputError("vtk", str(path), "there is no contact to write")
     parts, joints, number, count = list[_Data](), [], [], 0

@@ -460,6 +460,9 @@ def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFil
 
     A mesh file is looked for in `folder`; without one a text that names a mesh file is refused.
     """
+    if not isinstance(text, str):
+        raise InputError("TOML", text, "give the text of a problem file, or its name to load_problem")
+    folder = None if folder is None else given_path("folder", folder)
     text = text.replace("\r\n", "\n")
     if len(text) > _LONGEST:
         raise InputError("TOML", text[:200], _TOO_LONG)

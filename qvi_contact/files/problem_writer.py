@@ -80,7 +80,7 @@ def unread_toml(problem: ContactProblem, title: str = "", description: str = "",
         if isinstance(value, dict):
             inner = {name: item for name, item in value.items() if isinstance(item, dict)}
             blocks.append((f"[{key}]\n", {name: item for name, item in value.items() if name not in inner}))
-            blocks += [(f"[{key}.{name}]\n", part) for name, part in inner.items()]
+            blocks += [(f"[{key}.{_key(name)}]\n", part) for name, part in inner.items()]
         elif isinstance(value, list):
             blocks += [(f"[[{key}]]\n", table) for table in value]
     return "\n".join(heading + "".join(map(_entry, table, table.values())) for heading, table in blocks)
@@ -115,7 +115,7 @@ class _Writer:
 
 def _entry(key: str, value: object) -> str:
     """A line, or as many as a list of numbers, or of lists of them, fills."""
-    name = load("tomli_w").dumps({key: 0}).removesuffix(" = 0\n")
+    name = _key(key)
     line = f"{name} = {_inline(value)}"
     if isinstance(value, list) and value and all(isinstance(item, list) for item in value):
         lines = ["   "]
@@ -127,6 +127,10 @@ def _entry(key: str, value: object) -> str:
     elif isinstance(value, list) and len(line) > _WIDTH and all(isinstance(item, int | float) for item in value):
         line = textwrap.fill(line, _WIDTH, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
     return line + "\n"
+
+
+def _key(name: str) -> str:
+    return str(load("tomli_w").dumps({name: 0}).removesuffix(" = 0\n"))
 
 
 def _inline(value: object) -> str:

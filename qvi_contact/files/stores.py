@@ -196,8 +196,8 @@ def _place(path: str | Path) -> Path:
     """The file that a caller has named."""
     place = given_path("store", path)
     try:
-        place.resolve()
-    except ValueError as error:
+        place.resolve().exists()
+    except (OSError, ValueError) as error:
         raise InputError("store", str(path), f"no file can have this name ({error}): give another") from error
     return place
 

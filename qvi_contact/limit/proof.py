@@ -103,7 +103,8 @@ def limit_proof(
     """
     refuse_arguments(retired, OPTIONS)
     with deadline(time_limit):
-        posed = LimitProblem.of(problem, checked_loads(problem, loads) if len(loads) else (), degree)
+        none = isinstance(loads, Sequence) and not loads
+        posed = LimitProblem.of(problem, () if none else checked_loads(problem, loads), degree)
         stated = Statement(problem, posed.names, posed.low.space.traction_degree)
         ways: dict[Callable[[], dict[str, Any]], str] = {lambda: exceeded_by_blocks(stated, posed): "upper"}
         if posed.names and problem.yields:

@@ -42,8 +42,8 @@ from qvi_contact import (
     strength_reduction_factor,
 )
 from qvi_contact.bracket import bracket
-from qvi_contact.export import write_vtu
-from qvi_contact.files import problem_to_toml
+from qvi_contact.export import write_json, write_npz, write_vtu
+from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.plots import require_matplotlib
 from solvers import solve_qvi
@@ -200,12 +200,13 @@ PATHS = {
     "store": read_sweep,
     "mesh": TriangleMesh.load,
     "output": lambda path: save_problem(path, PLATE),
+    "npz": lambda path: write_npz(path, step()),
     "store of a sweep": lambda path: solve_sweep(PLATE, "friction", [0.1], store=1 if path is None else path),
     "store of a history": lambda path: solve_history([PLATE], store=path if path is not None else 1),
 }
 
 
-@pytest.mark.parametrize("name", ["a\0b", "a\ud800b"])
+@pytest.mark.parametrize("name", ["a\0b", "a\ud800b", 300 * "a"])
 @pytest.mark.parametrize("entry", PATHS)
 def test_names_that_no_file_can_have(entry, name, tmp_path):
     refused(PATHS[entry], f"{tmp_path}/{name}.msh", entry.split()[0])
@@ -253,6 +254,11 @@ REFUSALS = {
     "dask": lambda address: solve_sweep(PLATE, "friction", [0.1], store="never", dask=address),
     "workers": lambda workers: solve_sweep(PLATE, "friction", [0.1], store="never", workers=workers),
     "stress": principal_stresses,
+    "TOML": problem_from_toml,
+    "folder": lambda folder: problem_from_toml("", folder if not isinstance(folder, str) else 1),
+    "result": lambda result: write_json("never", result),
+    "units of a file": lambda units: write_npz("never.npz", step(), units),
+    "loads of a proof": lambda loads: limit_proof(PLATE, loads),
     "displacement": lambda displacement: loop_area(displacement, [0.0, 1.0]),
     "force": lambda force: loop_area([0.0, 1.0], force),
     "TriangleMesh.edge_sets": lambda sets: TriangleMesh(CUT.vertices, CUT.cells, sets),

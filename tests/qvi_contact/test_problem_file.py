@@ -15,6 +15,7 @@ from qvi_contact import InputError, load_problem, save_problem, solve
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import (
+    BodyForces,
     Contact,
     Displacement,
     Expression,
@@ -100,7 +101,8 @@ def test_any_contact_and_material_is_read_again(friction, law, material, moved):
     problem = plate(friction=friction, **law)
     driven = [Displacement(c.edges, y=moved, x=c.x) if isinstance(c, Displacement) else c for c in problem.conditions]
     regions = [Region(material, y=(0.0, 1.0))] if moved > 0.0 else []
-    problem = dataclasses.replace(problem, material=material, conditions=driven, regions=regions)
+    forces = BodyForces({law.get("name", "w"): Polynomial([[0.0, moved]]), "of quake.2": friction})
+    problem = dataclasses.replace(problem, material=material, conditions=driven, regions=regions, body_potential=forces)
     again = problem_from_toml(problem_to_toml(problem)).problem
     assert same(again, problem)
 

@@ -106,8 +106,7 @@ def test_a_load_factor_multiplies_named_loads():
 def test_a_value_without_an_answer_does_not_end_the_sweep():
     seen = []
     sweep = solve_sweep(pushed(), "friction", [0.5, 0.05, 0.4], callback=lambda number, _: seen.append(number))
-    assert seen == [1, 2, 3]
-    assert [step.status is Status.SOLVED for step in sweep.steps] == [True, False, True]
+    assert (seen, [step.status is Status.SOLVED for step in sweep.steps]) == ([1, 2, 3], [True, False, True])
     assert sweep.status is sweep.steps[1].status is Status.INFEASIBLE
     assert "friction = 0.05" in sweep.message
 
@@ -278,8 +277,7 @@ SWEPT = ("solve", FILE, "--set", "friction=0.1:0.3:3")
 def test_on_the_command_line(tmp_path, shell):
     path, told = tmp_path / "a.sqlite", tmp_path / "told.json"
     status, out, _ = shell(*SWEPT, "--store", path)
-    assert status == 0
-    assert "friction: 3 values from 0.1 to 0.3\n3 solved\n" in out
+    assert (status, "friction: 3 values from 0.1 to 0.3\n3 solved\n" in out) == (0, True)
     assert read_sweep(path).values == pytest.approx((0.1, 0.2, 0.3))
     before = path.read_bytes()
     assert shell(*SWEPT, "--store", path, "--save-json", told, "--json")[0] == 0
@@ -298,8 +296,7 @@ def test_on_the_command_line(tmp_path, shell):
 )  # fmt: skip
 def test_what_the_command_line_refuses(tmp_path, shell, words, option):
     status, _, message = shell(*SWEPT, "--store", tmp_path / "a", *words)
-    assert status == 2
-    assert message.startswith(f"qvi-contact: {option}")
+    assert (status, message[: 13 + len(option)]) == (2, f"qvi-contact: {option}")
     assert not (tmp_path / "a").exists() or not read_sweep(tmp_path / "a").statuses
 
 
