@@ -12,22 +12,4 @@ __all__ = [
     "other_solutions",
 ]  # fmt: skip
 
-__getattr__ = front(
-    __name__,
-    {
-        "outcome": ("document", "lines"),
-        "norms": (
-            "amplification",
-            "coercivity",
-            "computed_norm",
-            "defect_bound",
-            "error_bound",
-            "friction_norm",
-            "rectangle_constant",
-            "rectangle_norm",
-            "star_norm",
-        ),
-        "parts": ("CellFields", "EdgeTractions", "by_cell", "slip_work"),
-        "share": ("Share", "bodies_of"),
-    },
-)
+__getattr__ = front(__name__)

@@ -13,12 +13,4 @@
 
 from solvers.basics.front import front
 
-__getattr__ = front(
-    __name__,
-    {
-        "flow": ("BodyMotion", "ContactFlow"),
-        "check_proof": ("check", "sentences"),
-        "load_factor": ("Collapse", "LimitLoad", "StrengthReduction", "limit_load_factor", "strength_reduction_factor"),
-        "proof": ("limit_proof",),
-    },
-)
+__getattr__ = front(__name__)

@@ -16,4 +16,4 @@ from solvers.basics.front import front
 
 __all__ = ["ContactMotion", "Mechanism", "RigidMotion", "find_mechanism", "upper_bound"]
 
-__getattr__ = front(__name__, {"bodies": ("Bodies", "works"), "mechanism": ("Rigid",)})
+__getattr__ = front(__name__)

@@ -2,11 +2,4 @@
 
 from solvers.basics.front import front
 
-__getattr__ = front(
-    __name__,
-    {
-        "certificate": ("EXPONENTS", "MEASURES", "CertificateRow", "Measure", "law_residuals", "scales_at"),
-        "feasibility": ("AdmissibleRows", "Feasibility", "check_feasibility", "is_farkas"),
-        "uniqueness": ("LARGEST", "UniquenessBound", "uniqueness_bound"),
-    },
-)
+__getattr__ = front(__name__)

@@ -11,11 +11,4 @@ method            these with defect corrections: one start of the method
 
 from solvers.basics.front import front
 
-__getattr__ = front(
-    __name__,
-    {
-        "complementarity": ("Complementarity",),
-        "interior_point": ("GAP", "InteriorPoint", "Newton", "Point", "Residuals", "start_near", "CentralPath"),
-        "systems": ("DenseCoordinates", "DenseSystem", "FRICTION_SHARES", "PathWeights", "SparseCoordinates"),
-    },
-)
+__getattr__ = front(__name__)

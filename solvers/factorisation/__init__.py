@@ -17,12 +17,4 @@ __all__ = [
     "BACKENDS", "Factorisation", "FactorisationError", "available_backends", "factorise", "missing_backends", "resolve",
 ]  # fmt: skip
 
-__getattr__ = front(
-    __name__,
-    {
-        "dissection": ("interface_last", "nested_dissection"),
-        "pardiso": ("thread_count",),
-        "base": ("DENSE", "limited_blas"),
-        "choice": ("VARIABLE", "condensing_pays", "refactorisation"),
-    },
-)
+__getattr__ = front(__name__)

@@ -2,13 +2,4 @@
 
 from solvers.basics.front import front
 
-__getattr__ = front(
-    __name__,
-    {
-        "contact": ("ContactMatrices", "interface_of"),
-        "problem": ("FrictionQVI", "Law", "Compliance"),
-        "rows": ("dense", "echelon", "independent_rows"),
-        "body": ("EnergyRoot", "Loads", "Stiffness"),
-        "traces": ("TractionFactor", "trace_coordinates"),
-    },
-)
+__getattr__ = front(__name__)

@@ -2,11 +2,4 @@
 
 from solvers.basics.front import front
 
-__getattr__ = front(
-    __name__,
-    {
-        "linear_program": ("BackendFailure", "attempt", "within_time"),
-        "problem": ("Centre",),
-        "registry": ("make_inner",),
-    },
-)
+__getattr__ = front(__name__)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from scipy.sparse import eye_array, vstack
 
 from solvers import FrictionQVI, Stiffness, certify, solve_qvi
-from solvers.certificate import EXPONENTS, LARGEST, law_residuals, scales_at, uniqueness_bound
+from solvers.certificate import EXPONENTS, law_residuals, scales_at, uniqueness, uniqueness_bound
 from solvers.factorisation import factorise
 from tests.cases import examples
 from tests.solvers.conftest import Root, changed, one_contact, random_problem, two_contacts
@@ -386,7 +386,7 @@ def test_without_a_moving_bound_the_stress_is_unique():
 
 
 def test_large_contacts_say_why_there_is_none():
-    m = LARGEST // 2 + 1
+    m = uniqueness.LARGEST // 2 + 1
     rows, zeros = eye_array(2 * m).tocsr(), np.zeros(m)
     qvi = FrictionQVI.from_arrays(
         K=eye_array(2 * m), f=np.ones(2 * m), N=rows[:m], n0=zeros, T=rows[m:], t0=zeros, mu=zeros + 0.3, W=zeros + 1.0
