@@ -259,17 +259,15 @@ class Search:
         return time.perf_counter() - self._began - (self.run.setup if self.run else 0.0)
 
     def options(self, kind: type[Options]) -> Options:
-        """Those of the method under way."""
-        return kind(**self._given)
+        """Those of the method under way, as far as it has them."""
+        return kind(**{name: value for name, value in self._given.items() if name in kind.__dataclass_fields__})
 
     def first(self) -> QVISolution | None:
         """What the first of `ATTEMPTS` finds; None where it does not serve, or is not certified."""
-        way, given = ATTEMPTS[0], self._given
+        way = ATTEMPTS[0]
         if not way.serves(self.qvi):
             return None
-        self._given = {name: value for name, value in given.items() if name in _OF_ALL}
         certificate, timings = self._best_of(way)
-        self._given = given
         return self._finished(way, certificate, timings) if certificate.passed else None
 
     def by(self, *ways: Way, why: str = "") -> QVISolution:

@@ -2,11 +2,4 @@
 
 from solvers.basics.front import front
 
-__getattr__ = front(
-    __name__,
-    {
-        "terminal": ("run", "solving"),
-        "units": ("Rounding", "Units"),
-        "writing": ("check_writable", "replacing", "writable_folder", "write_text"),
-    },
-)
+__getattr__ = front(__name__)

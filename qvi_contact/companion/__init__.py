@@ -18,11 +18,4 @@ from solvers.basics.front import front
 
 __all__ = ["CompanionContact", "CompanionResult", "CompanionState", "solve_companion", "solve_companions"]
 
-__getattr__ = front(
-    __name__,
-    {
-        "body": ("Elasticity",),
-        "contact": ("DualProblem",),
-        "model": ("BodyAtRest", "moduli"),
-    },
-)
+__getattr__ = front(__name__)

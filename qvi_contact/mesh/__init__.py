@@ -6,13 +6,4 @@ from solvers.basics.front import front
 
 __all__ = ["TriangleMesh", "graded_lines"]
 
-__getattr__ = front(
-    __name__,
-    {
-        "curves": ("Curve",),
-        "edges": ("Topology", "arc_offsets", "cross", "frames_along", "outward_normals"),
-        "grid": ("SIDES",),
-        "outline": ("divided_corners", "polygons"),
-        "selection": ("edges_on_segment",),
-    },
-)
+__getattr__ = front(__name__)

@@ -19,12 +19,4 @@ __all__ = [
     "limit_figure", "problem_figure", "result_figure", "save_figure",
 ]  # fmt: skip
 
-__getattr__ = front(
-    __name__,
-    {
-        "body": ("Shape", "draw_contours"),
-        "figures": ("mesh_figure",),
-        "problem": ("draw_symbols", "runs"),
-        "style": ("beside", "cell_outlines", "edge_lines", "new_figure", "require_matplotlib", "value_range"),
-    },
-)
+__getattr__ = front(__name__)

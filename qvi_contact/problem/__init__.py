@@ -11,12 +11,4 @@ __all__ = [
     "NoTension", "PointData", "Polynomial", "Region", "RigidPlate", "Strength", "Symmetry", "Traction", "Tresca",
 ]  # fmt: skip
 
-__getattr__ = front(
-    __name__,
-    {
-        "conditions": ("disc_gap",),
-        "fields": ("along_edges",),
-        "material": ("stress_along_z",),
-        "problem": ("Prescribed", "problem_digest"),
-    },
-)
+__getattr__ = front(__name__)

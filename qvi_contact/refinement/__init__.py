@@ -7,7 +7,4 @@ from solvers.basics.front import front
 
 __all__ = ["LimitFactor", "LimitRefinement", "Refinement", "RefinementRound", "RefinementStatus", "refine"]
 
-__getattr__ = front(
-    __name__,
-    {"bisection": ("bulk", "energies_between", "places", "reference_problem"), "measure": ("unit_of",)},
-)
+__getattr__ = front(__name__)

@@ -88,8 +88,8 @@ class Factorisation(ABC):
         x[self.interface] = values
         return x
 
-    def square(self, right: Vector, state: State) -> float:  # noqa: ARG002  # some back ends need both
-        """g_Iᵀ K_II⁻¹ g_I for a right-hand side g (n,) and its state: what relaxing the interior alone does, twice."""
+    def square(self, state: State) -> float:
+        """g_Iᵀ K_II⁻¹ g_I for the state of a right-hand side g (n,): what relaxing the interior alone does, twice."""
         inside = np.array(state)
         inside[self.interface] = 0.0
         return float(inside @ inside)  # L⁻¹ g_I on I, with K_II = L Lᵀ

@@ -285,7 +285,7 @@ class BondedState:
     def at_rest(self) -> tuple[Vector, State, float]:
         """The interior eliminated at z = 0, see `Factorisation.reduce`, and the energy with Γ at rest."""
         reduced, state = self._eliminated
-        return reduced, state, -0.5 * self.condensed.system.factor.square(-self.energy.at_zero[1], state)
+        return reduced, state, -0.5 * self.condensed.system.factor.square(state)
 
     @cached_property
     def _eliminated(self) -> tuple[Vector, State]:
