@@ -111,7 +111,7 @@ class ConicProgram:
         settings.time_limit = max(deadline.left, _LEAST_TIME)
         data = sparse.csc_matrix((len(q), len(q))), q / size, sparse.csc_matrix(A), self.b / unit, kinds
         stuck: list[Any] = []
-        for added in (None,) if self.dependent else (*regular, _USUAL):  # it may break down, or get stuck, with one of them
+        for added in (None,) if self.dependent else (*regular, _USUAL):  # it may break down or get stuck with one
             if added is not None:
                 settings.static_regularization_constant, settings.static_regularization_proportional = added, 0.0
             answer = clarabel.DefaultSolver(*data, settings).solve()
