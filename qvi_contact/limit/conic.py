@@ -34,6 +34,7 @@ _ROOM: Final = 1e-9  # of sizes: rows that no point is farther inside leave no r
 _ENOUGH: Final = 1e-3  # of sizes: the least solution of the equations, if it is farther inside, is a point inside
 FACES: Final = ((1e-6, 1e-3), (1e-5, 1e-3), (1e-7, 1e-3), (1e-6, 1e-2), (1e-5, 1e-2))
 """Room of a cone, of sizes, below which it has none, and angle to the ray that it is taken for then; tried in turn."""
+_SMALL: Final = 1e-5  # of room, what t may cost: or points inside are 1e6 times as large as others for nothing
 _TIP: Final = 1e-5  # of sizes: cones that are at their tips
 _LITTLE: Final = 1e-5  # share of the way to it for which no second program is solved
 _NEAR: Final = 1e-3  # room that is enough in each row: more of it in some rows may leave none in others
@@ -111,7 +112,7 @@ class ConicProgram:
         settings.time_limit = max(deadline.left, _LEAST_TIME)
         data = sparse.csc_matrix((len(q), len(q))), q / size, sparse.csc_matrix(A), self.b / unit, kinds
         stuck: list[Any] = []
-        for added in (None,) if self.dependent else (*regular, _USUAL):  # one may break down, or get stuck
+        for added in (None,) if self.dependent else (*regular, _USUAL):  # it may break down or get stuck with one
             if added is not None:
                 settings.static_regularization_constant, settings.static_regularization_proportional = added, 0.0
             answer = clarabel.DefaultSolver(*data, settings).solve()
@@ -302,7 +303,7 @@ class ConicProgram:
         return None if isinstance(found, str) else (self.projected(found.x[:n]), found.x[n:])
 
     def _roomy(self, *, each: bool) -> ConicProgram:
-        """Max m ≤ 1, with m taken off all rows; or Σ m_i with one for each row, 0 ≤ m_i ≤ 1e-3."""
+        """Max m ≤ 1, with m taken off all rows; or Σ m_i, less a little of all t, with 0 ≤ m_i ≤ 1e-3 for each row."""
         heads, n = self._heads, len(self.q)
         count = len(heads) if each else 1
         which = np.arange(count) if each else np.zeros(len(heads), dtype=np.int64)
@@ -310,7 +311,8 @@ class ConicProgram:
         own = sparse.hstack([sparse.csr_array((count, n)), sparse.eye_array(count)])
         bounds = sparse.vstack([own, -own]) if each else own
         limits = np.concatenate([np.full(count, _NEAR if each else 1.0), np.zeros(count if each else 0)])
-        return self._extended(np.concatenate([np.zeros(n), -np.ones(count) / count]), columns, bounds, limits)
+        small = (_SMALL if each else 0.0) * np.asarray(self.A[heads[self.linear :]].sum(axis=0)).ravel() / count
+        return self._extended(np.concatenate([-small, -np.ones(count) / count]), columns, bounds, limits)
 
     def tightened(self, share: float = 0.0, room: float = 0.0) -> ConicProgram:
         """The program with limits less by a share of them, if positive, and by a room."""

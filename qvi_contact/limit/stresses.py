@@ -44,8 +44,8 @@ _Limits: TypeAlias = tuple[YieldCone, FloatArray, FloatArray | float]
 _AFFINE: Final = 1e-10  # share of a field's size that is rounding
 _TIGHTER: Final = 1e-8  # share of strengths that is kept back, so that rounding of the solver breaks no cone
 
-PRESSURE, TENSION, EITHER = -1, 1, 0
-"""Signs of σ_N on an edge of a bilateral contact."""
+PRESSURE, TENSION, EITHER, ROUGH = -1, 1, 0, 2
+"""Signs of σ_N on an edge of a bilateral contact; `EITHER` without friction, `ROUGH` as if that had no limit."""
 
 ALONG: Final = np.linspace(0.0, 1.0, 33)
 """Places of an edge where fields of contacts are looked at."""
@@ -111,10 +111,11 @@ def whole_edge_rows(discretization: Discretization, signs: IntArray) -> tuple[sp
         first += len(edges)
         plain = np.broadcast_to(np.eye(q), (len(edges), q, q))
         rubbed, elevated = _times(-sign[:, None] * friction, q), _times(np.ones((len(edges), 2)), q)
-        one_sided, every = sign != EITHER, np.ones(len(edges), dtype=bool)
+        one_sided, every, rubs = abs(sign) == 1, np.ones(len(edges), dtype=bool), sign != ROUGH
         pressed = -sign[one_sided, None, None] * np.eye(q)
         groups = [(one_sided, pressed, 0.0 * pressed, np.zeros(len(pressed) * q))]
-        groups += [(every, rubbed, one * elevated, _affine(cohesion, q) / stress) for one in (1.0, -1.0)]
+        held = _affine(cohesion[rubs], q) / stress
+        groups += [(rubs, rubbed[rubs], one * elevated[rubs], held) for one in (1.0, -1.0)]
         if contact.shear_limit is not None:
             cap = _affine(_below(problem, edges, "Contact.shear_limit", contact.shear_limit), q - 1) / stress
             groups += [(every, 0.0 * plain, one * plain, cap) for one in (1.0, -1.0)]
@@ -400,16 +401,20 @@ class StressProgram:
         return self._with_signs(self._by_simplex)
 
     def _with_signs(self, solve: Callable[[IntArray], Carried]) -> Carried:
-        """The best with signs of bilateral pressure that a first program without friction there suggests."""
+        """The best with signs of bilateral pressure that programs without friction there, and with any, suggest."""
         undecided = both_signs(self.low)
-        found = [solve(np.full(len(undecided), EITHER))]
-        if undecided.any():
-            trials = [np.full(len(undecided), PRESSURE)]
-            if found[0].tractions is not None:
-                normal = found[0].tractions[: self.low.qvi.m].reshape(-1, self.low.rule.count)
-                trials.append(np.where(normal.sum(axis=1) > 0.0, TENSION, PRESSURE))
-            found += [solve(trial) for trial in trials]
-        return max(found, key=lambda each: each.factor)
+        first, most = solve(np.full(len(undecided), EITHER)), Carried(np.inf)
+        if not undecided.any():
+            return first
+        with suppress(SolveError):  # it need not be solved
+            most = solve(np.full(len(undecided), ROUGH))
+        if most.factor <= first.factor:
+            return first
+        trials = [np.full(len(undecided), PRESSURE)]
+        for tractions in (each.tractions for each in (first, most) if each.tractions is not None):
+            normal = tractions[: self.low.qvi.m].reshape(-1, self.low.rule.count)
+            trials.append(np.where(normal.sum(axis=1) > 0.0, TENSION, PRESSURE))
+        return max([first, *map(solve, np.unique(trials, axis=0))], key=lambda each: each.factor)
 
     def _by_simplex(self, signs: IntArray) -> Carried:
         H, limit = whole_edge_rows(self.low, signs)

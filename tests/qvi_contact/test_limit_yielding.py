@@ -225,6 +225,21 @@ def test_what_leaves_no_room_is_near_its_limit_from_both_sides():
     assert limit_load_factor(block, ["load"], degree=3).upper == pytest.approx(0.2149, rel=1e-3)
 
 
+def test_a_rigid_part_beside_a_bilateral_plate_with_friction():
+    """Stresses that no row sees end in no breakdown; signs of pressure are the best, as own programs of all say."""
+    points = [(-0.02, 0.06), (0.71, 0.11), (1.33, 0.39), (-0.08, 1.62), (0.7, 1.78), (1.3, 1.94)]
+    sets = {"base": [(1, 2)], "top": [(4, 5)], "held": [(0, 1), (0, 3), (3, 4)], "plate": [(2, 5)]}
+    mesh = TriangleMesh(points, [(0, 1, 3), (1, 3, 4), (1, 2, 5), (1, 4, 5)], sets, {"rock": [0, 1]})
+    plate = RigidPlate(force_y=0.8, moment=-0.2, pivot=(1.3, 1.2))
+    contacts = [Contact("base", 0.5, shear_limit=1.0), Contact("plate", 1.0, law="bilateral", plate=plate)]
+    pushed = [Traction("top", normal=-0.16, tangential=0.0, name="push"), Traction("held", y=-0.2, name="push")]
+    (metal, rock), held = (Material(1.0, 0.2, strength=law) for law in (Mises(6.9), None)), Displacement("held", x=0.0)
+    conditions, rocks = [*contacts, *pushed, held], [Region(rock, name="rock")]
+    problem = ContactProblem(mesh, metal, conditions, lambda _, y: y, rocks)
+    found = [limit_load_factor(problem, loads, degree=3).lower for loads in (["push", "plate", "body"], ["push"])]
+    assert found == pytest.approx([2.07508, 4.23392], rel=1e-4)
+
+
 def test_what_the_other_loads_break_carries_no_multiple():
     problem = block(Tresca(0.9), 0.3, 2.0)
     pressed = [each for each in problem.conditions if each.name != "weight"]
