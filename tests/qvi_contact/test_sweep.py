@@ -31,16 +31,12 @@ def pushed(shear=0.1, friction=0.3):
 
 
 PLATE = compressed_plate(0.2, (4, 4))
+*SIDES, PRESS = PLATE.conditions
 
 SWEEPS = {
     "friction": ((0.1, 0.3, 0.2), lambda mu: compressed_plate(mu, (4, 4))),
     "gap": ((0.0, -1e-4, 1e-4), lambda shift: compressed_plate(0.2, (4, 4), displacement=1e-3 - shift)),
-    "offset": (
-        (0.0, 2e-5),
-        lambda w: replace(
-            PLATE, conditions=[replace(c, offset=w) if isinstance(c, Contact) else c for c in PLATE.conditions]
-        ),
-    ),
+    "offset": ((0.0, 2e-5), lambda w: replace(PLATE, conditions=[*SIDES, replace(PRESS, offset=w)])),
 }
 
 
@@ -59,6 +55,12 @@ def test_every_value_has_the_answer_of_a_solve_of_its_own(parameter):
         assert line.normal_force == pytest.approx(expected.normal_force, rel=1e-10)
         assert line.tangential_force == pytest.approx(expected.tangential_force, abs=1e-10 * expected.normal_force)
         assert step.energies.strain == pytest.approx(alone.energies.strain, rel=1e-10)
+
+
+def test_tied_contacts_move_if_they_are_named():
+    glued = replace(PLATE, conditions=[*SIDES, Contact.tied("top")])
+    one, two = solve_sweep(glued, "gap", [-1e-3, -2e-3], ["top"]).steps
+    assert 2.0 * one.contacts["top"].normal_force == pytest.approx(two.contacts["top"].normal_force)
 
 
 def test_all_values_share_one_matrix_and_its_elimination():
