@@ -201,8 +201,7 @@ def test_a_result_has_the_points_of_its_contacts_and_a_row_for_each(plate):
     assert "slip [mm]" in plate.to_frame(UNITS).columns
     held = replace(plate.problem, conditions=[*plate.problem.conditions[:3], Displacement("top", x=0.0, y=-1e-3)])
     assert solve(held).to_frame().columns.tolist() == ["contact"]
-    numbers = [entry.number for entry in plate.solution.history]
-    assert numbers == list(range(1, plate.solution.iterations + 1))
+    assert [entry.number for entry in plate.solution.history] == list(range(1, plate.solution.iterations + 1))
 
 
 def test_a_history_has_a_row_for_each_step_and_contact():

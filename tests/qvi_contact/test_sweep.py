@@ -57,12 +57,6 @@ def test_every_value_has_the_answer_of_a_solve_of_its_own(parameter):
         assert step.energies.strain == pytest.approx(alone.energies.strain, rel=1e-10)
 
 
-def test_tied_contacts_move_if_they_are_named():
-    glued = replace(PLATE, conditions=[*SIDES, Contact.tied("top")])
-    one, two = solve_sweep(glued, "gap", [-1e-3, -2e-3], ["top"]).steps
-    assert 2.0 * one.contacts["top"].normal_force == pytest.approx(two.contacts["top"].normal_force)
-
-
 def test_all_values_share_one_matrix_and_its_elimination():
     steps = solve_sweep(PLATE, "friction", [0.1, 0.2, 0.3, 0.4], factorisation="multifrontal").steps
     first, *others = (step.discretization.qvi for step in steps)
@@ -95,13 +89,16 @@ def test_friction_holds_at_points_of_bilateral_contacts_after_values_without_any
     assert (abs(line.tangential_stress) <= 0.3 * abs(line.normal_stress) + 1e-9).all()
 
 
-def test_a_load_factor_multiplies_named_loads():
+def test_loads_are_multiplied_and_tied_contacts_moved_if_they_are_named():
     base, top, *sides = pushed(shear=0.0).conditions
     problem = replace(pushed(), conditions=[base, replace(top, x=0.1), *sides])
     found = solve_sweep(problem, "load", [0.5, 2.0], of=["push"])
     for factor, step in zip(found.values, found.steps, strict=True):
         line = step.contacts["base"]
         assert (line.normal_force, abs(line.tangential_force)) == pytest.approx((2.0 * factor, 0.2 * factor), abs=1e-8)
+    glued = replace(PLATE, conditions=[*SIDES, Contact.tied("top")])
+    one, two = solve_sweep(glued, "gap", [-1e-3, -2e-3], ["top"]).steps
+    assert 2.0 * one.contacts["top"].normal_force == pytest.approx(two.contacts["top"].normal_force)
 
 
 def test_a_value_without_an_answer_does_not_end_the_sweep():
