@@ -387,7 +387,8 @@ class DualProblem:
             if found.status is not Status.SOLVED or more <= tolerance * float(np.abs(f).max(initial=0.0)):
                 break
             given = self.qvi.with_loads(f=f)
-            found = solve_qvi(given, tolerance=tolerance)
+            further = solve_qvi(given, tolerance=tolerance)
+            found = further if reached or further.status is Status.SOLVED else found
         return found
 
     def displacements(self, solution: QVISolution) -> tuple[FloatArray, FloatArray]:

@@ -140,7 +140,7 @@ class ContactResult(PicklesFields):
 
     def to_frame(self, units: Units | None = None) -> DataFrame:
         """All points of all contacts: "contact", then the columns of `ContactLine.to_frame`, whose errors it raises."""
-        tables = {name: line.to_frame(units) for name, line in self.contacts.items()}
+        tables = {name: line.to_frame(units) for name, line in self.contacts.items()} or {"": pandas().DataFrame()}
         joined: DataFrame = pandas().concat(tables, names=["contact"]).reset_index("contact").reset_index(drop=True)
         return joined
 

@@ -219,8 +219,8 @@ def solve_sweep(
     values : sequence of float
         Its values, in the order in which they are solved.
     of : sequence of str, optional
-        Names of the contacts that are changed, all but tied ones by default; for "load" names of the loads, as for
-        `limit_load_factor`, all by default.
+        Names of the contacts that are changed, all but tied ones by default, which have no friction; for "load" names
+        of the loads, as for `limit_load_factor`, all by default.
     callback : callable, optional
         Called with the number of each value, from 1, and its result; with a store its `SweepRow`, if it was not in the
         file before.
@@ -333,7 +333,9 @@ class SweepTask:
         if not isinstance(problem, ContactProblem):
             raise InputError("problem", problem, "give a ContactProblem")
         one_of("parameter", parameter, get_args(Parameter), f"give one of {', '.join(get_args(Parameter))}")
-        known = [contact.name for contact in problem.contacts if contact.law != "tied"]
+        every = parameter in ("gap", "offset") and names is not None
+        known = [contact.name for contact in problem.contacts if every or contact.law != "tied"]
+        what = "contacts" if every else "contacts that could open or slip"
         if parameter == "load":
             limit = load("qvi_contact.limit.load_factor")  # which commands that solve once need not load
             chosen = tuple(limit.loads_of(problem)) if names is None else limit.checked_loads(problem, names, "of")
@@ -344,7 +346,7 @@ class SweepTask:
         elif isinstance(names, str) or not isinstance(names, Sequence) or not names:
             raise InputError("of", names, f"give a list of names out of {', '.join(known)}")
         else:
-            chosen = tuple(known_name("of", name, {"contacts that could open or slip": known}) for name in names)
+            chosen = tuple(known_name("of", name, {what: known}) for name in names)
         return cls(problem, parameter, chosen, settings, true_or_false("warm_start", warm) and settings.takes_state)
 
     def changed(self, value: float) -> ContactProblem:

@@ -38,8 +38,7 @@ def test_weight_of_a_loose_core():
 class TestLoose:
     """What nothing determines is found and said: the bodies by name, and how they move."""
 
-    @pytest.mark.parametrize("spare", [1.0, 1.001])
-    @pytest.mark.parametrize("law", ["unilateral", "bilateral"])
+    @pytest.mark.parametrize(("spare", "law"), [(1.0, "unilateral"), (1.001, "unilateral"), (1.0, "bilateral")])
     def test_block_that_friction_just_holds(self, spare, law):
         """A little friction to spare holds a leaning block, on a mesh too coarse to show where it sticks."""
         mesh = TriangleMesh.rectangle((8, 4), 2.0, 1.0)
@@ -48,7 +47,7 @@ class TestLoose:
         block = ContactProblem(mesh, Material(1e4, 0.2), [Contact("bottom", 0.3 * spare, law=law), *free], leaning)
         result = solved(block)
         assert len(result.undetermined_motions) == (spare == 1.0)
-        assert law == "bilateral" or result.contacts["bottom"].shares["stick"] == 0.0
+        assert result.contacts["bottom"].shares["stick"] == 0.0
 
     @pytest.mark.parametrize(("gap", "outside"), [(0.5, -1.0), (0.0, 1.0)])
     def test_ring_that_nothing_touches(self, gap, outside):

@@ -32,16 +32,12 @@ def pushed(shear=0.1, friction=0.3):
 
 
 PLATE = compressed_plate(0.2, (4, 4))
+*SIDES, PRESS = PLATE.conditions
 
 SWEEPS = {
     "friction": ((0.1, 0.3, 0.2), lambda mu: compressed_plate(mu, (4, 4))),
     "gap": ((0.0, -1e-4, 1e-4), lambda shift: compressed_plate(0.2, (4, 4), displacement=1e-3 - shift)),
-    "offset": (
-        (0.0, 2e-5),
-        lambda w: replace(
-            PLATE, conditions=[replace(c, offset=w) if isinstance(c, Contact) else c for c in PLATE.conditions]
-        ),
-    ),
+    "offset": ((0.0, 2e-5), lambda w: replace(PLATE, conditions=[*SIDES, replace(PRESS, offset=w)])),
 }
 
 
@@ -94,13 +90,16 @@ def test_friction_holds_at_points_of_bilateral_contacts_after_values_without_any
     assert (abs(line.tangential_stress) <= 0.3 * abs(line.normal_stress) + 1e-9).all()
 
 
-def test_a_load_factor_multiplies_named_loads():
+def test_loads_are_multiplied_and_tied_contacts_moved_if_they_are_named():
     base, top, *sides = pushed(shear=0.0).conditions
     problem = replace(pushed(), conditions=[base, replace(top, x=0.1), *sides])
     found = solve_sweep(problem, "load", [0.5, 2.0], of=["push"])
     for factor, step in zip(found.values, found.steps, strict=True):
         line = step.contacts["base"]
         assert (line.normal_force, abs(line.tangential_force)) == pytest.approx((2.0 * factor, 0.2 * factor), abs=1e-8)
+    glued = replace(PLATE, conditions=[*SIDES, Contact.tied("top")])
+    one, two = solve_sweep(glued, "gap", [-1e-3, -2e-3], ["top"]).steps
+    assert 2.0 * one.contacts["top"].normal_force == pytest.approx(two.contacts["top"].normal_force)
 
 
 def test_a_value_without_an_answer_does_not_end_the_sweep():
