@@ -37,13 +37,10 @@ def raising(error):
 
 @pytest.mark.parametrize(
     ("error", "words"),
-    [
-        (InputError("Material.young", -1.0, "give a number greater than 0"), "Material.young: -1.0: give a number"),
-        (SolveError("stalled\n  after 3\titerations"), "stalled after 3 iterations"),
-        (click.UsageError("two\nlines"), "two lines"),
-        (click.BadParameter("not a number"), "not a number"),
-    ],
-)
+    [(InputError("Material.young", -1.0, "give a number greater than 0"), "Material.young: -1.0: give a number"),
+     (SolveError("stalled\n  after 3\titerations"), "stalled after 3 iterations"),
+     (click.UsageError("two\nlines"), "two lines"), (click.BadParameter("not a number"), "not a number")],
+)  # fmt: skip
 def test_wrong_input_is_one_line_and_status_2(shell, error, words):
     status, out, err = ending(shell, raising(error))
     assert (status, out, err.count("\n")) == (2, "", 1)
