@@ -99,20 +99,11 @@ def odd():
 
 
 WAYS = {
-    "plain": plain,
-    "hold": holding,
-    "wait": waiting,
-    "allocate": lambda: {"length": len(bytearray(2_000_000_000))},
-    "exit": lambda: end_at_once(0),
-    "fault": crashing,
-    "fork": forking,
-    "raise": lambda: 1 // 0,
-    "odd": odd,
-    "leave": lambda: sys.exit("left"),
-    "function": lambda: {"found": [{"f": lambda: 0}]},
-    "number": lambda: 3.0,
+    "plain": plain, "hold": holding, "wait": waiting, "allocate": lambda: {"length": len(bytearray(2_000_000_000))},
+    "exit": lambda: end_at_once(0), "fault": crashing, "fork": forking, "raise": lambda: 1 // 0, "odd": odd,
+    "leave": lambda: sys.exit("left"), "function": lambda: {"found": [{"f": lambda: 0}]}, "number": lambda: 3.0,
     "nan": lambda: {"value": math.nan, "bound": -math.inf},
-}
+}  # fmt: skip
 
 
 ROOT = Path(__file__).parents[1]

@@ -347,8 +347,8 @@ def safety() -> None:
 
     The first number is a factor at which stresses of this mesh carry all loads, the second one at which no stress does.
     By default all contacts and materials are weakened together; name some of them by --of. "body" is the material of
-    the body. With a [history] the problem at its first time is used. The exit status is 1 if the first number is below
-    1.
+    the body. Under Coulomb friction the body may slide at smaller factors than the first; check one by "qvi-contact
+    solve". With a [history] the problem at its first time is used. The exit status is 1 if the first number is below 1.
 
     \b
     Examples:

@@ -262,12 +262,17 @@ class FlowProgram:
                 if off < violation + HELD * gained:  # all have one power
                     x, violation = other, off
         power = float(live @ x[:n])
-        if not violation <= HELD or not power > 0.0:
+        idle = violation <= ROUNDING and abs(power) <= HELD * float(np.abs(live) @ np.abs(x[:n]))
+        # a motion on which these loads do no work, and the others too much
+        beyond = idle and -float(every.q @ x) > ROUNDING * float(np.abs(every.q) @ np.abs(x))
+        if beyond or not violation <= HELD or not power > 0.0:
             strain, jumps = (np.abs(part).max(initial=0.0) for part in (every.blocks(start), self._slips.L @ start[:n]))
             nearest = every.projected(np.zeros_like(start))
             off = np.abs(every.A[: every.equal] @ nearest - every.b[: every.equal]).max()
-            if strain <= HELD * jumps or off > HELD:
-                return Flow(np.inf)  # rigid blocks have a bound of their own, and what cannot move has none
+            if beyond or strain <= HELD * jumps or off > HELD:
+                return Flow(
+                    -np.inf if beyond else np.inf
+                )  # rigid blocks have a bound of their own, and what cannot move has none
             raise SolveError(
                 f"limit load: the velocities found break their conditions by {violation:.1e}: use another degree, or a "
                 "mesh that is less graded"

@@ -3,12 +3,13 @@
 from dataclasses import replace
 from importlib.util import find_spec
 
+import numpy as np
 import pytest
 
 from comparisons.bounds import study as bounds
 from comparisons.wild import generator, judge, limits
 from comparisons.wild import study as wild
-from qvi_contact import ContactResult, InputError, TriangleMesh, discretize, solve
+from qvi_contact import ContactResult, InputError, TriangleMesh, discretize, limit_load_factor, solve
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 from tests.cases import EFFORT, examples
@@ -184,6 +185,18 @@ class TestLimits:
         found = limits.solve_case({"number": 12})
         assert found["proved_lower"] <= found["lower"] <= found["upper"] <= found["proved_upper"] * (1.0 + 1e-9)
         assert found["proved_upper"] - found["proved_lower"] < 1e-3 * found["upper"] + found["upper"] - found["lower"]
+
+    def test_beside_a_load_beyond_its_own_limit_no_multiple_is_carried(self):
+        problem, load, _ = limits.stated(84)
+
+        def limit(push, top, name):
+            factors = [push if each.name == load else top for each in problem.conditions]
+            loads = [replace(each, x=f * each.x, y=f * each.y) if isinstance(each, Traction) else each
+                     for each, f in zip(problem.conditions, factors, strict=True)]  # fmt: skip
+            return limit_load_factor(replace(problem, conditions=loads), [name], degree=3)
+
+        found = limit(1.0, 1.001 * limit(0.0, 1.0, "top").upper, load)
+        assert (found.lower, found.upper) == (-np.inf, -np.inf)
 
     def test_the_committed_rows(self):
         runs = committed("limits")

@@ -248,8 +248,7 @@ def test_areas_of_loops_need_as_many_forces_as_displacements(displacement, more)
 
 
 REFUSALS = {
-    "law_on": lambda rows: discretize(PLATE, law_on=rows),
-    "scales": lambda scales: discretize(PLATE, scales=scales),
+    "law_on": lambda rows: discretize(PLATE, law_on=rows), "scales": lambda scales: discretize(PLATE, scales=scales),
     "problem": lambda problem: step().discretization.with_data(problem),
     "dask": lambda address: solve_sweep(PLATE, "friction", [0.1], store="never", dask=address),
     "workers": lambda workers: solve_sweep(PLATE, "friction", [0.1], store="never", workers=workers),
@@ -267,19 +266,13 @@ REFUSALS = {
     "joints of a grid": lambda joints: TriangleMesh.grid([0, 1], [0, 1], joints=joints),
     "joints": lambda joints: TriangleMesh.outline(OUTLINE, 0.5, joints=joints),
     "regions": lambda regions: TriangleMesh.outline(OUTLINE, 0.5, regions=regions),
-    "sizes": lambda sizes: TriangleMesh.outline(OUTLINE, 0.5, sizes=sizes),
-    "coarse": CUT.parents,
-    "name": CUT.numbers,
-    "cells": CUT.part,
-    "edge_sets": lambda sets: CUT.part([0, 1], sets),
-    "points": lambda points: CUT.graded(points, 1),
-    "points of places": CUT.locate,
-    "depth": lambda depth: CUT.graded([[0.0, 0.0]], depth),
-    "vertices": lambda vertices: CUT.fanned(vertices, 0.5),
-    "marked": CUT.refined,
-    "here": lambda where: CUT.with_region("here", where),
+    "sizes": lambda sizes: TriangleMesh.outline(OUTLINE, 0.5, sizes=sizes), "coarse": CUT.parents,
+    "name": CUT.numbers, "cells": CUT.part, "edge_sets": lambda sets: CUT.part([0, 1], sets),
+    "points": lambda points: CUT.graded(points, 1), "points of places": CUT.locate,
+    "depth": lambda depth: CUT.graded([[0.0, 0.0]], depth), "vertices": lambda vertices: CUT.fanned(vertices, 0.5),
+    "marked": CUT.refined, "here": lambda where: CUT.with_region("here", where),
     "x, y": lambda x: step().displacement(x, 0.5),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("entry", REFUSALS)
@@ -290,15 +283,13 @@ def test_arguments_of_no_kind(entry):
 
 
 HUGE = {
-    "grading": lambda: graded_lines(0.0, 1.0, 3, 1e308),
-    "grading of ends": lambda: graded_lines(-1e308, 1e308, 3),
+    "grading": lambda: graded_lines(0.0, 1.0, 3, 1e308), "grading of ends": lambda: graded_lines(-1e308, 1e308, 3),
     "x": lambda: TriangleMesh.rectangle((2, 2), width=1e308),
     "y": lambda: TriangleMesh.grid([0.0, 1.0], [0.0, 1e308]),
     "TriangleMesh.vertices": lambda: TriangleMesh([[0.0, 0.0], [1e308, 0.0], [0.0, 1e308]], [[0, 1, 2]]),
-    "size": lambda: TriangleMesh.outline(OUTLINE, 1e308),
-    "edge_sets": lambda: CUT.part([0, 1], {"x": 1}),
+    "size": lambda: TriangleMesh.outline(OUTLINE, 1e308), "edge_sets": lambda: CUT.part([0, 1], {"x": 1}),
     "cells": lambda: TriangleMesh.rectangle((10**5, 10**5)),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("entry", HUGE)

@@ -266,12 +266,9 @@ def test_options_override_the_file(shell, plate):
 
 @pytest.mark.parametrize(
     ("command", "option", "begun", "expected"),
-    [
-        ("solve", "--method", "", {"condensed", "fixed-point", "pivoting", "uzawa"}),
-        ("solve", "--factorisation", "m", {"multifrontal"}),
-        ("refine", "--inner", "direct:cl", {"direct:clarabel"}),
-    ],
-)
+    [("solve", "--method", "", {"condensed", "fixed-point", "pivoting", "uzawa"}),
+     ("solve", "--factorisation", "m", {"multifrontal"}), ("refine", "--inner", "direct:cl", {"direct:clarabel"})],
+)  # fmt: skip
 def test_the_shell_completes_what_can_be_used(command, option, begun, expected):
     complete = BashComplete(group, {}, "qvi-contact", "_QVI_CONTACT_COMPLETE")
     assert {found.value for found in complete.get_completions([command, option], begun)} == expected

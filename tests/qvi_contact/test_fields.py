@@ -49,21 +49,12 @@ def trusted(text):
 
 
 EXPRESSIONS = [
-    "1e6 * where(x < 0.5, x, 0.5) * sin(pi * t)",
-    "-x**2 + 3*x*y - y/2",
-    "2**-x",
-    "-x**-y**0.5",
-    "min(x, y) + max(x, a) - hypot(x, y)",
-    "where(x >= y, where(y > 1, 1, 2), (x <= 1) * -1.0)",
-    "arcsin(x/4) + arccos(y/4) + arctan(x) - log(x) * exp(-y)",
-    "where(0 < t <= 0.7, x, y) + (a > t > 1)",
-    "+x - -y",
-    "(((x)))",
-    "7",
-    "1_000 * .5e-2",
-    "abs(-x) + sign(y - 1) + sqrt(x) + tan(x/3) + sinh(x) + cosh(y) + tanh(a*t)",
+    "1e6 * where(x < 0.5, x, 0.5) * sin(pi * t)", "-x**2 + 3*x*y - y/2", "2**-x", "-x**-y**0.5",
+    "min(x, y) + max(x, a) - hypot(x, y)", "where(x >= y, where(y > 1, 1, 2), (x <= 1) * -1.0)",
+    "arcsin(x/4) + arccos(y/4) + arctan(x) - log(x) * exp(-y)", "where(0 < t <= 0.7, x, y) + (a > t > 1)", "+x - -y",
+    "(((x)))", "7", "1_000 * .5e-2", "abs(-x) + sign(y - 1) + sqrt(x) + tan(x/3) + sinh(x) + cosh(y) + tanh(a*t)",
     " \n x \n ",
-]
+]  # fmt: skip
 
 
 class TestExpression:

@@ -95,13 +95,9 @@ def block(friction=0.3, shear=0.0, push=-1.0, gap=0.0, weight=0.0, force=-3.0, l
 
 
 DATA = {
-    "friction": {"friction": 0.5},
-    "loads": {"push": -2.0},
-    "another unit": {"push": -50.0, "force": -90.0},
-    "gap": {"gap": -1e-3},
-    "weight": {"weight": 0.7},
-    "plate": {"force": -5.0},
-}
+    "friction": {"friction": 0.5}, "loads": {"push": -2.0}, "another unit": {"push": -50.0, "force": -90.0},
+    "gap": {"gap": -1e-3}, "weight": {"weight": 0.7}, "plate": {"force": -5.0},
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("change", DATA.values(), ids=DATA)

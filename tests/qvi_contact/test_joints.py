@@ -16,12 +16,10 @@ X, Y = [0.0, 0.3, 0.8, 1.5, 2.0], [0.0, 0.4, 0.7, 1.0]
 def squeezed(mesh, joints=(), material=STEEL, regions=()):
     """Pressed from all sides by loads that shear it as well, held without hindrance."""
     conditions = [
-        Symmetry("bottom"),
-        Displacement("left", x=lambda _, y: 1e-3 * y),
-        Traction("left", y=0.0),
+        Symmetry("bottom"), Displacement("left", x=lambda _, y: 1e-3 * y), Traction("left", y=0.0),
         Traction("right", x=lambda _, y: -10.0 - 3.0 * y, y=lambda _, y: 4.0 * y * (1.0 - y)),
         Traction("top", x=lambda x, _: 3.0 * x * (2.0 - x), y=lambda x, _: -12.0 + x),
-    ]
+    ]  # fmt: skip
     return ContactProblem(mesh, material, [*conditions, *joints], regions=regions)
 
 
@@ -85,12 +83,9 @@ class TestOneDimension:
         bounds = {"y" if direction == "horizontal" else "x": (self.SPLIT, self.LENGTH)}
         normal, shear = ("y", "x") if direction == "horizontal" else ("x", "y")
         conditions = [
-            Symmetry(near),
-            Symmetry(middle),
-            Traction(free, 0.0, 0.0),
-            end(far, normal, shear),
+            Symmetry(near), Symmetry(middle), Traction(free, 0.0, 0.0), end(far, normal, shear),
             replace(contact, edges="joint", name="joint"),
-        ]
+        ]  # fmt: skip
         return ContactProblem(mesh, first, conditions, regions=[Region(second, **bounds)])
 
     @staticmethod
@@ -148,11 +143,9 @@ class TestRefused:
 
     @pytest.mark.parametrize(
         "condition",
-        [
-            *(Traction("joint", 0.0, 0.0), Displacement("joint", x=0.0), Symmetry("joint")),
-            Contact("joint", 0.1, plate=RigidPlate(force_y=1.0)),
-        ],
-    )
+        [*(Traction("joint", 0.0, 0.0), Displacement("joint", x=0.0), Symmetry("joint")),
+         Contact("joint", 0.1, plate=RigidPlate(force_y=1.0))],
+    )  # fmt: skip
     def test_other_conditions_on_a_joint(self, condition):
         with pytest.raises(InputError, match="joint"):
             squeezed(self.MESH, [condition])

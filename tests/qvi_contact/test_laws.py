@@ -187,20 +187,16 @@ def test_uzawa_finds_the_same_state():
 
 @pytest.mark.parametrize(
     ("arguments", "field"),
-    [
-        ({"friction": -0.1}, "Contact.friction"),
-        ({"friction": 0.1, "cohesion": -1.0}, "Contact.cohesion"),
-        ({"friction": 0.1, "shear_limit": -1.0}, "Contact.shear_limit"),
-        ({"friction": 0.1, "shear_limit": float("inf")}, "Contact.shear_limit"),
-        ({"friction": 0.1, "law": "glued"}, "Contact.law"),
-        ({"friction": 0.1, "law": "tied"}, "Contact.friction"),
-        ({"friction": 0.0, "law": "tied", "cohesion": 1.0}, "Contact.cohesion"),
-        ({"friction": 0.0, "law": "tied", "shear_limit": 1.0}, "Contact.shear_limit"),
-        ({"friction": lambda x, _: x, "law": "tied"}, "Contact.friction"),
-        ({"friction": 0.1, "plate": "steel"}, "Contact.plate"),
-        ({"friction": 0.0, "law": "tied", "pore_pressure": 1.0}, "Contact.pore_pressure"),
-    ],
-)
+    [({"friction": -0.1}, "Contact.friction"), ({"friction": 0.1, "cohesion": -1.0}, "Contact.cohesion"),
+     ({"friction": 0.1, "shear_limit": -1.0}, "Contact.shear_limit"),
+     ({"friction": 0.1, "shear_limit": float("inf")}, "Contact.shear_limit"),
+     ({"friction": 0.1, "law": "glued"}, "Contact.law"), ({"friction": 0.1, "law": "tied"}, "Contact.friction"),
+     ({"friction": 0.0, "law": "tied", "cohesion": 1.0}, "Contact.cohesion"),
+     ({"friction": 0.0, "law": "tied", "shear_limit": 1.0}, "Contact.shear_limit"),
+     ({"friction": lambda x, _: x, "law": "tied"}, "Contact.friction"),
+     ({"friction": 0.1, "plate": "steel"}, "Contact.plate"),
+     ({"friction": 0.0, "law": "tied", "pore_pressure": 1.0}, "Contact.pore_pressure")],
+)  # fmt: skip
 def test_wrong_laws_are_refused(arguments, field):
     with refused_at(field):
         Contact("bottom", **arguments)

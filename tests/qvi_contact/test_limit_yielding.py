@@ -446,19 +446,13 @@ def test_the_commands_say_both_sides_and_draw_the_flow(tmp_path, shell, monkeypa
     assert json.loads(out)["lower"] <= 0.5 * (1 + 1e-6) <= json.loads(out)["upper"] * (1 + 1e-6)
     assert "bottom" in shell("safety", file, "--of", "nothing")[2]
     file.write_text(f"{file.read_text(encoding='utf-8')}\n[solve]\ntime_limit = 50.0\n", encoding="utf-8")
-    seen = []
 
     def told(*_, time_limit, **_more):
-        seen.append(time_limit)
         raise InputError("told", time_limit, "")
 
-    for name, words in (
-        ("limit_load_factor", ("limit", "--load", "shear")),
-        ("strength_reduction_factor", ("safety",)),
-    ):
+    for name, *words in (("limit_load_factor", "limit", "--load", "shear"), ("strength_reduction_factor", "safety")):
         monkeypatch.setattr(f"qvi_contact.limit.load_factor.{name}", told)
-        assert "told" in shell(*words, file)[2]
-    assert seen == [50.0, 50.0]
+        assert "told: 50.0" in shell(*words, file)[2]
 
 
 STRESSES = np.random.default_rng(1).normal(size=(400, 3)) * [2.0, 2.0, 1.0]

@@ -87,12 +87,9 @@ def odd():
 @pytest.mark.usefixtures("outlined")
 @pytest.mark.parametrize(
     "drawn",
-    [
-        lambda result: result_figure(result, UNITS),
-        lambda result: problem_figure(result.problem, UNITS),
-        lambda result: history_figure(History((result, result), 2), UNITS),
-    ],
-)
+    [lambda result: result_figure(result, UNITS), lambda result: problem_figure(result.problem, UNITS),
+     lambda result: history_figure(History((result, result), 2), UNITS)],
+)  # fmt: skip
 def test_pictures_show_dollar_signs(odd, drawn):
     texts = [text.get_text() for text in drawn(odd).findobj(Text)]
     assert any(r"\$\bar\$" in text for text in texts)

@@ -244,13 +244,9 @@ class TestMeshes:
 
     @pytest.mark.parametrize(
         "inside",
-        [
-            {"joints": {"seam": [(0.5, 0.5), (0.5, 1.5)]}},
-            {"joints": {"seam": [(2.0, 2.0), (3.0, 3.0)]}},
-            {"joints": {"seam": [(0.0, 0.0), (0.5, 0.0)]}},
-            {"regions": {"core": [(2.0, 0.0), (3.0, 0.0), (3.0, 1.0)]}},
-        ],
-    )
+        [{"joints": {"seam": [(0.5, 0.5), (0.5, 1.5)]}}, {"joints": {"seam": [(2.0, 2.0), (3.0, 3.0)]}},
+         {"joints": {"seam": [(0.0, 0.0), (0.5, 0.0)]}}, {"regions": {"core": [(2.0, 0.0), (3.0, 0.0), (3.0, 1.0)]}}],
+    )  # fmt: skip
     def test_what_is_outside_is_refused(self, inside):
         with pytest.raises(InputError):
             TriangleMesh.outline(SQUARE, 0.5, **inside)

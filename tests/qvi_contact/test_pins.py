@@ -261,13 +261,11 @@ class TestWhereAPinIs:
 
     @pytest.mark.parametrize(
         ("mesh", "edges", "inside", "beyond"),
-        [
-            (SHEET, "hole", [(0.0, 0.0), (0.9, 0.1), (-0.3, -0.8)], [(1.01, 0.0), (2.0, 1.0), (5.0, 0.0)]),
-            (ROUND, "hole", [(0.0, 0.0), (0.7, -0.7)], [(0.72, 0.72), (0.0, 1.5), (-7.0, 1.0)]),
-            (ROUND, "outside", [(3.0, 0.0), (-4.0, 5.0)], [(1.9, 0.0), (0.3, 1.5)]),
-            (TWO_HOLES, "hole", [(0.0, 0.0), (0.49, 0.49)], [(2.0, 0.0), (1.0, 1.0), (0.51, 0.51), (0.0, -2.0)]),
-        ],
-    )
+        [(SHEET, "hole", [(0.0, 0.0), (0.9, 0.1), (-0.3, -0.8)], [(1.01, 0.0), (2.0, 1.0), (5.0, 0.0)]),
+         (ROUND, "hole", [(0.0, 0.0), (0.7, -0.7)], [(0.72, 0.72), (0.0, 1.5), (-7.0, 1.0)]),
+         (ROUND, "outside", [(3.0, 0.0), (-4.0, 5.0)], [(1.9, 0.0), (0.3, 1.5)]),
+         (TWO_HOLES, "hole", [(0.0, 0.0), (0.49, 0.49)], [(2.0, 0.0), (1.0, 1.0), (0.51, 0.51), (0.0, -2.0)])],
+    )  # fmt: skip
     def test_centres(self, mesh, edges, inside, beyond):
         all_pins = {centre: Contact.pin(edges, 0.3, centre, 0.4, x=0.0) for centre in (*inside, *beyond)}
         assert [centre for centre, pin in all_pins.items() if self.misplaced(mesh, edges, pin)] == beyond

@@ -38,27 +38,21 @@ def moved(contact, x=0.0, y=0.0, rotation=0.0, pivot=(0.0, 0.0), sign=1.0, norma
 
 
 SIDES = {
-    "top": ("bottom", "left", "right", 1.0, "y"),
-    "bottom": ("top", "left", "right", -1.0, "y"),
-    "right": ("left", "bottom", "top", 1.0, "x"),
-    "left": ("right", "bottom", "top", -1.0, "x"),
-}
+    "top": ("bottom", "left", "right", 1.0, "y"), "bottom": ("top", "left", "right", -1.0, "y"),
+    "right": ("left", "bottom", "top", 1.0, "x"), "left": ("right", "bottom", "top", -1.0, "x"),
+}  # fmt: skip
 
 DRIVEN = {
-    "normal": ("normal",),
-    "both forces": ("force_x", "force_y"),
-    "force and moment": ("normal", "moment"),
+    "normal": ("normal",), "both forces": ("force_x", "force_y"), "force and moment": ("normal", "moment"),
     "all": ("force_x", "force_y", "moment"),
-}
+}  # fmt: skip
 
 CONTACTS = {
-    "rough": {"friction": 0.4},
-    "curved": {"friction": 0.4, "gap": lambda x, y: 2e-4 * ((x - 1.0) ** 2 + y)},
+    "rough": {"friction": 0.4}, "curved": {"friction": 0.4, "gap": lambda x, y: 2e-4 * ((x - 1.0) ** 2 + y)},
     "cohesive and capped": {"friction": 0.3, "cohesion": 0.5, "shear_limit": 4.0},
-    "tied": {"friction": 0.0, "law": "tied"},
-    "bilateral": {"friction": 0.2, "law": "bilateral"},
+    "tied": {"friction": 0.0, "law": "tied"}, "bilateral": {"friction": 0.2, "law": "bilateral"},
     "offset": {"friction": 0.4, "offset": lambda x, y: 1e-4 * (x - y), "gap": 2e-3},
-}
+}  # fmt: skip
 
 
 def pushed(side, contact):
@@ -102,11 +96,9 @@ def column(plate, friction=0.0, material=STEEL, scale=1.0):
     """A plate on a column that stands on a smooth ground; closed form: p = F/w, motion = F h/(E w)."""
     mesh = TriangleMesh.grid(scale * X, scale * Y)
     conditions = [
-        Symmetry("left"),
-        Symmetry("bottom"),
-        Traction("right", 0.0, 0.0),
+        Symmetry("left"), Symmetry("bottom"), Traction("right", 0.0, 0.0),
         Contact("top", friction, plate=plate, name="plate"),
-    ]
+    ]  # fmt: skip
     return ContactProblem(mesh, material, conditions)
 
 

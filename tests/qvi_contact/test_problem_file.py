@@ -123,13 +123,11 @@ def plate(**changes):
 
 @pytest.mark.parametrize(
     ("changes", "field", "words"),
-    [
-        ({"gap": lambda x, y: x * y}, "contacts[0].gap", "Expression"),
-        ({"gap": Expression("a", {"a": 1.0}), "offset": Expression("a", {"a": 2.0})}, "contacts[0].offset", "rename"),
-        ({"gap": Expression("t", t=1.0), "offset": Expression("t", t=2.0)}, "contacts[0].offset", "one time"),
-        ({"name": "two\nlines"}, "contacts[0].name", "one line"),
-    ],
-)
+    [({"gap": lambda x, y: x * y}, "contacts[0].gap", "Expression"),
+     ({"gap": Expression("a", {"a": 1.0}), "offset": Expression("a", {"a": 2.0})}, "contacts[0].offset", "rename"),
+     ({"gap": Expression("t", t=1.0), "offset": Expression("t", t=2.0)}, "contacts[0].offset", "one time"),
+     ({"name": "two\nlines"}, "contacts[0].name", "one line")],
+)  # fmt: skip
 def test_what_a_file_cannot_hold_is_refused(tmp_path, changes, field, words):
     with refused_at(field, words):
         save_problem(tmp_path / "plate.toml", plate(**changes))

@@ -328,14 +328,12 @@ class TestStressesAndSlip:
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [
-        *(("target", value) for value in (0.0, "small", 2.0)),
-        *(("quantity", value) for value in ("plate", "base.normal_force", 3, "plate.x", "left.largest_pressure")),
-        *(("quantity", value) for value in ("xx(1, a)", "xx(0.5)", "xx(9, 0)", "zz(0, 0)", "plate.slip(0.5, 0.5)")),
-        *(("max_unknowns", value) for value in (0, 63)),
-        *(("max_rounds", 0), ("throw", True), ("initial", None), ("degree", 12)),
-    ],
-)
+    [*(("target", value) for value in (0.0, "small", 2.0)),
+     *(("quantity", value) for value in ("plate", "base.normal_force", 3, "plate.x", "left.largest_pressure")),
+     *(("quantity", value) for value in ("xx(1, a)", "xx(0.5)", "xx(9, 0)", "zz(0, 0)", "plate.slip(0.5, 0.5)")),
+     *(("max_unknowns", value) for value in (0, 63)),
+     *(("max_rounds", 0), ("throw", True), ("initial", None), ("degree", 12))],
+)  # fmt: skip
 def test_bad_input(field, value):
     with refused_at(field):
         refine(compressed_plate(0.2), **{field: value})

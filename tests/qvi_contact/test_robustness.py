@@ -30,11 +30,9 @@ def test_a_large_stress_elsewhere_does_not_hide_an_error_in_the_contact(side):
     """ν = 0: side pressure and contact pressure, here 1, do not feel each other."""
     mesh = TriangleMesh.rectangle((6, 4), grading=0.9)
     conditions = [
-        Symmetry("left"),
-        Symmetry("bottom"),
-        Traction("right", x=-side, y=0.0),
+        Symmetry("left"), Symmetry("bottom"), Traction("right", x=-side, y=0.0),
         Contact("top", friction=0.0, gap=-1e-3),
-    ]
+    ]  # fmt: skip
     result = solve(ContactProblem(mesh, Material(1000.0, 0.0), conditions))
     assert result.status in ((Status.SOLVED,) if side <= 1e5 else (Status.SOLVED, Status.INACCURATE))
     assert result.contacts["top"].normal_stress == pytest.approx(-1.0, rel=1e-5)
@@ -43,11 +41,8 @@ def test_a_large_stress_elsewhere_does_not_hide_an_error_in_the_contact(side):
 def drawn_along(pressure, degree=None, rows=None):
     """A block pressed on a floor, and stretched to twice its width: it slides everywhere, by far."""
     conditions = [
-        Contact("bottom", 0.3),
-        Traction("top", 0.0, -pressure),
-        Traction("right", 1.0, 0.0),
-        Symmetry("left"),
-    ]
+        Contact("bottom", 0.3), Traction("top", 0.0, -pressure), Traction("right", 1.0, 0.0), Symmetry("left"),
+    ]  # fmt: skip
     problem = ContactProblem(TriangleMesh.rectangle((4, 4)), Material(1.0, 0.0), conditions)
     return solve(problem, degree=degree, law_on=rows) if degree else solve(problem)
 
@@ -263,12 +258,9 @@ def test_options_of_all_methods_keep_the_default():
 
 @pytest.mark.parametrize(
     ("drag", "options", "status"),
-    [
-        (1.0, {}, Status.INNER_INFEASIBLE),
-        (1.0, {"method": "condensed"}, Status.INNER_INFEASIBLE),
-        (0.31, {"method": "condensed", "max_iterations": 5}, Status.MAX_ITERATIONS),
-    ],
-)
+    [(1.0, {}, Status.INNER_INFEASIBLE), (1.0, {"method": "condensed"}, Status.INNER_INFEASIBLE),
+     (0.31, {"method": "condensed", "max_iterations": 5}, Status.MAX_ITERATIONS)],
+)  # fmt: skip
 def test_the_message_beyond_what_friction_carries_names_the_limit_analysis(drag, options, status):
     """Of a block on a contact that cannot open, and whose friction carries 0.3, dragged."""
     loads = [Traction("top", x=drag, y=-1.0), Traction("left", x=0.0, y=0.0), Traction("right", x=0.0, y=0.0)]

@@ -124,12 +124,9 @@ def pressed(n, friction, base):
 
 @pytest.mark.parametrize(
     ("friction", "base"),
-    [
-        (0.1, {"normal_stiffness": 2000.0, "tangential_stiffness": 1000.0}),
-        (0.3, {"normal_stiffness": 500.0}),
-        (0.1, {"normal_stiffness": 500.0, "cohesion": 0.1, "tangential_stiffness": 2000.0}),
-    ],
-)
+    [(0.1, {"normal_stiffness": 2000.0, "tangential_stiffness": 1000.0}), (0.3, {"normal_stiffness": 500.0}),
+     (0.1, {"normal_stiffness": 500.0, "cohesion": 0.1, "tangential_stiffness": 2000.0})],
+)  # fmt: skip
 def test_forces_under_friction_on_springs(friction, base):
     fine = solve(pressed(8, friction, base), degree=5).contacts["bottom"]
     coulomb = solve(pressed(3, friction, base)).bracket.coulomb

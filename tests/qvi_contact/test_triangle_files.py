@@ -144,11 +144,9 @@ def test_what_is_wrong_is_named_by_its_place(old, new, field, words):
 
 @pytest.mark.parametrize(
     ("old", "new"),
-    [
-        ('side = "top"\nat = 1.0', "segment = [[0.0, 1.0], [1.0, 1.0]]"),
-        ('direction = "horizontal"\nat = 0.5\nstop = 1.0', "segment = [[0.0, 0.5], [1.0, 0.5]]"),
-    ],
-)
+    [('side = "top"\nat = 1.0', "segment = [[0.0, 1.0], [1.0, 1.0]]"),
+     ('direction = "horizontal"\nat = 0.5\nstop = 1.0', "segment = [[0.0, 0.5], [1.0, 0.5]]")],
+)  # fmt: skip
 def test_parts_of_a_grid_may_be_named_by_segments(old, new):
     assert old in RICH
     assert same(*(problem_from_toml(text).problem for text in (RICH, RICH.replace(old, new))))

@@ -135,15 +135,11 @@ def mixed_problem(seed, equalities=2, friction=0.2):
 EDGES = 5
 GAUSS = (1.0 + np.polynomial.legendre.leggauss(4)[0]) / 2.0
 LAWS = {
-    "coulomb": {"mu": 0.3},
-    "opening": {"mu": 0.4, "pull": 1.5},
-    "frictionless": {"mu": 0.0, "pull": 0.5},
-    "tresca": {"mu": 0.0, "cohesion": 0.2},
-    "cohesion": {"mu": 0.2, "cohesion": 0.15, "pull": 0.8},
-    "cap": {"mu": 0.5, "cohesion": 0.02, "cap": 0.25},
-    "bilateral": {"mu": 0.25, "bilateral": True, "pull": 1.0},
+    "coulomb": {"mu": 0.3}, "opening": {"mu": 0.4, "pull": 1.5}, "frictionless": {"mu": 0.0, "pull": 0.5},
+    "tresca": {"mu": 0.0, "cohesion": 0.2}, "cohesion": {"mu": 0.2, "cohesion": 0.15, "pull": 0.8},
+    "cap": {"mu": 0.5, "cohesion": 0.02, "cap": 0.25}, "bilateral": {"mu": 0.25, "bilateral": True, "pull": 1.0},
     "equations": {"mu": 0.3, "equalities": 3},
-}
+}  # fmt: skip
 
 
 def chain(seed, mu=0.3, cohesion=0.0, cap=np.inf, bilateral=False, pull=0.0, equalities=0):
