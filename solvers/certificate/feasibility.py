@@ -63,8 +63,6 @@ class Feasibility:
 class AdmissibleRows:
     """G z ≤ h of the set C: rows of N, of ±T + mu N, and of ±T below the cap."""
 
-    H: Sparse  # (rows, 2m) sparse, G = H [N; T]: what the rows say of the tractions
-    limit: Vector  # (rows,), h = limit − H [n0; t0]
     G: Sparse  # (rows, n)
     h: Vector
     point: IntVector  # (rows,) int, the contact point of each row
@@ -86,7 +84,7 @@ class AdmissibleRows:
         H.eliminate_zeros()
         G = csc_array(H @ qvi.contact_rows)
         h = limit - H @ np.concatenate([qvi.n0, qvi.t0])
-        return cls(H, limit, G, h, point, np.arange(len(point)) >= count)
+        return cls(G, h, point, np.arange(len(point)) >= count)
 
     def shares(self, y: Vector, points: int) -> tuple[Vector, Vector]:
         """Multipliers y (rows,) summed at each of the contact points: (normal, tangential), (points,) each."""
