@@ -552,7 +552,8 @@ def admissible(
     x, y = trace.mesh.origin + trace.scales.length * trace.places[number - trace.start]
     what = "what holds the slip" if half else "the obstacle"
     where = f"{what} of {trace.name!r} at ({x:.6g}, {y:.6g})"
-    return v, c, plates, f"Prescribed displacements contradict {where}, by {worst:.1e} of their size."
+    who = "Prescribed displacements" + (", or that nothing may slip at kinks," if (slipping == 0.0).any() else "")
+    return v, c, plates, f"{who} contradict {where}, by {worst:.1e} of their size."
 
 
 def _excess(problem: DualProblem, c: FloatArray) -> FloatArray:
