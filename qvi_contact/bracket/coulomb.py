@@ -29,7 +29,7 @@ from qvi_contact.bracket.norms import (
     friction_norm,
 )
 from qvi_contact.bracket.parts import EDGE_POINTS, LOOSEST, Bounds, CellFields, EdgeTractions, by_cell, edge_parts
-from qvi_contact.bracket.share import LeastChange, Share, SharedStress, joined
+from qvi_contact.bracket.share import AWAY, LeastChange, Share, SharedStress, joined
 from qvi_contact.companion import CompanionResult, CompanionState
 from qvi_contact.companion.model import MOST, BodyAtRest, solutions
 from qvi_contact.discretization.discretization import Discretization
@@ -169,6 +169,8 @@ def coulomb_bounds(
     assert companion.state is not None
     if companion.state.contradiction:
         return companion.state.contradiction
+    if (_opening(companion.state) < -_ROUNDING * max(1.0, float(np.abs(companion.state.c).max(initial=0.0)))).any():
+        return "No displacement was found that is as far from an obstacle as the stress lets it be."
     problem = known.problem
     fields, before = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
     edges, slack = edge_parts(fields, known, own, own.bound, companion)
@@ -196,6 +198,18 @@ def coulomb_bounds(
     return CoulombBounds(shares, *parts, result, companion)
 
 
+def _either_way(state: CompanionState) -> FloatArray:
+    """3 μ at coefficients (n,) where v may slip either way with friction, far from the obstacle, else 0."""
+    mu = [np.full(each.count, each.contact.friction, dtype=np.float64) for each in state.contacts.traces]
+    return np.where(np.isnan(state.contacts.slipping), AWAY * np.concatenate(mu), 0.0)
+
+
+def _opening(state: CompanionState) -> FloatArray:
+    """What Σ has of g − v_N at coefficients (n,), dimensionless: less 3 μ |v_T − w| where v may slip either way."""
+    across, along = (state.c - state.contacts.obstacle).reshape(2, -1)
+    return np.asarray(-across - _either_way(state) * np.abs(along))
+
+
 _FAR: Final = 1e6  # |R d_k| comes from squares: of a motion that far it is rounding, and the motion a rigid one
 _CUTS: Final = (1e-6, 1e-1)
 """Shares of the largest opening, slip, pressure or room below the bound of a contact that count as none.
@@ -206,6 +220,7 @@ the end, as κ(τ) falls. A large one makes the dual pair poor. The bounds of bo
 
 _NOISE: Final = 1e-7  # of the largest displacement or traction: what solvers leave of zero
 _MOVED: Final = 1e-5  # of the largest displacement of the body: no less is the largest one on a contact
+_LOADED: Final = 1e-2  # of the largest stress: no less is the largest pressure on a contact
 _ROUNDED: Final = 1e-12  # of a force: rounding of its sums
 _ROUNDING: Final = 1e-9  # of the largest: what is left where the dual pair must vanish
 _FAINT: Final = 1e-3  # of the unit of stress: a dual pair of no more, as where balance gives the force, is rounding
@@ -306,14 +321,16 @@ class _Pairs:
     @cached_property
     def _zones(self) -> _Zones:
         state, unit, own = self.state, self.known.scales.stress, EdgeTractions.of(self.known, self.errors.stress.dofs)
-        n = state.contacts.count
+        n, left, either = state.contacts.count, _opening(state), _either_way(state) > 0.0
         moved, beyond = state.c.reshape(2, n), (state.c - state.contacts.obstacle).reshape(2, n)
         pressure, room = np.empty_like(own.normal), np.full_like(own.normal, np.inf)
         away, held = np.full((2, n), np.inf), np.zeros((2, n), dtype=bool)
         # where all of a contact is closed and sticks its displacements are the rounding of those of the body
         least = _MOVED * float(np.abs(state.v).max(initial=0.0))
+        # and the pressure of one that is open that of solvers
+        faint = _LOADED * unit * max(own.size, self.errors.stress.certificate.scales.get("stress", 0.0))
 
-        def shown(values: FloatArray, whole: FloatArray, least: float = 0.0) -> FloatArray:
+        def shown(values: FloatArray, whole: FloatArray, least: float) -> FloatArray:
             """The values, 0 where they count as none beside what they are part of."""
             size = max(float(np.abs(whole).max(initial=0.0)), least)
             return np.where(values > max(self.cut * float(values.max(initial=0.0)), _NOISE * size), values, 0.0)
@@ -321,14 +338,17 @@ class _Pairs:
         for trace, rows in zip(state.contacts.traces, self.known.contacts, strict=True):
             if trace.contact.law == "tied":
                 continue
-            here, e, share, parts = trace.here, rows.edges, self.errors.shares.get(trace.name), [-beyond[0, trace.here]]
-            pressure[e] = shown(-unit * own.normal[e], unit * own.normal[e])
+            here, e, share = trace.here, rows.edges, self.errors.shares.get(trace.name)
+            parts = [left[here]]
+            pressure[e] = shown(-unit * own.normal[e], unit * own.normal[e], faint)
             if share is not None:
-                room[e] = shown(unit * own.bound[e] * share.room, unit * own.normal[e])
+                room[e] = shown(unit * own.bound[e] * share.room, unit * own.normal[e], faint)
                 parts.append(self._senses[here] * beyond[1, here])
             on_edges = trace.start + trace.columns
             for half, part in enumerate(parts):
                 away[half, here] = shown(part, moved[:, here], least)
+                if half:
+                    away[half, here][either[here]] = np.inf
                 held[half, on_edges[(away[half, on_edges] == 0.0).any(axis=1)]] = True
         loose, sliding = (np.asarray(part.any(axis=1)) for part in (pressure == 0.0, (room == 0.0) | np.isinf(room)))
         opening, slip = self.errors.displacement.scales.displacement * away
@@ -412,7 +432,8 @@ class _Pairs:
         """The largest of m₁ to m₄; None if there is none."""
         qvi, zones, scales, found = self.known.qvi, self._zones, self.known.scales, 0.0
         across, slip = c - goal
-        moved = (scales.displacement * part for part in (across + self._turned * slip, slip))
+        pushed = np.abs(across + self._turned * slip) + _either_way(self.state) * np.abs(slip)
+        moved = (scales.displacement * part for part in (pushed, slip))
         normal, shear = (scales.stress * (rows @ change).reshape(zones.room.shape) for rows in (qvi.N, qvi.T))
         units = np.repeat([scales.displacement, max(float(np.abs(normal).max()), _FAINT * scales.stress)], 2)
         for part, whole, unit in zip((*moved, normal, shear), zones[:4], units, strict=True):

@@ -38,6 +38,9 @@ from solvers import FrictionQVI, solve_qvi
 _OPEN = 1e-6  # of the largest bound on a contact: an edge where it is nowhere above that bears nothing
 _NOTHING = 1e-9  # of the largest stress: nor where it is nowhere above that, which solvers leave
 _BEARS = 0.02  # of the largest bound on an edge: coefficients below that do not count for the value of s at an end
+AWAY = 3.0
+"""Times μ |v_T − w| an opening is at least where displacements slip although |s| < 1."""
+_FAR = 2.0  # times that which solutions have where displacements are free to
 _SLIPS = 1e-6  # of the bound: friction that is as near to it has reached it
 _TRIALS = 4  # of what may change inside edges; in the last one nothing
 _SAME = 1e-14  # of a datum: differences that are rounding
@@ -106,8 +109,8 @@ class Share:
     values, weights : (edges, q) arrays
         s_i, and ω_i ≥ 0 in a unit of its own: s = Σ s_i ω_i B_i / Σ ω_i B_i.
     slipping : (edges,) array
-        1 or −1 where s is that on the whole edge, so that displacements may slip along the tangent or against it; 0 on
-        other edges.
+        1 or −1 where s is that on the whole edge, so that displacements may slip along the tangent or against it; NaN
+        on edges far from the obstacle, where they may slip either way; 0 on other edges.
     room : (edges, q) array
         m_i ≥ 0 of a continuous m ≤ 1 − |s|, made of them as s of the s_i: 1 − |s_i|, but 0 where s must vanish.
 
@@ -253,6 +256,13 @@ def with_shares(result: ContactResult, tolerance: float) -> SharedStress | str:
             least = _NOTHING * max(own.size, result.certificate.scales.get("stress", 0.0))
             found[contact.name] = _raw(contact, own.bound[rows.edges], own.shear[rows.edges], slip, least)
     shares, places = joined(known.problem, found, _vanishing(known.problem))
+    for name, share in shares.items():
+        if not share.contact.cohesion:
+            line, least = result.contacts[name], _FAR * AWAY * share.friction
+            far = (line.gap > least * np.abs(line.slip)).reshape(share.slipping.size, -1).all(axis=1)
+            far &= ~share.weights.any(axis=1)
+            if (share.slipping[far] == 0.0).any():
+                shares[name] = replace(share, slipping=np.where(far, np.nan, share.slipping))
     moved = _moved(result, shares)
     return moved if isinstance(moved, str) else SharedStress(*moved, places, result)
 

@@ -119,11 +119,11 @@ class DisplacementContact:
 
     def slipping_on(self, edges: FloatArray) -> FloatArray:
         """`Contacts.slipping` (n,) from what each edge says (e,), along its own tangent; 0 where edges do not agree."""
-        here = self.turned * edges[:, None]
+        here = np.where(np.isnan(edges)[:, None], np.inf, self.turned * edges[:, None])
         least, most = np.full(self.count, np.inf), np.full(self.count, -np.inf)
         np.minimum.at(least, self.columns, here)
         np.maximum.at(most, self.columns, here)
-        return np.where(least == most, least, 0.0)
+        return np.where(least == most, np.where(np.isinf(least), np.nan, least), 0.0)
 
     def law(self, reasons: list[str]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """μ_i, c_i and the cap (n,); c_i is the whole bound, and μ_i zero, where the bound is given."""
@@ -553,7 +553,8 @@ def admissible(
     x, y = trace.mesh.origin + trace.scales.length * trace.places[number - trace.start]
     what = "what holds the slip" if half else "the obstacle"
     where = f"{what} of {trace.name!r} at ({x:.6g}, {y:.6g})"
-    return v, c, plates, f"Prescribed displacements contradict {where}, by {worst:.1e} of their size."
+    who = "Prescribed displacements" + (", or that nothing may slip at kinks," if (slipping == 0.0).any() else "")
+    return v, c, plates, f"{who} contradict {where}, by {worst:.1e} of their size."
 
 
 def _excess(problem: DualProblem, c: FloatArray) -> FloatArray:

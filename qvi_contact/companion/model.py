@@ -356,8 +356,8 @@ def solve_companions(
 
     These are Bernstein coefficients (edges, q) [stress] for every contact that is not tied, along the tangents of edges
     in the order of the mesh; the energy then has ∫ s |v_T − w| itself. On contacts named in the law's entry of
-    `slip_directions` displacements slip along the tangent of an edge where that says 1, against it where −1, and not at
-    all where 0.
+    `slip_directions` displacements slip along the tangent of an edge where that says 1, against it where −1, not at
+    all where 0, and either way where NaN.
     """
     slips = slip_directions or [MappingProxyType[str, FloatArray]({})] * len(laws)
     body, held, contacts = _posed(problem, checked(problem, degree, tolerance), laws, slips)

@@ -79,21 +79,18 @@ class TestDataBetweenPoints:
 class TestForces:
     """Bounds of forces: sign, component and place."""
 
-    @staticmethod
-    def own(result, key):
-        name, kind = key.rsplit(".", 1)
-        return getattr(result.contacts[name] if name in result.contacts else result.resultant(name), kind)
-
     def check(self, problem, key):
         """The force of a finer mesh lies between the bounds, and those of the own mesh are one of them."""
         result, finer = solve(problem), solve(replace(problem, mesh=problem.mesh.refined().refined()))
         found = result.bracket
         assert set(found.forces) == {key}
-        low, high = found.forces[key]
+        (low, high), (name, kind) = found.forces[key], key.rsplit(".", 1)
+        at = [each.contacts[name] if name in each.contacts else each.resultant(name) for each in (result, finer)]
+        own, fine = (getattr(each, kind) for each in at)
         size = max(abs(low), abs(high))
         assert size > 0.0
-        assert low - ROUNDING * size <= self.own(finer, key) <= high + ROUNDING * size
-        assert min(abs(self.own(result, key) - end) for end in (low, high)) <= 1e-6 * size
+        assert low - ROUNDING * size <= fine <= high + ROUNDING * size
+        assert min(abs(own - end) for end in (low, high)) <= 1e-6 * size
 
     @pytest.mark.parametrize(
         ("side", "sign"), thinned([*((side, -1.0) for side in SIDES), ("bottom", 1.0), ("right", 1.0)], 2)
@@ -124,19 +121,11 @@ class TestForces:
         ):
             self.check(ContactProblem(mesh, SOFT, [*outer, joint]), f"joint.{kind}")
 
-    @pytest.mark.parametrize(
-        "other",
-        [
-            {"offset": 1e-4, "friction": 5.0},
-            {"plate": RigidPlate(moment=1e-2, pivot=(0.5, 1.0))},
-            {"gap": lambda x, _: -U + 0.0 * x},
-            {"cohesion": 0.2},
-        ],
-        ids=["offset", "moment", "function", "cohesion"],
-    )
-    def test_none_beside_other_data(self, other):
-        contact = Contact("top", **{"friction": 0.0, "gap": -U, **other})
-        assert solve(square(Displacement("bottom", 0.0, 0.0), contact)).bracket.driven == {}
+    def test_none_beside_other_data(self):
+        turned, gap = {"plate": RigidPlate(moment=1e-2, pivot=(0.5, 1.0))}, {"gap": lambda x, _: -U + 0.0 * x}
+        for other in ({"offset": 1e-4, "friction": 5.0}, turned, gap, {"cohesion": 0.2}):
+            contact = Contact("top", **{"friction": 0.0, "gap": -U, **other})
+            assert solve(square(Displacement("bottom", 0.0, 0.0), contact)).bracket.driven == {}
 
 
 @pytest.mark.parametrize("kind", ["driven", "tied"])

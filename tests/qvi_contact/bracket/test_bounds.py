@@ -76,10 +76,8 @@ def test_a_bound_between_two_laws_is_lowered():
     problem = with_contact(CONVEX["capped"], TriangleMesh.rectangle((2, 2)))
     result = solve(problem, degree=4)
     own = EdgeTractions.of(result.discretization, result.dofs)
-    x = np.array([0.0, 0.25, 0.5])
-    edges = problem.mesh.edges("top")
-    starts = problem.mesh.vertices[edges.first, 0]
-    expected = np.minimum(40.0 * (starts[:, None] + x), 35.0)
+    starts = problem.mesh.vertices[problem.mesh.edges("top").first, 0]
+    expected = np.minimum(40.0 * (starts[:, None] + [0.0, 0.25, 0.5]), 35.0)
     assert own.bound * result.discretization.scales.stress == pytest.approx(expected, rel=1e-12)
     assert not own.exact.all()
 
@@ -116,8 +114,7 @@ def test_weight():
         (3, lambda x, y: 5.0 * y + x**2, False),
         (5, lambda x, y: 5.0 * y + x**3 * y**3, False),
     ):
-        result = solve(ContactProblem(mesh, STEEL, conditions, potential), degree=degree)
-        found = bracket(result, 4)
+        found = bracket(solve(ContactProblem(mesh, STEEL, conditions, potential), degree=degree), 4)
         assert found.guaranteed is guaranteed, found.reasons
         assert found.lower <= found.upper + 1e-12 * found.strain
 
@@ -167,10 +164,7 @@ def test_steps_of_a_history_are_bracketed_each_for_itself(law):
 
 
 def test_what_has_no_bracket_is_refused():
-    nothing = ContactProblem(
-        TriangleMesh.rectangle((2, 2)), STEEL,
-        [Contact("bottom", 0.1), Traction("top", 1.0, -1.0), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)],
-    )  # fmt: skip
+    nothing = ContactProblem(BLOCK, STEEL, [Contact("bottom", 0.1), Traction("top", 1.0, -1.0), *FREE])
     for refused in (compressed_plate(0.2), solve(nothing)):
         with refused_at("result"):
             bracket(refused)
@@ -221,8 +215,7 @@ def test_bounds(case):
 def test_an_open_contact_full_of_fluid_is_a_load():
     """The same displacements as under a traction in its place."""
     contact, (top,) = CASES["open"]
-    wet = solve_companion(block(contact, top))
-    loaded = solve_companion(block(Traction("bottom", 0.0, falling), top))
+    wet, loaded = (solve_companion(block(each, top)) for each in (contact, Traction("bottom", 0.0, falling)))
     x, y = np.random.default_rng(0).uniform(size=(2, 20)) * [[2.0], [1.0]]
     assert wet.displacement(x, y) == pytest.approx(loaded.displacement(x, y), abs=1e-12)
     assert wet.contacts["bottom"].normal_stress.max() < -0.9
@@ -240,9 +233,9 @@ def test_both_faces_of_a_joint_feel_it():
 
 def test_a_pressure_beyond_the_traces_is_named():
     contact = Contact("bottom", 0.0, pore_pressure=lambda x, y: 1.0 + x**4 + 0.0 * y)
-    walls = Symmetry("left"), Symmetry("right")
-    problem = ContactProblem(BLOCK, SOAKED, [contact, Traction("top", 0.0, -40.0), *walls])
-    assert any("pore pressure" in reason for reason in solve(problem).bracket.reasons)
+    sides = contact, Traction("top", 0.0, -40.0), Symmetry("left"), Symmetry("right")
+    found = solve(ContactProblem(BLOCK, SOAKED, sides)).bracket
+    assert any("pore pressure" in reason for reason in found.reasons)
 
 
 @pytest.mark.parametrize(("side", "beside", "force"), [("bottom", "left", 2.0), ("right", "top", -0.5)])

@@ -278,6 +278,21 @@ def test_stresses_made_bad_at_random_are_never_closer_than_said():
     assert max(ratios) < 8.0
 
 
+@pytest.mark.parametrize("remainder", [0.0, 3e-10], ids=["open", "what solvers leave"])
+def test_a_corner_far_from_an_obstacle(remainder):
+    """There s vanishes, but displacements may slip; a faint pressure is none of contact."""
+    plate = compressed_plate(0.2, (2, 2))
+    beside = [Contact("right", 0.2, gap=2e-3) if each.edges == "right" else each for each in plate.conditions]
+    found = solve(replace(plate, conditions=beside), degree=4)
+    qvi, z = found.discretization.qvi, found.solution.z
+    rows, pressed = np.vstack([part.toarray() for part in (qvi.N, qvi.T, qvi.A)]), found.discretization.contacts[0].rows
+    pressure = np.where(np.isin(np.arange(len(rows)), np.r_[pressed]), -remainder * np.abs(qvi.N @ z).max(), 0.0)
+    bounds = carrying(found, z + np.linalg.lstsq(rows, pressure, rcond=None)[0]).bracket
+    assert bounds.relative_error < 0.3
+    lower, upper = bounds.forces["plate.normal_force"]
+    assert 200.0 < lower < 214.235 < upper < 220.0
+
+
 def _inside(qvi, z):
     normal, shear = qvi.N @ z + qvi.n0, qvi.T @ z + qvi.t0
     return normal.max() <= 0.0 and (np.abs(shear) + qvi.mu * normal).max() <= 0.0
@@ -336,8 +351,8 @@ class TestScope:
         mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0)
         found = solve(ContactProblem(mesh, Material(1.0, 0.3), [Contact("bottom", 0.5), *held]), degree=4).bracket
         assert found.coulomb is None
-        assert f"{what} of 'bottom' at (0, 0)" in found.coulomb_reason
-        assert "disagree at (0, 1)" in found.coulomb_reason
+        for said in (f"{what} of 'bottom' at (0, 0)", "disagree at (0, 1)"):
+            assert said in found.coulomb_reason
         assert found.upper == found.relative_error == np.inf
 
     def test_the_stress_of_more_friction(self):
