@@ -198,7 +198,7 @@ class ContactRows:
     points: EdgePoints  # the m Gauss points, as many as rows, where results are given
     row_limits: Limits
     limits: Limits  # the same at the points
-    # (m,): obstacle position g and tangential offset w at the points, dimensionless, see `obstacle_at_points`
+    # (m,): obstacle position g and tangential offset w at the points, dimensionless, see `gap_at_points`
     gap: FloatArray
     offset: FloatArray
     # (m,): pressure p_w of a fluid in the contact at the points, dimensionless; σ_N' = σ_N + p_w obeys the law. It is
@@ -246,12 +246,10 @@ class ContactRows:
         return space.traction_load(weights * across, weights * w, self.points.edges, self.points.reference)
 
 
-def obstacle_at_points(problem: ContactProblem, contact: Contact, points: EdgePoints) -> tuple[FloatArray, FloatArray]:
-    """Gap and offset (m,) at points of a contact, as the polynomials that do the same work on tractions [length]."""
-    count, mesh = max(LOAD_POINTS, points.count + 2), problem.mesh
-    gap = along_edges(mesh, points.edges, "Contact.gap", contact.gap, count)
-    offset = along_edges(mesh, points.edges, "Contact.offset", contact.offset, count)
-    return points.nearest(gap), points.nearest(offset)
+def gap_at_points(problem: ContactProblem, contact: Contact, points: EdgePoints) -> FloatArray:
+    """Gap (m,) at points of a contact, as the polynomials on which tractions do the same work [length]."""
+    given = ("Contact.gap", contact.gap, max(LOAD_POINTS, points.count + 2))
+    return points.nearest(along_edges(problem.mesh, points.edges, *given))
 
 
 def contact_rows(
@@ -267,7 +265,6 @@ def contact_rows(
         if contact.plate is not None:
             moved = contact.plate.displacement(x, y).T / scales.displacement
             motion = np.stack([(moved * along).sum(axis=1) for along in (points.normals, points.tangents)])
-        gap, offset = obstacle_at_points(problem, contact, points)
         pressure, misfit = np.zeros(len(x)), 0.0
         if contact.has_fluid:
             given = ("Contact.pore_pressure", contact.pore_pressure, max(LOAD_POINTS, points.count + 2))
@@ -283,8 +280,8 @@ def contact_rows(
             rule,
             points,
             *limits_of(problem, contact, scales, rule, points),
-            gap / scales.displacement,
-            offset / scales.displacement,
+            gap_at_points(problem, contact, points) / scales.displacement,
+            evaluate("Contact.offset", contact.offset, x, y) / scales.displacement,
             pressure / scales.stress,
             misfit / scales.stress,
             motion,

@@ -22,8 +22,8 @@ from qvi_contact.discretization.loads import (
     LOAD_POINTS,
     EdgePoints,
     displacements_at_points,
+    gap_at_points,
     is_polynomial,
-    obstacle_at_points,
     physical,
     potential_at,
     traction_data,
@@ -227,7 +227,7 @@ def obstacle_work(discretization: Discretization, u: FloatArray) -> float:
         if contact.has_fluid:
             pressure = evaluate("Contact.pore_pressure", contact.pore_pressure, x, y, minimum=0.0)
             normal = normal + pressure / scales.stress
-        gap, offset = obstacle_at_points(problem, contact, points)
+        gap, offset = gap_at_points(problem, contact, points), evaluate("Contact.offset", contact.offset, x, y)
         if contact.plate is not None:
             moved = contact.plate.displacement(x, y)
             gap, offset = gap + component(moved, points.normals), offset + component(moved, points.tangents)
