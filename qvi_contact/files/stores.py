@@ -52,7 +52,7 @@ class StepStore(Sequence[ContactResult]):
     """
 
     def __init__(self, folder: str | Path, fingerprint: str, planned: int, restore: Restore) -> None:
-        self._folder, self._fingerprint = writable_folder(folder, "store"), fingerprint
+        self._folder, self._fingerprint = writable_folder(folder, "store").absolute(), fingerprint
         self._restore = restore
         self._end: ContactResult | None = None  # a step that is not done, and in no file
         self._near: tuple[int, ContactResult] | None = None
