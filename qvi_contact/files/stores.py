@@ -203,7 +203,7 @@ def _place(path: str | Path) -> Path:
     place = given_path("store", path)
     try:
         place.resolve().exists()
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RuntimeError) as error:  # the latter where links lead in a circle
         raise InputError("store", str(path), f"no file can have this name ({error}): give another") from error
     return place
 
