@@ -59,4 +59,4 @@ def refused_at(field: str, words: str | None = None, value: object = ANY) -> Ite
     """That what is done inside is refused by one line that names field and value, and has these words (a pattern)."""
     with pytest.raises(InputError, match=words) as caught:
         yield
-    assert (caught.value.field, caught.value.value, len(str(caught.value).splitlines())) == (field, value, 1)
+    assert (field, value, 1) == (caught.value.field, caught.value.value, len(str(caught.value).splitlines()))

@@ -23,7 +23,7 @@ import qvi_contact
 from qvi_contact import files
 from qvi_contact.basics.schema import Missing, keys_of
 from qvi_contact.basics.terminal import solving
-from qvi_contact.basics.writing import check_suffix, check_writable, identity, unwritable, write_text
+from qvi_contact.basics.writing import check_suffix, check_writable, identity, open_regular, unwritable, write_text
 from qvi_contact.command import report
 from qvi_contact.command.cli import TARGETS
 from qvi_contact.errors import InputError
@@ -270,9 +270,12 @@ def check_proof(file: str) -> int:
 
     remedy = "give a file written by qvi-contact limit --proof"
     try:
-        *proved, counted = proofs.check(proofs.parsed(Path(file).read_text(encoding="utf-8")))
-    except OSError as error:
-        raise InputError("file", file, f"cannot be read ({error.strerror}): {remedy}") from error
+        with open_regular(file) as stream:
+            content = stream.read()
+    except (OSError, ValueError) as error:
+        raise InputError("file", file, f"cannot be read ({getattr(error, 'strerror', error)}): {remedy}") from error
+    try:
+        *proved, counted = proofs.check(proofs.parsed(content.decode()))
     except (
         LookupError, TypeError, AttributeError, ArithmeticError, UnicodeError, RecursionError, json.JSONDecodeError,
     ) as error:  # fmt: skip

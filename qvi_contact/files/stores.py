@@ -53,7 +53,7 @@ class StepStore(Sequence[ContactResult]):
     """
 
     def __init__(self, folder: str | Path, fingerprint: str, planned: int, restore: Restore) -> None:
-        self._folder, self._fingerprint = writable_folder(folder, "store"), fingerprint
+        self._folder, self._fingerprint = writable_folder(folder, "store").absolute(), fingerprint
         self._restore = restore
         self._end: ContactResult | None = None  # a step that is not done, and in no file
         self._near: tuple[int, ContactResult] | None = None
@@ -197,7 +197,7 @@ def _place(path: str | Path) -> Path:
     place = given_path("store", path)
     try:
         place.resolve().exists()
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RuntimeError) as error:  # the latter where links lead in a circle
         raise InputError("store", str(path), f"no file can have this name ({error}): give another") from error
     return place
 

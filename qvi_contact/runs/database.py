@@ -116,8 +116,11 @@ class Database:
     def _connected(self, path: Path) -> Iterator[sqlite3.Connection]:
         address = f"{path.resolve().as_uri()}?mode=rw"
         with closing(sqlite3.connect(address, uri=True, timeout=_PATIENCE, isolation_level="IMMEDIATE")) as connection:
-            for setting in SETTINGS:
-                connection.execute(f"PRAGMA {setting}")
+            try:
+                for setting in SETTINGS:
+                    connection.execute(f"PRAGMA {setting}")
+            except UnicodeDecodeError as error:  # a statement of the tables is no text
+                raise self.damaged(path) from error
             yield connection
 
     @contextmanager

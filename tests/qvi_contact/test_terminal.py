@@ -43,6 +43,7 @@ def raising(error):
         (click.UsageError("two\nlines"), "two lines"),
         (click.BadParameter("not a number"), "not a number"),
         (MemoryError("for 18 GiB"), "out of memory (for 18 GiB)"),
+        (MemoryError(), "out of memory (no details)"),
     ],
 )
 def test_wrong_input_is_one_line_and_status_2(shell, error, words):
