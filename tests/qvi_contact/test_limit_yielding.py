@@ -39,11 +39,9 @@ from tests.qvi_contact.test_limit_answers import ground
 
 def stretched(strength, plane="strain", mesh=None):
     """A block pulled along y between lines of symmetry and a free side."""
-    mesh = mesh or TriangleMesh.rectangle((2, 2))
-    material = Material(10.0, 0.3, plane, strength)
-    return ContactProblem(
-        mesh, material, [Traction("top", x=0, y=1.0), Traction("right", x=0, y=0), Symmetry("left"), Symmetry("bottom")]
-    )
+    mesh, material = mesh or TriangleMesh.rectangle((2, 2)), Material(10.0, 0.3, plane, strength)
+    sides = Traction("top", x=0, y=1.0), Traction("right", x=0, y=0), Symmetry("left"), Symmetry("bottom")
+    return ContactProblem(mesh, material, sides)
 
 
 def in_tension(c, phi):
@@ -152,19 +150,12 @@ def test_friction_that_begins_at_zero_has_a_bound_with_a_cut_off_only_and_none_w
 
 def block(strength, mu, pressure, cells=(4, 2)):
     """A block under the same pressure all around and in pure shear, on a rough base."""
-    return ContactProblem(
-        TriangleMesh.rectangle(cells, 2.0, 1.0),
-        Material(10.0, 0.3, "strain", strength),
-        [
-            Contact("bottom", mu),
-            Traction("top", y=-pressure, name="weight"),
-            Traction("top", x=1.0, name="shear"),
-            Traction("left", x=pressure, name="weight"),
-            Traction("right", x=-pressure, name="weight"),
-            Traction("left", y=-1.0, name="shear"),
-            Traction("right", y=1.0, name="shear"),
-        ],
-    )
+    weights = ("top", {"y": -pressure}), ("left", {"x": pressure}), ("right", {"x": -pressure})
+    shears = ("top", {"x": 1.0}), ("left", {"y": -1.0}), ("right", {"y": 1.0})
+    loads = [Traction(side, name="weight", **along) for side, along in weights]
+    loads += [Traction(side, name="shear", **along) for side, along in shears]
+    mesh, material = TriangleMesh.rectangle(cells, 2.0, 1.0), Material(10.0, 0.3, "strain", strength)
+    return ContactProblem(mesh, material, [Contact("bottom", mu), *loads])
 
 
 @pytest.mark.parametrize(("mu", "c"), [(0.1, 10.0), (0.3, 1.2), (0.6, 1.0), (2.0, 0.5)])
@@ -237,6 +228,27 @@ def test_a_rigid_part_beside_a_bilateral_plate_with_friction():
     assert found == pytest.approx([2.07508, 4.23392], rel=1e-4)
 
 
+def test_huge_tractions_and_flows_hide_nothing_that_is_missed():
+    """Tractions of 1e9 in a wedge without friction; a point inside 1e6 times as large as what it is to mend."""
+    grid, soil = TriangleMesh.rectangle((3, 1)), Material(1.0, 0.2, strength=Mises(4.0))
+    points = [(0.0, 0.0), (0.46, -0.05), (0.92, -0.1), (1.38, -0.14), (-0.06, 0.96), (0.4, 0.91), (0.86, 0.86)]
+    sets = {"wet": [(0, 4)], "top": [(4, 5), (5, 6)], "end": [(3, 7), (6, 7)], "cap": [(2, 3)], "toe": [(0, 1), (1, 2)]}
+    mesh = TriangleMesh([*points, (1.32, 0.82)], grid.cells, sets, {"rock": [0, 1, 3]})
+    contacts = [Contact("cap", 0.0, plate=RigidPlate(force_y=0.175)), Contact("toe", 0.0), Symmetry("top")]
+    loads = [Traction("wet", normal=-0.39, tangential=0.0), Traction("end", x=0.0, y=0.0)]
+    rock = Region(Material(1.0, 0.2), name="rock")
+    wedge = ContactProblem(mesh, soil, [*contacts, *loads], lambda _, y: 0.2 * y, [rock])
+    assert limit_load_factor(wedge, ["body"], degree=4).lower == -np.inf
+    points = [(1.4, 0.3), (0.4, 0.6), (0.5, 0.6), (0.3, 0.1), (0.4, 0.5), (0.2, 0.4)]
+    sets = {"load": [(0, 3)], "side": [(3, 5)], "rest": [(0, 2), (1, 2), (1, 5)]}
+    mesh = TriangleMesh(points, [(0, 3, 4), (0, 2, 4), (3, 4, 5), (1, 4, 5), (1, 2, 4)], sets, {"part": [2, 3]})
+    own, other = (Material(1.0, 0.2, "strain", law) for law in (NoTension(), MohrCoulomb(0.486, 0.547, 0.0729)))
+    loads = [Traction("load", x=-0.1, y=-0.9), Traction("side", normal=-0.38, tangential=0.0)]
+    held = Contact("rest", 0.2, cohesion=0.5, law="bilateral", pore_pressure=0.1)
+    piece = ContactProblem(mesh, own, [held, *loads], regions=[Region(other, name="part")])
+    assert limit_load_factor(piece, ["load"], degree=3).upper < 0.03
+
+
 def test_what_the_other_loads_break_carries_no_multiple():
     problem = block(Tresca(0.9), 0.3, 2.0)
     pressed = [each for each in problem.conditions if each.name != "weight"]
@@ -288,13 +300,8 @@ def random_body(seed):
         Traction("right", x=0.0, y=0.0),
     ]
     weight = float(generator.choice([0.0, 0.5]))
-    return ContactProblem(
-        mesh,
-        Material(1.0, 0.2, plane, own),
-        [*contacts, *loads],
-        (lambda _, y: weight * y) if weight else 0.0,
-        [Region(Material(2.0, 0.3, plane, other), name="part")],
-    )
+    part, force = Region(Material(2.0, 0.3, plane, other), name="part"), (lambda _, y: weight * y) if weight else 0.0
+    return ContactProblem(mesh, Material(1.0, 0.2, plane, own), [*contacts, *loads], force, [part])
 
 
 @pytest.mark.parametrize("seed", thinned(list(range(200)), 2))
