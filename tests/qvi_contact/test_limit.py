@@ -83,9 +83,8 @@ def test_cohesion_on_a_circle_carries_a_torque():
 
 def test_gap_material_and_offset_do_not_enter():
     here, there = Contact("bottom", 0.3), Contact("bottom", 0.3, gap=0.1, offset=-0.2)
-    soft = Material(1.0, 0.49, "strain")
-    problems = (dragged(MESHES["graded"], 10.0, 2.0, *each) for each in ((here,), (there, soft)))
-    first, second = (limit_load_factor(problem, ["shear"]) for problem in problems)
+    given = (here,), (there, Material(1.0, 0.49, "strain"))
+    first, second = (limit_load_factor(dragged(MESHES["graded"], 10.0, 2.0, *each), ["shear"]) for each in given)
     assert first == pytest.approx(second, rel=1e-9)
 
 
@@ -130,8 +129,7 @@ def test_growth_without_end_is_doubted(linprog):
 def test_programs_of_many_blocks_are_sparse(linprog):
     """Conditions of a joint have entries for its two blocks, and for what slips there."""
     assert find_mechanism(masonry_wall(4, 6, ())) is None
-    matrix = linprog.calls[0][1]
-    assert matrix.nnz < 4 * matrix.shape[0]
+    assert (matrix := linprog.calls[0][1]).nnz < 4 * matrix.shape[0]
 
 
 def wedge():

@@ -236,8 +236,8 @@ def test_huge_tractions_and_flows_hide_nothing_that_is_missed():
     mesh = TriangleMesh([*points, (1.32, 0.82)], grid.cells, sets, {"rock": [0, 1, 3]})
     contacts = [Contact("cap", 0.0, plate=RigidPlate(force_y=0.175)), Contact("toe", 0.0), Symmetry("top")]
     loads = [Traction("wet", normal=-0.39, tangential=0.0), Traction("end", x=0.0, y=0.0)]
-    rock = Region(Material(1.0, 0.2), name="rock")
-    wedge = ContactProblem(mesh, soil, [*contacts, *loads], lambda _, y: 0.2 * y, [rock])
+    rocks = [Region(Material(1.0, 0.2), name="rock")]
+    wedge = ContactProblem(mesh, soil, [*contacts, *loads], lambda _, y: 0.2 * y, rocks)
     assert limit_load_factor(wedge, ["body"], degree=4).lower == -np.inf
     points = [(1.4, 0.3), (0.4, 0.6), (0.5, 0.6), (0.3, 0.1), (0.4, 0.5), (0.2, 0.4)]
     sets = {"load": [(0, 3)], "side": [(3, 5)], "rest": [(0, 2), (1, 2), (1, 5)]}
@@ -319,8 +319,7 @@ def test_solve_says_where_the_elastic_stress_exceeds_the_strength(law, least, ex
     weak, strong = (solve(stretched(law(factor * least), "stress")) for factor in (0.8, 1.2))
     assert weak.status == "solved"
     (found,) = (remark for remark in weak.remarks if "strength" in remark)
-    assert excess in found
-    assert "100 %" in found
+    assert all(told in found for told in (excess, "100 %"))
     assert not any("strength" in remark for remark in strong.remarks)
 
 
@@ -437,11 +436,10 @@ def test_the_commands_say_both_sides_and_draw_the_flow(tmp_path, shell):
     assert [found["factor"], found["upper"]] == pytest.approx([0.5, 0.5], rel=1e-5)
     assert picture.stat().st_size > 1000
     grid = pytest.importorskip("meshio").read(flow)
-    assert len(grid.points) == 16 * 3 * 10
     stress = next(values for name, values in grid.point_data.items() if name.startswith("stress"))
     assert stress[:, 3] == pytest.approx(0.5, rel=1e-3)  # shear at its limit
     assert np.abs(grid.point_data["velocity"]).max() == pytest.approx(1.0)
-    assert sum(map(len, grid.cell_data["gap"])) == 16 * 3 * 9
+    assert [len(grid.points), sum(map(len, grid.cell_data["gap"]))] == [16 * 3 * 10, 16 * 3 * 9]
     status, out, _ = shell("safety", file, "--json", "--accuracy", "0.1")
     assert status == 1  # the block carries half of the shear
     assert json.loads(out)["lower"] <= 0.5 * (1 + 1e-6) <= json.loads(out)["upper"] * (1 + 1e-6)
