@@ -367,11 +367,11 @@ class StressProgram:
         """What stresses carry; minus infinity if the solver has given up."""
         violation = max(violation, -float(program.margins(x).min(initial=0.0)))
         (N, n), (S, s) = self._tractions, self._stress
-        stress = (S @ x + s).reshape(-1, 3, self.cones.count, 3)
-        size = max(program.size(x), float(np.abs(stress).max()))  # beyond loads and limits, where no limit is, too
+        tractions, stress = N @ x + n, (S @ x + s).reshape(-1, 3, self.cones.count, 3)
+        size = max(program.size(x), float(np.abs(tractions).max(initial=0.0)))  # beyond loads and limits
         if violation * max(1.0, size / max(1.0, program.size(0.0 * x))) > HELD:
             return Carried(-np.inf)
-        return Carried(float(x[-1]), violation, N @ x + n, unknowns=x, stress=stress)
+        return Carried(float(x[-1]), violation, tractions, unknowns=x, stress=stress)
 
     def _without_room(self, program: ConicProgram, share: float, *, grows: bool = False) -> Carried:
         """The load itself, or more without end: the solver gives up where stresses grow along the tips of cones.
