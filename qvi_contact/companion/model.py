@@ -53,38 +53,26 @@ class CompanionContact:
 
     A quantity at a coefficient is no value at a point: a displacement is the coefficient itself, a traction the mean
     weighted by B_i. Coefficients whose displacement supports prescribe carry no traction here; it is the support's.
-
-    Attributes
-    ----------
-    name : str
-        Name of the contact.
-    x, y : (n,) arrays
-        The coefficients' own points, i/p along each edge [length].
-    weights : (n,) array
-        ∫ B_i ds [length].
-    normal_stress, tangential_stress : (n,) arrays
-        Mean tractions [stress], signs as in `ContactLine`, the pressure of a fluid included.
-    friction_bound : (n,) array
-        Bound of |tangential_stress| [stress]; infinity if tied.
-    gap : (n,) array
-        g − v_N ≥ 0 [length].
-    slip : (n,) array
-        v_T − w [length].
-    senses : (n,) array
-        ±1, in which sense a tangential stress counts for the force, see `turning_senses`.
-
     """
 
     name: str
+    """Name of the contact."""
     x: FloatArray
     y: FloatArray
+    """(n,): The coefficients' own points, i/p along each edge [length]."""
     weights: FloatArray
+    """(n,): ∫ B_i ds [length]."""
     normal_stress: FloatArray
     tangential_stress: FloatArray
+    """(n,): Mean tractions [stress], signs as in `ContactLine`, the pressure of a fluid included."""
     friction_bound: FloatArray
+    """(n,): Bound of |tangential_stress| [stress]; infinity if tied."""
     gap: FloatArray
+    """(n,) array g − v_N ≥ 0 [length]."""
     slip: FloatArray
+    """(n,) array v_T − w [length]."""
     senses: FloatArray
+    """(n,): ±1, in which sense a tangential stress counts for the force, see `turning_senses`."""
 
     @property
     def normal_force(self) -> float:
@@ -117,36 +105,25 @@ class CompanionResult(PicklesFields):
     """A displacement model solved, or not: check `status`.
 
     Without a state (loads that cannot be carried, failed back end) fields, energies and forces raise `InputError`.
-
-    Attributes
-    ----------
-    problem, scales, body
-        The problem, units of the dimensionless model, and the body in these.
-    status : Status
-        How the solve ended; ``status.advice`` says what to do.
-    certificate : Certificate
-        Residuals of the contact problem in its forces.
-    message : str
-        One sentence about the outcome.
-    state : CompanionState or None
-        The displacement; None where there is none.
-    reasons : tuple of str
-        Why the displacement or its energy is not admissible or exact; empty where J(v) is a guaranteed upper bound, for
-        data that are between `bernstein.SAMPLES` of every edge the polynomials that they are there.
-    solution : QVISolution or None
-        The algebraic answer.
-
     """
 
     problem: ContactProblem
     scales: Scales
     body: Elasticity
+    """The problem, units of the dimensionless model, and the body in these."""
     status: Status
+    """How the solve ended; ``status.advice`` says what to do."""
     certificate: Certificate
+    """Residuals of the contact problem in its forces."""
     message: str
+    """One sentence about the outcome."""
     state: CompanionState | None
+    """The displacement; None where there is none."""
     reasons: tuple[str, ...]
+    """Why the displacement or its energy is not admissible or exact; empty where J(v) is a guaranteed upper bound, for
+    data that are between `bernstein.SAMPLES` of every edge the polynomials that they are there."""
     solution: QVISolution | None
+    """The algebraic answer."""
 
     def __repr__(self) -> str:
         return f"<CompanionResult {self.message}>"

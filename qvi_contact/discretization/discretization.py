@@ -52,34 +52,22 @@ _UNRELIABLE = 1e-4  # relative error of the linear solve above which they are le
 
 @dataclass(frozen=True, eq=False)
 class Discretization(PicklesFields):
-    """A contact problem on the elements of its mesh, traction conditions and gauge eliminated.
-
-    Attributes
-    ----------
-    problem : ContactProblem
-        The problem.
-    scales : Scales
-        The units.
-    rule : EdgeRule
-        What the rows of contacts are.
-    root : Root
-        The energy of the body on the unknowns, with `stiffness` and `supports` that other problems may have too.
-    contacts : tuple of ContactRows
-        Which rows of the algebraic problem belong to which contact.
-    plates : PlateRows
-        Equality rows of plates driven by force.
-    qvi : FrictionQVI
-        The algebraic problem, dimensionless.
-
-    """
+    """A contact problem on the elements of its mesh, traction conditions and gauge eliminated."""
 
     problem: ContactProblem
+    """The problem."""
     scales: Scales
+    """The units."""
     rule: EdgeRule
+    """What the rows of contacts are."""
     root: Root
+    """The energy of the body on the unknowns, with `stiffness` and `supports` that other problems may have too."""
     contacts: tuple[ContactRows, ...]
+    """Which rows of the algebraic problem belong to which contact."""
     plates: PlateRows
+    """Equality rows of plates driven by force."""
     qvi: FrictionQVI
+    """The algebraic problem, dimensionless."""
 
     @property
     def supports(self) -> Supports:
