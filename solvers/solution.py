@@ -23,101 +23,86 @@ _ROUNDING = 1e-13  # residuals below this do not
 
 
 class Iteration(NamedTuple):
-    """One outer iteration, or one of the interior point method, dimensionless.
-
-    Attributes
-    ----------
-    number : from 1
-    residual : fixed point: |s_new − s| / |s_new|, norm weighted by W; Uzawa: relative change of λ; condensed: the
-        largest of gap and residuals, see `condensed.interior_point.Measures`
-    energy : ½ zᵀKz − fᵀz
-    normal_resultant : Σ W (N z + n0), negative in compression
-    inner_status : how the inner problem ended; ``None`` where there is none
-    inner_iterations : iterations of the inner solver, 0 if unknown
-    seconds : wall time of the iteration
-
-    """
+    """One outer iteration, or one of the interior point method, dimensionless."""
 
     number: int
+    """From 1."""
     residual: float
+    """Fixed point: |s_new − s| / |s_new|, norm weighted by W; Uzawa: relative change of λ; condensed: the largest of
+    gap and residuals, see `condensed.interior_point.Measures`."""
     energy: float
+    """½ zᵀKz − fᵀz."""
     normal_resultant: float
+    """Σ W (N z + n0), negative in compression."""
     inner_status: Status | None = None
+    """How the inner problem ended; ``None`` where there is none."""
     inner_iterations: int = 0
+    """Iterations of the inner solver, 0 if unknown."""
     seconds: float = 0.0
+    """Wall time of the iteration."""
 
 
 class Attempt(NamedTuple):
-    """One of the ways that were tried, in their order.
-
-    Attributes
-    ----------
-    name : a method, a start of one, or a change of the problem
-    reason : why it was tried; empty of the first
-    status : how it ended
-    iterations : how many it took
-
-    """
+    """One of the ways that were tried, in their order."""
 
     name: str
+    """A method, a start of one, or a change of the problem."""
     reason: str
+    """Why it was tried; empty of the first."""
     status: Status
+    """How it ended."""
     iterations: int
+    """How many it took."""
 
 
 @dataclass(frozen=True, eq=False)
 class QVISolution:
-    """A point z with its multipliers, how it was found, and the proof of what it is worth.
-
-    Attributes
-    ----------
-    problem : the original data
-    status : `Status`; "solved" only if `certificate` passed
-    z : (n,) unknowns; NaN if there is no result
-    normal_multiplier, tangential_multiplier : (m,) row multipliers m = W λ, signs as in `FrictionQVI`
-    equality_multiplier : (p,)
-    threshold : (m,) bound of |σ_T| at z, NaN without a z
-    certificate : computed on `problem`
-    history : one `Iteration` each (thinned out for long Uzawa runs: the first thousand, then every tenth,
-        hundredth, … and the last)
-    iterations : number of outer iterations done
-    timings : seconds by name: "setup", "solve", "certificate"
-    method, inner : what was used; `inner` is the fixed point's, else empty
-    message : one readable sentence
-    versions : package → version of what was used
-    farkas : (rows of G, of A) multipliers proving infeasibility, else None; see `feasibility`
-    form : unknowns of the inner problems, and of the condensed method's Newton matrices: "full" or "condensed"
-    factorisation : back end and version of the factorisation of K; empty if none was made
-    corrections : of the condensed method, sizes of the defect corrections in the energy norm, relative: what the
-        rounding inside K had spoilt; they end where the next one would be rounding
-    remarks : what to know about a solution, such as that there are several; one sentence each
-    attempts : what was tried, one `Attempt` each, in their order
-    near : of the condensed method, whether the state it was to begin from was near enough; None if there was none
-
-    """
+    """A point z with its multipliers, how it was found, and the proof of what it is worth."""
 
     problem: FrictionQVI
+    """The original data."""
     status: Status
+    """`Status`; "solved" only if `certificate` passed."""
     z: Vector
+    """(n,) unknowns; NaN if there is no result."""
     normal_multiplier: Vector
     tangential_multiplier: Vector
+    """(m,) row multipliers m = W λ, signs as in `FrictionQVI`."""
     equality_multiplier: Vector
+    """(p,)."""
     threshold: Vector
+    """(m,) bound of |σ_T| at z, NaN without a z."""
     certificate: Certificate
+    """Computed on `problem`."""
     history: tuple[Iteration, ...] = ()
+    """One `Iteration` each (thinned out for long Uzawa runs: the first thousand, then every tenth, hundredth, … and the
+    last)."""
     iterations: int = 0
+    """Number of outer iterations done."""
     timings: Mapping[str, float] = field(default_factory=dict)
+    """Seconds by name: "setup", "solve", "certificate"."""
     method: str = ""
     inner: str = ""
+    """What was used; `inner` is the fixed point's, else empty."""
     message: str = ""
+    """One readable sentence."""
     versions: Mapping[str, str] = field(default_factory=dict)
+    """Package → version of what was used."""
     farkas: tuple[Vector, Vector] | None = None
+    """(rows of G, of A) multipliers proving infeasibility, else None; see `feasibility`."""
     form: str = "full"
+    """Unknowns of the inner problems, and of the condensed method's Newton matrices: "full" or "condensed"."""
     factorisation: str = ""
+    """Back end and version of the factorisation of K; empty if none was made."""
     corrections: tuple[float, ...] = ()
+    """Of the condensed method, sizes of the defect corrections in the energy norm, relative: what the rounding inside K
+    had spoilt; they end where the next one would be rounding."""
     remarks: tuple[str, ...] = ()
+    """What to know about a solution, such as that there are several; one sentence each."""
     near: bool | None = None
+    """Of the condensed method, whether the state it was to begin from was near enough; None if there was none."""
     attempts: tuple[Attempt, ...] = ()
+    """What was tried, one `Attempt` each, in their order."""
 
     @property
     def solved(self) -> bool:

@@ -44,53 +44,37 @@ class Uniqueness:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Bracket:
-    """Bounds of the energy of a contact problem, and where they are apart; for energies and formulas see `bracket`.
-
-    Attributes
-    ----------
-    kind : BracketKind
-        The problem whose solution is u, σ.
-    reasons : tuple of str
-        Why the bounds of the energy are not guaranteed; empty if they are.
-    lower, upper : float
-        −J*(τ) and J(v) [stress × length²]; −∞ or ∞ where no admissible stress or displacement was found.
-    strain : float
-        ½ ∫ τ : c : τ, with the energy of springs, to compare the gap with [stress × length²].
-    bulk : (cells,) array
-        ½ ∫ (τ − Cε(v)) : c : (τ − Cε(v)) on each cell, the constitutive-relation error, ≥ 0.
-    contacts : mapping
-        The parts on the edges of each contact that is not tied; tied ones have only those of springs.
-    cell_gaps : (cells,) array
-        All parts by cell, ≥ 0: those of an edge go to its cell, on a joint to both halves; 0 without a displacement.
-    slack : float
-        How much the lower bound was lowered for what the solver left of violations of the contact law: twice their
-        work with v in the place of u, an estimate.
-    driven : mapping
-        For each contact or support whose prescribed displacement alone drives the problem, bounds of the force against
-        it from those of the energy, see `bracket.forces`.
-    result, companion : ContactResult, CompanionResult
-        The stress τ and the displacement v.
-    coulomb : CoulombBounds or None
-        With Coulomb friction: bounds of the errors of stresses, displacements and forces under Coulomb's law itself.
-    coulomb_reason : str
-        With Coulomb friction, why there are none; else empty.
-
-    """
+    """Bounds of the energy of a contact problem, and where they are apart; for energies and formulas see `bracket`."""
 
     kind: BracketKind
+    """The problem whose solution is u, σ."""
     reasons: tuple[str, ...]
+    """Why the bounds of the energy are not guaranteed; empty if they are."""
     lower: float
     upper: float
+    """−J*(τ) and J(v) [stress × length²]; −∞ or ∞ where no admissible stress or displacement was found."""
     strain: float
+    """½ ∫ τ : c : τ, with the energy of springs, to compare the gap with [stress × length²]."""
     bulk: FloatArray
+    """(cells,): ½ ∫ (τ − Cε(v)) : c : (τ − Cε(v)) on each cell, the constitutive-relation error, ≥ 0."""
     contacts: Mapping[str, EdgeParts]
+    """The parts on the edges of each contact that is not tied; tied ones have only those of springs."""
     cell_gaps: FloatArray
+    """(cells,): All parts by cell, ≥ 0: those of an edge go to its cell, on a joint to both halves; 0 without a
+    displacement."""
     slack: float
+    """How much the lower bound was lowered for what the solver left of violations of the contact law: twice their work
+    with v in the place of u, an estimate."""
     driven: Mapping[str, Bounds]
+    """For each contact or support whose prescribed displacement alone drives the problem, bounds of the force against
+    it from those of the energy, see `bracket.forces`."""
     result: ContactResult
     companion: CompanionResult
+    """The stress τ and the displacement v."""
     coulomb: CoulombBounds | None = None
+    """With Coulomb friction: bounds of the errors of stresses, displacements and forces under Coulomb's law itself."""
     coulomb_reason: str = ""
+    """With Coulomb friction, why there are none; else empty."""
 
     def __repr__(self) -> str:
         return f"<Bracket {self.message}>"

@@ -100,27 +100,19 @@ def _alone(problem: ContactProblem, cells: IntArray, joints: tuple[Contact, ...]
 
 @dataclass(frozen=True, eq=False)
 class Share:
-    """s on one contact with Coulomb friction.
-
-    Attributes
-    ----------
-    contact : Contact
-        The contact.
-    values, weights : (edges, q) arrays
-        s_i, and ω_i ≥ 0 in a unit of its own: s = Σ s_i ω_i B_i / Σ ω_i B_i.
-    slipping : (edges,) array
-        1 or −1 where s is that on the whole edge, so that displacements may slip along the tangent or against it; NaN
-        on edges far from the obstacle, where they may slip either way; 0 on other edges.
-    room : (edges, q) array
-        m_i ≥ 0 of a continuous m ≤ 1 − |s|, made of them as s of the s_i: 1 − |s_i|, but 0 where s must vanish.
-
-    """
+    """s on one contact with Coulomb friction."""
 
     contact: Contact
+    """The contact."""
     values: FloatArray
     weights: FloatArray
+    """(edges, q) arrays s_i, and ω_i ≥ 0 in a unit of its own: s = Σ s_i ω_i B_i / Σ ω_i B_i."""
     slipping: FloatArray
+    """(edges,): 1 or −1 where s is that on the whole edge, so that displacements may slip along the tangent or against
+    it; NaN on edges far from the obstacle, where they may slip either way; 0 on other edges."""
     room: FloatArray
+    """(edges, q) array m_i ≥ 0 of a continuous m ≤ 1 − |s|, made of them as s of the s_i: 1 − |s_i|, but 0 where s must
+    vanish."""
 
     @property
     def friction(self) -> float:

@@ -55,6 +55,7 @@ class Discretization(PicklesFields):
     """A contact problem on the elements of its mesh, traction conditions and gauge eliminated."""
 
     problem: ContactProblem
+    """The problem."""
     scales: Scales
     """The units."""
     rule: EdgeRule

@@ -58,49 +58,33 @@ class Flow:
 
 @dataclass(frozen=True, eq=False)
 class BodyMotion:
-    """A velocity field with which the body gives way, of power 1 of the loads that are multiplied.
-
-    Attributes
-    ----------
-    velocities : (cells, m, 2) array
-        Bernstein coefficients of v on each triangle. Each is the velocity near the point that it belongs to.
-    places : (m, 3) array
-        Barycentric places of these coefficients in the triangle.
-    strain : (cells, 3, count, 3) array
-        Coefficients of (ε_xx, ε_yy, 2ε_xy) on the parts of each triangle, lengths over that of the mesh.
-    dissipation : (cells,) array
-        ∫ π(ε) dx, or the bound of it, in units of the load factor.
-    contacts : mapping of str to ContactFlow
-        What happens on each contact.
-    plates : mapping of str to RigidMotion
-        Motions of plates driven by force about their pivots, by the names of their contacts.
-
-    """
+    """A velocity field with which the body gives way, of power 1 of the loads that are multiplied."""
 
     velocities: FloatArray
+    """(cells, m, 2): Bernstein coefficients of v on each triangle. Each is the velocity near the point that it belongs
+    to."""
     places: FloatArray
+    """(m, 3): Barycentric places of these coefficients in the triangle."""
     strain: FloatArray
+    """(cells, 3, count, 3): Coefficients of (ε_xx, ε_yy, 2ε_xy) on the parts of each triangle, lengths over that of the
+    mesh."""
     dissipation: FloatArray
+    """(cells,): ∫ π(ε) dx, or the bound of it, in units of the load factor."""
     contacts: Mapping[str, ContactFlow]
+    """What happens on each contact."""
     plates: Mapping[str, RigidMotion]
+    """Motions of plates driven by force about their pivots, by the names of their contacts."""
 
 
 @dataclass(frozen=True, eq=False)
 class ContactFlow:
-    """Jumps of v along a contact.
-
-    Attributes
-    ----------
-    opening, slip : (edges, p) arrays
-        Coefficients of w = −[v]_N and of [v]_T from the first end of each edge to its second.
-    dissipation : (edges,) array
-        ∫ π([v]) ds, or the bound of it, in units of the load factor.
-
-    """
+    """Jumps of v along a contact."""
 
     opening: FloatArray
     slip: FloatArray
+    """(edges, p): Coefficients of w = −[v]_N and of [v]_T from the first end of each edge to its second."""
     dissipation: FloatArray
+    """(edges,): ∫ π([v]) ds, or the bound of it, in units of the load factor."""
 
 
 class Velocities:

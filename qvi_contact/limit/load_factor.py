@@ -46,24 +46,6 @@ _CLOSE: Final = 1e-6  # logarithm of the width of a bisection that may end there
 class LimitLoad(float):
     """Result of a limit analysis: a number, the load factor that the mesh carries, and what is known besides.
 
-    Attributes
-    ----------
-    lower : float
-        The largest multiple for which the mesh has stresses that keep contact laws and strengths; the value of the
-        number itself. Infinity if any multiple can be carried, minus infinity if none can.
-    upper : float
-        No stress of the body carries a larger multiple, whatever the mesh. Infinity if the loads can grow without
-        limit, that is if they can do no work on mechanisms but 1e-7 of what they could do on other motions; minus
-        infinity if no multiple can be carried.
-    mechanism : Mechanism or None
-        The motion of the blocks that proves `upper`; None where that is infinite.
-    bound : float
-        No multiple above this can be carried by this mesh: the dual bound of the multipliers found.
-    violation : float
-        Largest violation of the contact laws and strengths at `lower`, relative to the largest limit of tractions.
-    collapse : Collapse or None
-        How a body that yields gives way; None if no part of it has a strength, or a side is not finite.
-
     Notes
     -----
     With prescribed tractions that stresses of the mesh cannot follow point by point, `lower` is that of tractions with
@@ -73,11 +55,20 @@ class LimitLoad(float):
     """
 
     lower: float
+    """The largest multiple for which the mesh has stresses that keep contact laws and strengths; the value of the
+    number itself. Infinity if any multiple can be carried, minus infinity if none can."""
     upper: float
+    """No stress of the body carries a larger multiple, whatever the mesh. Infinity if the loads can grow without limit,
+    that is if they can do no work on mechanisms but 1e-7 of what they could do on other motions; minus infinity if no
+    multiple can be carried."""
     mechanism: Mechanism | None
+    """The motion of the blocks that proves `upper`; None where that is infinite."""
     bound: float
+    """No multiple above this can be carried by this mesh: the dual bound of the multipliers found."""
     violation: float
+    """Largest violation of the contact laws and strengths at `lower`, relative to the largest limit of tractions."""
     collapse: Collapse | None = None
+    """How a body that yields gives way; None if no part of it has a strength, or a side is not finite."""
 
     def __new__(cls, lower: float, *_: object, **__: object) -> LimitLoad:
         """The number `lower`, to which the fields are added."""
@@ -245,25 +236,18 @@ class LimitProblem:
 
 @dataclass(frozen=True, eq=False)
 class Collapse:
-    """How a body that yields gives way at its limit load.
-
-    Attributes
-    ----------
-    motion : BodyMotion
-        The velocities that prove `LimitLoad.upper` where no rigid blocks do, and what they dissipate.
-    stress : (cells, 3, count, 3) array
-        Bernstein coefficients of (σ_xx, σ_yy, σ_xy) at `LimitLoad.lower` on the three parts of each triangle [stress].
-    gap : (cells,) array
-        Parts of upper − lower, none of them negative; those of contact edges are shared by the triangles beside them.
-    guaranteed : bool
-        Whether both numbers are bounds: sides are straight, and the body force is a polynomial that stresses follow.
-
-    """
+    """How a body that yields gives way at its limit load."""
 
     motion: BodyMotion
+    """The velocities that prove `LimitLoad.upper` where no rigid blocks do, and what they dissipate."""
     stress: FloatArray
+    """(cells, 3, count, 3): Bernstein coefficients of (σ_xx, σ_yy, σ_xy) at `LimitLoad.lower` on the three parts of
+    each triangle [stress]."""
     gap: FloatArray
+    """(cells,): Parts of upper − lower, none of them negative; those of contact edges are shared by the triangles
+    beside them."""
     guaranteed: bool
+    """Whether both numbers are bounds: sides are straight, and the body force is a polynomial that stresses follow."""
 
 
 def _checked(carried: Carried, upper: float, straight: bool) -> float:
@@ -337,19 +321,13 @@ def times(field: Field, factor: float) -> Field:
 
 @dataclass(frozen=True)
 class StrengthReduction:
-    """Both sides of the factor of safety on strength.
-
-    Attributes
-    ----------
-    lower : float
-        Strengths divided by this carry the loads: stresses of the mesh show it. Zero if no factor was found.
-    upper : float
-        Strengths divided by this do not, on any mesh: a mechanism or a flow shows it. Infinity if no factor was found.
-
-    """
+    """Both sides of the factor of safety on strength."""
 
     lower: float
+    """Strengths divided by this carry the loads: stresses of the mesh show it. Zero if no factor was found."""
     upper: float
+    """Strengths divided by this do not, on any mesh: a mechanism or a flow shows it. Infinity if no factor was
+    found."""
 
 
 def strength_reduction_factor(

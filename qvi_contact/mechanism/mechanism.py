@@ -53,17 +53,11 @@ _SETTLED: Final = 1e-13
 
 @dataclass(frozen=True)
 class ContactMotion:
-    """What a mechanism does at a contact.
-
-    Attributes
-    ----------
-    opening, slip : float
-        Largest speed of opening, and of sliding [length].
-
-    """
+    """What a mechanism does at a contact."""
 
     opening: float
     slip: float
+    """Largest speed of opening, and of sliding [length]."""
 
     @property
     def slides(self) -> bool:
@@ -83,33 +77,22 @@ class Mechanism(PicklesFields):
     Friction counts as if slip had to open the contact by μ times as much (the associated law): for such a motion
     admissible tractions cannot resist by more than `resistance`. If the loads do more work than that, no stress in
     equilibrium with them keeps the contact laws, on any mesh.
-
-    Attributes
-    ----------
-    blocks : (cells,) int array
-        The block that each cell of the mesh belongs to.
-    motions : tuple of RigidMotion
-        One for each block.
-    plates : mapping of str to RigidMotion
-        Motions of plates driven by force, by the names of their contacts.
-    works : mapping of str to float
-        Work of each load by its name [stress × length²].
-    resistance : float
-        The most that cohesion and caps of friction can take up [stress × length²].
-    contacts : mapping of str to ContactMotion
-        What opens and what slips.
-    violation : float
-        Largest speed against a support or contact law [length]: rounding.
-
     """
 
     blocks: IntArray
+    """(cells,) int: The block that each cell of the mesh belongs to."""
     motions: tuple[RigidMotion, ...]
+    """One for each block."""
     plates: Mapping[str, RigidMotion]
+    """Motions of plates driven by force, by the names of their contacts."""
     works: Mapping[str, float]
+    """Work of each load by its name [stress × length²]."""
     resistance: float
+    """The most that cohesion and caps of friction can take up [stress × length²]."""
     contacts: Mapping[str, ContactMotion]
+    """What opens and what slips."""
     violation: float
+    """Largest speed against a support or contact law [length]: rounding."""
 
     @property
     def work(self) -> float:

@@ -28,21 +28,16 @@ _LEAST: Final = 1e-3  # seconds: some back ends take 0 for no limit
 
 
 class Progress(NamedTuple):
-    """Where a solve is.
-
-    Attributes
-    ----------
-    method : which method it is that begins or iterates
-    iteration : what it has done; None where it begins
-    remark : why it begins, where another one has failed before
-    stage : what is done that takes long and is no iteration, such as a large factorisation; `method` is what does it
-
-    """
+    """Where a solve is."""
 
     method: str
+    """Which method it is that begins or iterates."""
     iteration: "Iteration | None" = None
+    """What it has done; None where it begins."""
     remark: str = ""
+    """Why it begins, where another one has failed before."""
     stage: str = ""
+    """What is done that takes long and is no iteration, such as a large factorisation; `method` is what does it."""
 
 
 Listener: TypeAlias = Callable[[Progress], object]

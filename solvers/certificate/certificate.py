@@ -79,22 +79,17 @@ from solvers.inequality.rows import absolute_product, largest
 
 @dataclass(frozen=True)
 class Measure:
-    """One row of the certificate's table.
-
-    Attributes
-    ----------
-    name : key in `Certificate.measures`
-    meaning : what the number is, in one sentence
-    worry : when to worry, and what to do then
-    exponent, factor : of the limit factor · tolerance^exponent
-
-    """
+    """One row of the certificate's table."""
 
     name: str
+    """Key in `Certificate.measures`."""
     meaning: str
+    """What the number is, in one sentence."""
     worry: str
+    """When to worry, and what to do then."""
     exponent: float = 1.0
     factor: float = 1.0
+    """Of the limit factor · tolerance^exponent."""
 
     def limit(self, tolerance: float) -> float:
         """The value at which it fails."""
@@ -269,21 +264,16 @@ class CertificateRow:
 
 @dataclass(frozen=True)
 class Certificate:
-    """Measured violations of every condition of (D2), relative to the scales of this module.
-
-    Attributes
-    ----------
-    measures : name → value, ≥ 0; ``inf`` where it could not be computed, so that nothing missing passes
-    tolerance : the tolerance asked for
-    scales : the scales "stress", "displacement", "energy" and "body_energy", and "rounding" where that counted
-    signed : name → the same value with its sign, where that means something: "energy_gap" and "bipotential"
-
-    """
+    """Measured violations of every condition of (D2), relative to the scales of this module."""
 
     measures: Mapping[str, float]
+    """Name → value, ≥ 0; ``inf`` where it could not be computed, so that nothing missing passes."""
     tolerance: float
+    """The tolerance asked for."""
     scales: Mapping[str, float] = field(default_factory=dict)
+    """The scales "stress", "displacement", "energy" and "body_energy", and "rounding" where that counted."""
     signed: Mapping[str, float] = field(default_factory=dict)
+    """Name → the same value with its sign, where that means something: "energy_gap" and "bipotential"."""
 
     @cached_property
     def limits(self) -> dict[str, float]:

@@ -42,21 +42,16 @@ _PROVED = "no admissible traction carries the load, proved by multipliers (Farka
 
 @dataclass(frozen=True, eq=False)
 class Feasibility:
-    """Result of `check_feasibility`.
-
-    Attributes
-    ----------
-    feasible : True, False (proved), or None if undecided
-    z : (n,) point of C if feasible
-    farkas : (y (rows of G,), ν (p,)) if infeasible
-    message : one sentence
-
-    """
+    """Result of `check_feasibility`."""
 
     feasible: bool | None
+    """True, False (proved), or None if undecided."""
     z: Vector | None
+    """(n,) point of C if feasible."""
     farkas: tuple[Vector, Vector] | None
+    """(y (rows of G,), ν (p,)) if infeasible."""
     message: str
+    """One sentence."""
 
 
 @dataclass(frozen=True, eq=False)

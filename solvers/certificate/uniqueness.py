@@ -43,24 +43,19 @@ _LOST = 1e-13  # eigenvalues below this share of the largest are rounding
 
 @dataclass(frozen=True)
 class UniquenessBound:
-    """The sufficient condition of this module for one problem.
-
-    Attributes
-    ----------
-    friction : the largest mu of points whose bound moves with the pressure
-    bound : κ^(−1/2), below which mu is small enough; infinity where no friction bound moves or no traction of the
-        contact can change; None if not computed
-    sharper : 1/γ ≥ bound, the same by blocks of the compliance
-    independent : whether contact rows are independent, so that the condition proves something for the law at points
-    reason : why there is no bound; empty if there is one
-
-    """
+    """The sufficient condition of this module for one problem."""
 
     friction: float
+    """The largest mu of points whose bound moves with the pressure."""
     bound: float | None = None
+    """Κ^(−1/2), below which mu is small enough; infinity where no friction bound moves or no traction of the contact
+    can change; None if not computed."""
     sharper: float | None = None
+    """1/γ ≥ bound, the same by blocks of the compliance."""
     independent: bool = False
+    """Whether contact rows are independent, so that the condition proves something for the law at points."""
     reason: str = ""
+    """Why there is no bound; empty if there is one."""
 
     @property
     def satisfied(self) -> bool:

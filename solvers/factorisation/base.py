@@ -29,29 +29,20 @@ class Factorisation(ABC):
     """K = [K_II K_IΓ; K_ΓI K_ΓΓ], symmetric positive definite, with the interior I eliminated.
 
     S = K_ΓΓ − K_ΓI K_II⁻¹ K_IΓ. Made by `factorise`; K itself may be changed or dropped afterwards.
-
-    Attributes
-    ----------
-    backend, version : str
-        Name in `BACKENDS`, and the library with its version.
-    size : int
-        Number of unknowns n.
-    interface : IntVector (k,)
-        Sorted indices Γ; k = 0 and k = n are allowed.
-    schur : Matrix (k, k)
-        S, dense and exactly symmetric.
-    seconds : dict
-        Wall time of "analysis" (ordering, symbolic) and "numeric" (with S), conversions included, and of the "check"
-        for a matrix that is singular up to rounding where that is a step of its own.
-
     """
 
     backend: ClassVar[str]
     version: str
+    """Name in `BACKENDS`, and the library with its version."""
     size: int
+    """Number of unknowns n."""
     interface: IntVector
+    """(k,): Sorted indices Γ; k = 0 and k = n are allowed."""
     schur: Matrix
+    """(k, k): S, dense and exactly symmetric."""
     seconds: dict[str, float]
+    """Wall time of "analysis" (ordering, symbolic) and "numeric" (with S), conversions included, and of the "check" for
+    a matrix that is singular up to rounding where that is a step of its own."""
     _diagonal: Vector  # of K_ΓΓ, which pivots of S are compared with
 
     @abstractmethod

@@ -63,18 +63,14 @@ class _Made:
 class Stiffness(PicklesFields):
     """K, factorised when that is first needed, and the last contact condensed with it.
 
-    Attributes
-    ----------
-    K : (n, n) symmetric, positive definite on the null space of A; dense where it is small
-    places : (n, 2), optional
-        Where the unknowns are, in any unit: without MKL unknowns are eliminated by nested dissection of these places.
-
     Raises `InputError` for a K that is not symmetric, or has a negative diagonal.
-
     """
 
     K: Columns
+    """(n, n) symmetric, positive definite on the null space of A; dense where it is small."""
     places: Matrix | None = None
+    """(n, 2): Where the unknowns are, in any unit: without MKL unknowns are eliminated by nested dissection of these
+    places."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "K", checked_matrix("K", self.K))
@@ -179,24 +175,19 @@ _FORESEEN = 1e-16  # of the solution, in the energy norm: size of a correction t
 
 @dataclass(frozen=True, eq=False)
 class Loads(PicklesFields):
-    """Loads, tractions at z = 0, and right-hand sides of equations.
-
-    Attributes
-    ----------
-    f : (n,)
-    n0, t0 : (m,), tractions at z = 0
-    b : (p,), optional; p = 0 when not given
-    root, load : an `EnergyRoot` with the r₀ of these loads and (n,), optional, both or none, with f = load − Rᵀr₀. They
-        give the gradient of the energy more accurately than K and f, whose entries may be large and cancel
-
-    """
+    """Loads, tractions at z = 0, and right-hand sides of equations."""
 
     f: Vector
+    """(n,)."""
     n0: Vector
     t0: Vector
+    """(m,), tractions at z = 0."""
     b: Vector = None  # type: ignore[assignment]  # None is replaced on construction
+    """(p,), optional; p = 0 when not given."""
     root: EnergyRoot | None = None
     load: Vector | None = None
+    """An `EnergyRoot` with the r₀ of these loads and (n,), optional, both or none, with f = load − Rᵀr₀. They give the
+    gradient of the energy more accurately than K and f, whose entries may be large and cancel."""
 
     def __post_init__(self) -> None:
         if (self.root is None) != (self.load is None):

@@ -39,22 +39,17 @@ _OTHER_WAVES = 1e-8  # in the first vector: of a uniform traction, where balance
 
 @dataclass(frozen=True, eq=False)
 class ContactMatrices(PicklesFields):
-    """Rows of tractions and equations, and the weights of the contact points; matrices dense where they are small.
-
-    Attributes
-    ----------
-    N, T : (m, n), normal and tangential traction at the contact points
-    W : (m,), quadrature weights, > 0
-    A : (p, n) equations, optional; p = 0 rows when not given
-    traces : `TractionFactor`, optional; coordinates for [N; T], rows among them when not given
-
-    """
+    """Rows of tractions and equations, and the weights of the contact points; matrices dense where they are small."""
 
     N: Columns
     T: Columns
+    """(m, n), normal and tangential traction at the contact points."""
     W: Vector
+    """(m,), quadrature weights, > 0."""
     A: Columns = None  # type: ignore[assignment]  # None is replaced on construction
+    """(p, n) equations, optional; p = 0 rows when not given."""
     traces: TractionFactor | None = None
+    """`TractionFactor`, optional; coordinates for [N; T], rows among them when not given."""
 
     def __post_init__(self) -> None:
         for name in ("N", "T"):

@@ -24,20 +24,15 @@ __all__ = ["ContactMatrices", "EnergyRoot", "FrictionQVI", "Law", "Loads", "Stif
 
 @dataclass(frozen=True, eq=False)
 class Law(PicklesFields):
-    """The contact law at m points: σ_N ≤ 0 unless bilateral, |σ_T| ≤ min(cohesion + mu s, cap) for the pressure s.
-
-    Attributes
-    ----------
-    mu : (m,), friction coefficient at each point, ≥ 0
-    cohesion, cap : (m,) ≥ 0, optional; 0 and infinity when not given
-    bilateral : (m,) bool, optional; nowhere when not given
-
-    """
+    """The contact law at m points: σ_N ≤ 0 unless bilateral, |σ_T| ≤ min(cohesion + mu s, cap) for the pressure s."""
 
     mu: Vector
+    """(m,), friction coefficient at each point, ≥ 0."""
     cohesion: Vector = None  # type: ignore[assignment]  # None is replaced on construction
     cap: Vector = None  # type: ignore[assignment]
+    """(m,) ≥ 0, optional; 0 and infinity when not given."""
     bilateral: BoolVector = None  # type: ignore[assignment]
+    """(m,) bool, optional; nowhere when not given."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mu", checked_vector("mu", self.mu))
@@ -93,22 +88,18 @@ class FrictionQVI(PicklesFields):
     value of a sweep over friction `with_law`, and both use the factorisation of the first problem. n = 0 is allowed: a
     statically determinate problem.
 
-    Attributes
-    ----------
-    stiffness : `Stiffness`: K and its factorisation
-    contact : `ContactMatrices`: N, T, W, A, traces
-    loads : `Loads`: f, n0, t0, b, and what the bonded state is
-    law : `Law`: mu, cohesion, cap, bilateral
-
     Data of the parts can be read from the problem too, as in `qvi.f`; `qvi.K`, `N`, `T`, `A` and `contact_rows` [N; T]
     are in compressed columns there. Raises `InputError` where shapes disagree.
-
     """
 
     stiffness: Stiffness
+    """`Stiffness`: K, its root and its factorisation."""
     contact: ContactMatrices
+    """`ContactMatrices`: N, T, W, A, traces."""
     loads: Loads
+    """`Loads`: f, n0, t0, b, and what the bonded state is."""
     law: Law
+    """`Law`: mu, cohesion, cap, bilateral."""
 
     K = cast("Sparse", property(attrgetter("stiffness.by_columns")))
     N = cast("Sparse", property(lambda self: self.contact.by_columns["N"]))

@@ -39,16 +39,12 @@ class TractionFactor(PicklesFields):
 
     In mechanics y are σ_N at two points of every edge and σ_T at nodes and midpoints. Some rows of Y may be zero (the
     trace is prescribed there) or depend on the others (equilibrium of the whole body).
-
-    Attributes
-    ----------
-    rows : Y (r, n), dense where it is small
-    interpolation : E (2m, r), dense where it is small
-
     """
 
     rows: Columns
+    """Y (r, n), dense where it is small."""
     interpolation: Columns
+    """E (2m, r), dense where it is small."""
 
     def __post_init__(self) -> None:
         for name in ("rows", "interpolation"):
@@ -73,14 +69,10 @@ class TraceCoordinates:
     """Coordinates y = P x of the unknowns x = z_Γ that contact or equality rows touch.
 
     The first are independent traces, the last unknowns that complete them. Then [N; T] z = E y.
-
-    Attributes
-    ----------
-    interpolation : E (2m, k)
-
     """
 
     interpolation: Rows
+    """E (2m, k)."""
     _matrix: Rows
     _factor: Any
 

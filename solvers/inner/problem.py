@@ -50,26 +50,21 @@ def row_multipliers(y: Vector) -> tuple[Vector, Vector]:
 
 @dataclass(frozen=True, eq=False)
 class InnerSolution:
-    """Result of one inner problem; signs as in `FrictionQVI`, `y` is the certificate if infeasible.
-
-    Attributes
-    ----------
-    z, m_N, m_T, nu : (n,), (m,), (m,), (p,); NaN if the back end gave nothing
-    status : translated to the one vocabulary
-    iterations : of the back end, 0 if it does not say
-    seconds : wall time of the call
-    message : what the back end said, warnings included
-
-    """
+    """Result of one inner problem; signs as in `FrictionQVI`, `y` is the certificate if infeasible."""
 
     z: Vector
     m_N: Vector  # noqa: N815  # letters of (D2)
     m_T: Vector  # noqa: N815
     nu: Vector
+    """(n,), (m,), (m,), (p,); NaN if the back end gave nothing."""
     status: Status
+    """Translated to the one vocabulary."""
     iterations: int = 0
+    """Of the back end, 0 if it does not say."""
     seconds: float = 0.0
+    """Wall time of the call."""
     message: str = ""
+    """What the back end said, warnings included."""
 
     @property
     def finite(self) -> bool:

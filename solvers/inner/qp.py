@@ -94,29 +94,24 @@ def meaning(word: str) -> Status:
 
 @dataclass(frozen=True)
 class QPBackend:
-    """How to ask one back end for a tolerance and how to read its answer.
-
-    Attributes
-    ----------
-    module : what to import, looked for without importing it
-    tolerances : settings that take the tolerance
-    options : further settings
-    floor : smallest tolerance it is asked for; below it fails or does not terminate
-    limit : setting that takes a limit of time in seconds, if there is one
-    dense : takes dense matrices only
-    warm : takes the previous z as a start and gains from it
-    otherwise : what it means where it finds nothing and does not say why
-
-    """
+    """How to ask one back end for a tolerance and how to read its answer."""
 
     module: str
+    """What to import, looked for without importing it."""
     tolerances: tuple[str, ...] = ()
+    """Settings that take the tolerance."""
     options: Mapping[str, Any] = field(default_factory=dict)
+    """Further settings."""
     floor: float = 1e-12
+    """Smallest tolerance it is asked for; below it fails or does not terminate."""
     limit: str = ""
+    """Setting that takes a limit of time in seconds, if there is one."""
     dense: bool = False
+    """Takes dense matrices only."""
     warm: bool = False
+    """Takes the previous z as a start and gains from it."""
     otherwise: str = "failed"
+    """What it means where it finds nothing and does not say why."""
 
     def settings(self, tolerance: float) -> dict[str, Any]:
         """Keyword arguments for `qpsolvers.solve_problem` at the tolerance, not below `floor`."""
