@@ -22,7 +22,12 @@ from scipy import sparse
 from scipy.linalg import block_diag, cho_factor, cho_solve
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
-from qvi_contact.discretization.displacements import MISFIT, DisplacementSpace, Supports, reference_matrices
+from qvi_contact.discretization.displacements import (
+    MISFIT,
+    DisplacementSpace,
+    PrescribedDisplacements,
+    reference_matrices,
+)
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
@@ -220,7 +225,7 @@ class CondensedBody:
 
     body: Elasticity
     load: FloatArray  # (size,): f
-    supports: Supports  # prescribed degrees of freedom
+    supports: PrescribedDisplacements  # prescribed degrees of freedom
     free: IntArray  # the others, ascending
     interface: IntArray  # Γ, numbers among all degrees of freedom, ascending
     factor: Factorisation
@@ -231,7 +236,9 @@ class CondensedBody:
     closely: float  # share of their size to which rigid motions rest, and loads do no work on them, beside arcs
 
     @classmethod
-    def of(cls, body: Elasticity, load: FloatArray, supports: Supports, rows: sparse.csr_array) -> "CondensedBody":
+    def of(
+        cls, body: Elasticity, load: FloatArray, supports: PrescribedDisplacements, rows: sparse.csr_array
+    ) -> "CondensedBody":
         """Condense on the degrees of freedom that rows (n, size) of v touch, prescribed ones among them left out.
 
         `FactorisationError` if the stiffness matrix cannot be factorised.

@@ -15,7 +15,14 @@ from scipy.linalg import block_diag
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number
 from qvi_contact.companion.body import CondensedBody, Elasticity, load_vector
 from qvi_contact.companion.contact import Contacts, DisplacementContact, admissible, dual_problem
-from qvi_contact.discretization.displacements import PARALLEL, DisplacementSpace, Supports, Triangle, supports, triangle
+from qvi_contact.discretization.displacements import (
+    PARALLEL,
+    DisplacementSpace,
+    PrescribedDisplacements,
+    Triangle,
+    supports,
+    triangle,
+)
 from qvi_contact.discretization.loads import scaled_stress_at_rest
 from qvi_contact.discretization.plates import COMPONENTS
 from qvi_contact.discretization.scaling import Scales
@@ -394,7 +401,7 @@ def solve_companions(
 def _posed(
     problem: ContactProblem, cell: Triangle, laws: Sequence[Mapping[str, FloatArray] | None],
     slips: Sequence[Mapping[str, FloatArray]],
-) -> tuple[Elasticity, Supports, list[Contacts]]:  # fmt: skip
+) -> tuple[Elasticity, PrescribedDisplacements, list[Contacts]]:  # fmt: skip
     """A problem on its elements: the body with its springs, what holds it, and its contacts under several laws."""
     scales = Scales.of(problem)
     space = DisplacementSpace.of(problem, cell, scales.length)

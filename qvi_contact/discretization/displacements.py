@@ -355,7 +355,7 @@ def along_arcs(arcs: Edges, vectors: FloatArray, degree: int) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class Supports:
+class PrescribedDisplacements:
     """Prescribed displacements."""
 
     index: IntArray  # index, values, (f,) each: degrees of freedom w that are prescribed, ascending, and their values
@@ -381,7 +381,7 @@ def supports(
     springs: int = 0,
     least: float = MISFIT,
     parallel: float = PARALLEL,
-) -> Supports:
+) -> PrescribedDisplacements:
     """Prescribed displacements, of so many stretches of springs none; where two disagree in a corner their mean.
 
     They disagree if they differ by more than a share of their size. Directions are one if they are parallel so far.
@@ -444,7 +444,7 @@ def supports(
     order = np.argsort(index)
     turned = _along_arcs(Q, on_arcs, p) if on_arcs else (Q, Q.T)
     axes, inverse = (sparse.csr_array(sparse.block_diag([part, sparse.eye_array(springs)])) for part in turned)
-    return Supports(
+    return PrescribedDisplacements(
         index[order], values[order], axes, inverse, bool(slanted.any() or on_arcs), (*reasons, *jumps), tuple(jumps)
     )
 

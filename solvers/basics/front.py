@@ -11,18 +11,21 @@ from typing import Any
 def front(room: str, homes: Mapping[str, tuple[str, ...]] | None = None) -> Callable[[str], Any]:
     """Return the ``__getattr__`` of a package: `homes` says which of its modules has which names.
 
-    Without them a name is looked for in one module of the room after the other; what a module imports is not its own.
+    Without them all its modules are asked; what a module imports is not its own, and a name of two has no answer.
     """
 
     def loaded(name: str) -> Any:
         modules = [home for home, names in (homes or {}).items() if name in names]
         if homes is None and not name.startswith("_"):
             modules = [module.name for module in iter_modules(sys.modules[room].__path__)]
+        found = {}
         for home in modules if name not in modules else ():
-            found = getattr(import_module(f"{room}.{home}"), name, sys)
-            imported = isinstance(found, type | FunctionType) and found.__module__ != f"{room}.{home}"
-            if not (imported or isinstance(found, ModuleType)):
-                return found
-        raise AttributeError(f"module {room!r} has no attribute {name!r}")
+            value = getattr(import_module(f"{room}.{home}"), name, sys)
+            imported = isinstance(value, type | FunctionType) and value.__module__ != f"{room}.{home}"
+            if not (imported or isinstance(value, ModuleType)):
+                found[id(value)] = value
+        if len(found) != 1:
+            raise AttributeError(f"module {room!r} has {'no' if not found else 'more than one'} attribute {name!r}")
+        return next(iter(found.values()))
 
     return loaded

@@ -1,4 +1,4 @@
-"""The body of (D2): K with its root and factorisation, loads, energy, and the state in which no contact law acts.
+"""The body of (D2): K with its factorisation, loads, energy, and the state in which no contact law acts.
 
 `Stiffness` is the one owner of its factorisation, which all problems that hold this object share.
 """

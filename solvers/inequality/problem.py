@@ -93,13 +93,13 @@ class FrictionQVI(PicklesFields):
     """
 
     stiffness: Stiffness
-    """`Stiffness`: K, its root and its factorisation."""
+    """K and its factorisation."""
     contact: ContactMatrices
-    """`ContactMatrices`: N, T, W, A, traces."""
+    """N, T, W, A, traces."""
     loads: Loads
-    """`Loads`: f, n0, t0, b, and what the bonded state is."""
+    """f, n0, t0, b, and what the bonded state is."""
     law: Law
-    """`Law`: mu, cohesion, cap, bilateral."""
+    """mu, cohesion, cap, bilateral."""
 
     K = cast("Sparse", property(attrgetter("stiffness.by_columns")))
     N = cast("Sparse", property(lambda self: self.contact.by_columns["N"]))
