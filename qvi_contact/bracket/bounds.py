@@ -19,7 +19,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate, finite_number
 from qvi_contact.basics.schema import keys_of
-from qvi_contact.bracket.coulomb import CoulombBounds, coulomb_bounds
+from qvi_contact.bracket.coulomb import TOO_NEAR, CoulombBounds, coulomb_bounds
 from qvi_contact.bracket.outcome import Bracket, BracketKind
 from qvi_contact.bracket.parts import (
     LOOSEST,
@@ -294,18 +294,23 @@ def bracket(
         shared: SharedStress | str = with_shares(result, tolerance) if rough else ""
         slip: list[Mapping[str, FloatArray]] = [{}]
         if isinstance(shared, SharedStress):  # a displacement for Coulomb's law, too
-            slip.append({name: share.slipping for name, share in shared.shares.items()})
+            slip.append(shared.slipping)
         bound = given.bound * known.scales.stress
         law = {rows.name: bound[rows.edges] for rows in known.contacts if rows.law != "tied"}
         first, *more = solve_companions(
             known.problem, [law] * len(slip), degree=degree, tolerance=tolerance, slip_directions=slip
         )
         found = _assemble(known, kind, given, reasons, stress, refused, first)
-        bounds: CoulombBounds | str = shared if isinstance(shared, str) else "No admissible displacement was found."
-        if isinstance(shared, SharedStress) and more[0].has_state:
-            why = dict.fromkeys((*earlier, *found.reasons[len(reasons) :], *more[0].reasons))
+        bounds: CoulombBounds | str = shared if isinstance(shared, str) else ""
+        if isinstance(shared, SharedStress):
+            why = (*earlier, *found.reasons[len(reasons) :])
             try:
-                bounds = coulomb_bounds(shared, more[0], tuple(why))
+                bounds = coulomb_bounds(shared, more[0], why)
+                if bounds == TOO_NEAR and isinstance(shared := with_shares(result, tolerance, far=False), SharedStress):
+                    (other,) = solve_companions(
+                        known.problem, [law], degree=degree, tolerance=tolerance, slip_directions=[shared.slipping]
+                    )
+                    bounds = coulomb_bounds(shared, other, why)
             except (FactorisationError, MemoryError, np.linalg.LinAlgError) as error:
                 bounds = f"The norm of friction was not computed: {error or 'out of memory'}."
         found = replace(found, coulomb_reason=bounds) if isinstance(bounds, str) else replace(found, coulomb=bounds)

@@ -136,13 +136,18 @@ class CoulombBounds:
         return " ".join(filter(None, [bound, near, *self.reasons, *self.places[:1]]))
 
 
+TOO_NEAR: Final = "No displacement was found that is as far from an obstacle as the stress lets it be."
+"""Displacements that may slip far from an obstacle come too near to it."""
+
+
 def coulomb_bounds(
     stress: SharedStress, companion: CompanionResult, reasons: tuple[str, ...] = ()
 ) -> CoulombBounds | str:
     """T5 with T2: the bounds from a stress and a displacement that slips as its shares allow, or why they say nothing.
 
-    Reasons say why the two are not exactly admissible.
+    Those and reasons that are given say why the two are not exactly admissible.
     """
+    reasons = tuple(dict.fromkeys((*reasons, *companion.reasons)))
     result, shares, known = stress.result, stress.shares, stress.result.discretization
     own, unit = EdgeTractions.of(known, result.dofs), known.scales.stress
     excess, tension = own.violations(own.bound)
@@ -151,11 +156,12 @@ def coulomb_bounds(
     for rows in known.contacts:
         if rows.law != "tied" and max(excess[rows.edges].max(), tension[rows.edges].max()) > most:
             return f"The stress does not obey the law of contact {rows.name!r} on whole edges."
-    assert companion.state is not None
+    if companion.state is None:
+        return "No admissible displacement was found."
     if companion.state.contradiction:
         return companion.state.contradiction
     if (_opening(companion.state) < -_ROUNDING * max(1.0, float(np.abs(companion.state.c).max(initial=0.0)))).any():
-        return "No displacement was found that is as far from an obstacle as the stress lets it be."
+        return TOO_NEAR
     problem = known.problem
     fields, before = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
     edges, slack = edge_parts(fields, known, own, own.bound, companion)

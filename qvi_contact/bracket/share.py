@@ -176,6 +176,11 @@ class SharedStress:
     places: tuple[str, ...]
     before: ContactResult  # it carries τ
 
+    @property
+    def slipping(self) -> dict[str, FloatArray]:
+        """`Share.slipping` by contact."""
+        return {name: share.slipping for name, share in self.shares.items()}
+
 
 def with_contacts(problem: ContactProblem, changed: Mapping[str, Contact]) -> ContactProblem:
     """The problem with other contacts of these names."""
@@ -225,12 +230,13 @@ def with_bernstein_rows(known: Discretization) -> Discretization:
     return discretize(known.problem, degree=known.space.degree, law_on="edges", scales=known.scales)
 
 
-def with_shares(result: ContactResult, tolerance: float) -> SharedStress | str:
+def with_shares(result: ContactResult, tolerance: float, *, far: bool = True) -> SharedStress | str:
     """(H4): a stress with continuous shares near that of a result, or why nothing is known of its errors.
 
     A result with rows that do not hold Coulomb's law on whole edges is solved anew. At a vertex between edges of which
     one slips, s is 1 or −1 as there; where nothing slips it is the mean, weighted by the bounds; where no R of (D26)
     exists else, it is 0. Of each edge only the first and the last coefficient of the shear that counts are changed.
+    Displacements may slip either way on edges `far` from an obstacle.
     """
     reason, found = outside_scope(result.problem), dict[str, Share]()
     if reason:
@@ -249,12 +255,12 @@ def with_shares(result: ContactResult, tolerance: float) -> SharedStress | str:
             found[contact.name] = _raw(contact, own.bound[rows.edges], own.shear[rows.edges], slip, least)
     shares, places = joined(known.problem, found, _vanishing(known.problem))
     for name, share in shares.items():
-        if not share.contact.cohesion:
+        if far and not share.contact.cohesion:
             line, least = result.contacts[name], _FAR * AWAY * share.friction
-            far = (line.gap > least * np.abs(line.slip)).reshape(share.slipping.size, -1).all(axis=1)
-            far &= ~share.weights.any(axis=1)
-            if (share.slipping[far] == 0.0).any():
-                shares[name] = replace(share, slipping=np.where(far, np.nan, share.slipping))
+            away = (line.gap > least * np.abs(line.slip)).reshape(share.slipping.size, -1).all(axis=1)
+            away &= ~share.weights.any(axis=1)
+            if (share.slipping[away] == 0.0).any():
+                shares[name] = replace(share, slipping=np.where(away, np.nan, share.slipping))
     moved = _moved(result, shares)
     return moved if isinstance(moved, str) else SharedStress(*moved, places, result)
 
