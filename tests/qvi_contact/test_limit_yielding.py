@@ -397,7 +397,7 @@ def test_what_other_loads_leave_of_a_strength_is_carried(room):
     block, top = stretched(MohrCoulomb(1.0, 0.5)), Traction("top", x=0.0, y=-crushing * (1.0 - room))
     pressed = [top, Traction("right", x=0.0, y=1.0), *block.conditions[2:]]
     limit = limit_load_factor(replace(block, conditions=pressed), ["right"], degree=3)
-    assert limit.lower == pytest.approx(5.47 * room, rel=1e-2)
+    assert limit.lower == pytest.approx(5.47 * room, rel=1e-2, abs=1e-6)  # what solvers leave of a strength of 1
 
 
 def test_a_program_that_the_simplex_method_cannot_begin_goes_to_the_other(pytestconfig):
