@@ -248,6 +248,8 @@ class ContactRows:
 
 def gap_at_points(problem: ContactProblem, contact: Contact, points: EdgePoints) -> FloatArray:
     """Gap (m,) at points of a contact, as the polynomials on which tractions do the same work [length]."""
+    if not callable(contact.gap):
+        return np.full(points.weights.size, float(contact.gap))
     given = ("Contact.gap", contact.gap, max(LOAD_POINTS, points.count + 2))
     return points.nearest(along_edges(problem.mesh, points.edges, *given))
 
