@@ -272,9 +272,10 @@ def contact_rows(
             pressure = points.nearest(fluid)
             if callable(contact.pore_pressure):
                 misfit = fluid.misfit(fluid.coefficients(points.count - 1))
-        gap = gap_at_points(problem, contact, points)
-        if rule.law_on == "points":  # a polynomial that is below g there would press into the obstacle
+        if rule.law_on == "points":  # a polynomial below g at one of them would press where bodies are apart
             gap = evaluate("Contact.gap", contact.gap, x, y)
+        else:
+            gap = gap_at_points(problem, contact, points)
         rows = ContactRows(
             contact.name,
             contact.law,
