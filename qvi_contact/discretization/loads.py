@@ -198,7 +198,7 @@ class ContactRows:
     points: EdgePoints  # the m Gauss points, as many as rows, where results are given
     row_limits: Limits
     limits: Limits  # the same at the points
-    # (m,): obstacle position g and tangential offset w at the points, dimensionless, see `gap_at_points`
+    # (m,): obstacle position g and tangential offset w at the points, dimensionless, see `contact_rows`
     gap: FloatArray
     offset: FloatArray
     # (m,): pressure p_w of a fluid in the contact at the points, dimensionless; σ_N' = σ_N + p_w obeys the law. It is
@@ -241,7 +241,7 @@ class ContactRows:
     def work(self) -> FloatArray:
         """∫ g τ_N + w τ_T ds as a vector over all degrees of freedom, the last term of (D1); g within reach."""
         space, weights, (across, along) = self.points.space, self.points.weights, self.motion
-        w = self.offset + along if self.law == "tied" else self.offset + along + self.slip
+        w = self.offset + along + (0.0 if self.law == "tied" else self.slip)  # a tied contact has not slipped
         across = across + self.gap - self.beyond
         return space.traction_load(weights * across, weights * w, self.points.edges, self.points.reference)
 
@@ -274,6 +274,10 @@ def contact_rows(
             pressure = points.nearest(fluid)
             if callable(contact.pore_pressure):
                 misfit = fluid.misfit(fluid.coefficients(points.count - 1))
+        if rule.law_on == "points":  # a polynomial below g at one of them would press where bodies are apart
+            gap = evaluate("Contact.gap", contact.gap, x, y)
+        else:
+            gap = gap_at_points(problem, contact, points)
         rows = ContactRows(
             contact.name,
             contact.law,
@@ -282,7 +286,7 @@ def contact_rows(
             rule,
             points,
             *limits_of(problem, contact, scales, rule, points),
-            gap_at_points(problem, contact, points) / scales.displacement,
+            gap / scales.displacement,
             evaluate("Contact.offset", contact.offset, x, y) / scales.displacement,
             pressure / scales.stress,
             misfit / scales.stress,

@@ -160,10 +160,11 @@ def reversed_bends(bend: FloatArray) -> FloatArray:
 
 
 def part_of(bend: FloatArray, start: FloatArray, stop: FloatArray) -> FloatArray:
-    """The bends (n, k) of parts of edges, from shares (n,) to shares (n,) of their lengths."""
+    """The bends (n, k) of parts of edges, from shares (n,) to shares (n,) of their lengths; of no higher degree."""
     count = bend.shape[1]
     at = start[:, None] + (stop - start)[:, None] * gauss_legendre(count)[0]
-    return levelled(angles(bend, at) @ from_values(count - 1, count).T)
+    found = angles(bend, at) @ from_values(count - 1, count).T
+    return levelled(np.where(np.logical_or.accumulate(bend[:, ::-1] != 0.0, axis=1)[:, ::-1], found, 0.0))
 
 
 def polynomials(terms: FloatArray, x: FloatArray) -> FloatArray:

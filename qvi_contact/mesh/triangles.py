@@ -610,7 +610,7 @@ class TriangleMesh(PicklesFields):
     def refined(self, marked: ArrayLike | None = None) -> TriangleMesh:
         """The same body with marked triangles (k,) or a mask (m,) halved in size, and neighbours as far as needed.
 
-        By default each is divided into four. Names are carried over.
+        By default each is divided into four, and further if it becomes too flat for its arc. Names are carried over.
         """
         return TriangleMesh(*bisected(self._parts, marked))
 

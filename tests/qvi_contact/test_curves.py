@@ -79,6 +79,11 @@ def test_finer_meshes_stay_on_the_curve():
         points = mesh.points_along(edges, np.array([0.0, 0.3, 0.5, 0.9, 1.0]))
         np.testing.assert_allclose(np.abs(zeta_of(*points)), radius, atol=2e-12)
     assert mesh.edges("inner").length.min() < 5e-3
+    angles = np.linspace(0.0, np.pi / 2.0, 5)
+    mesh = fan([oval(angles), 3.0 * round_(angles)], closed=False, arcs=("outer",)).with_curve("inner", oval, 0.0, 2.0)
+    fine = mesh.refined().refined()
+    assert fine.bends.shape[1] > 2
+    assert not fine.bends[fine.numbers("outer"), 2:].any()  # circles stay circles beside other curves
 
 
 def test_frames_are_those_of_the_curve():

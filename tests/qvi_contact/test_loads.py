@@ -130,6 +130,16 @@ class TestResultants:
         assert one == pytest.approx(other, rel=1e-8)
         assert found[0].energies.load == pytest.approx(found[1].energies.load, rel=1e-8)
 
+    def test_gaps_that_open_inside_an_edge_where_friction_varies(self):
+        """The law holds at points there, and obstacles are where they are: no polynomial presses between them."""
+        gap = Expression("where(x > 0.4, x - 0.4, 0)")
+        whole = block(TriangleMesh.rectangle((3, 2)), top=Displacement("top", 0.0, -1e-3))
+        ground, *others = whole.conditions
+        grounds = [replace(ground, gap=gap, friction=friction) for friction in (0.3, Expression("0.3 + 0.1 * x"))]
+        one, other = (solve(replace(whole, conditions=[each, *others])) for each in grounds)
+        force = one.contacts["ground"].normal_force
+        assert other.contacts["ground"].normal_force == pytest.approx(force, rel=0.2)
+
     def test_what_is_changed_is_told(self):
         """Half the jump and more, as long as it is inside an edge, and nothing where an edge ends there."""
         result = solve(block())
