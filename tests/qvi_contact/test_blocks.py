@@ -81,7 +81,7 @@ def test_an_iteration_ends_where_forces_out_of_balance_make_no_stress(monkeypatc
         monkeypatch.setattr(f"solvers.condensed.method.{floor}", 1e-18)
     result = solve(WALL, method="condensed", system="sparse")
     assert result.status is Status.SOLVED
-    assert result.iterations <= usual.iterations + 4  # 20 more without it
+    assert result.iterations <= usual.iterations + 10  # 20 more without it
 
 
 def test_a_wall_that_is_stopped_has_the_answer_so_far():
