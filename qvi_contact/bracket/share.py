@@ -259,7 +259,8 @@ def with_shares(result: ContactResult, tolerance: float, *, far: bool = True) ->
             line, least = result.contacts[name], _FAR * AWAY * share.friction
             away = (line.gap > least * np.abs(line.slip)).reshape(share.slipping.size, -1).all(axis=1)
             away &= ~share.weights.any(axis=1)
-            away &= (share.slipping == 0.0) | (share.slipping[~away] == 0.0).all()  # else what slips nearby would end there
+            # a near edge that slips must not end beside one that slips either way
+            away &= (share.slipping == 0.0) | (share.slipping[~away] == 0.0).all()
             if (share.slipping[away] == 0.0).any():
                 shares[name] = replace(share, slipping=np.where(away, np.nan, share.slipping))
     moved = _moved(result, shares)
