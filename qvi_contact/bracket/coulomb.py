@@ -54,13 +54,13 @@ class CoulombBounds:
     """
 
     shares: Mapping[str, Share]
-    """Mapping s = −τ_T/(c + μ|τ_N|) by contact with Coulomb friction, continuous along it."""
+    """s = −τ_T/(c + μ|τ_N|) by contact with Coulomb friction, continuous along it."""
     norm: FrictionNorm
     """The norm of R for s and μ, and whether it is proved."""
     residual: float
-    """Float ρ = |τ + η − Cε(v)| [√energy], what springs miss included."""
+    """ρ = |τ + η − Cε(v)| [√energy], what springs miss included."""
     defect: float
-    """Float δ = ∫ |τ_N| (g − v_N) ds, what the solver left of violations included [stress × length²]."""
+    """δ = ∫ |τ_N| (g − v_N) ds, what the solver left of violations included [stress × length²]."""
     within: float
     """F [√energy]; infinite where the norm is not below 2."""
     moved: float
@@ -68,14 +68,14 @@ class CoulombBounds:
     size: float
     """|τ + η| [√energy]."""
     cells: FloatArray
-    """(cells,) array f²ρ² + δ/α by cell [stress × length²], what to refine by."""
+    """(cells,): f²ρ² + δ/α by cell [stress × length²], what to refine by."""
     reasons: tuple[str, ...]
     """Why the bounds are not guaranteed; empty if they are."""
     places: tuple[str, ...]
     """Where no R exists but for s = 0, although the contact slips there; a sentence for each."""
     stress: ContactResult
     displacement: CompanionResult
-    """ContactResult, CompanionResult τ + η and v."""
+    """What carry τ + η and v."""
 
     def __repr__(self) -> str:
         return f"<CoulombBounds {self.message}>"

@@ -60,7 +60,7 @@ class Bracket:
     contacts: Mapping[str, EdgeParts]
     """The parts on the edges of each contact that is not tied; tied ones have only those of springs."""
     cell_gaps: FloatArray
-    """(cells,): All parts by cell, ≥ 0: those of an edge go to its cell, on a joint to both halves; 0 without a
+    """(cells,): all parts by cell, ≥ 0: those of an edge go to its cell, on a joint to both halves; 0 without a
     displacement."""
     slack: float
     """How much the lower bound was lowered for what the solver left of violations of the contact law: twice their work

@@ -106,12 +106,12 @@ class Share:
     """The contact."""
     values: FloatArray
     weights: FloatArray
-    """(edges, q) arrays s_i, and ω_i ≥ 0 in a unit of its own: s = Σ s_i ω_i B_i / Σ ω_i B_i."""
+    """(edges, q): s_i, and ω_i ≥ 0 in a unit of its own: s = Σ s_i ω_i B_i / Σ ω_i B_i."""
     slipping: FloatArray
     """(edges,): 1 or −1 where s is that on the whole edge, so that displacements may slip along the tangent or against
     it; NaN on edges far from the obstacle, where they may slip either way; 0 on other edges."""
     room: FloatArray
-    """(edges, q) array m_i ≥ 0 of a continuous m ≤ 1 − |s|, made of them as s of the s_i: 1 − |s_i|, but 0 where s must
+    """(edges, q): m_i ≥ 0 of a continuous m ≤ 1 − |s|, made of them as s of the s_i: 1 − |s_i|, but 0 where s must
     vanish."""
 
     @property
@@ -259,6 +259,8 @@ def with_shares(result: ContactResult, tolerance: float, *, far: bool = True) ->
             line, least = result.contacts[name], _FAR * AWAY * share.friction
             away = (line.gap > least * np.abs(line.slip)).reshape(share.slipping.size, -1).all(axis=1)
             away &= ~share.weights.any(axis=1)
+            # a near edge that slips must not end beside one that slips either way
+            away &= (share.slipping == 0.0) | (share.slipping[~away] == 0.0).all()
             if (share.slipping[away] == 0.0).any():
                 shares[name] = replace(share, slipping=np.where(away, np.nan, share.slipping))
     moved = _moved(result, shares)

@@ -60,7 +60,7 @@ from solvers.basics.linked import linked
 _DEPENDENT = 1e-9  # length of an equality row, relative, left after those before it, that counts as nothing
 _BALANCED = 1e-9
 _STICKS = 1e3  # of the largest bound of friction: the bound of what must not slip
-_SOFT = 1e-5  # compliance of a force whose c follows from others, over that of other forces
+_SOFT = 3e-5  # compliance of a force whose c follows from others, over that of other forces
 _TRIALS = 4  # of what gives way by it
 
 _SHARED = 1e-9  # singular value of rows that share unknowns, relative, that counts as zero

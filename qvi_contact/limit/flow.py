@@ -64,9 +64,9 @@ class BodyMotion:
     """(cells, m, 2): Bernstein coefficients of v on each triangle. Each is the velocity near the point that it belongs
     to."""
     places: FloatArray
-    """(m, 3): Barycentric places of these coefficients in the triangle."""
+    """(m, 3): barycentric places of these coefficients in the triangle."""
     strain: FloatArray
-    """(cells, 3, count, 3): Coefficients of (ε_xx, ε_yy, 2ε_xy) on the parts of each triangle, lengths over that of the
+    """(cells, 3, count, 3): coefficients of (ε_xx, ε_yy, 2ε_xy) on the parts of each triangle, lengths over that of the
     mesh."""
     dissipation: FloatArray
     """(cells,): ∫ π(ε) dx, or the bound of it, in units of the load factor."""
@@ -82,7 +82,7 @@ class ContactFlow:
 
     opening: FloatArray
     slip: FloatArray
-    """(edges, p): Coefficients of w = −[v]_N and of [v]_T from the first end of each edge to its second."""
+    """(edges, p): coefficients of w = −[v]_N and of [v]_T from the first end of each edge to its second."""
     dissipation: FloatArray
     """(edges,): ∫ π([v]) ds, or the bound of it, in units of the load factor."""
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import cache
 from math import comb
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,18 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.linalg import eigh
 
-from qvi_contact import Contact, ContactProblem, Displacement, Material, Polynomial, Region, RigidPlate, Traction, solve
+from qvi_contact import (
+    Contact,
+    ContactProblem,
+    Displacement,
+    Material,
+    Polynomial,
+    Region,
+    RigidPlate,
+    Traction,
+    load_problem,
+    solve,
+)
 from qvi_contact.bracket import (
     Share,
     amplification,
@@ -24,6 +36,7 @@ from qvi_contact.bracket import (
     rectangle_norm,
     slip_work,
     star_norm,
+    with_shares,
 )
 from qvi_contact.companion import BodyAtRest
 from qvi_contact.element import gauss_legendre
@@ -34,6 +47,7 @@ from qvi_contact.solution import ContactResult
 from tests.cases import examples
 from tests.qvi_contact.builders import bernstein, energy_apart, half_disc, holed, sheared_layer
 
+EXAMPLES = Path(__file__).parents[3] / "examples"
 FREE = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
 
 
@@ -276,6 +290,14 @@ def test_stresses_made_bad_at_random_are_never_closer_than_said():
         ratios.append(stress.bracket.coulomb.error / energy_apart(stress, fine))
     assert min(ratios) >= 1.0
     assert max(ratios) < 8.0
+
+
+def test_what_slips_far_from_an_obstacle_goes_on_where_it_is_near():
+    """Displacements slip either way on edges of the bore where they could not slip, and on no others."""
+    result = solve(load_problem(EXAMPLES / "lug.toml").problem, degree=3)
+    far, near = (with_shares(result, 1e-8, far=each).slipping["bore"] for each in (True, False))
+    assert np.isnan(far).any()
+    assert np.array_equal(far[near != 0.0], near[near != 0.0])
 
 
 @pytest.mark.parametrize("remainder", [0.0, 3e-10], ids=["open", "what solvers leave"])
