@@ -48,7 +48,7 @@ class UniquenessBound:
     friction: float
     """The largest mu of points whose bound moves with the pressure."""
     bound: float | None = None
-    """Κ^(−1/2), below which mu is small enough; infinity where no friction bound moves or no traction of the contact
+    """κ^(−1/2), below which mu is small enough; infinity where no friction bound moves or no traction of the contact
     can change; None if not computed."""
     sharper: float | None = None
     """1/γ ≥ bound, the same by blocks of the compliance."""

@@ -200,6 +200,7 @@ class CondensedRun:
             if self.sizes[-1] > _HOPELESS * max(step, _HALVED * self.sizes[-2] if len(self.sizes) > 1 else 0.0):
                 at_floor = self.sizes[-1] <= _FLOOR
                 self.ended = Status.SOLVED if at_floor else Status.ILL_CONDITIONED
+                self.message = f"defect corrections end at {self.sizes[-1]:.0e} of the first step"
                 return
 
     def _correct(self, step: float) -> None:

@@ -169,7 +169,7 @@ class Stiffness(PicklesFields):
 
 
 _ROUNDING = 1e-24  # an energy this small beside that of z = 0 is rounding: the loads cancel
-_CORRECTIONS = 6  # defect corrections of the bonded solution at most
+_CORRECTIONS = 30  # defect corrections of the bonded solution at most
 _FORESEEN = 1e-16  # of the solution, in the energy norm: size of a correction that is not computed
 
 

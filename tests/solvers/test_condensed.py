@@ -98,14 +98,20 @@ def test_defect_corrections_remove_errors_of_the_matrix(law, spoilt):
 
 
 @pytest.mark.parametrize("method", ["condensed", "fixed-point", None])
-def test_a_matrix_too_wrong_is_no_answer(method):
-    """Errors of a third in K: solved by many corrections, or a status; never wrong."""
+@pytest.mark.parametrize("spoilt", [0.03, 0.3])
+def test_a_matrix_too_wrong_is_no_answer(method, spoilt):
+    """Errors of 3 % or a third in K: solved by many corrections, or a status; never wrong."""
     exact = condensed(chain(3))
-    solution = solve_qvi(rooted(3, 0.3), method=method)
+    solution = solve_qvi(rooted(3, spoilt), method=method)
     if solution.status is Status.SOLVED:
         assert np.linalg.norm(solution.z - exact.z) < 1e-6 * np.linalg.norm(exact.z)
     else:
         assert solution.status in (Status.ILL_CONDITIONED, Status.STALLED, Status.INACCURATE)
+
+
+def test_corrections_go_on_as_long_as_they_shrink():
+    assert rooted(0, 0.03).bonded == pytest.approx(chain(0).bonded, rel=1e-9, abs=1e-10)
+    assert "defect corrections end at" in solve_qvi(rooted(2, 0.03), "condensed").message
 
 
 def close_rows(seed, close, groups=4):
