@@ -198,6 +198,8 @@ def undetermined_motions(result: ContactResult) -> tuple[UndeterminedMotion, ...
     if result.status is not Status.SOLVED or largest_counted(result) is not None:
         return ()
     free = free_motions(result)
+    if free is None:
+        return ()
     bodies = free.bodies
     motions, (G, h) = free.motions, free.limits
     closed = G[h <= _MOVES * result.certificate.scales.get("displacement", 0.0)]
@@ -240,14 +242,16 @@ class FreeMotions(NamedTuple):
     limits: tuple[FloatArray, FloatArray]
 
 
-def free_motions(result: ContactResult) -> FreeMotions:
-    """Those of a result that is solved."""
+def free_motions(result: ContactResult) -> FreeMotions | None:
+    """Those of a result that is solved; None where supports hold all bodies."""
     problem, mesh, solution = result.problem, result.problem.mesh, result.solution
     smooth = [
         replace(each, friction=0.0) if isinstance(each, Contact) and each.law == "bilateral" else each
         for each in problem.conditions
     ]  # what friction holds of these is in M(v)
     rigid = Rigid(replace(problem, conditions=smooth))
+    if not rigid.free.shape[1]:
+        return None
     bodies = rigid.bodies
     discretization, qvi, size = result.discretization, solution.problem, result.certificate.scales.get("stress", 1.0)
     unit, rule = size * discretization.scales.stress, discretization.rule
