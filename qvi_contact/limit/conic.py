@@ -109,12 +109,12 @@ class ConicProgram:
         gap = _COARSER if blocks > _LARGE else _TOLERANCE
         settings.tol_gap_abs, settings.tol_gap_rel, settings.tol_feas = gap, gap, _TOLERANCE
         settings.iterative_refinement_max_iter = _REFINED
-        settings.time_limit = max(deadline.left, _LEAST_TIME)
         data = sparse.csc_matrix((len(q), len(q))), q / size, sparse.csc_matrix(A), self.b / unit, kinds
         stuck: list[Any] = []
         for added in (None,) if self.dependent else (*regular, _USUAL):  # it may break down or get stuck with one
             if added is not None:
                 settings.static_regularization_constant, settings.static_regularization_proportional = added, 0.0
+            settings.time_limit = max(deadline.left, _LEAST_TIME)
             answer = clarabel.DefaultSolver(*data, settings).solve()
             if str(answer.status) not in ("NumericalError", "InsufficientProgress"):
                 break
@@ -245,7 +245,7 @@ class ConicProgram:
         """A point near x that holds everything, and what it still violates, relative: rows that leave no room.
 
         It is the convex combination with a point inside that is nearest to x, with the share `least` of that at least;
-        equations hold but for rounding.
+        equations hold but for rounding. What it violates counts beside what stands in the rows there, or at x if less.
         """
         x, inside = self.projected(x), self.projected(np.zeros_like(x))
         known, size = self.margins(inside).min(initial=1.0) > _ENOUGH, self.size(x)
@@ -273,7 +273,7 @@ class ConicProgram:
                     x = moved
         E, e = self.A[: self.equal], self.b[: self.equal]
         broken = np.abs(E @ x - e) / (1.0 + abs(E) @ np.abs(x))
-        return x, float(max(off(x), broken.max(initial=0.0), 0.0))
+        return x, float(max(off(x), -self.margins(x).min(initial=0.0), broken.max(initial=0.0)))
 
     def _share(self, x: FloatArray, inside: FloatArray) -> float:
         """How far x must go towards a point inside to keep what that keeps with room."""

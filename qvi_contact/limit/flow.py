@@ -81,8 +81,9 @@ class ContactFlow:
     """Jumps of v along a contact."""
 
     opening: FloatArray
+    """(edges, p): coefficients of w = −[v]_N from the first end of each edge to its second."""
     slip: FloatArray
-    """(edges, p): coefficients of w = −[v]_N and of [v]_T from the first end of each edge to its second."""
+    """(edges, p): those of [v]_T."""
     dissipation: FloatArray
     """(edges,): ∫ π([v]) ds, or the bound of it, in units of the load factor."""
 
@@ -246,17 +247,17 @@ class FlowProgram:
                 if off < violation + HELD * gained:  # all have one power
                     x, violation = other, off
         power = float(live @ x[:n])
-        idle = violation <= ROUNDING and abs(power) <= HELD * float(np.abs(live) @ np.abs(x[:n]))
-        # a motion on which these loads do no work, and the others too much
-        beyond = idle and -float(every.q @ x) > ROUNDING * float(np.abs(every.q) @ np.abs(x))
+        work = abs(power) / (float(np.abs(live) @ np.abs(x[:n])) or 1.0)
+        surplus = -float(every.q @ x) / (float(np.abs(every.q) @ np.abs(x)) or 1.0)
+        # a motion on which the others do too much work, and these loads none beside it
+        beyond = violation <= ROUNDING < surplus and work <= HELD * surplus
         if beyond or not violation <= HELD or not power > 0.0:
             strain, jumps = (np.abs(part).max(initial=0.0) for part in (every.blocks(start), self._slips.L @ start[:n]))
             nearest = every.projected(np.zeros_like(start))
             off = np.abs(every.A[: every.equal] @ nearest - every.b[: every.equal]).max()
             if beyond or strain <= HELD * jumps or off > HELD:
-                return Flow(
-                    -np.inf if beyond else np.inf
-                )  # rigid blocks have a bound of their own, and what cannot move has none
+                # rigid blocks have a bound of their own, and what cannot move has none
+                return Flow(-np.inf if beyond else np.inf)
             raise SolveError(
                 f"limit load: the velocities found break their conditions by {violation:.1e}: use another degree, or a "
                 "mesh that is less graded"
@@ -265,7 +266,8 @@ class FlowProgram:
         s, r, *rho = np.split(every.blocks(x), [1, 3], axis=1)
         trace = cones.pressure * s[:, 0] + sum(cones.mean * part[:, 0] for part in rho if part.size)
         shares = np.column_stack([trace, r]) * (2.0 / self._weights[cones.coefficient, None])
-        return Flow(float(every.q @ x), violation, self._motion(x), shares)
+        bound = max(float(every.q @ x), -float(dead @ x[:n]))  # dissipation is not negative but by rounding
+        return Flow(bound, violation, self._motion(x), shares)
 
     def _program(self, live: FloatArray, dead: FloatArray) -> ConicProgram:
         """Unknown are q, then s of the cones, both components of r of later ones, ρ, then the slips of contacts.

@@ -56,8 +56,9 @@ class ContactMotion:
     """What a mechanism does at a contact."""
 
     opening: float
+    """Largest speed of opening [length]."""
     slip: float
-    """Largest speed of opening, and of sliding [length]."""
+    """Largest speed of sliding [length]."""
 
     @property
     def slides(self) -> bool:
