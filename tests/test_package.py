@@ -9,6 +9,7 @@ import tomllib
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from packaging.requirements import Requirement
@@ -61,6 +62,8 @@ def test_names_of_types_are_on_the_page():
     rows = [line.split(" | ")[0] for line in section.splitlines() if line.startswith("| `")]
     assert sorted(re.findall(r"`(\w+)`", " ".join(rows))) == qvi_contact.types.__all__
     assert all(hasattr(qvi_contact.types, name) for name in qvi_contact.types.__all__)
+    gallery = import_module("qvi_contact.gallery")
+    assert not any(isinstance(getattr(gallery, name), ModuleType) for name in gallery.__all__)
 
 
 PACKAGES = ("solvers", "qvi_contact", "comparisons")

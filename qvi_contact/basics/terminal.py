@@ -120,9 +120,7 @@ def _status(command: click.Command, name: str) -> int:
     except QVIError as error:
         return _complain(name, str(error))
     except MemoryError as error:
-        _complain(
-            name, f"out of memory ({str(error) or 'no details'}): take a coarser mesh, a lower degree, or more memory"
-        )
+        _complain(name, f"out of memory ({str(error) or 'no details'}): take a coarser mesh or a lower degree")
         return 1
     except (click.Abort, KeyboardInterrupt):
         _say(f"{name}: interrupted")

@@ -250,9 +250,7 @@ def done_here(
                     idle.append(process)
                     yield busy.pop(process), outcome
     except OSError as error:
-        remedy = (
-            f"not so many processes can be started ({error.strerror}): give fewer, or raise the limits of the system"
-        )
+        remedy = f"not so many processes can be started ({error.strerror}): give fewer, or raise limits of the system"
         raise InputError("workers", workers, remedy) from error
     finally:
         for process in processes:
@@ -380,7 +378,10 @@ def do_there(run: str, job: bytes, limits: Limits, order: object) -> Outcome:
     turn, process = processes[get_ident()]
     with turn:
         if not over.is_set():
-            process.give(order)
+            try:
+                process.give(order)
+            except OSError as error:
+                raise NotLoadedError(f"no process can be started ({error.strerror})") from error
         while not over.is_set():
             outcome = process.hear()
             if outcome is not None:

@@ -221,6 +221,9 @@ def test_numbers_of_workers_that_cannot_be(monkeypatch):
         with monkeypatch.context() as patch, refused_at("workers", "Too many open files"):
             patch.setattr(name, Mock(side_effect=OSError(24, "Too many open files")))
             done(opened, ["plain"], 2)
+    monkeypatch.setattr("os.pipe", Mock(side_effect=OSError(24, "Too many open files")))
+    with pytest.raises(NotLoadedError, match="Too many open files"):  # on a worker of a cluster
+        runs.do_there("full", b"", Limits(), "plain")
 
 
 @pytest.fixture(scope="module")
