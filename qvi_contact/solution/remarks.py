@@ -15,7 +15,7 @@ from qvi_contact.discretization.loads import joined, physical
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mechanism.mechanism import Rigid, null_space
 from qvi_contact.mesh.edges import edge_ends
-from qvi_contact.problem.conditions import Contact, Symmetry, has_coulomb
+from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Symmetry, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.stress import cell_stresses
@@ -245,13 +245,23 @@ class FreeMotions(NamedTuple):
 def free_motions(result: ContactResult) -> FreeMotions | None:
     """Those of a result that is solved; None where supports hold all bodies."""
     problem, mesh, solution = result.problem, result.problem.mesh, result.solution
-    smooth = [
-        replace(each, friction=0.0) if isinstance(each, Contact) and each.law == "bilateral" else each
-        for each in problem.conditions
-    ]  # what friction holds of these is in M(v)
-    rigid = Rigid(replace(problem, conditions=smooth))
-    if not rigid.free.shape[1]:
+
+    def without_friction() -> Rigid:  # what it holds of bilateral contacts is in M(v)
+        smooth = [
+            replace(each, friction=0.0) if isinstance(each, Contact) and each.law == "bilateral" else each
+            for each in problem.conditions
+        ]
+        return Rigid(replace(problem, conditions=smooth))
+
+    plates = [[getattr(each.plate, name, None) is None for name in DRIVES] for each in problem.contacts]
+    lines = [
+        (each.law, *free, mesh.numbers(each.edges).tobytes())
+        for each, free in zip(problem.contacts, plates, strict=True)
+    ]
+    supports = [(each.name, each.index.tobytes()) for each in problem.prescribed(Displacement)]
+    if mesh.kept(bool, (*lines, *supports), lambda: not without_friction().free.shape[1]):  # in all steps of a history
         return None
+    rigid = without_friction()
     bodies = rigid.bodies
     discretization, qvi, size = result.discretization, solution.problem, result.certificate.scales.get("stress", 1.0)
     unit, rule = size * discretization.scales.stress, discretization.rule
