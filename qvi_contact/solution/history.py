@@ -342,7 +342,7 @@ def _at_rest(result: ContactResult, before: ContactResult | None) -> ContactResu
     changes, qvi = free.changes @ np.linalg.solve(R, -rest[:-1] / rest[-1] - c), solution.problem
     m_N, m_T = solution.normal_multiplier + changes[0], solution.tangential_multiplier + changes[1]
     left = qvi.gradient(solution.z) + qvi.N.T @ m_N + qvi.T.T @ m_T
-    nu = np.linalg.lstsq(qvi.A.T.toarray(), -left)[0]  # driven plates move along
+    nu = np.linalg.lstsq(qvi.A.T.toarray(), -left, rcond=None)[0]  # driven plates move along
     certificate = certify(qvi, solution.z, m_N, m_T, nu, solution.certificate.tolerance)
     known = {"normal_multiplier": m_N, "tangential_multiplier": m_T, "equality_multiplier": nu}
     at_rest = replace(solution, **known, certificate=certificate)
