@@ -246,23 +246,23 @@ def free_motions(result: ContactResult) -> FreeMotions | None:
     """Those of a result that is solved; None where supports hold all bodies."""
     problem, mesh, solution = result.problem, result.problem.mesh, result.solution
 
-    def without_friction() -> Rigid:  # what it holds of bilateral contacts is in M(v)
+    def left() -> FloatArray:  # what friction holds of bilateral contacts is in M(v)
         smooth = [
             replace(each, friction=0.0) if isinstance(each, Contact) and each.law == "bilateral" else each
             for each in problem.conditions
         ]
-        return Rigid(replace(problem, conditions=smooth))
+        return Rigid(replace(problem, conditions=smooth)).free
 
-    plates = [[getattr(each.plate, name, None) is None for name in DRIVES] for each in problem.contacts]
-    lines = [
-        (each.law, *free, mesh.numbers(each.edges).tobytes())
-        for each, free in zip(problem.contacts, plates, strict=True)
-    ]
+    lines = [(each.law, mesh.numbers(each.edges).tobytes()) for each in problem.contacts]
+    plates = [
+        (each.name, each.plate.pivot, *(getattr(each.plate, name) is None for name in DRIVES))
+        for each in problem.contacts if each.plate is not None
+    ]  # fmt: skip
     supports = [(each.name, each.index.tobytes()) for each in problem.prescribed(Displacement)]
-    if mesh.kept(bool, (*lines, *supports), lambda: not without_friction().free.shape[1]):  # in all steps of a history
+    free = mesh.kept(np.ndarray, ("free", *lines, *plates, *supports), left)  # the same in all steps of a history
+    if not free.shape[1]:
         return None
-    rigid = without_friction()
-    bodies = rigid.bodies
+    bodies = Bodies.of(problem)
     discretization, qvi, size = result.discretization, solution.problem, result.certificate.scales.get("stress", 1.0)
     unit, rule = size * discretization.scales.stress, discretization.rule
     parts, holding, weights = [np.zeros((2, 0, 3 * len(bodies)))], [np.zeros((2, 0))], list[FloatArray]()
@@ -270,8 +270,7 @@ def free_motions(result: ContactResult) -> FreeMotions | None:
         if contact.law == "tied":  # equations, not here
             continue
         line, points, edges = result.contacts[contact.name], known.points, known.points.edges
-        x, y = mesh.points_along(edges, points.reference)
-        places, pair = np.column_stack([x.ravel(), y.ravel()]), bodies.beside(edges, contact)
+        places, pair = np.column_stack([line.x, line.y]), bodies.beside(edges, contact)
         ours, theirs = (np.repeat(body, points.count) for body in pair)
         turning = (points.normals, points.tangents)  # [v]_N, then [v]_T at the points
         parts.append(np.stack([bodies.rows(ours, places, d) - bodies.rows(theirs, places, d) for d in turning]))
@@ -284,8 +283,8 @@ def free_motions(result: ContactResult) -> FreeMotions | None:
     rows = np.concatenate(parts, axis=1).reshape(2 * qvi.m, 3 * len(bodies))
     length = sum(float(line.weights.sum()) for line in result.contacts.values())
     held = sparse.csr_array(np.sqrt(np.concatenate(holding, axis=1).ravel() / (unit * length))[:, None] * rows)
-    M, motions = np.linalg.eigh(rigid.free.T @ (held.T @ held).toarray() @ rigid.free)
-    free = rigid.free @ motions[:, M <= _HELD]
+    M, motions = np.linalg.eigh(free.T @ (held.T @ held).toarray() @ free)
+    free = free @ motions[:, M <= _HELD]
     together = _still(free, rows, _MOVES)  # what moves all that touches together: of that the largest body rests
     for body in np.argsort(-bodies.size, kind="stable").tolist():
         own = np.eye(3 * len(bodies))[3 * body : 3 * body + 3]
