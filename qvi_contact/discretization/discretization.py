@@ -172,8 +172,8 @@ class Discretization(PicklesFields):
         return np.asarray(self.supports.basis.expanded(z) + self.particular)
 
     def coefficients(self, u: FloatArray) -> FloatArray:
-        """Φ of each triangle from degrees of freedom u (N,), see `TriangleEnergy.coefficients`."""
-        return self.root.stiffness.energy.coefficients(u, self.root.body)
+        """Φ of each triangle from degrees of freedom u (N,), see `BodyStiffness.coefficients`."""
+        return self.root.stiffness.coefficients(u, self.root.body)
 
 
 def discretize(
@@ -259,7 +259,7 @@ def _discretized(
     springs = Springs.of(problem, space, scales, contacts)
     stiffness = BodyStiffness.on(supports, problem.cell_materials, compliances, springs, kept)
     stress = cell_stress(problem, space, scales)
-    body = None if stress is None else stiffness.energy.loaded(stress)
+    body = None if stress is None else stiffness.loaded(stress)
     plates = plate_rows(problem, scales, contacts, supports, particular)
     root = Root(stiffness, particular, body, 0.0 if springs is None else springs.constant)
     limited = [rows for rows in contacts if rows.law != "tied"]

@@ -63,115 +63,6 @@ class BodyLoad(NamedTuple):
     shifts: FloatArray  # (n, interior): −K_vv⁻¹ l_v
 
 
-@dataclass(frozen=True, eq=False)
-class TriangleEnergy(PicklesFields):
-    """The energies of a body's triangles, dimensionless; `InputError` if one is so thin that rounding takes its own."""
-
-    space: StressSpace
-    materials: IntArray  # (cells,): which of the compliances each cell has
-    compliances: FloatArray  # (k, 3, 3): dimensionless compliances c of (xx, yy, xy)
-
-    def __post_init__(self) -> None:
-        elongations = self.space.triangles.elongations
-        thinnest = int(np.argmax(elongations))
-        if elongations[thinnest] > _LONGEST:
-            x, y = self.space.mesh.corners[thinnest].mean(axis=0)
-            remedy = (
-                f"the triangle around ({x:.6g}, {y:.6g}) is this many times as long as high: give at most {_LONGEST:g}"
-            )
-            raise InputError("ContactProblem.mesh", float(elongations[thinnest]), remedy)
-
-    @cached_property
-    def roots(self) -> FloatArray:
-        """U, upper triangular, times the transformation to the reference triangle; (cells, k, k) on differences w.
-
-        Of ½ |R (v, w)|² with RᵀR the energies, interior degrees of freedom v first: the least over v.
-        """
-        element = self.space.element
-        found = np.empty((len(self.space.triangles), element.shared - _AFFINE, element.shared - _AFFINE))
-        for cells, R in self._triangular():
-            own = R[:, element.interior :, element.interior :]
-            found[cells] = own @ self.space.transformations(cells) if isinstance(cells, slice) else own
-        return found
-
-    @cached_property
-    def inner(self) -> FloatArray:
-        """−K_vv⁻¹ K_vu (cells, interior, k), from the degrees of freedom of the reference triangle behind the third.
-
-        Where triangles have arcs, from differences w. Only stresses inside the body need it.
-        """
-        element = self.space.element
-        v, w = slice(0, element.interior), slice(element.interior, None)
-        found = np.empty((len(self.space.triangles), element.interior, element.shared - _AFFINE))
-        for cells, R in self._triangular():
-            found[cells] = -np.linalg.solve(R[:, v, v], R[:, v, w])
-        return found
-
-    def _triangular(self) -> Iterator[tuple[slice | IntArray, FloatArray]]:
-        """R (n, …) of all triangles in blocks, as if they were straight, then once more of those that have arcs."""
-        space, element = self.space, self.space.element
-        step = max(1, _BLOCK // element.dimension**2)
-        for start in range(0, len(space.triangles), step):
-            block = slice(start, start + step)
-            yield block, element.roots(space.triangles.take(block), self.compliances[self.materials[block]])
-        if not space.mesh.curved.any():
-            return
-        step = max(1, _TABLE // (3 * len(space.cell_weights) * element.dimension))
-        for start in range(0, len(space.curved), step):
-            block = slice(start, start + step)
-            cells = space.curved.numbers[block]
-            rows = space.curved.stress_rows(block, self.compliances[self.materials[cells]], space.cell_quadrature)
-            yield cells, np.asarray(np.linalg.qr(rows[:, :, element.interior_first], mode="r"))
-
-    def loaded(self, stress: FloatArray) -> BodyLoad:
-        """What is added where the energy is ½ c(σ + τ):(σ + τ), with τ at the points of `StressSpace.cell_quadrature`.
-
-        That is φI − σ⁰ of a body force and an initial strain, shape (cells, g, 3), see `problem.material`. With
-        K = RᵀR the energy is ½ |R (v, w) + R⁻ᵀl|² + e − ½ |R⁻ᵀl|².
-        """
-        space, element, order = self.space, self.space.element, self.space.element.interior_first
-        interior, count, (points, weights) = element.interior, len(space.triangles), space.cell_quadrature
-        found = BodyLoad(np.empty((count, len(order) - interior)), np.empty(count), np.empty((count, interior)))
-        # ∫ cτ:σ is the sum of `strain` at points times the functions' Hessians on the reference triangle
-        weighted = stress @ self.compliances[self.materials] * space.cell_measures(points, weights)[..., None]
-        strain, rest = weighted @ space.triangles.stress_maps, (weighted * stress).sum(axis=(1, 2)) / 2.0
-        table = element.reference_functions(points, 2).reshape(-1, element.dimension)
-        for cells, R in self._triangular():
-            if isinstance(cells, slice):
-                load = strain[cells].reshape(len(R), -1) @ table
-            else:
-                load = space.curved.load(np.searchsorted(space.curved.numbers, cells), strain[cells], points)
-            residual: FloatArray = np.zeros((len(R), len(order)))
-            loaded = load.any(axis=1)  # φI does no work in incompressible triangles, whose R is singular
-            residual[loaded] = np.linalg.solve(R[loaded].swapaxes(1, 2), load[loaded][:, order, None])[:, :, 0]
-            found.rests[cells] = np.maximum(rest[cells] - np.square(residual).sum(axis=1) / 2.0, 0.0)
-            found.constants[cells] = residual[:, interior:]
-            upper = R[:, :interior, :interior]
-            found.shifts[cells] = -np.linalg.solve(upper, residual[:, :interior, None])[:, :, 0]
-        return found
-
-    def coefficients(self, u: FloatArray, body: BodyLoad | None) -> FloatArray:
-        """Φ of each triangle from the degrees of freedom u (N,), shape (cells, dimension): what `stress` takes.
-
-        First (Φ, Φ_x, Φ_y) in its first corner, which make an affine function, then factors of the functions 3, 4, … of
-        the reference triangle, which make the rest.
-        """
-        space, curved = self.space, self.space.curved
-        first, w = space.mesh.cells[:, 0], space.differences.apply(u)
-        own = (space.units * u)[3 * first[:, None] + np.arange(_AFFINE)] * ~space.frames.is_centre[first, None]
-        affine = own + (space.frames.at_first(space.units) @ u).reshape(-1, _AFFINE)
-        shared = (space.transformations() @ w[:, :, None])[:, :, 0]
-        at = curved.numbers
-        shared[at] = w[at]
-        interior = (self.inner @ shared[:, :, None])[:, :, 0]
-        if body is not None:
-            interior += body.shifts
-        found = np.hstack([affine, shared, interior])
-        if len(curved):
-            found[at, 3:] = (curved.functions[:, 3:, 3:] @ found[at, 3:, None])[:, :, 0]
-        return found
-
-
 class Springs(NamedTuple):
     """The rows of all springs, dimensionless."""
 
@@ -210,10 +101,14 @@ class Springs(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BodyStiffness(PicklesFields):
-    """K of (D2) and its root R: the energy of a body on the unknowns that supports leave."""
+    """K of (D2), the energies of a body's triangles and springs on the unknowns that supports leave, dimensionless.
+
+    `InputError` if a triangle is so thin that rounding takes its energy.
+    """
 
     supports: Supports  # the degrees of freedom u = B z + u₀
-    energy: TriangleEnergy
+    materials: IntArray  # (cells,): which of the compliances each cell has
+    compliances: FloatArray  # (k, 3, 3): dimensionless compliances c of (xx, yy, xy)
     springs: Springs | None = None
 
     @classmethod
@@ -223,15 +118,116 @@ class BodyStiffness(PicklesFields):
         """That of supports, materials and springs, made once."""
         own = None if springs is None else (springs.rows.data.tobytes(), springs.rows.indices.tobytes())
         key = supports, materials.tobytes(), compliances.tobytes(), own
-        return kept(cls, key, lambda: cls(supports, TriangleEnergy(supports.space, materials, compliances), springs))
+        return kept(cls, key, lambda: cls(supports, materials, compliances, springs))
+
+    def __post_init__(self) -> None:
+        elongations = self.supports.space.triangles.elongations
+        thinnest = int(np.argmax(elongations))
+        if elongations[thinnest] > _LONGEST:
+            x, y = self.supports.space.mesh.corners[thinnest].mean(axis=0)
+            remedy = (
+                f"the triangle around ({x:.6g}, {y:.6g}) is this many times as long as high: give at most {_LONGEST:g}"
+            )
+            raise InputError("ContactProblem.mesh", float(elongations[thinnest]), remedy)
+
+    @cached_property
+    def roots(self) -> FloatArray:
+        """U, upper triangular, times the transformation to the reference triangle; (cells, k, k) on differences w.
+
+        Of ½ |R (v, w)|² with RᵀR the energies, interior degrees of freedom v first: the least over v.
+        """
+        element = self.supports.space.element
+        found = np.empty((len(self.supports.space.triangles), element.shared - _AFFINE, element.shared - _AFFINE))
+        for cells, R in self._triangular():
+            own = R[:, element.interior :, element.interior :]
+            found[cells] = own @ self.supports.space.transformations(cells) if isinstance(cells, slice) else own
+        return found
+
+    @cached_property
+    def inner(self) -> FloatArray:
+        """−K_vv⁻¹ K_vu (cells, interior, k), from the degrees of freedom of the reference triangle behind the third.
+
+        Where triangles have arcs, from differences w. Only stresses inside the body need it.
+        """
+        element = self.supports.space.element
+        v, w = slice(0, element.interior), slice(element.interior, None)
+        found = np.empty((len(self.supports.space.triangles), element.interior, element.shared - _AFFINE))
+        for cells, R in self._triangular():
+            found[cells] = -np.linalg.solve(R[:, v, v], R[:, v, w])
+        return found
+
+    def _triangular(self) -> Iterator[tuple[slice | IntArray, FloatArray]]:
+        """R (n, …) of all triangles in blocks, as if they were straight, then once more of those that have arcs."""
+        space, element = self.supports.space, self.supports.space.element
+        step = max(1, _BLOCK // element.dimension**2)
+        for start in range(0, len(space.triangles), step):
+            block = slice(start, start + step)
+            yield block, element.roots(space.triangles.take(block), self.compliances[self.materials[block]])
+        if not space.mesh.curved.any():
+            return
+        step = max(1, _TABLE // (3 * len(space.cell_weights) * element.dimension))
+        for start in range(0, len(space.curved), step):
+            block = slice(start, start + step)
+            cells = space.curved.numbers[block]
+            rows = space.curved.stress_rows(block, self.compliances[self.materials[cells]], space.cell_quadrature)
+            yield cells, np.asarray(np.linalg.qr(rows[:, :, element.interior_first], mode="r"))
+
+    def loaded(self, stress: FloatArray) -> BodyLoad:
+        """What is added where the energy is ½ c(σ + τ):(σ + τ), with τ at the points of `StressSpace.cell_quadrature`.
+
+        That is φI − σ⁰ of a body force and an initial strain, shape (cells, g, 3), see `problem.material`. With
+        K = RᵀR the energy is ½ |R (v, w) + R⁻ᵀl|² + e − ½ |R⁻ᵀl|².
+        """
+        space, element, order = (
+            self.supports.space,
+            self.supports.space.element,
+            self.supports.space.element.interior_first,
+        )
+        interior, count, (points, weights) = element.interior, len(space.triangles), space.cell_quadrature
+        found = BodyLoad(np.empty((count, len(order) - interior)), np.empty(count), np.empty((count, interior)))
+        # ∫ cτ:σ is the sum of `strain` at points times the functions' Hessians on the reference triangle
+        weighted = stress @ self.compliances[self.materials] * space.cell_measures(points, weights)[..., None]
+        strain, rest = weighted @ space.triangles.stress_maps, (weighted * stress).sum(axis=(1, 2)) / 2.0
+        table = element.reference_functions(points, 2).reshape(-1, element.dimension)
+        for cells, R in self._triangular():
+            if isinstance(cells, slice):
+                load = strain[cells].reshape(len(R), -1) @ table
+            else:
+                load = space.curved.load(np.searchsorted(space.curved.numbers, cells), strain[cells], points)
+            residual: FloatArray = np.zeros((len(R), len(order)))
+            loaded = load.any(axis=1)  # φI does no work in incompressible triangles, whose R is singular
+            residual[loaded] = np.linalg.solve(R[loaded].swapaxes(1, 2), load[loaded][:, order, None])[:, :, 0]
+            found.rests[cells] = np.maximum(rest[cells] - np.square(residual).sum(axis=1) / 2.0, 0.0)
+            found.constants[cells] = residual[:, interior:]
+            upper = R[:, :interior, :interior]
+            found.shifts[cells] = -np.linalg.solve(upper, residual[:, :interior, None])[:, :, 0]
+        return found
+
+    def coefficients(self, u: FloatArray, body: BodyLoad | None) -> FloatArray:
+        """Φ of each triangle from the degrees of freedom u (N,), shape (cells, dimension): what `stress` takes.
+
+        First (Φ, Φ_x, Φ_y) in its first corner, which make an affine function, then factors of the functions 3, 4, … of
+        the reference triangle, which make the rest.
+        """
+        space, curved = self.supports.space, self.supports.space.curved
+        first, w = space.mesh.cells[:, 0], space.differences.apply(u)
+        own = (space.units * u)[3 * first[:, None] + np.arange(_AFFINE)] * ~space.frames.is_centre[first, None]
+        affine = own + (space.frames.at_first(space.units) @ u).reshape(-1, _AFFINE)
+        shared = (space.transformations() @ w[:, :, None])[:, :, 0]
+        at = curved.numbers
+        shared[at] = w[at]
+        interior = (self.inner @ shared[:, :, None])[:, :, 0]
+        if body is not None:
+            interior += body.shifts
+        found = np.hstack([affine, shared, interior])
+        if len(curved):
+            found[at, 3:] = (curved.functions[:, 3:, 3:] @ found[at, 3:, None])[:, :, 0]
+        return found
 
     @cached_property
     def K(self) -> Any:  # noqa: N802  # letter of (D2)
-        """Bᵀ 𝒦 B (n, n), with 𝒦 the matrix of ∫ cσ:τ over u; symmetric up to rounding, dense if small, else sparse.
-
-        `InputError` if rounding leaves a triangle no energy.
-        """
-        space, roots, basis = self.energy.space, self.energy.roots, self.supports.basis
+        """Bᵀ 𝒦 B (n, n), with 𝒦 the matrix of ∫ cσ:τ over u; symmetric up to rounding, dense if small, else sparse."""
+        space, roots, basis = self.supports.space, self.roots, self.supports.basis
         rows, dofs, across = space.differences.expanded(roots), space.dofs, None
         if space.differences.beyond is not None:
             across = space.frames.cells_across
@@ -243,9 +239,6 @@ class BodyStiffness(PicklesFields):
         if self.springs is not None:
             R = self.springs.rows @ basis.matrix
             K = K + (R.T @ R if sparse.issparse(K) else (R.T @ R).toarray())
-        if K.diagonal().min(initial=np.inf) <= 0.0:
-            remedy = "cells this thin, as a share of the body's length, are beyond double precision: use less grading"
-            raise InputError("ContactProblem.mesh", float(self.supports.space.sizes.min()), remedy)
         read_only(K)  # sorts it before another thread can see it
         return K
 
@@ -262,7 +255,7 @@ class BodyStiffness(PicklesFields):
     @cached_property
     def places(self) -> FloatArray | None:
         """Centres (n, 2) of the vertices and edges whose degrees of freedom belong to each unknown; None for few."""
-        space, basis = self.energy.space, self.supports.basis
+        space, basis = self.supports.space, self.supports.basis
         if len(basis.kept) < _ORDERED:
             return None
         middles = space.vertices[space.mesh.topology.ends].mean(axis=1)
@@ -285,28 +278,28 @@ class Root(PicklesFields):
 
     def apply(self, z: FloatArray) -> FloatArray:
         """r(z), shape (n (k + 1),)."""
-        energy = self.stiffness.energy
-        u, own, springs = self.stiffness.supports.basis.expanded(z) + self.particular, [], self.stiffness.springs
-        w = energy.space.differences.apply(u)
-        r = (energy.roots @ w[:, :, None])[:, :, 0]
-        if springs is not None:
-            own = [springs.rows @ u + self.springs]
+        stiffness, own = self.stiffness, []
+        u = stiffness.supports.basis.expanded(z) + self.particular
+        w = stiffness.supports.space.differences.apply(u)
+        r = (stiffness.roots @ w[:, :, None])[:, :, 0]
+        if stiffness.springs is not None:
+            own = [stiffness.springs.rows @ u + self.springs]
         if self.body is None:
             return np.concatenate([r.ravel(), np.zeros(len(r)), *own])
         return np.concatenate([(r + self.body.constants).ravel(), np.sqrt(2.0 * self.body.rests), *own])
 
     def adjoint(self, r: FloatArray) -> FloatArray:
         """Rᵀ r, shape (unknowns,)."""
-        energy = self.stiffness.energy
-        count, k = energy.roots.shape[:2]
-        w = (r[: count * k].reshape(count, 1, k) @ energy.roots)[:, 0]
-        full, springs = energy.space.differences.adjoint(w), self.stiffness.springs
-        if springs is not None:
-            full = full + springs.rows.T @ r[count * (k + 1) :]
-        return self.stiffness.supports.basis.reduced(full)
+        stiffness = self.stiffness
+        count, k = stiffness.roots.shape[:2]
+        w = (r[: count * k].reshape(count, 1, k) @ stiffness.roots)[:, 0]
+        full = stiffness.supports.space.differences.adjoint(w)
+        if stiffness.springs is not None:
+            full = full + stiffness.springs.rows.T @ r[count * (k + 1) :]
+        return stiffness.supports.basis.reduced(full)
 
     def rounding(self, z: FloatArray) -> float:
         """Size of the error of R z that rounding of z may cause: ε ‖ |R| |z| ‖, ε = 2⁻⁵³."""
-        energy, supports = self.stiffness.energy, self.stiffness.supports
-        w = energy.space.differences.magnitudes(supports.basis.magnitudes(z))
-        return _EPSILON * float(np.linalg.norm(np.abs(energy.roots) @ w[:, :, None]))
+        stiffness = self.stiffness
+        w = stiffness.supports.space.differences.magnitudes(stiffness.supports.basis.magnitudes(z))
+        return _EPSILON * float(np.linalg.norm(np.abs(stiffness.roots) @ w[:, :, None]))

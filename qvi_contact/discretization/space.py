@@ -14,7 +14,7 @@ values, see `Frames`. Three families of linear functionals make up (D2):
 
     σ_N = Φ_tt + φ and σ_T = −Φ_nt on edges                      `StressSpace.traces`
     prescribed tractions d·σn = T on edges  →  u = B z + u₀      `Supports`
-    ½ ∫ cσ:σ with σ = (Φ_yy + φ, Φ_xx + φ, −Φ_xy)                 `TriangleEnergy`
+    ½ ∫ cσ:σ with σ = (Φ_yy + φ, Φ_xx + φ, −Φ_xy)                 `BodyStiffness`
 
 with n and t of `Edges`, d a unit direction for each edge. What is written "without φ" leaves the potential of the body
 force to the caller, who adds it to σ_N, or to σ_xx and σ_yy.
@@ -402,7 +402,7 @@ class StressSpace(PicklesFields):
         return np.asarray(self.mesh.placed(cells, t) @ self.triangles.corners[cells])
 
     def stress(self, coefficients: FloatArray, cells: IntArray, t: FloatArray) -> FloatArray:
-        """(σ_xx, σ_yy, σ_xy) without φ at such points, (k, q, 3); `coefficients` are those of `TriangleEnergy`."""
+        """(σ_xx, σ_yy, σ_xy) without φ at such points, (k, q, 3); `coefficients` are those of `BodyStiffness`."""
         hessians = self._reference_sums(2, coefficients[cells], cells, t)
         return np.asarray(hessians @ self.triangles.stress_maps[cells].swapaxes(1, 2))
 

@@ -81,18 +81,12 @@ def absolute_integrals(weight: FloatArray, coefficients: FloatArray) -> FloatArr
     total = np.abs(signed)
     mixed = (coefficients.max(axis=1, initial=0.0) > 0.0) & (coefficients.min(axis=1, initial=0.0) < 0.0)
     t, w = gauss_legendre((q + p) // 2 + 1)
-    for edge in np.flatnonzero(mixed):
-        breaks = np.concatenate([[0.0], _roots(coefficients[edge]), [1.0]])
+    for edge in np.flatnonzero(mixed):  # signs change at roots of Σ c_i C(p, i) rⁱ with r = t/(1 − t)
+        powers = coefficients[edge] * np.array([comb(p, i) for i in range(p + 1)])
+        roots = Polynomial(powers).trim(_LEADING * np.abs(powers).max()).roots()
+        real = np.sort(roots.real[(np.abs(roots.imag) <= 1e-9 * (1.0 + np.abs(roots.real))) & (roots.real > 0.0)])
+        breaks = np.concatenate([[0.0], real / (1.0 + real), [1.0]])
         points = breaks[:-1, None] + np.diff(breaks)[:, None] * t
         values = basis(p, points.ravel()) @ coefficients[edge] * (basis(q, points.ravel()) @ weight[edge])
         total[edge] = float(np.abs(values.reshape(points.shape) @ w) @ np.diff(breaks))
     return np.asarray(total)
-
-
-def _roots(coefficients: FloatArray) -> FloatArray:
-    """Real roots inside (0, 1), ascending: those of Σ c_i C(p, i) rⁱ with r = t/(1 − t)."""
-    p = len(coefficients) - 1
-    powers = coefficients * np.array([comb(p, i) for i in range(p + 1)])
-    found = Polynomial(powers).trim(_LEADING * np.abs(powers).max()).roots()
-    real = found.real[(np.abs(found.imag) <= 1e-9 * (1.0 + np.abs(found.real))) & (found.real > 0.0)]
-    return np.sort(real / (1.0 + real))

@@ -22,7 +22,7 @@ from typing import Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, IntArray
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.element import legendre
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.triangle import CORNERS, EDGES, AffineTriangles, bernstein, exponents, gradient, quadrature
@@ -84,8 +84,7 @@ class HsiehCloughTocher:
             first, second = (s for s in range(3) if s != v)
             jumps = np.zeros((3 * p + 1, 3, count))
             for s, sign in ((first, 1.0), (second, -1.0)):
-                at = EDGES[s].index(v)
-                along, lower = _on_line(p, at), _on_line(p - 1, at)
+                along, lower = (exponents(d)[:, 1 - EDGES[s].index(v)] == 0 for d in (p, p - 1))
                 jumps[: p + 1, s] = sign * np.eye(count)[along]
                 jumps[p + 1 :, s] = sign * self._gradients[s][:, lower].reshape(-1, count)
             rows.append(jumps.reshape(len(jumps), -1))
@@ -98,9 +97,9 @@ class HsiehCloughTocher:
         rows = np.zeros((self.shared, 3, count))
         for v in range(3):
             s = (v + 1) % 3
-            at = EDGES[s].index(v)
-            rows[3 * v, s] = np.eye(count)[_corner(self.degree, at)]
-            rows[3 * v + 1 : 3 * v + 3, s] = self._gradients[s][:, _corner(self.degree - 1, at)]
+            value, slopes = (exponents(d)[:, EDGES[s].index(v)].argmax() for d in (self.degree, self.degree - 1))
+            rows[3 * v, s, value] = 1.0
+            rows[3 * v + 1 : 3 * v + 3, s] = self._gradients[s][:, slopes]
         t, _ = gauss_legendre(self.degree)
         coefficients = legendre.from_values(self.traction_degree, self.degree)
         values = bernstein(self.degree - 2, np.column_stack([1.0 - t, t, np.zeros_like(t)]))
@@ -208,17 +207,6 @@ class HsiehCloughTocher:
             tables = self.derivatives[order][s]
             found[inside] = np.moveaxis(bernstein(self.degree - order, local) @ tables, 0, 1)
         return found.reshape(*at.shape[:-1], *found.shape[1:])
-
-
-def _on_line(degree: int, corner: int) -> IntArray:
-    """Coefficients of a part that belong to the line from its corner 0 or 1 to the barycentre, its corner 2."""
-    alpha = exponents(degree)
-    return np.flatnonzero(alpha[:, 1 - corner] == 0)
-
-
-def _corner(degree: int, corner: int) -> int:
-    """The coefficient that is the value in a corner."""
-    return int(np.flatnonzero(exponents(degree)[:, corner] == degree)[0])
 
 
 def compliance_roots(compliances: FloatArray) -> FloatArray:

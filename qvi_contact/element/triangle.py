@@ -39,15 +39,8 @@ def exponents(degree: int) -> IntArray:
 def bernstein(degree: int, barycentric: FloatArray) -> FloatArray:
     """Values B_α at points λ (..., 3), shape (..., count)."""
     powers = np.asarray(barycentric, dtype=float)[..., None, :] ** exponents(degree)
-    return np.asarray(_multinomials(degree) * powers.prod(axis=-1))
-
-
-@cache
-def _multinomials(degree: int) -> FloatArray:
-    """d!/(α₀! α₁! α₂!) of all Bernstein polynomials of one degree, shape (count,)."""
-    return np.array(
-        [factorial(degree) / np.prod([float(factorial(k)) for k in row]) for row in exponents(degree).tolist()]
-    )
+    factorials = np.array([float(factorial(k)) for k in range(degree + 1)])
+    return np.asarray(factorials[-1] / factorials[exponents(degree)].prod(axis=1) * powers.prod(axis=-1))
 
 
 @cache

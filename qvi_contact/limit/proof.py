@@ -380,7 +380,7 @@ def _rounded_airy(program: StressProgram, unknowns: FloatArray) -> FloatArray:
         raise InputError("proof", f"{len(space.frames.cuts)} holes", _STRAIGHT)
     element, n = space.element, low.qvi.n
     u = low.basis @ unknowns[:n] + low.particular + (unknowns[-1] - 1.0) * (high.particular - low.particular)
-    factors = low.root.stiffness.energy.coefficients(u, None)
+    factors = low.root.stiffness.coefficients(u, None)
     factors[:, element.shared :] = unknowns[n:-1].reshape(len(factors), -1)
     corners = space.triangles.corners
     arms = lattice(element.degree) @ part_corners(corners) - corners[:, None, None, 0]

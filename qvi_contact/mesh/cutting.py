@@ -76,22 +76,19 @@ def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> N
     folded = (topology.count == 2) & (one * other > 0.0)
     overlap = "the triangles at the edge of these vertices around {} lie on one side of it and overlap: correct one"
     _refuse(folded, topology.ends, overlap, middles)
-    hanging = hanging_vertices(vertices, topology)[0]
-    if len(hanging):
-        remedy = (
-            "the first of these vertices, at {}, lies inside the edge of the others: divide the triangle there. Two "
-            "bodies whose vertices do not match along a line are meshed as one with common nodes (BooleanFragments in "
-            "Gmsh), or `join` with a name for the line does so; a Contact along it separates them"
-        )
-        named = np.column_stack([hanging[:, 0], topology.ends[hanging[:, 1]]])
+    hanging, same = hanging_vertices(vertices, topology)[0], same_places(vertices)
+    inside_edges = (
+        "the first of these vertices, at {}, lies inside the edge of the others: divide the triangle there. Two "
+        "bodies whose vertices do not match along a line are meshed as one with common nodes (BooleanFragments in "
+        "Gmsh), or `join` with a name for the line does so; a Contact along it separates them"
+    )
+    in_one_place = (
+        "these vertices lie in the same place {}: merge them (Coherence Mesh in Gmsh), and name the line if two "
+        "bodies touch there; a Contact along it separates them"
+    )
+    hanging = np.column_stack([hanging[:, 0], topology.ends[hanging[:, 1]]])
+    for named, remedy in ((hanging, inside_edges), (same, in_one_place)):
         _refuse(np.ones(len(named), dtype=bool), named, remedy, vertices[named[:, 0]])
-    same = same_places(vertices)
-    if len(same):
-        remedy = (
-            "these vertices lie in the same place {}: merge them (Coherence Mesh in Gmsh), and name the line if two "
-            "bodies touch there; a Contact along it separates them"
-        )
-        _refuse(np.ones(len(same), dtype=bool), same, remedy, vertices[same[:, 0]])
     pinched = np.bincount(topology.ends[topology.boundary].ravel(), minlength=len(vertices)) > 2
     alone = "this vertex at {} alone connects two parts of the body: fill or cut there"
     _refuse(pinched, all_vertices, alone, vertices)
@@ -200,11 +197,10 @@ _ROUNDING: Final = 1e-9  # of angles, as a share
 def bisected(mesh: MeshParts, marked: ArrayLike | None = None) -> MeshParts:
     """See `TriangleMesh.refined`: old vertices keep their numbers, new ones are middles of old edges and arcs."""
     count = len(mesh.cells)
-    if marked is None:
-        return divided_at_arcs(_bisected(mesh, np.arange(count)))
     remedy = f"give numbers of triangles, 0 to {count - 1}, or a boolean for each of the {count}"
-    _ = real_array("marked", marked, remedy)
-    chosen = np.asarray(marked)
+    if marked is not None:
+        _ = real_array("marked", marked, remedy)
+    chosen = np.arange(count) if marked is None else np.asarray(marked)
     if chosen.dtype == bool and chosen.shape == (count,):
         chosen = np.flatnonzero(chosen)
     whole = chosen.dtype.kind in "iu" or not chosen.size
@@ -429,7 +425,7 @@ def _refuse_slits(vertices: FloatArray, cells: IntArray, topology: Topology, wid
 def _fans(corners: IntArray, topology: Topology, edge: IntArray, vertex: IntArray) -> tuple[IntArray, IntArray]:
     """Triangles (m, 3) with vertices in their sides cut from the corners opposite; and which one each is part of.
 
-    The vertices (k,) of the edges (k,) of the topology follow each other, from its first end to the last.
+    The vertices (k,) of edges (k,) follow each other, from the first end to the last.
     """
     count = np.bincount(edge) - 1  # parts of each edge
     start = np.searchsorted(edge, np.arange(len(count)))

@@ -100,7 +100,7 @@ def cell_stresses(
 def stress_in_cells(
     discretization: Discretization, coefficients: FloatArray, cells: IntArray, t: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """The same in some cells (k,), from all coefficients of Φ (see `TriangleEnergy.coefficients`)."""
+    """The same in some cells (k,), from all coefficients of Φ (see `BodyStiffness.coefficients`)."""
     problem, space = discretization.problem, discretization.space
     points = space.points(cells, t)
     stress = space.stress(coefficients, cells, t)

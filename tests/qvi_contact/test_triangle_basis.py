@@ -135,7 +135,7 @@ def affine_at_gauge(basis, phi, kept):
 def test_stresses_and_airy_function_at_points(degree):
     basis, phi = StressSpace(unstructured(), degree), biharmonic(degree)
     u, (value, _, _, xx, yy, xy) = dofs_of(basis, phi), derivatives(phi)
-    coefficients = stiffness(basis, ISOTROPIC).energy.coefficients(u, None)
+    coefficients = stiffness(basis, ISOTROPIC).coefficients(u, None)
     local = np.random.default_rng(1).dirichlet(np.ones(3), 6)
     cells = np.arange(basis.mesh.cell_count)
     for t in (local, np.broadcast_to(local, (len(cells), *local.shape))):
@@ -153,9 +153,9 @@ def test_body_force_enters_load_and_root(degree):
     points = basis.points(cells, basis.cell_points)
     potential = 1.0 + points[..., 0] - 2.0 * points[..., 1]
     body = stiffness(basis, COMPLIANCE)
-    root = Root(body, np.zeros(basis.size), body.energy.loaded(potential[..., None] * np.array([1.0, 1.0, 0.0])))
+    root = Root(body, np.zeros(basis.size), body.loaded(potential[..., None] * np.array([1.0, 1.0, 0.0])))
     z = np.random.default_rng(0).normal(size=body.K.shape[0])
-    coefficients = body.energy.coefficients(body.supports.basis.expanded(z), root.body)
+    coefficients = body.coefficients(body.supports.basis.expanded(z), root.body)
     stress = basis.stress(coefficients, cells, basis.cell_points) + potential[..., None] * np.array([1, 1, 0])
     weights = np.multiply.outer(basis.triangles.areas, basis.cell_weights)
     by_points = 0.5 * np.einsum("cg,cgi,ij,cgj->", weights, stress, COMPLIANCE, stress)
@@ -230,15 +230,15 @@ def test_a_quadratic_has_its_stress_and_its_energy():
     normal, shear = basis.tractions(u, mesh.edges("left"), np.array([0.2, 0.7]))
     assert len(basis.frames.centres) == 2
     every, middle = np.arange(len(mesh.cells)), np.full((1, 3), 1.0 / 3.0)
-    stress = basis.stress(body.energy.coefficients(u, None), every, middle)[:, 0]
+    stress = basis.stress(body.coefficients(u, None), every, middle)[:, 0]
     assert stress == pytest.approx(np.tile([2.0, 6.0, 4.0], (len(mesh.cells), 1)), abs=1e-9)
     assert normal == pytest.approx(2.0, abs=1e-9)
     assert np.abs(shear) == pytest.approx(4.0, abs=1e-9)
-    w = (body.energy.roots @ basis.differences.apply(u)[:, :, None]).ravel()
+    w = (body.roots @ basis.differences.apply(u)[:, :, None]).ravel()
     assert w @ w == pytest.approx(4.0 + 36.0 + 16.0, rel=1e-9)
     corner = np.eye(3)[1:2]
     airy, *_ = quadratic(*mesh.corners[:, 1].T)
-    assert basis.airy(body.energy.coefficients(u, None), every, corner)[:, 0] == pytest.approx(airy, abs=1e-12)
+    assert basis.airy(body.coefficients(u, None), every, corner)[:, 0] == pytest.approx(airy, abs=1e-12)
 
 
 def test_the_root_of_the_energy_is_one():
