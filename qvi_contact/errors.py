@@ -6,7 +6,7 @@ that are gone are refused here, each with what to do instead.
 """
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 try:
@@ -20,8 +20,8 @@ except ImportError as error:
     raise ImportError(_message, name="solvers", path=_taken) from error
 
 __all__ = [
-    "RETIRED", "InputError", "QVIError", "SolveError", "SolverUnavailableError", "UnknownNameError", "refuse_arguments",
-    "refuse_retired",
+    "RETIRED", "InputError", "QVIError", "SolveError", "SolverUnavailableError", "UnknownNameError", "place_of",
+    "refuse_arguments", "refuse_retired",
 ]  # fmt: skip
 
 RETIRED: Final = {
@@ -38,6 +38,12 @@ RETIRED: Final = {
     "stream_sweep": "was retired in version 0.2: call solve_sweep(problem, parameter, values, of, store=FILE)",
 }
 """By name of what could be imported, called or given."""
+
+
+def place_of(point: Iterable[float]) -> str:
+    """A point (x, y) as messages show it, with six digits."""
+    x, y = map(float, point)
+    return f"({x:.6g}, {y:.6g})"
 
 
 def refuse_retired(name: str) -> None:

@@ -24,9 +24,7 @@ from typing import (
     Final,
     Literal,
     NamedTuple,
-    Protocol,
     TypeAlias,
-    TypeVar,
     Union,
     get_args,
     get_origin,
@@ -56,14 +54,6 @@ _IN_TOML: Final = (
 )  # remedies written for Python
 
 
-_Value = TypeVar("_Value")
-
-
-def _cached(function: Callable[[type], _Value]) -> Callable[[type], _Value]:
-    """What a function of classes returns, computed once for each."""
-    return cache(function)
-
-
 class Missing:
     """The value of a key that is needed and not there, for messages: TOML knows no None."""
 
@@ -71,19 +61,8 @@ class Missing:
         return "missing"
 
 
-class Reader(Protocol):
-    """What reads functions in a file, which knows its constants and the time."""
-
-    @property
-    def whole(self) -> type:
-        """The class that states the whole file."""
-
-    def field(self, value: Any) -> Any:
-        """A number, expression or polynomial."""
-
-    def scalar(self, value: Any) -> float:
-        """A number, which may be an expression of constants and t."""
-
+Reader: TypeAlias = Any
+"""A `FileReader`: reads functions in a file by its `field` and `scalar`; `whole` is the class of the whole file."""
 
 Writer: TypeAlias = Callable[[str, object], object]
 """What makes of a path and a field a number, text or table, and collects the constants and the time that all share."""
@@ -404,7 +383,7 @@ def kind_of(hint: Any) -> Kind:
     return simple[hint] if hint in simple else Table(hint)
 
 
-@_cached
+@cache
 def keys_of(kind: type) -> dict[str, Key]:
     """The keys of a dataclass, in the order of its fields."""
     hints = get_type_hints(kind, include_extras=True)
@@ -412,14 +391,14 @@ def keys_of(kind: type) -> dict[str, Key]:
     return {name: Key(**{"kind": kind_of(hints[name])} | more) for name, more in said.items() if more is not None}
 
 
-@_cached
+@cache
 def defaults_of(kind: type) -> dict[str, Any]:
     """What fields are by default, of those that have a default."""
     made = {each.name: each.default_factory() for each in fields(kind) if each.default_factory is not MISSING}
     return made | {each.name: each.default for each in fields(kind) if each.default is not MISSING}
 
 
-@_cached
+@cache
 def file_keys(kind: type) -> dict[str, Key]:
     """The keys of a table: those of the class, of what is inlined, and those that files only have (`in_files`)."""
     found: dict[str, Key] = {}
@@ -491,26 +470,21 @@ def write_table(path: str, stated: Any, writer: Writer) -> dict[str, Any]:
     return found
 
 
-def check_keys(stated: Any) -> None:
-    """Check the fields of an object as their keys say, keep numbers as floats, fill in those like another one."""
-    kind = type(stated)
-    defaults = defaults_of(kind)
-    for name, each in keys_of(kind).items():
-        value = getattr(stated, name)
-        if value is not None or defaults.get(name, MISSING) is not None:
-            object.__setattr__(stated, name, each.kind.check(f"{kind.__name__}.{name}", value))
-        if each.like and not value:
-            object.__setattr__(stated, name, getattr(stated, each.like))
-
-
 class Checked:
-    """Dataclasses whose fields are checked by their keys."""
+    """Dataclasses whose fields are checked by their keys; numbers become floats, some are like others by default."""
 
     def __post_init__(self) -> None:
-        check_keys(self)
+        kind = type(self)
+        defaults = defaults_of(kind)
+        for name, each in keys_of(kind).items():
+            value = getattr(self, name)
+            if value is not None or defaults.get(name, MISSING) is not None:
+                object.__setattr__(self, name, each.kind.check(f"{kind.__name__}.{name}", value))
+            if each.like and not value:
+                object.__setattr__(self, name, getattr(self, each.like))
 
 
-@_cached
+@cache
 def described(kind: type) -> dict[str, str]:
     """What docstrings of a class, and of those above it, say of each of its parameters; nothing without docstrings."""
     found: dict[str, str] = {}
@@ -584,7 +558,7 @@ def _instead(name: str, known: Iterable[str], reader: Reader) -> str:
     return f"there is no such key; did you mean {near}{where}? ({listed})"
 
 
-@_cached
+@cache
 def tables_of(whole: type) -> dict[type, list[str]]:
     """The classes that state the tables of a file, and the headings of each."""
     found: dict[type, list[str]] = {}

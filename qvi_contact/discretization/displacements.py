@@ -41,6 +41,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import from_values, gauss_legendre
 from qvi_contact.element.triangle import EDGES, exponents, gradient, quadrature
 from qvi_contact.element.triangle import bernstein as basis
+from qvi_contact.errors import place_of
 from qvi_contact.mesh.edges import Edges, arc_offsets, vectors_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Displacement
@@ -425,10 +426,10 @@ def supports(
     missed, jumps = np.abs(np.einsum("kmi,ki->km", D, found) - wanted).max(axis=1), list[str]()
     if missed.max(initial=0.0) > least * max(1.0, np.abs(value).max(initial=0.0)):
         worst = int(np.argmax(missed))
-        x, y = problem.mesh.origin + scales.length * space.places[known[worst]]
+        place = place_of(problem.mesh.origin + scales.length * space.places[known[worst]])
         jumps.append(
-            f"Prescribed displacements disagree at ({x:.6g}, {y:.6g}), by about {2.0 * missed[worst] * unit:.3g} "
-            "[length]. There stresses grow on finer meshes, and the energy of the body, without end. Let them agree."
+            f"Prescribed displacements disagree at {place}, by about {2.0 * missed[worst] * unit:.3g} [length]. There "
+            "stresses grow on finer meshes, and the energy of the body, without end. Let them agree."
         )
     along, slanted = np.argmax(np.abs(first), axis=1), ~both & (np.abs(first).max(axis=1) < 1.0)
     one = np.where(slanted, (found * first).sum(axis=1), np.take_along_axis(found, along[:, None], axis=1)[:, 0])

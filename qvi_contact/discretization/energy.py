@@ -40,7 +40,7 @@ from qvi_contact.discretization.loads import ContactRows, EdgePoints, physical, 
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import StressSpace
 from qvi_contact.discretization.supports import Supports
-from qvi_contact.errors import InputError
+from qvi_contact.errors import InputError, place_of
 from qvi_contact.problem.conditions import SPRINGS
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.types import Kept, PicklesFields, read_only
@@ -124,10 +124,8 @@ class BodyStiffness(PicklesFields):
         elongations = self.supports.space.triangles.elongations
         thinnest = int(np.argmax(elongations))
         if elongations[thinnest] > _LONGEST:
-            x, y = self.supports.space.mesh.corners[thinnest].mean(axis=0)
-            remedy = (
-                f"the triangle around ({x:.6g}, {y:.6g}) is this many times as long as high: give at most {_LONGEST:g}"
-            )
+            around = place_of(self.supports.space.mesh.corners[thinnest].mean(axis=0))
+            remedy = f"the triangle around {around} is this many times as long as high: give at most {_LONGEST:g}"
             raise InputError("ContactProblem.mesh", float(elongations[thinnest]), remedy)
 
     @cached_property

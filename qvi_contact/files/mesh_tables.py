@@ -450,7 +450,7 @@ class RegionTable(Region):
     """Triangles of another material, which may have ranges and a name: then the region gets that name."""
 
     def __post_init__(self) -> None:
-        schema.check_keys(self)
+        schema.Checked.__post_init__(self)
 
     def region(self, plane: Plane) -> Region:
         """The region, in the plane state of the body."""

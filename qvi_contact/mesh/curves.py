@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, positive_number, real_array
 from qvi_contact.element.legendre import from_values, gauss_legendre
 from qvi_contact.element.triangle import EDGES
-from qvi_contact.errors import InputError
+from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.edges import (
     Topology,
     angles,
@@ -85,8 +85,7 @@ def circle(centre: tuple[float, float], radius: float, edges: IntArray, vertices
     off = np.abs(np.hypot(*(ends - middle).T) - radius)
     worst = int(np.argmax(off))
     if off[worst] > ROUNDING * radius:
-        x, y = ends[worst]
-        remedy = f"the vertex ({x:.6g}, {y:.6g}) is {off[worst]:.3g} off this circle: correct centre or radius"
+        remedy = f"the vertex {place_of(ends[worst])} is {off[worst]:.3g} off this circle: correct centre or radius"
         raise InputError(f"{field}radius", radius, remedy)
     first, second = (vertices[end] - middle for end in pairs.T)
     turn = np.arctan2(cross(first, second), (first * second).sum(axis=1))
@@ -134,8 +133,8 @@ def refuse_bad_arcs(
         (bent, "bends too far for the triangle at it: divide the triangles there"),
     ):
         if len(wrong):
-            x, y = vertices[topology.ends[wrong[0]]].mean(axis=0)
-            raise InputError("TriangleMesh.arcs", f"({x:.6g}, {y:.6g})", f"the edge around this point {remedy}")
+            place = place_of(vertices[topology.ends[wrong[0]]].mean(axis=0))
+            raise InputError("TriangleMesh.arcs", place, f"the edge around this point {remedy}")
 
 
 def bent_too_far(bends: FloatArray, vertices: FloatArray, cells: IntArray, topology: Topology) -> BoolArray:
@@ -251,9 +250,8 @@ def fitted(
     off = np.hypot(*(given.points(found) - vertices[numbers]).T)
     worst = int(np.argmax(off))
     if off[worst] > ROUNDING * size:
-        x, y = vertices[numbers[worst]]
-        remedy = f"the vertex ({x:.6g}, {y:.6g}) is {off[worst]:.3g} off this curve: correct the curve, or its ends"
-        raise InputError(name, function, remedy)
+        vertex = f"the vertex {place_of(vertices[numbers[worst]])} is {off[worst]:.3g} off this curve"
+        raise InputError(name, function, f"{vertex}: correct the curve, or its ends")
     first, second = found[places.reshape(edges.shape)].T
     if given.closed:
         second = second - (stop - start) * np.rint((second - first) / (stop - start))
@@ -278,9 +276,8 @@ def _bends(given: _Given, first: FloatArray, second: FloatArray, ends: FloatArra
     off = np.hypot(*np.moveaxis(corners[:, :1] + arc_offsets(chords, bends, _CHECKED) - there, -1, 0)).max(axis=1)
     rough = np.flatnonzero(off > exact * lengths)
     if len(rough):
-        x, y = ends[rough[0]].mean(axis=0)
         remedy = "is not smooth there, turns back, or turns too far along one edge: divide the triangles there"
-        raise InputError(given.name, f"({x:.6g}, {y:.6g})", f"the curve {remedy}")
+        raise InputError(given.name, place_of(ends[rough[0]].mean(axis=0)), f"the curve {remedy}")
     return bends[:, : 1 + int(np.flatnonzero(bends.any(axis=0)).max(initial=0))]
 
 

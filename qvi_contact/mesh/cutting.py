@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_number, real_array, whole_number
 from qvi_contact.basics.schema import LARGEST
-from qvi_contact.errors import InputError
+from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.curves import ROUNDING, Curve, MeshParts, bends_of, bent_too_far
 from qvi_contact.mesh.edges import (
     Topology,
@@ -99,11 +99,11 @@ def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> N
         apart, others = (vertices[np.unique(cells[chosen])] for chosen in (piece == 1, piece != 1))
         distances, nearest = map(np.asarray, cKDTree(others).query(apart))
         at = int(np.argmin(distances))
-        x, y = (apart[at] + others[nearest[at]]) / 2.0
+        around = place_of((apart[at] + others[nearest[at]]) / 2.0)
         remedy = (
             f"the body consists of this many pieces; the nearest vertices of two are {distances[at]:.3g} apart around "
-            f"({x:.6g}, {y:.6g}): give one piece. Bodies that touch across a space are meshed without it, with common "
-            "nodes along a joint whose Contact has that gap; nodes of one body are merged with a larger tolerance "
+            f"{around}: give one piece. Bodies that touch across a space are meshed without it, with common nodes "
+            "along a joint whose Contact has that gap; nodes of one body are merged with a larger tolerance "
             "(Geometry.Tolerance in Gmsh)"
         )
         raise InputError("TriangleMesh", int(piece.max()) + 1, remedy)
@@ -113,8 +113,7 @@ def _refuse(wrong: BoolArray, given: IntArray, remedy: str, places: FloatArray) 
     """`InputError` about the first of some things (k,) that is wrong, if any is, at its place, (k, 2)."""
     if np.count_nonzero(wrong):
         number = int(np.argmax(wrong))
-        x, y = places[number]
-        raise InputError("TriangleMesh", given[number].tolist(), remedy.format(f"({x:.6g}, {y:.6g})"))
+        raise InputError("TriangleMesh", given[number].tolist(), remedy.format(place_of(places[number])))
 
 
 def pieces(topology: Topology, count: int) -> IntArray:
@@ -295,8 +294,8 @@ def _halved(mesh: MeshParts, topology: Topology, number: IntArray) -> MeshParts:
     vertices = np.concatenate([mesh.vertices, mesh.vertices[topology.ends[number]].mean(axis=1)])
     same = same_places(vertices)
     if len(same):
-        x, y = vertices[same[0, 0]].tolist()
-        raise InputError("marked", (x, y), "triangles here are too small to be halved: leave them out of `marked`")
+        place = tuple(vertices[same[0, 0]].tolist())
+        raise InputError("marked", place, "triangles here are too small to be halved: leave them out of `marked`")
     cells, sides = np.sort(mesh.cells, axis=1), middle[topology.of_cells]  # sides opposite to the corners
     count = (sides >= 0).sum(axis=1)
     some, all_three = (count == 1) | (count == 2), count == 3
@@ -417,8 +416,8 @@ def _refuse_slits(vertices: FloatArray, cells: IntArray, topology: Topology, wid
     piece = piece[topology.cells[topology.boundary, 0]]  # bodies may have narrow holes of their own
     for line in chains(ends):
         if np.ptp(piece[line]) and abs(areas[line].sum()) < width * lengths[line].sum():
-            (x, y), apart = middles[line[0]].tolist(), abs(areas[line].sum()) / lengths[line].sum()
-            remedy = f"the bodies touch at some of their vertices and are {apart:.1g} apart around ({x:.6g}, {y:.6g}): "
+            apart, around = abs(areas[line].sum()) / lengths[line].sum(), place_of(middles[line[0]])
+            remedy = f"the bodies touch at some of their vertices and are {apart:.1g} apart around {around}: "
             raise InputError("join", apart, f"{remedy}give their coordinates with more digits")
 
 

@@ -17,7 +17,7 @@ from qvi_contact.basics.checks import (
     whole_number,
 )
 from qvi_contact.basics.schema import LARGEST
-from qvi_contact.errors import InputError
+from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.curves import MeshParts
 
 LONGEST: Final = 500.0
@@ -165,9 +165,9 @@ def _without_long_cells(x: FloatArray, y: FloatArray, active: BoolArray) -> tupl
     elongation = np.where(active, np.maximum(width / height, height / width), 1.0)
     if elongation.max() > (1.0 + 1e-6) * LONGEST:
         row, column = np.unravel_index(int(np.argmax(elongation)), active.shape)
-        at = f"({(x[column] + x[column + 1]) / 2.0:.6g}, {(y[row] + y[row + 1]) / 2.0:.6g})"
+        around = place_of((x[column : column + 2].mean(), y[row : row + 2].mean()))
         remedy = (
-            f"the cell around {at} is this many times as long as wide: give at most {LONGEST:g}, by more lines "
+            f"the cell around {around} is this many times as long as wide: give at most {LONGEST:g}, by more lines "
             "across it, or grade the lines less; `graded` of a mesh makes small triangles at points alone"
         )
         raise InputError("TriangleMesh.grid", float(elongation.max()), remedy)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, real_array
-from qvi_contact.errors import InputError
+from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.edges import TURNED, Topology
 
 Point: TypeAlias = Sequence[float]
@@ -61,8 +61,8 @@ def checked_set(name: str, pairs: ArrayLike, topology: Topology, vertices: Float
     number = known_edges(name, found, topology)
     outer = topology.boundary[number]
     if vertices is not None and outer.any() and not outer.all():
-        x, y = vertices[found[np.argmin(outer)]].mean(axis=0)
-        remedy = f"lies partly on the boundary and partly inside, as around ({x:.6g}, {y:.6g}): make two sets of it"
+        around = place_of(vertices[found[np.argmin(outer)]].mean(axis=0))
+        remedy = f"lies partly on the boundary and partly inside, as around {around}: make two sets of it"
         raise InputError("TriangleMesh.edge_sets", name, remedy)
     chosen = np.bincount(number).nonzero()[0]  # each once
     chosen.flags.writeable = False
@@ -160,8 +160,8 @@ def triangles_in_box(vertices: FloatArray, cells: IntArray, x: Range, y: Range) 
         apart |= ((nearest - corners[:, start]) * outward).sum(axis=1) >= 0.0
     cut = ~apart & ~inside
     if cut.any():
-        px, py = vertices[cells[np.argmax(cut)]].mean(axis=0)
-        remedy = f"cuts the triangle around ({px:.6g}, {py:.6g}): give ranges that end on edges of the mesh"
+        around = place_of(vertices[cells[np.argmax(cut)]].mean(axis=0))
+        remedy = f"cuts the triangle around {around}: give ranges that end on edges of the mesh"
         raise InputError("region", given, remedy)
     if not inside.any():
         raise InputError("region", given, "no triangle lies in this range: make it larger")

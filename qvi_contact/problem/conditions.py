@@ -28,7 +28,6 @@ from qvi_contact.basics.schema import (
     Scalar,
     Table,
     Varying,
-    check_keys,
     defaults_of,
     key,
     keys_of,
@@ -60,11 +59,11 @@ def components(condition: Traction | Displacement) -> dict[str, Field]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-class _ByComponents:
+class _ByComponents(Checked):
     """A condition that gives components of one kind, at least one."""
 
     def __post_init__(self) -> None:
-        check_keys(self)
+        super().__post_init__()
         stated: Any = self
         kind, given = type(self).__name__, components(stated)
         if not given:
@@ -144,7 +143,7 @@ class RigidMotion:
 
 
 @dataclass(frozen=True)
-class RigidPlate:
+class RigidPlate(Checked):
     """A rigid obstacle, such as a plate, a stamp or a pin, that moves as a whole.
 
     On every point of its contact, whichever way the edge there faces, its motion (x, y, rotation) adds
@@ -179,7 +178,7 @@ class RigidPlate:
         if not names:
             remedy = "give at least one of force_x, force_y, moment, x, y and rotation: x = 0 if it stands still"
             raise InputError("RigidPlate", None, remedy)
-        check_keys(self)
+        super().__post_init__()
         for name in names:
             if DRIVES.get(name) in names:
                 remedy = f"{DRIVES[name]} is given too: what moves a plate is a force or a motion, leave one out"
@@ -227,7 +226,7 @@ class Pin(RigidPlate):
 
 
 @dataclass(frozen=True)
-class Contact:
+class Contact(Checked):
     """Contact with dry friction, against a rigid obstacle (1.6) or between two blocks of the body.
 
         σ_N ≤ 0,   u_N ≤ g,   (u_N − g) σ_N = 0                             unilateral
@@ -281,7 +280,7 @@ class Contact:
     """Rigid pin, see `pin`, instead of gap and plate: `pin = { centre = [0, 0], radius = 9.95, force_x = 10.0 }`."""
 
     def __post_init__(self) -> None:
-        check_keys(self)
+        super().__post_init__()
         for name, each in keys_of(Contact).items():
             value = getattr(self, name)
             given = callable(value) or value != defaults_of(Contact).get(name, 0.0)

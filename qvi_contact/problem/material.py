@@ -40,7 +40,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, NamedTupl
 import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, acts, evaluate
-from qvi_contact.basics.schema import Angle, Checked, Inline, Name, Positive, Scalar, Tagged, Varying, check_keys
+from qvi_contact.basics.schema import Angle, Checked, Inline, Name, Positive, Scalar, Tagged, Varying
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.selection import triangles_in_box
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -101,7 +101,7 @@ class Mises(Checked):
 
 
 @dataclass(frozen=True)
-class MohrCoulomb:
+class MohrCoulomb(Checked):
     """Cohesion and friction: |τ| ≤ c − σ tan φ on every plane, and no tension above the cut-off.
 
     Where φ varies on a part of a triangle, limit loads count there from below with what each of its angles carries,
@@ -117,7 +117,7 @@ class MohrCoulomb:
     kind: ClassVar[str] = "mohr-coulomb"
 
     def __post_init__(self) -> None:
-        check_keys(self)
+        super().__post_init__()
         if not callable(self.phi):
             self.angles(np.zeros(1), np.zeros(1))
             if self.phi == 0.0:
@@ -165,7 +165,7 @@ STRENGTHS: Final[tuple[type, ...]] = (Tresca, Mises, MohrCoulomb, NoTension)
 
 
 @dataclass(frozen=True)
-class Material:
+class Material(Checked):
     """Isotropic linear elastic material."""
 
     young: Positive
@@ -187,7 +187,7 @@ class Material:
     """Stress (xx, yy, xy) of the body where it is not strained [stress]: `prestress = [-2.0, 0.0, 0.0]`."""
 
     def __post_init__(self) -> None:
-        check_keys(self)
+        super().__post_init__()
         if not -1.0 < self.poisson <= 0.5:
             raise InputError("Material.poisson", self.poisson, "give a number above -1 and at most 0.5")
         with np.errstate(over="ignore"):
@@ -216,7 +216,7 @@ class Material:
 
 
 @dataclass(frozen=True)
-class Region:
+class Region(Checked):
     """A part of the body with a material of its own: a named region of the mesh, or what lies in ranges of x and y.
 
     Across the border the tractions agree and the bodies are bonded.
@@ -234,7 +234,7 @@ class Region:
     """Rise of temperature here, instead of that of the body: `temperature = 60.0`."""
 
     def __post_init__(self) -> None:
-        check_keys(self)
+        super().__post_init__()
         if self.name is not None and not self.x is self.y is None:
             raise InputError("Region.name", self.name, "give the name of a region of the mesh, or ranges x and y")
 

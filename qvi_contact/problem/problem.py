@@ -14,7 +14,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field
 from qvi_contact.element.triangle import triangle_lattice
-from qvi_contact.errors import InputError, UnknownNameError, refuse_retired
+from qvi_contact.errors import InputError, UnknownNameError, place_of, refuse_retired
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import (
@@ -281,12 +281,13 @@ def _ruled(problem: ContactProblem, ruling: Sequence[_Ruling]) -> IntArray:
     first = np.zeros_like(normal)
     rows = {"x": first, "y": first + 1, "normal": normal, "tangential": 1 - normal}
 
+    def middle(edge: int) -> str:
+        return place_of(mesh.midpoints[boundary.number[edge]])
+
     def refuse(name: str, component: int, edge: int, remedy: str) -> NoReturn:
         local = frame[edge] == _LOCAL_FRAME
         what = f"{LOCAL[component]} component" if local else f"component {CARTESIAN[component]}"
-        raise InputError(
-            "ContactProblem.conditions", name, f"{what} of the edge around {_midpoint(mesh, edge)} {remedy}"
-        )
+        raise InputError("ContactProblem.conditions", name, f"{what} of the edge around {middle(edge)} {remedy}")
 
     for number, condition, given, chosen in ruling:
         slanted = chosen[~parallel[chosen]]
@@ -295,7 +296,7 @@ def _ruled(problem: ContactProblem, ruling: Sequence[_Ruling]) -> IntArray:
         other = slanted[frame[slanted] == _LOCAL_FRAME + _CARTESIAN_FRAME - own]
         if len(other):
             remedy = (
-                f"gives the {names[0]} component of the slanted edge around {_midpoint(mesh, int(other[0]))}, and "
+                f"gives the {names[0]} component of the slanted edge around {middle(int(other[0]))}, and "
                 "another condition one of the other kind: give both components of an edge as x and y, or both as "
                 "normal and tangential"
             )
@@ -329,12 +330,6 @@ def _edges_of(mesh: TriangleMesh, condition: Condition) -> IntArray:
         raise UnknownNameError(f"{type(condition).__name__}.edges", condition.edges, error.remedy) from error
 
 
-def _midpoint(mesh: TriangleMesh, edge: int) -> str:
-    """The middle of an edge of the boundary, for messages."""
-    x, y = mesh.vertices[[mesh.boundary.first[edge], mesh.boundary.second[edge]]].sum(axis=0) / 2.0
-    return f"({x:.6g}, {y:.6g})"
-
-
 def _check_pressure(problem: ContactProblem) -> None:
     """A constant pressure strains no incompressible body: some normal traction must say how large it is.
 
@@ -349,8 +344,7 @@ def _check_pressure(problem: ContactProblem) -> None:
         raise InputError("Material.poisson", 0.5, remedy)
     if not all(incompressible):
         return
-    normal = problem.mesh.boundary.normal
-    parts = ((given.direction * normal[given.index]).sum(axis=1) for given in problem.prescribed(Traction))
+    parts = ((given.direction * given.edges.normal).sum(axis=1) for given in problem.prescribed(Traction))
     if not any((np.abs(part) > _TANGENTIAL).any() for part in parts):
         remedy = (
             "in plane strain a constant pressure does not deform this body, so the loads do not determine it (forces "
