@@ -133,6 +133,11 @@ class Truth(Kind):
             raise InputError("", value, "give true or false")
         return value
 
+    def check(self, name: str, value: Any) -> bool:
+        from qvi_contact.basics.checks import true_or_false
+
+        return true_or_false(name, value)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Text(Kind):
@@ -238,9 +243,10 @@ class Listed(Kind):
         return tuple(found)
 
     def check(self, name: str, value: Any) -> tuple[Any, ...]:
-        if not isinstance(value, tuple | list) or (self.most is not None and len(value) != self.most):
+        given = tuple(value) if isinstance(value, Iterable) and not isinstance(value, str) else None
+        if given is None or (self.most is not None and len(given) != self.most):
             raise InputError(name, value, "give a pair (x, y)" if self.most == 2 else f"give a list of {self.most}")
-        return tuple(self.kind.check(name, item) for item in value)
+        return tuple(self.kind.check(name, item) for item in given)
 
     def written(self, path: str, value: Any, writer: Writer) -> object:
         return [self.kind.written(f"{path}[{index}]", item, writer) for index, item in enumerate(value)]

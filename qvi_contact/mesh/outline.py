@@ -19,8 +19,8 @@ from typing import Any, Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, positive_number, true_or_false
-from qvi_contact.basics.schema import LARGEST, Name
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, positive_number
+from qvi_contact.basics.schema import LARGEST, Checked, Name, Positive
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts, circle
 from qvi_contact.mesh.edges import Topology, cross
@@ -43,7 +43,7 @@ _SMALLEST: Final = 1e-7  # of sizes, as a share of the outline's length
 
 
 @dataclass(frozen=True)
-class Corner:
+class Corner(Checked):
     """A point of an outline, and the line from there to the next one."""
 
     at: Point
@@ -55,18 +55,8 @@ class Corner:
     distance from it: `centre = [1.0, 1.0]`."""
     clockwise: bool = False
     """Which way an arc goes around its centre: `clockwise = true`."""
-    size: float | None = None
+    size: Positive | None = None
     """Size of the triangles at this corner, and along an arc that begins here [length]: `size = 0.02`."""
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "at", point("Corner.at", self.at))
-        if not isinstance(self.name, str):
-            raise InputError("Corner.name", self.name, "give a string")
-        if self.centre is not None:
-            object.__setattr__(self, "centre", point("Corner.centre", self.centre))
-        if self.size is not None:
-            positive_number("Corner.size", self.size)
-        object.__setattr__(self, "clockwise", true_or_false("Corner.clockwise", self.clockwise))
 
     @classmethod
     def circle(cls, centre: Point, radius: float, name: str = "", size: float | None = None) -> tuple[Corner, Corner]:

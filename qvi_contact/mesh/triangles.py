@@ -15,17 +15,8 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, positive_number, real_array
 from qvi_contact.errors import InputError
+from qvi_contact.mesh import cutting
 from qvi_contact.mesh.curves import Curve, CurveFunction, MeshParts, bends_of, circle, fitted, refuse_bad_arcs
-from qvi_contact.mesh.cutting import (
-    bisected,
-    checked_triangles,
-    divided_at_arcs,
-    fanned,
-    joined,
-    layered,
-    refuse_flaws,
-    stacked,
-)
 from qvi_contact.mesh.edges import (
     Edges,
     Topology,
@@ -89,9 +80,11 @@ class TriangleMesh(PicklesFields):
     """Edges that are arcs rather than their chords; see `with_arc` and `with_curve`."""
 
     def __post_init__(self) -> None:
-        for name, found in zip(("vertices", "cells"), checked_triangles(self.vertices, self.cells), strict=True):
+        for name, found in zip(
+            ("vertices", "cells"), cutting.checked_triangles(self.vertices, self.cells), strict=True
+        ):
             object.__setattr__(self, name, found)
-        refuse_flaws(self.vertices, self.cells, self.topology)
+        cutting.refuse_flaws(self.vertices, self.cells, self.topology)
         edge_sets = mapping("TriangleMesh.edge_sets", self.edge_sets, _EDGE_SETS)
         numbers = {name: checked_set(name, given, self.topology, self.vertices) for name, given in edge_sets.items()}
         pairs = {name: self.topology.ends[number] for name, number in numbers.items()}
@@ -202,7 +195,7 @@ class TriangleMesh(PicklesFields):
         """
         if not (isinstance(meshes, Sequence) and meshes and all(isinstance(mesh, TriangleMesh) for mesh in meshes)):
             raise InputError("meshes", meshes, "give a list of TriangleMesh")
-        return cls(*joined(stacked([mesh._parts for mesh in meshes]), name))
+        return cls(*cutting.joined(cutting.stacked([mesh._parts for mesh in meshes]), name))
 
     @classmethod
     def load(cls, path: str | Path, join: str | None = None) -> TriangleMesh:
@@ -212,7 +205,7 @@ class TriangleMesh(PicklesFields):
         body; names of surfaces become regions. Quadrilaterals are cut in two. See `mesh.files`. Bodies in the file that
         touch along straight lines get a joint called `join`, see `joined` for arcs.
         """
-        return cls(*(read_mesh(path) if join is None else joined(read_mesh(path), join)))
+        return cls(*(read_mesh(path) if join is None else cutting.joined(read_mesh(path), join)))
 
     @classmethod
     def outline(
@@ -238,7 +231,7 @@ class TriangleMesh(PicklesFields):
         """
         parts = meshed(polygons(corners, size, holes, joints, regions, sizes))
         try:
-            mesh = cls(*divided_at_arcs(parts))
+            mesh = cls(*cutting.divided_at_arcs(parts))
         except InputError as error:
             if not parts.arcs:
                 raise
@@ -612,7 +605,7 @@ class TriangleMesh(PicklesFields):
 
         By default each is divided into four, and further if it becomes too flat for its arc. Names are carried over.
         """
-        return TriangleMesh(*bisected(self._parts, marked))
+        return TriangleMesh(*cutting.bisected(self._parts, marked))
 
     def fanned(self, vertices: IntArray, angle: float, layers: int = 1) -> TriangleMesh:
         """The mesh with fans of thin triangles around vertices (k,), for what turns quickly around a point.
@@ -620,7 +613,7 @@ class TriangleMesh(PicklesFields):
         None of the vertices is an end of another's edge; they keep their numbers. Triangles there have at most this
         angle [rad], and are made half as long so many times at least: before angles are halved they are.
         """
-        return TriangleMesh(*fanned(self._parts, vertices, angle, layers))
+        return TriangleMesh(*cutting.fanned(self._parts, vertices, angle, layers))
 
     @property
     def _parts(self) -> MeshParts:
@@ -672,7 +665,7 @@ class TriangleMesh(PicklesFields):
                 if ratio is None:
                     mesh = mesh.refined(np.unique(mesh.around(places[depths > level])[1]))
                 else:
-                    mesh = TriangleMesh(*layered(mesh._parts, np.unique(at[depths > level]), ratio))
+                    mesh = TriangleMesh(*cutting.layered(mesh._parts, np.unique(at[depths > level]), ratio))
             except InputError as error:
                 remedy = f"give at most {level}: triangles would become too small to tell their vertices apart"
                 raise InputError("depth", depth, remedy) from error
