@@ -45,7 +45,7 @@ def resultant_shapes(bend: FloatArray, t: FloatArray) -> FloatArray:
     Integrands of n arcs on chords of length 1 that bend (n, k) as in `mesh.edges`, at shares t (n, q) of their lengths.
     """
     cosine, sine = np.cos(angles(bend, t)), np.sin(angles(bend, t))
-    frame = np.moveaxis(np.array([[cosine, -sine], [sine, cosine]]), (0, 1), (2, 3))  # (n, q, component, τ or μ)
+    frame = np.array([[cosine, -sine], [sine, cosine]]).transpose(2, 3, 0, 1)  # (n, q, component, τ or μ)
     arm = np.array([0.5, 0.0]) - arc_offsets(np.tile([1.0, 0.0], (len(bend), 1)), bend, t)
     moment = (arm[..., None] * frame).sum(axis=2, keepdims=True)
     return np.asarray(stretches(bend)[:, None, None, None] * np.concatenate([frame, moment], axis=2))
