@@ -271,13 +271,10 @@ def contact_rows(
         if contact.has_fluid:
             given = ("Contact.pore_pressure", contact.pore_pressure, max(LOAD_POINTS, points.count + 2))
             fluid = along_edges(problem.mesh, points.edges, *given, minimum=0.0)
-            pressure = points.nearest(fluid)
-            if callable(contact.pore_pressure):
-                misfit = fluid.misfit(fluid.coefficients(points.count - 1))
-        if rule.law_on == "points":  # a polynomial below g at one of them would press where bodies are apart
-            gap = evaluate("Contact.gap", contact.gap, x, y)
-        else:
-            gap = gap_at_points(problem, contact, points)
+            pressure, misfit = points.nearest(fluid), fluid.misfit(fluid.coefficients(points.count - 1))
+        # at points a polynomial below g at one of them would press where bodies are apart
+        on_points = rule.law_on == "points"
+        gap = evaluate("Contact.gap", contact.gap, x, y) if on_points else gap_at_points(problem, contact, points)
         rows = ContactRows(
             contact.name,
             contact.law,

@@ -39,7 +39,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, NamedTupl
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field, FloatArray, IntArray, acts, evaluate
+from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, acts, evaluate
 from qvi_contact.basics.schema import Angle, Checked, Inline, Name, Positive, Scalar, Tagged, Varying
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.selection import triangles_in_box
@@ -274,17 +274,14 @@ def varies(problem: ContactProblem) -> bool:
 
 def stress_at_rest(problem: ContactProblem, cells: IntArray, x: FloatArray, y: FloatArray) -> FloatArray:
     """σ⁰ = −C ε⁰ (xx, yy, xy) at points of cells (k,), from coordinates (k, …) [length] to (k, …, 3) [stress]."""
-    found, numbers = np.zeros((*np.shape(x), 3)), problem.cell_materials[cells]
-    for number in np.unique(numbers).tolist():
-        material, here = problem.materials[number], numbers == number
-        place = x[here], y[here]
-        swelling = _swelling(problem, number, *place)
+    found = np.zeros((*np.shape(x), 3))
+    for material, here, swelling, prestress in _strained(problem, cells, x, y):
         if swelling.any():
             nu = material.poisson
             modulus = material.young / (1.0 - (2.0 * nu if material.plane == "strain" else nu))
             found[here, ..., :2] -= modulus * swelling[..., None]
-        for component, field in enumerate(material.prestress or ()):
-            found[here, ..., component] += evaluate("Material.prestress", field, *place)
+        for component, values in enumerate(prestress):
+            found[here, ..., component] += values
     return found
 
 
@@ -295,14 +292,11 @@ def stress_along_z(
 
     That is −E e, and −ν times the prestress in the plane, which has no part along z.
     """
-    found, numbers = np.zeros(np.shape(x)), problem.cell_materials[cells]
-    for number in np.unique(numbers).tolist():
-        material, here = problem.materials[number], numbers == number
+    found = np.zeros(np.shape(x))
+    for material, here, swelling, prestress in _strained(problem, cells, x, y):
         if material.plane == "strain":
-            swelling = _swelling(problem, number, x[here], y[here])
-            found[here] = material.poisson * stress[here, ..., :2].sum(axis=-1) - material.young * swelling
-            for field in (material.prestress or ())[:2]:
-                found[here] -= material.poisson * evaluate("Material.prestress", field, x[here], y[here])
+            strained = stress[here, ..., :2].sum(axis=-1) - sum(prestress[:2], np.zeros(swelling.shape))
+            found[here] = material.poisson * strained - material.young * swelling
     return found
 
 
@@ -312,10 +306,16 @@ def _temperature(problem: ContactProblem, number: int) -> Field:
     return problem.temperature if own is None else own
 
 
-def _swelling(problem: ContactProblem, number: int, x: FloatArray, y: FloatArray) -> FloatArray:
-    """The strain e = α ΔT − s of a free piece of the part with this number."""
-    material, temperature = problem.materials[number], _temperature(problem, number)
-    found = -evaluate("Material.shrinkage", material.shrinkage, x, y)
-    if material.expansion != 0.0 and acts(temperature):
-        found += material.expansion * evaluate("ContactProblem.temperature", temperature, x, y)
-    return found
+def _strained(
+    problem: ContactProblem, cells: IntArray, x: FloatArray, y: FloatArray
+) -> Iterator[tuple[Material, BoolArray, FloatArray, list[FloatArray]]]:
+    """Materials of cells (k,), which of these have each, and e = α ΔT − s and the prestress at their points."""
+    numbers = problem.cell_materials[cells]
+    for number in np.unique(numbers).tolist():
+        material, temperature, here = problem.materials[number], _temperature(problem, number), numbers == number
+        place = x[here], y[here]
+        swelling = -evaluate("Material.shrinkage", material.shrinkage, *place)
+        if material.expansion != 0.0 and acts(temperature):
+            swelling += material.expansion * evaluate("ContactProblem.temperature", temperature, *place)
+        prestress = [evaluate("Material.prestress", field, *place) for field in material.prestress or ()]
+        yield material, here, swelling, prestress
