@@ -24,12 +24,8 @@ if TYPE_CHECKING:
 
     from solvers.basics.progress import Progress
 
-_TERMINATED: Final = 143
-"""Exit status after SIGTERM, as shells tell it: 128 and the number of the signal."""
-
-_OFTEN_ENOUGH: Final = 100_000
-"""New objects between two collections of garbage."""
-
+_TERMINATED: Final = 143  # exit status after SIGTERM, as shells tell it: 128 and the number of the signal
+_OFTEN_ENOUGH: Final = 100_000  # new objects between two collections of garbage
 _PATIENCE = 2.0  # seconds of silence
 _OFF_TERMINALS = 30.0  # where there is no terminal; then twice as many, and so on
 _REDRAWN = 0.1  # seconds
@@ -219,11 +215,9 @@ def solving(title: str, steps: int = 1, *, verbose: bool = False, silence: float
     """Show on standard error how far the solves inside are, once they take two seconds; of several steps with a bar.
 
     With `verbose` no line is shown, and what the solves inside print goes there too: standard output is for answers.
-
     A line that stays says when one method takes the place of another one. Where that is not a terminal there are plain
     lines: one before each large factorisation, and how far all is after so many seconds of `silence`, and then after
-    twice as many, and so on.
-    The function yielded reports that a step is done, and may say how far all is: that is shown before the rest.
+    twice as many, and so on. The function yielded says that a step is done, and may say how far all is.
     """
     if verbose:
         with redirect_stdout(sys.stderr):

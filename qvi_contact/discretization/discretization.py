@@ -194,8 +194,8 @@ def discretize(
         Degree of the Airy function, from 3 to 12, 4 by default.
     law_on : "edges" or "points", optional
         What bounds the tractions: their Bernstein coefficients on each edge, so that the contact law holds on whole
-        edges, or their values at Gauss points. By default coefficients; Gauss points where friction varies along an
-        edge, or another bound does so but linearly, as coefficients do not hold such laws.
+        edges, or their values at Gauss points. By default coefficients; Gauss points where `laws_vary`, as where
+        friction varies along an edge.
     scales : Scales, optional
         Units of the dimensionless problem; those of the problem by default.
     **retired
@@ -203,14 +203,12 @@ def discretize(
 
     Notes
     -----
-    Lengths are divided by L, stresses by S, displacements by C S L (see `Scales`). The unknowns z are those degrees of
-    freedom of Φ that traction conditions and gauge leave free. In (D2) then
+    In units of `Scales`, with unknowns z, the degrees of freedom of Φ that traction conditions and gauge leave free,
 
         K = Bᵀ [∫ cσ:τ] B,    f = Bᵀ (loads − [∫ cσ:τ] u₀),    u = B z + u₀,
 
-    rows of N and T are σ_N' and σ_T at Gauss points of the contact edges, or their Bernstein coefficients there, W the
-    weights, and the obstacle enters the loads by ∫ g τ_N + w τ_T. The effective σ_N' = σ_N + p_w is σ_N where no fluid
-    presses in the contact; the pore pressure p_w is part of n₀ as the potential of the body force is.
+    rows of N and T are σ_N' = σ_N + p_w and σ_T on contact edges, W their weights, and the obstacle enters the loads by
+    ∫ g τ_N + w τ_T. The pore pressure p_w is part of n₀ as the potential of the body force is.
 
     Raises
     ------

@@ -191,9 +191,7 @@ class ContactRows:
     name: str
     law: Law  # across the contact
     joint: bool  # whether it lies inside the body
-    # its rows in `FrictionQVI.N` and `FrictionQVI.T`, `EdgeRule.count` an edge; none for a tied contact, which limits
-    # no traction
-    rows: slice
+    rows: slice  # its rows in `FrictionQVI.N` and `FrictionQVI.T`, `EdgeRule.count` an edge; none for a tied contact
     rule: EdgeRule  # what the rows of an edge are
     points: EdgePoints  # the m Gauss points, as many as rows, where results are given
     row_limits: Limits
@@ -201,14 +199,11 @@ class ContactRows:
     # (m,): obstacle position g and tangential offset w at the points, dimensionless, see `contact_rows`
     gap: FloatArray
     offset: FloatArray
-    # (m,): pressure p_w of a fluid in the contact at the points, dimensionless; σ_N' = σ_N + p_w obeys the law. It is
-    # the polynomial through as many points an edge that is nearest in the mean square, so that every edge keeps its
-    # resultant force and moment.
+    # (m,): pressure p_w of a fluid in the contact at the points, dimensionless, as `EdgePoints.nearest`: every edge
+    # keeps its resultant force and moment; σ_N' = σ_N + p_w obeys the law
     pore_pressure: FloatArray
     pore_misfit: float  # largest difference of that polynomial from p_w, dimensionless
-    # (2, m): given displacement of a rigid plate at the points, along n and along t, dimensionless; beside gap and
-    # offset
-    motion: FloatArray
+    motion: FloatArray  # (2, m): given displacement of a rigid plate at the points, along n and t, dimensionless
     reach: float  # an obstacle that is farther counts as that far, see `Scales`
     slip: FloatArray  # (m,): slip in earlier load steps at the points, dimensionless, by which w has grown
 
@@ -300,10 +295,9 @@ def laws_vary(problem: ContactProblem) -> bool:
     """Whether Bernstein coefficients cannot hold a contact's law.
 
     They take μ times the coefficients of |σ_N| for those of the product, which is right for a constant μ and a σ_N of
-    one sign only, and c and t_max at their places for coefficients, which is right for affine functions. So μ must not
-    vary along an edge, c and t_max must not bend there, and σ_N must not change sign there, as it may on a bilateral
-    contact. Else the law would neither hold on whole edges nor be met to the order of the element. Ends count, where a
-    jump between two edges shows.
+    one sign only, unlike that of a bilateral contact, and c and t_max at their places for coefficients, which is right
+    for affine functions. Else the law would neither hold on whole edges nor be met to the order of the element. Ends
+    count, where a jump between two edges shows.
     """
     for contact in problem.contacts:
         if contact.law == "bilateral" and has_coulomb(contact):

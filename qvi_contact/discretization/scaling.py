@@ -61,8 +61,7 @@ class Scales:
         S is the largest of: the prescribed tractions, the range of the body-force potential, and the stress 1/(C L)
         times the displacement that supports and obstacles force on the body (see `_forced`), the mean stress under
         plates driven by force, the pressure of fluids in contacts, and the stress of initial strains that are held.
-        Neither a constant potential, nor a common translation, nor an obstacle far away strains the body. Without any
-        load S is the stress of a strain of 1e-6, or the largest cohesion if that is less.
+        Without any load S is the stress of a strain of 1e-6, or the largest cohesion if that is less.
         """
         length = problem.mesh.length
         compliance = max(float(material.compliance[:2, :2].diagonal().max()) for material in problem.materials)

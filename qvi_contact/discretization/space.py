@@ -57,18 +57,14 @@ LawOn: TypeAlias = Literal["edges", "points"]
 
 @dataclass(frozen=True, eq=False)
 class EdgeRule:
-    """Where on an edge the contact law is asked for, and where contacts are reported.
-
-    The rows of (D2) on an edge are q numbers ρ. From them follow the tractions at q Gauss points, V ρ, where results
-    are given and works integrated.
-    """
+    """The rows ρ (q,) of (D2) on an edge, and the tractions V ρ at q Gauss points that results and works need."""
 
     law_on: LawOn  # what the rows are
     # (q,): Gauss points on [0, 1], and weights of sum 1
     points: FloatArray
     weights: FloatArray
-    # (q,): where friction, cohesion and cap are evaluated for the rows, and the weights W of the rows over the edge's
-    # length, of sum 1. The same as points and weights for Gauss rows; i/(q − 1) and 1/q for Bernstein coefficients.
+    # (q,): where friction, cohesion and cap are evaluated for the rows, and the weights W of these over the edge's
+    # length: points and weights for Gauss rows; i/(q − 1) and 1/q for Bernstein coefficients
     places: FloatArray
     shares: FloatArray
     # (q, q): V and V⁻¹; the identity for Gauss rows

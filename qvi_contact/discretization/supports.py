@@ -63,12 +63,10 @@ class _Conditions(NamedTuple):
 class Supports(PicklesFields):
     """All degrees of freedom that meet prescribed tractions, u = B z + u₀, with one affine function fixed.
 
-    Data in the trace space are met exactly; of others each edge keeps the resultant force and moment. Stresses do not
-    feel an affine function (the gauge), which is zero at the first centre, where cells are smallest.
-
-    Rows are taken along lines, part by part of one centre and beginning at it or where cells are small, so that degrees
-    of freedom there do not follow from large ones far away; edges across parts come last and tie the centres, and edges
-    across the cut of a hole, whose jump nothing but these determines.
+    Data in the trace space are met exactly; of others each edge keeps the resultant force and moment. The affine
+    function (the gauge) is zero at the first centre. Lines begin there, or where cells are small, so that degrees of
+    freedom there do not follow from large ones far away; edges across parts of several centres come last and tie these,
+    and edges across the cut of a hole, whose jump nothing but these determines.
     """
 
     space: StressSpace
@@ -104,7 +102,7 @@ class Supports(PicklesFields):
     def particular(self, given: Sequence[EdgeQuadrature]) -> tuple[FloatArray, float]:
         """The u₀ (N,), zero for unknowns, and the force (or moment over the length) out of balance.
 
-        Of what Φ has to make up of each component, dimensionless, see `loads.traction_data`; none if that is nothing.
+        Of what Φ has to make up of each component, see `loads.traction_data`; none if that is nothing.
         """
         if not any(part.values.any() for part in given):
             return np.zeros(self.space.size), 0.0

@@ -18,11 +18,8 @@ from qvi_contact.element.legendre import gauss_legendre
 _END = 1e-6  # so far inside the ends a step on a grid line is not seen, a peak there is
 
 SAMPLES: FloatArray = np.concatenate([[_END], (np.arange(97.0) + 0.5) / 97.0, [1.0 - _END]])
-"""Points (99,) of every edge at which data are compared with the polynomial taken for them.
-
-97 midpoints and a point just inside each end. A difference on less than 1/97 of an edge may lie between them: nobody
-sees it then.
-"""
+"""Points (99,) of every edge at which data are compared with the polynomial taken for them: 97 midpoints and a point
+just inside each end. A difference on less than 1/97 of an edge may lie between them."""
 SAMPLES.flags.writeable = False
 
 _LEADING = 1e-13  # of a polynomial's largest coefficient: below, its degree is lower

@@ -57,11 +57,7 @@ class EdgeQuadrature:
         return self.integrals(legendre.basis(degree, self.t)) * (2.0 * np.arange(degree + 1) + 1.0)
 
     def misfit(self, coefficients: FloatArray) -> float:
-        """Largest difference from polynomials of coefficients (n, k) at the points.
-
-        Of every edge the smallest parts are left out that together are next to nothing: nearer to a jump or a singular
-        point nobody looks.
-        """
+        """Largest difference from polynomials of coefficients (n, k), but for small parts of edges, as beside jumps."""
         share = self.weights.sum(axis=1)
         order = np.lexsort([share, self.edge])
         covered = np.cumsum(share[order])
@@ -119,7 +115,7 @@ class _Parts(NamedTuple):
 
 
 def constant(value: float, count: int, points: int = 8) -> EdgeQuadrature:
-    """Quadrature of a number on so many edges, with so many Gauss points on each: what `adapted` finds it to be."""
+    """What `adapted` finds a number to be."""
     (t, w), each = gauss_legendre(points), np.ones((count, 1))
     return EdgeQuadrature(count, np.arange(count), each * t, each * w, np.full((count, points), float(value)), 0.0)
 

@@ -209,7 +209,6 @@ def writing(
     """Open the store of a sweep, made if it is missing, and keep all other runs away from it.
 
     Numbers, from 1, and values that are not done; and what writes rows: all are on disk then, and none if it fails.
-
     `InputError` if it cannot be written, is in use, damaged, or holds another sweep.
     """
     place = _place(path)

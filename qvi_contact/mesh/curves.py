@@ -45,8 +45,7 @@ class Curve:
     edges: IntArray
     """The edges by their vertices, shape (k, 2)."""
     coefficients: FloatArray
-    """How each bends from its first vertex to the second one: coefficients of Legendre, along its length, of the angle
-    from its chord to its tangent, counterclockwise [rad]. See `mesh.edges`. Shape (k, n)."""
+    """How each bends from its first vertex to the second one, see `mesh.edges`. Shape (k, n) [rad]."""
 
     def checked(self, name: str, topology: Topology) -> "Curve":
         """The same, with edges in the order of the topology, from the lower number to the higher one.

@@ -268,8 +268,7 @@ _UPRIGHT: Final = 1e-5  # x over the length of a vector that is vertical but for
 class Edges:
     """Edges of cells as arrays with one entry an edge; σ_N = n·σn and σ_T = t·σn are taken with n and t of the edge.
 
-    Of a curved edge, an arc, n and t are those of the chord, and turn along it (see `frames_along`). Reference
-    coordinates, 0 to 1, are shares of the length.
+    Of an arc n and t are those of the chord, and turn along it. Reference coordinates, 0 to 1, are shares of length.
     """
 
     first: IntArray
@@ -285,8 +284,7 @@ class Edges:
     length: FloatArray
     """Lengths, of arcs along them [length], shape (n,)."""
     bend: FloatArray
-    """Coefficients of Legendre of that angle, counterclockwise [rad]; 0 on straight edges. See `mesh.edges`. Shape (n,
-    k)."""
+    """How they bend along the tangent, see `mesh.edges`; 0 on straight edges. Shape (n, k) [rad]."""
     number: IntArray
     """Their numbers in the mesh's `topology`, shape (n,)."""
 
