@@ -347,35 +347,29 @@ class TriangleMesh(PicklesFields):
 
     def edge_set(self, name: str) -> IntArray:
         """Indices into `boundary` of the edges called `name`; `InputError` lists the names there are."""
-        if not isinstance(name, str) or name not in self.edge_names:
-            known_name("edges", name, {"edge sets": self.edge_names}, "add it by with_edges()")
-        return self._named(name)[0]
+        known = known_name("edges", name, {"edge sets": self.edge_names}, "add it by with_edges()")
+        return self.topology.outer.searchsorted(self.edges(known).number)
 
     def joint_set(self, name: str) -> IntArray:
         """Indices into `interior` of the joint called `name`; `InputError` lists the names there are."""
-        return self._named(known_name("joint", name, {"joints": self.joint_names}, "add it by with_joint()"))[0]
+        known = known_name("joint", name, {"joints": self.joint_names}, "add it by with_joint()")
+        return self.topology.inner.searchsorted(self.edges(known).number)
 
     def edges(self, name: str) -> Edges:
-        """The edges called `name`, on the boundary or in a joint."""
-        if not isinstance(name, str) or name not in self._numbers:
+        """The edges called `name`, on the boundary or in a joint; read only, as all share them."""
+        if not isinstance(name, str) or name not in self._taken:
             known = {"edge sets": self.edge_names, "joints": self.joint_names}
-            known_name("edges", name, known, "add it by with_edges() or with_joint()")
-        return self._named(name)[1]
-
-    def _named(self, name: str) -> tuple[IntArray, Edges]:
-        """Edges called so, before them their indices into `boundary` or `interior`; read only, as all share them."""
-        if name not in self._taken:
-            numbers, topology = self._numbers[name], self.topology
-            outer = topology.boundary[numbers[0]]
-            index = (topology.outer if outer else topology.inner).searchsorted(numbers)
-            edges = (self.boundary if outer else self.interior).take(index)
-            for part in (index, *vars(edges).values()):
+            numbers = self._numbers[known_name("edges", name, known, "add it by with_edges() or with_joint()")]
+            outer = name in self.edge_names
+            every, of_all = (self.boundary, self.topology.outer) if outer else (self.interior, self.topology.inner)
+            edges = every.take(of_all.searchsorted(numbers))
+            for part in vars(edges).values():
                 part.setflags(write=False)
-            return self._taken.setdefault(name, (index, edges))
+            self._taken.setdefault(name, edges)
         return self._taken[name]
 
     @cached_property
-    def _taken(self) -> dict[str, tuple[IntArray, Edges]]:
+    def _taken(self) -> dict[str, Edges]:
         """Those asked for so far: a problem asks for the same ones tens of times."""
         return {}
 
