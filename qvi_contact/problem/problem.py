@@ -219,8 +219,8 @@ class ContactProblem(PicklesFields):
                 given = {(Traction, "tangential"): 0.0, (Displacement, "normal"): 0.0}
             else:
                 given = {(type(condition), name): value for name, value in components(condition).items()}
-            title, index = type(condition).__name__, self.mesh.edge_set(condition.edges)
-            edges = self.mesh.edges(condition.edges)
+            title, edges = type(condition).__name__, self.mesh.edges(condition.edges)
+            index = self.mesh.topology.outer.searchsorted(edges.number)
             for (kind, name), value in given.items():
                 direction = direction_of(name, edges)
                 found[kind].append(Prescribed(f"{title}.{name}", index, edges, direction, name in LOCAL, value))
