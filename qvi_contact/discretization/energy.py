@@ -163,7 +163,7 @@ class BodyStiffness(PicklesFields):
             yield block, element.roots(space.triangles.take(block), self.compliances[self.materials[block]])
         if not space.mesh.curved.any():
             return
-        step = max(1, _TABLE // (3 * len(space.cell_weights) * element.dimension))
+        step = max(1, _TABLE // (3 * len(space.cell_quadrature[1]) * element.dimension))
         for start in range(0, len(space.curved), step):
             block = slice(start, start + step)
             cells = space.curved.numbers[block]

@@ -149,7 +149,7 @@ def cell_stress(problem: ContactProblem, space: StressSpace, scales: Scales) -> 
     if not loaded and not strained:
         return None
     cells = np.arange(problem.mesh.cell_count)
-    points = space.points(cells, space.cell_points)
+    points = space.points(cells, space.cell_quadrature[0])
     found = np.zeros((*points.shape[:2], 3))
     if loaded:
         found[..., :2] = potential_at(problem, scales, points)[..., None]

@@ -357,19 +357,9 @@ class StressSpace(PicklesFields):
         """From differences w to the degrees of freedom of the reference triangle behind the third, (cells, k, k)."""
         return self.element.transformations(self.triangles.take(cells))[:, _AFFINE:, _AFFINE:]
 
-    @property
-    def cell_points(self) -> FloatArray:
-        """Barycentric coordinates of quadrature points, shape (g, 3)."""
-        return self.cell_quadrature[0]
-
-    @property
-    def cell_weights(self) -> FloatArray:
-        """Their weights, of sum 1."""
-        return self.cell_quadrature[1]
-
     @cached_property
     def cell_quadrature(self) -> tuple[FloatArray, FloatArray]:
-        """Points and weights for energies; arcs, which are no polynomials, take more of them."""
+        """Barycentric points (g, 3), and weights (g,) of sum 1, for energies; arcs, no polynomials, take more of them."""
         return split_points(2 * self.degree + (_ARCS if self.mesh.curved.any() else _STRAIGHT))
 
     def tractions(self, u: FloatArray, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:

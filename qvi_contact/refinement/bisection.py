@@ -421,9 +421,9 @@ def energies_between(answer: ContactResult, reference: ContactResult) -> FloatAr
             found.append(known.scales.stress * known.space.stress(known.coefficients(each.dofs), within, t))
         return found[0] - found[1]  # without body potential
 
-    cells, t = np.arange(fine.cell_count), space.cell_points
+    cells, t = np.arange(fine.cell_count), space.cell_quadrature[0]
     inside = missed(cells, t, (fine.corners.swapaxes(1, 2)[:, None] @ fine.placed(cells, t)[..., None])[..., 0])
-    measures = reference.discretization.scales.length**2 * space.cell_measures(t, space.cell_weights)
+    measures = reference.discretization.scales.length**2 * space.cell_measures(*space.cell_quadrature)
     work = (((inside @ problem.compliances) * inside).sum(axis=2) * measures).sum(axis=1)
     t, weights = gauss_legendre(space.degree)
     for contact in filter(lambda each: each.has_springs, problem.contacts):

@@ -337,7 +337,7 @@ class ContactResult(PicklesFields):
     def energies(self) -> Energies:
         """Energies of the computed state."""
         scales, problem, space = self.discretization.scales, self.problem, self.discretization.space
-        weights = space.cell_measures(space.cell_points, space.cell_weights)
+        weights = space.cell_measures(*space.cell_quadrature)
         points, stress = cell_stresses(self.discretization, self.dofs)
         strain_work = np.einsum("cgk,ckl,cgl->cg", stress, problem.compliances / scales.compliance, stress)
         strain = 0.5 * float((weights * strain_work).sum()) * scales.energy

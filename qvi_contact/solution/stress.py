@@ -90,9 +90,9 @@ def cell_stresses(
 ) -> tuple[FloatArray, FloatArray]:
     """Dimensionless coordinates (cells, g, 2) and whole stress (cells, g, 3), φ included, at points of all cells.
 
-    The points t (g, d) are given on the reference cell; by default those of the quadrature, `StressSpace.cell_points`.
+    The points t (g, d) are given on the reference cell; by default those of `StressSpace.cell_quadrature`.
     """
-    t = discretization.space.cell_points if t is None else t
+    t = discretization.space.cell_quadrature[0] if t is None else t
     cells = np.arange(discretization.problem.mesh.cell_count)
     return stress_in_cells(discretization, discretization.coefficients(u.ravel()), cells, t)
 
@@ -119,9 +119,8 @@ def stress_rounding(discretization: Discretization, u: FloatArray) -> float:
     cells = np.argsort(space.triangles.areas, kind="stable")[:_MOST_CELLS]
     signs = np.random.default_rng(0).integers(2, size=u.size) * 2.0 - 1.0
     moved = u.ravel() * (1.0 + signs * np.finfo(np.float64).eps)
-    first, second = (
-        space.stress(discretization.coefficients(values), cells, space.cell_points) for values in (u.ravel(), moved)
-    )
+    coefficients, t = map(discretization.coefficients, (u.ravel(), moved)), space.cell_quadrature[0]
+    first, second = (space.stress(each, cells, t) for each in coefficients)
     return float(np.abs(second - first).max(initial=0.0))
 
 
