@@ -148,7 +148,7 @@ def data_reasons(discretization: Discretization) -> tuple[str, ...]:
     potential up to 5 on cells, and up to p − 2 along contacts. Springs have one stiffness on an edge.
     """
     problem, space, found = discretization.problem, discretization.space, list[str]()
-    most = space.traction_degree
+    most = space.element.traction_degree
     for condition in problem.cartesian_conditions:
         place, data = condition.edges, list[tuple[str, str, Field | None, int]]()  # spoken name, name, field, degree
         if isinstance(condition, Traction):

@@ -21,7 +21,6 @@ from qvi_contact.discretization.loads import (
     cell_stress,
     contact_rows,
     displacements_at_points,
-    has_body_force,
     joined,
     laws_vary,
     limits_of,
@@ -243,7 +242,7 @@ def _discretized(
     """Discretise: matrices that the mesh keeps for all problems, and the vectors of this one."""
     prescribed, kept = problem.prescribed(Traction), problem.mesh.kept
     supports = Supports.on(space, prescribed, kept)
-    pulled = has_body_force(problem) or any(acts(part.value) for part in prescribed)
+    pulled = acts(problem.body_potential) or any(acts(part.value) for part in prescribed)
     given = [traction_data(problem, scales, part, supports.points) for part in prescribed] if pulled else []
     particular, imbalance = supports.particular(given)
     if imbalance > 0.0:
@@ -271,7 +270,7 @@ def _discretized(
         f = load - root.adjoint(root.apply(np.zeros(len(load))))
         found = [rows.points.tractions(root.particular) for rows in limited]
         n0, t0 = (rule.at_rows(joined([both[half] for both in found])) for half in (0, 1))
-    if has_body_force(problem) or any(contact.has_fluid for contact in problem.contacts):
+    if acts(problem.body_potential) or any(contact.has_fluid for contact in problem.contacts):
         fixed = [potential_at(problem, scales, rows.points.coordinates) + rows.pore_pressure for rows in limited]
         n0 = n0 + rule.at_rows(joined(fixed))
     loads = Loads(f, n0, t0, plates.b, root, load)

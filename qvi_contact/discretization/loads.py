@@ -102,11 +102,6 @@ def potential_at(problem: ContactProblem, scales: Scales, points: FloatArray) ->
     return evaluate("ContactProblem.body_potential", problem.body_potential, x, y) / scales.stress
 
 
-def has_body_force(problem: ContactProblem) -> bool:
-    """Whether there is a potential, be it constant."""
-    return acts(problem.body_potential)
-
-
 def physical(problem: ContactProblem, scales: Scales, points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Coordinates x, y [length] of dimensionless points (..., 2)."""
     origin = problem.mesh.origin
@@ -115,7 +110,7 @@ def physical(problem: ContactProblem, scales: Scales, points: FloatArray) -> tup
 
 def traction_data(problem: ContactProblem, scales: Scales, given: Prescribed, points: int) -> EdgeQuadrature:
     """What Φ makes up of a prescribed traction, dimensionless: d·σn − φ d·n, at Gauss points of parts of the edges."""
-    forced, mesh = has_body_force(problem), problem.mesh
+    forced, mesh = acts(problem.body_potential), problem.mesh
     if not forced and not callable(given.value):
         return constant(given.value / scales.stress, len(given.edges), points)
 
@@ -145,7 +140,7 @@ def displacements_at_points(
 
 def cell_stress(problem: ContactProblem, space: StressSpace, scales: Scales) -> FloatArray | None:
     """φI − σ⁰ at the quadrature points of the cells (cells, g, 3), dimensionless; None without either of them."""
-    loaded, strained = has_body_force(problem), is_strained(problem)
+    loaded, strained = acts(problem.body_potential), is_strained(problem)
     if not loaded and not strained:
         return None
     cells = np.arange(problem.mesh.cell_count)

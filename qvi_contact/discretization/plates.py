@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, evaluate
-from qvi_contact.discretization.loads import ContactRows, EdgePoints, has_body_force, physical, potential_at
+from qvi_contact.basics.checks import FloatArray, acts, evaluate
+from qvi_contact.discretization.loads import ContactRows, EdgePoints, physical, potential_at
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.supports import Supports
 from qvi_contact.errors import InputError
@@ -123,7 +123,7 @@ def plate_rows(
     b = np.array(values)
     if particular.any():
         b = b - resultants.full @ particular
-    if rows and has_body_force(problem):
+    if rows and acts(problem.body_potential):
         for index, row in enumerate(rows):  # what φ contributes
             along = (row.points.normals * row.factors(problem, scales)).sum(axis=1)
             b[index] -= (row.points.weights * along) @ potential_at(problem, scales, row.points.coordinates)

@@ -281,22 +281,17 @@ class StressSpace(PicklesFields):
 
         N_0, N_1, N_2 …, then Q_0, Q_1 … times −n·m: on straight edges each is one of the `resultants`.
         """
+        boundary = self.mesh.boundary
         if edges not in self._traces:
-            if (edges.cells[:, 1] < 0).all():
-                at = self.mesh.topology.outer.searchsorted(edges.number)
-                self._traces[edges] = self._traces_on_boundary.take(at)
-            else:
+            if edges is boundary or (edges.cells[:, 1] >= 0).any():
                 self._traces[edges] = self._traces_of(edges)
+            else:  # every condition takes some of those of the boundary
+                self._traces[edges] = self.traces(boundary).take(self.mesh.topology.outer.searchsorted(edges.number))
         return self._traces[edges]
 
     @cached_property
     def _traces(self) -> WeakKeyDictionary[Edges, Functionals]:
         return WeakKeyDictionary()
-
-    @cached_property
-    def _traces_on_boundary(self) -> Functionals:
-        """Those of all edges of the boundary: every condition takes some of them."""
-        return self._traces_of(self.mesh.boundary)
 
     def _traces_of(self, edges: Edges) -> Functionals:
         columns, known = self._resultants(edges)
@@ -348,29 +343,24 @@ class StressSpace(PicklesFields):
         more = more * self.units[places][:, None]
         return Functionals(np.hstack([columns, places]), np.concatenate([on_dofs, more], axis=2), self.size)
 
-    @property
-    def traction_degree(self) -> int:
-        """Degree of σ_N and σ_T on an edge (without φ)."""
-        return self.degree - 2
-
     def transformations(self, cells: slice = slice(None)) -> FloatArray:
         """From differences w to the degrees of freedom of the reference triangle behind the third, (cells, k, k)."""
         return self.element.transformations(self.triangles.take(cells))[:, _AFFINE:, _AFFINE:]
 
     @cached_property
     def cell_quadrature(self) -> tuple[FloatArray, FloatArray]:
-        """Barycentric points (g, 3), and weights (g,) of sum 1, for energies; arcs, no polynomials, take more of them."""
+        """Barycentric points (g, 3), and weights (g,) of sum 1, for energies; of arcs, no polynomials, more of them."""
         return split_points(2 * self.degree + (_ARCS if self.mesh.curved.any() else _STRAIGHT))
 
     def tractions(self, u: FloatArray, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """σ_N without φ and σ_T of u (N,) at the points t (q,) along each of n edges, edge by edge, (n q,) each."""
-        values = legendre.basis_at(self.traction_degree, tuple(t))
-        found = self.traces(edges).apply(u).reshape(len(edges), 2, self.traction_degree + 1) @ values.T
+        values = legendre.basis_at(self.element.traction_degree, tuple(t))
+        found = self.traces(edges).apply(u).reshape(len(edges), 2, self.element.traction_degree + 1) @ values.T
         return found[:, 0].ravel(), found[:, 1].ravel()
 
     def traction_load(self, normal: FloatArray, shear: FloatArray, edges: Edges, t: FloatArray) -> FloatArray:
         """Σ normal σ_N + shear σ_T over the same points, a vector over all u (N,): `tractions` transposed."""
-        values = legendre.basis_at(self.traction_degree, tuple(t))
+        values = legendre.basis_at(self.element.traction_degree, tuple(t))
         weights = np.array([normal, shear]).reshape(2, len(edges), -1) @ values
         return self.traces(edges).adjoint(weights.swapaxes(0, 1).reshape(len(edges), -1))
 
@@ -378,7 +368,7 @@ class StressSpace(PicklesFields):
         """(2 n, q): σ_N without φ at the points t (q,) along each of these edges, set after set, then σ_T."""
         if not edges:
             return Functionals(np.zeros((0, 1), dtype=np.int64), np.zeros((0, len(t), 1)), self.size)
-        values, parts = legendre.basis_at(self.traction_degree, tuple(t)), [self.traces(part) for part in edges]
+        values, parts = legendre.basis_at(self.element.traction_degree, tuple(t)), [self.traces(part) for part in edges]
         halves = slice(self.degree - 1), slice(self.degree - 1, None)
         found = np.concatenate([values @ part.values[:, half] for half in halves for part in parts])
         return Functionals(np.concatenate([part.columns for part in parts] * 2), found, self.size)

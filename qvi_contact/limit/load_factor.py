@@ -198,7 +198,7 @@ class LimitProblem:
     @property
     def flow(self) -> FlowProgram:
         """The program from above of a body that yields."""
-        return FlowProgram(self.problem, self.names, self.low.space.traction_degree, self.low.scales)
+        return FlowProgram(self.problem, self.names, self.low.space.element.traction_degree, self.low.scales)
 
     @cached_property
     def of_blocks(self) -> tuple[float, Mechanism | None]:
@@ -227,7 +227,7 @@ class LimitProblem:
         if np.isfinite(lower) and carried.stress is not None and flow.motion is not None:
             datum = "ContactProblem.body_potential", self.problem.body_potential
             cells = np.arange(self.problem.mesh.cell_count)
-            missed = coefficients_of(self.problem, cells, low.space.traction_degree, *datum)[1]
+            missed = coefficients_of(self.problem, cells, low.space.element.traction_degree, *datum)[1]
             parts, stress = program.gap_in_cells(low, carried, flow.motion), carried.stress * low.scales.stress
             collapse = Collapse(flow.motion, stress, parts, straight and missed <= _FOLLOWED)
         violation, of_blocks_only = max(carried.violation, flow.violation), of_blocks <= flow.bound

@@ -105,7 +105,7 @@ def limit_proof(
     with deadline(time_limit):
         none = isinstance(loads, Sequence) and not loads
         posed = LimitProblem.of(problem, () if none else checked_loads(problem, loads), degree)
-        stated = Statement(problem, posed.names, posed.low.space.traction_degree)
+        stated = Statement(problem, posed.names, posed.low.space.element.traction_degree)
         ways: dict[Callable[[], dict[str, Any]], str] = {lambda: exceeded_by_blocks(stated, posed): "upper"}
         if posed.names and problem.yields:
             ways = {lambda: exceeded(stated, posed.flow): "upper", **ways}

@@ -304,7 +304,7 @@ class StressProgram:
     @cached_property
     def cones(self) -> YieldCones:
         """What its body can carry."""
-        return YieldCones.of(self.low.problem, self.low.space.traction_degree, above=False)
+        return YieldCones.of(self.low.problem, self.low.space.element.traction_degree, above=False)
 
     def carried(self, share: float = 0.0) -> Carried:
         """The largest factor. The stresses go a share of the way towards a state inside all limits, as far as can be.

@@ -265,7 +265,7 @@ def prescribed_and_computed(
     Dimensionless, without φ.
     """
     problem, space, scales = discretization.problem, discretization.space, discretization.scales
-    degree = space.traction_degree
+    degree = space.element.traction_degree
     count = max(LOAD_POINTS, degree + 1)
     for given in problem.prescribed(Traction):
         if given.edges.curved:  # normals turn: what is computed is no polynomial of the degree
@@ -298,7 +298,7 @@ def loads_followed(discretization: Discretization) -> bool:
     rounding = unit * stress_rounding(discretization, u)
     if misfit_of_tractions(discretization, u) > allowed_misfit(unit, rounding):
         return False
-    problem, most = discretization.problem, discretization.space.traction_degree
+    problem, most = discretization.problem, discretization.space.element.traction_degree
     return all(
         is_polynomial(problem, problem.mesh.edges(contact.edges), name, field, most)
         for contact in problem.contacts if contact.law != "tied"
