@@ -294,7 +294,7 @@ class _Pairs:
         second = np.inf if ratio is None else self.errors.norm.work(known.problem, parts, error, self.defect)
         if ratio is None or not np.isfinite(second):
             return None
-        u, other = self.errors.stress.dofs, self.errors.stress.dofs + known.basis @ change
+        u, other = self.errors.stress.dofs, self.errors.stress.dofs + known.supports.basis.expanded(change)
         dual = CellFields.of(known, other, self.errors.displacement.degree).less(self.fields)
         work, residual = self._work(z * (length / own.displacement), dual)
         for along in (support_work, obstacle_work):

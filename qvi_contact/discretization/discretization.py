@@ -70,23 +70,13 @@ class Discretization(PicklesFields):
 
     @property
     def supports(self) -> Supports:
-        """The degrees of freedom that meet the prescribed tractions, U = basis z + particular."""
+        """The degrees of freedom that meet the prescribed tractions, u = B z + u₀; B is its `basis`."""
         return self.root.stiffness.supports
 
     @property
     def space(self) -> StressSpace:
         """Mesh and element, dimensionless."""
         return self.supports.space
-
-    @property
-    def basis(self) -> sparse.csr_array:
-        """U = basis z + particular, shape (N, n)."""
-        return self.supports.basis.matrix
-
-    @property
-    def particular(self) -> FloatArray:
-        """U at z = 0, shape (N,)."""
-        return self.root.particular
 
     @cached_property
     def remarks(self) -> tuple[str, ...]:
@@ -168,7 +158,7 @@ class Discretization(PicklesFields):
 
     def values(self, z: FloatArray) -> FloatArray:
         """Dimensionless degrees of freedom u of the Airy function, shape (N,)."""
-        return np.asarray(self.supports.basis.expanded(z) + self.particular)
+        return np.asarray(self.supports.basis.expanded(z) + self.root.particular)
 
     def coefficients(self, u: FloatArray) -> FloatArray:
         """Φ of each triangle from degrees of freedom u (N,), see `BodyStiffness.coefficients`."""

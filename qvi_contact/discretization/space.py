@@ -38,7 +38,7 @@ from qvi_contact.element import bernstein, legendre
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, hsieh_clough_tocher
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.triangle import EDGES, AffineTriangles, quadrature, triangle_lattice
-from qvi_contact.mesh.edges import TURNED, Edges
+from qvi_contact.mesh.edges import TURNED, Edges, stretches
 from qvi_contact.mesh.triangles import TriangleMesh
 from solvers.basics.types import PicklesFields
 
@@ -273,7 +273,7 @@ class StressSpace(PicklesFields):
 
     def lengths(self, edges: Edges) -> FloatArray:
         """Dimensionless lengths of edges (n,), of arcs those of their chords."""
-        length = edges.length / edges.stretch if edges.curved else edges.length
+        length = edges.length / stretches(edges.bend) if edges.curved else edges.length
         return length / self.mesh.length
 
     def traces(self, edges: Edges) -> Functionals:

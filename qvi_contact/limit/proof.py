@@ -379,7 +379,7 @@ def _rounded_airy(program: StressProgram, unknowns: FloatArray) -> FloatArray:
     if len(space.frames.cuts):
         raise InputError("proof", f"{len(space.frames.cuts)} holes", _STRAIGHT)
     element, n = space.element, low.qvi.n
-    u = low.basis @ unknowns[:n] + low.particular + (unknowns[-1] - 1.0) * (high.particular - low.particular)
+    u = low.values(unknowns[:n]) + (unknowns[-1] - 1.0) * (high.root.particular - low.root.particular)
     factors = low.root.stiffness.coefficients(u, None)
     factors[:, element.shared :] = unknowns[n:-1].reshape(len(factors), -1)
     corners = space.triangles.corners

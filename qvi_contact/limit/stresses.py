@@ -528,9 +528,10 @@ class StressProgram:
 
         def combined(low: float, high: float) -> FloatArray:
             """What a multiple of the lower factor's and one of the higher factor's loads give."""
-            particular = low * self.low.particular + high * self.high.particular
+            particular = low * self.low.root.particular + high * self.high.root.particular
             phi = (low * potentials[0] + high * potentials[1]) / self.low.scales.stress
             return np.asarray(shared @ particular + np.column_stack([phi, phi, 0.0 * phi]).ravel())
 
         slope = sparse.csr_array(combined(-1.0, 1.0)[:, None])
-        return sparse.csr_array(sparse.hstack([shared @ self.low.basis, own, slope])), combined(2.0, -1.0)
+        parts = [shared @ self.low.supports.basis.matrix, own, slope]
+        return sparse.csr_array(sparse.hstack(parts)), combined(2.0, -1.0)

@@ -307,11 +307,6 @@ class Edges:
         """Which of them are arcs, shape (n,)."""
         return np.asarray(self.bend.any(axis=1))
 
-    @cached_property
-    def stretch(self) -> FloatArray:
-        """Lengths over those of the chords (n,): 1 on straight edges."""
-        return stretches(self.bend)
-
 
 _parts: Final = attrgetter(*Edges.__match_args__)
 

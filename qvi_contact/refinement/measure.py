@@ -165,7 +165,7 @@ def _place_on(mesh: TriangleMesh, edges: Edges, point: FloatArray) -> tuple[int,
     apart = points_along(mesh.vertices, edges, _LOOK) - point
     number, k = np.unravel_index(np.argmin(np.hypot(*np.moveaxis(apart, -1, 0))), apart.shape[:2])
     edge, t = edges.take(np.array([number])), float(_LOOK[k])
-    length = float(np.hypot(*(mesh.vertices[edge.second] - mesh.vertices[edge.first])[0]) * edge.stretch[0])
+    length = float(edge.length[0])
     for _ in range(_STEPS):
         away = point - points_along(mesh.vertices, edge, np.array([t]))[0, 0]
         t = min(max(t + float(away @ frames_along(edge, np.array([t]))[1][0, 0]) / length, 0.0), 1.0)

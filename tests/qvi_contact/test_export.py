@@ -270,6 +270,6 @@ def test_resultants_of_prescribed_tractions():
     assert result.traction_misfit > 1e-3
     assert missed_tractions(result) < 1e-12
     known = result.discretization
-    larger = replace(known.root, particular=1.01 * known.particular)
+    larger = replace(known.root, particular=1.01 * known.root.particular)
     wrong = ContactResult(replace(known, root=larger), result.solution)
     assert 1e-3 < missed_tractions(wrong) < 1e-2
