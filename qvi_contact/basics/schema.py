@@ -25,6 +25,7 @@ from typing import (
     Literal,
     NamedTuple,
     TypeAlias,
+    TypeVar,
     Union,
     get_args,
     get_origin,
@@ -52,6 +53,14 @@ _IN_TOML: Final = (
     ("is not a Traction;", "is not one of [[tractions]];"),
     ("by a Displacement or Contact", "by [[displacements]] or [[contacts]]"),
 )  # remedies written for Python
+
+
+_Value = TypeVar("_Value")
+
+
+def _cached(function: Callable[[type], _Value]) -> Callable[[type], _Value]:
+    """What a function of classes returns, computed once for each; to type checkers a class has no hash of its own."""
+    return cache(function)
 
 
 class Missing:
@@ -389,7 +398,7 @@ def kind_of(hint: Any) -> Kind:
     return simple[hint] if hint in simple else Table(hint)
 
 
-@cache
+@_cached
 def keys_of(kind: type) -> dict[str, Key]:
     """The keys of a dataclass, in the order of its fields."""
     hints = get_type_hints(kind, include_extras=True)
@@ -397,14 +406,14 @@ def keys_of(kind: type) -> dict[str, Key]:
     return {name: Key(**{"kind": kind_of(hints[name])} | more) for name, more in said.items() if more is not None}
 
 
-@cache
+@_cached
 def defaults_of(kind: type) -> dict[str, Any]:
     """What fields are by default, of those that have a default."""
     made = {each.name: each.default_factory() for each in fields(kind) if each.default_factory is not MISSING}
     return made | {each.name: each.default for each in fields(kind) if each.default is not MISSING}
 
 
-@cache
+@_cached
 def file_keys(kind: type) -> dict[str, Key]:
     """The keys of a table: those of the class, of what is inlined, and those that files only have (`in_files`)."""
     found: dict[str, Key] = {}
@@ -490,7 +499,7 @@ class Checked:
                 object.__setattr__(self, name, getattr(self, each.like))
 
 
-@cache
+@_cached
 def described(kind: type) -> dict[str, str]:
     """What docstrings of a class, and of those above it, say of each of its parameters; nothing without docstrings."""
     found: dict[str, str] = {}
@@ -564,7 +573,7 @@ def _instead(name: str, known: Iterable[str], reader: Reader) -> str:
     return f"there is no such key; did you mean {near}{where}? ({listed})"
 
 
-@cache
+@_cached
 def tables_of(whole: type) -> dict[type, list[str]]:
     """The classes that state the tables of a file, and the headings of each."""
     found: dict[type, list[str]] = {}

@@ -175,36 +175,21 @@ def discretize(
 ) -> Discretization:
     """Discretise a contact problem.
 
-    Parameters
-    ----------
-    problem : ContactProblem
-        The problem.
-    degree : int, optional
-        Degree of the Airy function, from 3 to 12, 4 by default.
-    law_on : "edges" or "points", optional
-        What bounds the tractions: their Bernstein coefficients on each edge, so that the contact law holds on whole
-        edges, or their values at Gauss points. By default coefficients; Gauss points where `laws_vary`, as where
-        friction varies along an edge.
-    scales : Scales, optional
-        Units of the dimensionless problem; those of the problem by default.
-    **retired
-        Nothing: unknown arguments, and those of version 0.1, are refused with what to do instead.
+    The degree of the Airy function is one from 3 to 12, 4 by default. What bounds the tractions says `law_on`: "edges"
+    their Bernstein coefficients on each edge, so that the contact law holds on whole edges, "points" their values at
+    Gauss points; by default coefficients, and Gauss points where friction varies along an edge, or another bound does
+    so but linearly, see `laws_vary`. Unknown arguments, and those of version 0.1, are refused with what to do instead.
 
-    Notes
-    -----
-    In units of `Scales`, with unknowns z, the degrees of freedom of Φ that traction conditions and gauge leave free,
+    In the units `scales`, by default those of the problem, with unknowns z, the degrees of freedom of Φ that traction
+    conditions and gauge leave free,
 
         K = Bᵀ [∫ cσ:τ] B,    f = Bᵀ (loads − [∫ cσ:τ] u₀),    u = B z + u₀,
 
     rows of N and T are σ_N' = σ_N + p_w and σ_T on contact edges, W their weights, and the obstacle enters the loads by
     ∫ g τ_N + w τ_T. The pore pressure p_w is part of n₀ as the potential of the body force is.
 
-    Raises
-    ------
-    InputError
-        If a field of the problem gives bad values, the tractions on a closed part of the boundary are out of balance,
-        or there is no element of that degree, or no such rows.
-
+    `InputError` if a field of the problem gives bad values, the tractions on a closed part of the boundary are out of
+    balance, or there is no element of that degree, or no such rows.
     """
     if retired:
         refuse_arguments(retired, ("degree", "law_on", "scales"))

@@ -426,9 +426,9 @@ def supports(
     missed, jumps = np.abs(np.einsum("kmi,ki->km", D, found) - wanted).max(axis=1), list[str]()
     if missed.max(initial=0.0) > least * max(1.0, np.abs(value).max(initial=0.0)):
         worst = int(np.argmax(missed))
-        place = place_of(problem.mesh.origin + scales.length * space.places[known[worst]])
+        corner = place_of(problem.mesh.origin + scales.length * space.places[known[worst]])
         jumps.append(
-            f"Prescribed displacements disagree at {place}, by about {2.0 * missed[worst] * unit:.3g} [length]. There "
+            f"Prescribed displacements disagree at {corner}, by about {2.0 * missed[worst] * unit:.3g} [length]. There "
             "stresses grow on finer meshes, and the energy of the body, without end. Let them agree."
         )
     along, slanted = np.argmax(np.abs(first), axis=1), ~both & (np.abs(first).max(axis=1) < 1.0)

@@ -1,14 +1,8 @@
-"""Meshes from other programs: files of Gmsh, Abaqus or CalculiX, MED, and VTK.
+"""Meshes from other programs, see `TriangleMesh.load`: files of Gmsh, Abaqus or CalculiX, MED, and VTK.
 
-What has a name comes along: named curves become edge sets (joints where they lie inside the body), named surfaces
-regions. Names are
-
-* physical names in .msh files,
-* ELSET in .inp files, with line elements such as T3D2 for curves, whatever the case of letters,
-* groups in .med files;
-
-files of VTK have none. Quadrilaterals are cut in two. Middle nodes of quadratic elements are left out, and points that
-no triangle needs; sides are straight.
+Names are physical names in .msh files, ELSET in .inp files, with line elements such as T3D2 for curves, whatever the
+case of letters, and groups in .med files; files of VTK have none. Middle nodes of quadratic elements are left out, and
+points that no triangle needs; sides are straight.
 
 Files of Gmsh, formats 2.2 and 4.1, as text or in binary, are read here, those of Abaqus in `mesh.abaqus`, the others by
 meshio. No array is made of a size that a file of Gmsh only claims: every count is compared with the bytes that are

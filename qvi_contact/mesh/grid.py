@@ -144,8 +144,8 @@ def grid_parts(x: ArrayLike, y: ArrayLike, active: ArrayLike | None) -> MeshPart
 def _without_long_cells(x: FloatArray, y: FloatArray, active: BoolArray) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Lines added until no cell of the body is more than `LONGEST` times as long as wide.
 
-    Lines go through the whole grid: those that cut a long cell make others thinner, which may then need cuts the other
-    way. Where that takes more than one round, or makes a small grid a large one, a grid is the wrong mesh for the body.
+    Lines that cut a long cell make others thinner, which may then need cuts the other way. Where that takes more than
+    one round, or makes a small grid a large one, a grid is the wrong mesh for the body.
     """
     most, lines = max(_FEW_CELLS, 4 * active.size), [x, y]
     for axis in (0, 1):
