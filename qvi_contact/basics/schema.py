@@ -13,7 +13,7 @@ Errors of `Kind.read` have a path relative to the value that is read; each table
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import MISSING, dataclass, fields
 from functools import cache
@@ -372,10 +372,6 @@ class Key(NamedTuple):
 def key(**said: Any) -> dict[str, Any]:
     """The metadata of a field: entries of its `Key`, where the type does not say all of its kind that too."""
     return {"key": said}
-
-
-NO_KEY: Final[Mapping[str, Any]] = {"key": None}
-"""The metadata of a field that files do not have."""
 
 
 def kind_of(hint: Any) -> Kind:

@@ -39,9 +39,7 @@ from solvers import ContactMatrices, FrictionQVI, Law, Loads, TractionFactor
 from solvers.basics.types import Kept, PicklesFields, read_only
 from solvers.inequality.rows import are_few
 
-DEFAULT_DEGREE: Final = 4
-"""Degree of the Airy function where none is given."""
-
+_DEGREE: Final = 4  # of the Airy function where none is given
 _TOO_SMALL = 1e-2  # mean stress in units of the problem below which the units are changed
 _NOISE = 1e-12  # mean stress in units of the problem below which there is none
 _MISFIT = 1e-6  # difference of data from what is taken for them, in units of the problem, that needs no word
@@ -199,7 +197,7 @@ def discretize(
         raise InputError("scales", scales, "give Scales, or leave them out")
     if law_on is not None and (not isinstance(law_on, str) or law_on not in get_args(LawOn)):
         raise InputError("law_on", law_on, "give 'edges' or 'points'")
-    chosen = DEFAULT_DEGREE if degree is None else whole_number("degree", degree)
+    chosen = _DEGREE if degree is None else whole_number("degree", degree)
     _ = hsieh_clough_tocher(chosen)  # refuses degrees that are not offered
     by_default: LawOn = "points" if laws_vary(problem) else "edges"
     mesh, rule = problem.mesh, edge_rule(law_on or by_default, int(chosen))

@@ -268,30 +268,28 @@ def _bends(given: _Given, first: FloatArray, second: FloatArray, ends: FloatArra
     points = (given.points(first[:, None] + step * t) - corners[:, :1]).swapaxes(1, 2) @ project
     points = _without_rounding(points, (_RESOLVED * exact * lengths)[:, None])
     slopes = np.asarray(legder(points, axis=2), dtype=np.float64)
-    tangents = _at(slopes, _by_length(slopes, t))
+    # parameters −1 to 1 at shares of the lengths: where angles are taken, and where edges are compared with the curve
+    shares = np.concatenate([t, _CHECKED])
+    speed = np.hypot(*np.moveaxis(_at(slopes, np.tile(2.0 * t - 1.0, (len(slopes), 1))), -1, 0)) @ project
+    covered = np.asarray(legint(speed, axis=1, lbnd=-1), dtype=np.float64)
+    wanted, found = (
+        shares * polynomials(covered, np.ones((len(slopes), 1))),
+        np.tile(2.0 * shares - 1.0, (len(slopes), 1)),
+    )
+    for _ in range(_STEPS):
+        rate = polynomials(speed, found)
+        missed = (polynomials(covered, found) - wanted) / np.where(rate != 0.0, rate, 1.0)
+        found = np.clip(found - missed, -1.0, 1.0)
+    tangents = _at(slopes, found[:, : len(t)])
     turn = np.arctan2(cross(chords[:, None], tangents), (chords[:, None] * tangents).sum(axis=2))
     bends = levelled(_without_rounding(turn @ project, _KEPT * exact))
-    there = given.points(first[:, None] + step * (1.0 + _by_length(slopes, _CHECKED)) / 2.0)
+    there = given.points(first[:, None] + step * (1.0 + found[:, len(t) :]) / 2.0)
     off = np.hypot(*np.moveaxis(corners[:, :1] + arc_offsets(chords, bends, _CHECKED) - there, -1, 0)).max(axis=1)
     rough = np.flatnonzero(off > exact * lengths)
     if len(rough):
         remedy = "is not smooth there, turns back, or turns too far along one edge: divide the triangles there"
         raise InputError(given.name, place_of(ends[rough[0]].mean(axis=0)), f"the curve {remedy}")
     return bends[:, : 1 + int(np.flatnonzero(bends.any(axis=0)).max(initial=0))]
-
-
-def _by_length(slopes: FloatArray, t: FloatArray) -> FloatArray:
-    """Parameters −1 to 1 (k, q) at shares t (q,) of the lengths of curves, from their derivatives (k, 2, n)."""
-    nodes, project = 2.0 * gauss_legendre(_POINTS)[0] - 1.0, from_values(_POINTS - 1, _POINTS).T
-    speed = np.hypot(*np.moveaxis(_at(slopes, np.tile(nodes, (len(slopes), 1))), -1, 0)) @ project
-    lengths = np.asarray(legint(speed, axis=1, lbnd=-1), dtype=np.float64)
-    wanted = t * polynomials(lengths, np.ones((len(slopes), 1)))
-    found = np.tile(2.0 * t - 1.0, (len(slopes), 1))
-    for _ in range(_STEPS):
-        rate = polynomials(speed, found)
-        step = (polynomials(lengths, found) - wanted) / np.where(rate != 0.0, rate, 1.0)
-        found = np.clip(found - step, -1.0, 1.0)
-    return found
 
 
 def _at(curves: FloatArray, x: FloatArray) -> FloatArray:

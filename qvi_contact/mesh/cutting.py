@@ -14,16 +14,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_
 from qvi_contact.basics.schema import LARGEST
 from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.curves import ROUNDING, Curve, MeshParts, bends_of, bent_too_far
-from qvi_contact.mesh.edges import (
-    Topology,
-    angles,
-    arc_offsets,
-    chains,
-    cross,
-    finest_at,
-    part_of,
-    reversed_bends,
-)
+from qvi_contact.mesh.edges import Topology, angles, arc_offsets, chains, cross, finest_at, part_of, reversed_bends
 from qvi_contact.mesh.selection import known_edges, new_name, numbers_of
 from solvers.basics.linked import linked
 

@@ -19,19 +19,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal, TypeAlias
 import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, acts, finite_number, positive_number
-from qvi_contact.basics.schema import (
-    NO_KEY,
-    Checked,
-    Key,
-    Name,
-    Positive,
-    Scalar,
-    Table,
-    Varying,
-    defaults_of,
-    key,
-    keys_of,
-)
+from qvi_contact.basics.schema import Checked, Key, Name, Positive, Scalar, Table, Varying, defaults_of, key, keys_of
 from qvi_contact.errors import InputError
 from qvi_contact.problem.fields import Expression
 
@@ -218,7 +206,7 @@ def disc_gap(centre: tuple[float, float], radius: float) -> Expression:
 class Pin(RigidPlate):
     """A rigid round pin or disc in a problem file, its motion as `RigidPlate`; gap and plate are made of it."""
 
-    pivot: tuple[float, float] = field(default=(0.0, 0.0), metadata=NO_KEY)  # the centre
+    pivot: tuple[float, float] = field(default=(0.0, 0.0), metadata={"key": None})  # the centre; no key
     centre: tuple[float, float]
     """Centre, before it moves [length]: `centre = [0.0, 0.0]`."""
     radius: Positive
