@@ -18,19 +18,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import MISSING, dataclass, fields
 from functools import cache
 from types import NoneType, UnionType
-from typing import (
-    Annotated,
-    Any,
-    Final,
-    Literal,
-    NamedTuple,
-    TypeAlias,
-    TypeVar,
-    Union,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+from typing import Annotated, Any, Final, Literal, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from qvi_contact.errors import InputError
 from solvers.errors import closest
@@ -352,7 +340,8 @@ class Tagged(Kind):
         return {"law": value.kind, **write_table(path, value, writer)}
 
 
-class Key(NamedTuple):
+@dataclass(frozen=True)
+class Key:
     """What there is to say of a datum beside its name, default and meaning."""
 
     kind: Kind

@@ -42,7 +42,7 @@ from qvi_contact.mesh.selection import (
     selected,
     triangles_in_box,
 )
-from solvers.basics.types import Kept, PicklesFields, load
+from solvers.basics.types import Kept, PicklesFields, load, read_only
 from solvers.errors import known_name
 
 Place: TypeAlias = tuple[Point, Point] | Callable[[FloatArray, FloatArray], ArrayLike]
@@ -80,21 +80,16 @@ class TriangleMesh(PicklesFields):
     """Edges that are arcs rather than their chords; see `with_arc` and `with_curve`."""
 
     def __post_init__(self) -> None:
-        for name, found in zip(
-            ("vertices", "cells"), cutting.checked_triangles(self.vertices, self.cells), strict=True
-        ):
-            object.__setattr__(self, name, found)
+        vertices, cells = cutting.checked_triangles(self.vertices, self.cells)
+        vars(self).update(vertices=vertices, cells=cells)
         cutting.refuse_flaws(self.vertices, self.cells, self.topology)
         edge_sets = mapping("TriangleMesh.edge_sets", self.edge_sets, _EDGE_SETS)
         numbers = {name: checked_set(name, given, self.topology, self.vertices) for name, given in edge_sets.items()}
         pairs = {name: self.topology.ends[number] for name, number in numbers.items()}
-        for each in pairs.values():
-            each.flags.writeable = False
-        object.__setattr__(self, "edge_sets", MappingProxyType(pairs))
-        vars(self)["_numbers"] = numbers
+        read_only(*pairs.values())
         named = mapping("TriangleMesh.regions", self.regions, "names to numbers of triangles")
         regions = {name: checked_region(name, given, len(self.cells)) for name, given in named.items()}
-        object.__setattr__(self, "regions", MappingProxyType(regions))
+        vars(self).update(edge_sets=MappingProxyType(pairs), _numbers=numbers, regions=MappingProxyType(regions))
         if not isinstance(self.arcs, Sequence) or not all(isinstance(arc, Curve) for arc in self.arcs):
             raise InputError("TriangleMesh.arcs", self.arcs, "give a list of Curves")
         arcs = [a.checked(f"TriangleMesh.arcs[{k}]", self.topology) for k, a in enumerate(self.arcs)]
@@ -113,7 +108,7 @@ class TriangleMesh(PicklesFields):
         return f"<{type(self).__name__}: {cells}, body of {width:.6g} × {height:.6g}{listed}>"
 
     def _repr_png_(self) -> bytes | None:
-        """The mesh drawn, for notebooks; None without matplotlib."""
+        """The same drawn, for notebooks; None without matplotlib."""
         found: bytes | None = load("qvi_contact.plots.figures").notebook_png(self)
         return found
 
@@ -363,8 +358,7 @@ class TriangleMesh(PicklesFields):
             outer = name in self.edge_names
             every, of_all = (self.boundary, self.topology.outer) if outer else (self.interior, self.topology.inner)
             edges = every.take(of_all.searchsorted(numbers))
-            for part in vars(edges).values():
-                part.setflags(write=False)
+            read_only(*vars(edges).values())
             self._taken.setdefault(name, edges)
         return self._taken[name]
 
@@ -413,11 +407,9 @@ class TriangleMesh(PicklesFields):
     def _renamed(self, edge_sets: Mapping[str, IntArray], regions: Mapping[str, IntArray]) -> TriangleMesh:
         """The same triangles, which are checked already, with other names, whose sets are."""
         mesh = object.__new__(TriangleMesh)
-        vars(mesh).update({name: value for name, value in vars(self).items() if name not in _OF_NAMES})
-        for kind, sets in (("edge_sets", edge_sets), ("regions", regions)):
-            for numbers in sets.values():
-                numbers.flags.writeable = False
-            object.__setattr__(mesh, kind, MappingProxyType(dict(sets)))
+        read_only(*edge_sets.values(), *regions.values())
+        named = {"edge_sets": MappingProxyType(dict(edge_sets)), "regions": MappingProxyType(dict(regions))}
+        vars(mesh).update({name: value for name, value in vars(self).items() if name not in _OF_NAMES} | named)
         return mesh
 
     def with_arc(self, name: str, centre: tuple[float, float], radius: float) -> TriangleMesh:

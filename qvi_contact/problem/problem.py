@@ -30,7 +30,7 @@ from qvi_contact.problem.conditions import (
 )
 from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polynomial, along_edges
 from qvi_contact.problem.material import Material, Region, cell_materials, is_strained, stress_at_rest, varies
-from solvers.basics.types import PicklesFields, load
+from solvers.basics.types import PicklesFields
 
 _OVERLAP: Final = "drop one, or name parts of the side by with_edges()"
 _LISTS: Final = (
@@ -103,10 +103,7 @@ class ContactProblem(PicklesFields):
         conditions = "; ".join(f"{kind} {', '.join(names)}" for kind, names in named.items())
         return f"<ContactProblem: {conditions}; {self.mesh!r}>"
 
-    def _repr_png_(self) -> bytes | None:
-        """Mesh, materials and conditions drawn, for notebooks; None without matplotlib."""
-        found: bytes | None = load("qvi_contact.plots.figures").notebook_png(self)
-        return found
+    _repr_png_ = TriangleMesh._repr_png_  # mesh, materials and conditions drawn, for notebooks
 
     @cached_property
     def cell_materials(self) -> IntArray:
