@@ -99,7 +99,7 @@ class Elasticity:
     def _count(self) -> int:
         """Gauss points a direction: exact for ε:C:ε of polynomials; arcs, which are none, take more."""
         most = self.space.degree if self.at_rest is None else max(self.space.degree, _INITIAL)
-        return most + 1 + (_ON_ARCS if len(self.space.curved) else 0)
+        return most + 1 + (_ON_ARCS if len(self.space.curved.numbers) else 0)
 
     def strain(self, v: FloatArray, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """Strains of v (size,) at reference points t, (k, 2) for all cells or (cells, k, 2); (cells, k, 3)."""

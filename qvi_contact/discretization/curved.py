@@ -78,9 +78,6 @@ class CurvedTriangles:
     triangles: AffineTriangles  # the straight triangles, dimensionless
     bends: FloatArray  # (c, 3, k): how their sides bend, see `mesh.edges`
 
-    def __len__(self) -> int:
-        return len(self.numbers)
-
     @cached_property
     def functions(self) -> FloatArray:
         """Factors of the reference functions, shape (c, dimension, dimension).
@@ -88,9 +85,9 @@ class CurvedTriangles:
         Of the functions that belong to the triangle's own degrees of freedom, then of the interior ones.
         """
         shared, interior = self.element.shared, self.element.interior
-        G = np.tile(np.eye(shared), (len(self), 1, 1))
+        G = np.tile(np.eye(shared), (len(self.numbers), 1, 1))
         H = self.element.transformations(self.triangles)
-        inner = np.zeros((len(self), shared, interior))
+        inner = np.zeros((len(self.numbers), shared, interior))
         for s in range(3):
             bent = np.flatnonzero(self.bends[:, s].any(axis=1))
             place = 9 + s * self.element.on_edge + np.arange(self.element.on_edge)
@@ -98,7 +95,7 @@ class CurvedTriangles:
             G[bent[:, None], place] = A[:, :, :shared] * squares
             H[bent[:, None], place] = np.eye(shared)[place] * squares
             inner[bent[:, None], place] = A[:, :, shared:] * squares
-        found = np.zeros((len(self), self.element.dimension, self.element.dimension))
+        found = np.zeros((len(self.numbers), self.element.dimension, self.element.dimension))
         found[:, :shared] = np.linalg.solve(G, np.concatenate([H, -inner], axis=2))
         found[:, np.arange(shared, found.shape[1]), np.arange(shared, found.shape[1])] = 1.0
         return found

@@ -147,14 +147,11 @@ class CurvedCells:
         corners = (mesh.vertices[mesh.cells[numbers]] - mesh.origin) / length
         return cls(numbers, corners, mesh.sides[numbers])
 
-    def __len__(self) -> int:
-        return len(self.numbers)
-
     def among(self, cells: IntArray | slice, count: int) -> tuple[IntArray, IntArray]:
         """Places in `cells`, of so many cells, that have arcs, and which of these they are."""
         chosen = np.arange(count)[cells]
         place = np.full(count, -1)
-        place[self.numbers] = np.arange(len(self))
+        place[self.numbers] = np.arange(len(self.numbers))
         at = np.flatnonzero(place[chosen] >= 0)
         return at, place[chosen][at]
 
@@ -162,7 +159,7 @@ class CurvedCells:
     def _bulges(self) -> FloatArray:
         """Coefficients of Legendre of q of all sides, (3, c, terms, 2)."""
         t = gauss_legendre(_TERMS + self.bends.shape[2])[0]
-        found = np.zeros((3, len(self), len(t), 2))
+        found = np.zeros((3, len(self.numbers), len(t), 2))
         for s, (a, b) in enumerate(EDGES):
             chord = self.corners[:, b] - self.corners[:, a]
             bulge = arc_offsets(chord, self.bends[:, s], t) - t[:, None] * chord[:, None]
@@ -262,7 +259,7 @@ class DisplacementSpace:
     def points(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """Coordinates of reference points (k, 2), or (cells, k, 2), in cells, shape (cells, k, 2)."""
         found = np.asarray(self.origins[cells][:, None] + t @ self.frames[cells].swapaxes(1, 2))
-        if len(self.curved):
+        if len(self.curved.numbers):
             at, which = self.curved.among(cells, len(self.table))
             found[at] = self.curved.mapped(which, t if np.ndim(t) == 2 else t[at])[0]
         return found
@@ -280,8 +277,8 @@ class DisplacementSpace:
     def measures(self, t: FloatArray, weights: FloatArray) -> FloatArray:
         """Weights (cells, q) of areas from those on the reference cell (q,), at its points t (q, 2)."""
         found = self.areas[:, None] * weights
-        if len(self.curved):
-            every = np.arange(len(self.curved))
+        if len(self.curved.numbers):
+            every = np.arange(len(self.curved.numbers))
             found[self.curved.numbers] = np.abs(np.linalg.det(self.curved.mapped(every, t)[1])) * weights
         return np.asarray(found)
 

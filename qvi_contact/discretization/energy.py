@@ -164,7 +164,7 @@ class BodyStiffness(PicklesFields):
         if not space.mesh.curved.any():
             return
         step = max(1, _TABLE // (3 * len(space.cell_quadrature[1]) * element.dimension))
-        for start in range(0, len(space.curved), step):
+        for start in range(0, len(space.curved.numbers), step):
             block = slice(start, start + step)
             cells = space.curved.numbers[block]
             rows = space.curved.stress_rows(block, self.compliances[self.materials[cells]], space.cell_quadrature)
@@ -218,7 +218,7 @@ class BodyStiffness(PicklesFields):
         if body is not None:
             interior += body.shifts
         found = np.hstack([affine, shared, interior])
-        if len(curved):
+        if len(at):
             found[at, 3:] = (curved.functions[:, 3:, 3:] @ found[at, 3:, None])[:, :, 0]
         return found
 

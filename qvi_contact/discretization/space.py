@@ -390,7 +390,7 @@ class StressSpace(PicklesFields):
         """Weights (cells, q), dimensionless areas, at reference points t (q, 3) with weights (q,) of sum 1."""
         found = np.asarray(self.triangles.areas[:, None] * weights)
         curved = self.curved
-        if len(curved):
+        if len(curved.numbers):
             found[curved.numbers] = curved.areas(t) * weights
         return found
 

@@ -512,7 +512,7 @@ class StressProgram:
         reference = reference.reshape(n, -1, element.dimension - 3)
         w = reference[..., :k] @ element.transformations(triangles)[:, 3:, 3:]
         y = reference[..., k:].copy()
-        if len(space.curved):
+        if len(space.curved.numbers):
             at = space.curved.numbers
             own = reference[at] @ space.curved.functions[:, 3:, 3:]
             w[at], y[at] = own[..., :k], own[..., k:]
