@@ -199,13 +199,8 @@ class ContactRows:
     pore_pressure: FloatArray
     pore_misfit: float  # largest difference of that polynomial from p_w, dimensionless
     motion: FloatArray  # (2, m): given displacement of a rigid plate at the points, along n and t, dimensionless
-    reach: float  # an obstacle that is farther counts as that far, see `Scales`
+    beyond: FloatArray  # (m,): by how much a unilateral obstacle stands beyond reach, see `Scales`, dimensionless
     slip: FloatArray  # (m,): slip in earlier load steps at the points, dimensionless, by which w has grown
-
-    @cached_property
-    def beyond(self) -> FloatArray:
-        """By how much the obstacle stands beyond reach (m,), dimensionless: 0 where it does not, or is held."""
-        return np.where(self.bilateral, 0.0, np.maximum(self.gap - self.reach, 0.0))
 
     @property
     def edges(self) -> slice:
@@ -265,6 +260,7 @@ def contact_rows(
         # at points a polynomial below g at one of them would press where bodies are apart
         on_points = rule.law_on == "points"
         gap = evaluate("Contact.gap", contact.gap, x, y) if on_points else gap_at_points(problem, contact, points)
+        gap = gap / scales.displacement
         rows = ContactRows(
             contact.name,
             contact.law,
@@ -273,12 +269,12 @@ def contact_rows(
             rule,
             points,
             *limits_of(problem, contact, scales, rule, points),
-            gap / scales.displacement,
+            gap,
             evaluate("Contact.offset", contact.offset, x, y) / scales.displacement,
             pressure / scales.stress,
             misfit / scales.stress,
             motion,
-            scales.reach,
+            np.maximum(gap - scales.reach, 0.0) * (contact.law == "unilateral"),
             np.zeros(len(x)) if slip is None else slip[number],
         )
         found.append(rows)
