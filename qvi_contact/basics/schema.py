@@ -13,7 +13,7 @@ Errors of `Kind.read` have a path relative to the value that is read; each table
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager, suppress
 from dataclasses import MISSING, dataclass, fields
 from functools import cache
@@ -240,8 +240,9 @@ class Listed(Kind):
         return tuple(found)
 
     def check(self, name: str, value: Any) -> tuple[Any, ...]:
-        given = tuple(value) if isinstance(value, Iterable) and not isinstance(value, str) else None
-        if given is None or (self.most is not None and len(given) != self.most):
+        ordered = isinstance(value, Iterable) and not isinstance(value, str | Mapping | Set)
+        given = tuple(value) if ordered else ()
+        if not ordered or (self.most is not None and len(given) != self.most):
             raise InputError(name, value, "give a pair (x, y)" if self.most == 2 else f"give a list of {self.most}")
         return tuple(self.kind.check(name, item) for item in given)
 
