@@ -109,8 +109,11 @@ class Measure:
         if kind == "slip":
             _place_on(problem.mesh, problem.mesh.edges(lines[own]), point)  # or an error
             return cls(quantity, partial(_slip, name=own, point=point), kind, point=True)
-        if not len(problem.mesh.around(point[None])[1]):
+        cell = problem.mesh.around(point[None])[1][:1]
+        if not len(cell):
             raise InputError("quantity", quantity, "give a point inside the body")
+        t = problem.mesh.reference(cell, point[None]).clip(0.0)  # smaller triangles take less rounding as inside
+        point = (problem.mesh.placed(cell, t / t.sum()) @ problem.mesh.corners[cell[0]]).ravel()
         return cls(quantity, partial(_stress, component=kind, point=point), kind, point=True)
 
 
@@ -146,10 +149,13 @@ def _number(result: ContactResult, own: str, kind: str) -> float:
 
 def _stress(result: ContactResult, component: str, point: FloatArray) -> float:
     """A stress at a point, between cells that of the mean."""
-    problem, cells = result.problem, result.problem.mesh.locate(point[None])
-    x, y = point[:, None]
-    stress = result.stress(x, y)
-    return float(stress_component(stress, component, stress_along_z(problem, cells, x, y, stress))[0])
+    problem, known = result.problem, result.discretization
+    cells = problem.mesh.around(point[None])[1]
+    x, y = places = np.tile(point[:, None], len(cells))
+    at = problem.mesh.reference(cells, places.T)[:, None]
+    stress = known.scales.stress * stress_in_cells(known, known.coefficients(result.dofs), cells, at)[1][:, 0]
+    along_z = float(stress_along_z(problem, cells, x, y, stress).mean())
+    return float(stress_component(stress.mean(axis=0), component, along_z))
 
 
 def _slip(result: ContactResult, name: str, point: FloatArray) -> float:

@@ -8,7 +8,7 @@ import pytest
 from qvi_contact import InputError, RefinementStatus, RigidPlate, TriangleMesh, refine, solve
 from qvi_contact.basics import solving
 from qvi_contact.gallery import compressed_plate
-from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
 from qvi_contact.refinement import energies_between, places, reference_problem
 from solvers import Status
 from solvers.basics import Progress, report
@@ -18,16 +18,10 @@ from tests.qvi_contact.test_triangles import oblique
 FORCE = "plate.normal_force"
 FACTOR = 3.0
 FREE = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
-
-
 # Of the L below: bicubic stress functions on grids of 120 000 unknowns end at -0.04937023. Good to 5e-6.
 L_ENERGY = -0.0493704
-
-
 # Force of the paper's plate by friction coefficient, settled by codes of other elements and by degrees up to 9.
 FORCES = {0.05: 210.606417984, 0.2: 214.23323205, 1.0: 214.367658387}
-
-
 # By friction: target, and unknowns that must do for a relative error of 1e-6.
 ROUNDS = {0.05: (7e-7, 600), 1.0: (1e-6, 1000)}
 
@@ -117,12 +111,17 @@ class TestReferenceSolution:
         assert found.sum() == pytest.approx(look.energies.strain, rel=1e-9, abs=0.0)
 
     def test_corners(self):
-        """Where conditions change, and where the boundary turns inwards."""
+        """Where conditions change, where the boundary turns inwards, and where joints end."""
         problem = l_shape(Contact("bottom", 0.3))
         result = solve(problem, degree=3)
         corners = problem.mesh.vertices[places(result).corners]
         expected = [(0, 0), (3, 0), (3, 1), (1, 1), (1, 3), (0, 3)]
         assert sorted(map(tuple, corners.tolist())) == sorted(expected)
+        mesh = TriangleMesh.rectangle((2, 2), 2.0, 2.0).with_joint("joint", lambda x, y: (y == 1.0) & (x < 1.0))
+        conditions = [Contact.tied("bottom"), Contact("joint", 0.4), *FREE, Displacement("top", x=0.0, y=-1e-3)]
+        problem = ContactProblem(mesh, Material(1e4, 0.2), conditions)
+        found = mesh.vertices[places(solve(problem, degree=3)).corners]
+        assert {(1.0, 1.0), (0.0, 1.0)} <= set(map(tuple, found.tolist()))
 
     def test_changes_of_state(self):
         """The plate sticks up to 0.749: on eight edges the sixth holds the change, on four two edges meet in it."""
@@ -145,13 +144,6 @@ class TestReferenceSolution:
         middle = problem.mesh.corners[places(result).cells].mean(axis=1)
         assert len(middle)
         assert np.abs(middle[:, 0]).max() < 1.0
-
-    def test_joints_end_in_corners(self):
-        mesh = TriangleMesh.rectangle((2, 2), 2.0, 2.0).with_joint("joint", lambda x, y: (y == 1.0) & (x < 1.0))
-        conditions = [Contact.tied("bottom"), Contact("joint", 0.4), *FREE, Displacement("top", x=0.0, y=-1e-3)]
-        problem = ContactProblem(mesh, Material(1e4, 0.2), conditions)
-        found = mesh.vertices[places(solve(problem, degree=3)).corners]
-        assert {(1.0, 1.0), (0.0, 1.0)} <= set(map(tuple, found.tolist()))
 
     def test_it_keeps_all_vertices_and_is_not_much_larger(self):
         problem = plate(0.2, (4, 4))
@@ -301,6 +293,18 @@ class TestStressesAndSlip:
         loads += [Traction("right", x=side, y=0.0), Traction("left", x=lambda x, y: -side(x, y), y=0.0)]
         block = ContactProblem(TriangleMesh.rectangle((1, 2)), Material(10.0, 0.3), loads)
         assert refine(block, None, 1e-6, "top.largest_yy", degree=4, max_rounds=1).value == pytest.approx(5.0, rel=1e-9)
+
+    def test_points_on_borders(self):
+        """Numbers of triangles do not matter beside another material, nor rounding on sides of smaller ones."""
+        lower, upper = (Material(1e3, nu, "strain") for nu in (0.45, 0.0))
+        mesh, found = TriangleMesh.rectangle((2, 2), 2.0, 2.0), []
+        conditions = [Contact("bottom", 0.0), *FREE, Traction("top", x=0.0, y=lambda x, _: -x)]
+        layers = ContactProblem(mesh, lower, conditions, regions=[Region(upper, y=(1.0, 2.0))])
+        for cells in (mesh.cells, mesh.cells[::-1]):
+            turned = replace(layers, mesh=replace(mesh, cells=cells))
+            found.append(refine(turned, None, 1.0, "von_mises(0.7, 1)", degree=4, max_rounds=1).value)
+        assert found[0] == pytest.approx(found[1], rel=1e-9)
+        assert refine(layers, None, 1e-9, "yy(2.0000000008, 0.8)", degree=4, max_rounds=4).estimate < 0.1
 
     PRESSED = (*FREE, Contact("top", 0.0, law="tied", plate=RigidPlate(force_y=-6.0, x=0.0, rotation=0.0)))
 

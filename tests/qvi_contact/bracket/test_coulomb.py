@@ -581,13 +581,22 @@ def test_a_block_that_slips_outwards_at_both_ends_or_sticks(friction):
     assert result.uniqueness.certainty == "estimate"
 
 
-def test_a_tied_contact_holds_as_a_support_does():
-    problem = pressed_block(0.2, (4, 2))
-    tied = [Contact.tied("top", gap=-0.1) if each.edges == "top" else each for each in problem.conditions]
-    forces = solve(replace(problem, conditions=tied)).bracket.coulomb.forces
-    known = solve(problem).bracket.coulomb.forces
+@pytest.mark.parametrize("problem", [pressed_block(0.2, (4, 2)), TestFrictionAlone.block(0.5, 0.1)])
+def test_a_tied_contact_holds_as_a_support_does_and_two_parts_of_a_contact_as_one(problem):
+    """Displacements are the same where the parts meet."""
+    base, top, *others = problem.conditions
+    mesh = problem.mesh.with_edges("a", lambda x, y: (y == 0.0) & (x < 1.0))
+    mesh = mesh.with_edges("b", lambda x, y: (y == 0.0) & (x > 1.0))
+    parts = [replace(base, edges=name, name=name) for name in "ab"]
+    tied = Contact.tied("top", gap=-0.1) if isinstance(top, Displacement) else top
+    listed = problem.conditions, [*parts, top, *others], [base, tied, *others]
+    found = [solve(replace(problem, mesh=mesh, conditions=each)).bracket.coulomb for each in listed]
+    for each in found[1:]:
+        assert (each.error, each.norm.value, each.reach) == pytest.approx(
+            (found[0].error, found[0].norm.value, found[0].reach), rel=1e-4
+        )
     for name in ("bottom.normal_force", "bottom.tangential_force"):
-        assert forces[name] == pytest.approx(known[name], rel=1e-6, abs=1e-9)
+        assert found[2].forces[name] == pytest.approx(found[0].forces[name], rel=1e-6, abs=1e-9)
 
 
 def test_a_corner_that_is_halved_often():
