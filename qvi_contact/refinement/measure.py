@@ -18,7 +18,7 @@ from typing import Any, Final, Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.checks import FloatArray, finite_number
 from qvi_contact.basics.units import Rounding, Units
 from qvi_contact.discretization.loads import potential_at
 from qvi_contact.discretization.scaling import Scales
@@ -86,7 +86,7 @@ class Measure:
             if not callable(quantity):
                 raise InputError("quantity", quantity, "give a name or a function of a ContactResult")
             name = getattr(quantity, "__name__", "quantity")
-            return cls(name, lambda result: float(quantity(result)))
+            return cls(name, lambda result: finite_number("quantity", quantity(result)))
         called, point = _with_point(quantity)
         own, _, kind = called.rpartition(".")
         sign, _, component = kind.partition("_")
