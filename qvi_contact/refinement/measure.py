@@ -179,8 +179,7 @@ def _places_on(mesh: TriangleMesh, edges: Edges, point: FloatArray) -> list[tupl
             tangent = frames_along(edge, np.array([t]))[1][0, 0]
             away = point - points_along(mesh.vertices, edge, np.array([t]))[0, 0]
             t = min(max(t + float(away @ tangent / edge.length[0]), 0.0), 1.0)
-        off = np.hypot(*(points_along(mesh.vertices, edge, np.array([t]))[0, 0] - point))
-        if off <= _ON * mesh.length and tangent @ sense >= 0.0:
+        if np.hypot(*away) <= _ON * mesh.length and tangent @ sense >= 0.0:
             found.append((number, t))
             sense = sense + tangent
     if not found:
