@@ -25,7 +25,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.bracket.share import Share, bodies_of, held_directions, shares_on, spans
 from qvi_contact.companion.body import Elasticity
 from qvi_contact.companion.contact import DisplacementContact
-from qvi_contact.companion.model import MOST, SINGULAR, BodyAtRest
+from qvi_contact.companion.model import MOST, SINGULAR, BodyAtRest, solutions
 from qvi_contact.discretization.displacements import PARALLEL, DisplacementSpace, reference_matrices, triangle
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
@@ -348,7 +348,7 @@ def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], stopped:
         return float("nan") if known.slips.any() else 0.0
     if stopped is None and known.unstrained.shape[1]:
         return float("inf")
-    return known.norm(known.image(shares), np.eye(len(known.below)) if stopped is None else stopped.others)
+    return known.norm(known.image(shares), known.attained if stopped is None else stopped.others)
 
 
 @dataclass(frozen=True, eq=False)
@@ -394,7 +394,8 @@ class _Energies:
     # many
     below: FloatArray
     part: FloatArray
-    unstrained: FloatArray  # basis of the slips without energy
+    attained: FloatArray  # basis of the slips of displacements: where contacts meet they are the same, or tied to 0
+    unstrained: FloatArray  # basis of those without energy
 
     @classmethod
     def of(cls, problem: ContactProblem) -> _Energies:
@@ -404,11 +405,15 @@ class _Energies:
         coulomb, tied, rough = known.contacts.where(has_coulomb), known.contacts.tied, known.contacts.where(bears_shear)
         slips, presses, nowhere = coulomb & known.live[n:], coulomb & known.live[:n], np.zeros(n, dtype=bool)
         if len(known.live) > MOST:
-            return cls(traces, slips, presses, none, none, none)
+            return cls(traces, slips, presses, none, none, none, none)
         below = known.least_energy(np.concatenate([nowhere, slips]), np.concatenate([tied, tied]))
         part = known.least_energy(np.concatenate([presses, nowhere]), np.concatenate([~presses, rough | tied]))
-        values, vectors = np.linalg.eigh(below)
-        return cls(traces, slips, presses, below, part, vectors[:, values <= SINGULAR * values[-1:]])
+        moved = known.B[np.concatenate([nowhere, slips])] @ solutions(known.B[np.tile(tied, 2) & known.live])[1]
+        basis, sizes, _ = np.linalg.svd(moved, full_matrices=False)
+        attained = basis[:, sizes > SINGULAR * sizes.max(initial=0.0)]
+        values, vectors = np.linalg.eigh(attained.T @ below @ attained)
+        unstrained = attained @ vectors[:, values <= SINGULAR * values[-1:]]
+        return cls(traces, slips, presses, below, part, attained, unstrained)
 
     def norm(self, image: FloatArray, basis: FloatArray) -> float:
         """The norm on slips with a basis of what turns slips into normal parts."""
@@ -454,7 +459,8 @@ class _Energies:
             return f"no part of {' and '.join(names)} sticks that would hold it"
         chosen = order[:count]
         means, d = means[chosen], motions @ np.linalg.inv(keys[chosen])
-        masses, others, image = np.diag(means @ d), null_space(means), self.image(shares)
+        masses, image = np.diag(means @ d), self.image(shares)
+        others = self.attained @ null_space(means @ self.attained)
         turned = []  # what friction left on each group turns into
         for k in chosen:
             left = {name: replace(share, values=ways[name][k, :, None] * share.room) for name, share in shares.items()}

@@ -265,8 +265,7 @@ def refine(
     problem = steps[0]
     if len(steps) > 1 and (guaranteed or isinstance(quantity, LimitFactor)):
         raise InputError("problem", f"{len(steps)} load steps", "have no guaranteed errors and no limit load: give one")
-    if result is not None and not isinstance(result, ContactResult):
-        raise InputError("result", result, "give an earlier ContactResult of the problem, or None")
+    mesh = _start(problem.mesh, result)
     for name in ("initial", "throw"):
         if name in options:
             raise InputError(name, options[name], "is not for refine: meshes change, and failures are in the status")
@@ -298,9 +297,21 @@ def refine(
         else:
             _ = SolveSettings.of(None, options)
             strategy = TriangleRefinement(settings, Measure.of(problem, quantity), steps)
-        found = _refined(strategy, problem.mesh if result is None else result.problem.mesh, told)
+        found = _refined(strategy, mesh, told)
         log.end(found.status.value, found.message, {}, found.status is RefinementStatus.REACHED)
         return found
+
+
+def _start(own: TriangleMesh, result: object) -> TriangleMesh:
+    """The mesh of an earlier result, or the problem's own; `InputError` for what is none, or that of another body."""
+    if result is None:
+        return own
+    if not isinstance(result, ContactResult):
+        raise InputError("result", result, "give an earlier ContactResult of the problem, or None")
+    mesh = result.problem.mesh
+    if any((one.locate(other.vertices) < 0).any() for one, other in ((mesh, own), (own, mesh))):
+        raise InputError("result", result, "is that of another body: give an earlier one of this problem")
+    return mesh
 
 
 def _refined(

@@ -212,6 +212,7 @@ class TriangleRefinement:
         if earlier and found.certainty is Certainty.ESTIMATE:
             step = abs(found.reference - earlier[-1].reference)  # while that moves the error is no less
             found = found._replace(error=float(np.fmax(found.error, _SAFETY * step)))
+        unit = unit or float(np.nan_to_num(abs(found.reference)))  # what is zero on this mesh need not be on others
         estimate, parts = found.error / unit if unit != 0.0 else 0.0, found.parts
         marked, deeper = np.ones(mesh.cell_count, dtype=bool), tuple[IntArray, ...]()
         if np.isfinite(estimate):

@@ -18,7 +18,7 @@ from typing import Any, Final, Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.checks import FloatArray, finite_number
 from qvi_contact.basics.units import Rounding, Units
 from qvi_contact.discretization.loads import potential_at
 from qvi_contact.discretization.scaling import Scales
@@ -86,7 +86,7 @@ class Measure:
             if not callable(quantity):
                 raise InputError("quantity", quantity, "give a name or a function of a ContactResult")
             name = getattr(quantity, "__name__", "quantity")
-            return cls(name, lambda result: float(quantity(result)))
+            return cls(name, lambda result: finite_number("quantity", quantity(result)))
         called, point = _with_point(quantity)
         own, _, kind = called.rpartition(".")
         sign, _, component = kind.partition("_")
@@ -107,10 +107,13 @@ class Measure:
         if point is None:
             return cls(quantity, lambda result: _number(result, own, kind), kind)
         if kind == "slip":
-            _place_on(problem.mesh, problem.mesh.edges(lines[own]), point)  # or an error
+            _places_on(problem.mesh, problem.mesh.edges(lines[own]), point)  # or an error
             return cls(quantity, partial(_slip, name=own, point=point), kind, point=True)
-        if not len(problem.mesh.around(point[None])[1]):
+        cell = problem.mesh.around(point[None])[1][:1]
+        if not len(cell):
             raise InputError("quantity", quantity, "give a point inside the body")
+        t = problem.mesh.reference(cell, point[None]).clip(0.0)  # smaller triangles take less rounding as inside
+        point = (problem.mesh.placed(cell, t / t.sum()) @ problem.mesh.corners[cell[0]]).ravel()
         return cls(quantity, partial(_stress, component=kind, point=point), kind, point=True)
 
 
@@ -146,32 +149,42 @@ def _number(result: ContactResult, own: str, kind: str) -> float:
 
 def _stress(result: ContactResult, component: str, point: FloatArray) -> float:
     """A stress at a point, between cells that of the mean."""
-    problem, cells = result.problem, result.problem.mesh.locate(point[None])
-    x, y = point[:, None]
-    stress = result.stress(x, y)
-    return float(stress_component(stress, component, stress_along_z(problem, cells, x, y, stress))[0])
+    problem, known = result.problem, result.discretization
+    cells = problem.mesh.around(point[None])[1]
+    x, y = places = np.tile(point[:, None], len(cells))
+    at = problem.mesh.reference(cells, places.T)[:, None]
+    stress = known.scales.stress * stress_in_cells(known, known.coefficients(result.dofs), cells, at)[1][:, 0]
+    along_z = float(stress_along_z(problem, cells, x, y, stress).mean())
+    return float(stress_component(stress.mean(axis=0), component, along_z))
 
 
 def _slip(result: ContactResult, name: str, point: FloatArray) -> float:
-    """The slip at a point of a contact: the polynomial through the Gauss points of its edge."""
+    """The slip at a point of a contact: of the polynomial through the points of its edge, in vertices the mean."""
     points = next(rows.points for rows in result.discretization.contacts if rows.name == name)
-    number, t = _place_on(result.problem.mesh, points.edges, point)
-    slip = result.contacts[name].slip.reshape(-1, points.count)[number]
-    return float(Polynomial.fit(points.reference, slip, points.count - 1, domain=[0.0, 1.0])(t))
+    slip = result.contacts[name].slip.reshape(-1, points.count)
+    fitted = (
+        Polynomial.fit(points.reference, slip[number], points.count - 1, domain=[0.0, 1.0])(t)
+        for number, t in _places_on(result.problem.mesh, points.edges, point)
+    )
+    return float(np.mean(list(fitted)))
 
 
-def _place_on(mesh: TriangleMesh, edges: Edges, point: FloatArray) -> tuple[int, float]:
-    """The edge nearest to a point of a contact, and the coordinate on it, 0 to 1."""
-    apart = points_along(mesh.vertices, edges, _LOOK) - point
-    number, k = np.unravel_index(np.argmin(np.hypot(*np.moveaxis(apart, -1, 0))), apart.shape[:2])
-    edge, t = edges.take(np.array([number])), float(_LOOK[k])
-    length = float(edge.length[0])
-    for _ in range(_STEPS):
-        away = point - points_along(mesh.vertices, edge, np.array([t]))[0, 0]
-        t = min(max(t + float(away @ frames_along(edge, np.array([t]))[1][0, 0]) / length, 0.0), 1.0)
-    if np.hypot(*(points_along(mesh.vertices, edge, np.array([t]))[0, 0] - point)) > _ON * mesh.length:
+def _places_on(mesh: TriangleMesh, edges: Edges, point: FloatArray) -> list[tuple[int, float]]:
+    """The edges that hold a point of a contact, with the coordinate on each, 0 to 1; in vertices those of one sense."""
+    apart = np.hypot(*np.moveaxis(points_along(mesh.vertices, edges, _LOOK) - point, -1, 0))
+    found, sense = list[tuple[int, float]](), np.zeros(2)
+    for number in np.flatnonzero(apart.min(axis=1) <= apart.min() + _ON * mesh.length).tolist():
+        edge, t = edges.take(np.array([number])), float(_LOOK[np.argmin(apart[number])])
+        for _ in range(_STEPS):
+            tangent = frames_along(edge, np.array([t]))[1][0, 0]
+            away = point - points_along(mesh.vertices, edge, np.array([t]))[0, 0]
+            t = min(max(t + float(away @ tangent / edge.length[0]), 0.0), 1.0)
+        if np.hypot(*away) <= _ON * mesh.length and tangent @ sense >= 0.0:
+            found.append((number, t))
+            sense = sense + tangent
+    if not found:
         raise InputError("quantity", tuple(point.tolist()), "give a point on the contact")
-    return int(number), t
+    return found
 
 
 def _extreme(result: ContactResult, edges: str, component: str, sign: float) -> float:

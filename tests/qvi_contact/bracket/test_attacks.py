@@ -97,9 +97,7 @@ class TestForces:
     )
     def test_each_side(self, side, sign):
         held = Displacement(SIDES[side], 0.0, 0.0)
-        normal = "x" if side in ("left", "right") else "y"
-        across = "y" if normal == "x" else "x"
-        cells = (2, 2)
+        (normal, across), cells = "xy" if side in ("left", "right") else "yx", (2, 2)
         self.check(square(held, Contact.tied(side, gap=sign * U), cells=cells), f"{side}.normal_force")
         self.check(square(held, Contact.tied(side, offset=sign * U), cells=cells), f"{side}.tangential_force")
         for moved in (normal, across):
@@ -114,11 +112,8 @@ class TestForces:
         mesh = with_line(TriangleMesh.rectangle((2, 2)), "joint", axis, 0.5)
         outer = [Displacement(end, 0.0, 0.0) for end in ends]
         outer += free(*(side for side in SIDES if side not in ends))
-        for joint, kind in (
-            (Contact.frictionless("joint", gap=-U), "normal_force"),
-            (Contact.tied("joint", gap=U), "normal_force"),
-            (Contact.tied("joint", offset=U), "tangential_force"),
-        ):
+        joints = [Contact.frictionless("joint", gap=-U), Contact.tied("joint", gap=U), Contact.tied("joint", offset=U)]
+        for joint, kind in zip(joints, ("normal_force", "normal_force", "tangential_force"), strict=True):
             self.check(ContactProblem(mesh, SOFT, [*outer, joint]), f"joint.{kind}")
 
     def test_none_beside_other_data(self):

@@ -149,8 +149,7 @@ class TestNorms:
 
     def test_what_is_no_number_proves_nothing(self, monkeypatch):
         monkeypatch.setattr("qvi_contact.bracket.norms.rectangle_norm", lambda *_: np.nan)
-        problem = compressed_plate(0.2, (2, 2))
-        found = friction_norm(problem, shared(problem, 1.0))
+        found = friction_norm(problem := compressed_plate(0.2, (2, 2)), shared(problem, 1.0))
         assert (found.proved, found.value > 0.0) == (False, True)
 
     @pytest.mark.parametrize(
@@ -185,8 +184,7 @@ class TestNorms:
         slopes = np.abs(np.diff(share.at(t), axis=1)).reshape(len(values), 16, 64).max(axis=2) * 64.0
         assert (slopes <= share.steepest() * (1.0 + 1e-12)).all()
         assert (share.steepest().max(axis=1) <= 1.4 * slopes.max(axis=1)).all()
-        shares = {"plate": share}
-        assert 0.0 < computed_norm(problem, shares) < rectangle_norm(problem, shares)
+        assert 0.0 < computed_norm(problem, shares := {"plate": share}) < rectangle_norm(problem, shares)
 
     def test_where_nothing_is_proved_it_is_computed(self):
         """Of bodies that no proof is for, and of plates that a force drives, under friction or tied to the body."""
@@ -581,13 +579,20 @@ def test_a_block_that_slips_outwards_at_both_ends_or_sticks(friction):
     assert result.uniqueness.certainty == "estimate"
 
 
-def test_a_tied_contact_holds_as_a_support_does():
-    problem = pressed_block(0.2, (4, 2))
-    tied = [Contact.tied("top", gap=-0.1) if each.edges == "top" else each for each in problem.conditions]
-    forces = solve(replace(problem, conditions=tied)).bracket.coulomb.forces
-    known = solve(problem).bracket.coulomb.forces
+@pytest.mark.parametrize("problem", [pressed_block(0.2, (4, 2)), TestFrictionAlone.block(0.5, 0.1)])
+def test_a_tied_contact_holds_as_a_support_does_and_two_parts_of_a_contact_as_one(problem):
+    """Displacements are the same where the parts meet."""
+    base, top, *others = problem.conditions
+    mesh = problem.mesh.with_edges("a", lambda x, y: (y == 0.0) & (x < 1.0))
+    mesh = mesh.with_edges("b", lambda x, y: (y == 0.0) & (x > 1.0))
+    parts = [replace(base, edges=name, name=name) for name in "ab"]
+    tied = Contact.tied("top", gap=-0.1) if isinstance(top, Displacement) else top
+    listed = problem.conditions, [*parts, top, *others], [base, tied, *others]
+    found = [solve(replace(problem, mesh=mesh, conditions=each)).bracket.coulomb for each in listed]
+    one, two, tied = ((each.error, each.norm.value, each.reach) for each in found)
+    assert two == pytest.approx(one, rel=1e-4) == tied
     for name in ("bottom.normal_force", "bottom.tangential_force"):
-        assert forces[name] == pytest.approx(known[name], rel=1e-6, abs=1e-9)
+        assert found[2].forces[name] == pytest.approx(found[0].forces[name], rel=1e-6, abs=1e-9)
 
 
 def test_a_corner_that_is_halved_often():
