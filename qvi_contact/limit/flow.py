@@ -349,8 +349,7 @@ class FlowProgram:
     def _body(self, field: Field) -> FloatArray:
         """−∫ ∇φ·v dx, with the polynomial that stresses take for φ."""
         space, k = self.space, self.k
-        cells = np.arange(space.mesh.cell_count)
-        potential = coefficients_of(self.problem, cells, k, "ContactProblem.body_potential", field)[0]
+        potential = coefficients_of(self.problem, k, field)[0]
         slopes = np.einsum("npax,acf,npf->npcx", self._slopes, gradient(k, np.eye(3)), potential)
         force = -np.einsum("npcx,cf,np->npfx", slopes, _products(k - 1, space.degree), self._areas)
         row = np.zeros(space.size)

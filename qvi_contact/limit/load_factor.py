@@ -225,9 +225,7 @@ class LimitProblem:
         upper = min(flow.bound, of_blocks)
         lower = _checked(carried, upper, straight)
         if np.isfinite(lower) and carried.stress is not None and flow.motion is not None:
-            datum = "ContactProblem.body_potential", self.problem.body_potential
-            cells = np.arange(self.problem.mesh.cell_count)
-            missed = coefficients_of(self.problem, cells, low.space.traction_degree, *datum)[1]
+            missed = coefficients_of(self.problem, low.space.traction_degree, self.problem.body_potential)[1]
             parts, stress = program.gap_in_cells(low, carried, flow.motion), carried.stress * low.scales.stress
             collapse = Collapse(flow.motion, stress, parts, straight and missed <= _FOLLOWED)
         violation, of_blocks_only = max(carried.violation, flow.violation), of_blocks <= flow.bound

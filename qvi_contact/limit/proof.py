@@ -141,11 +141,7 @@ def save_proof(path: str | Path, proof: dict[str, Any]) -> None:
 
 def _written(value: Any) -> Any:
     """In the types of JSON, with fractions as texts."""
-    if isinstance(value, dict):
-        return {key: _written(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_written(each) for each in value]
-    return str(value) if isinstance(value, Fraction) else value
+    return json.loads(json.dumps(value, default=str))
 
 
 def _number(name: str, field: Field, x: FloatArray, y: FloatArray) -> Fraction:
