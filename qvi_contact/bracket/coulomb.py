@@ -28,7 +28,7 @@ from qvi_contact.bracket.norms import (
     error_bound,
     friction_norm,
 )
-from qvi_contact.bracket.parts import EDGE_POINTS, LOOSEST, Bounds, CellFields, EdgeTractions, by_cell, edge_parts
+from qvi_contact.bracket.parts import EDGE_POINTS, LOOSEST, Bounds, CellFields, EdgeTractions, edge_parts
 from qvi_contact.bracket.share import AWAY, LeastChange, Share, SharedStress, joined
 from qvi_contact.companion import CompanionResult, CompanionState
 from qvi_contact.companion.model import MOST, BodyAtRest, solutions
@@ -36,6 +36,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.problem.conditions import bears_shear, has_coulomb
+from qvi_contact.problem.problem import by_cell
 from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import obstacle_work, rest_on_arcs, support_work

@@ -1,8 +1,7 @@
 """Limit loads from below: stresses in equilibrium whose Bernstein coefficients lie in the yield cones.
 
 The program is (D36), in unknowns z, the functions y inside a triangle, and the load factor α;
-contact laws hold on whole edges, (D24). Φ is C1 and σ(x) a convex combination of its coefficients: α is a lower bound
-of the limit load, whatever the solver did. What varies over a part counts from below by its own coefficients if it is
+contact laws hold on whole edges, (D24). What varies over a part counts from below by its own coefficients if it is
 affine there, from above by its means ∫ a B_i/∫ B_i, since ∫ a |ε| ≤ Σ |ε_i| ∫ a B_i; else by its least and its largest
 value, as far as samples show them.
 
