@@ -250,7 +250,14 @@ class CondensedBody:
         closely = min(_AS_STRAINED * strained, _FREE_ON_ARCS)
         rigid = (supports.inverse @ np.pad(motions, ((0, body.size - size), (0, 0))))[:size]
         interface = np.setdiff1d((rows @ Q)[:, :size].indices, supports.index)
-        interface = np.union1d(interface, _pins(body, rigid, supports.index, interface, closely)).astype(np.int64)
+        known = np.append(supports.index, interface)
+        for block in range(int(body.space.block.max()) + 1):  # Γ must hold all motions: if need be by two vertices
+            if _unheld(rigid[known, 3 * block : 3 * block + 3], closely).shape[1]:
+                mine = np.flatnonzero(body.space.owner == block)
+                place = body.space.places[mine].sum(axis=1)
+                pair = mine[[int(np.argmin(place)), int(np.argmax(place))]]
+                pins = np.setdiff1d(2 * pair[:, None] + np.arange(2), supports.index)
+                interface = np.union1d(interface, pins)
         K = (sparse.csr_array(turned.T @ K @ turned) if supports.slanted else K)[free][:, free]
         place = np.searchsorted(free, interface)
         shift = float(K.diagonal().mean()) if len(free) else 0.0
@@ -287,21 +294,6 @@ class CondensedBody:
             _, state = self.factor.reduce((Q.T @ (self.load - self.body.force(Q @ w)))[self.free])
             w[self.free] += self.factor.expand(state, held)
         return np.asarray(Q @ w)
-
-
-def _pins(body: Elasticity, rigid: FloatArray, fixed: IntArray, interface: IntArray, closely: float) -> IntArray:
-    """Two vertices of every block that neither supports nor contacts would hold: Γ must hold all motions."""
-    held = np.concatenate([fixed, interface])
-    blocks = int(body.space.block.max()) + 1
-    found: list[IntArray] = [np.empty(0, dtype=np.int64)]
-    for block in range(blocks):
-        motions = rigid[:, 3 * block : 3 * block + 3]
-        if _unheld(motions[held], closely).shape[1]:
-            mine = np.flatnonzero(body.space.owner == block)
-            place = body.space.places[mine].sum(axis=1)
-            pair = mine[[int(np.argmin(place)), int(np.argmax(place))]]
-            found.append((2 * pair[:, None] + np.arange(2)).ravel())
-    return np.setdiff1d(np.concatenate(found), fixed)
 
 
 def _unheld(motions: FloatArray, closely: float) -> FloatArray:

@@ -154,7 +154,7 @@ def limit_load_factor(
     refuse_arguments(retired, (*OPTIONS, "verbose"))
     with deadline(time_limit), Log(f"qvi_contact {__version__}: limit_load_factor", verbose, {}) as log:
         posed = LimitProblem.of(problem, checked_loads(problem, loads), degree)
-        log.begin({"loads": ", ".join(posed.names), "unknowns": posed.unknowns})
+        log.begin({"loads": ", ".join(posed.names), "unknowns": posed.low.qvi.n})
         limit = posed.limit
         gap = limit.bound - posed.carried.factor
         agree = problem.yields or gap <= CERTIFIED * (1.0 + abs(limit))
@@ -184,11 +184,6 @@ class LimitProblem:
         scales = Scales.of(multiples[1])
         low = discretize(multiples[0], degree=degree, law_on="edges", scales=scales)
         return cls(problem, names, low, low.with_data(multiples[1], scales))
-
-    @property
-    def unknowns(self) -> int:
-        """Unknowns of the algebraic problem."""
-        return int(self.low.qvi.n)
 
     @property
     def stresses(self) -> StressProgram:

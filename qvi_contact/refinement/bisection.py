@@ -474,8 +474,8 @@ class LimitStrategy:
         """Both sides on the mesh."""
         problem = self.problem if self.problem.mesh is mesh else replace(self.problem, mesh=mesh)
         posed = LimitProblem.of(problem, self.names, **self.settings.options)
-        if posed.unknowns > self.settings.max_unknowns:
-            raise StopError(RefinementStatus.UNKNOWNS, f"a mesh of {posed.unknowns} unknowns is needed")
+        if posed.low.qvi.n > self.settings.max_unknowns:
+            raise StopError(RefinementStatus.UNKNOWNS, f"a mesh of {posed.low.qvi.n} unknowns is needed")
         _ = posed.limit  # errors belong to this mesh
         return posed
 
@@ -499,7 +499,7 @@ class LimitStrategy:
             parts = by_cell(answer.problem, gaps)
             finer = partial(self._finer_at_contacts, mesh, gaps)
         certainty = Certainty.GUARANTEED if exact else Certainty.ESTIMATE
-        record = RefinementRound(mesh.cell_count, answer.unknowns, limit.lower, estimate, certainty)
+        record = RefinementRound(mesh.cell_count, answer.low.qvi.n, limit.lower, estimate, certainty)
         return Round(answer=answer, record=record, unit=unit, parts=parts, finer=finer)
 
     def _finer_at_contacts(self, mesh: TriangleMesh, gaps: Mapping[str, FloatArray]) -> TriangleMesh:
