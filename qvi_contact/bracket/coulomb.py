@@ -1,8 +1,7 @@
 """Bounds of errors and of contact forces under Coulomb's law, whatever sticks, slips or opens.
 
-For any displacement z of W and any stress ζ without loads the resultant Q = ∫ a σ_N + b σ_T ds differs from a number
-that z, ζ, the stress τ and the data give by at most F |ε(z) − cζ| + m (δ + ρ²/(4α)) + r F². z solves the dual
-problem on the displacements of the companion, ζ is the stress nearest to it, both cut so that m is not large.
+Of (D31) z solves the dual problem on the displacements of the companion, ζ is the stress nearest to it, both cut so
+that m is not large.
 
 In `docs/theory.md`: (D26), (D27), (D28), (D31).
 """

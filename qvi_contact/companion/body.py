@@ -31,7 +31,6 @@ from qvi_contact.discretization.displacements import (
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.element.quadrature import EdgeQuadrature
 from qvi_contact.mechanism.mechanism import null_space
 from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Traction
@@ -43,11 +42,6 @@ from solvers.factorisation import Factorisation, FactorisationError, factorise
 def load_points(degree: int) -> int:
     """Gauss points an edge and direction for work done by data: exact for data up to degree 19 − p."""
     return max(10, degree + 6)
-
-
-def moments(given: EdgeQuadrature, degree: int) -> FloatArray:
-    """∫₀¹ f B_i dt (e, degree + 1) of a function on e edges."""
-    return given.integrals(bernstein.basis(degree, given.t.ravel()).reshape(*given.t.shape, -1))
 
 
 _QUADRATURE = 1e-11  # relative difference of two quadratures that counts as rounding
@@ -170,7 +164,7 @@ def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tu
         along = vectors_along(edges.take(part.edge), given.direction[part.edge], part.t, turns=given.turns)
         for component in (0, 1):
             loaded = replace(part, values=part.values * along[..., component])
-            work = lengths[:, None] * moments(loaded, space.degree) / scales.stress
+            work = lengths[:, None] * loaded.moments(space.degree) / scales.stress
             np.add.at(tractions, 2 * space.along(edges) + component, work)
         if part.error > MISFIT * float(np.abs(part.values).max(initial=0.0)):
             size = f"{part.error:.2g} [stress]"

@@ -41,7 +41,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
-from qvi_contact.companion.body import CondensedBody, load_points, moments
+from qvi_contact.companion.body import CondensedBody, load_points
 from qvi_contact.discretization.displacements import MISFIT, PARALLEL, DisplacementSpace, along_arcs, edge_data, spread
 from qvi_contact.discretization.plates import COMPONENTS, independent_rows
 from qvi_contact.discretization.scaling import REACH, Scales
@@ -150,7 +150,7 @@ class DisplacementContact:
                 f"The {kind.replace('_', ' ')} of {self.name!r} jumps or grows steeply. Quadrature leaves an error of "
                 f"{given.error:.2g} [stress] times an edge's length."
             )
-        return self.summed(self.lengths[:, None] / stress * moments(given, self.degree))
+        return self.summed(self.lengths[:, None] / stress * given.moments(self.degree))
 
     def obstacle(self, kind: str, signs: FloatArray, reasons: list[str]) -> FloatArray:
         """Coefficients (n,) of the gap or offset, signs (e, p + 1) on edges; at a jump between them the smaller one."""
