@@ -1,8 +1,7 @@
 """Bounds of the energy of a contact problem, from its stress and a displacement computed beside it, and of forces.
 
-What is bracketed is a convex problem, its friction bounds held fixed; its stress obeys the law on whole edges. Bounds
-need data that are the same in both models. Functions are looked at in `bernstein.SAMPLES` of every edge and 169 points
-of every cell.
+Bounds need data that are the same in both models. Functions are looked at in `bernstein.SAMPLES` of every edge and 169
+points of every cell.
 
 In `docs/theory.md`: (D19), (D20), (D21).
 """
@@ -27,7 +26,6 @@ from qvi_contact.bracket.parts import (
     CellFields,
     EdgeParts,
     EdgeTractions,
-    by_cell,
     coefficients,
     edge_parts,
 )
@@ -41,6 +39,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, Displacement, Traction, components, has_coulomb
 from qvi_contact.problem.material import is_strained, varies
+from qvi_contact.problem.problem import by_cell
 from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import allowed_misfit, obstacle_work, rest_on_arcs, support_work

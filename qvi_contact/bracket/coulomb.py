@@ -1,8 +1,7 @@
 """Bounds of errors and of contact forces under Coulomb's law, whatever sticks, slips or opens.
 
-For any displacement z of W and any stress ζ without loads the resultant Q = ∫ a σ_N + b σ_T ds differs from a number
-that z, ζ, the stress τ and the data give by at most F |ε(z) − cζ| + m (δ + ρ²/(4α)) + r F². z solves the dual
-problem on the displacements of the companion, ζ is the stress nearest to it, both cut so that m is not large.
+Of (D31) z solves the dual problem on the displacements of the companion, ζ is the stress nearest to it, both cut so
+that m is not large.
 
 In `docs/theory.md`: (D26), (D27), (D28), (D31).
 """
@@ -28,7 +27,7 @@ from qvi_contact.bracket.norms import (
     error_bound,
     friction_norm,
 )
-from qvi_contact.bracket.parts import EDGE_POINTS, LOOSEST, Bounds, CellFields, EdgeTractions, by_cell, edge_parts
+from qvi_contact.bracket.parts import EDGE_POINTS, LOOSEST, Bounds, CellFields, EdgeTractions, edge_parts
 from qvi_contact.bracket.share import AWAY, LeastChange, Share, SharedStress, joined
 from qvi_contact.companion import CompanionResult, CompanionState
 from qvi_contact.companion.model import MOST, BodyAtRest, solutions
@@ -36,6 +35,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.problem.conditions import bears_shear, has_coulomb
+from qvi_contact.problem.problem import by_cell
 from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import obstacle_work, rest_on_arcs, support_work

@@ -336,10 +336,8 @@ def friction_norm(problem: ContactProblem, shares: Mapping[str, Share], unit: fl
 def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], stopped: Stopped | None = None) -> float:
     """The norm of the R whose images have the least energy, max |Rv|/|v|, among finite elements on the mesh.
 
-    With x the slip on contacts with Coulomb friction, A x·x the least energy of displacements that slip by x, and
-    D x·x that of those with the normal part μ s x and no other part on contacts that R must not have, the square is the
-    largest λ of D x = λ A x, without the motions that friction stops; infinity where contacts can slip without strain,
-    NaN where there are too many coefficients.
+    The square is the largest λ of D x = λ A x, see (D30), without the motions that friction stops; infinity where
+    contacts can slip without strain, NaN where there are too many coefficients.
     """
     if problem not in _ENERGIES:
         _ENERGIES[problem] = _Energies.of(problem)
@@ -356,11 +354,8 @@ class Stopped:
     """Motions d_k without strain that friction alone stops, 1 ≤ k ≤ j.
 
     Each moves one group of edges by the slip 1, the others of the j groups not at all. With a part ω of the friction
-    that is left where contacts stick, t_k is the mean of the slip of e = u − v over its group with the weight ω, and
-    e₀ = e − Σ t_k d_k. For every solution with |σ − τ| < `reach`, and R for s + ω/B, with the senses of the t_k, in
-    place of s,
-
-        ∫ (σ − τ) : ε(e₀ − R e₀) + Σ |t_k| (M_k − |σ − τ||R d_k|) ≤ δ.                          (D39)
+    that is left where contacts stick, t_k is the mean of the slip of e = u − v over its group with the weight ω. (D39)
+    holds for every solution with |σ − τ| < `reach`, and R for s + ω/B, with the senses of the t_k, in place of s.
     """
 
     norm: float  # the largest norm of such R on displacements with means 0, for all senses

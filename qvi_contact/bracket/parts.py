@@ -1,19 +1,12 @@
 """Tractions and friction bounds on contact edges by Bernstein coefficients, and the gap between the two energies.
 
-Arrays over edges hold those of all contacts that have rows, one after the other; tied ones have none. For an admissible
-stress τ and an admissible displacement v, by the principle of virtual work,
-
-    J(v) + J*(τ) = ½ ∫ (cτ + ε⁰ − ε(v)) : C : (cτ + ε⁰ − ε(v)) dx                    bulk
-                 + ∫ −τ_N (g − v_N) ds + ∫ s |v_T − w| + τ_T (v_T − w) ds             contact, friction
-                 + ½ ∫ (τ_N + k_N d_N)²/k_N + (τ_T + k_T d_T)²/k_T ds                 springs
-
-and every integrand is ≥ 0 (Prager-Synge; constitutive-relation error). d is the stretch of springs along contacts;
-there v in the line of contact and friction stands for v − d.
+Arrays over edges hold those of all contacts that have rows, one after the other; tied ones have none. Where there are
+springs along contacts, v in `EdgeParts.contact` and `EdgeParts.friction` stands for v − d, d their stretch.
 
 In `docs/theory.md`: (D20), (D40).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
@@ -28,7 +21,6 @@ from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.problem.conditions import SPRINGS
 from qvi_contact.problem.material import is_strained
-from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.stress import cell_stresses, normal_and_shear
 
 _OUTWARD = 2.0  # safety of the work of violations that are left
@@ -267,15 +259,3 @@ def slip_work(slip: FloatArray, shear: FloatArray, bound: FloatArray) -> FloatAr
     products = bernstein.product_integrals(slip.shape[1] - 1, shear.shape[1] - 1)
     signed = np.einsum("ei,ij,ej->e", slip, products, shear)
     return np.asarray(bernstein.absolute_integrals(bound, slip) + signed)
-
-
-def by_cell(problem: ContactProblem, on_edges: Mapping[str, FloatArray]) -> FloatArray:
-    """Parts (edges,) of the edges of contacts as parts of their cells (cells,), on joints of both in halves."""
-    found = np.zeros(problem.mesh.cell_count)
-    for contact in problem.contacts:
-        if contact.name in on_edges:
-            cells, parts = problem.mesh.edges(contact.edges).cells, on_edges[contact.name]
-            sides = (0, 1) if contact in problem.joints else (0,)
-            for side in sides:
-                np.add.at(found, cells[:, side], parts / len(sides))
-    return found

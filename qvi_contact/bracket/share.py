@@ -3,8 +3,7 @@
     s = −τ_T / (c + μ|τ_N|),    |s| ≤ 1.
 
 Tractions of triangles jump at vertices, and so does s. A stress η without loads makes it continuous: τ + η has the
-shear −s times its own bound. On an edge s is the quotient of two polynomials, with the Bernstein
-coefficients s_i ω_i and ω_i of shear and bound: it lies between the smallest and the largest s_i.
+shear −s times its own bound.
 
 Joints part bodies, each a problem of its own: to it the others are rigid obstacles. Operators R of (D26) of all bodies
 make one of the whole, and its norm is the largest of theirs.

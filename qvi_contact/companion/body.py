@@ -31,7 +31,6 @@ from qvi_contact.discretization.displacements import (
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.element.quadrature import EdgeQuadrature
 from qvi_contact.mechanism.mechanism import null_space
 from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Traction
@@ -43,11 +42,6 @@ from solvers.factorisation import Factorisation, FactorisationError, factorise
 def load_points(degree: int) -> int:
     """Gauss points an edge and direction for work done by data: exact for data up to degree 19 − p."""
     return max(10, degree + 6)
-
-
-def moments(given: EdgeQuadrature, degree: int) -> FloatArray:
-    """∫₀¹ f B_i dt (e, degree + 1) of a function on e edges."""
-    return given.integrals(bernstein.basis(degree, given.t.ravel()).reshape(*given.t.shape, -1))
 
 
 _QUADRATURE = 1e-11  # relative difference of two quadratures that counts as rounding
@@ -170,7 +164,7 @@ def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tu
         along = vectors_along(edges.take(part.edge), given.direction[part.edge], part.t, turns=given.turns)
         for component in (0, 1):
             loaded = replace(part, values=part.values * along[..., component])
-            work = lengths[:, None] * moments(loaded, space.degree) / scales.stress
+            work = lengths[:, None] * loaded.moments(space.degree) / scales.stress
             np.add.at(tractions, 2 * space.along(edges) + component, work)
         if part.error > MISFIT * float(np.abs(part.values).max(initial=0.0)):
             size = f"{part.error:.2g} [stress]"
@@ -250,7 +244,14 @@ class CondensedBody:
         closely = min(_AS_STRAINED * strained, _FREE_ON_ARCS)
         rigid = (supports.inverse @ np.pad(motions, ((0, body.size - size), (0, 0))))[:size]
         interface = np.setdiff1d((rows @ Q)[:, :size].indices, supports.index)
-        interface = np.union1d(interface, _pins(body, rigid, supports.index, interface, closely)).astype(np.int64)
+        known = np.append(supports.index, interface)
+        for block in range(int(body.space.block.max()) + 1):  # Γ must hold all motions: if need be by two vertices
+            if _unheld(rigid[known, 3 * block : 3 * block + 3], closely).shape[1]:
+                mine = np.flatnonzero(body.space.owner == block)
+                place = body.space.places[mine].sum(axis=1)
+                pair = mine[[int(np.argmin(place)), int(np.argmax(place))]]
+                pins = np.setdiff1d(2 * pair[:, None] + np.arange(2), supports.index)
+                interface = np.union1d(interface, pins)
         K = (sparse.csr_array(turned.T @ K @ turned) if supports.slanted else K)[free][:, free]
         place = np.searchsorted(free, interface)
         shift = float(K.diagonal().mean()) if len(free) else 0.0
@@ -287,21 +288,6 @@ class CondensedBody:
             _, state = self.factor.reduce((Q.T @ (self.load - self.body.force(Q @ w)))[self.free])
             w[self.free] += self.factor.expand(state, held)
         return np.asarray(Q @ w)
-
-
-def _pins(body: Elasticity, rigid: FloatArray, fixed: IntArray, interface: IntArray, closely: float) -> IntArray:
-    """Two vertices of every block that neither supports nor contacts would hold: Γ must hold all motions."""
-    held = np.concatenate([fixed, interface])
-    blocks = int(body.space.block.max()) + 1
-    found: list[IntArray] = [np.empty(0, dtype=np.int64)]
-    for block in range(blocks):
-        motions = rigid[:, 3 * block : 3 * block + 3]
-        if _unheld(motions[held], closely).shape[1]:
-            mine = np.flatnonzero(body.space.owner == block)
-            place = body.space.places[mine].sum(axis=1)
-            pair = mine[[int(np.argmin(place)), int(np.argmax(place))]]
-            found.append((2 * pair[:, None] + np.arange(2)).ravel())
-    return np.setdiff1d(np.concatenate(found), fixed)
 
 
 def _unheld(motions: FloatArray, closely: float) -> FloatArray:

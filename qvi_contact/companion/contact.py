@@ -41,7 +41,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
-from qvi_contact.companion.body import CondensedBody, load_points, moments
+from qvi_contact.companion.body import CondensedBody, load_points
 from qvi_contact.discretization.displacements import MISFIT, PARALLEL, DisplacementSpace, along_arcs, edge_data, spread
 from qvi_contact.discretization.plates import COMPONENTS, independent_rows
 from qvi_contact.discretization.scaling import REACH, Scales
@@ -150,7 +150,7 @@ class DisplacementContact:
                 f"The {kind.replace('_', ' ')} of {self.name!r} jumps or grows steeply. Quadrature leaves an error of "
                 f"{given.error:.2g} [stress] times an edge's length."
             )
-        return self.summed(self.lengths[:, None] / stress * moments(given, self.degree))
+        return self.summed(self.lengths[:, None] / stress * given.moments(self.degree))
 
     def obstacle(self, kind: str, signs: FloatArray, reasons: list[str]) -> FloatArray:
         """Coefficients (n,) of the gap or offset, signs (e, p + 1) on edges; at a jump between them the smaller one."""
@@ -423,7 +423,18 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
     f = np.where(live, W * (contacts.obstacle - constant - B @ body.relieve(body.r)), 0.0) - beyond
     A = np.where(live, np.vstack([body.R.T @ B.T, contacts.motions.T]), 0.0) * W
     b = np.concatenate([-body.R.T @ body.r, contacts.resultants])
-    kept = _independent(A, b, body)
+    sizes = np.linalg.norm(A, axis=1)
+    kept, combinations = independent_rows(A, _DEPENDENT * np.maximum(sizes, _DEPENDENT * sizes.max(initial=0.0)))
+    for index, combination in combinations.items():
+        contradiction = float(b[index] - combination @ b[kept[: len(combination)]])
+        if abs(contradiction) > max(_BALANCED, body.closely) * max(1.0, float(np.abs(b).max())):
+            field = "ContactProblem.conditions"
+            remedy = "the loads on a body that nothing holds are out of balance by this, dimensionless: correct them, "
+            remedy += "or support the body by a Displacement or Contact"
+            if index >= body.R.shape[1]:
+                field = "RigidPlate"
+                remedy = "contradicts the other loads by this, dimensionless: correct it, or leave it out"
+            raise InputError(field, contradiction, remedy)
     friction, cohesion, cap = contacts.law
     rows = np.flatnonzero(~contacts.tied)  # of the QVI
     cohesion = np.where(contacts.slipping == 0.0, _STICKS * max(1.0, float(cohesion.max(initial=0.0))), cohesion)
@@ -444,7 +455,7 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
         b=b[kept],
     )
     soft = np.where(live, own, 0.0)
-    return DualProblem(contacts, body, B, constant, alone, live, kept, qvi, beyond, soft)
+    return DualProblem(contacts, body, B, constant, alone, live, np.array(kept, dtype=np.int64), qvi, beyond, soft)
 
 
 def _determined(B: FloatArray, contacts: Contacts) -> IntArray:
@@ -468,23 +479,6 @@ def groups(B: sparse.csr_array) -> list[IntArray]:
     order = np.argsort(group, kind="stable")
     parts = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
     return [part for part in parts if len(part) > 1]
-
-
-def _independent(A: FloatArray, b: FloatArray, body: CondensedBody) -> IntArray:
-    """Equality rows that those before them do not determine; a contradiction raises."""
-    sizes = np.linalg.norm(A, axis=1)
-    kept, combinations = independent_rows(A, _DEPENDENT * np.maximum(sizes, _DEPENDENT * sizes.max(initial=0.0)))
-    for index, combination in combinations.items():
-        contradiction = float(b[index] - combination @ b[kept[: len(combination)]])
-        if abs(contradiction) > max(_BALANCED, body.closely) * max(1.0, float(np.abs(b).max())):
-            field = "ContactProblem.conditions"
-            remedy = "the loads on a body that nothing holds are out of balance by this, dimensionless: correct them, "
-            remedy += "or support the body by a Displacement or Contact"
-            if index >= body.R.shape[1]:
-                field = "RigidPlate"
-                remedy = "contradicts the other loads by this, dimensionless: correct it, or leave it out"
-            raise InputError(field, contradiction, remedy)
-    return np.array(kept, dtype=np.int64)
 
 
 def moved(

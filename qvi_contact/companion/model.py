@@ -14,7 +14,7 @@ from scipy.linalg import block_diag
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number
 from qvi_contact.companion.body import CondensedBody, Elasticity, load_vector
-from qvi_contact.companion.contact import Contacts, DisplacementContact, admissible, dual_problem
+from qvi_contact.companion.contact import Contacts, admissible, dual_problem
 from qvi_contact.discretization.displacements import (
     PARALLEL,
     DisplacementSpace,
@@ -232,7 +232,20 @@ class CompanionResult(PicklesFields):
     @cached_property
     def contacts(self) -> Mapping[str, CompanionContact]:
         """Results on each contact by name, arrays in order along its line."""
-        return MappingProxyType({trace.name: self._contact(trace) for trace in self._state.contacts.traces})
+        state, scales, found = self._state, self.scales, dict[str, CompanionContact]()
+        normal, tangential = state.tractions.reshape(2, -1)
+        fluid = np.where(state.live, state.contacts.fluid / state.contacts.weights, 0.0)
+        normal = normal - fluid[: state.contacts.count]
+        for trace in state.contacts.traces:
+            here, senses = trace.here, np.empty(trace.count)  # of the edge whose tangent a coefficient has
+            senses[trace.columns] = turning_senses(self.problem.mesh.vertices, trace.edges)[:, None]
+            x, y = (self.problem.mesh.origin + scales.length * trace.places).T
+            stresses = (scales.stress * part[here] for part in (normal, tangential, state.bound))
+            moved = (scales.displacement * part[here] for part in (-self._beyond[0], self._beyond[1]))
+            parts = (x, y, trace.weights * scales.length, *stresses, *moved, senses)
+            order = np.lexsort(np.round(trace.places, _DIGITS).T[::-1])
+            found[trace.name] = CompanionContact(trace.name, *(part[order] for part in parts))
+        return MappingProxyType(found)
 
     @cached_property
     def plates(self) -> Mapping[str, RigidMotion]:
@@ -263,20 +276,6 @@ class CompanionResult(PicklesFields):
     @property
     def _v(self) -> FloatArray:
         return self._state.v[: self.space.size]
-
-    def _contact(self, trace: DisplacementContact) -> CompanionContact:
-        state, scales, chosen = self._state, self.scales, trace.here
-        n = state.contacts.count
-        order = np.lexsort(np.round(trace.places, _DIGITS).T[::-1])
-        x, y = (self.problem.mesh.origin + scales.length * trace.places).T
-        fluid = np.where(state.live[:n][chosen], state.contacts.fluid[:n][chosen] / trace.weights, 0.0)
-        normal, tangential = state.tractions[:n][chosen] - fluid, state.tractions[n:][chosen]
-        stresses = (scales.stress * part for part in (normal, tangential, state.bound[chosen]))
-        moved = (scales.displacement * part for part in (-self._beyond[0, chosen], self._beyond[1, chosen]))
-        senses = np.empty(trace.count)  # of the edge whose tangent a coefficient has
-        senses[trace.columns] = turning_senses(self.problem.mesh.vertices, trace.edges)[:, None]
-        parts = (x, y, trace.weights * scales.length, *stresses, *moved, senses)
-        return CompanionContact(trace.name, *(part[order] for part in parts))
 
     def _mean(self, x: ArrayLike, y: ArrayLike, values: Callable[[IntArray, FloatArray], FloatArray]) -> FloatArray:
         """Mean of what the cells that hold a point say."""
@@ -408,13 +407,9 @@ def _posed(
     contacts = [Contacts.of(problem, space, scales, *each) for each in zip(laws, slips, strict=True)]
     at_rest = partial(scaled_stress_at_rest, problem, scales) if is_strained(problem) else None
     springs = contacts[0].springs
-    body = Elasticity(space, moduli(problem, scales), at_rest, springs)
+    moduli = np.asarray(np.linalg.inv(problem.compliances / scales.compliance), dtype=np.float64)  # C = c⁻¹
+    body = Elasticity(space, moduli, at_rest, springs)
     return body, supports(problem, space, scales, springs.shape[0]), contacts
-
-
-def moduli(problem: ContactProblem, scales: Scales) -> FloatArray:
-    """C = c⁻¹ of every cell, dimensionless, (cells, 3, 3)."""
-    return np.asarray(np.linalg.inv(problem.compliances / scales.compliance), dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)

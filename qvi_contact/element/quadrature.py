@@ -56,6 +56,10 @@ class EdgeQuadrature:
         """Coefficients of Legendre on every edge (n, degree + 1) of the projection in the mean square."""
         return self.integrals(legendre.basis(degree, self.t)) * (2.0 * np.arange(degree + 1) + 1.0)
 
+    def moments(self, degree: int) -> FloatArray:
+        """∫₀¹ f B_i dt on every edge (n, degree + 1)."""
+        return self.integrals(bernstein.basis(degree, self.t.ravel()).reshape(*self.t.shape, -1))
+
     def misfit(self, coefficients: FloatArray) -> float:
         """Largest difference from polynomials of coefficients (n, k), but for small parts of edges, as beside jumps."""
         share = self.weights.sum(axis=1)

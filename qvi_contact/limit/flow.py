@@ -39,7 +39,7 @@ from qvi_contact.mechanism.bodies import FLUID, whole_edges
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import DRIVES, SHEAR_LAW, Contact, Displacement, Traction, components
 from qvi_contact.problem.fields import along_edges
-from qvi_contact.problem.problem import ContactProblem, direction_of
+from qvi_contact.problem.problem import ContactProblem, by_cell, direction_of
 from solvers.basics.linked import linked
 from solvers.basics.progress import deadline
 
@@ -343,14 +343,12 @@ class FlowProgram:
         """∫ f B_i ds (e · p,), dimensionless, from the first end of each edge on."""
         mesh, degree = self.space.mesh, self.space.degree
         found = along_edges(mesh, edges, name, field)
-        values = bernstein.basis(degree, found.t.ravel()).reshape(*found.t.shape, degree + 1)
-        return (found.integrals(values) * edges.length[:, None] / (self.scales.stress * mesh.length)).ravel()
+        return (found.moments(degree) * edges.length[:, None] / (self.scales.stress * mesh.length)).ravel()
 
     def _body(self, field: Field) -> FloatArray:
         """−∫ ∇φ·v dx, with the polynomial that stresses take for φ."""
         space, k = self.space, self.k
-        cells = np.arange(space.mesh.cell_count)
-        potential = coefficients_of(self.problem, cells, k, "ContactProblem.body_potential", field)[0]
+        potential = coefficients_of(self.problem, k, field)[0]
         slopes = np.einsum("npax,acf,npf->npcx", self._slopes, gradient(k, np.eye(3)), potential)
         force = -np.einsum("npcx,cf,np->npfx", slopes, _products(k - 1, space.degree), self._areas)
         row = np.zeros(space.size)
@@ -426,16 +424,14 @@ class FlowProgram:
         degree = self.k
         work = np.einsum("npic,ij,npjc,np->n", carried.stress, _products(degree, degree), motion.strain, self._areas)
         found: FloatArray = motion.dissipation - np.where(motion.dissipation > 0.0, work, 0.0)
-        table = bernstein.product_integrals(degree, degree + 1)
+        table, on_edges = bernstein.product_integrals(degree, degree + 1), dict[str, FloatArray]()
         for rows, contact in limited(discretization):
             moved, edges, q = motion.contacts[contact.name], rows.points.edges, rows.rule.count
             normal, shear = (half[rows.rows].reshape(-1, q) for half in np.split(carried.tractions, 2))
             worked = np.einsum("ei,ij,ej->e", normal, table, moved.opening)
             worked -= np.einsum("ei,ij,ej->e", shear, table, moved.slip)
-            part = moved.dissipation - worked * edges.length / self.space.mesh.length
-            inside = edges.cells >= 0
-            np.add.at(found, edges.cells[inside], np.repeat(part / inside.sum(axis=1), inside.sum(axis=1)))
-        return np.maximum(found, 0.0)
+            on_edges[contact.name] = moved.dissipation - worked * edges.length / self.space.mesh.length
+        return np.maximum(found + by_cell(self.problem, on_edges), 0.0)
 
 
 class _Slips(NamedTuple):

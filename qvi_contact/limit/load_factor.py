@@ -154,7 +154,7 @@ def limit_load_factor(
     refuse_arguments(retired, (*OPTIONS, "verbose"))
     with deadline(time_limit), Log(f"qvi_contact {__version__}: limit_load_factor", verbose, {}) as log:
         posed = LimitProblem.of(problem, checked_loads(problem, loads), degree)
-        log.begin({"loads": ", ".join(posed.names), "unknowns": posed.unknowns})
+        log.begin({"loads": ", ".join(posed.names), "unknowns": posed.low.qvi.n})
         limit = posed.limit
         gap = limit.bound - posed.carried.factor
         agree = problem.yields or gap <= CERTIFIED * (1.0 + abs(limit))
@@ -184,11 +184,6 @@ class LimitProblem:
         scales = Scales.of(multiples[1])
         low = discretize(multiples[0], degree=degree, law_on="edges", scales=scales)
         return cls(problem, names, low, low.with_data(multiples[1], scales))
-
-    @property
-    def unknowns(self) -> int:
-        """Unknowns of the algebraic problem."""
-        return int(self.low.qvi.n)
 
     @property
     def stresses(self) -> StressProgram:
@@ -225,9 +220,7 @@ class LimitProblem:
         upper = min(flow.bound, of_blocks)
         lower = _checked(carried, upper, straight)
         if np.isfinite(lower) and carried.stress is not None and flow.motion is not None:
-            datum = "ContactProblem.body_potential", self.problem.body_potential
-            cells = np.arange(self.problem.mesh.cell_count)
-            missed = coefficients_of(self.problem, cells, low.space.element.traction_degree, *datum)[1]
+            missed = coefficients_of(self.problem, low.space.element.traction_degree, self.problem.body_potential)[1]
             parts, stress = program.gap_in_cells(low, carried, flow.motion), carried.stress * low.scales.stress
             collapse = Collapse(flow.motion, stress, parts, straight and missed <= _FOLLOWED)
         violation, of_blocks_only = max(carried.violation, flow.violation), of_blocks <= flow.bound

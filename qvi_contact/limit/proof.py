@@ -1,10 +1,6 @@
 """Proof files in rational numbers, for a checker that trusts nothing of this package.
 
-*From below* Φ is built again, exactly, by `split.Smooth`: prescribed tractions, and forces of plates, are linear
-equations between its ordinates. *From above* unknown are the motions (a − θ y, b + θ x) of rigid parts and plates,
-stream functions ψ, v = (ψ_y, −ψ_x), of parts that keep their volume, and velocities at other nodes. What is held is a
-set of linear equations between these, and so is what keeps contacts of rigid parts at the limits at which they are.
-Other limits hold with room, by a share of a state inside all of them. See "Proof files" in `docs/theory.md`.
+"Proof files" in `docs/theory.md` says what is unknown, what is exact, and what holds with room.
 """
 
 from __future__ import annotations
@@ -141,11 +137,7 @@ def save_proof(path: str | Path, proof: dict[str, Any]) -> None:
 
 def _written(value: Any) -> Any:
     """In the types of JSON, with fractions as texts."""
-    if isinstance(value, dict):
-        return {key: _written(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_written(each) for each in value]
-    return str(value) if isinstance(value, Fraction) else value
+    return json.loads(json.dumps(value, default=str))
 
 
 def _number(name: str, field: Field, x: FloatArray, y: FloatArray) -> Fraction:
@@ -506,7 +498,7 @@ def _along(v: Sequence[Terms], d: Vector) -> Terms:
 
 
 def _rigid_row(body: int, d: Vector, at: Vector) -> Terms:
-    """d·v at a place as terms of the motions of bodies; without a body none."""
+    """d·v at a place as terms of the motions (a − θ y, b + θ x) of bodies; without a body none."""
     parts = (d[0], d[1], d[1] * at[0] - d[0] * at[1])
     return {3 * body + i: part for i, part in enumerate(parts) if part} if body >= 0 else {}
 

@@ -19,7 +19,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse import linalg
 
-from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate
 from qvi_contact.element.triangle import EDGES, bernstein, exponents
 from qvi_contact.limit.check_proof import cross, less
 from qvi_contact.mechanism.bodies import whole_edges
@@ -86,17 +86,14 @@ def sampled(problem: ContactProblem, cells: IntArray, degree: int = SAMPLES) -> 
     return x, y
 
 
-def coefficients_of(
-    problem: ContactProblem, cells: IntArray, degree: int, name: str, field: object
-) -> tuple[FloatArray, float]:
-    """Coefficients (n, 3, count) of the polynomials that agree with a field at their places, and the largest misfit.
+def coefficients_of(problem: ContactProblem, degree: int, potential: Field) -> tuple[FloatArray, float]:
+    """Coefficients (cells, 3, count) of polynomials that agree with a potential at their places; the largest misfit.
 
-    The misfit is relative to the field's size.
+    The misfit is relative to the potential's size.
     """
-    at_places, seen = (
-        evaluate(name, field, *sampled(problem, cells, each))  # type: ignore[arg-type]
-        for each in (degree, SAMPLES)
-    )
+    cells = np.arange(problem.mesh.cell_count)
+    places = (sampled(problem, cells, each) for each in (degree, SAMPLES))
+    at_places, seen = (evaluate("ContactProblem.body_potential", potential, *each) for each in places)
     found = at_places @ np.linalg.inv(bernstein(degree, lattice(degree))).T
     misfit = np.abs(found @ bernstein(degree, lattice(SAMPLES)).T - seen).max(initial=0.0)
     return np.asarray(found), float(misfit / max(np.abs(seen).max(initial=0.0), 1e-300))

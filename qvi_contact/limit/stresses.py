@@ -1,8 +1,7 @@
 """Limit loads from below: stresses in equilibrium whose Bernstein coefficients lie in the yield cones.
 
 The program is (D36), in unknowns z, the functions y inside a triangle, and the load factor α;
-contact laws hold on whole edges, (D24). Φ is C1 and σ(x) a convex combination of its coefficients: α is a lower bound
-of the limit load, whatever the solver did. What varies over a part counts from below by its own coefficients if it is
+contact laws hold on whole edges, (D24). What varies over a part counts from below by its own coefficients if it is
 affine there, from above by its means ∫ a B_i/∫ B_i, since ∫ a |ε| ≤ Σ |ε_i| ∫ a B_i; else by its least and its largest
 value, as far as samples show them.
 
@@ -507,7 +506,7 @@ class StressProgram:
         """Stress coefficients, three numbers each, as rows on (z, y, α), and what they are at zero; dimensionless."""
         space = self.low.space
         element, triangles, k = space.element, space.triangles, space.element.shared - 3
-        n, inner, name = len(triangles), element.interior, "ContactProblem.body_potential"
+        n, inner = len(triangles), element.interior
         reference = np.einsum("nab,sbcd->nscad", triangles.stress_maps, element.derivatives[2][..., 3:])
         reference = reference.reshape(n, -1, element.dimension - 3)
         w = reference[..., :k] @ element.transformations(triangles)[:, 3:, 3:]
@@ -520,11 +519,8 @@ class StressProgram:
         columns = np.repeat(np.arange(n * inner).reshape(n, inner), rows, axis=0)
         starts = inner * np.arange(n * rows + 1)
         own = sparse.csr_array((y.ravel(), columns.ravel(), starts), shape=(n * rows, n * inner))
-
-        potentials = [
-            coefficients_of(part.problem, np.arange(n), self.cones.degree, name, part.problem.body_potential)[0].ravel()
-            for part in (self.low, self.high)
-        ]
+        loaded = [each.problem for each in (self.low, self.high)]
+        potentials = [coefficients_of(each, self.cones.degree, each.body_potential)[0].ravel() for each in loaded]
 
         def combined(low: float, high: float) -> FloatArray:
             """What a multiple of the lower factor's and one of the higher factor's loads give."""

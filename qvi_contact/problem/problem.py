@@ -435,3 +435,14 @@ def _digest(parts: Iterable[object]) -> bytes:
             found.update(repr(part).encode())
         found.update(b"\0")
     return found.digest()
+
+
+def by_cell(problem: ContactProblem, on_edges: Mapping[str, FloatArray]) -> FloatArray:
+    """Parts (edges,) of the edges of contacts as parts of their cells (cells,), on joints of both in halves."""
+    found = np.zeros(problem.mesh.cell_count)
+    for contact in problem.contacts:
+        if contact.name in on_edges:
+            cells = problem.mesh.edges(contact.edges).cells
+            sides = (cells >= 0).sum(axis=1)
+            np.add.at(found, cells[cells >= 0], np.repeat(on_edges[contact.name] / sides, sides))
+    return found

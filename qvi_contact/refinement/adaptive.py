@@ -254,9 +254,8 @@ def refine(
     Notes
     -----
     The error told is 1.5 |q − q(reference solution)| where `Refinement.certainty` is "estimate", and no less than 1.5
-    times the step from the reference of the round before, nor than solves are accurate: it is no bound. It held in
-    97 % of 200 generated problems; (D22) in `docs/theory.md` says why 1.5, and how far it is from true errors of
-    stresses at points. Rounds do not start from the answer before.
+    times the step from the reference of the round before, nor than solves are accurate: it is no bound, see (D22) in
+    `docs/theory.md`. Rounds do not start from the answer before.
 
     """
     steps = tuple(problem) if isinstance(problem, Sequence) else (problem,)

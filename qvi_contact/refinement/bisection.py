@@ -1,8 +1,7 @@
 """Where triangles are bisected: where answers differ from a companion or a reference solution, and for limit loads.
 
-An answer is compared with bounds where the laws allow them, else with a reference solution: one degree more, on a mesh
-bisected where one degree more says little. That is where contacts change their state, and in corners, where stresses
-may be singular, or zones of stick or slip too small for the mesh.
+A reference solution has a mesh that is bisected where one degree more says little: where contacts change their state,
+and in corners, where stresses may be singular, or zones of stick or slip too small for the mesh.
 
 In `docs/theory.md`: (D22) with why and how often, for limit loads (D25).
 """
@@ -23,10 +22,11 @@ from qvi_contact.bracket import Bounds
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.limit.load_factor import LimitProblem
+from qvi_contact.limit.stresses import limited
 from qvi_contact.mesh.edges import cross, frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import SPRINGS, has_coulomb
-from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.problem.problem import ContactProblem, by_cell
 from qvi_contact.refinement.measure import FORCES, Measure
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History, solve_history
@@ -475,8 +475,8 @@ class LimitStrategy:
         """Both sides on the mesh."""
         problem = self.problem if self.problem.mesh is mesh else replace(self.problem, mesh=mesh)
         posed = LimitProblem.of(problem, self.names, **self.settings.options)
-        if posed.unknowns > self.settings.max_unknowns:
-            raise StopError(RefinementStatus.UNKNOWNS, f"a mesh of {posed.unknowns} unknowns is needed")
+        if posed.low.qvi.n > self.settings.max_unknowns:
+            raise StopError(RefinementStatus.UNKNOWNS, f"a mesh of {posed.low.qvi.n} unknowns is needed")
         _ = posed.limit  # errors belong to this mesh
         return posed
 
@@ -496,22 +496,22 @@ class LimitStrategy:
             finer = partial(self._finer_where_it_yields, mesh, parts, min(max(needed, _LEAST_SHARE), _SHARE))
             exact &= not mesh.curved.any()  # strengths hold on the straight triangles
         else:
-            gaps, (beside, _) = _edge_gaps(answer), _limited_edges(answer.problem)
-            inside = beside >= 0
-            shares = np.where(inside, (gaps / inside.sum(axis=1))[:, None], 0.0)  # equal ones, beside an edge
-            parts = np.asarray(np.bincount(beside[inside], shares[inside], mesh.cell_count), float)
+            gaps = _edge_gaps(answer)
+            parts = by_cell(answer.problem, gaps)
             finer = partial(self._finer_at_contacts, mesh, gaps)
         certainty = Certainty.GUARANTEED if exact else Certainty.ESTIMATE
-        record = RefinementRound(mesh.cell_count, answer.unknowns, limit.lower, estimate, certainty)
+        record = RefinementRound(mesh.cell_count, answer.low.qvi.n, limit.lower, estimate, certainty)
         return Round(answer=answer, record=record, unit=unit, parts=parts, finer=finer)
 
-    def _finer_at_contacts(self, mesh: TriangleMesh, gaps: FloatArray) -> TriangleMesh:
+    def _finer_at_contacts(self, mesh: TriangleMesh, gaps: Mapping[str, FloatArray]) -> TriangleMesh:
         """Triangles beside the edges that have most of the distance bisected twice."""
-        if not gaps.size:
+        if not gaps:
             raise StopError(RefinementStatus.UNSOLVED, "there is no contact that limits tractions")
         problem = replace(self.problem, mesh=mesh)
-        beside, lengths = _limited_edges(problem)
-        cells = np.unique(beside[bulk(gaps) & (lengths >= 2.0 * _THINNEST * mesh.length)])
+        edges = [mesh.edges(contact.edges) for contact in problem.contacts if contact.name in gaps]
+        beside, lengths = (np.concatenate([getattr(each, name) for each in edges]) for name in ("cells", "length"))
+        marked = bulk(np.concatenate(list(gaps.values())))
+        cells = np.unique(beside[marked & (lengths >= 2.0 * _THINNEST * mesh.length)])
         cells = cells[cells >= 0]
         if not len(cells):
             raise StopError(RefinementStatus.THIN_CELLS)
@@ -542,30 +542,22 @@ class LimitStrategy:
         return fine
 
 
-def _limited_edges(problem: ContactProblem) -> tuple[IntArray, FloatArray]:
-    """Cells (n, 2) beside all edges of contacts that limit tractions, in the order of the problem; lengths (n,)."""
-    found = [problem.mesh.edges(contact.edges) for contact in problem.contacts if contact.law != "tied"]
-    cells = np.concatenate([np.empty((0, 2), dtype=np.int64), *(edges.cells for edges in found)])
-    return cells, np.concatenate([np.empty(0), *(edges.length for edges in found)])
-
-
-def _edge_gaps(answer: LimitProblem) -> FloatArray:
-    """∫ (π(w', s) − |σ_N| w' − σ_T s) ds of these edges (n,), (D25); 1 for all where there is no state."""
-    carried, found = answer.carried, [np.empty(0)]
+def _edge_gaps(answer: LimitProblem) -> dict[str, FloatArray]:
+    """∫ (π(w', s) − |σ_N| w' − σ_T s) ds of the edges (n,) of each contact; 1 without a state, see (D25)."""
+    carried, rule, contacts = answer.carried, answer.low.rule, [rows for rows, _ in limited(answer.low)]
     if carried.tractions is None or carried.motion is None:
-        return np.ones(len(_limited_edges(answer.problem)[0]))
-    rule = answer.low.rule
+        return {rows.name: np.ones(len(rows.points.edges)) for rows in contacts}
+    found = dict[str, FloatArray]()
     normal, shear = (rule.at_points(half) for half in np.split(carried.tractions, 2))
     opening, slip = (rule.multipliers_at_points(half) for half in np.split(carried.motion, 2))
-    for rows in answer.low.contacts:
-        if rows.law != "tied":
-            N, T, w, s = (part[rows.rows] for part in (normal, shear, opening, slip))
-            size, friction, unilateral = np.abs(s), rows.limits.friction, ~rows.bilateral
-            capped, rough = np.isfinite(rows.limits.cap), friction > 0.0
-            w = np.where(unilateral, np.maximum(w, np.where(capped, 0.0, friction * size)), w)
-            room = np.divide(np.maximum(w, 0.0), friction, out=size.copy(), where=rough)
-            dilatant = np.where(unilateral, np.minimum(size, room), np.where(rough, 0.0, size))
-            work = np.minimum(rows.limits.cohesion, rows.limits.cap) * dilatant
-            work += np.where(capped, rows.limits.cap, 0.0) * (size - dilatant)
-            found.append(np.maximum(work - N * w - T * s, 0.0).reshape(-1, rule.count).sum(axis=1))
-    return np.concatenate(found)
+    for rows in contacts:
+        N, T, w, s = (part[rows.rows] for part in (normal, shear, opening, slip))
+        size, friction, unilateral = np.abs(s), rows.limits.friction, ~rows.bilateral
+        capped, rough = np.isfinite(rows.limits.cap), friction > 0.0
+        w = np.where(unilateral, np.maximum(w, np.where(capped, 0.0, friction * size)), w)
+        room = np.divide(np.maximum(w, 0.0), friction, out=size.copy(), where=rough)
+        dilatant = np.where(unilateral, np.minimum(size, room), np.where(rough, 0.0, size))
+        work = np.minimum(rows.limits.cohesion, rows.limits.cap) * dilatant
+        work += np.where(capped, rows.limits.cap, 0.0) * (size - dilatant)
+        found[rows.name] = np.maximum(work - N * w - T * s, 0.0).reshape(-1, rule.count).sum(axis=1)
+    return found

@@ -1,8 +1,7 @@
 """Numbers of results by name, for refinements: forces, motions, stresses, slip, energies; and their derivatives.
 
-All data that derivatives are offered for enter (D2) as sums: a second problem, in which the datum is larger by a step,
-has the direction in which loads, bounds and energies change (`solvers.derivative`). Moduli and stiffnesses are one over
-a factor of a compliance, which does. See `ContactResult.derivative`.
+Data enter (D2) as sums, and moduli and stiffnesses as one over a factor of a compliance, which does: a second problem,
+in which the datum is larger by a step, has the direction in which loads, bounds and energies change.
 
 In `docs/theory.md`: (D34).
 """

@@ -362,13 +362,12 @@ def _places(result: ContactResult) -> FloatArray:
 
 def _slip_after(result: ContactResult) -> list[FloatArray]:
     """Slip since the beginning at the points of each contact, dimensionless: −λ_T on top of what came before."""
-    slip = []
-    for rows in result.discretization.contacts:
-        slip.append(rows.slip)
-        if rows.law != "tied":
-            multipliers = rows.rule.multipliers_at_points(result.solution.tangential_multiplier[rows.rows])
-            slip[-1] = rows.slip - multipliers / rows.points.weights
-    return slip
+    m_T = result.solution.tangential_multiplier
+    return [
+        rows.slip if rows.law == "tied"
+        else rows.slip - rows.rule.multipliers_at_points(m_T[rows.rows]) / rows.points.weights
+        for rows in result.discretization.contacts
+    ]  # fmt: skip
 
 
 def _friction_work(now: ContactResult, other: ContactResult | None) -> float:

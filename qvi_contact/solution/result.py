@@ -339,8 +339,8 @@ class ContactResult(PicklesFields):
         scales, problem, space = self.discretization.scales, self.problem, self.discretization.space
         weights = space.cell_measures(*space.cell_quadrature)
         points, stress = cell_stresses(self.discretization, self.dofs)
-        strain_work = np.einsum("cgk,ckl,cgl->cg", stress, problem.compliances / scales.compliance, stress)
-        strain = 0.5 * float((weights * strain_work).sum()) * scales.energy
+        strained = np.einsum("cg,cgk,ckl->cgl", weights, stress, problem.compliances / scales.compliance)
+        strain = 0.5 * float(np.vdot(strained, stress)) * scales.energy
         root = self.discretization.root
         if root.stiffness.springs is not None:
             stretched = root.stiffness.springs.rows @ self.dofs + root.springs
@@ -348,8 +348,7 @@ class ContactResult(PicklesFields):
         load = support_work(self.discretization, self.dofs)
         if is_strained(problem):
             at_rest = scaled_stress_at_rest(problem, scales, np.arange(problem.mesh.cell_count), points)
-            work = np.einsum("cgk,ckl,cgl->cg", stress, problem.compliances / scales.compliance, at_rest)
-            load += float((weights * work).sum()) * scales.energy
+            load += float(np.vdot(strained, at_rest)) * scales.energy
         for rows in self.discretization.contacts:
             line, (across, along) = self.contacts[rows.name], rows.motion
             gap, offset = (rows.gap + across, rows.offset + rows.slip + along)

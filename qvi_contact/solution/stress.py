@@ -51,11 +51,12 @@ def stress_at(discretization: Discretization, u: FloatArray, x: FloatArray, y: F
     Equation (3.1) with σ_xy = −Φ_xy. On an edge inside the body, where the normal stress along it jumps, and in
     vertices it is the mean of the adjacent cells. `InputError` if a point lies outside the body.
     """
-    problem, space, coefficients = discretization.problem, discretization.space, discretization.coefficients(u.ravel())
-    stress = mean_at(problem.mesh, x, y, lambda cell, t: space.stress(coefficients, cell, t)[:, 0], "stress(x, y)")
-    stress *= discretization.scales.stress
-    stress[..., :2] += evaluate("ContactProblem.body_potential", problem.body_potential, x, y)[..., None]
-    return stress
+    coefficients = discretization.coefficients(u.ravel())
+
+    def values(cell: IntArray, t: FloatArray) -> FloatArray:
+        return discretization.scales.stress * stress_in_cells(discretization, coefficients, cell, t)[1][:, 0]
+
+    return mean_at(discretization.problem.mesh, x, y, values, "stress(x, y)")
 
 
 def given_points(name: str, x: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:

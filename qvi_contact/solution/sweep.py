@@ -1,9 +1,4 @@
-"""Sweeps: one problem for several values of friction, load, gap or offset, without what all of them have in common.
-
-Values are independent problems, unlike the steps of a history. Matrices, factorisation and Schur complement are made
-once, and each value starts from the state of the one before, if that is near. Results are kept, or for thousands of
-values rows of numbers in a file, which several processes may share.
-"""
+"""Sweeps: one problem for several values of friction, load, gap or offset; what all have in common is made once."""
 
 from __future__ import annotations
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from qvi_contact import TriangleMesh, solve, solve_history
-from qvi_contact.bracket import BracketKind, EdgeParts, EdgeTractions, bracket, by_cell, computed_norm
+from qvi_contact.bracket import BracketKind, EdgeParts, EdgeTractions, bracket, computed_norm
 from qvi_contact.companion import solve_companion
 from qvi_contact.gallery import compressed_plate, sliding_block
-from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
+from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction, by_cell
 from tests.cases import refused_at, thinned
 from tests.qvi_contact.test_triangles import STEEL, moved, oblique, squeezed, tilted
 
