@@ -144,6 +144,9 @@ class TestNorms:
         found = friction_norm(problem := compressed_plate(0.2), shared(problem, 1.0))
         assert found.proved
         assert rectangle_constant(0.3, 0.4, 1.0, 0.6, np.inf) == np.inf  # a share that jumps
+        for height in (2.0, 5.0):  # cut into squares
+            tall, part = compressed_plate(0.2, height=height), (0.3, np.sin(np.pi / 8.0), 0.2, 0.4 / np.pi / height)
+            assert rectangle_norm(tall, shared(tall, 1.0)) == pytest.approx(rectangle_constant(*part))
         assert found.value == pytest.approx(0.2 * 3.75079, rel=1e-5)
         assert found.work(problem, shared(problem, 1.0), 0.1, 0.0) == pytest.approx(0.01 * found.value)
 
@@ -369,13 +372,28 @@ class TestScope:
     @pytest.mark.parametrize(("x", "y", "what"), [(1e-3, 0.0, "what holds the slip"), (0.0, -1e-3, "the obstacle")])
     def test_supports_that_contradict_the_contact_are_named(self, x, y, what):
         """In the corner where the side that they hold meets the contact, or the top: no displacement is admissible."""
-        held = [Displacement("left", x=x, y=y), Displacement("top", x=x, y=-0.05), Traction("right", 0.0, 0.0)]
-        mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0)
+        held = [Displacement("left", x=x, y=y), Displacement("top", x=x, y=-0.05), Displacement("right", x=-x / 2.0)]
+        held.append(Traction("right", y=0.0))
+        mesh = TriangleMesh.rectangle((1, 2), 2.0, 1.0)  # with one edge, which would slip both ways
         found = solve(ContactProblem(mesh, Material(1.0, 0.3), [Contact("bottom", 0.5), *held]), degree=4).bracket
         assert found.coulomb is None
         for said in (f"{what} of 'bottom' at (0, 0)", "disagree at (0, 1)"):
             assert said in found.coulomb_reason
         assert found.upper == found.relative_error == np.inf
+
+    @pytest.mark.parametrize("across", [0.0, 1e-3])
+    def test_a_side_that_moves_along_the_contact(self, across):
+        """Its corner slips, whatever the stress leaves of friction. Forces are those that the law allows, if any."""
+        conditions = [Contact("bottom", 0.2), Displacement("left", 1e-3, across), Traction("top", 0.0, -0.1), FREE[1]]
+        problem = ContactProblem(TriangleMesh.rectangle((4, 2), 2.0, 1.0), Material(1.0, 0.3), conditions)
+        result, finer = solve(problem, degree=4), problem.mesh.graded([(0.0, 0.0), (2.0, 0.0), (0.0, 1.0)], 5)
+        found = result.bracket.coulomb
+        assert 1.0 <= found.error / energy_apart(result, solve(replace(problem, mesh=finer), degree=5)) < 4.0
+        assert bool(found.forces) == (across > 0.0)
+        if across:
+            pressure, shear = (found.forces[f"bottom.{name}"] for name in ("normal_force", "tangential_force"))
+            assert 0.0 < pressure.lower < 0.165 < pressure.upper
+            assert shear == pytest.approx((-0.2 * pressure.upper, 0.2 * pressure.upper), rel=1e-12)
 
     def test_the_stress_of_more_friction(self):
         """What is beyond the bound of friction is taken off it, and counts."""
