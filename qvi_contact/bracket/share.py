@@ -255,7 +255,7 @@ def with_shares(result: ContactResult, tolerance: float, *, far: bool = True) ->
             least = _NOTHING * max(own.size, result.certificate.scales.get("stress", 0.0))
             parts = own.bound[rows.edges], own.shear[rows.edges], slip, senses[contact.name]
             found[contact.name] = _raw(contact, *parts, least)
-    shares, places = joined(known.problem, found, _vanishing(known.problem))
+    shares, places = joined(known.problem, found, _vanishing(known.problem), senses)
     for name, share in shares.items():
         if far and not share.contact.cohesion:
             line, least = result.contacts[name], _FAR * AWAY * share.friction
@@ -295,11 +295,11 @@ def _raw(
 
 
 def joined(
-    problem: ContactProblem, raw: Mapping[str, Share], zeros: BoolArray
+    problem: ContactProblem, raw: Mapping[str, Share], zeros: BoolArray, given: Mapping[str, FloatArray] | None = None
 ) -> tuple[dict[str, Share], tuple[str, ...]]:
     """The same made continuous at vertices, 0 at some (vertices,), and where that costs much.
 
-    Edges that meet take the value of those that slip, else of open ones, else the mean.
+    Edges that meet take the value of those whose sense is `given`, else that slip, else of open ones, else the mean.
     """
     lines = {name: problem.mesh.edges(share.contact.edges) for name, share in raw.items()}
     raw = {name: _turned(problem, share) for name, share in raw.items()}
@@ -318,6 +318,8 @@ def joined(
         return np.asarray(found[vertex])
 
     chosen = np.where(beside(slips & bears), slips & bears, ~bears)
+    forced = np.concatenate([np.tile(given[name] != 0.0, 2) for name in raw]) if given else np.zeros_like(slips)
+    chosen = np.where(beside(forced), forced, chosen)
     least, most = np.full(len(zeros), np.inf), np.full(len(zeros), -np.inf)
     np.minimum.at(least, vertex[chosen], value[chosen])
     np.maximum.at(most, vertex[chosen], value[chosen])
