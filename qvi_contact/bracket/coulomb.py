@@ -30,6 +30,7 @@ from qvi_contact.bracket.norms import (
 from qvi_contact.bracket.parts import EDGE_POINTS, LOOSEST, Bounds, CellFields, EdgeTractions, edge_parts
 from qvi_contact.bracket.share import AWAY, LeastChange, Share, SharedStress, joined
 from qvi_contact.companion import CompanionResult, CompanionState
+from qvi_contact.companion.contact import Contacts
 from qvi_contact.companion.model import MOST, BodyAtRest, solutions
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element import bernstein
@@ -250,6 +251,21 @@ def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
                 if bounds is not None:
                     lower, upper = found.get(f"{trace.name}.{name}", (-np.inf, np.inf))
                     found[f"{trace.name}.{name}"] = Bounds(max(lower, bounds.lower), min(upper, bounds.upper))
+    return _within_the_law(found, body.contacts, errors)
+
+
+def _within_the_law(found: dict[str, Bounds], contacts: Contacts, errors: CoulombBounds) -> dict[str, Bounds]:
+    """The same no wider than the law allows: without tension, and with no more friction than its bound."""
+    unit = errors.displacement.scales.stress * errors.displacement.scales.length
+    for trace in contacts.traces:
+        across, along = f"{trace.name}.normal_force", f"{trace.name}.tangential_force"
+        if across in found and trace.contact.law == "unilateral":
+            (lower, upper), fluid = found[across], unit * float(contacts.fluid[trace.here].sum())
+            found[across] = Bounds(max(lower, min(fluid, upper)), upper)
+            if along in found:
+                most = errors.shares[trace.name].friction * max(upper - fluid, 0.0)
+                most += unit * float(contacts.law[1, trace.here] @ trace.weights)  # of cohesion
+                found[along] = Bounds(max(found[along].lower, -most), min(found[along].upper, most))
     return found
 
 

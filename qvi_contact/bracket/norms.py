@@ -119,8 +119,11 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
             profiles.append(_profile(np.sort(ends[chosen, :, a], axis=1), theta[chosen], steps[chosen]))
     largest = [float(theta[demanded & (end == side), 2].max(initial=0.0)) for side in (False, True)]
     steep = 0.0 if len(profiles) == 1 else sum(largest) / extent[b]
-    half = extent[b] if any(mirrors[b]) else extent[b] / 2.0
-    inf_sup = float(np.sin(0.5 * np.arctan2(*np.sort([extent[a], half]))))
+    shape = (extent[b] if any(mirrors[b]) else extent[b] / 2.0) / extent[a]
+    shape = max(shape, 1.0 / shape) if any(mirrors[b]) else shape
+    # the mirrored rectangle is cut across where the rotation is odd, so that its mean over each part is zero
+    ratios = [min(shape / n, n / shape) for n in (max(int(shape), 1), int(shape) + 1)]
+    inf_sup = float(np.sin(0.5 * np.arctan(max(ratios))))
 
     # H with ‖θ′ v‖ ≤ H ‖v′‖ for all v of a side with v = 0 at a place: v² ≤ |a − place| ‖v′‖²
     H = min(

@@ -23,6 +23,7 @@ from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.bracket.parts import EdgeTractions
+from qvi_contact.companion.model import prescribed_slip
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.displacements import PARALLEL
 from qvi_contact.element import bernstein
@@ -246,13 +247,14 @@ def with_shares(result: ContactResult, tolerance: float, *, far: bool = True) ->
     result = ContactResult(known, solution)
     if not result.has_state:
         return f"No stress that obeys the contact law on whole edges was found: {solution.message}"
-    own = EdgeTractions.of(known, result.dofs)
+    own, senses = EdgeTractions.of(known, result.dofs), prescribed_slip(known.problem)
     for rows, contact in zip(known.contacts, known.problem.contacts, strict=True):
         if has_coulomb(contact):
             slip = result.contacts[contact.name].slip
             least = _NOTHING * max(own.size, result.certificate.scales.get("stress", 0.0))
-            found[contact.name] = _raw(contact, own.bound[rows.edges], own.shear[rows.edges], slip, least)
-    shares, places = joined(known.problem, found, _vanishing(known.problem))
+            parts = own.bound[rows.edges], own.shear[rows.edges], slip, senses[contact.name]
+            found[contact.name] = _raw(contact, *parts, least)
+    shares, places = joined(known.problem, found, _vanishing(known.problem), senses)
     for name, share in shares.items():
         if far and not share.contact.cohesion:
             line, least = result.contacts[name], _FAR * AWAY * share.friction
@@ -266,8 +268,13 @@ def with_shares(result: ContactResult, tolerance: float, *, far: bool = True) ->
     return moved if isinstance(moved, str) else SharedStress(*moved, places, result)
 
 
-def _raw(contact: Contact, bound: FloatArray, shear: FloatArray, slip: FloatArray, least: float) -> Share:
-    """What s is by the stress, edge by edge; on open edges ±1 as the body slips there. A bound of `least` is none."""
+def _raw(
+    contact: Contact, bound: FloatArray, shear: FloatArray, slip: FloatArray, given: FloatArray, least: float
+) -> Share:
+    """What s is by the stress, edge by edge; on open edges ±1 as the body slips there. A bound of `least` is none.
+
+    Where supports prescribe slip at an end it is ±1 in that sense (e,): displacements must slip there.
+    """
     most = bound.max(axis=1, keepdims=True)
     is_open = most[:, 0] <= max(_OPEN * float(most.max(initial=0.0)), least)
     values = np.clip(-shear / np.maximum(bound, 1e-300), -1.0, 1.0)
@@ -278,6 +285,7 @@ def _raw(contact: Contact, bound: FloatArray, shear: FloatArray, slip: FloatArra
         counts = np.flatnonzero(bears[chosen])
         nearest = np.abs(np.arange(bound.shape[1])[:, None] - counts).argmin(axis=1)
         values[chosen] = values[chosen, counts[nearest]]
+    values = np.where(given[:, None] == 0.0, values, given[:, None])
     senses = np.sign(values[:, 0])
     slips = (senses[:, None] * values).min(axis=1) >= 1.0 - _SLIPS
     values = np.where(slips[:, None], senses[:, None], values)
@@ -286,11 +294,11 @@ def _raw(contact: Contact, bound: FloatArray, shear: FloatArray, slip: FloatArra
 
 
 def joined(
-    problem: ContactProblem, raw: Mapping[str, Share], zeros: BoolArray
+    problem: ContactProblem, raw: Mapping[str, Share], zeros: BoolArray, given: Mapping[str, FloatArray] | None = None
 ) -> tuple[dict[str, Share], tuple[str, ...]]:
     """The same made continuous at vertices, 0 at some (vertices,), and where that costs much.
 
-    Edges that meet take the value of those that slip, else of open ones, else the mean.
+    Edges that meet take the value of those whose sense is `given`, else that slip, else of open ones, else the mean.
     """
     lines = {name: problem.mesh.edges(share.contact.edges) for name, share in raw.items()}
     raw = {name: _turned(problem, share) for name, share in raw.items()}
@@ -309,6 +317,8 @@ def joined(
         return np.asarray(found[vertex])
 
     chosen = np.where(beside(slips & bears), slips & bears, ~bears)
+    forced = np.concatenate([np.tile(given[name] != 0.0, 2) for name in raw]) if given else np.zeros_like(slips)
+    chosen = np.where(beside(forced), forced, chosen)
     least, most = np.full(len(zeros), np.inf), np.full(len(zeros), -np.inf)
     np.minimum.at(least, vertex[chosen], value[chosen])
     np.maximum.at(most, vertex[chosen], value[chosen])

@@ -16,6 +16,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_nu
 from qvi_contact.companion.body import CondensedBody, Elasticity, load_vector
 from qvi_contact.companion.contact import Contacts, admissible, dual_problem
 from qvi_contact.discretization.displacements import (
+    MISFIT,
     PARALLEL,
     DisplacementSpace,
     PrescribedDisplacements,
@@ -410,6 +411,18 @@ def _posed(
     moduli = np.asarray(np.linalg.inv(problem.compliances / scales.compliance), dtype=np.float64)  # C = c⁻¹
     body = Elasticity(space, moduli, at_rest, springs)
     return body, supports(problem, space, scales, springs.shape[0]), contacts
+
+
+def prescribed_slip(problem: ContactProblem) -> dict[str, FloatArray]:
+    """±1 by contact and edge (e,), the sense of v_T − w that supports prescribe at an end or both; else 0."""
+    _, held, (contacts,) = _posed(problem, triangle(1), [None], [{}])
+    rows, free = contacts.rows @ held.axes, np.ones(held.axes.shape[1])
+    free[held.index] = 0.0
+    loose = abs(rows) @ free + np.abs(contacts.motions).sum(axis=1) > PARALLEL
+    slip = np.where(loose, 0.0, rows @ held.fixed - contacts.moved - contacts.obstacle)[contacts.count :]
+    slip = np.where(np.abs(slip) > MISFIT * max(1.0, float(np.abs(held.fixed).max(initial=0.0))), np.sign(slip), 0.0)
+    ends = ((trace.name, trace.on_edges(slip[trace.here], slip[trace.here])[1]) for trace in contacts.traces)
+    return {name: np.sign(along.sum(axis=1)) for name, along in ends}
 
 
 @dataclass(frozen=True, eq=False)

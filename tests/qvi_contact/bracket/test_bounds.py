@@ -98,8 +98,7 @@ def test_turned_as_a_whole():
 def test_parts_on_a_joint_belong_to_both_sides():
     discretization = solve(squeezed(tilted(0.3), 0.5), degree=3).discretization
     mesh = discretization.problem.mesh
-    one = np.ones(4)
-    found = by_cell(discretization.problem, {"joint": EdgeParts(one, 2.0 * one, 0.0 * one).total})
+    found = by_cell(discretization.problem, {"joint": EdgeParts(*np.outer([1.0, 2.0, 0.0], np.ones(4))).total})
     assert found.sum() == pytest.approx(12.0)
     assert found[mesh.edges("joint").cells] == pytest.approx(1.5)
 
@@ -170,7 +169,7 @@ def test_what_has_no_bracket_is_refused():
             bracket(refused)
 
 
-SOAKED = Material(1000.0, 0.3)
+SOAKED, HELD = Material(1000.0, 0.3), Displacement("top", 0.0, 0.0)
 BLOCK = TriangleMesh.rectangle((3, 3), 2.0, 1.0)
 FREE = Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)
 
@@ -186,11 +185,8 @@ def block(contact, *top):
 CASES = {
     "pressed": (Contact("bottom", 0.0, pore_pressure=falling, gap=1e-3), [Traction("top", 0.0, -8.0)]),
     "Tresca": (Contact("bottom", 0.0, cohesion=1.0, pore_pressure=2.0), [Displacement("top", 2e-3, -1e-2)]),
-    "open": (Contact("bottom", 0.0, pore_pressure=falling, gap=1.0), [Displacement("top", 0.0, 0.0)]),
-    "plate": (
-        Contact("bottom", 0.0, pore_pressure=falling, plate=RigidPlate(force_y=16.0)),
-        [Displacement("top", 0.0, 0.0)],
-    ),
+    "open": (Contact("bottom", 0.0, pore_pressure=falling, gap=1.0), [HELD]),
+    "plate": (Contact("bottom", 0.0, pore_pressure=falling, plate=RigidPlate(force_y=16.0)), [HELD]),
 }
 
 
@@ -224,8 +220,8 @@ def test_an_open_contact_full_of_fluid_is_a_load():
 def test_both_faces_of_a_joint_feel_it():
     mesh = TriangleMesh.rectangle((3, 4), 2.0, 1.0).with_joint("seam", lambda _, y: np.isclose(y, 0.5))
     joint = Contact("seam", 0.0, pore_pressure=falling, gap=1.0)
-    ends = [Displacement("bottom", 0.0, 0.0), Displacement("top", 0.0, 0.0)]
-    found = solve(ContactProblem(mesh, SOAKED, [joint, *ends, *FREE]), tolerance=1e-10).bracket
+    held = [HELD, replace(HELD, edges="bottom")]
+    found = solve(ContactProblem(mesh, SOAKED, [joint, *held, *FREE]), tolerance=1e-10).bracket
     assert found.guaranteed
     assert found.cell_gaps.sum() == pytest.approx(found.gap, rel=1e-6)
     assert found.companion.contacts["seam"].normal_force == pytest.approx(4.0, rel=1e-10)

@@ -63,8 +63,7 @@ def test_a_crack_in_one_body():
     """Its jump vanishes at the tip: stresses are bounded, forces are not, as no z has z_N = 1 there."""
     mesh = TriangleMesh.rectangle((2, 2), 2.0, 2.0).with_joint("crack", lambda x, y: (y == 1.0) & (x < 1.0))
     ends = [Displacement("bottom", x=0.0, y=0.0), Displacement("top", x=1e-3, y=-1e-3)]
-    conditions = [Contact("crack", 0.5), *ends, *FREE]
-    problem = ContactProblem(mesh.graded([(1.0, 1.0)], 4), Material(1.0, 0.2), conditions)
+    problem = ContactProblem(mesh.graded([(1.0, 1.0)], 4), Material(1.0, 0.2), [Contact("crack", 0.5), *ends, *FREE])
     found = solve(problem, degree=4).bracket.coulomb
     assert found.kind == "estimated"
     assert found.relative_error < 0.1
@@ -80,8 +79,8 @@ def test_where_either_body_is_held_across_the_end_the_share_vanishes(side):
     pressed = Displacement(side, y=lambda _, y: -0.1 * np.maximum(y - 1.0, 0.0))  # as the top is, where they meet
     held = [pressed, Traction(side, x=0.0), Displacement("bottom", x=0.0, y=0.0)]
     free = [Traction(name, x=0.0, y=0.0) for name in ("above", "below", "right") if name != side]
-    conditions = [Contact("seam", 1.5), Displacement("top", x=0.01, y=-0.1), *held, *free]
-    problem = ContactProblem(mesh, Material(1.0, 0.3), conditions)
+    held += [Contact("seam", 1.5), Displacement("top", x=0.01, y=-0.1)]
+    problem = ContactProblem(mesh, Material(1.0, 0.3), [*held, *free])
     edges, share = mesh.edges("seam"), solve(problem, degree=4).bracket.coulomb.shares["seam"].at(np.array([0.0, 1.0]))
     at = mesh.vertices[np.stack([edges.first, edges.second], axis=1)][..., 0] == 0.0
     assert share[at].tolist() == [0.0]
@@ -90,8 +89,7 @@ def test_where_either_body_is_held_across_the_end_the_share_vanishes(side):
 def test_a_part_of_a_mesh_keeps_names_arcs_and_regions():
     disc = half_discs().mesh.with_arc("crown", (0.0, 0.0), 1.0).with_arc("foot", (0.0, 0.0), 1.0)
     lower = disc.part(disc.region("lower"))
-    assert set(lower.edge_names) == {"seam", "foot", "flank"}
-    assert lower.joint_names == ()
+    assert (set(lower.edge_names), lower.joint_names) == ({"seam", "foot", "flank"}, ())
     assert lower.region("lower").tolist() == list(range(12))
     assert len(lower.edges("flank")) == len(disc.edges("flank")) // 2
     assert lower.edges("foot").length == pytest.approx(np.pi / 12.0)
