@@ -71,7 +71,7 @@ from solvers.basics.checks import finite_number, real_array
 from solvers.basics.types import Vector
 from solvers.errors import InputError
 from solvers.inequality.problem import FrictionQVI
-from solvers.inequality.rows import absolute_product, largest
+from solvers.inequality.rows import largest
 
 # The measures, one row each: limit, what it means, when to worry. A measure may be as large as  factor ·
 # tolerance^exponent.
@@ -385,9 +385,9 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     # A z = b: a row is large by b, by a share of what cancels in A z, and by the largest row.
     equality = conjugate = 0.0
     if qvi.p:
-        sizes = np.abs(qvi.b) + _CANCELS * absolute_product(A, z)
+        sizes = np.abs(qvi.b) + _CANCELS * (abs(A) @ np.abs(z))
         sizes += _BESIDE * sizes.max(initial=0.0)
-        rounding = _ROUNDED * absolute_product(A, np.full(qvi.n, largest(z)))
+        rounding = _ROUNDED * (abs(A) @ np.full(qvi.n, largest(z)))
         missed = np.maximum(np.abs(A @ z - qvi.b) - rounding, 0.0)
         equality = largest(missed / np.where(sizes > 0.0, sizes, 1.0))
         conjugate = largest(outside * sizes) / E

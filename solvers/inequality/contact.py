@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import eigh
 from scipy.linalg.lapack import dpotrf, dpotrs
-from scipy.sparse import csc_array, csr_array, eye_array
+from scipy.sparse import csc_array, csr_array, eye_array, vstack
 
 from solvers.basics.linked import lowest_linked
 from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, Vector
@@ -26,8 +26,7 @@ from solvers.inequality.rows import (
     columns_of,
     dense,
     generic_vector,
-    scaled_columns,
-    stacked,
+    scaled,
     stored,
     transposed,
 )
@@ -64,7 +63,8 @@ class ContactMatrices(PicklesFields):
     @cached_property
     def rows(self) -> Columns:
         """[N; T] (2m, n); `InputError` if the traces do not fit them."""
-        rows = stacked(self.N, self.T)
+        parts: Any = [self.N, self.T]  # both dense, or none: their shape is the same
+        rows = np.concatenate(parts) if isinstance(self.N, np.ndarray) else csc_array(vstack(parts, format="csc"))
         if self.traces is not None:
             self.traces.check(rows)
         return rows
@@ -77,7 +77,7 @@ class ContactMatrices(PicklesFields):
     @cached_property
     def touched(self) -> IntVector:
         """Γ: the columns in which rows of contact or equations have an entry, sorted."""
-        return interface_of(self.rows, self.A)
+        return np.union1d(columns_of(self.rows), self.equated)
 
     @cached_property
     def equated(self) -> IntVector:
@@ -162,7 +162,7 @@ class CondensedContact:
         diagonal = stiffness.diagonal()
         scale: Vector = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         A = np.asarray(coordinates.from_unknowns(self.system.A.T)).T.reshape(len(self.system.A), len(scale)) * scale
-        rows = scaled_columns(coordinates.interpolation, scale)
+        rows = transposed(scaled(scale, transposed(coordinates.interpolation)))
         return ReducedContact(coordinates, scale, stiffness * scale * scale[:, None], rows, A)
 
 
@@ -293,8 +293,3 @@ class _Factored(NamedTuple):
         weights = self.vectors.T @ (self.A @ x - c)
         nu = self.vectors @ (weights / (self.values if g.ndim == 1 else self.values[:, None]))
         return x - self.relief @ nu, nu
-
-
-def interface_of(contact_rows: Columns, A: Columns) -> IntVector:
-    """Γ: the columns in which contact or equality rows have an entry, sorted."""
-    return np.union1d(columns_of(contact_rows), columns_of(A)) if A.shape[0] else columns_of(contact_rows)

@@ -48,18 +48,6 @@ def by_columns(matrix: Any) -> Sparse:
     return narrow
 
 
-def stacked(upper: Columns, lower: Columns) -> Columns:
-    """Rows on top of each other, both dense or both by columns; SciPy's `vstack` would go through coordinates."""
-    if isinstance(upper, np.ndarray) or isinstance(lower, np.ndarray):
-        return np.concatenate([dense(upper), dense(lower)])
-    first = np.arange(upper.nnz) + np.repeat(lower.indptr[:-1], np.diff(upper.indptr))
-    second = np.arange(lower.nnz) + np.repeat(upper.indptr[1:], np.diff(lower.indptr))
-    data, indices = np.empty(upper.nnz + lower.nnz), np.empty(upper.nnz + lower.nnz, dtype=upper.indices.dtype)
-    data[first], data[second] = upper.data, lower.data
-    indices[first], indices[second] = upper.indices, lower.indices + upper.shape[0]
-    return csc_array((data, indices, upper.indptr + lower.indptr), (upper.shape[0] + lower.shape[0], upper.shape[1]))
-
-
 def columns_of(matrix: Columns) -> IntVector:
     """The columns in which a matrix has an entry, sorted."""
     entries = (matrix != 0.0).any(axis=0) if isinstance(matrix, np.ndarray) else np.diff(by_columns(matrix).indptr)
@@ -86,11 +74,6 @@ def scaled(factors: Vector, rows: Rows) -> Rows:
     return factors[:, None] * rows if isinstance(rows, np.ndarray) else csr_array(diags_array(factors) @ rows)
 
 
-def scaled_columns(rows: Rows, factors: Vector) -> Rows:
-    """Rows diag(factors)."""
-    return rows * factors if isinstance(rows, np.ndarray) else csr_array(rows @ diags_array(factors))
-
-
 def transposed(rows: Columns | SparseRows) -> Rows:
     """rowsᵀ (k, q)."""
     return rows.T if isinstance(rows, np.ndarray) else csr_array(rows.T)
@@ -99,15 +82,6 @@ def transposed(rows: Columns | SparseRows) -> Rows:
 def generic_vector(size: int) -> Vector:
     """(size,) numbers from −1 to 1 without a pattern that a matrix could share; quicker than random ones."""
     return np.asarray(np.sin(np.arange(1.0, size + 1.0) ** 2))
-
-
-def absolute_product(matrix: Columns, vector: Vector) -> Vector:
-    """|matrix| |vector| (q,) for a matrix (q, k): the size of the terms of matrix vector."""
-    if isinstance(matrix, np.ndarray):
-        return np.asarray(np.abs(matrix) @ np.abs(vector))
-    columns = np.repeat(np.abs(vector), np.diff(matrix.indptr))
-    sums = np.bincount(matrix.indices, np.abs(matrix.data) * columns, matrix.shape[0])
-    return np.asarray(sums, dtype=np.float64)
 
 
 # Checks of what is given.
