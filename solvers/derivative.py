@@ -22,6 +22,7 @@ from scipy.linalg import lstsq
 from solvers.basics.types import BoolVector, IntVector, Matrix, Vector
 from solvers.errors import InputError
 from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.rows import largest
 from solvers.pivoting import solve_lcp
 from solvers.solution import QVISolution
 
@@ -70,7 +71,7 @@ def change(solution: QVISolution, base: FrictionQVI, moved: FrictionQVI, sign: f
     condensed = qvi.condensed_contact
     system, B = condensed.system, qvi.contact.rows
     force, b = -sign * (moved.gradient(z) - base.gradient(z)), sign * (moved.b - base.b)
-    at_rest = np.concatenate([moved.normal(z) - base.normal(z), moved.tangential(z) - base.tangential(z)])
+    at_rest = moved.tractions(z) - base.tractions(z)
     free = sign * at_rest + B @ system.solve(force, b)[0]  # dσ_f
     rows = _rows(solution, base, moved, sign)
     pressed, along = rows.point, m + rows.point
@@ -79,9 +80,9 @@ def change(solution: QVISolution, base: FrictionQVI, moved: FrictionQVI, sign: f
     M = H_C[:, columns] * rows.sign
     q = rows.limit - rows.by_normal * free[pressed] - rows.by_shear * free[along]
     x = _relieved(M, q, rows.strong)
-    stress = np.abs([qvi.normal(z), qvi.tangential(z)]).max(initial=_LEAST)  # a change this much smaller is rounding
-    changed = max(_LEAST * stress, np.abs(rows.limit).max(initial=0.0), np.abs(free).max(initial=0.0))
-    if np.abs((q + M @ x)[rows.strong]).max(initial=0.0) > _LEFT * changed:  # such as friction in free sliding
+    stress = max(_LEAST, largest(qvi.tractions(z)))  # a change this much smaller is rounding
+    changed = max(_LEAST * stress, largest(rows.limit), largest(free))
+    if largest((q + M @ x)[rows.strong]) > _LEFT * changed:  # such as friction in free sliding
         remedy = "the parameter drives a motion that nothing determines: add a support, or give it another value"
         raise InputError("derivative", "none found", remedy)
     multipliers = np.zeros(2 * m)

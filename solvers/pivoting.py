@@ -132,7 +132,7 @@ class ContactBounds:
         found = state = compliance.state(self.multipliers(x))
         least = np.inf
         for left in reversed(range(_POLISHING + 1)):
-            missed = self.slack(compliance.tractions(state[0]))
+            missed = self.slack(compliance.qvi.tractions(state[0]))
             error = max(float(np.abs(missed[active]).max(initial=0.0)), -float(missed.min(initial=0.0)))
             before = least
             if error < least:
@@ -169,7 +169,7 @@ def solve_pivoting(
     for _ in range(_SIGNS):
         signs = np.where(guessed & (normal > 0.0), 1.0, -1.0)
         bounds = ContactBounds(qvi, compliance, signs)
-        starts = [] if start is None else [bounds.active(compliance.tractions(start.z), start.multipliers)]
+        starts = [] if start is None else [bounds.active(qvi.tractions(start.z), start.multipliers)]
         for active in (*starts, None):
             vertex = bounds.vertex(direction, active)
             state, missed = bounds.corrected(compliance, vertex, tolerance) if vertex.solved else (None, np.inf)

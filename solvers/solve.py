@@ -22,6 +22,7 @@ from solvers.errors import InputError, SolveError
 from solvers.factorisation import FactorisationError
 from solvers.fixed_point import initial_pressure, solve_fixed_point
 from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.rows import largest
 from solvers.inner.registry import check_name, versions
 from solvers.pivoting import DIRECTIONS, LARGEST_LATE, affordable, solve_pivoting
 from solvers.settings import (
@@ -424,8 +425,8 @@ def followed_solutions(solution: QVISolution, *, time_limit: float | None = None
 
 def traction_difference(one: QVISolution, other: QVISolution) -> float:
     """The largest difference of tractions at a contact point, over the largest traction of the first."""
-    mine, theirs = ((each.problem.normal(each.z), each.problem.tangential(each.z)) for each in (one, other))
-    return float(np.abs(np.subtract(mine, theirs)).max(initial=0.0)) / one.certificate.scales["stress"]
+    mine, theirs = (each.problem.tractions(each.z) for each in (one, other))
+    return largest(mine - theirs) / one.certificate.scales["stress"]
 
 
 def _ends(solution: QVISolution) -> Iterator[QVISolution]:

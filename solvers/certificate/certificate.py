@@ -444,7 +444,7 @@ def scales_at(qvi: FrictionQVI, z: Vector, body: float | None = None) -> dict[st
     """
     length, stiffness = _contact_scales(qvi)
     body, in_body, least = body_scales(qvi, qvi.state(z)[0] if body is None else body)
-    stress = max(largest(qvi.normal(z)), largest(qvi.tangential(z)))
+    stress = largest(qvi.tractions(z))
     stress = _nonzero(in_body if stress <= least else stress)
     displacement = stress / stiffness
     body = _nonzero(body)

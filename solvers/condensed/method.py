@@ -94,7 +94,7 @@ class CondensedRun:
         self.sizes: list[float] = []  # relative sizes of the corrections
         self.base = space.base(np.zeros(qvi.n))
         bonded = space.bonded(self.base)
-        stress = max(1e-300, *(largest(part) for part in space.tractions(self.base, bonded)))
+        stress = max(1e-300, largest(self.base.tractions + space.E @ bonded))
         self.problem = Complementarity(qvi, space, self.base, stress, shares)
         stiffness = qvi.contact_stiffness
         self.interior = InteriorPoint(self.problem, stress / stiffness if stiffness > 0.0 else 1.0)
@@ -344,7 +344,7 @@ class CondensedRun:
 
     def _record(self, measures: Measures) -> None:
         y = self.interior.point.y
-        normal, _ = self.problem.tractions(y)
+        normal = self.problem.tractions(y)[: self.qvi.m]
         now = time.perf_counter()
         entry = Iteration(
             len(self.history) + 1, measures.worst, self.problem.energy(y),

@@ -69,8 +69,7 @@ class Expansion:
     z: Vector  # (n,)
     c: Vector  # (k,) gradient in coordinates
     equality: Vector  # (p,) b − A z
-    normal: Vector  # (m,) tractions at z
-    tangential: Vector
+    tractions: Vector  # (2m,) σ_N and σ_T at z
     reduced: Vector  # the gradient by the unknowns that are kept, Γ or all
     strain_energy: float  # at z
     energy: float  # that of (D2) at y = 0, z with its interior in equilibrium
@@ -81,33 +80,14 @@ class Expansion:
 _NOTHING: Vector = np.zeros(0)
 
 
-class _Tractions:
-    """What is the same in all coordinates: E (2m, k), tractions by coordinates, and its halves."""
-
-    E: Rows
-
-    @cached_property
-    def E_N(self) -> Rows:  # noqa: N802  # letters of (D2)
-        """The rows (m, k) of normal tractions."""
-        return self.E[: self.E.shape[0] // 2]
-
-    @cached_property
-    def E_T(self) -> Rows:  # noqa: N802
-        """The rows (m, k) of tangential tractions."""
-        return self.E[self.E.shape[0] // 2 :]
-
-    def tractions(self, base: Expansion, y: Vector) -> tuple[Vector, Vector]:
-        """(σ_N, σ_T) (m,) each."""
-        return base.normal + self.E_N @ y, base.tangential + self.E_T @ y
-
-
-class DenseCoordinates(_Tractions):
+class DenseCoordinates:
     """The maps between z and trace coordinates y (k,), in which a problem is posed about a base, and S_y.
 
     Attributes
     ----------
     shares : of friction, see `FRICTION_SHARES`
     stiffness : S_y (k, k), the energy is ½ yᵀ stiffness y + cᵀy + const
+    E : (2m, k), tractions by coordinates
     A : A_y (p, k) equations, and frictionless : points with σ_T = 0, that are solved for some of the coordinates
 
     """
@@ -157,9 +137,7 @@ class DenseCoordinates(_Tractions):
         else:
             reduced, state, energy = qvi.bonded_state.at_rest  # friction, cohesion and caps change nothing of it
         c = -self._scale * self._coordinates.from_unknowns(reduced)
-        return Expansion(
-            z, c, qvi.b - qvi.contact.A @ z, qvi.normal(z), qvi.tangential(z), -reduced, strain, energy, state, held
-        )
+        return Expansion(z, c, qvi.b - qvi.contact.A @ z, qvi.tractions(z), -reduced, strain, energy, state, held)
 
     def move(self, base: Expansion, y: Vector) -> Vector:
         """The point z + dz whose trace coordinates are y, its interior in equilibrium."""
@@ -260,7 +238,7 @@ _ROUNDING = 1e-14  # rows of equations shorter than this beside the longest are 
 _SPRING = 1e6  # least ω: refinement gains as many digits each time, and dependent rows make noise of ω roundings in h
 
 
-class SparseCoordinates(_Tractions):
+class SparseCoordinates:
     """The maps between z and the coordinates y = (x, t, h), with the methods of `DenseCoordinates`."""
 
     name = "full"
@@ -280,7 +258,7 @@ class SparseCoordinates(_Tractions):
         self._lengths: Vector = np.where(self._free, lengths, 1.0)
         self.equations = csr_array(diags_array(1.0 / self._lengths) @ equations)
         count = len(lengths)
-        self.E = csr_array(hstack([csr_array((2 * qvi.m, qvi.n)), E, csr_array((2 * qvi.m, count))]))
+        self.E: Rows = csr_array(hstack([csr_array((2 * qvi.m, qvi.n)), E, csr_array((2 * qvi.m, count))]))
         self.A, self.frictionless = np.zeros((0, self.size)), np.zeros(0, dtype=np.int64)  # none is solved for any
         K = _scaled(qvi.K, self._scale, rows.shape[0])
         coupling = csr_array((self.equations.data, self.equations.indices, self.equations.indptr), (count, K.shape[0]))
@@ -305,13 +283,13 @@ class SparseCoordinates(_Tractions):
         """The problem about z, with these multipliers of equations, 0 by default: one gradient."""
         qvi, count = self._qvi, len(self._lengths)
         energy, gradient = qvi.state(z)
-        normal, tangential, missed = qvi.normal(z), qvi.tangential(z), qvi.b - qvi.contact.A @ z
+        tractions, missed = qvi.tractions(z), qvi.b - qvi.contact.A @ z
         held = held if len(held) else np.zeros(count)
         c = np.zeros(self.size)
         c[: qvi.n] = self._scale * gradient + self.equations.T @ held
-        c[self.size - count :] = self._free * np.concatenate([tangential[self._points], -missed]) / self._lengths
+        c[self.size - count :] = self._free * np.concatenate([tractions[qvi.m + self._points], -missed]) / self._lengths
         state = np.zeros((0, 0))
-        return Expansion(z, c, missed, normal, tangential, gradient, energy, qvi.energy(z), state, held)
+        return Expansion(z, c, missed, tractions, gradient, energy, qvi.energy(z), state, held)
 
     def move(self, base: Expansion, y: Vector) -> Vector:
         """The point z + dz whose coordinates are y."""
