@@ -342,9 +342,17 @@ class _Loop:
         return True
 
     def _recover(self, result: InnerSolution) -> None:
-        """If the load can be carried start at the pressure of an admissible traction, or return to the last feasible."""
-        qvi = self.qvi
+        """If the load can be carried at all restart, then return towards the last feasible s.
+
+        Starts are the pressure without friction, where that exists, then that of an admissible traction.
+        """
+        qvi, form = self.qvi, self.form
         self.recoveries += 1
+        if self.recoveries == 1 and self.feasible is None:
+            smooth = self._solve_inner(np.zeros(qvi.m))
+            if _is_usable(smooth):
+                self.s = qvi.pressure(form.expand(smooth).z)
+                return
         if self.feasibility is None:
             self.feasibility = check_feasibility(qvi)
         start = self.feasibility.z  # None unless the load can be carried

@@ -33,6 +33,7 @@ shrinks the step.
 import time
 
 import numpy as np
+from scipy.linalg import eigvalsh
 
 from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
@@ -53,7 +54,9 @@ def solve_uzawa(qvi: FrictionQVI, tolerance: float, options: UzawaOptions) -> Ou
     """Run the procedure of this module; z belongs to the multipliers it was computed from in (4.1)."""
     began = time.perf_counter()
     compliance, m, W2 = Compliance(qvi), qvi.m, np.concatenate([qvi.W, qvi.W])
-    omega_N = options.omega_N or _default_step(qvi, compliance)
+    root = np.sqrt(qvi.W)
+    radius = eigvalsh(root[:, None] * compliance.dense[:m, :m] * root)[-1]  # of N K⁻¹ Nᵀ W
+    omega_N = options.omega_N or (1.0 / radius if radius > 0.0 else 1.0)
     energy_bonded = qvi.energy(qvi.bonded)
     tested = options.iterations is None  # else their number alone ends it
     limit = min(options.iterations or options.max_iterations, options.max_iterations)
@@ -98,18 +101,6 @@ def solve_uzawa(qvi: FrictionQVI, tolerance: float, options: UzawaOptions) -> Ou
         history.append(entry)
     state, found = compliance.state(W2 * lam), versions(("scipy",))
     return Outcome(reason, *state, history, number, message, setup=setup, versions=found)
-
-
-def _default_step(qvi: FrictionQVI, compliance: Compliance) -> float:
-    """ω_N = 1 / spectral radius of N K⁻¹ Nᵀ W, by power iteration."""
-    v, radius = np.ones(qvi.m), 0.0
-    for _ in range(50):
-        v = compliance.relief(np.concatenate([qvi.W * v, np.zeros(qvi.m)]))[: qvi.m]
-        radius = float(np.abs(v).max(initial=0.0))
-        if radius == 0.0:
-            return 1.0
-        v = v / radius
-    return 1.0 / radius
 
 
 def _update(qvi: FrictionQVI, lam: Vector, sigma: Vector, omega_N: float, omega_T: float, rule: str) -> Vector:

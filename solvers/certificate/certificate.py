@@ -67,7 +67,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solvers.basics.checks import finite_number, real_array
+from solvers.basics.checks import fraction, real_array
 from solvers.basics.types import Vector
 from solvers.errors import InputError
 from solvers.inequality.problem import FrictionQVI
@@ -351,8 +351,7 @@ def certify(
     A missing or non-finite argument gives infinite measures; a wrong shape raises `InputError`.
 
     """
-    if not 0 < finite_number("tolerance", tolerance) < 1:
-        raise InputError("tolerance", tolerance, "give a number between 0 and 1")
+    fraction("tolerance", tolerance)
     if equality_multiplier is None and qvi.p == 0:
         equality_multiplier = np.zeros(0)
     given = {

@@ -200,16 +200,12 @@ class RefactorisedByPardiso:
 
     def __init__(self, starts: IntVector, columns: IntVector, threads: int) -> None:
         self._handle = _Handle(STRUCTURALLY_SYMMETRIC, starts, columns, np.zeros(len(columns)), threads, self)
-        self._analysed = False
+        self._handle.call(ANALYSIS)
 
     def factorise(self, values: Vector) -> None:
         """Factorise H, its entries row by row; solves are by this matrix from now on."""
-        handle = self._handle
-        handle.values[:] = values
-        if not self._analysed:
-            handle.call(ANALYSIS)
-            self._analysed = True
-        handle.call(NUMERIC)
+        self._handle.values[:] = values
+        self._handle.call(NUMERIC)
 
     def solve(self, right: Vector) -> Vector:
         """H⁻¹ right (n,)."""

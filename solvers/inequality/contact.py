@@ -77,7 +77,8 @@ class ContactMatrices(PicklesFields):
     @cached_property
     def touched(self) -> IntVector:
         """Γ: the columns in which rows of contact or equations have an entry, sorted."""
-        return np.union1d(columns_of(self.rows), self.equated)
+        rows = columns_of(self.rows)
+        return np.union1d(rows, self.equated) if self.A.shape[0] else rows
 
     @cached_property
     def equated(self) -> IntVector:
