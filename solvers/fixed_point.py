@@ -249,7 +249,7 @@ class _Loop:
         qvi, began, number = self.qvi, time.perf_counter(), len(self.history) + 1
         inner = self._solve_inner(qvi.threshold(self.s))
         if not _is_usable(inner):
-            result = no_result(qvi, inner.status, inner.message, inner.seconds)
+            result = no_result(qvi, inner.status, inner.message)
             self._record(result, np.inf, began)
             if not deadline.over:
                 self._recover(result)
@@ -293,8 +293,7 @@ class _Loop:
             inner = solver.solve(threshold, form.centre(None, None), None)
         if inner.status is not Status.INFEASIBLE or deadline.over or check_feasibility(qvi).feasible is False:
             return inner
-        message = f"{inner.message}; but nothing proves it"
-        return no_result(form.problem, Status.BACKEND_FAILED, message, inner.seconds)
+        return no_result(form.problem, Status.BACKEND_FAILED, f"{inner.message}; but nothing proves it")
 
     def _norm(self, v: Vector) -> float:
         return float(np.sqrt(self.qvi.W @ v**2))

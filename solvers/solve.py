@@ -39,23 +39,14 @@ from solvers.solution import Attempt, Outcome, QVISolution, Start, finish, judge
 from solvers.uzawa import solve_uzawa
 
 
-def solve_qvi(
-    qvi: FrictionQVI,
-    method: str | None = None,
-    inner: str | None = None,
-    tolerance: float = 1e-8,
-    time_limit: float | None = None,
-    *,
-    verbose: bool = False,
-    **settings: Any,
-) -> QVISolution:
+def solve_qvi(qvi: FrictionQVI, method: str | None = None, **settings: Any) -> QVISolution:
     """Solve the quasi-variational inequality (D2).
 
     Parameters
     ----------
     qvi : FrictionQVI
         The problem, dimensionless.
-    method, inner, tolerance, time_limit, verbose, **settings
+    method, **settings
         See `solvers.settings.Settings`, its `options` by their names.
 
     Returns
@@ -70,8 +61,7 @@ def solve_qvi(
     """
     if not isinstance(qvi, FrictionQVI):
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
-    named = {"method": method, "inner": inner, "tolerance": tolerance, "time_limit": time_limit, "verbose": verbose}
-    checked = Settings.of(None, {**named, **settings})
+    checked = Settings.of(None, {"method": method, **settings})
     with deadline(checked.time_limit), Log("solve_qvi", checked.verbose) as log:
         log.begin(facts_of(qvi, checked))
         solution = solved(qvi, checked, checked.initial)

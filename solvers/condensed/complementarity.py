@@ -290,7 +290,7 @@ class Complementarity:
         normal = self._sign == 0.0
         m_N: Vector = np.zeros(qvi.m) + np.bincount(self._points[normal], rows[normal], qvi.m)
         m_T: Vector = np.zeros(qvi.m) + np.bincount(self._points[~normal], (self._sign * rows)[~normal], qvi.m)
-        found = space.equation_multipliers(space.held(self._base, y))
+        found = space.multipliers(self._base, y)
         if found is None:
             residual = self._base.c + space.stiffness @ y + space.E.T @ np.concatenate([m_N, m_T])
             found = self._equations.multipliers(residual, qvi.m, qvi.p)

@@ -206,7 +206,7 @@ class CondensedRun:
     def _correct(self, step: float) -> None:
         """Move the base to the current point; records what the reduced problem had missed."""
         y = self.problem.full(self.interior.point.y)
-        after = self.space.base(self.space.move(self.base, y), self.space.held(self.base, y))
+        after = self.space.moved(self.base, y)
         self.steps.append(step)
         self.sizes.append(self.relative(self.space.defect(self.base, y, after)))
         self.base = after

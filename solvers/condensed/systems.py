@@ -73,11 +73,7 @@ class Expansion:
     reduced: Vector  # the gradient by the unknowns that are kept, Γ or all
     strain_energy: float  # at z
     energy: float  # that of (D2) at y = 0, z with its interior in equilibrium
-    state: State  # of the elimination, what `Factorisation.expand` takes
-    held: Vector  # multipliers of equations that are coordinates
-
-
-_NOTHING: Vector = np.zeros(0)
+    state: State  # of the elimination, what `Factorisation.expand` takes; of sparse ones multipliers of equations
 
 
 class DenseCoordinates:
@@ -115,19 +111,15 @@ class DenseCoordinates:
         """Newton's matrices for S (u, u), that of the coordinates that equations leave free."""
         return DenseSystem(np.asarray(S), many=self._many)
 
-    def held(self, base: Expansion, y: Vector) -> Vector:  # noqa: ARG002  # no equation is a coordinate
-        """Multipliers of equations that are coordinates, at y."""
-        return base.held
-
-    def equation_multipliers(self, held: Vector) -> tuple[Vector, Vector] | None:  # noqa: ARG002
-        """(ν (p,), m_T (m,) of points without friction) for these; None where equations are solved."""
+    def multipliers(self, base: Expansion, y: Vector) -> tuple[Vector, Vector] | None:  # noqa: ARG002
+        """(ν (p,), m_T (m,) of points without friction) at y; None where equations are solved, not coordinates."""
         return None
 
     def length(self, y: Vector) -> float:
         """Energy norm of a step."""
         return float(np.sqrt(abs(y @ (self.stiffness @ y))))
 
-    def base(self, z: Vector, held: Vector = _NOTHING) -> Expansion:
+    def base(self, z: Vector) -> Expansion:
         """The reduced problem about z: one gradient and one forward elimination, at z = 0 those of a problem before."""
         qvi = self._qvi
         strain, gradient = qvi.state(z)
@@ -137,7 +129,11 @@ class DenseCoordinates:
         else:
             reduced, state, energy = qvi.bonded_state.at_rest  # friction, cohesion and caps change nothing of it
         c = -self._scale * self._coordinates.from_unknowns(reduced)
-        return Expansion(z, c, qvi.b - qvi.contact.A @ z, qvi.tractions(z), -reduced, strain, energy, state, held)
+        return Expansion(z, c, qvi.b - qvi.contact.A @ z, qvi.tractions(z), -reduced, strain, energy, state)
+
+    def moved(self, base: Expansion, y: Vector) -> Expansion:
+        """The problem about the point with trace coordinates y."""
+        return self.base(self.move(base, y))
 
     def move(self, base: Expansion, y: Vector) -> Vector:
         """The point z + dz whose trace coordinates are y, its interior in equilibrium."""
@@ -279,29 +275,29 @@ class SparseCoordinates:
         blocks[points] = weights * (_SPRING / float((weights * squares).min(initial=np.inf)))
         return np.append(blocks[points] * squares, np.full(self._qvi.p, _SPRING)), blocks
 
-    def base(self, z: Vector, held: Vector = _NOTHING) -> Expansion:
+    def base(self, z: Vector, held: Vector | None = None) -> Expansion:
         """The problem about z, with these multipliers of equations, 0 by default: one gradient."""
         qvi, count = self._qvi, len(self._lengths)
         energy, gradient = qvi.state(z)
         tractions, missed = qvi.tractions(z), qvi.b - qvi.contact.A @ z
-        held = held if len(held) else np.zeros(count)
+        held = np.zeros(count) if held is None else held
         c = np.zeros(self.size)
         c[: qvi.n] = self._scale * gradient + self.equations.T @ held
         c[self.size - count :] = self._free * np.concatenate([tractions[qvi.m + self._points], -missed]) / self._lengths
-        state = np.zeros((0, 0))
-        return Expansion(z, c, missed, tractions, gradient, energy, qvi.energy(z), state, held)
+        return Expansion(z, c, missed, tractions, gradient, energy, qvi.energy(z), held)
 
     def move(self, base: Expansion, y: Vector) -> Vector:
         """The point z + dz whose coordinates are y."""
         return np.asarray(base.z + self._scale * y[: self._qvi.n])
 
-    def held(self, base: Expansion, y: Vector) -> Vector:
+    def moved(self, base: Expansion, y: Vector) -> Expansion:
         """See `DenseCoordinates`."""
-        return base.held + y[self.size - len(self._lengths) :]
+        return self.base(self.move(base, y), base.state + y[self.size - len(self._lengths) :])
 
-    def equation_multipliers(self, held: Vector) -> tuple[Vector, Vector]:
-        """(ν (p,), m_T (m,) of points without friction) for multipliers h of the equations."""
-        forces, m_T = held / self._lengths, np.zeros(self._qvi.m)
+    def multipliers(self, base: Expansion, y: Vector) -> tuple[Vector, Vector]:
+        """(ν (p,), m_T (m,) of points without friction) for the multipliers h of equations at y."""
+        held, m_T = base.state + y[self.size - len(self._lengths) :], np.zeros(self._qvi.m)
+        forces = held / self._lengths
         m_T[self._points] = forces[: len(self._points)]
         return forces[len(self._points) :], m_T
 
