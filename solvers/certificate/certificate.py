@@ -201,7 +201,7 @@ def law_residuals(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, scales:
     bound, one_sided = qvi.threshold(np.abs(sigma_N)), ~qvi.bilateral
     lambda_N, lambda_T = m_N / qvi.W, m_T / qvi.W
     slack_T = np.abs(m_T) * bound - m_T * sigma_T
-    far = largest_gap(qvi, scales) * qvi.W
+    far = _NEAR * E / (S * _nonzero(float(qvi.W.sum()))) * qvi.W
     near_N, near_T = np.minimum(m_N, far), slack_T * far / np.maximum(np.abs(m_T), far)
     bipotential = float(near_T.sum() - near_N @ sigma_N)
     # Projections on the law after a step along the displacements.
@@ -224,12 +224,6 @@ def law_residuals(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, scales:
         "bipotential": abs(bipotential) / E,
     }
     return LawResiduals(measures, float(slack_T.sum() - np.maximum(near_N, 0.0) @ sigma_N), bipotential)
-
-
-def largest_gap(qvi: FrictionQVI, scales: dict[str, float]) -> float:
-    """Up to where gaps and slips λ count: 10 E / (S Σ W), at which a wrong stress of ε S weighs 10 ε, however large."""
-    length = float(qvi.W.sum())
-    return _NEAR * scales["energy"] / (scales["stress"] * length) if length > 0.0 else 0.0
 
 
 # The certificate.

@@ -204,17 +204,12 @@ class EqualitySystem:
     """
 
     def __init__(self, A: Columns, factor: Factorisation) -> None:
-        self.factor, self.interface = factor, factor.interface
+        self.factor, self.interface, self.schur = factor, factor.interface, factor.schur  # the last (k, k)
         self.A: Matrix = dense(self.near(A))  # A_Γ
 
     def near(self, rows: Columns) -> Rows:
         """Columns Γ (j, k) of rows (j, n)."""
         return stored(rows[:, self.interface])
-
-    @property
-    def schur(self) -> Matrix:
-        """S (k, k)."""
-        return self.factor.schur
 
     def solve(self, r: Vector | Matrix, c: Vector | Matrix | None = None) -> tuple[Vector, Vector]:
         """(x, ν) for right-hand sides r (n,) or (n, j) and c (p,) or (p, j), zero if not given."""

@@ -293,22 +293,20 @@ _ROUNDED = 1e-13  # traction of a correction, over the largest bonded one, that 
 class Compliance:
     """The affine map from row multipliers m = (m_N, m_T) to tractions σ = (σ_N, σ_T), K factored once.
 
-    With equality rows K⁻¹ is that of the constrained system. C (2m, 2m) is dense, as the Schur complement.
+    With equality rows K⁻¹ is that of the constrained system.
+
+    Attributes
+    ----------
+    bonded : σ_bonded (2m,)
+    dense : C (2m, 2m)
+
     """
 
     def __init__(self, qvi: FrictionQVI) -> None:
         self.qvi = qvi
         self.bonded = qvi.tractions(qvi.bonded)
         self._condensed = qvi.condensed_contact
-
-    @property
-    def dense(self) -> Matrix:
-        """C (2m, 2m)."""
-        return self._condensed.compliance
-
-    def relief(self, m: Vector) -> Vector:
-        """C m (2m,)."""
-        return np.asarray(self.dense @ m)
+        self.dense = self._condensed.compliance
 
     def unknowns(self, m: Vector) -> tuple[Vector, Vector]:
         """The z (n,) and ν (p,) that minimise the energy under the multipliers m (2m,).

@@ -32,12 +32,6 @@ def by_columns(matrix: Any) -> Sparse:
 
     A matrix that is so already is returned itself.
     """
-    if isinstance(matrix, np.ndarray) and matrix.ndim == 2:  # SciPy would go through coordinates
-        places, rows = np.nonzero(matrix.T)
-        starts = np.searchsorted(places, np.arange(matrix.shape[1] + 1)).astype(np.int32)
-        entries = matrix[rows, places].astype(np.float64)
-        entries.setflags(write=False)
-        return csc_array((entries, rows.astype(np.int32), starts), matrix.shape)
     kept = isinstance(matrix, csc_array) and matrix.dtype == np.float64
     columns = matrix if kept else csc_array(matrix, dtype=np.float64)
     if columns.indices.dtype == np.int32 or max(columns.nnz, *columns.shape) > np.iinfo(np.int32).max:
