@@ -35,7 +35,7 @@ from qvi_contact.solution.stress import prescribed_and_computed
 from solvers import Certificate, FrictionQVI, Status, certify
 from solvers.certificate.certificate import EXPONENTS
 from solvers.certificate.feasibility import is_farkas
-from solvers.factorisation import FactorisationError
+from solvers.factorisation.base import FactorisationError
 from solvers.solution import LOOSEST
 
 AGREEMENT: Final = 1e-8

@@ -19,7 +19,7 @@ from solvers.certificate.feasibility import refuted
 from solvers.condensed.method import EXACT, LAST, CondensedRun
 from solvers.condensed.systems import FITTING_SHARES, NEAR_BONDED_SHARES
 from solvers.errors import InputError, SolveError
-from solvers.factorisation import FactorisationError
+from solvers.factorisation.base import FactorisationError
 from solvers.fixed_point import initial_pressure, solve_fixed_point
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import largest

@@ -41,8 +41,7 @@ from solvers.basics.progress import Log, deadline
 from solvers.basics.types import PicklesFields
 from solvers.certificate.certificate import EXPONENTS
 from solvers.errors import Named, known_name
-from solvers.factorisation import FactorisationError
-from solvers.factorisation.base import limited_blas
+from solvers.factorisation.base import FactorisationError, limited_blas
 
 _FAILURES: Final = {"singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY, "time": Status.TIME_LIMIT}
 

@@ -20,7 +20,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.stress import cell_stresses
 from solvers import Status
-from solvers.factorisation import FactorisationError
+from solvers.factorisation.base import FactorisationError
 from solvers.inner.linear_program import solved
 
 if TYPE_CHECKING:

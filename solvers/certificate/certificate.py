@@ -201,7 +201,7 @@ def law_residuals(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, scales:
     bound, one_sided = qvi.threshold(np.abs(sigma_N)), ~qvi.bilateral
     lambda_N, lambda_T = m_N / qvi.W, m_T / qvi.W
     slack_T = np.abs(m_T) * bound - m_T * sigma_T
-    far = _NEAR * E / (S * _nonzero(float(qvi.W.sum()))) * qvi.W
+    far = _NEAR * E / (S * (float(qvi.W.sum()) or 1.0)) * qvi.W
     near_N, near_T = np.minimum(m_N, far), slack_T * far / np.maximum(np.abs(m_T), far)
     bipotential = float(near_T.sum() - near_N @ sigma_N)
     # Projections on the law after a step along the displacements.
@@ -410,7 +410,7 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
 
 def _contact_scales(qvi: FrictionQVI) -> tuple[float, float]:
     """Length and stiffness of the contact; without one, or with tractions that nothing can change, any does."""
-    return _nonzero(float(qvi.W.sum())), _nonzero(qvi.contact_stiffness)
+    return float(qvi.W.sum()) or 1.0, qvi.contact_stiffness or 1.0
 
 
 def body_scales(qvi: FrictionQVI, body: float) -> tuple[float, float, float]:
@@ -438,9 +438,9 @@ def scales_at(qvi: FrictionQVI, z: Vector, body: float | None = None) -> dict[st
     length, stiffness = _contact_scales(qvi)
     body, in_body, least = body_scales(qvi, qvi.state(z)[0] if body is None else body)
     stress = largest(qvi.tractions(z))
-    stress = _nonzero(in_body if stress <= least else stress)
+    stress = (in_body if stress <= least else stress) or 1.0
     displacement = stress / stiffness
-    body = _nonzero(body)
+    body = body if body > 0.0 else 1.0
     energy = min(stress * displacement * length, body)
     return {"stress": stress, "displacement": displacement, "energy": energy, "body_energy": body}
 
@@ -449,7 +449,3 @@ def _diagonal_norm(qvi: FrictionQVI, residual: Vector) -> float:
     """√(Σ r_i² / K_ii) of a residual or load (n,)."""
     diagonal = qvi.stiffness.diagonal
     return float(np.sqrt(np.sum(residual**2 / np.where(diagonal > 0.0, diagonal, 1.0))))
-
-
-def _nonzero(scale: float) -> float:
-    return scale if scale > 0 else 1.0

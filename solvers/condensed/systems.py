@@ -19,8 +19,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs, dpotrf, dpotrs
 from scipy.sparse import csc_array, csr_array, diags_array, hstack, vstack
 
 from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
-from solvers.factorisation import FactorisationError
-from solvers.factorisation.base import State
+from solvers.factorisation.base import FactorisationError, State
 from solvers.factorisation.choice import Refactorisation
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import Rows, transposed

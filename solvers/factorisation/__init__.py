@@ -10,11 +10,5 @@ fronts.
 """
 
 from solvers.basics.front import front
-from solvers.factorisation.base import Factorisation, FactorisationError
-from solvers.factorisation.choice import BACKENDS, available_backends, factorise, missing_backends, resolve
-
-__all__ = [
-    "BACKENDS", "Factorisation", "FactorisationError", "available_backends", "factorise", "missing_backends", "resolve",
-]  # fmt: skip
 
 __getattr__ = front(__name__)

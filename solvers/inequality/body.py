@@ -15,8 +15,7 @@ import numpy as np
 
 from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, Vector
 from solvers.errors import InputError
-from solvers.factorisation import Factorisation
-from solvers.factorisation.base import State, limited_blas
+from solvers.factorisation.base import Factorisation, State, limited_blas
 from solvers.factorisation.choice import Refactorisation, Request, condensing_pays, factorise, refactorisation
 from solvers.inequality.contact import CondensedContact, ContactMatrices
 from solvers.inequality.rows import (

@@ -16,7 +16,7 @@ from scipy.sparse import csc_array, csr_array, eye_array, vstack
 from solvers.basics.linked import lowest_linked
 from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, Vector
 from solvers.errors import InputError
-from solvers.factorisation import Factorisation, FactorisationError
+from solvers.factorisation.base import Factorisation, FactorisationError
 from solvers.inequality.rows import (
     Columns,
     Rows,
