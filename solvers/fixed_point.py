@@ -224,8 +224,7 @@ class _Loop:
         self, qvi: FrictionQVI, form: ProblemForm, solver: InnerSolver, tolerance: float, options: FixedPointOptions
     ) -> None:
         self.qvi, self.form, self.solver, self.tolerance, self.options = qvi, form, solver, tolerance, options
-        given = options.initial
-        self.s = qvi.pressure(qvi.bonded) if given is None else initial_pressure(qvi, given)
+        self.s = qvi.pressure(qvi.bonded) if options.initial is None else initial_pressure(qvi, options.initial)
         self.accelerated = options.variant == "anderson"
         mixing = 1.0 if options.variant == "plain" else options.damping
         self.map = Anderson(qvi.W, options.memory if self.accelerated else 0, mixing)

@@ -15,8 +15,6 @@ from typing import Any, Final, Self, TypeVar
 
 from solvers.errors import InputError, SolverUnavailableError, nearest_first
 
-METHODS: Final = ("condensed", "fixed-point", "pivoting", "uzawa")
-
 DEFAULT_INNER: Final = "qp:clarabel"
 """Inner solver of the fixed point where none is asked for."""
 
@@ -147,12 +145,11 @@ class UzawaOptions:
         from solvers.basics.checks import one_of, positive_number, whole_number
 
         one_of("rule", self.rule, ("printed", "accumulating"))
-        for name in ("omega_T", "omega_N", "step_decay"):
-            if name == "omega_T" or getattr(self, name) is not None:
-                positive_number(name, getattr(self, name))
-        for name in ("max_iterations", "iterations"):
-            if name == "max_iterations" or getattr(self, name) is not None:
-                whole_number(name, getattr(self, name))
+        positive_number("omega_T", self.omega_T)
+        whole_number("max_iterations", self.max_iterations)
+        for name in ("omega_N", "step_decay", "iterations"):
+            if getattr(self, name) is not None:
+                (whole_number if name == "iterations" else positive_number)(name, getattr(self, name))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,8 +165,9 @@ class PivotingOptions:
 
 
 OPTIONS: Final[Mapping[str, Any]] = {
-    "condensed": CondensedOptions, "fixed-point": FixedPointOptions, "uzawa": UzawaOptions, "pivoting": PivotingOptions,
+    "condensed": CondensedOptions, "fixed-point": FixedPointOptions, "pivoting": PivotingOptions, "uzawa": UzawaOptions,
 }  # fmt: skip
+METHODS: Final = tuple(OPTIONS)
 
 Options = TypeVar("Options", CondensedOptions, FixedPointOptions, UzawaOptions, PivotingOptions)
 

@@ -367,12 +367,9 @@ def solved(qvi: FrictionQVI, settings: Settings, initial: object = None) -> QVIS
         return solution or search.fallen_back(search.by(*chosen))
 
 
-# Other solutions of a problem: friction is changed step by step, each step starting from the state of the one before.
-#
-# With friction the solution of (D2) need not be unique, and a method started anew ends at the one its own way leads to.
-# Where the friction rises from a share of its value, or falls from a multiple, the state changes little in each step,
-# and the way may end at another solution. None found proves nothing; `uniqueness` has a bound below which there is
-# none.
+# Other solutions of a problem: with friction that of (D2) need not be unique, and a method started anew ends at the one
+# its own way leads to. Where friction rises from a share of its value, or falls from a multiple, step by step, states
+# change little, and the way may end at another one. None found proves nothing; `uniqueness` has a bound for that.
 
 
 WAYS: Final = ((0.4, 5), (0.4, 20), (0.6, 20), (0.85, 3), (1.3, 10))

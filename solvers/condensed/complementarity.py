@@ -273,9 +273,9 @@ class Complementarity:
         parts[1, shears], parts[2, shears] = (self.W * e)[count:], (self.W * D)[count:]
         return parts.ravel()
 
-    def bound_multipliers(self, m_N: Vector, m_T: Vector, slack: Vector) -> Vector:  # letters of (D2)
-        """λ (q,) of row multipliers (m,) each; of friction bound and cap that with the smaller slack (q,) has it."""
-        rows = np.where(self._sign == 0.0, m_N[self._points], self._sign * m_T[self._points])
+    def bound_multipliers(self, m: Vector, slack: Vector) -> Vector:
+        """λ (q,) of row multipliers (2m,); of friction bound and cap that with the smaller slack (q,) has it."""
+        rows = self.signs * m[self._points + self._qvi.m * (self._sign != 0.0)]
         lam = np.maximum(rows, 0.0) / self.weights
         for side in (0, 1):
             bound, cap = self.bounds[(self.bounds[:, side + 2] >= 0)][:, [side, side + 2]].T

@@ -446,7 +446,7 @@ def start_near(interior: InteriorPoint, y: Vector, start: Start) -> None:
     pull, push = _pair(normal, kink)
     slack = problem.slack(y, size)
     kappa = problem.stress / interior.displacement * problem.sizes**2
-    lam = problem.bound_multipliers(start.normal_multiplier, start.tangential_multiplier, slack)
+    lam = problem.bound_multipliers(start.multipliers, slack)
     s, lam = _pair(slack - kappa * lam, kappa * products[: len(products) - split])
     interior.point = Point.of(y, s, lam / kappa, pull, push)
 

@@ -18,9 +18,7 @@
 | `max_iterations` done                                                  | max_iterations                |
 | the time is over, see `deadline`                                        | time_limit                    |
 
-What follows a start that ends without a certificate is said in `solvers.solve`: other shares of friction in s λ, each
-on its own path (`FRICTION_SHARES`). Sparse systems have a start near the bonded solution too (`NEAR_BONDED_SHARES`): it
-is the first of large ones, and the last of others.
+What follows a start that ends without a certificate is said in `solvers.solve`.
 
 In `docs/theory.md`: (D8).
 """

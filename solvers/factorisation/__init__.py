@@ -11,4 +11,8 @@ fronts.
 
 from solvers.basics.front import front
 
+__all__ = [
+    "BACKENDS", "Factorisation", "FactorisationError", "available_backends", "factorise", "missing_backends", "resolve",
+]  # fmt: skip
+
 __getattr__ = front(__name__)
