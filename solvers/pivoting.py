@@ -148,8 +148,8 @@ def solve_pivoting(
 ) -> Outcome:
     """The vertex at the end of one path, from a state that fits or from no multipliers at all.
 
-    Entries of the direction d are all alike first, then without any pattern. Where the path from a state ends in a ray the other one is taken. An iteration is a vertex for guessed signs of
-    bilateral points, its inner ones are pivots.
+    Entries of the direction d are all alike first, then without any pattern. Where the path from a state ends in a ray
+    the other one is taken. An iteration is a vertex for guessed signs of bilateral points, its inner ones are pivots.
     """
     began = time.perf_counter()
     compliance = Compliance(qvi)

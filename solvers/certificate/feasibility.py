@@ -83,11 +83,9 @@ class AdmissibleRows:
 
     def shares(self, y: Vector, points: int) -> tuple[Vector, Vector]:
         """Multipliers y (rows,) summed at each of the contact points: (normal, tangential), (points,) each."""
-        normal, tangential = (
-            np.bincount(self.point[kind], weights=y[kind], minlength=points)
-            for kind in (~self.tangential, self.tangential)
-        )
-        return np.asarray(normal, dtype=float), np.asarray(tangential, dtype=float)
+        kinds = (~self.tangential, self.tangential)
+        normal, tangential = (np.bincount(self.point[kind], y[kind], points).astype(np.float64) for kind in kinds)
+        return normal, tangential
 
 
 def is_farkas(qvi: FrictionQVI, y: Vector, nu: Vector) -> bool:

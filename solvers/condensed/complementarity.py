@@ -238,10 +238,8 @@ class Complementarity:
     @cached_property
     def least_share(self) -> float:
         """The least weight of a bound over the sum of those in its contact, see `ContactMatrices`; 1 with none."""
-        if not len(self.weights):
-            return 1.0
         contact = self._qvi.contact.contacts[self._points]
-        return float((self.weights / np.bincount(contact, self.weights)[contact]).min())
+        return float((self.weights / np.bincount(contact, self.weights)[contact]).min(initial=1.0))
 
     @cached_property
     def dense_rows(self) -> tuple[Matrix, Matrix, Vector]:
@@ -276,7 +274,7 @@ class Complementarity:
     def bound_multipliers(self, m: Vector, slack: Vector) -> Vector:
         """λ (q,) of row multipliers (2m,); of friction bound and cap that with the smaller slack (q,) has it."""
         rows = self.signs * m[self._points + self._qvi.m * (self._sign != 0.0)]
-        lam = np.maximum(rows, 0.0) / self.weights
+        lam: Vector = np.maximum(rows, 0.0) / self.weights
         for side in (0, 1):
             bound, cap = self.bounds[(self.bounds[:, side + 2] >= 0)][:, [side, side + 2]].T
             farther = np.where(slack[bound] > slack[cap], bound, cap)

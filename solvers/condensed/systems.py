@@ -136,7 +136,8 @@ class DenseCoordinates:
 
     def move(self, base: Expansion, y: Vector) -> Vector:
         """The point z + dz whose trace coordinates are y, its interior in equilibrium."""
-        return np.asarray(base.z + self._system.factor.expand(base.state, self._unknowns(y)))
+        values = self._coordinates.to_unknowns(self._scale * y)
+        return np.asarray(base.z + self._system.factor.expand(base.state, values))
 
     def bonded(self, base: Expansion) -> Vector:
         """Trace coordinates (k,) of the bonded solution, on which no contact law acts."""
@@ -149,12 +150,9 @@ class DenseCoordinates:
 
     def defect(self, before: Expansion, y: Vector, after: Expansion) -> float:
         """Energy norm of what the reduced problem missed on the way from one base to the next, y its step."""
-        predicted = before.reduced + self._system.schur @ self._unknowns(y)
+        predicted = before.reduced + self._system.schur @ self._coordinates.to_unknowns(self._scale * y)
         missed = after.reduced - predicted
         return float(np.sqrt(abs(missed @ self._system.solve_interface(missed)[0])))
-
-    def _unknowns(self, y: Vector) -> Vector:
-        return np.asarray(self._coordinates.to_unknowns(self._scale * y))
 
 
 class DenseSystem:
@@ -370,12 +368,9 @@ class SparseSystem:
         self._size = len(filling.starts) - 1
         self._values = np.empty_like(filling.entries)  # of H, whichever was filled last
         self._springs, self._blocks = whole.springs
+        self.norm = whole.norm  # see `DenseSystem`
         points = int(np.count_nonzero(self._blocks))
         self._sheared, self._across = whole.equations[:points], whole.equations[points:]
-
-    def norm(self, force: Vector) -> float:
-        """See `DenseSystem`."""
-        return self._whole.norm(force)
 
     def factorised(self, problem: Complementarity, ratio: Vector, slope: Vector) -> Solve:
         """See `DenseSystem`. Only the last one can be solved with."""

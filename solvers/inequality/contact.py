@@ -156,25 +156,18 @@ class CondensedContact:
         return self.system.near(self.contact.rows)
 
     @cached_property
-    def reduced(self) -> ReducedContact:
-        """The same in trace coordinates."""
+    def reduced(self) -> tuple[TraceCoordinates, Vector, Matrix, Rows, Matrix]:
+        """Trace coordinates y of Γ, see `systems`; D's diagonal (k,), with which that of S_y is 1; S_y (k, k).
+
+        And E (2m, k), tractions by y, and A_y (p, k), equations by y.
+        """
         coordinates = trace_coordinates(self.contact.factor, self.system.interface)
         stiffness = coordinates.quadratic(self.system.schur)
         diagonal = stiffness.diagonal()
         scale: Vector = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         A = np.asarray(coordinates.from_unknowns(self.system.A.T)).T.reshape(len(self.system.A), len(scale)) * scale
         rows = transposed(scaled(scale, transposed(coordinates.interpolation)))
-        return ReducedContact(coordinates, scale, stiffness * scale * scale[:, None], rows, A)
-
-
-class ReducedContact(NamedTuple):
-    """A contact in trace coordinates y, see `solvers.condensed.systems`."""
-
-    coordinates: TraceCoordinates  # those of the unknowns Γ
-    scale: Vector  # the diagonal of D (k,), with which that of S_y is 1
-    stiffness: Matrix  # S_y (k, k)
-    rows: Rows  # E (2m, k), tractions by trace coordinates
-    A: Matrix  # A_y (p, k), equations by trace coordinates
+        return coordinates, scale, stiffness * scale * scale[:, None], rows, A
 
 
 # The equality-constrained linear system of (D2), its interior eliminated once by a sparse factorisation.

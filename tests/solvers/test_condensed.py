@@ -256,8 +256,7 @@ def test_echelon_finds_the_rank_and_a_basis(Y):
     unit = dense / np.where(scale > 0.0, scale, 1.0)[:, None]
     rank = np.linalg.matrix_rank(unit, tol=1e-9) if unit.size else 0
     found = echelon(Y)
-    assert len(found.rows) == rank
-    assert len(found.free) == Y.shape[1] - rank
+    assert (len(found.rows), len(found.free)) == (rank, Y.shape[1] - rank)
     basis = np.vstack([unit[found.rows], np.eye(Y.shape[1])[found.free]])
     assert np.linalg.matrix_rank(basis, tol=1e-9) == Y.shape[1]
     if rank:
@@ -269,8 +268,7 @@ def test_echelon_finds_the_rank_and_a_basis(Y):
 def test_echelon_takes_the_first_of_equal_rows_and_ignores_stored_zeros():
     Y = csr_array((np.array([0.0, 1.0, 2.0, 1.0]), np.array([0, 1, 1, 2]), np.array([0, 2, 3, 4])), shape=(3, 3))
     found = echelon(Y)
-    assert found.rows.tolist() == [0, 2]
-    assert found.free.tolist() == [0]
+    assert (found.rows.tolist(), found.free.tolist()) == ([0, 2], [0])
 
 
 def closed_rim(count):
