@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 
-from qvi_contact.basics.checks import FloatArray, finite_number
+from qvi_contact.basics.checks import FloatArray, fraction
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.element import legendre
 from qvi_contact.element.legendre import gauss_legendre
@@ -35,7 +35,7 @@ from qvi_contact.solution.stress import prescribed_and_computed
 from solvers import Certificate, FrictionQVI, Status, certify
 from solvers.certificate.certificate import EXPONENTS
 from solvers.certificate.feasibility import is_farkas
-from solvers.factorisation import FactorisationError
+from solvers.factorisation.base import FactorisationError
 from solvers.solution import LOOSEST
 
 AGREEMENT: Final = 1e-8
@@ -50,9 +50,7 @@ _DATA: Final = ("K", "N", "T", "A", "f", "n0", "t0", "mu", "W", "b", "cohesion",
 
 def recomputed(result: ContactResult, known: Discretization, given: float | None) -> ContactResult:
     """The result made again from its unknowns and multipliers alone, certified anew; to its tolerance if none given."""
-    tolerance = result.certificate.tolerance if given is None else finite_number("tolerance", given)
-    if not 0.0 < tolerance < 1.0:
-        raise InputError("tolerance", tolerance, "give a number between 0 and 1")
+    tolerance = result.certificate.tolerance if given is None else fraction("tolerance", given)
     solution, qvi = result.solution, known.qvi
     multipliers = solution.normal_multiplier, solution.tangential_multiplier, solution.equality_multiplier
     try:

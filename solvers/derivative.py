@@ -14,14 +14,15 @@ In `docs/theory.md`: (D34).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from scipy.linalg import lstsq
 
-from solvers.basics.types import BoolVector, IntVector, Matrix, Vector
+from solvers.basics.types import BoolVector, Matrix, Vector
 from solvers.errors import InputError
 from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.rows import largest
 from solvers.pivoting import solve_lcp
 from solvers.solution import QVISolution
 
@@ -46,18 +47,6 @@ class Change:
     changes_state: bool  # whether a point changes its state here, so that the other side has another derivative
 
 
-class _Rows(NamedTuple):
-    """Bounds (r,): w = limit − (by_normal σ_N + by_shear σ_T), relieved by x with a multiplier of this sign."""
-
-    point: IntVector
-    along: BoolVector  # whether the multiplier is tangential
-    by_normal: Vector
-    by_shear: Vector
-    sign: Vector
-    limit: Vector  # change of the limit
-    strong: BoolVector  # x > 0; elsewhere x = 0 and w = 0
-
-
 def change(solution: QVISolution, base: FrictionQVI, moved: FrictionQVI, sign: float = 1.0) -> Change:
     """The one-sided derivative of a solution along data from `base` to `moved`, or from there back for sign −1.
 
@@ -67,45 +56,23 @@ def change(solution: QVISolution, base: FrictionQVI, moved: FrictionQVI, sign: f
     qvi, z, m = solution.problem, solution.z, solution.problem.m
     if m > LARGEST:
         raise InputError("contact points", m, f"derivatives take at most {LARGEST}: take a coarser mesh")
-    condensed = qvi.condensed_contact
+    condensed, law = qvi.condensed_contact, qvi.law
     system, B = condensed.system, qvi.contact.rows
     force, b = -sign * (moved.gradient(z) - base.gradient(z)), sign * (moved.b - base.b)
-    at_rest = np.concatenate([moved.normal(z) - base.normal(z), moved.tangential(z) - base.tangential(z)])
-    free = sign * at_rest + B @ system.solve(force, b)[0]  # dσ_f
-    rows = _rows(solution, base, moved, sign)
-    pressed, along = rows.point, m + rows.point
-    H_C = rows.by_normal[:, None] * condensed.compliance[pressed] + rows.by_shear[:, None] * condensed.compliance[along]
-    columns = np.where(rows.along, along, pressed)
-    M = H_C[:, columns] * rows.sign
-    q = rows.limit - rows.by_normal * free[pressed] - rows.by_shear * free[along]
-    x = _relieved(M, q, rows.strong)
-    stress = np.abs([qvi.normal(z), qvi.tangential(z)]).max(initial=_LEAST)  # a change this much smaller is rounding
-    changed = max(_LEAST * stress, np.abs(rows.limit).max(initial=0.0), np.abs(free).max(initial=0.0))
-    if np.abs((q + M @ x)[rows.strong]).max(initial=0.0) > _LEFT * changed:  # such as friction in free sliding
-        remedy = "the parameter drives a motion that nothing determines: add a support, or give it another value"
-        raise InputError("derivative", "none found", remedy)
-    multipliers = np.zeros(2 * m)
-    np.add.at(multipliers, columns, rows.sign * x)
-    dz, nu = system.solve(force - B.T @ multipliers, b)
-    return Change(dz, multipliers[:m], multipliers[m:], nu, not rows.strong.all())
-
-
-def _rows(solution: QVISolution, base: FrictionQVI, moved: FrictionQVI, sign: float) -> _Rows:
-    """Bounds that are met, those of friction as they are for the pressure at hand."""
-    qvi, law, change_of = solution.problem, solution.problem.law, {}
-    normal, shear = qvi.normal(solution.z), qvi.tangential(solution.z)
-    stress = float(np.abs(np.concatenate([normal, shear])).max(initial=_LEAST))
+    free = sign * (moved.tractions(z) - base.tractions(z)) + B @ system.solve(force, b)[0]  # dσ_f
+    # Friction as it is for the pressure at hand: by_normal (m,) of its rows, and what its bound changes by itself.
+    normal, shear = np.split(qvi.tractions(z), 2)
+    pressure, stress = law.pressed(normal), max(_LEAST, largest(qvi.tractions(z)))
+    with np.errstate(invalid="ignore"):  # of caps that are infinite
+        mu, cohesion, cap = (sign * (getattr(moved, name) - getattr(base, name)) for name in ("mu", "cohesion", "cap"))
+    capped = law.cap < law.cohesion + law.mu * pressure
+    bound = law.threshold(pressure)
+    slope = np.where(capped, 0.0, law.mu * np.where(law.bilateral & (normal > 0.0), -1.0, 1.0))
+    limit = np.where(capped, cap, cohesion + mu * pressure)
+    # Bounds that are met, and those of them that relieve something: σ_N ≤ 0, then σ_T on both sides.
     relief = np.stack([solution.normal_multiplier, solution.tangential_multiplier]) / qvi.W
     least, size = stress / (qvi.contact_stiffness or 1.0), float(np.abs(relief).max(initial=0.0))
     size = size if size > _ZERO * least else least
-    pressure = law.pressed(normal)
-    with np.errstate(invalid="ignore"):  # of caps that are infinite
-        for name in ("mu", "cohesion", "cap"):
-            change_of[name] = sign * (getattr(moved, name) - getattr(base, name))
-    capped = law.cap < law.cohesion + law.mu * pressure
-    bound = law.threshold(pressure)
-    slope = np.where(capped, 0.0, law.mu * np.where(law.bilateral & (normal > 0.0), -1.0, 1.0))  # by_normal of friction
-    limit = np.where(capped, change_of["cap"], change_of["cohesion"] + change_of["mu"] * pressure)
     opens = ~law.bilateral & (-normal <= _ZERO * stress)
     released = opens & (relief[0] > _ZERO * size)
     slips = np.abs(relief[1]) > _ZERO * size
@@ -115,11 +82,23 @@ def _rows(solution: QVISolution, base: FrictionQVI, moved: FrictionQVI, sign: fl
     single, own = held_at_zero & (sides > 0.0), slips & (sides * relief[1] > 0.0)
     met = (bound - sides * shear <= _ZERO * stress) & (own | ~slips)
     kind, point = np.vstack([opens, np.where(held_at_zero, single, met)]).nonzero()
+    # Rows (r,): w = limit − (by_normal σ_N + side σ_T), relieved by x with a multiplier of this sign; strong: x > 0.
     along, side = kind > 0, np.array([0.0, 1.0, -1.0])[kind]
-    return _Rows(
-        point, along, np.where(along, slope[point], 1.0), side, np.where(along, side, 1.0),
-        np.where(along, limit[point], 0.0), np.vstack([released, own | single])[kind, point],
-    )  # fmt: skip
+    by_normal, limit = np.where(along, slope[point], 1.0), np.where(along, limit[point], 0.0)
+    relieving, strong = np.where(along, side, 1.0), np.vstack([released, own | single])[kind, point]
+    H_C = by_normal[:, None] * condensed.compliance[point] + side[:, None] * condensed.compliance[m + point]
+    columns = np.where(along, m + point, point)
+    M = H_C[:, columns] * relieving
+    q = limit - by_normal * free[point] - side * free[m + point]
+    x = _relieved(M, q, strong)
+    changed = max(_LEAST * stress, largest(limit), largest(free))  # a change this much smaller is rounding
+    if largest((q + M @ x)[strong]) > _LEFT * changed:  # such as friction in free sliding
+        remedy = "the parameter drives a motion that nothing determines: add a support, or give it another value"
+        raise InputError("derivative", "none found", remedy)
+    multipliers = np.zeros(2 * m)
+    np.add.at(multipliers, columns, relieving * x)
+    dz, nu = system.solve(force - B.T @ multipliers, b)
+    return Change(dz, multipliers[:m], multipliers[m:], nu, not strong.all())
 
 
 def _relieved(M: Matrix, q: Vector, strong: BoolVector) -> Vector:
@@ -134,12 +113,12 @@ def _relieved(M: Matrix, q: Vector, strong: BoolVector) -> Vector:
     if weak.any():
         across = M[np.ix_(weak, strong)]
         reduced, rest = M[np.ix_(weak, weak)] - across @ solved[:, 1:], q[weak] - across @ solved[:, 0]
-        vertex = solve_lcp(reduced, rest / (np.abs(rest).max() or 1.0), np.ones(len(rest)))
+        size = largest(rest) or 1.0
+        vertex = solve_lcp(reduced, rest / size, np.ones(len(rest)))
         if not vertex.solved:
-            raise InputError(
-                "derivative", "none found", "a point changes its state: take a slightly different parameter"
-            )
-        x[weak] = vertex.x * (np.abs(rest).max() or 1.0)
+            remedy = "a point changes its state: take a slightly different parameter"
+            raise InputError("derivative", "none found", remedy)
+        x[weak] = vertex.x * size
     x[strong] = -solved[:, 0] - solved[:, 1:] @ x[weak]
     return np.asarray(scale * x)
 

@@ -112,15 +112,6 @@ class ContactBounds:
         np.minimum.at(least, shared, slack)
         return np.asarray((m[self._place] / self._relief > slack + _BOTH_ZERO) & (slack <= least[shared]))
 
-    def vertex(self, direction: int, active: BoolVector | None = None) -> Vertex:
-        """The end of the path along one of the directions d, all alike first, then others without any pattern.
-
-        It begins where the rows `active` miss nothing, if they are given, else without multipliers.
-        """
-        n = len(self.q)
-        d = np.ones(n) if direction == 0 else 0.2 + np.random.default_rng(direction).random(n)
-        return solve_lcp(self.M, self.q, d, active)
-
     def corrected(
         self, compliance: Compliance, vertex: Vertex, tolerance: float
     ) -> tuple[tuple[Vector, Vector, Vector, Vector], float]:
@@ -132,7 +123,7 @@ class ContactBounds:
         found = state = compliance.state(self.multipliers(x))
         least = np.inf
         for left in reversed(range(_POLISHING + 1)):
-            missed = self.slack(compliance.tractions(state[0]))
+            missed = self.slack(compliance.qvi.tractions(state[0]))
             error = max(float(np.abs(missed[active]).max(initial=0.0)), -float(missed.min(initial=0.0)))
             before = least
             if error < least:
@@ -157,8 +148,8 @@ def solve_pivoting(
 ) -> Outcome:
     """The vertex at the end of one path, from a state that fits or from no multipliers at all.
 
-    Where the path from a state ends in a ray the other one is taken. An iteration is a vertex for guessed signs of
-    bilateral points, its inner ones are pivots.
+    Entries of the direction d are all alike first, then without any pattern. Where the path from a state ends in a ray
+    the other one is taken. An iteration is a vertex for guessed signs of bilateral points, its inner ones are pivots.
     """
     began = time.perf_counter()
     compliance = Compliance(qvi)
@@ -169,9 +160,11 @@ def solve_pivoting(
     for _ in range(_SIGNS):
         signs = np.where(guessed & (normal > 0.0), 1.0, -1.0)
         bounds = ContactBounds(qvi, compliance, signs)
-        starts = [] if start is None else [bounds.active(compliance.tractions(start.z), start.multipliers)]
+        n = len(bounds.q)
+        d = 0.2 + np.random.default_rng(direction).random(n) if direction else np.ones(n)
+        starts = [] if start is None else [bounds.active(qvi.tractions(start.z), start.multipliers)]
         for active in (*starts, None):
-            vertex = bounds.vertex(direction, active)
+            vertex = solve_lcp(bounds.M, bounds.q, d, active)
             state, missed = bounds.corrected(compliance, vertex, tolerance) if vertex.solved else (None, np.inf)
             if missed <= _SOUND:
                 best.near = None if start is None else active is not None

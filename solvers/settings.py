@@ -15,8 +15,6 @@ from typing import Any, Final, Self, TypeVar
 
 from solvers.errors import InputError, SolverUnavailableError, nearest_first
 
-METHODS: Final = ("condensed", "fixed-point", "pivoting", "uzawa")
-
 DEFAULT_INNER: Final = "qp:clarabel"
 """Inner solver of the fixed point where none is asked for."""
 
@@ -51,10 +49,9 @@ class CondensedOptions:
     system: str = "auto"
 
     def __post_init__(self) -> None:
-        from solvers.basics.checks import one_of, whole_number
+        from solvers.basics.checks import fraction, one_of, whole_number
 
-        if not (isinstance(self.gap, int | float) and 0 < self.gap < 1):
-            raise InputError("gap", self.gap, "give a number between 0 and 1")
+        fraction("gap", self.gap)
         whole_number("max_iterations", self.max_iterations)
         if self.initial is not None:
             from solvers.solution import Start
@@ -104,7 +101,7 @@ class FixedPointOptions:
     inner_options: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
-        from solvers.basics.checks import finite_number, one_of, whole_number
+        from solvers.basics.checks import finite_number, fraction, one_of, whole_number
 
         one_of("variant", self.variant, ("plain", "damped", "anderson"))
         one_of("form", self.form, ("auto", "full", "condensed"))
@@ -112,8 +109,8 @@ class FixedPointOptions:
             raise InputError("damping", self.damping, "give a number in (0, 1]")
         for name in ("memory", "max_iterations", "patience"):
             whole_number(name, getattr(self, name))
-        if self.inner_tolerance is not None and not 0 < finite_number("inner_tolerance", self.inner_tolerance) < 1:
-            raise InputError("inner_tolerance", self.inner_tolerance, "give a number between 0 and 1")
+        if self.inner_tolerance is not None:
+            fraction("inner_tolerance", self.inner_tolerance)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,12 +145,11 @@ class UzawaOptions:
         from solvers.basics.checks import one_of, positive_number, whole_number
 
         one_of("rule", self.rule, ("printed", "accumulating"))
-        for name in ("omega_T", "omega_N", "step_decay"):
-            if name == "omega_T" or getattr(self, name) is not None:
-                positive_number(name, getattr(self, name))
-        for name in ("max_iterations", "iterations"):
-            if name == "max_iterations" or getattr(self, name) is not None:
-                whole_number(name, getattr(self, name))
+        positive_number("omega_T", self.omega_T)
+        whole_number("max_iterations", self.max_iterations)
+        for name in ("omega_N", "step_decay", "iterations"):
+            if getattr(self, name) is not None:
+                (whole_number if name == "iterations" else positive_number)(name, getattr(self, name))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,8 +165,9 @@ class PivotingOptions:
 
 
 OPTIONS: Final[Mapping[str, Any]] = {
-    "condensed": CondensedOptions, "fixed-point": FixedPointOptions, "uzawa": UzawaOptions, "pivoting": PivotingOptions,
+    "condensed": CondensedOptions, "fixed-point": FixedPointOptions, "pivoting": PivotingOptions, "uzawa": UzawaOptions,
 }  # fmt: skip
+METHODS: Final = tuple(OPTIONS)
 
 Options = TypeVar("Options", CondensedOptions, FixedPointOptions, UzawaOptions, PivotingOptions)
 
@@ -251,7 +248,7 @@ class Settings:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        from solvers.basics.checks import function_or_none, mapping, true_or_false
+        from solvers.basics.checks import fraction, function_or_none, mapping, true_or_false
         from solvers.basics.progress import checked_limit
         from solvers.factorisation.choice import Request
         from solvers.inner.registry import check_name
@@ -261,8 +258,7 @@ class Settings:
             raise SolverUnavailableError("method", self.method, f"choose one of {', '.join(METHODS)}")
         if self.inner is not None:
             check_name(self.inner)
-        if not (isinstance(self.tolerance, int | float) and 0 < self.tolerance < 1):
-            raise InputError("tolerance", self.tolerance, "give a number between 0 and 1")
+        fraction("tolerance", self.tolerance)
         function_or_none("callback", self.callback)
         for name in ("throw", "verbose"):
             true_or_false(name, getattr(self, name))

@@ -148,8 +148,7 @@ class Start:
 
     pressure: Vector  # s (m,) ≥ 0
     z: Vector  # (n,)
-    normal_multiplier: Vector  # (m,) of rows, signs as in `FrictionQVI`
-    tangential_multiplier: Vector
+    multipliers: Vector  # (2m,) of rows, first normal ones; signs as in `FrictionQVI`
 
     @classmethod
     def of(cls, solution: QVISolution, stress: float = 1.0, displacement: float = 1.0) -> Start:
@@ -157,18 +156,12 @@ class Start:
         return cls(
             stress * solution.problem.pressure(solution.z),
             stress * solution.z,
-            displacement * solution.normal_multiplier,
-            displacement * solution.tangential_multiplier,
+            displacement * np.concatenate([solution.normal_multiplier, solution.tangential_multiplier]),
         )
-
-    @property
-    def multipliers(self) -> Vector:
-        """Of all rows (2m,)."""
-        return np.concatenate([self.normal_multiplier, self.tangential_multiplier])
 
     def fits(self, qvi: FrictionQVI) -> bool:
         """Whether it may be a state of that problem."""
-        return self.z.shape == (qvi.n,) and self.normal_multiplier.shape == (qvi.m,)
+        return self.z.shape == (qvi.n,) and self.multipliers.shape == (2 * qvi.m,)
 
 
 # The last step of every method: certificate, status, one readable sentence.

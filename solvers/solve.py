@@ -19,9 +19,10 @@ from solvers.certificate.feasibility import refuted
 from solvers.condensed.method import EXACT, LAST, CondensedRun
 from solvers.condensed.systems import FITTING_SHARES, NEAR_BONDED_SHARES
 from solvers.errors import InputError, SolveError
-from solvers.factorisation import FactorisationError
+from solvers.factorisation.base import FactorisationError
 from solvers.fixed_point import initial_pressure, solve_fixed_point
 from solvers.inequality.problem import FrictionQVI
+from solvers.inequality.rows import largest
 from solvers.inner.registry import check_name, versions
 from solvers.pivoting import DIRECTIONS, LARGEST_LATE, affordable, solve_pivoting
 from solvers.settings import (
@@ -38,23 +39,14 @@ from solvers.solution import Attempt, Outcome, QVISolution, Start, finish, judge
 from solvers.uzawa import solve_uzawa
 
 
-def solve_qvi(
-    qvi: FrictionQVI,
-    method: str | None = None,
-    inner: str | None = None,
-    tolerance: float = 1e-8,
-    time_limit: float | None = None,
-    *,
-    verbose: bool = False,
-    **settings: Any,
-) -> QVISolution:
+def solve_qvi(qvi: FrictionQVI, method: str | None = None, **settings: Any) -> QVISolution:
     """Solve the quasi-variational inequality (D2).
 
     Parameters
     ----------
     qvi : FrictionQVI
         The problem, dimensionless.
-    method, inner, tolerance, time_limit, verbose, **settings
+    method, **settings
         See `solvers.settings.Settings`, its `options` by their names.
 
     Returns
@@ -69,8 +61,7 @@ def solve_qvi(
     """
     if not isinstance(qvi, FrictionQVI):
         raise InputError("qvi", type(qvi).__name__, "give a FrictionQVI")
-    named = {"method": method, "inner": inner, "tolerance": tolerance, "time_limit": time_limit, "verbose": verbose}
-    checked = Settings.of(None, {**named, **settings})
+    checked = Settings.of(None, {"method": method, **settings})
     with deadline(checked.time_limit), Log("solve_qvi", checked.verbose) as log:
         log.begin(facts_of(qvi, checked))
         solution = solved(qvi, checked, checked.initial)
@@ -376,12 +367,9 @@ def solved(qvi: FrictionQVI, settings: Settings, initial: object = None) -> QVIS
         return solution or search.fallen_back(search.by(*chosen))
 
 
-# Other solutions of a problem: friction is changed step by step, each step starting from the state of the one before.
-#
-# With friction the solution of (D2) need not be unique, and a method started anew ends at the one its own way leads to.
-# Where the friction rises from a share of its value, or falls from a multiple, the state changes little in each step,
-# and the way may end at another solution. None found proves nothing; `uniqueness` has a bound below which there is
-# none.
+# Other solutions of a problem: with friction that of (D2) need not be unique, and a method started anew ends at the one
+# its own way leads to. Where friction rises from a share of its value, or falls from a multiple, step by step, states
+# change little, and the way may end at another one. None found proves nothing; `uniqueness` has a bound for that.
 
 
 WAYS: Final = ((0.4, 5), (0.4, 20), (0.6, 20), (0.85, 3), (1.3, 10))
@@ -424,8 +412,8 @@ def followed_solutions(solution: QVISolution, *, time_limit: float | None = None
 
 def traction_difference(one: QVISolution, other: QVISolution) -> float:
     """The largest difference of tractions at a contact point, over the largest traction of the first."""
-    mine, theirs = ((each.problem.normal(each.z), each.problem.tangential(each.z)) for each in (one, other))
-    return float(np.abs(np.subtract(mine, theirs)).max(initial=0.0)) / one.certificate.scales["stress"]
+    mine, theirs = (each.problem.tractions(each.z) for each in (one, other))
+    return largest(mine - theirs) / one.certificate.scales["stress"]
 
 
 def _ends(solution: QVISolution) -> Iterator[QVISolution]:

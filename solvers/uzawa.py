@@ -33,6 +33,7 @@ shrinks the step.
 import time
 
 import numpy as np
+from scipy.linalg import eigvalsh
 
 from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
@@ -52,8 +53,10 @@ _RECORD_ALL = 1000
 def solve_uzawa(qvi: FrictionQVI, tolerance: float, options: UzawaOptions) -> Outcome:
     """Run the procedure of this module; z belongs to the multipliers it was computed from in (4.1)."""
     began = time.perf_counter()
-    compliance, m, W2 = Compliance(qvi), qvi.m, np.concatenate([qvi.W, qvi.W])
-    omega_N = options.omega_N or _default_step(qvi, compliance)
+    compliance, m, W2, printed = Compliance(qvi), qvi.m, np.concatenate([qvi.W, qvi.W]), options.rule == "printed"
+    root = np.sqrt(qvi.W)
+    radius = eigvalsh(root[:, None] * compliance.dense[:m, :m] * root)[-1]  # of N K⁻¹ Nᵀ W
+    omega_N = options.omega_N or (1.0 / radius if radius > 0.0 else 1.0)
     energy_bonded = qvi.energy(qvi.bonded)
     tested = options.iterations is None  # else their number alone ends it
     limit = min(options.iterations or options.max_iterations, options.max_iterations)
@@ -64,16 +67,25 @@ def solve_uzawa(qvi: FrictionQVI, tolerance: float, options: UzawaOptions) -> Ou
     message = ""
     while reason is None:
         number += 1
-        sigma = compliance.bonded - compliance.relief(W2 * lam)  # (4.1)
+        sigma = compliance.bonded - compliance.dense @ (W2 * lam)  # (4.1)
         age = 0.0 if options.step_decay is None else (number - 1) / options.step_decay
         omega_T = options.omega_T * 2.0**-age
-        new = _update(qvi, lam, sigma, omega_N, omega_T, options.rule)
+        sigma_N, sigma_T, old, sign = sigma[:m], sigma[m:], lam[m:], np.sign(sigma[m:])
+        lambda_N = np.where(qvi.bilateral, 0.0, np.maximum(lam[:m] + omega_N * sigma_N, 0.0))  # (4.2)
+        delta = omega_T * (1.0 - qvi.threshold(qvi.law.pressed(sigma_N)) / np.abs(sigma_T))  # (4.4)
+        if printed:  # (4.3)
+            lambda_T = sign * np.maximum(np.maximum(sign * old, 0.0) + delta, 0.0)
+        else:
+            shrunk = np.sign(old) * np.maximum(np.abs(old) + delta, 0.0)
+            lambda_T = np.where(delta >= 0, old + sign * delta, shrunk)
+        lambda_T[(sigma_T == 0) | (printed & (sigma_N >= 0) & ~qvi.bilateral)] = 0.0
+        new = np.concatenate([lambda_N, lambda_T])
         scale = largest(new) or 1.0
         change = largest(new - lam) / scale
         # Without z: the energy is that of the bonded solution + ½ mᵀ C m.
         energy = energy_bonded + 0.5 * float((W2 * lam) @ (compliance.bonded - sigma))
         spent = time.perf_counter() - began
-        entry = Iteration(number, change, energy, float(qvi.W @ sigma[:m]), seconds=spent)
+        entry = Iteration(number, change, energy, float(qvi.W @ sigma_N), seconds=spent)
         # Every iteration is recorded up to a thousand, then those with three digits: 1010, 1020, …, 10100, 10200.
         if number <= _RECORD_ALL or not number % 10 ** (len(str(number)) - 3):
             history.append(entry)
@@ -98,31 +110,3 @@ def solve_uzawa(qvi: FrictionQVI, tolerance: float, options: UzawaOptions) -> Ou
         history.append(entry)
     state, found = compliance.state(W2 * lam), versions(("scipy",))
     return Outcome(reason, *state, history, number, message, setup=setup, versions=found)
-
-
-def _default_step(qvi: FrictionQVI, compliance: Compliance) -> float:
-    """ω_N = 1 / spectral radius of N K⁻¹ Nᵀ W, by power iteration."""
-    v, radius = np.ones(qvi.m), 0.0
-    for _ in range(50):
-        v = compliance.relief(np.concatenate([qvi.W * v, np.zeros(qvi.m)]))[: qvi.m]
-        radius = float(np.abs(v).max(initial=0.0))
-        if radius == 0.0:
-            return 1.0
-        v = v / radius
-    return 1.0 / radius
-
-
-def _update(qvi: FrictionQVI, lam: Vector, sigma: Vector, omega_N: float, omega_T: float, rule: str) -> Vector:
-    """(4.2)-(4.4)."""
-    m = qvi.m
-    sigma_N, sigma_T, old = sigma[:m], sigma[m:], lam[m:]
-    lambda_N = np.where(qvi.bilateral, 0.0, np.maximum(lam[:m] + omega_N * sigma_N, 0.0))  # (4.2)
-    delta = omega_T * (1.0 - qvi.threshold(qvi.law.pressed(sigma_N)) / np.abs(sigma_T))  # (4.4)
-    sign = np.sign(sigma_T)
-    if rule == "printed":  # (4.3)
-        new = sign * np.maximum(np.maximum(sign * old, 0.0) + delta, 0.0)
-    else:
-        shrunk = np.sign(old) * np.maximum(np.abs(old) + delta, 0.0)
-        new = np.where(delta >= 0, old + sign * delta, shrunk)
-    new[(sigma_T == 0) | ((rule == "printed") & (sigma_N >= 0) & ~qvi.bilateral)] = 0.0
-    return np.concatenate([lambda_N, new])

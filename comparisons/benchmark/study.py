@@ -24,8 +24,7 @@ from qvi_contact.runs.processes import THREADS
 from qvi_contact.solution.sweep import Parameter, SweepTask
 from qvi_contact.types import Field
 from solvers.basics.types import Sparse
-from solvers.factorisation import available_backends, factorise, resolve
-from solvers.factorisation.choice import CHOICES
+from solvers.factorisation.choice import CHOICES, available_backends, factorise, resolve
 
 TOLERANCE: Final = 1e-8
 """That the certificate of every solve must confirm."""

@@ -142,7 +142,7 @@ def _paper(case: Mapping[str, Any], known: Reference, omega_T: float, omega_N: f
     paper, qvi, unit = load(), known.body.qvi, known.body.force
     after, as_printed = (_march(known, omega_T, omega_N, paper.iterations, rule=rule)
                          for rule in ("accumulating", "printed"))  # fmt: skip
-    exact, found = (np.concatenate([qvi.normal(z), qvi.tangential(z)]) for z in (known.solution.z, after.z))
+    exact, found = (qvi.tractions(z) for z in (known.solution.z, after.z))
     return {
         "printed": paper.table[case["place"][2]], "after": -unit * qvi.resultant(after.z),
         "after_printed_rule": -unit * qvi.resultant(as_printed.z),

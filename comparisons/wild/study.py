@@ -23,7 +23,7 @@ from qvi_contact import ContactResult, InputError, QVIError, solve
 from solvers import Status
 from solvers.certificate.feasibility import check_feasibility
 from solvers.errors import known_name
-from solvers.factorisation import FactorisationError
+from solvers.factorisation.base import FactorisationError
 
 REFUSED, SOLVED, WRONG = "refused", "solved", "wrong"
 INFEASIBLE, OPEN, FOREIGN = "infeasible", "open", "foreign"

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from qvi_contact.errors import InputError
 from solvers.basics.checks import (
     finite_number,
+    fraction,
     mapping,
     one_of,
     positive_number,
@@ -18,8 +19,8 @@ from solvers.basics.checks import (
 )
 
 __all__ = [
-    "BoolArray", "Field", "FloatArray", "IntArray", "acts", "check_field", "evaluate", "finite_number", "mapping",
-    "one_of", "positive_number", "real_array", "true_or_false", "whole_number",
+    "BoolArray", "Field", "FloatArray", "IntArray", "acts", "check_field", "evaluate", "finite_number", "fraction",
+    "mapping", "one_of", "positive_number", "real_array", "true_or_false", "whole_number",
 ]  # fmt: skip
 
 FloatArray: TypeAlias = NDArray[np.float64]

@@ -46,7 +46,7 @@ from qvi_contact.solution.stress import allowed_misfit, obstacle_work, rest_on_a
 from qvi_contact.version import __version__
 from solvers import Status, solve_qvi
 from solvers.basics.progress import Log, deadline
-from solvers.factorisation import FactorisationError
+from solvers.factorisation.base import FactorisationError
 from solvers.solution import WHAT_TO_DO
 from solvers.solve import followed_solutions, traction_difference
 

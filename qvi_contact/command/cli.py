@@ -44,8 +44,7 @@ _METAVARS: Final = {"time_limit": "SECONDS", "quantity": "NAME", "max_unknowns":
 def _words(_context: object, option: click.Parameter, begun: str) -> list[str]:
     """What the shell offers for an option: words that can be used here."""
     from solvers import available
-    from solvers.factorisation import available_backends
-    from solvers.factorisation.choice import OTHERS
+    from solvers.factorisation.choice import OTHERS, available_backends
     from solvers.settings import METHODS
 
     known: dict[str | None, Iterable[str]] = {"method": METHODS, "inner": available()}

@@ -35,8 +35,8 @@ from qvi_contact.solution.solver import solve as solve_one
 from solvers import available
 from solvers.basics.progress import deadline
 from solvers.errors import known_name
-from solvers.factorisation import available_backends, missing_backends
 from solvers.factorisation.base import DENSE
+from solvers.factorisation.choice import available_backends, missing_backends
 from solvers.settings import METHODS
 
 if TYPE_CHECKING:

@@ -36,7 +36,8 @@ from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Traction
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem
-from solvers.factorisation import Factorisation, FactorisationError, factorise
+from solvers.factorisation.base import Factorisation, FactorisationError
+from solvers.factorisation.choice import factorise
 
 
 def load_points(degree: int) -> int:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, fraction
 from qvi_contact.companion.body import CondensedBody, Elasticity, load_vector
 from qvi_contact.companion.contact import Contacts, admissible, dual_problem
 from qvi_contact.discretization.displacements import (
@@ -42,8 +42,7 @@ from solvers.basics.progress import Log, deadline
 from solvers.basics.types import PicklesFields
 from solvers.certificate.certificate import EXPONENTS
 from solvers.errors import Named, known_name
-from solvers.factorisation import FactorisationError
-from solvers.factorisation.base import limited_blas
+from solvers.factorisation.base import FactorisationError, limited_blas
 
 _FAILURES: Final = {"singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY, "time": Status.TIME_LIMIT}
 
@@ -338,8 +337,7 @@ def checked(problem: ContactProblem, degree: int | None, tolerance: float) -> Tr
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
     cell = triangle(degree)
-    if not 0.0 < finite_number("tolerance", tolerance) < 1.0:
-        raise InputError("tolerance", tolerance, "give a number between 0 and 1")
+    fraction("tolerance", tolerance)
     # an incompressible material has no stiffness: displacements would have to keep every area
     if any(problem.materials[number].incompressible for number in np.unique(problem.cell_materials)):
         remedy = (

@@ -20,7 +20,7 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.stress import cell_stresses
 from solvers import Status
-from solvers.factorisation import FactorisationError
+from solvers.factorisation.base import FactorisationError
 from solvers.inner.linear_program import solved
 
 if TYPE_CHECKING:
@@ -227,7 +227,7 @@ def undetermined_motions(result: ContactResult) -> tuple[UndeterminedMotion, ...
 def largest_counted(result: ContactResult) -> float | None:
     """The largest contact traction where it is too small beside the stress in the body to be certified on its own."""
     qvi, z, stress = result.solution.problem, result.solution.z, result.certificate.scales.get("stress", 0.0)
-    largest = max(float(np.abs(part).max(initial=0.0)) for part in (qvi.normal(z), qvi.tangential(z)))
+    largest = float(np.abs(qvi.tractions(z)).max(initial=0.0))
     return largest if _NOTHING * stress < largest < _COUNTED * stress else None
 
 

@@ -31,7 +31,7 @@ from qvi_contact.solution.settings import Settings, pressures
 from qvi_contact.version import __version__
 from solvers import QVISolution, Status
 from solvers.basics.progress import Log, Progress, deadline, report
-from solvers.factorisation import FactorisationError
+from solvers.factorisation.base import FactorisationError
 from solvers.solution import Attempt, Start
 from solvers.solve import facts_of
 from solvers.solve import solved as solve_checked

@@ -30,6 +30,13 @@ def positive_number(field: str, value: object) -> float:
     return number
 
 
+def fraction(field: str, value: object) -> float:
+    """Return `value` as a float, or say that `field` must be one number between 0 and 1, and neither of them."""
+    if isinstance(value, bool) or not (isinstance(value, int | float | np.integer | np.floating) and 0 < value < 1):
+        raise InputError(field, value, "give a number between 0 and 1")
+    return float(value)
+
+
 def whole_number(field: str, value: object, largest: int = 2**31 - 1) -> int:
     """Return `value` as an int, or say that `field` must be a whole number from 1 to `largest`."""
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)

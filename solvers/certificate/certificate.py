@@ -67,11 +67,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from solvers.basics.checks import finite_number, real_array
+from solvers.basics.checks import fraction, real_array
 from solvers.basics.types import Vector
 from solvers.errors import InputError
 from solvers.inequality.problem import FrictionQVI
-from solvers.inequality.rows import absolute_product, largest
+from solvers.inequality.rows import largest
 
 # The measures, one row each: limit, what it means, when to worry. A measure may be as large as  factor ·
 # tolerance^exponent.
@@ -201,7 +201,7 @@ def law_residuals(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, scales:
     bound, one_sided = qvi.threshold(np.abs(sigma_N)), ~qvi.bilateral
     lambda_N, lambda_T = m_N / qvi.W, m_T / qvi.W
     slack_T = np.abs(m_T) * bound - m_T * sigma_T
-    far = largest_gap(qvi, scales) * qvi.W
+    far = _NEAR * E / (S * (float(qvi.W.sum()) or 1.0)) * qvi.W
     near_N, near_T = np.minimum(m_N, far), slack_T * far / np.maximum(np.abs(m_T), far)
     bipotential = float(near_T.sum() - near_N @ sigma_N)
     # Projections on the law after a step along the displacements.
@@ -224,12 +224,6 @@ def law_residuals(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, scales:
         "bipotential": abs(bipotential) / E,
     }
     return LawResiduals(measures, float(slack_T.sum() - np.maximum(near_N, 0.0) @ sigma_N), bipotential)
-
-
-def largest_gap(qvi: FrictionQVI, scales: dict[str, float]) -> float:
-    """Up to where gaps and slips λ count: 10 E / (S Σ W), at which a wrong stress of ε S weighs 10 ε, however large."""
-    length = float(qvi.W.sum())
-    return _NEAR * scales["energy"] / (scales["stress"] * length) if length > 0.0 else 0.0
 
 
 # The certificate.
@@ -351,8 +345,7 @@ def certify(
     A missing or non-finite argument gives infinite measures; a wrong shape raises `InputError`.
 
     """
-    if not 0 < finite_number("tolerance", tolerance) < 1:
-        raise InputError("tolerance", tolerance, "give a number between 0 and 1")
+    fraction("tolerance", tolerance)
     if equality_multiplier is None and qvi.p == 0:
         equality_multiplier = np.zeros(0)
     given = {
@@ -385,9 +378,9 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
     # A z = b: a row is large by b, by a share of what cancels in A z, and by the largest row.
     equality = conjugate = 0.0
     if qvi.p:
-        sizes = np.abs(qvi.b) + _CANCELS * absolute_product(A, z)
+        sizes = np.abs(qvi.b) + _CANCELS * (abs(A) @ np.abs(z))
         sizes += _BESIDE * sizes.max(initial=0.0)
-        rounding = _ROUNDED * absolute_product(A, np.full(qvi.n, largest(z)))
+        rounding = _ROUNDED * (abs(A) @ np.full(qvi.n, largest(z)))
         missed = np.maximum(np.abs(A @ z - qvi.b) - rounding, 0.0)
         equality = largest(missed / np.where(sizes > 0.0, sizes, 1.0))
         conjugate = largest(outside * sizes) / E
@@ -417,7 +410,7 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
 
 def _contact_scales(qvi: FrictionQVI) -> tuple[float, float]:
     """Length and stiffness of the contact; without one, or with tractions that nothing can change, any does."""
-    return _nonzero(float(qvi.W.sum())), _nonzero(qvi.contact_stiffness)
+    return float(qvi.W.sum()) or 1.0, qvi.contact_stiffness or 1.0
 
 
 def body_scales(qvi: FrictionQVI, body: float) -> tuple[float, float, float]:
@@ -444,10 +437,10 @@ def scales_at(qvi: FrictionQVI, z: Vector, body: float | None = None) -> dict[st
     """
     length, stiffness = _contact_scales(qvi)
     body, in_body, least = body_scales(qvi, qvi.state(z)[0] if body is None else body)
-    stress = max(largest(qvi.normal(z)), largest(qvi.tangential(z)))
-    stress = _nonzero(in_body if stress <= least else stress)
+    stress = largest(qvi.tractions(z))
+    stress = (in_body if stress <= least else stress) or 1.0
     displacement = stress / stiffness
-    body = _nonzero(body)
+    body = body if body > 0.0 else 1.0
     energy = min(stress * displacement * length, body)
     return {"stress": stress, "displacement": displacement, "energy": energy, "body_energy": body}
 
@@ -456,7 +449,3 @@ def _diagonal_norm(qvi: FrictionQVI, residual: Vector) -> float:
     """√(Σ r_i² / K_ii) of a residual or load (n,)."""
     diagonal = qvi.stiffness.diagonal
     return float(np.sqrt(np.sum(residual**2 / np.where(diagonal > 0.0, diagonal, 1.0))))
-
-
-def _nonzero(scale: float) -> float:
-    return scale if scale > 0 else 1.0

@@ -9,8 +9,8 @@ At bilateral points the first row is missing, and where mu > 0 the second, not c
 has no solution, proved by multipliers (Farkas) y ≥ 0, ν with Gᵀy + Aᵀν = 0 and hᵀy + bᵀν < 0, which are checked here on
 the data. A linear program gives them, the least t ≥ 0 with A z = b and G z ≤ h + t, where t > 0. Else, or where that
 is not solved, a point of C near the bonded state z_b is looked for, the minimum of Σ K_ii (z_i − (z_b)_i)²: on large
-meshes a hundredth of the time that the point of least energy takes. It is a start: its pressure s makes the inner
-problem feasible. It is a start only, never the answer.
+meshes a hundredth of the time that the point of least energy takes. It is a start only: its pressure s makes the inner
+problem feasible.
 """
 
 from __future__ import annotations
@@ -83,11 +83,9 @@ class AdmissibleRows:
 
     def shares(self, y: Vector, points: int) -> tuple[Vector, Vector]:
         """Multipliers y (rows,) summed at each of the contact points: (normal, tangential), (points,) each."""
-        normal, tangential = (
-            np.bincount(self.point[kind], weights=y[kind], minlength=points)
-            for kind in (~self.tangential, self.tangential)
-        )
-        return np.asarray(normal, dtype=float), np.asarray(tangential, dtype=float)
+        kinds = (~self.tangential, self.tangential)
+        normal, tangential = (np.bincount(self.point[kind], y[kind], points).astype(np.float64) for kind in kinds)
+        return normal, tangential
 
 
 def is_farkas(qvi: FrictionQVI, y: Vector, nu: Vector) -> bool:
@@ -99,10 +97,9 @@ def is_farkas(qvi: FrictionQVI, y: Vector, nu: Vector) -> bool:
     if not (np.isfinite(y).all() and np.isfinite(nu).all()) or y.min(initial=0.0) < 0:
         return False
     rows = AdmissibleRows.of(qvi)
-    G, h = rows.G, rows.h
-    deficit = -float(h @ y + qvi.b @ nu)
+    deficit = -float(rows.h @ y + qvi.b @ nu)
     size = float(np.abs(qvi.bonded).max(initial=0.0)) or 1.0
-    return deficit > 0 and deficit >= _REACH * size * float(np.abs(G.T @ y + qvi.A.T @ nu).sum())
+    return deficit > 0 and deficit >= _REACH * size * float(np.abs(rows.G.T @ y + qvi.A.T @ nu).sum())
 
 
 def check_feasibility(qvi: FrictionQVI) -> Feasibility:

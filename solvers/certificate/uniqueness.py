@@ -94,18 +94,17 @@ def uniqueness_bound(qvi: FrictionQVI) -> UniquenessBound:
     if 2 * qvi.m > LARGEST:
         return UniquenessBound(friction, reason=f"as {2 * qvi.m} contact rows are more than {LARGEST}")
     # Ĉ (2m, 2m), and an orthonormal basis (2m, r) of what √W [N; T] z can be for A z = 0.
-    system, weights = qvi.condensed_contact.system, np.sqrt(np.concatenate([qvi.W, qvi.W]))
-    rows = weights[:, None] * dense(qvi.condensed_contact.rows_near)
-    C = rows @ system.solve_interface(rows.T)[0]
+    contact, weights = qvi.condensed_contact, np.sqrt(np.concatenate([qvi.W, qvi.W]))
+    rows, C = weights[:, None] * dense(contact.rows_near), weights[:, None] * contact.compliance * weights
     lengths = np.linalg.norm(rows, axis=0)
     units = np.where(lengths > 0.0, lengths, 1.0)  # columns of length one or zero
-    A = system.A / units
+    A = contact.system.A / units
     lengths = np.linalg.norm(A, axis=1)
     fixed = _spanned((A[lengths > 0.0] / lengths[lengths > 0.0, None]).T)
     basis = _spanned(rows / units - rows / units @ fixed @ fixed.T)
     if not basis.shape[1]:
         return UniquenessBound(friction, np.inf, np.inf)
-    values, vectors = eigh(basis.T @ (C + C.T) @ basis / 2.0)
+    values, vectors = eigh(basis.T @ C @ basis)
     kept = values > _LOST * values[-1]
     if (~kept).sum() > qvi.p or not kept.any():
         return UniquenessBound(friction, reason="as the compliance of the contact is beyond double precision")

@@ -45,9 +45,10 @@ class Complementarity:
     pressed : (q,) the normal bound of the pressure on which a bound depends, −1 without one
     coulomb : the bounds that depend on the pressure of a normal bound
     traction : (q,) the traction on which λ works; signs : (q,) the sign of its force
+    signed : (t, q) sums values of the bounds of each traction with the signs of their forces
     bounds : (tractions, 4) the bounds of each traction by their place among `SLOTS`, −1 where it has no such bound
     count : number of normal bounds, and of normal tractions
-    split : (b,) bilateral points whose bound depends on |σ_N|
+    split : (b,) bilateral points whose bound depends on |σ_N|; split_rows : (b, k) rows of their σ_N
     sizes : (q,) what s may be relative to the tractions: 1 + mu for friction, else 1
     stress : scale of the tractions
 
@@ -90,11 +91,10 @@ class Complementarity:
         self.pressed: IntVector = np.where(rubs, places[0, self._points], -1)
         self.coulomb: IntVector = np.flatnonzero(self.pressed >= 0)
         self.friction: Vector = np.where(rubs, mu, 0.0)
-        self._friction = self.friction[self.coulomb]
         self.signs: Vector = np.where(self._sign == 0.0, 1.0, self._sign)
         # Matrices (t, q) that sum values of the bounds of each traction: with signs, without, and times ± mu.
         entries = (self.signs, np.ones(len(self.signs)), self.signs * self.friction)
-        self._signed, self._summed, self._rubbing = (self._summing(each) for each in entries)
+        self.signed, self._summed, self._rubbing = (self._summing(each) for each in entries)
         fixed = np.where(is_cap, limit, np.where(mu > 0.0, cohesion, np.minimum(cohesion, limit)))
         self._fixed: Vector = np.where(self._sign == 0.0, 0.0, fixed)
         self.count = count = len(normal)
@@ -104,7 +104,6 @@ class Complementarity:
         self.weights: Vector = qvi.W[self._points]
         self.W: Vector = self.weights[: len(self.bounds)]
         self.total_weight = float(self.weights.sum())
-        self.slots: IntVector = self.bounds if len(capped) else self.bounds[:, :2]
         self.sizes: Vector = np.where(is_cap | (self._sign == 0.0), 1.0, 1.0 + mu)
         early, late = self._shares.early, self._shares.late
         self.early_shares, self.shares = (np.where(self._sign == 0.0, 1.0, share) for share in (early, late))
@@ -133,7 +132,7 @@ class Complementarity:
         self.T: Rows = self._all[np.concatenate([normal, m + shears])]
         self.N: Rows = scaled(np.repeat([0.0, 1.0], [count, len(shears)]), self._all[np.concatenate([normal, shears])])
         self.forces: Rows = self._space.forces(self.T)
-        self._split_rows: Rows = self._all[self.split]
+        self.split_rows: Rows = self._all[self.split]
 
     def rebase(self, base: Expansion) -> None:
         """Pose the problem about another point; u = 0 there, up to what equations had missed."""
@@ -141,12 +140,11 @@ class Complementarity:
         self._moved = bool(base.z.any())
         _, self._in_body, self._nothing = body_scales(self._qvi, base.strain_energy) if self._moved else (0.0, 0.0, 0.0)
         self._base = base
-        self._offset: Vector = self._equations.offset(base.equality[: len(space.A)], base.tangential)
+        self._offset: Vector = self._equations.offset(base.equality[: len(space.A)], base.tractions[self._qvi.m :])
         half = base.c + 0.5 * (space.stiffness @ self._offset)
         self._energy = base.energy + float(half @ self._offset)
         self.c: Vector = self._equations.map.T @ (base.c + space.stiffness @ self._offset)
-        self._normal, self._tangential = space.tractions(base, self._offset)
-        self._at_zero = np.concatenate([self._normal, self._tangential])
+        self._at_zero = base.tractions + space.E @ self._offset
         self._base_sizes = np.abs(self._at_zero)
         self._last: tuple[Vector | None, Vector] = (None, self._at_zero)
 
@@ -158,24 +156,19 @@ class Complementarity:
         """The free ones of all trace coordinates."""
         return y[self._equations.free]
 
-    def tractions(self, y: Vector) -> tuple[Vector, Vector]:
-        """(σ_N, σ_T) (m,) each."""
-        found, m = self._tractions(y), len(self._normal)
-        return found[:m], found[m:]
-
-    def _tractions(self, y: Vector) -> Vector:
-        """Both (2m,), kept for the last y: an iteration asks for them several times."""
+    def tractions(self, y: Vector) -> Vector:
+        """(σ_N, σ_T) (2m,), kept for the last y: an iteration asks for them several times."""
         if self._last[0] is not y:
             self._last = (y, self._at_zero + self._all @ y)
         return self._last[1]
 
     def contradiction(self) -> float:
         """Largest shear at points without friction, over the scale of stress: what equations cannot make zero."""
-        return float(np.abs(self._tangential[self._qvi.frictionless]).max(initial=0.0)) / self.stress
+        return float(np.abs(self._at_zero[self._qvi.m :][self._qvi.frictionless]).max(initial=0.0)) / self.stress
 
     def stress_at(self, y: Vector) -> float:
         """Max |σ_N|, |σ_T|; where the contact carries nothing that of the body, as `certificate` does."""
-        found = largest(self._tractions(y))
+        found = largest(self.tractions(y))
         if not self._moved:  # nothing is known of the body yet
             return max(found, _FIRST * self.stress)
         return found if found > self._nothing else self._in_body
@@ -183,7 +176,7 @@ class Complementarity:
     def slack(self, y: Vector, size: Vector) -> Vector:
         """Slacks s (q,) for coordinates y and |σ_N| (b,) at the points `split`."""
         points, count = self._points, self.count
-        normal, tangential = self.tractions(y)
+        normal, tangential = np.split(self.tractions(y), 2)
         pressure = -normal
         pressure[self.split] = size
         slack = self._fixed + self.friction * pressure[points]
@@ -206,7 +199,7 @@ class Complementarity:
         both = 4.0 * _EPSILON * (sum_ + 2.0 * bound)
         limit = self._rounding(y)[self._limited]
         limit[count:] += both
-        found = _beyond(np.concatenate([s[:count], 0.5 * (above - below)]) + self._tractions(y)[self._limited], limit)
+        found = _beyond(np.concatenate([s[:count], 0.5 * (above - below)]) + self.tractions(y)[self._limited], limit)
         mean = 0.5 * _beyond(sum_ - 2.0 * bound, both) + self._pressing * found[pressed]
         return np.concatenate([found[:count], mean + found[count:], mean - found[count:]])
 
@@ -223,11 +216,7 @@ class Complementarity:
 
     def split_normal(self, y: Vector) -> Vector:
         """σ_N (b,) at the points `split`."""
-        return np.asarray(self._normal[self.split] + self._split_rows @ y)
-
-    def split_change(self, y: Vector) -> Vector:
-        """Change of σ_N (b,) at the points `split` by a change of y."""
-        return np.asarray(self._split_rows @ y)
+        return np.asarray(self._at_zero[self.split] + self.split_rows @ y)
 
     def friction_of(self, size: Vector) -> Vector:
         """What |σ_N| (b,) of the points `split` adds to the bounds (q,) in which it appears."""
@@ -239,8 +228,8 @@ class Complementarity:
         """C y = −ds (q,) for a change of y, with the slope d|σ_N|/dσ_N (b,) at the points `split`."""
         tractions = self.T @ y
         change = self.signs * tractions[self.traction]
-        change[self.coulomb] += self._friction * tractions[self.pressed[self.coulomb]]
-        return change - self.friction_of(slope * self.split_change(y)) if self.split.size else change
+        change[self.coulomb] += self.friction[self.coulomb] * tractions[self.pressed[self.coulomb]]
+        return change - self.friction_of(slope * (self.split_rows @ y)) if self.split.size else change
 
     def energy(self, y: Vector) -> float:
         """Of (D2), with what the base lacks in accuracy."""
@@ -249,10 +238,8 @@ class Complementarity:
     @cached_property
     def least_share(self) -> float:
         """The least weight of a bound over the sum of those in its contact, see `ContactMatrices`; 1 with none."""
-        if not len(self.weights):
-            return 1.0
         contact = self._qvi.contact.contacts[self._points]
-        return float((self.weights / np.bincount(contact, self.weights)[contact]).min())
+        return float((self.weights / np.bincount(contact, self.weights)[contact]).min(initial=1.0))
 
     @cached_property
     def dense_rows(self) -> tuple[Matrix, Matrix, Vector]:
@@ -260,14 +247,9 @@ class Complementarity:
         T = dense(self.T)
         return T, dense(self.N), np.asarray(self.W * (T * T).sum(axis=1))
 
-    def summed(self, values: Vector) -> Vector:
-        """Σ ± values (t,) over the bounds (q,) of each traction, with the sign of their forces."""
-        sums: Vector = self._signed @ values
-        return sums
-
     def force(self, multipliers: Vector) -> Vector:
         """BᵀWλ (k,)."""
-        force: Vector = self.forces @ (self.W * (self._signed @ multipliers))
+        force: Vector = self.forces @ (self.W * (self.signed @ multipliers))
         return force
 
     def blocks(self, ratio: Vector, slope: Vector) -> tuple[Vector, Vector]:
@@ -289,10 +271,10 @@ class Complementarity:
         parts[1, shears], parts[2, shears] = (self.W * e)[count:], (self.W * D)[count:]
         return parts.ravel()
 
-    def bound_multipliers(self, m_N: Vector, m_T: Vector, slack: Vector) -> Vector:  # letters of (D2)
-        """λ (q,) of row multipliers (m,) each; of friction bound and cap that with the smaller slack (q,) has it."""
-        rows = np.where(self._sign == 0.0, m_N[self._points], self._sign * m_T[self._points])
-        lam = np.maximum(rows, 0.0) / self.weights
+    def bound_multipliers(self, m: Vector, slack: Vector) -> Vector:
+        """λ (q,) of row multipliers (2m,); of friction bound and cap that with the smaller slack (q,) has it."""
+        rows = self.signs * m[self._points + self._qvi.m * (self._sign != 0.0)]
+        lam: Vector = np.maximum(rows, 0.0) / self.weights
         for side in (0, 1):
             bound, cap = self.bounds[(self.bounds[:, side + 2] >= 0)][:, [side, side + 2]].T
             farther = np.where(slack[bound] > slack[cap], bound, cap)
@@ -306,9 +288,9 @@ class Complementarity:
         normal = self._sign == 0.0
         m_N: Vector = np.zeros(qvi.m) + np.bincount(self._points[normal], rows[normal], qvi.m)
         m_T: Vector = np.zeros(qvi.m) + np.bincount(self._points[~normal], (self._sign * rows)[~normal], qvi.m)
-        found = space.equation_multipliers(space.held(self._base, y))
+        found = space.multipliers(self._base, y)
         if found is None:
-            residual = self._base.c + space.stiffness @ y + space.E_N.T @ m_N + space.E_T.T @ m_T
+            residual = self._base.c + space.stiffness @ y + space.E.T @ np.concatenate([m_N, m_T])
             found = self._equations.multipliers(residual, qvi.m, qvi.p)
         return m_N, m_T + found[1], found[0]
 
@@ -341,7 +323,7 @@ class Equations:
         self._fixed: IntVector = np.zeros(0, dtype=np.int64)  # coordinates that points without friction determine
         self._kept = self._fixed  # those of the points whose rows become equations
         if len(self._points):
-            rows = csr_array(space.E_T[self._points])
+            rows = csr_array(space.E[len(weights) + self._points])
             rows.data[np.abs(rows.data) < 1e-14 * np.abs(rows.data).max(initial=0.0)] = 0.0
             rows.eliminate_zeros()
             touched = np.unique(rows.indices).astype(np.int64)

@@ -308,7 +308,7 @@ class Saddle:
     def solve(self, force: Vector, slack: Vector, comp: Vector) -> tuple[Vector, Vector, Vector]:
         """(dy, ds, dλ) for residuals of y and of the slacks, and the wanted change of s λ."""
         problem, k = self.problem, force.size
-        moved = problem.summed((comp + self.lam * slack) / self.s)
+        moved = problem.signed @ ((comp + self.lam * slack) / self.s)
         right = np.concatenate([-force - problem.forces @ (self.soft * moved), -(moved / self.D)[self.stiff]])
         x = self.right * dgetrs(self.factor, self.pivots, self.left * right)[0]
         for _ in range(_REFINEMENTS):
@@ -320,7 +320,7 @@ class Saddle:
         """The changes of s (q,), those of stiff tractions by their forces."""
         problem, stiff, D = self.problem, self.stiff, self.D[self.stiff]
         s = -slack - problem.change(y, self.slope)
-        net = forces - problem.summed(comp / self.s)[stiff]
+        net = forces - (problem.signed @ (comp / self.s))[stiff]
         count = int(stiff.searchsorted(problem.count))
         s[stiff[:count]] = -net[:count] / D[:count]  # of the one bound of a normal traction
         if count == stiff.size:
@@ -329,12 +329,12 @@ class Saddle:
         pressed = problem.pressed[coulomb]
         free[coulomb] += problem.friction[coulomb] * (s + slack)[pressed]
         if problem.split.size:
-            free += problem.friction_of(self.slope * problem.split_change(y))
-        bounds, n = problem.slots[stiff[count:]], problem.slots.shape[1]
+            free += problem.friction_of(self.slope * (problem.split_rows @ y))
+        bounds = problem.bounds[stiff[count:]]
         there = bounds >= 0
         g, ratio = free[bounds], np.where(there, (self.lam / self.s)[bounds], 0.0)
-        pairs = g[:, :, None] - _SAME_SIDE[:n, :n] * g[:, None, :]  # exactly zero for a bound with itself
-        resisted = np.add.reduce(pairs * ratio[:, None, :], axis=2) - net[count:, None] * _SIDES[:n]
+        pairs = g[:, :, None] - _SAME_SIDE * g[:, None, :]  # exactly zero for a bound with itself
+        resisted = np.add.reduce(pairs * ratio[:, None, :], axis=2) - net[count:, None] * _SIDES
         s[bounds[there]] = (resisted / D[count:, None])[there]
         return s
 
@@ -361,7 +361,7 @@ class Newton:
         size = (2.0 * kink + (point.pull - point.push) * split) / (point.pull + point.push)
         slack = slack - problem.friction_of(size)
         y, s, lam = self._bounds(force, slack, work)
-        normal = problem.split_change(y) + split
+        normal = (problem.split_rows @ y) + split
         pull, push = kink + point.pull * normal, kink - point.push * normal
         return Point.of(y, s, lam, pull / (point.pull + point.push), push / (point.pull + point.push))
 
@@ -446,7 +446,7 @@ def start_near(interior: InteriorPoint, y: Vector, start: Start) -> None:
     pull, push = _pair(normal, kink)
     slack = problem.slack(y, size)
     kappa = problem.stress / interior.displacement * problem.sizes**2
-    lam = problem.bound_multipliers(start.normal_multiplier, start.tangential_multiplier, slack)
+    lam = problem.bound_multipliers(start.multipliers, slack)
     s, lam = _pair(slack - kappa * lam, kappa * products[: len(products) - split])
     interior.point = Point.of(y, s, lam / kappa, pull, push)
 
@@ -480,8 +480,8 @@ class CentralPath:
 
     def __init__(self, method: InteriorPoint) -> None:
         self._method = method
-        weights = method.problem.weights
-        half, split = weights / weights.sum(), method.problem.split_weights / weights.sum()
+        problem = method.problem
+        half, split = problem.weights / problem.total_weight, problem.split_weights / problem.total_weight
         self._metric: Vector = np.concatenate([[1.0], half, split, half, split])
         self._log: float = float(np.log(method.parameter()))
         self._start = self._log

@@ -18,9 +18,7 @@
 | `max_iterations` done                                                  | max_iterations                |
 | the time is over, see `deadline`                                        | time_limit                    |
 
-What follows a start that ends without a certificate is said in `solvers.solve`: other shares of friction in s λ, each
-on its own path (`FRICTION_SHARES`). Sparse systems have a start near the bonded solution too (`NEAR_BONDED_SHARES`): it
-is the first of large ones, and the last of others.
+What follows a start that ends without a certificate is said in `solvers.solve`.
 
 In `docs/theory.md`: (D8).
 """
@@ -94,7 +92,7 @@ class CondensedRun:
         self.sizes: list[float] = []  # relative sizes of the corrections
         self.base = space.base(np.zeros(qvi.n))
         bonded = space.bonded(self.base)
-        stress = max(1e-300, *(largest(part) for part in space.tractions(self.base, bonded)))
+        stress = max(1e-300, largest(self.base.tractions + space.E @ bonded))
         self.problem = Complementarity(qvi, space, self.base, stress, shares)
         stiffness = qvi.contact_stiffness
         self.interior = InteriorPoint(self.problem, stress / stiffness if stiffness > 0.0 else 1.0)
@@ -206,7 +204,7 @@ class CondensedRun:
     def _correct(self, step: float) -> None:
         """Move the base to the current point; records what the reduced problem had missed."""
         y = self.problem.full(self.interior.point.y)
-        after = self.space.base(self.space.move(self.base, y), self.space.held(self.base, y))
+        after = self.space.moved(self.base, y)
         self.steps.append(step)
         self.sizes.append(self.relative(self.space.defect(self.base, y, after)))
         self.base = after
@@ -344,7 +342,7 @@ class CondensedRun:
 
     def _record(self, measures: Measures) -> None:
         y = self.interior.point.y
-        normal, _ = self.problem.tractions(y)
+        normal = self.problem.tractions(y)[: self.qvi.m]
         now = time.perf_counter()
         entry = Iteration(
             len(self.history) + 1, measures.worst, self.problem.energy(y),

@@ -19,8 +19,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs, dpotrf, dpotrs
 from scipy.sparse import csc_array, csr_array, diags_array, hstack, vstack
 
 from solvers.basics.types import IntVector, Matrix, Sparse, SparseRows, Vector
-from solvers.factorisation import FactorisationError
-from solvers.factorisation.base import State
+from solvers.factorisation.base import FactorisationError, State
 from solvers.factorisation.choice import Refactorisation
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import Rows, transposed
@@ -69,45 +68,21 @@ class Expansion:
     z: Vector  # (n,)
     c: Vector  # (k,) gradient in coordinates
     equality: Vector  # (p,) b − A z
-    normal: Vector  # (m,) tractions at z
-    tangential: Vector
+    tractions: Vector  # (2m,) σ_N and σ_T at z
     reduced: Vector  # the gradient by the unknowns that are kept, Γ or all
     strain_energy: float  # at z
     energy: float  # that of (D2) at y = 0, z with its interior in equilibrium
-    state: State  # of the elimination, what `Factorisation.expand` takes
-    held: Vector  # multipliers of equations that are coordinates
+    state: State  # of the elimination, what `Factorisation.expand` takes; of sparse ones multipliers of equations
 
 
-_NOTHING: Vector = np.zeros(0)
-
-
-class _Tractions:
-    """What is the same in all coordinates: E (2m, k), tractions by coordinates, and its halves."""
-
-    E: Rows
-
-    @cached_property
-    def E_N(self) -> Rows:  # noqa: N802  # letters of (D2)
-        """The rows (m, k) of normal tractions."""
-        return self.E[: self.E.shape[0] // 2]
-
-    @cached_property
-    def E_T(self) -> Rows:  # noqa: N802
-        """The rows (m, k) of tangential tractions."""
-        return self.E[self.E.shape[0] // 2 :]
-
-    def tractions(self, base: Expansion, y: Vector) -> tuple[Vector, Vector]:
-        """(σ_N, σ_T) (m,) each."""
-        return base.normal + self.E_N @ y, base.tangential + self.E_T @ y
-
-
-class DenseCoordinates(_Tractions):
+class DenseCoordinates:
     """The maps between z and trace coordinates y (k,), in which a problem is posed about a base, and S_y.
 
     Attributes
     ----------
     shares : of friction, see `FRICTION_SHARES`
     stiffness : S_y (k, k), the energy is ½ yᵀ stiffness y + cᵀy + const
+    E : (2m, k), tractions by coordinates
     A : A_y (p, k) equations, and frictionless : points with σ_T = 0, that are solved for some of the coordinates
 
     """
@@ -135,19 +110,15 @@ class DenseCoordinates(_Tractions):
         """Newton's matrices for S (u, u), that of the coordinates that equations leave free."""
         return DenseSystem(np.asarray(S), many=self._many)
 
-    def held(self, base: Expansion, y: Vector) -> Vector:  # noqa: ARG002  # no equation is a coordinate
-        """Multipliers of equations that are coordinates, at y."""
-        return base.held
-
-    def equation_multipliers(self, held: Vector) -> tuple[Vector, Vector] | None:  # noqa: ARG002
-        """(ν (p,), m_T (m,) of points without friction) for these; None where equations are solved."""
+    def multipliers(self, base: Expansion, y: Vector) -> tuple[Vector, Vector] | None:  # noqa: ARG002
+        """(ν (p,), m_T (m,) of points without friction) at y; None where equations are solved, not coordinates."""
         return None
 
     def length(self, y: Vector) -> float:
         """Energy norm of a step."""
         return float(np.sqrt(abs(y @ (self.stiffness @ y))))
 
-    def base(self, z: Vector, held: Vector = _NOTHING) -> Expansion:
+    def base(self, z: Vector) -> Expansion:
         """The reduced problem about z: one gradient and one forward elimination, at z = 0 those of a problem before."""
         qvi = self._qvi
         strain, gradient = qvi.state(z)
@@ -157,13 +128,16 @@ class DenseCoordinates(_Tractions):
         else:
             reduced, state, energy = qvi.bonded_state.at_rest  # friction, cohesion and caps change nothing of it
         c = -self._scale * self._coordinates.from_unknowns(reduced)
-        return Expansion(
-            z, c, qvi.b - qvi.contact.A @ z, qvi.normal(z), qvi.tangential(z), -reduced, strain, energy, state, held
-        )
+        return Expansion(z, c, qvi.b - qvi.contact.A @ z, qvi.tractions(z), -reduced, strain, energy, state)
+
+    def moved(self, base: Expansion, y: Vector) -> Expansion:
+        """The problem about the point with trace coordinates y."""
+        return self.base(self.move(base, y))
 
     def move(self, base: Expansion, y: Vector) -> Vector:
         """The point z + dz whose trace coordinates are y, its interior in equilibrium."""
-        return np.asarray(base.z + self._system.factor.expand(base.state, self._unknowns(y)))
+        values = self._coordinates.to_unknowns(self._scale * y)
+        return np.asarray(base.z + self._system.factor.expand(base.state, values))
 
     def bonded(self, base: Expansion) -> Vector:
         """Trace coordinates (k,) of the bonded solution, on which no contact law acts."""
@@ -176,12 +150,9 @@ class DenseCoordinates(_Tractions):
 
     def defect(self, before: Expansion, y: Vector, after: Expansion) -> float:
         """Energy norm of what the reduced problem missed on the way from one base to the next, y its step."""
-        predicted = before.reduced + self._system.schur @ self._unknowns(y)
+        predicted = before.reduced + self._system.schur @ self._coordinates.to_unknowns(self._scale * y)
         missed = after.reduced - predicted
         return float(np.sqrt(abs(missed @ self._system.solve_interface(missed)[0])))
-
-    def _unknowns(self, y: Vector) -> Vector:
-        return np.asarray(self._coordinates.to_unknowns(self._scale * y))
 
 
 class DenseSystem:
@@ -260,7 +231,7 @@ _ROUNDING = 1e-14  # rows of equations shorter than this beside the longest are 
 _SPRING = 1e6  # least ω: refinement gains as many digits each time, and dependent rows make noise of ω roundings in h
 
 
-class SparseCoordinates(_Tractions):
+class SparseCoordinates:
     """The maps between z and the coordinates y = (x, t, h), with the methods of `DenseCoordinates`."""
 
     name = "full"
@@ -280,7 +251,7 @@ class SparseCoordinates(_Tractions):
         self._lengths: Vector = np.where(self._free, lengths, 1.0)
         self.equations = csr_array(diags_array(1.0 / self._lengths) @ equations)
         count = len(lengths)
-        self.E = csr_array(hstack([csr_array((2 * qvi.m, qvi.n)), E, csr_array((2 * qvi.m, count))]))
+        self.E: Rows = csr_array(hstack([csr_array((2 * qvi.m, qvi.n)), E, csr_array((2 * qvi.m, count))]))
         self.A, self.frictionless = np.zeros((0, self.size)), np.zeros(0, dtype=np.int64)  # none is solved for any
         K = _scaled(qvi.K, self._scale, rows.shape[0])
         coupling = csr_array((self.equations.data, self.equations.indices, self.equations.indptr), (count, K.shape[0]))
@@ -301,29 +272,29 @@ class SparseCoordinates(_Tractions):
         blocks[points] = weights * (_SPRING / float((weights * squares).min(initial=np.inf)))
         return np.append(blocks[points] * squares, np.full(self._qvi.p, _SPRING)), blocks
 
-    def base(self, z: Vector, held: Vector = _NOTHING) -> Expansion:
+    def base(self, z: Vector, held: Vector | None = None) -> Expansion:
         """The problem about z, with these multipliers of equations, 0 by default: one gradient."""
         qvi, count = self._qvi, len(self._lengths)
         energy, gradient = qvi.state(z)
-        normal, tangential, missed = qvi.normal(z), qvi.tangential(z), qvi.b - qvi.contact.A @ z
-        held = held if len(held) else np.zeros(count)
+        tractions, missed = qvi.tractions(z), qvi.b - qvi.contact.A @ z
+        held = np.zeros(count) if held is None else held
         c = np.zeros(self.size)
         c[: qvi.n] = self._scale * gradient + self.equations.T @ held
-        c[self.size - count :] = self._free * np.concatenate([tangential[self._points], -missed]) / self._lengths
-        state = np.zeros((0, 0))
-        return Expansion(z, c, missed, normal, tangential, gradient, energy, qvi.energy(z), state, held)
+        c[self.size - count :] = self._free * np.concatenate([tractions[qvi.m + self._points], -missed]) / self._lengths
+        return Expansion(z, c, missed, tractions, gradient, energy, qvi.energy(z), held)
 
     def move(self, base: Expansion, y: Vector) -> Vector:
         """The point z + dz whose coordinates are y."""
         return np.asarray(base.z + self._scale * y[: self._qvi.n])
 
-    def held(self, base: Expansion, y: Vector) -> Vector:
+    def moved(self, base: Expansion, y: Vector) -> Expansion:
         """See `DenseCoordinates`."""
-        return base.held + y[self.size - len(self._lengths) :]
+        return self.base(self.move(base, y), base.state + y[self.size - len(self._lengths) :])
 
-    def equation_multipliers(self, held: Vector) -> tuple[Vector, Vector]:
-        """(ν (p,), m_T (m,) of points without friction) for multipliers h of the equations."""
-        forces, m_T = held / self._lengths, np.zeros(self._qvi.m)
+    def multipliers(self, base: Expansion, y: Vector) -> tuple[Vector, Vector]:
+        """(ν (p,), m_T (m,) of points without friction) for the multipliers h of equations at y."""
+        held, m_T = base.state + y[self.size - len(self._lengths) :], np.zeros(self._qvi.m)
+        forces = held / self._lengths
         m_T[self._points] = forces[: len(self._points)]
         return forces[len(self._points) :], m_T
 
@@ -397,12 +368,9 @@ class SparseSystem:
         self._size = len(filling.starts) - 1
         self._values = np.empty_like(filling.entries)  # of H, whichever was filled last
         self._springs, self._blocks = whole.springs
+        self.norm = whole.norm  # see `DenseSystem`
         points = int(np.count_nonzero(self._blocks))
         self._sheared, self._across = whole.equations[:points], whole.equations[points:]
-
-    def norm(self, force: Vector) -> float:
-        """See `DenseSystem`."""
-        return self._whole.norm(force)
 
     def factorised(self, problem: Complementarity, ratio: Vector, slope: Vector) -> Solve:
         """See `DenseSystem`. Only the last one can be solved with."""

@@ -10,8 +10,6 @@ fronts.
 """
 
 from solvers.basics.front import front
-from solvers.factorisation.base import Factorisation, FactorisationError
-from solvers.factorisation.choice import BACKENDS, available_backends, factorise, missing_backends, resolve
 
 __all__ = [
     "BACKENDS", "Factorisation", "FactorisationError", "available_backends", "factorise", "missing_backends", "resolve",

@@ -7,14 +7,14 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from time import perf_counter
 from typing import Any, ClassVar, Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy import __version__ as scipy_version
 from scipy.linalg.blas import dsyrk, dtrsm, dtrsv
-from scipy.linalg.lapack import dpotrf, dpotrs
+from scipy.linalg.lapack import dpotrf
 
 from solvers.basics.types import IntVector, Matrix, Module, Vector, load
 from solvers.errors import InputError, QVIError
@@ -43,7 +43,6 @@ class Factorisation(ABC):
     seconds: dict[str, float]
     """Wall time of "analysis" (ordering, symbolic) and "numeric" (with S), conversions included, and of the "check" for
     a matrix that is singular up to rounding where that is a step of its own."""
-    _diagonal: Vector  # of K_ΓΓ, which pivots of S are compared with
 
     @abstractmethod
     def _forward(self, right: Vector | Matrix) -> State:
@@ -91,34 +90,18 @@ class Factorisation(ABC):
         start[self.interface] = values
         return start
 
-    def solve(self, right: Vector | Matrix) -> Vector | Matrix:
-        """Unknowns x = K⁻¹ g for right-hand sides (n,) or (n, j); needs S positive definite, whose factor is kept."""
-        reduced, state = self.reduce(right)
-        if reduced.size:
-            reduced = np.asarray(dpotrs(self._schur_factor, reduced, lower=1)[0])
-        return self.expand(state, reduced)
-
-    @cached_property
-    def _schur_factor(self) -> Matrix:
-        factor, info = dpotrf(self.schur, lower=1, clean=0)
-        if info:
-            raise FactorisationError("singular", self.backend, "the Schur complement is not positive definite")
-        check_pivots(factor.diagonal() ** 2, self._diagonal, self.backend, self.size)
-        return np.asarray(factor)
-
 
 def symmetrised(matrix: Matrix) -> Matrix:
     """(A + Aᵀ)/2, exactly symmetric."""
     return np.asarray(0.5 * (matrix + matrix.T))
 
 
-def check_pivots(pivots: Vector, diagonal: Vector, backend: str, n: int | None = None) -> None:
+def check_pivots(pivots: Vector, diagonal: Vector, backend: str, n: int) -> None:
     """`FactorisationError` for a pivot dᵢ of K = L D Lᵀ, (n, n), that is not above rounding: dᵢ ≤ 10 ε √n Kᵢᵢ.
 
-    0 < dᵢ ≤ Kᵢᵢ holds for every positive definite K, and dᵢ/Kᵢᵢ does not depend on the scaling of the unknowns. `n`
-    has to be given with a part of the pivots.
+    0 < dᵢ ≤ Kᵢᵢ holds for every positive definite K, and dᵢ/Kᵢᵢ does not depend on the scaling of the unknowns.
     """
-    bound = float(_ROUNDING * np.sqrt(pivots.size if n is None else n))
+    bound = float(_ROUNDING * np.sqrt(n))
     if not np.all(pivots > bound * diagonal):
         worst = float(np.min(pivots / diagonal))
         detail = f"a pivot is {worst:.1e} of its diagonal entry, where rounding alone gives {bound:.1e}"
@@ -273,5 +256,4 @@ class DenseFactor(Fronts):
             head, tail, left = eliminated(own, coupling, self.schur.T, self.backend)
             check_pivots(head.diagonal() ** 2, diagonal[interior], self.backend, self.size)
             self._fronts, self.schur = [Front(interior, interface, head, tail)], symmetric(left)
-        self._diagonal = diagonal[interface]
         self.seconds = {"analysis": 0.0, "numeric": perf_counter() - start}

@@ -59,7 +59,7 @@ def factorise(
     SolverUnavailableError
         The back end does not exist or is not installed.
     FactorisationError
-        K_II is not positive definite, memory is lacking, or the back end fails. An indefinite S is found by `solve`.
+        K_II is not positive definite, memory is lacking, or the back end fails.
         With the reason "time": K is large, and the time is over (`deadline`).
 
     """

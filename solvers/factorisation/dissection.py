@@ -36,7 +36,6 @@ class Multifrontal(Fronts):
     def __init__(self, K: Sparse, interface: IntVector, places: Matrix | None = None) -> None:
         self.interface, self.size = interface, K.shape[0]
         start, diagonal = perf_counter(), K.diagonal()
-        self._diagonal = diagonal[interface]
         order, starts = interface_last(K, interface, places)
         analysed = perf_counter()
         with limited_blas(1):

@@ -156,9 +156,7 @@ class Pardiso(Factorisation):
         handle.call(NUMERIC, x=schur)
         self.schur = symmetrised(schur) if schur.size else schur
         factorised = perf_counter()
-        diagonal = K.diagonal()
-        self._diagonal = diagonal[interface]
-        self._check_interior(diagonal)
+        self._check_interior(K.diagonal())
         self.seconds = {"analysis": analysed - start, "numeric": factorised - analysed}
         self.seconds["check"] = perf_counter() - factorised
 
@@ -200,16 +198,12 @@ class RefactorisedByPardiso:
 
     def __init__(self, starts: IntVector, columns: IntVector, threads: int) -> None:
         self._handle = _Handle(STRUCTURALLY_SYMMETRIC, starts, columns, np.zeros(len(columns)), threads, self)
-        self._analysed = False
+        self._handle.call(ANALYSIS)
 
     def factorise(self, values: Vector) -> None:
         """Factorise H, its entries row by row; solves are by this matrix from now on."""
-        handle = self._handle
-        handle.values[:] = values
-        if not self._analysed:
-            handle.call(ANALYSIS)
-            self._analysed = True
-        handle.call(NUMERIC)
+        self._handle.values[:] = values
+        self._handle.call(NUMERIC)
 
     def solve(self, right: Vector) -> Vector:
         """H⁻¹ right (n,)."""

@@ -15,13 +15,11 @@ import numpy as np
 
 from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, Vector
 from solvers.errors import InputError
-from solvers.factorisation import Factorisation
-from solvers.factorisation.base import State, limited_blas
+from solvers.factorisation.base import Factorisation, State, limited_blas
 from solvers.factorisation.choice import Refactorisation, Request, condensing_pays, factorise, refactorisation
 from solvers.inequality.contact import CondensedContact, ContactMatrices
 from solvers.inequality.rows import (
     Columns,
-    absolute_product,
     by_columns,
     checked_matrix,
     checked_vector,
@@ -84,7 +82,7 @@ class Stiffness(PicklesFields):
         self.check_diagonal(least=0.0)
         v = generic_vector(n)
         w = v[::-1]
-        scale = float(np.abs(v) @ absolute_product(self.K, w))
+        scale = float(np.abs(v) @ (abs(self.K) @ np.abs(w)))
         asymmetry = abs(float(v @ (self.K @ w) - w @ (self.K @ v))) / scale if scale > 0 else 0.0
         if asymmetry > _ASYMMETRY:
             raise InputError("K", f"asymmetry {asymmetry:.1e}", "give a symmetric K, such as (K + Kᵀ)/2")

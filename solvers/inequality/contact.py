@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import eigh
 from scipy.linalg.lapack import dpotrf, dpotrs
-from scipy.sparse import csc_array, csr_array, eye_array
+from scipy.sparse import csc_array, csr_array, eye_array, vstack
 
 from solvers.basics.linked import lowest_linked
 from solvers.basics.types import IntVector, Matrix, PicklesFields, Sparse, Vector
 from solvers.errors import InputError
-from solvers.factorisation import Factorisation, FactorisationError
+from solvers.factorisation.base import Factorisation, FactorisationError
 from solvers.inequality.rows import (
     Columns,
     Rows,
@@ -26,8 +26,7 @@ from solvers.inequality.rows import (
     columns_of,
     dense,
     generic_vector,
-    scaled_columns,
-    stacked,
+    scaled,
     stored,
     transposed,
 )
@@ -64,7 +63,8 @@ class ContactMatrices(PicklesFields):
     @cached_property
     def rows(self) -> Columns:
         """[N; T] (2m, n); `InputError` if the traces do not fit them."""
-        rows = stacked(self.N, self.T)
+        parts: Any = [self.N, self.T]  # both dense, or none: their shape is the same
+        rows = np.concatenate(parts) if isinstance(self.N, np.ndarray) else csc_array(vstack(parts, format="csc"))
         if self.traces is not None:
             self.traces.check(rows)
         return rows
@@ -77,7 +77,8 @@ class ContactMatrices(PicklesFields):
     @cached_property
     def touched(self) -> IntVector:
         """Γ: the columns in which rows of contact or equations have an entry, sorted."""
-        return interface_of(self.rows, self.A)
+        rows = columns_of(self.rows)
+        return np.union1d(rows, self.equated) if self.A.shape[0] else rows
 
     @cached_property
     def equated(self) -> IntVector:
@@ -155,25 +156,18 @@ class CondensedContact:
         return self.system.near(self.contact.rows)
 
     @cached_property
-    def reduced(self) -> ReducedContact:
-        """The same in trace coordinates."""
+    def reduced(self) -> tuple[TraceCoordinates, Vector, Matrix, Rows, Matrix]:
+        """Trace coordinates y of Γ, see `systems`; D's diagonal (k,), with which that of S_y is 1; S_y (k, k).
+
+        And E (2m, k), tractions by y, and A_y (p, k), equations by y.
+        """
         coordinates = trace_coordinates(self.contact.factor, self.system.interface)
         stiffness = coordinates.quadratic(self.system.schur)
         diagonal = stiffness.diagonal()
         scale: Vector = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         A = np.asarray(coordinates.from_unknowns(self.system.A.T)).T.reshape(len(self.system.A), len(scale)) * scale
-        rows = scaled_columns(coordinates.interpolation, scale)
-        return ReducedContact(coordinates, scale, stiffness * scale * scale[:, None], rows, A)
-
-
-class ReducedContact(NamedTuple):
-    """A contact in trace coordinates y, see `solvers.condensed.systems`."""
-
-    coordinates: TraceCoordinates  # those of the unknowns Γ
-    scale: Vector  # the diagonal of D (k,), with which that of S_y is 1
-    stiffness: Matrix  # S_y (k, k)
-    rows: Rows  # E (2m, k), tractions by trace coordinates
-    A: Matrix  # A_y (p, k), equations by trace coordinates
+        rows = transposed(scaled(scale, transposed(coordinates.interpolation)))
+        return coordinates, scale, stiffness * scale * scale[:, None], rows, A
 
 
 # The equality-constrained linear system of (D2), its interior eliminated once by a sparse factorisation.
@@ -203,17 +197,12 @@ class EqualitySystem:
     """
 
     def __init__(self, A: Columns, factor: Factorisation) -> None:
-        self.factor, self.interface = factor, factor.interface
+        self.factor, self.interface, self.schur = factor, factor.interface, factor.schur  # the last (k, k)
         self.A: Matrix = dense(self.near(A))  # A_Γ
 
     def near(self, rows: Columns) -> Rows:
         """Columns Γ (j, k) of rows (j, n)."""
         return stored(rows[:, self.interface])
-
-    @property
-    def schur(self) -> Matrix:
-        """S (k, k)."""
-        return self.factor.schur
 
     def solve(self, r: Vector | Matrix, c: Vector | Matrix | None = None) -> tuple[Vector, Vector]:
         """(x, ν) for right-hand sides r (n,) or (n, j) and c (p,) or (p, j), zero if not given."""
@@ -293,8 +282,3 @@ class _Factored(NamedTuple):
         weights = self.vectors.T @ (self.A @ x - c)
         nu = self.vectors @ (weights / (self.values if g.ndim == 1 else self.values[:, None]))
         return x - self.relief @ nu, nu
-
-
-def interface_of(contact_rows: Columns, A: Columns) -> IntVector:
-    """Γ: the columns in which contact or equality rows have an entry, sorted."""
-    return np.union1d(columns_of(contact_rows), columns_of(A)) if A.shape[0] else columns_of(contact_rows)

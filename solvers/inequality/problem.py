@@ -209,6 +209,10 @@ class FrictionQVI(PicklesFields):
         """Tangential traction σ_T = T z + t0 (m,)."""
         return np.asarray(self.contact.T @ z + self.loads.t0)
 
+    def tractions(self, z: Vector) -> Vector:
+        """Both, (σ_N, σ_T) (2m,)."""
+        return np.concatenate([self.normal(z), self.tangential(z)])
+
     def pressure(self, z: Vector) -> Vector:
         """Contact pressure s = max(−(N z + n0), 0), where bilateral |N z + n0| (m,)."""
         return self.law.pressed(self.normal(z))
@@ -282,7 +286,6 @@ class FrictionQVI(PicklesFields):
 # As B touches only the interface Γ of `EqualitySystem`, C = B_Γ S⁻¹ B_Γᵀ with the Schur complement S.
 
 
-_DENSE_LIMIT = 20_000_000  # entries of C up to which it is computed
 _CORRECTIONS = 4
 _ROUNDED = 1e-13  # traction of a correction, over the largest bonded one, that is not worth it
 
@@ -290,43 +293,33 @@ _ROUNDED = 1e-13  # traction of a correction, over the largest bonded one, that 
 class Compliance:
     """The affine map from row multipliers m = (m_N, m_T) to tractions σ = (σ_N, σ_T), K factored once.
 
-    With equality rows K⁻¹ is that of the constrained system. C (2m, 2m) is kept dense where it is small.
+    With equality rows K⁻¹ is that of the constrained system.
+
+    Attributes
+    ----------
+    bonded : σ_bonded (2m,)
+    dense : C (2m, 2m)
+
     """
 
     def __init__(self, qvi: FrictionQVI) -> None:
-        self._qvi = qvi
-        self._rows = qvi.contact.rows
-        self.bonded = self.tractions(qvi.bonded)
+        self.qvi = qvi
+        self.bonded = qvi.tractions(qvi.bonded)
         self._condensed = qvi.condensed_contact
-
-    @property
-    def dense(self) -> Matrix:
-        """C (2m, 2m)."""
-        return self._condensed.compliance
-
-    def tractions(self, z: Vector) -> Vector:
-        """(σ_N, σ_T) at z (2m,)."""
-        return np.concatenate([self._qvi.normal(z), self._qvi.tangential(z)])
-
-    def relief(self, m: Vector) -> Vector:
-        """C m (2m,)."""
-        if (2 * self._qvi.m) ** 2 <= _DENSE_LIMIT:
-            return np.asarray(self.dense @ m)
-        rows = self._condensed.rows_near
-        return np.asarray(rows @ self._condensed.system.solve_interface(transposed(rows) @ m)[0])
+        self.dense = self._condensed.compliance
 
     def unknowns(self, m: Vector) -> tuple[Vector, Vector]:
         """The z (n,) and ν (p,) that minimise the energy under the multipliers m (2m,).
 
         Defect corrections with `FrictionQVI.gradient` go on as long as they shrink.
         """
-        qvi, system = self._qvi, self._condensed.system
-        forces, near = self._rows.T @ m, transposed(self._condensed.rows_near) @ m
+        qvi, system, rows = self.qvi, self._condensed.system, self.qvi.contact.rows
+        forces, near = rows.T @ m, transposed(self._condensed.rows_near) @ m
         z = qvi.bonded - system.factor.expand(np.zeros(qvi.n), system.solve_interface(near)[0])
         scale = size = largest(self.bonded) or np.inf
         for _ in range(_CORRECTIONS + 1):
             correction, nu = system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.contact.A @ z)
-            before, size = size, largest(self._rows @ correction)
+            before, size = size, largest(rows @ correction)
             if not size < 0.5 * before:
                 break
             z = z + correction
@@ -337,4 +330,4 @@ class Compliance:
     def state(self, m: Vector) -> tuple[Vector, Vector, Vector, Vector]:
         """`unknowns` with the parts of m: (z, m_N, m_T, ν)."""
         z, nu = self.unknowns(m)
-        return z, m[: self._qvi.m], m[self._qvi.m :], nu
+        return z, m[: self.qvi.m], m[self.qvi.m :], nu

@@ -9,7 +9,6 @@ from heapq import heapify, heappop, heappush
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from scipy.linalg import qr
 from scipy.linalg.lapack import dgeqp3
 from scipy.sparse import csc_array, csr_array, diags_array, issparse
 
@@ -33,12 +32,6 @@ def by_columns(matrix: Any) -> Sparse:
 
     A matrix that is so already is returned itself.
     """
-    if isinstance(matrix, np.ndarray) and matrix.ndim == 2:  # SciPy would go through coordinates
-        places, rows = np.nonzero(matrix.T)
-        starts = np.searchsorted(places, np.arange(matrix.shape[1] + 1)).astype(np.int32)
-        entries = matrix[rows, places].astype(np.float64)
-        entries.setflags(write=False)
-        return csc_array((entries, rows.astype(np.int32), starts), matrix.shape)
     kept = isinstance(matrix, csc_array) and matrix.dtype == np.float64
     columns = matrix if kept else csc_array(matrix, dtype=np.float64)
     if columns.indices.dtype == np.int32 or max(columns.nnz, *columns.shape) > np.iinfo(np.int32).max:
@@ -46,18 +39,6 @@ def by_columns(matrix: Any) -> Sparse:
     narrow = copy(columns)  # whose parts are exchanged: the constructor would check them all again
     narrow.indices, narrow.indptr = columns.indices.astype(np.int32), columns.indptr.astype(np.int32)
     return narrow
-
-
-def stacked(upper: Columns, lower: Columns) -> Columns:
-    """Rows on top of each other, both dense or both by columns; SciPy's `vstack` would go through coordinates."""
-    if isinstance(upper, np.ndarray) or isinstance(lower, np.ndarray):
-        return np.concatenate([dense(upper), dense(lower)])
-    first = np.arange(upper.nnz) + np.repeat(lower.indptr[:-1], np.diff(upper.indptr))
-    second = np.arange(lower.nnz) + np.repeat(upper.indptr[1:], np.diff(lower.indptr))
-    data, indices = np.empty(upper.nnz + lower.nnz), np.empty(upper.nnz + lower.nnz, dtype=upper.indices.dtype)
-    data[first], data[second] = upper.data, lower.data
-    indices[first], indices[second] = upper.indices, lower.indices + upper.shape[0]
-    return csc_array((data, indices, upper.indptr + lower.indptr), (upper.shape[0] + lower.shape[0], upper.shape[1]))
 
 
 def columns_of(matrix: Columns) -> IntVector:
@@ -86,11 +67,6 @@ def scaled(factors: Vector, rows: Rows) -> Rows:
     return factors[:, None] * rows if isinstance(rows, np.ndarray) else csr_array(diags_array(factors) @ rows)
 
 
-def scaled_columns(rows: Rows, factors: Vector) -> Rows:
-    """Rows diag(factors)."""
-    return rows * factors if isinstance(rows, np.ndarray) else csr_array(rows @ diags_array(factors))
-
-
 def transposed(rows: Columns | SparseRows) -> Rows:
     """rowsᵀ (k, q)."""
     return rows.T if isinstance(rows, np.ndarray) else csr_array(rows.T)
@@ -99,15 +75,6 @@ def transposed(rows: Columns | SparseRows) -> Rows:
 def generic_vector(size: int) -> Vector:
     """(size,) numbers from −1 to 1 without a pattern that a matrix could share; quicker than random ones."""
     return np.asarray(np.sin(np.arange(1.0, size + 1.0) ** 2))
-
-
-def absolute_product(matrix: Columns, vector: Vector) -> Vector:
-    """|matrix| |vector| (q,) for a matrix (q, k): the size of the terms of matrix vector."""
-    if isinstance(matrix, np.ndarray):
-        return np.asarray(np.abs(matrix) @ np.abs(vector))
-    columns = np.repeat(np.abs(vector), np.diff(matrix.indptr))
-    sums = np.bincount(matrix.indices, np.abs(matrix.data) * columns, matrix.shape[0])
-    return np.asarray(sums, dtype=np.float64)
 
 
 # Checks of what is given.
@@ -156,21 +123,6 @@ _RANK = 1e-10
 
 _CANCELLED = 1e-9  # a row that elimination reduces to less than this share of its terms depends on those before it
 _PREFERRED = 0.1  # pivots of at least this share of the largest are good enough
-
-
-def independent_rows(B: Columns) -> tuple[Matrix, Sparse]:
-    """B = E Y with E (rows, r) and orthonormal rows Y (r, n) sparse."""
-    touched = columns_of(B)
-    rows = dense(B[:, touched])
-    lengths = np.linalg.norm(rows, axis=1)
-    lengths[lengths == 0.0] = 1.0
-    Q, R, order = qr((rows / lengths[:, None]).T, mode="economic", pivoting=True)
-    diagonal = np.abs(np.diag(R))
-    r = int((diagonal > _RANK * diagonal.max(initial=0.0)).sum())
-    E = np.empty((B.shape[0], r))
-    E[order] = R[:r].T
-    selection = csc_array((np.ones(len(touched)), (np.arange(len(touched)), touched)), (len(touched), B.shape[1]))
-    return E * lengths[:, None], csc_array(csc_array(Q[:, :r].T) @ selection)
 
 
 class Echelon(NamedTuple):

@@ -18,7 +18,6 @@ from solvers.errors import InputError
 from solvers.inequality.rows import (
     Columns,
     Rows,
-    absolute_product,
     are_few,
     basis_rows,
     by_columns,
@@ -58,7 +57,7 @@ class TractionFactor(PicklesFields):
             raise InputError("traces", found, "give E (2m, r) and Y (r, n)")
         v = generic_vector(contact_rows.shape[1])
         Y, E = self.rows, self.interpolation
-        size: Vector = absolute_product(E, absolute_product(Y, v))
+        size: Vector = abs(E) @ (abs(Y) @ np.abs(v))
         error = np.abs(contact_rows @ v - E @ (Y @ v))
         if (error > _MISMATCH * size.max(initial=0.0)).any():
             raise InputError("traces", f"error {error.max():.1e}", "give E and Y with E Y = [N; T]")
@@ -97,42 +96,31 @@ class TraceCoordinates:
 
 def trace_coordinates(traces: TractionFactor, interface: IntVector) -> TraceCoordinates:
     """Coordinates for contact rows E Y (2m, n) on the unknowns `interface` (k,): independent ones of the rows Y."""
-    k = len(interface)
-    if are_few(traces.rows.shape[0], k) and are_few(traces.interpolation.shape[0], k):
-        return _few_coordinates(dense(traces.rows[:, interface]), dense(traces.interpolation))
-    Y = csr_array(traces.rows[:, interface])
-    found = echelon(Y)
-    P = stored(vstack([Y[found.rows], eye_array(k, format="csr")[found.free]], format="csr"))
+    Y: Any = traces.rows[:, interface]
+    E: Any = traces.interpolation
+    k, few = len(interface), are_few(*Y.shape) and are_few(E.shape[0], len(interface))
+    Y, E = (dense(Y), dense(E)) if few else (csr_array(Y), by_columns(E))
+    found = basis_rows(Y) if few else echelon(Y)
+    P: Any
+    interpolation: Any
+    if few:
+        P = np.concatenate([Y[found.rows], np.eye(k)[found.free]])
+        interpolation = np.pad(E[:, found.rows], ((0, 0), (0, len(found.free))))
+    else:
+        P = stored(vstack([Y[found.rows], eye_array(k, format="csr")[found.free]], format="csr"))
+        more = csc_array((E.shape[0], len(found.free)))
+        interpolation = hstack([E[:, found.rows], more], format="csc")
     factor: Any = _DenseFactor(P) if isinstance(P, np.ndarray) else splu(csc_array(P))
-    interpolation = by_columns(traces.interpolation)
-    more = csc_array((interpolation.shape[0], len(found.free)))
-    E = hstack([interpolation[:, found.rows], more], format="csc")
     dependent = np.setdiff1d(np.arange(Y.shape[0]), found.rows)
-    dependent = dependent[np.diff(Y.indptr)[dependent] > 0]
+    dependent = dependent[abs(Y).sum(axis=1)[dependent] > 0.0]
     if len(dependent):
-        combination = factor.solve(Y[dependent].toarray().T, "T").T
+        combination = factor.solve(dense(Y[dependent]).T, "T").T
         # Zeros in place of what is rounding beside other terms: a solve leaves some everywhere, which would fill the
         # rows of bodies with many joints.
-        sizes: Any = abs(P)
-        terms = np.abs(combination) * np.asarray(sizes.sum(axis=1)).ravel()
+        terms = np.abs(combination) * abs(P).sum(axis=1)
         combination[terms <= _NOISE * terms.max(axis=1, initial=0.0)[:, None]] = 0.0
-        E = E + interpolation[:, dependent] @ csc_array(combination)
-    return TraceCoordinates(stored(E), P, factor)
-
-
-def _few_coordinates(Y: Matrix, interpolation: Matrix) -> TraceCoordinates:
-    """The same for Y (r, k) and E (2m, r) that are small enough to be dense."""
-    k = Y.shape[1]
-    found = basis_rows(Y)
-    P = np.concatenate([Y[found.rows], np.eye(k)[found.free]])
-    factor = _DenseFactor(P)
-    E = np.zeros((len(interpolation), k))
-    E[:, : len(found.rows)] = interpolation[:, found.rows]
-    dependent = np.setdiff1d(np.arange(len(Y)), found.rows)
-    dependent = dependent[Y[dependent].any(axis=1)]
-    if len(dependent):
-        E += interpolation[:, dependent] @ np.asarray(factor.solve(Y[dependent].T, "T")).T
-    return TraceCoordinates(E, P, factor)
+        interpolation = interpolation + E[:, dependent] @ (combination if few else csc_array(combination))
+    return TraceCoordinates(interpolation if few else stored(interpolation), P, factor)
 
 
 class _DenseFactor:

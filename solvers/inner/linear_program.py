@@ -1,7 +1,6 @@
 """Linear programs by HiGHS, accurate, within the time that is left."""
 
 import math
-import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -152,12 +151,11 @@ class Guarded:
 
     def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:
         """As `InnerSolver.solve`."""
-        began = time.perf_counter()
         with warnings.catch_warnings():
             warnings.simplefilter("error", ComplexWarning)  # imaginary parts are not dropped
             answer = attempt(self._name, lambda: self._checked(self._solver.solve(threshold, centre, start)))
         if isinstance(answer, BackendFailure):
-            return no_result(self._qvi, Status.BACKEND_FAILED, str(answer), time.perf_counter() - began)
+            return no_result(self._qvi, Status.BACKEND_FAILED, str(answer))
         return answer
 
     def _checked(self, answer: object) -> InnerSolution:
@@ -170,5 +168,5 @@ class Guarded:
         message = one_line(answer.message)
         if answer.status.usable and not answer.finite:
             message = f"{message}; result is not finite"
-            return no_result(self._qvi, Status.BACKEND_FAILED, message, answer.seconds)
+            return no_result(self._qvi, Status.BACKEND_FAILED, message)
         return replace(answer, message=message)

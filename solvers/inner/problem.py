@@ -61,8 +61,6 @@ class InnerSolution:
     """Translated to the one vocabulary."""
     iterations: int = 0
     """Of the back end, 0 if it does not say."""
-    seconds: float = 0.0
-    """Wall time of the call."""
     message: str = ""
     """What the back end said, warnings included."""
 
@@ -83,7 +81,7 @@ class InnerSolver(Protocol):
         ...
 
 
-def no_result(qvi: FrictionQVI, status: Status, message: str, seconds: float = 0.0) -> InnerSolution:
+def no_result(qvi: FrictionQVI, status: Status, message: str) -> InnerSolution:
     """Return an `InnerSolution` of NaN."""
     nan = np.full(max(qvi.n, qvi.m, qvi.p), np.nan)
-    return InnerSolution(nan[: qvi.n], nan[: qvi.m], nan[: qvi.m], nan[: qvi.p], status, 0, seconds, message)
+    return InnerSolution(nan[: qvi.n], nan[: qvi.m], nan[: qvi.m], nan[: qvi.p], status, 0, message)

@@ -6,7 +6,6 @@ Quadratic Programming Solvers in Python.
 """
 
 import re
-import time
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -38,7 +37,7 @@ class QPSolver:
 
     def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:
         """Solve for the bound threshold (m,); warnings end in the message."""
-        began, qvi, backend = time.perf_counter(), self._qvi, self._backend
+        qvi, backend = self._qvi, self._backend
         P, G, A = self._matrices
         equalities = (A, centre.b) if qvi.p else (None, None)
         initial = start.z - centre.z if backend.warm and start is not None and start.finite else None
@@ -49,14 +48,14 @@ class QPSolver:
             settings = within_time(self._settings, backend.limit)
             answer = qpsolvers.solve_problem(problem, self._name, initvals=initial, **settings)
         word, iterations = _said(answer, backend.otherwise)
-        status, seconds = meaning(word), time.perf_counter() - began
+        status = meaning(word)
         message = "; ".join([f"{self._name}: {word}", *(str(w.message) for w in caught)])
         if any(part is None or np.size(part) != size for part, size in ((answer.x, qvi.n), (answer.z, 3 * qvi.m))):
-            return no_result(qvi, Status.BACKEND_FAILED if status.usable else status, message, seconds)
+            return no_result(qvi, Status.BACKEND_FAILED if status.usable else status, message)
         m_N, m_T = row_multipliers(np.array(answer.z, dtype=np.float64))
         nu = np.array(answer.y, dtype=np.float64) if qvi.p else np.zeros(0)
         z = centre.z + np.array(answer.x, dtype=np.float64)
-        return InnerSolution(z, m_N, m_T, nu, status, iterations, seconds, message)
+        return InnerSolution(z, m_N, m_T, nu, status, iterations, message)
 
 
 def _said(answer: Any, otherwise: str) -> tuple[str, int]:
@@ -202,7 +201,6 @@ class DirectClarabel:
 
     def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:  # noqa: ARG002
         """Solve for the bound threshold (m,); `start` is not used."""
-        began = time.perf_counter()
         settings, seconds = self._solver.get_settings(), deadline.left
         if seconds < settings.time_limit:
             settings.time_limit = seconds
@@ -211,8 +209,8 @@ class DirectClarabel:
         answer = self._solver.solve()
         word, z, multipliers = str(answer.status), centre.z + np.array(answer.x), np.array(answer.z)
         m_N, m_T = row_multipliers(multipliers[self._qvi.p :])
-        nu, seconds = multipliers[: self._qvi.p], time.perf_counter() - began
-        return InnerSolution(z, m_N, m_T, nu, meaning(word), int(answer.iterations), seconds, f"clarabel: {word}")
+        nu = multipliers[: self._qvi.p]
+        return InnerSolution(z, m_N, m_T, nu, meaning(word), int(answer.iterations), f"clarabel: {word}")
 
 
 # Inner solver ``socp:<name>``: the problem as a second-order cone program in cvxpy, canonicalised once.
@@ -254,7 +252,6 @@ class SOCPSolver:
 
     def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:  # noqa: ARG002
         """Solve for the bound threshold (m,); cvxpy does not pass a start on."""
-        began = time.perf_counter()
         self.threshold.value = np.maximum(threshold, 0.0)
         self._f.value, self._n0.value, self._t0.value = centre.f, centre.n0, centre.t0
         if self._b is not None:
@@ -263,7 +260,7 @@ class SOCPSolver:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             self.problem.solve(solver=self._name.upper(), **settings)
-        word, seconds = str(self.problem.status), time.perf_counter() - began
+        word = str(self.problem.status)
         message = "; ".join([f"{self._name}: {word}", *(str(warning.message) for warning in caught)])
         status = meaning(word)
         # cvxpy's Lagrangian subtracts (u, v)·(thr, T x + t0) for the cone, hence m_T = −v.
@@ -272,8 +269,8 @@ class SOCPSolver:
         parts += [row.dual_value for row in self._equality]
         if not status.usable or any(part is None for part in parts):
             status = status if not status.usable else Status.BACKEND_FAILED
-            return no_result(qvi, status, message, seconds)
+            return no_result(qvi, status, message)
         arrays = [np.array(part, dtype=np.float64).ravel() for part in parts]
         nu = arrays[3] if qvi.p else np.zeros(0)
         iterations = int(getattr(self.problem.solver_stats, "num_iters", 0) or 0)
-        return InnerSolution(centre.z + arrays[0], arrays[1], -arrays[2], nu, status, iterations, seconds, message)
+        return InnerSolution(centre.z + arrays[0], arrays[1], -arrays[2], nu, status, iterations, message)

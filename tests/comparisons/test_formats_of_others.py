@@ -297,7 +297,7 @@ def test_a_converged_quadratic_program_has_the_solution_of_the_contact_problem(f
         rows = G[: 2 * qvi.m] @ x  # −n0 and thr − t0 above the bound: tractions are rows + (n0, t0)
         n0 = -h[: qvi.m]
         t0 = (h[2 * qvi.m :] - h[qvi.m : 2 * qvi.m]) / 2.0
-        wanted = np.concatenate([qvi.normal(z), qvi.tangential(z)])
+        wanted = qvi.tractions(z)
         errors.append(float(np.abs(rows + np.concatenate([n0, t0]) - wanted).max() / np.abs(wanted).max()))
     assert errors[0] < 1e-5
     assert errors[1] > 1e-3

@@ -93,7 +93,7 @@ def test_newton_directions_satisfy_the_linearised_equations(name, accurate):
         assert step.s + problem.change(step.y, np.zeros(len(problem.split))) - pressed == pytest.approx(
             -slack, abs=1e-10
         )
-        assert problem.split_change(step.y) - step.pull + step.push == pytest.approx(-split, abs=1e-10)
+        assert problem.split_rows @ step.y - step.pull + step.push == pytest.approx(-split, abs=1e-10)
         first = (point.s * step.lam + point.lam * step.s, point.pull * step.push + point.push * step.pull)
         assert np.concatenate(first) == pytest.approx(comp, abs=1e-10)
 

@@ -259,7 +259,7 @@ def test_a_start_does_not_change_the_method_and_states_of_other_problems_give_th
     started = solve_qvi(qvi, initial=qvi.pressure(plain.z))
     assert (started.method, started.iterations) == (plain.method, plain.iterations)
     assert np.array_equal(started.z, plain.z)
-    other = Start(np.ones(qvi.m), np.zeros(qvi.n + 1), np.zeros(qvi.m), np.zeros(qvi.m))
+    other = Start(np.ones(qvi.m), np.zeros(qvi.n + 1), np.zeros(2 * qvi.m))
     assert solve_qvi(qvi, initial=other).iterations == plain.iterations
     with refused_at("initial"):
         solve_qvi(qvi, method="condensed", initial=np.ones(qvi.m))
@@ -322,12 +322,12 @@ def test_the_point_has_the_products_of_the_path_and_the_differences_of_the_state
     y = problem.restricted(reduction.coordinates(solution.z))
     start_near(interior, y, Start.of(solution))
     point, kappa = interior.point, problem.sizes**2
-    assert problem.tractions(y)[0] == pytest.approx(qvi.normal(solution.z), abs=1e-9)
+    assert problem.tractions(y)[: qvi.m] == pytest.approx(qvi.normal(solution.z), abs=1e-9)
     assert point.products / interior.parameter() == pytest.approx(interior.shares)
     share = float(problem.weights @ (point.s * point.lam)) / problem.weights.sum()
     assert share == pytest.approx(GAP)
     slack = problem.slack(y, np.zeros(0))
-    lam = problem.bound_multipliers(solution.normal_multiplier, solution.tangential_multiplier, slack)
+    lam = problem.bound_multipliers(Start.of(solution).multipliers, slack)
     assert point.s - kappa * point.lam == pytest.approx(slack - kappa * lam, abs=1e-12)
     assert problem.multipliers(y, lam)[1] == pytest.approx(solution.tangential_multiplier, abs=1e-12)
 
@@ -339,7 +339,7 @@ def test_a_misleading_state_is_left(method):
     plain = solve_qvi(qvi, method)
     rng = np.random.default_rng(0)
     for size in (1.0, 1e6):
-        state = Start(np.zeros(qvi.m), *(size * rng.normal(size=k) for k in (qvi.n, qvi.m, qvi.m)))
+        state = Start(np.zeros(qvi.m), *(size * rng.normal(size=k) for k in (qvi.n, 2 * qvi.m)))
         found = solve_qvi(qvi, method, initial=state)
         assert (found.solved, found.method) == (True, plain.method)
         assert found.z == pytest.approx(plain.z, abs=1e-6)
