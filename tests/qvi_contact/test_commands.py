@@ -270,6 +270,8 @@ class TestSweep:
         assert found == pytest.approx(alone, rel=1e-9)
         for given, heading in (("gap=0,1e-4", "added gap [mm]"), ("load=1,0.5", "load factor")):
             assert heading in shell("solve", path, "--set", given)[1]
+        out = shell("solve", example(tmp_path, "preloaded_joint"), "--set", "load=1,2")[1]
+        assert "\nremark, first at load = 2: Nothing determines" in out  # where the base opens
         path = example(tmp_path, "dragged_block_holds", ("cells = 8", "cells = 2"), ("cells = 4", "cells = 2"))
         small, large = (line.split() for line in shell("solve", path, "--set", "load=1,1e12")[1].splitlines()[-4:-2])
         assert float(large[3]) == pytest.approx(1e12 * float(small[3]), rel=1e-4)  # rounding is each value's own
@@ -282,8 +284,7 @@ class TestSweep:
         rows = [line.split() for line in out.splitlines() if line[:2] == "0."]
         assert (status, [row[:2] for row in rows]) == (0, [[value, "solved"] for value in ("0.1", "0.2", "0.3")])
         assert "sweep: friction, 3 values" in shell("check", path)[1]
-        named = answered(shell("solve", path, "--set", "plate.gap=0.0,1e-4", "--json"))
-        assert list(named["gap"]) == [0.0, 1e-4]
+        assert answered(shell("solve", path, "--set", "plate.gap=0.0,1e-4", "--json"))["gap"] == [0.0, 1e-4]
 
     def test_constants_of_the_file_and_loads_by_name(self, shell, tmp_path, monkeypatch):
         path = example(tmp_path, "dragged_block_holds", ("cells = 8", "cells = 2"), ("cells = 4", "cells = 2"))
