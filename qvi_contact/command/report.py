@@ -87,12 +87,16 @@ class Series(NamedTuple):
         return {"times": list(self.values), "dissipated": dissipated, "steps": list(summaries)}
 
     def lines(self, units: Units) -> Iterator[str]:
-        """The tables, each remark once with where it first applies, then what became of it all."""
-        steps = self.results.steps
+        """The tables, and what is said of all."""
         for title, headings, rows in self.tables(units):
             yield title
             yield from table(headings, rows)
             yield ""
+        yield from self.said(units)
+
+    def said(self, units: Units) -> Iterator[str]:
+        """The energy lost, each remark once with where it first applies, then what became of it all."""
+        steps = self.results.steps
         if self.label == "t":
             least = Rounding.largest(step.rounding for step in steps)
             lost = shown(float(self.results.dissipated.sum()), least.energy)
