@@ -171,8 +171,7 @@ class TestCheck:
 def test_limit(shell, sliding):
     loads = ["--load", "drag"]
     document = answered(shell("limit", sliding, *loads, "--json"))
-    assert document["outcome"] == "bounded"
-    assert document["factor"] == pytest.approx(1 / 1.01, rel=1e-6)
+    assert (document["outcome"], document["factor"]) == ("bounded", pytest.approx(1 / 1.01, rel=1e-6))
     assert document["upper"] == pytest.approx(1 / 1.01, rel=1e-9)
     picture = sliding.with_name("sliding.svg")
     assert "0.99009901 times" in shell("limit", sliding, *loads, "--plot", picture)[1]
@@ -180,8 +179,7 @@ def test_limit(shell, sliding):
     refused(shell("limit", sliding, "--load", "nonsense"), "drag")
     refused(shell("limit", sliding), "--load: missing: name one of the loads (", "drag")
     for words, acts in (("limit", "--load", "left"), "0"), (("safety", "--accuracy=0.5"), "those"):
-        told = f"These loads are {acts} at t = 0, the first time of the history.\n"  # safety was silent
-        assert told in shell(words[0], EXAMPLES / "cyclic_shear.toml", *words[1:])[1]
+        assert f" {acts} at t = 0, the first time" in shell(words[0], EXAMPLES / "cyclic_shear.toml", *words[1:])[1]
     found = answered(shell("limit", sliding, *loads, "--target", "1e-4", "--json"))["refinement"]
     assert (found["status"], found["guaranteed"], found["rounds"]) == ("reached", True, 1)
     assert 0.0 <= found["estimate"] <= 1e-4
@@ -343,13 +341,12 @@ def test_one_json_document(shell, tmp_path):
     found = answered(shell("bracket", plate_file(tmp_path, 0.2), "--json", "--degree", 3))
     bounds = found["bracket"]["energies"]
     assert bounds["lower"]["value"] < bounds["upper"]["value"]
-    assert found["bracket"]["coulomb"]["kind"] == "guaranteed"
-    assert 0.0 < found["bracket"]["coulomb"]["solutions_apart"] < 0.5
-    assert found["bracket"]["companion"]["degree"] == 3
+    coulomb, degree = found["bracket"]["coulomb"], found["bracket"]["companion"]["degree"]
+    assert (coulomb["kind"], degree, found["status"]) == ("guaranteed", 3, "solved")
+    assert 0.0 < coulomb["solutions_apart"] < 0.5
     force = found["bracket"]["forces"]["plate.normal_force"]
     assert (force["lower"] < force["upper"], force["unit"]) == (True, "N/mm")
     assert sum(part["value"] for part in found["bracket"]["gap"].values()) > 0.0
-    assert found["status"] == "solved"
 
 
 @pytest.mark.parametrize(
