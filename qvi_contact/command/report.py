@@ -87,18 +87,24 @@ class Series(NamedTuple):
         return {"times": list(self.values), "dissipated": dissipated, "steps": list(summaries)}
 
     def lines(self, units: Units) -> Iterator[str]:
-        """The tables, each remark once, then what became of it all."""
-        steps = self.results.steps
+        """The tables, and what is said of all."""
         for title, headings, rows in self.tables(units):
             yield title
             yield from table(headings, rows)
             yield ""
+        yield from self.said(units)
+
+    def said(self, units: Units) -> Iterator[str]:
+        """The energy lost, each remark once with where it first applies, then what became of it all."""
+        steps = self.results.steps
         if self.label == "t":
             least = Rounding.largest(step.rounding for step in steps)
             lost = shown(float(self.results.dissipated.sum()), least.energy)
             yield f"energy lost in friction: {lost} {units.energy}"
-        remarks = dict.fromkeys(remark for step in steps for remark in step.remarks)
-        yield from (f"remark: {units.filled(remark)}" for remark in remarks)
+        said = dict[str, float]()
+        for value, step in zip(self.values, steps, strict=False):
+            said |= {remark: value for remark in step.remarks if remark not in said}
+        yield from (f"remark, first at {self.label} = {at:g}: {units.filled(remark)}" for remark, at in said.items())
         yield self.results.message
 
     def tables(self, units: Units) -> Iterator[Titled]:

@@ -198,9 +198,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
             found, problem = refinement.limit, refinement.problem
         proved = [] if proof is None else _write_proof(proof, problem, loads, told)
     said, units, missing = report.limit_lines(loads, found, refinement), problem_file.units, {}
-    if not acts:
-        times = problem_file.times
-        said.append("These loads are 0" + (f" at t = {times[0]:g}, the first time of the history." if times else "."))
+    said += _meant(problem_file, acts)
     if found.mechanism is None and found.collapse is None:
         missing["plot"] = "there is no mechanism to draw in"
     if found.collapse is None:
@@ -222,6 +220,12 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     click.echo(_json_text(document) if as_json else "\n".join([*said, *proved]))
     missed = refinement is not None and refinement.status != "reached"
     return 2 if not complete else 1 if missed or found == -math.inf else 0
+
+
+def _meant(file: ProblemFile, acts: bool = True) -> list[str]:
+    """Which loads a limit analysis has had, if that is to be said: those of a history's first time, or none."""
+    when = f" at t = {file.times[0]:g}, the first time of the history" if file.times else ""
+    return [f"These loads are {'those' if acts else '0'}{when}."] if when or not acts else []
 
 
 def _without_loads(
@@ -260,7 +264,7 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
     above = f"divided by {found.upper:.6g} they do not on any mesh" if found.upper < math.inf else "no bound above"
     said = f"strengths divided by {found.lower:.6g} carry the loads on this mesh; {above}"
     document = {"of": list(of), "lower": found.lower, "upper": found.upper}
-    click.echo(_json_text(document) if as_json else said)
+    click.echo(_json_text(document) if as_json else "\n".join([said, *_meant(problem_file)]))
     return 0 if found.lower >= 1.0 else 1
 
 

@@ -16,7 +16,7 @@ from qvi_contact.basics import schema
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_number
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import Curve, checked_bends, circle, ellipse, fitted
-from qvi_contact.mesh.grid import graded_lines, on_line
+from qvi_contact.mesh.grid import checked_lines, graded_lines, on_line
 from qvi_contact.mesh.outline import Corner, Point
 from qvi_contact.mesh.selection import checked_set, edges_in_box, edges_on_segment, new_name
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -75,7 +75,7 @@ class Axis(schema.Kind):
             remedy = "give a list of grid lines, or { start = 0.0, stop = 1.0, cells = 8 }, or a list of such"
             raise InputError("", value, remedy)
         if not piece and not (value and isinstance(value[0], dict)):
-            return np.array(schema.Listed(schema.FINITE).read(value, reader), dtype=float)
+            return checked_lines("", schema.Listed(schema.FINITE).read(value, reader))
         lines: FloatArray = np.empty(0)
         segments = [schema.read_table(Segment, value, reader)] if piece else schema.Tables(Segment).read(value, reader)
         for index, segment in enumerate(segments):

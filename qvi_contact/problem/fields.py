@@ -183,7 +183,10 @@ def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
             raise ValueError(f"{ast.unparse(function)} is not a known function; there are {', '.join(FUNCTIONS)}")
         case ast.Name(id=name):
             raise ValueError(f"{name} is not a known name; there are {', '.join(names)}")
-    hints = {ast.BitXor: "write ** for powers", ast.IfExp: "write where(condition, then, else)"}
+    hints = {
+        ast.BitXor: "write ** for powers", ast.IfExp: "write where(condition, then, else)",
+        ast.Compare: "compare by < <= > >=", ast.And: "write min(one, other)", ast.Or: "write max(one, other)",
+    }  # fmt: skip
     refused = f"{ast.unparse(node)} is not allowed: use numbers, x, y, t, + - * / ** and functions"
     raise ValueError(hints.get(type(getattr(node, "op", node)), refused))
 

@@ -192,7 +192,7 @@ def _judged(result: ContactResult) -> ContactResult:
     with suppress(SolveError, InputError):
         mechanism = find_mechanism(result.problem)
     if mechanism is not None:
-        drive = "the driving loads do work, and nothing resists"
+        drive = "the driving loads do work that nothing else takes up, however small they are"
         if mechanism.overload < float("inf"):
             drive = f"the driving loads do {mechanism.overload:.6g} times the work that everything else can take up"
         status, proof = Status.INFEASIBLE, f"proved by a mechanism of rigid blocks, on which {drive}"

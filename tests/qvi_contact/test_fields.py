@@ -115,10 +115,9 @@ DANGEROUS = [
     "x is y", "x in y", "x // 2", "x % 2", "x @ y", "x << 1", "~1", "x & y", "x | y", "x ^ y", "x := 1", "(x := 1)",
     "open('f')", "eval('1')", "exec('1')", "print(x)", "getattr(x, 'y')", "np.sin(x)", "math.sin(x)", "rand()",
     "randint(3)", "int(x)", "float(x)", "str(x)", "globals()", "x; y", "import os", "x = 1", "sin(x=1)",
-    "sin(x, out=y)", "hypot(x, y, out=x)", "sin(*y)",
-    "sin(**y)", "sin()(x)", "(sin)(x)(y)", "where(x)(y)",
-    "z", "X", "__builtins__", "__doc__", "_", "await x", "yield x", "",
-    "   ", "x +", "1 2", "\x00", "x\ny", "#", "sin", "x + sin", "sin * 2", "sin < 1", "min", "where(sin, 1, 2)",
+    "sin(x, out=y)", "hypot(x, y, out=x)", "sin(*y)", "sin(**y)", "sin()(x)", "(sin)(x)(y)", "where(x)(y)", "z", "X",
+    "__builtins__", "__doc__", "_", "await x", "yield x", "", "   ", "x +", "1 2", "\x00", "x\ny", "#", "sin",
+    "x + sin", "sin * 2", "sin < 1", "min", "where(sin, 1, 2)",
 ]  # fmt: skip
 
 
@@ -132,6 +131,7 @@ class TestRefused:
             with pytest.raises(InputError) as caught:
                 Expression(text)
         assert "\n" not in str(caught.value)
+        assert {"x == y": "by < <=", "x and y": "write min(", "x ^ y": "**"}.get(text, "") in str(caught.value)
 
     def test_number_of_arguments(self):
         """One more would be taken by numpy for the array to write the result to: into x itself."""

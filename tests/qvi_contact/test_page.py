@@ -183,7 +183,7 @@ class TestCommand:
         code, _, err = shell("solve", tmp_path / "a.toml", "--report", tmp_path / "a.html")
         assert (code, err) == (0, "")
         text = (tmp_path / "a.html").read_text(encoding="utf-8")
-        assert "Load steps" in words(text)
+        assert all(each in words(text) for each in ("Load steps", "Energy lost in friction: 0.0029", "All 2 steps"))
         assert "bounds are those of this step alone" in words(text)
         assert text.count("<td>solved</td>") == 2
         with browser.new_page(offline=True) as tab:

@@ -84,6 +84,7 @@ def result_page(
         refinement_table=report.refinement_table(refinement, file.units) if refinement else None,
         trust=report.trust(refinement, file.units) if refinement else "",
         several=several,
+        said=() if series is None else tuple(series.said(file.units)),
         step_label="t" if series is None else series.label,
         pictures=_pictures(steps, None if series is None else series.values, file),
         settings=_settings(result),
