@@ -136,9 +136,8 @@ def _relieved(M: Matrix, q: Vector, strong: BoolVector) -> Vector:
         reduced, rest = M[np.ix_(weak, weak)] - across @ solved[:, 1:], q[weak] - across @ solved[:, 0]
         vertex = solve_lcp(reduced, rest / (np.abs(rest).max() or 1.0), np.ones(len(rest)))
         if not vertex.solved:
-            raise InputError(
-                "derivative", "none found", "a point changes its state: take a slightly different parameter"
-            )
+            why = "a point changes its state, or nothing determines where a body is"
+            raise InputError("derivative", "none found", f"{why}: change the parameter slightly, or add a support")
         x[weak] = vertex.x * (np.abs(rest).max() or 1.0)
     x[strong] = -solved[:, 0] - solved[:, 1:] @ x[weak]
     return np.asarray(scale * x)
