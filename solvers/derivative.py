@@ -116,8 +116,8 @@ def _relieved(M: Matrix, q: Vector, strong: BoolVector) -> Vector:
         size = largest(rest) or 1.0
         vertex = solve_lcp(reduced, rest / size, np.ones(len(rest)))
         if not vertex.solved:
-            remedy = "a point changes its state: take a slightly different parameter"
-            raise InputError("derivative", "none found", remedy)
+            why = "a point changes its state, or nothing determines where a body is"
+            raise InputError("derivative", "none found", f"{why}: change the parameter slightly, or add a support")
         x[weak] = vertex.x * size
     x[strong] = -solved[:, 0] - solved[:, 1:] @ x[weak]
     return np.asarray(scale * x)
