@@ -74,7 +74,7 @@ def result_page(
             (title, headings, [[cell.replace("-", "−") for cell in row] for row in rows])
             for title, headings, rows in series.tables(file.units)
         ]
-    text: str = page_template("qvi_contact.command.page").render(
+    return page_template("qvi_contact.command.page").render(
         **_frame(file, result.problem, "Contact problem"),
         result=result,
         number=number,
@@ -92,7 +92,6 @@ def result_page(
         contact_data=[contact["data"] for contact in contacts],
         tables=result_tables(result, file.units) if result.has_state else [],
     )
-    return text
 
 
 def limit_page(file: ProblemFile, problem: ContactProblem, limit: LimitLoad, lines: Sequence[str]) -> str:
@@ -102,13 +101,12 @@ def limit_page(file: ProblemFile, problem: ContactProblem, limit: LimitLoad, lin
         figure = limit_figure(problem, limit, file.units, answer=f"{lines[0]}.")
         picture = _picture(figure, "How the body gives way")
     contacts = {} if moved is None else moved.contacts
-    text: str = page_template("qvi_contact.command.page", "limit.html").render(
+    return page_template("qvi_contact.command.page", "limit.html").render(
         **_frame(file, problem, "Limit load"),
         lines=lines,
         picture=picture,
         motions=[(name, *(number(value, 3, 1e-6) for value in (at.opening, at.slip))) for name, at in contacts.items()],
     )
-    return text
 
 
 def _frame(file: ProblemFile, problem: ContactProblem, title: str) -> dict[str, Any]:
@@ -282,10 +280,9 @@ def contact_data(line: ContactLine, units: Units) -> dict[str, Any]:
     """The points of a contact as its picture shows them from left to right, numbers with seven digits."""
     pieces = pieces_along(line)[0]
     order, places = (np.concatenate(part) for part in zip(*((piece.points, piece.s) for piece in pieces), strict=True))
-    bound = np.where(np.isfinite(line.friction_bound), line.friction_bound, np.nan)
     columns = {
         "x": line.x, "y": line.y, "pressure": -line.effective_normal_stress, "shear": line.tangential_stress,
-        "bound": bound, "gap": line.gap, "slip": line.slip,
+        "bound": line.friction_bound, "gap": line.gap, "slip": line.slip,
     }  # fmt: skip
     found: dict[str, Any] = {name: _rounded(values[order]) for name, values in columns.items()}
     if line.has_fluid:
