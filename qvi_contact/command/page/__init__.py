@@ -63,17 +63,9 @@ def result_page(
     steps = (result,) if series is None else series.results.steps
     bracket, missing = bracketed()
     companion = bracket.companion if bracket is not None and bracket.companion.has_state else None
-    contacts = [
-        _contact(line, f"contact-{number}", file.units)
-        for number, line in enumerate(result.contacts.values() if result.has_state else (), 1)
-        if panels is None or line.name in panels
-    ]
-    several: list[report.Titled] = []
-    if series is not None and len(steps) > 1:
-        several = [
-            (title, headings, [[cell.replace("-", "−") for cell in row] for row in rows])
-            for title, headings, rows in series.tables(file.units)
-        ]
+    lines = result.contacts.values() if result.has_state else ()
+    contacts = [_contact(line, file.units) for line in lines if panels is None or line.name in panels]
+    several = [] if series is None or len(steps) == 1 else list(series.tables(file.units))
     return page_template("qvi_contact.command.page").render(
         **_frame(file, result.problem, "Contact problem"),
         result=result,
@@ -83,13 +75,12 @@ def result_page(
         refinement=refinement,
         refinement_table=report.refinement_table(refinement, file.units) if refinement else None,
         trust=report.trust(refinement, file.units) if refinement else "",
-        several=several,
+        several=[(*named, [[cell.replace("-", "−") for cell in row] for row in rows]) for *named, rows in several],
         step_label="t" if series is None else series.label,
         pictures=_pictures(steps, None if series is None else series.values, file),
         settings=_settings(result),
         field=field_data(result, companion, file.units) if result.has_state else None,
         contacts=contacts,
-        contact_data=[contact["data"] for contact in contacts],
         tables=result_tables(result, file.units) if result.has_state else [],
     )
 
@@ -140,7 +131,7 @@ def _pictures(
     return found
 
 
-def _contact(line: ContactLine, name: str, units: Units) -> dict[str, Any]:
+def _contact(line: ContactLine, units: Units) -> dict[str, Any]:
     """Picture of the tractions, where its axes lie in it, and the values at the points."""
     with settings():
         figure = new_figure(*_WIDE)
@@ -150,7 +141,7 @@ def _contact(line: ContactLine, name: str, units: Units) -> dict[str, Any]:
     picture = _picture(figure, f"Tractions along contact {line.name}")
     box, (low, high) = axes.get_position(), axes.get_xlim()  # as they were drawn
     frame = {"low": low, "high": high, "left": float(box.x0), "right": float(box.x1)}
-    return {"name": line.name, "id": name, "picture": picture, "data": contact_data(line, units) | frame}
+    return {"name": line.name, "picture": picture, "data": contact_data(line, units) | frame}
 
 
 def _picture(figure: "Figure", label: str) -> Markup:
