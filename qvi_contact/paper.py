@@ -198,9 +198,9 @@ class QuarterPlate:
 
         Lengths and stresses are in the units of the data; points go along x first, m = 16 nx ny.
         """
-        x, y = self._places().T * self.length_unit
+        x, y = np.meshgrid(*(spline.points(GAUSS_POINTS).ravel() for spline in (self._along_x, self._along_y)))
         sigma = np.stack([rows @ z for rows in self._stress_rows()], axis=1)
-        return x, y, sigma * self.stress_unit
+        return x.ravel() * self.length_unit, y.ravel() * self.length_unit, sigma * self.stress_unit
 
     def principal_stress(self, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(σ₁, σ₂, angle) at the same points, σ₁ ≥ σ₂, shape (m,) each; the angle [rad] of σ₁ from the x axis.
@@ -251,11 +251,6 @@ class QuarterPlate:
         parts = [sum(triangle[c, k] * stress[c] for c in range(3) if triangle[c, k] != 0.0) for k in range(3)]
         R = sparse.diags_array(np.tile(np.sqrt(weights), 3)) @ sparse.vstack(parts)
         return StressRoot(sparse.csr_array(R))
-
-    def _places(self) -> FloatArray:
-        """The Gauss points of all elements, along x first, (m, 2), dimensionless."""
-        x, y = np.meshgrid(self._along_x.points(GAUSS_POINTS).ravel(), self._along_y.points(GAUSS_POINTS).ravel())
-        return np.stack([x.ravel(), y.ravel()], axis=1)
 
     def _contact(self, t: FloatArray, component: int) -> sparse.csr_array:
         """Rows of a stress on y = h at the points t (q,) of every edge, shape (nx q, n), dimensionless."""

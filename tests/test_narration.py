@@ -46,11 +46,6 @@ def test_every_method_counts_and_calls_back(method, capsys):
         solve(PLATE, method=method, max_iterations=0)
 
 
-def parts(found):
-    """The stress of a bracket, and its displacement."""
-    return found.result, found.companion
-
-
 def test_a_bracket_counts(capsys):
     """The stress violates the law between its points: it is solved for again, twice, then displacements twice."""
     found = bracket(solve(PLATE, law_on="points"), verbose=True)
@@ -58,7 +53,7 @@ def test_a_bracket_counts(capsys):
     lengths = [number for number, following in itertools.pairwise([*counted, 1]) if following == 1]
     assert counted == [number for length in lengths for number in range(1, length + 1)]
     assert len(lengths) == 4
-    assert [lengths[0], lengths[2]] == [each.solution.iterations for each in parts(found)]
+    assert [lengths[0], lengths[2]] == [each.solution.iterations for each in (found.result, found.companion)]
 
 
 @pytest.mark.parametrize(

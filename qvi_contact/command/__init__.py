@@ -2,11 +2,4 @@
 
 from solvers.basics.front import front
 
-__getattr__ = front(
-    __name__,
-    {
-        "cli": ("group",),
-        "page": ("number", "result_page", "result_tables"),
-        "report": ("result_lines",),
-    },
-)
+__getattr__ = front(__name__)

@@ -106,7 +106,7 @@ def group() -> None:
     """  # noqa: D301  # click wants the character \b, not the two
 
 
-def _command(summary: str, *options: str | _Decorator) -> Callable[[_Command], click.Command]:
+def _command(*options: str | _Decorator) -> Callable[[_Command], click.Command]:
     """A command with these options, or names of shared ones: the function has its help, that in `work` does it."""
 
     def decorated(function: _Command) -> click.Command:
@@ -119,7 +119,7 @@ def _command(summary: str, *options: str | _Decorator) -> Callable[[_Command], c
         each = [[given] if callable(given) else map(_option, given.split()) for given in options]
         for option in reversed([*chain.from_iterable(each)]):
             command = option(command)
-        return group.command(short_help=summary)(command)
+        return group.command(command)
 
     return decorated
 
@@ -137,7 +137,6 @@ def _put_off(*names: str) -> None:
 
 
 @_command(
-    "Solve a problem: forces, states, certificate.",
     "FILE degree law_on method inner factorisation threads tolerance time_limit verbose json",
     "plot vtk npz save_json report",
     click.option(
@@ -166,7 +165,7 @@ def _put_off(*names: str) -> None:
     ),
 )
 def solve() -> None:
-    """Solve the problem in FILE and report forces and states of its contacts.
+    """Solve the problem in FILE: forces, states, certificate.
 
     Options override [solve] in the file. After --time-limit seconds the result is the best state found so far, with the
     status time_limit.
@@ -196,14 +195,13 @@ def solve() -> None:
 
 
 @_command(
-    "Check a stored result, from its file alone.",
     click.argument("result", metavar="RESULT", type=click.Path()),
     _option("tolerance", "Tolerance of the certificate.  [default: that of the result]"),
     click.option("-v", "--verbose", is_flag=True, help="Print every check, not only those that failed."),
     "json",
 )
 def verify() -> None:
-    """Check the stored result RESULT against the problem stored with it.
+    """Check the stored result RESULT, from its file alone.
 
     RESULT is an archive written by "qvi-contact solve --npz" or qvi_contact.export.write_npz. It holds the problem,
     which is discretised again. The certificate is computed again from unknowns and multipliers. Tractions, gaps, slips,
@@ -220,12 +218,7 @@ def verify() -> None:
     """  # noqa: D301
 
 
-@_command(
-    "Show what was understood, without solving.",
-    "FILE degree law_on",
-    _option("plot", "Draw mesh, boundary parts and loads: .png, .svg or .pdf."),
-    "json",
-)
+@_command("FILE degree law_on", _option("plot", "Draw mesh, boundary parts and loads: .png, .svg or .pdf."), "json")
 def check() -> None:
     """Read FILE and print what it describes, without solving.
 
@@ -238,7 +231,6 @@ def check() -> None:
 
 
 @_command(
-    "Bound the energy, and a force, from both sides.",
     "FILE",
     _option("degree", "Degree of the displacements, 1 to 5; that of the stress function by default, at most 5."),
     click.option(
@@ -248,11 +240,12 @@ def check() -> None:
     _option("vtk", "Write the fields for ParaView (.vtu), with what each cell adds to the gap of the bounds."),
 )
 def bracket() -> None:
-    """Solve the problem in FILE by stresses and by displacements, and bound the error of the answer.
+    """Bound energy and forces from both sides.
 
-    The stress model gives a lower bound of the energy, a displacement model on the same mesh an upper bound. The bounds
-    are guaranteed for straight contacts without Coulomb friction. If one prescribed displacement drives the problem,
-    its force is bounded too. With Coulomb friction the error of the stresses and the forces of contacts are bounded,
+    The problem in FILE is solved by stresses and by displacements, which bounds the error of the answer. The stress
+    model gives a lower bound of the energy, a displacement model on the same mesh an upper bound. The bounds are
+    guaranteed for straight contacts without Coulomb friction. If one prescribed displacement drives the problem, its
+    force is bounded too. With Coulomb friction the error of the stresses and the forces of contacts are bounded,
     whatever sticks, slips or opens; the bounds are guaranteed or estimated. The output gives every reason why bounds
     are not guaranteed.
 
@@ -264,7 +257,6 @@ def bracket() -> None:
 
 
 @_command(
-    "Refine the mesh until a number is accurate.",
     "FILE target quantity max_unknowns max_rounds",
     click.option(
         "--guaranteed/--estimated",
@@ -276,7 +268,7 @@ def bracket() -> None:
     "law_on method inner tolerance time_limit verbose json plot vtk npz save_json report",
 )
 def refine() -> None:
-    """Refine the mesh of the problem in FILE until a number is as accurate as you ask.
+    """Refine the mesh until a number is as accurate as you ask.
 
     The first mesh is the one in the file: make it coarse. Each round solves the problem, computes the error of the
     quantity, and divides the cells that contribute most to it. The table has a row for each round: unknowns, value, and
@@ -299,7 +291,6 @@ def refine() -> None:
 
 
 @_command(
-    "Largest multiple of loads that contacts carry.",
     "FILE",
     click.option(
         "--load", "loads", metavar="NAME", multiple=True, help="Name of a load to multiply; may be given several times."
@@ -312,17 +303,17 @@ def refine() -> None:
     "proof",
 )
 def limit() -> None:
-    """Bounds of the largest multiple of the named loads that contacts and body can carry. The other loads are fixed.
+    """Bound the largest multiple of loads that can be carried.
 
-    The first number is a multiple that stresses of this mesh carry within the contact laws, and within the strength of
-    materials that have one. The second is a multiple that no stress of the body exceeds, proved by a mechanism of rigid
-    blocks, or by a flow of bodies that yield. With --target the mesh is refined until
-    the difference is within this share of the second number. Under Coulomb friction the body may slide below these
-    loads; check a load by "qvi-contact solve". NAME is the name of a traction (its edge set if it has none), of a
-    contact whose plate is driven by force, or "body" for the body force. Loads of one name are multiplied together.
-    With a [history] the problem at its first time is used. With --proof and without a --load the file proves that the
-    loads as they are cannot be carried, by a mechanism of rigid blocks. The exit status is 1 if the mesh carries no
-    multiple, or if the target was not reached.
+    Named loads are multiplied, by as much as contacts and body can carry; the other loads are fixed. The first number
+    is a multiple that stresses of this mesh carry within the contact laws, and within the strength of materials that
+    have one. The second is a multiple that no stress of the body exceeds, proved by a mechanism of rigid blocks, or by
+    a flow of bodies that yield. With --target the mesh is refined until the difference is within this share of the
+    second number. Under Coulomb friction the body may slide below these loads; check a load by "qvi-contact solve".
+    NAME is the name of a traction (its edge set if it has none), of a contact whose plate is driven by force, or "body"
+    for the body force. Loads of one name are multiplied together. With a [history] the problem at its first time is
+    used. With --proof and without a --load the file proves that the loads as they are cannot be carried, by a mechanism
+    of rigid blocks. The exit status is 1 if the mesh carries no multiple, or if the target was not reached.
 
     \b
     Examples:
@@ -333,7 +324,6 @@ def limit() -> None:
 
 
 @_command(
-    "Bound the factor of safety on strength and friction.",
     "FILE",
     click.option(
         "--of", metavar="NAME", multiple=True, help="Contact, region or body to weaken; may be given several times."
@@ -342,12 +332,13 @@ def limit() -> None:
     "degree time_limit verbose json",
 )
 def safety() -> None:
-    """Bounds of the factor by which friction, cohesion and strengths may be divided until the loads are just carried.
+    """Bound the factor of safety on strength and friction.
 
-    The first number is a factor at which stresses of this mesh carry all loads, the second one at which no stress does.
-    By default all contacts and materials are weakened together; name some of them by --of. "body" is the material of
-    the body. Under Coulomb friction the body may slide at smaller factors than the first; check one by "qvi-contact
-    solve". With a [history] the problem at its first time is used. The exit status is 1 if the first number is below 1.
+    Friction, cohesion and strengths may be divided by it until the loads are just carried. The first number is a factor
+    at which stresses of this mesh carry all loads, the second one at which no stress does. By default all contacts and
+    materials are weakened together; name some of them by --of. "body" is the material of the body. Under Coulomb
+    friction the body may slide at smaller factors than the first; check one by "qvi-contact solve". With a [history]
+    the problem at its first time is used. The exit status is 1 if the first number is below 1.
 
     \b
     Examples:
@@ -356,12 +347,13 @@ def safety() -> None:
     """  # noqa: D301
 
 
-@_command("Check a proof file of limit in exact arithmetic.", "FILE")
+@_command("FILE")
 def check_proof() -> None:
-    """Check a proof of what a body carries and of what it does not, written by "qvi-contact limit --proof".
+    """Check a proof file in exact arithmetic.
 
-    All arithmetic is exact. The check is the script qvi_contact/limit/check_proof.py, which needs nothing but Python's
-    standard library. The exit status is 1 if something does not hold.
+    "qvi-contact limit --proof" writes it: a proof of what a body carries and of what it does not. The check is the
+    script qvi_contact/limit/check_proof.py, which needs nothing but Python's standard library. The exit status is 1 if
+    something does not hold.
 
     \b
     Example:
@@ -369,11 +361,12 @@ def check_proof() -> None:
     """  # noqa: D301
 
 
-@_command("List the keys of problem files.", click.argument("name", metavar="[NAME]", default=""))
+@_command(click.argument("name", metavar="[NAME]", default=""))
 def keys() -> None:
-    """List the tables of problem files with their keys, or say all about the table or key called NAME.
+    """List the keys of problem files.
 
-    Of each key there are the values that it takes, its default, its meaning with the unit, and an example.
+    All tables with their keys are listed, or all is said about the table or key called NAME. Of each key there are the
+    values that it takes, its default, its meaning with the unit, and an example.
 
     \b
     Examples:
@@ -383,14 +376,14 @@ def keys() -> None:
     """  # noqa: D301
 
 
-@_command("List what can be used on this machine.", "json")
+@_command("json")
 def methods() -> None:
-    """List the methods, inner solvers and factorisations that can be used here.
+    """List methods and solvers that can be used here.
 
     Inner solvers are names for the argument `inner` of qvi_contact.solve: "qp:…" are quadratic programs through
     qpsolvers, "direct:…" solvers that keep their set-up between outer iterations, "socp:…" second-order cone programs
-    through cvxpy. In a copy of the repository "python -m pip install '.[solvers]'" installs
-    more back ends. The list also names factorisations that are not installed, and how to install them.
+    through cvxpy. In a copy of the repository "python -m pip install '.[solvers]'" installs more back ends. The
+    list also names factorisations that are not installed, and how to install them.
     """
 
 

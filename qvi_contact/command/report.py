@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 import numpy as np
 
 from qvi_contact import files
-from qvi_contact.basics.schema import Varying, keys_of
+from qvi_contact.basics.schema import write_table
 from qvi_contact.basics.units import Certainty, Rounding, Units, shown
 from qvi_contact.discretization.discretization import discretize
 from qvi_contact.files.problem_file import ProblemFile
-from qvi_contact.problem.conditions import DRIVES, Condition, Contact, Traction
+from qvi_contact.problem.conditions import Condition, Contact, Traction
 from qvi_contact.problem.fields import Expression, PointData, Polynomial
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import SUMMARY, ContactState
@@ -29,10 +29,8 @@ if TYPE_CHECKING:
 STATES = [state.name.lower() for state in ContactState]
 FORCES = {name: SUMMARY[name] for name in ("normal_force", "tangential_force")}
 _LAW_ON = {"points": "at Gauss points", "edges": "on whole edges"}
-_SAID = ("x", "y", "normal", "tangential", "friction")  # of conditions, also where they are 0
-_HIDDEN = ("kind", "edges", "length", "joint")
-_OF_MATERIALS = ("strength", "expansion", "shrinkage", "prestress")  # where they are given
-_OF_REGIONS = ("name", "x", "y", "temperature")
+_HIDDEN = ("kind", "edges", "length", "joint")  # of conditions, said otherwise
+_STIFF = ("young", "poisson", "plane", "cells")  # of materials
 
 
 def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
@@ -170,19 +168,14 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
         yield (
             f"material: E = {material['young']:g} {units.stress}, ν = {material['poisson']:g}, "
             f"plane {material['plane']}, {material['cells']} cells"
-            + "".join(f", {name} = {material[name]}" for name in (*_OF_REGIONS, *_OF_MATERIALS) if name in material)
+            + "".join(f", {name} = {value}" for name, value in material.items() if name not in _STIFF)
         )
     if outline["temperature"] != 0.0:
         yield f"temperature: {outline['temperature']}"
     for condition in outline["boundary"]:
-        given = {name: value for name, value in condition.items() if name not in _HIDDEN}
-        drives = given.pop("plate", {})  # also those of 0: without a force it stands still in that direction
-        given = {
-            name: value
-            for name, value in given.items()
-            if value not in (None, "unilateral") and (value != 0.0 or name in _SAID)
-        }
-        text = ", ".join(f"{name} = {value}" for name, value in (given | drives).items())
+        given = {name: value for name, value in condition.items() if name not in _HIDDEN and value != "unilateral"}
+        given |= given.pop("plate", {})
+        text = ", ".join(f"{name} = {value}" for name, value in given.items())
         where = f"{condition['kind']} on {condition['edges']} ({condition['length']:g} {units.length})"
         yield f"{where}: {text}" if text else where
     for load in outline["loads"]:
@@ -376,7 +369,7 @@ def outline(file: ProblemFile, given: Mapping[str, Any]) -> tuple[ContactProblem
         "unknowns": qvi.n,
         "contact_points": qvi.m,
         "materials": [_material(problem, number, int(count)) for number, count in enumerate(counts)],
-        "temperature": _written(problem.temperature),
+        "temperature": _written("temperature", problem.temperature),
         "boundary": [_condition(problem, condition) for condition in problem.conditions],
         "loads": list(_loads(problem)),
         "solve": dict(options),
@@ -387,47 +380,28 @@ def outline(file: ProblemFile, given: Mapping[str, Any]) -> tuple[ContactProblem
     }
 
 
-def _written(value: Any) -> Any:
-    """A datum as a file has it, as far as JSON can hold it."""
+def _written(_path: str, value: Any) -> Any:
+    """A field as a file has it, as far as JSON can hold it."""
     if isinstance(value, Polynomial):
         return {"polynomial": [list(row) for row in value.coefficients]}
     if isinstance(value, PointData):
         return f"values at {len(value.values)} points"
-    if isinstance(value, tuple):
-        return [_written(part) for part in value]
-    return value.text if isinstance(value, Expression) else getattr(value, "kind", value)  # of a strength
+    return value.text if isinstance(value, Expression) else value
 
 
 def _material(problem: ContactProblem, number: int, cells: int) -> dict[str, Any]:
     """The body's own material, number 0, or that of a region, and where that is."""
-    material = problem.materials[number]
-    found = {"young": material.young, "poisson": material.poisson, "plane": material.plane, "cells": cells}
-    parts: list[tuple[object, tuple[str, ...]]] = [(material, _OF_MATERIALS)]
-    if number:
-        parts.append((problem.regions[number - 1], _OF_REGIONS))
-    given = {name: _written(getattr(part, name)) for part, names in parts for name in names}
-    said = {name: value for name, value in given.items() if value is not None}
-    return found | {name: value for name, value in said.items() if value != 0.0 or name in _OF_REGIONS}
+    stated = problem.regions[number - 1] if number else problem.material
+    return write_table("material", stated, _written) | {"plane": problem.material.plane, "cells": cells}
 
 
 def _condition(problem: ContactProblem, condition: Condition) -> dict[str, Any]:
-    """A condition: fields are numbers, or functions as they are written."""
-    found: dict[str, Any] = {
-        "kind": type(condition).__name__.lower(),
-        "edges": condition.edges,
-        "length": float(problem.mesh.edges(condition.edges).length.sum()),
-    }
+    """A condition as a problem file states it."""
+    kind, length = type(condition).__name__.lower(), float(problem.mesh.edges(condition.edges).length.sum())
+    found = {"kind": kind, "edges": condition.edges, "length": length}
     if isinstance(condition, Contact):
         found |= {"name": condition.name, "law": condition.law, "joint": condition in problem.joints}
-        if condition.plate is not None:
-            drives = {name: getattr(condition.plate, name) for pair in DRIVES.items() for name in pair}
-            found["plate"] = {name: value for name, value in drives.items() if value is not None}
-            if any(condition.plate.pivot):
-                found["plate"]["pivot"] = list(condition.plate.pivot)
-    for name, each in keys_of(type(condition)).items():
-        if isinstance(each.kind, Varying):
-            found[name] = _written(getattr(condition, name))
-    return found
+    return found | write_table(kind, condition, _written)
 
 
 def act(problem: ContactProblem, loads: Iterable[str]) -> bool:

@@ -1,7 +1,7 @@
 """A problem before it is solved: body, materials, conditions, loads, contacts; and what such pictures are made of."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
@@ -246,6 +246,7 @@ def draw_problem(axes: "Axes", problem: ContactProblem, units: Units | None = No
     style.spread(axes, sketch.written)
 
 
+@dataclass(eq=False)
 class _Sketch:
     """A picture of a problem in the making.
 
@@ -253,17 +254,15 @@ class _Sketch:
     usual one; with less the lines of conditions are left out.
     """
 
-    def __init__(
-        self,
-        axes: "Axes",
-        problem: ContactProblem,
-        units: Units,
-        moved: Callable[[FloatArray], FloatArray] = np.asarray,
-        size: float = 1.0,
-    ) -> None:
-        self.axes, self.problem, self.units, self.moved, self.size = axes, problem, units, moved, size
-        self.length = problem.mesh.length
-        self.conditions = merged(problem.conditions)
+    axes: "Axes"
+    problem: ContactProblem
+    units: Units
+    moved: Callable[[FloatArray], FloatArray] = np.asarray
+    size: float = 1.0
+
+    def __post_init__(self) -> None:
+        self.length = self.problem.mesh.length
+        self.conditions = merged(self.problem.conditions)
         self.ends: list[FloatArray] = []  # of arrows
         self.entries: list[Any] = []  # what the legend shows
         self.groups: dict[str, list[str]] = {"free": [], "symmetry": []}  # edge sets that share an entry

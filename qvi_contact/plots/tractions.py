@@ -47,11 +47,10 @@ def contact_tractions(axes: "Axes", line: ContactLine, units: Units | None = Non
     units = plain_units(units)
     (pieces, label), prime = pieces_along(line), "'" if line.has_fluid else ""
     effective, limit = line.effective_normal_stress, line.friction_bound
-    coulomb = np.allclose(limit, line.friction * np.abs(effective), rtol=1e-9, atol=0.0, equal_nan=True)
-    bound = np.where(np.isfinite(limit), limit, np.nan)  # a tied contact has none
+    coulomb = np.allclose(limit, line.friction * np.abs(effective), rtol=1e-9, atol=0.0)
     curves = [
         (f"{'effective ' if prime else ''}pressure $-\\sigma_N{prime}$", -effective, _PRESSURE),
-        (f"bound $\\mu|\\sigma_N{prime}|$" if coulomb else "friction bound", bound, _BOUND),
+        (f"bound $\\mu|\\sigma_N{prime}|$" if coulomb else "friction bound", limit, _BOUND),
     ]
     if line.has_fluid:
         curves.append(("pressure $-\\sigma_N$", -line.normal_stress, _TOTAL))
@@ -59,7 +58,7 @@ def contact_tractions(axes: "Axes", line: ContactLine, units: Units | None = Non
     curves.append(("friction $|\\sigma_T|$", np.abs(line.tangential_stress), _TANGENTIAL))
     _draw_states(axes, pieces, line)
     lowest, every = 0.0, -(-len(line.x) // _MARKERS)
-    for name, values, look in (curve for curve in curves if not np.isnan(curve[1]).all()):
+    for name, values, look in (curve for curve in curves if np.isfinite(curve[1]).all()):  # a tied contact has no bound
         x, y, marked = [np.empty(0)], [np.empty(0)], list[int]()
         for piece in pieces:
             s, curve = monotone(piece.with_ends, piece.closed(line, values))
@@ -90,8 +89,6 @@ class Piece:
     def extended(self, values: FloatArray) -> FloatArray:
         """Values (m, …) of the contact at the points of this line, and at both ends, where they go on, (k + 2, …)."""
         found = values[self.points]
-        if len(found) == 1:
-            return found[[0, 0, 0]]
         first, last = (
             found[near] + (end - self.s[near]) / (self.s[near] - self.s[next_]) * (found[near] - found[next_])
             for end, near, next_ in ((self.ends[0], 0, 1), (self.ends[1], -1, -2))
@@ -133,13 +130,11 @@ def pieces_along(line: ContactLine, *, coordinates: bool = True) -> tuple[list[P
 
 
 def monotone(s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Places and values of a curve through values at places s that has no extremes between them; NaN stays NaN."""
+    """Places and values of a curve through values at places s that has no extremes between them."""
     from scipy.interpolate import PchipInterpolator  # slow to import, and few pictures need it
 
     share = np.arange(_BETWEEN) / _BETWEEN
     dense = np.append((s[:-1, None] + np.diff(s)[:, None] * share).ravel(), s[-1])
-    if not np.isfinite(values).all() or (np.diff(s) <= 0.0).any():
-        return dense, np.interp(dense, s, values)
     return dense, np.asarray(PchipInterpolator(s, values)(dense))
 
 

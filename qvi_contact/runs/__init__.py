@@ -6,9 +6,4 @@
 
 from solvers.basics.front import front
 
-__getattr__ = front(
-    __name__,
-    {
-        "processes": ("FAILURES", "THREADS", "Limits", "NotLoadedError", "Outcome", "Workers"),
-    },
-)
+__getattr__ = front(__name__)

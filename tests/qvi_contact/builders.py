@@ -102,6 +102,13 @@ def difference(one, other):
     return np.abs(first - second).max() / np.abs(first).max()
 
 
+def told(ending):
+    """What a command that has ended well has printed."""
+    status, out, err = ending
+    assert (status, err) == (0, "")
+    return out
+
+
 def refused(ending, *words):
     """That a command ended with nothing but one line of complaint, which has these words."""
     status, out, err = ending

@@ -19,7 +19,7 @@ from solvers import available
 from solvers.factorisation import DENSE, available_backends
 from solvers.settings import METHODS
 from tests.cases import examples
-from tests.qvi_contact.builders import TRIANGLES, mutated, refused
+from tests.qvi_contact.builders import TRIANGLES, mutated, refused, told
 
 ROOT = Path(__file__).parents[2]
 OWN = {"comparisons", "qvi_contact", "solvers"}
@@ -41,8 +41,7 @@ def plate(tmp_path):
 
 
 def test_help_and_what_is_unknown(shell):
-    status, out, err = shell("--help")
-    assert (status, err) == (0, "")
+    out = told(shell("--help"))
     assert "..." not in out.partition("Commands:")[2]  # no summary is cut off on 80 columns
     status, out, err = shell()
     assert (status, out) == (2, "")
@@ -81,9 +80,7 @@ def test_a_solve_imports_of_scipy_what_it_needs():
 
 
 def test_methods(shell):
-    status, out, err = shell("methods", "--json")
-    assert (status, err) == (0, "")
-    known = json.loads(out)
+    known = json.loads(told(shell("methods", "--json")))
     others = {DENSE: "up to 400 unknowns"}
     assert known["factorisation"] == {**others, **available_backends()}
     assert (known["methods"], known["inner"]) == (list(METHODS), list(available()))
@@ -102,8 +99,7 @@ def test_keys(shell):
 
 
 def test_solve_reports_what_python_computes(shell, plate):
-    status, out, err = shell("solve", plate)
-    assert (status, err) == (0, "")
+    out = told(shell("solve", plate))
     line = solve(load_problem(plate).problem).contacts["plate"]
     assert out.splitlines()[0] == "The plate"
     assert "certificate passed" in out
@@ -131,8 +127,7 @@ def test_files_are_written_beside_the_report(shell, plate, sliding, tmp_path):
     meshio = pytest.importorskip("meshio")
     files = {"--vtk": "a.vtu", "--npz": "a.npz", "--save-json": "a.json"}
     targets = [part for option, file in files.items() for part in (option, tmp_path / file)]
-    status, out, err = shell("solve", plate, *targets)
-    assert (status, err) == (0, "")
+    out = told(shell("solve", plate, *targets))
     assert out.startswith("The plate")
     assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))["solved"] is True
     assert all((tmp_path / name).stat().st_size > 100 for name in (*files.values(), "a_contacts.vtu"))
@@ -145,8 +140,7 @@ def test_files_are_written_beside_the_report(shell, plate, sliding, tmp_path):
 
 @pytest.mark.usefixtures("outlined")
 def test_charts_are_those_of_panels(shell, plate, tmp_path):
-    status, _, err = shell("solve", plate, "--plot", tmp_path / "a.svg", "--panels", "none")
-    assert (status, err) == (0, "")
+    told(shell("solve", plate, "--plot", tmp_path / "a.svg", "--panels", "none"))
     assert "traction [MPa]" not in (tmp_path / "a.svg").read_text(encoding="utf-8")
     status, _, err = shell("solve", plate, "--plot", tmp_path / "a.svg", "--panels", "plat")
     assert (status, len(err.splitlines()), "'plate'" in err) == (2, 1, True)
@@ -214,8 +208,7 @@ def test_what_cannot_be_written_costs_nothing_else(shell, plate, tmp_path, monke
 @pytest.mark.skipif(not Path("/dev/stdout").exists(), reason="no /dev/stdout")
 def test_standard_output_by_its_name(shell, plate):
     """The document and then the report, in the file that the shell has opened."""
-    status, text, err = shell("solve", plate, "--save-json", "/dev/stdout")
-    assert (status, err) == (0, "")
+    text = told(shell("solve", plate, "--save-json", "/dev/stdout"))
     document, end = json.JSONDecoder().raw_decode(text)
     assert document["solved"] is True
     assert text[end:].strip().startswith("The plate")
@@ -304,8 +297,7 @@ def test_broken_files_end_in_one_helpful_line(shell, tmp_path):
             assert len(err) > 30
         else:
             assert (status in (0, 1), err) == (True, "")
-            status, _, err = shell("check", path)
-            assert (status, err) == (0, "")
+            told(shell("check", path))
 
     one_file()
     assert examples(28) <= endings.count(2) < len(endings)

@@ -15,7 +15,7 @@ from qvi_contact.files import Archive
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Material, Traction
 from qvi_contact.units import Units
-from tests.qvi_contact.builders import RICH, refused
+from tests.qvi_contact.builders import RICH, refused, told
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FORCE = "plate.normal_force"
@@ -23,9 +23,7 @@ FORCE = "plate.normal_force"
 
 def answered(ending):
     """The document of a command that has ended well."""
-    status, out, err = ending
-    assert (status, err) == (0, "")
-    return json.loads(out)
+    return json.loads(told(ending))
 
 
 def plate_file(folder, friction, **details):
@@ -111,8 +109,7 @@ class TestHistory:
     """Problem files with times."""
 
     def test_a_table_with_a_row_for_each_step_and_files(self, shell, cycle, tmp_path):
-        status, out, err = shell("solve", cycle, "--npz", tmp_path / "a.npz", "--vtk", tmp_path / "a.vtu")
-        assert (status, err) == (0, "")
+        out = told(shell("solve", cycle, "--npz", tmp_path / "a.npz", "--vtk", tmp_path / "a.vtu"))
         rows = [line.split() for line in out.splitlines() if line[:1].isdigit()]
         assert [row[:3] for row in rows] == [["1", "0", "solved"], ["2", "0.25", "solved"], ["3", "0.5", "solved"]]
         assert shell("verify", tmp_path / "a.npz")[0] == 0
@@ -145,8 +142,7 @@ class TestCheck:
     @pytest.mark.usefixtures("outlined")
     def test_everything(self, shell, tmp_path):
         (tmp_path / "rich.toml").write_text(RICH, encoding="utf-8")
-        status, out, err = shell("check", tmp_path / "rich.toml", "--plot", tmp_path / "rich.png")
-        assert (status, err) == (0, "")
+        out = told(shell("check", tmp_path / "rich.toml", "--plot", tmp_path / "rich.png"))
         stated = ("friction = mu", "E = 2000 Pa", "max_iterations = 60")
         for words in ("everything", "cells", "unknowns", "joint", *stated):
             assert words in out

@@ -300,14 +300,11 @@ class TestCluster:
             patience.cancel()
         assert not hung_up.is_set()
 
-    @pytest.mark.parametrize("address", ["nowhere", "127.0.0.1:8786", "ftp://x:1", "tcp://x", "tcp://x:y", ""])
-    def test_what_is_no_address_is_refused_before_anything_is_done(self, address):
+    def test_addresses_of_every_kind_and_what_is_none_is_refused_before_anything_is_done(self):
         pytest.importorskip("distributed")
-        with refused_at("dask", "is not scheme://host:port", address):
-            Workers(dask=address)
-
-    def test_addresses_of_every_kind(self):
-        pytest.importorskip("distributed")
+        for address in ("nowhere", "127.0.0.1:8786", "ftp://x:1", "tcp://x", "tcp://x:y", ""):
+            with refused_at("dask", "is not scheme://host:port", address):
+                Workers(dask=address)
         for address in ("tcp://x:1", "tls://[::1]:8786", "wss://x.org:8786", "inproc://10.0.0.1/2/3"):
             assert Workers(dask=address).dask == address
 

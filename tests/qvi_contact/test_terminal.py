@@ -10,6 +10,7 @@ import sys
 import time
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
+from unittest.mock import Mock
 
 import click
 import pytest
@@ -18,6 +19,7 @@ from qvi_contact import InputError, SolveError, solve
 from qvi_contact.basics import solving
 from qvi_contact.gallery import compressed_plate
 from solvers.basics import Progress, report
+from tests.run_tasks import eventually
 
 ROOT = Path(__file__).parents[2]
 FULL = Path("/dev/full")
@@ -26,13 +28,6 @@ FULL = Path("/dev/full")
 def ending(shell, callback):
     """Exit status, standard output and standard error of a command that does this."""
     return shell(command=click.Command("tool", callback=callback), name="tool")
-
-
-def raising(error):
-    def callback():
-        raise error
-
-    return callback
 
 
 @pytest.mark.parametrize(
@@ -47,20 +42,20 @@ def raising(error):
     ],
 )
 def test_wrong_input_is_one_line_and_status_2(shell, error, words):
-    status, out, err = ending(shell, raising(error))
+    status, out, err = ending(shell, Mock(side_effect=error))
     assert (status, out, err.count("\n"), err[:6], err[-1]) == (1 + (words[:3] != "out"), "", 1, "tool: ", "\n")
     assert words in err
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), click.Abort()])
 def test_an_interrupted_command_says_so(shell, error):
-    status, out, err = ending(shell, raising(error))
+    status, out, err = ending(shell, Mock(side_effect=error))
     assert (status, out, err.split()) == (130, "", ["tool:", "interrupted"])
 
 
 def test_a_fault_of_the_program_is_not_blamed_on_the_input(shell):
     with pytest.raises(ZeroDivisionError):
-        ending(shell, raising(ZeroDivisionError()))
+        ending(shell, Mock(side_effect=ZeroDivisionError))
 
 
 SCRIPT = """
@@ -116,26 +111,18 @@ def test_a_closed_pipe_is_silent_and_an_answer_the_same_where_nobody_reads_stand
     assert (process.returncode, out) == (0, "words\n")
 
 
-class Broken(io.StringIO):
+def broken(number):
     """A stream that fails."""
-
-    def __init__(self, number):
-        super().__init__()
-        self.number = number
-
-    def write(self, _):
-        raise OSError(self.number, os.strerror(self.number))
-
-
-def printing():
-    print("words")
+    stream = io.StringIO()
+    stream.write = Mock(side_effect=OSError(number, os.strerror(number)))
+    return stream
 
 
 @pytest.mark.parametrize(("number", "status", "words"), [(errno.EIO, 2, os.strerror(errno.EIO)), (errno.EPIPE, 1, "")])
 def test_why_it_cannot_be_written(shell, number, status, words):
-    stream = Broken(number)
+    stream = broken(number)
     with redirect_stdout(stream):
-        found, _, err = ending(shell, printing)
+        found, _, err = ending(shell, lambda: print("words"))
         assert sys.stdout is stream
     assert (found, len(err.splitlines())) == (status, bool(words))
     assert words in err
@@ -143,14 +130,14 @@ def test_why_it_cannot_be_written(shell, number, status, words):
 
 def test_another_file_that_fails_is_not_taken_for_it(shell):
     with pytest.raises(OSError, match=os.strerror(errno.ENOSPC)):
-        ending(shell, lambda: Broken(errno.ENOSPC).write("words"))
+        ending(shell, lambda: broken(errno.ENOSPC).write("words"))
 
 
 def test_without_a_standard_output_or_a_place_to_complain_at(shell):
     with redirect_stdout(None):
         assert ending(shell, lambda: click.echo("words")) == (0, "", "")
-    with redirect_stdout(Broken(errno.ENOSPC)), redirect_stderr(Broken(errno.ENOSPC)):
-        assert ending(shell, printing)[0] == 2
+    with redirect_stdout(broken(errno.ENOSPC)), redirect_stderr(broken(errno.ENOSPC)):
+        assert ending(shell, lambda: print("words"))[0] == 2
 
 
 def test_a_terminal_without_greek_gets_question_marks(shell):
@@ -162,24 +149,15 @@ def test_a_terminal_without_greek_gets_question_marks(shell):
     assert b"? = 0.3" in screen.getvalue()
 
 
-def shown(environ, title, steps):
-    """What a terminal shows of a method, a round, and another solve."""
+def test_a_solve_under_way_is_shown_on_a_terminal(environ):
+    """Method, iteration and residual beside the last round; that one method takes the place of another one stays."""
     environ(FORCE_COLOR=1, COLUMNS=160)
-    with redirect_stderr(io.StringIO()) as screen, solving(title, steps, silence=0.0) as advance:
-        for _ in range(1000):
-            if title in screen.getvalue():
-                break
-            time.sleep(0.01)
+    with redirect_stderr(io.StringIO()) as screen, solving("[plate]", 3, silence=0.0) as advance:
+        assert eventually(lambda: "[plate]" in screen.getvalue())
         advance("216 unknowns")
         report(Progress("fixed-point", remark="the condensed method ended stalled"))
         solve(compressed_plate(0.2, (3, 3)))
-    return screen.getvalue()
-
-
-def test_a_solve_under_way_is_shown_on_a_terminal(environ):
-    """Method, iteration and residual beside the last round; that one method takes the place of another one stays."""
-    found = shown(environ, "[plate]", 3)
-    assert "[plate]" in found
+    found = screen.getvalue()
     assert "1/3" in found
     assert re.search(r"216 unknowns; pivoting: iteration \d+, residual \d\.\de-", found)
     assert "the condensed method ended stalled; next method: fixed-point\n" in found

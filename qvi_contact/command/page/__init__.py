@@ -63,18 +63,10 @@ def result_page(
     steps = (result,) if series is None else series.results.steps
     bracket, missing = bracketed()
     companion = bracket.companion if bracket is not None and bracket.companion.has_state else None
-    contacts = [
-        _contact(line, f"contact-{number}", file.units)
-        for number, line in enumerate(result.contacts.values() if result.has_state else (), 1)
-        if panels is None or line.name in panels
-    ]
-    several: list[report.Titled] = []
-    if series is not None and len(steps) > 1:
-        several = [
-            (title, headings, [[cell.replace("-", "−") for cell in row] for row in rows])
-            for title, headings, rows in series.tables(file.units)
-        ]
-    text: str = page_template("qvi_contact.command.page").render(
+    lines = result.contacts.values() if result.has_state else ()
+    contacts = [_contact(line, file.units) for line in lines if panels is None or line.name in panels]
+    several = [] if series is None or len(steps) == 1 else list(series.tables(file.units))
+    return page_template("qvi_contact.command.page").render(
         **_frame(file, result.problem, "Contact problem"),
         result=result,
         number=number,
@@ -83,17 +75,15 @@ def result_page(
         refinement=refinement,
         refinement_table=report.refinement_table(refinement, file.units) if refinement else None,
         trust=report.trust(refinement, file.units) if refinement else "",
-        several=several,
+        several=[(*named, [[cell.replace("-", "−") for cell in row] for row in rows]) for *named, rows in several],
         said=() if series is None else tuple(series.said(file.units)),
         step_label="t" if series is None else series.label,
         pictures=_pictures(steps, None if series is None else series.values, file),
         settings=_settings(result),
         field=field_data(result, companion, file.units) if result.has_state else None,
         contacts=contacts,
-        contact_data=[contact["data"] for contact in contacts],
         tables=result_tables(result, file.units) if result.has_state else [],
     )
-    return text
 
 
 def limit_page(file: ProblemFile, problem: ContactProblem, limit: LimitLoad, lines: Sequence[str]) -> str:
@@ -103,13 +93,12 @@ def limit_page(file: ProblemFile, problem: ContactProblem, limit: LimitLoad, lin
         figure = limit_figure(problem, limit, file.units, answer=f"{lines[0]}.")
         picture = _picture(figure, "How the body gives way")
     contacts = {} if moved is None else moved.contacts
-    text: str = page_template("qvi_contact.command.page", "limit.html").render(
+    return page_template("qvi_contact.command.page", "limit.html").render(
         **_frame(file, problem, "Limit load"),
         lines=lines,
         picture=picture,
         motions=[(name, *(number(value, 3, 1e-6) for value in (at.opening, at.slip))) for name, at in contacts.items()],
     )
-    return text
 
 
 def _frame(file: ProblemFile, problem: ContactProblem, title: str) -> dict[str, Any]:
@@ -143,7 +132,7 @@ def _pictures(
     return found
 
 
-def _contact(line: ContactLine, name: str, units: Units) -> dict[str, Any]:
+def _contact(line: ContactLine, units: Units) -> dict[str, Any]:
     """Picture of the tractions, where its axes lie in it, and the values at the points."""
     with settings():
         figure = new_figure(*_WIDE)
@@ -153,7 +142,7 @@ def _contact(line: ContactLine, name: str, units: Units) -> dict[str, Any]:
     picture = _picture(figure, f"Tractions along contact {line.name}")
     box, (low, high) = axes.get_position(), axes.get_xlim()  # as they were drawn
     frame = {"low": low, "high": high, "left": float(box.x0), "right": float(box.x1)}
-    return {"name": line.name, "id": name, "picture": picture, "data": contact_data(line, units) | frame}
+    return {"name": line.name, "picture": picture, "data": contact_data(line, units) | frame}
 
 
 def _picture(figure: "Figure", label: str) -> Markup:
@@ -283,10 +272,9 @@ def contact_data(line: ContactLine, units: Units) -> dict[str, Any]:
     """The points of a contact as its picture shows them from left to right, numbers with seven digits."""
     pieces = pieces_along(line)[0]
     order, places = (np.concatenate(part) for part in zip(*((piece.points, piece.s) for piece in pieces), strict=True))
-    bound = np.where(np.isfinite(line.friction_bound), line.friction_bound, np.nan)
     columns = {
         "x": line.x, "y": line.y, "pressure": -line.effective_normal_stress, "shear": line.tangential_stress,
-        "bound": bound, "gap": line.gap, "slip": line.slip,
+        "bound": line.friction_bound, "gap": line.gap, "slip": line.slip,
     }  # fmt: skip
     found: dict[str, Any] = {name: _rounded(values[order]) for name, values in columns.items()}
     if line.has_fluid:
