@@ -204,8 +204,7 @@ def test_a_factor_beyond_the_limit_has_no_proof():
         check(doubled)
 
 
-def test_the_checker_stands_alone(tmp_path):
-    """The script runs without this package, in isolated mode."""
+def test_the_checker_runs_without_this_package(tmp_path):
     path = tmp_path / "limit.json"
     path.write_text(json.dumps(limit_proof(stretched(Tresca(0.7)), ["top"])))
     script = Path(qvi_contact.limit.__file__).with_name("check_proof.py")
@@ -282,7 +281,8 @@ def test_a_block_lifts_off_the_ground_but_does_not_sink_into_it(cohesion):
     [(("format",), 1, "write it once more"), (("strengths", 0, 0, 2), "-1", "negative γ²"),
      (("strengths", 0, 0, 0), float("nan"), "NaN"), (("contacts", 0, "cohesion"), "nan", "Fraction: 'nan'"),
      (("contacts", 0, "law"), "glued", "unknown law"), (("loads", 1, "along", 0, 0), [0, 0], "right angle"),
-     (("stress", "degree"), 10**30, "ordinates of its degree")],
+     (("loads", 1, "along", 0, 0), [0, 0, 1], "right angle"), (("loads", 1, "along"), [], "right angle"),
+     (("strength_of",), [-1, 0], "negative number"), (("stress", "degree"), 10**30, "ordinates of its degree")],
 )  # fmt: skip
 def test_what_is_no_statement_is_refused(place, value, told):
     proof = block_on_the_ground(1, [0, "1/1000"])
