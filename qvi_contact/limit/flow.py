@@ -249,8 +249,8 @@ class FlowProgram:
                 other = raised(other)
                 off = max(off, -float(every.margins(other).min(initial=0.0)))
                 gained = float(every.q @ (x - other)) / (float(np.abs(every.q) @ np.abs(start)) or 1.0)
-                if off < violation + HELD * gained:  # all have one power
-                    x, violation = other, off
+                # all have one power
+                x, violation = (other, off) if off < violation + HELD * gained else (x, violation)
         power = float(live @ x[:n])
         work = abs(power) / (float(np.abs(live) @ np.abs(x[:n])) or 1.0)
         surplus = -float(every.q @ x) / (float(np.abs(every.q) @ np.abs(x)) or 1.0)
