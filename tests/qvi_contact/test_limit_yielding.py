@@ -244,11 +244,10 @@ def test_huge_tractions_and_flows_hide_nothing_that_is_missed():
     held = Contact("rest", 0.2, cohesion=0.5, law="bilateral", pore_pressure=0.1)
     piece = ContactProblem(mesh, own, [held, *loads], regions=[Region(other, name="part")])
     assert limit_load_factor(piece, ["load"], degree=3).upper < 0.03
-    # Slip has no room in a corner. Another program with velocities of degree 2 has 6.788041, too.
     sides = Contact("bottom", 10.0, cohesion=0.5), Traction("right", x=0, y=0), Traction("top", x=-0.3, y=-0.5)
     corner = stretched(Tresca(1.0), mesh=TriangleMesh.rectangle((1, 1)))
     corner = replace(corner, conditions=[Displacement("left", x=0, y=0), *sides])
-    assert limit_load_factor(corner, ["top"], degree=3).upper == pytest.approx(6.788041, rel=1e-5)
+    assert limit_load_factor(corner, ["top"], degree=3).upper == pytest.approx(6.788041, rel=1e-5)  # another code's
 
 
 def test_upper_sides_near_zero_and_of_loads_that_all_but_cancel_each_other():
@@ -274,10 +273,8 @@ def test_what_the_other_loads_break_carries_no_multiple():
     sets = {**grid.edge_sets, "roll": grid.edge_sets["left"][:1], "wall": grid.edge_sets["left"][1:]}
     mesh = TriangleMesh(np.column_stack([r * np.cos(a), r * np.sin(a)]), grid.cells, sets)
     held = Contact("wall", 10.0, pore_pressure=0.1), Displacement("roll", x=0.0), Traction("roll", y=-0.1)
-    torn = [
-        Traction(side, normal=n, tangential=t)
-        for side, n, t in (("right", -0.2, 0), ("top", 0.9, 0.3), ("bottom", 0, 0))
-    ]
+    given = ("right", -0.2, 0), ("top", 0.9, 0.3), ("bottom", 0, 0)
+    torn = [Traction(side, normal=n, tangential=t) for side, n, t in given]
     ring = ContactProblem(mesh, Material(1.0, 0.3, "strain", Mises(1.3)), [*held, *torn], lambda _, y: y)
     assert limit_load_factor(ring, ["roll"], degree=4).upper == -np.inf
 
