@@ -154,7 +154,7 @@ class ConicProgram:
         return gained > max(0.5, HELD * float(np.abs(self.q) @ np.abs(x))) and violation * program.size(x) <= HELD
 
     def on_faces(self, units: FloatArray, narrow_below: float, aside: float) -> ConicProgram | None:
-        """Cones without room become rays u = t û, or t = u = 0, and inequalities equations; None if none is there.
+        """Cones without room become rays u = t û, or t = u = 0, and inequalities of flows equations; None if none is.
 
         The û (blocks, k, width − 1) are those that each may be. What cannot leave the surface of a cone the solver
         finds to the root of what it is missed by only, and equations exactly. Points that keep them keep the cones.
@@ -163,7 +163,8 @@ class ConicProgram:
         if room.min() < -narrow_below:  # nothing that the solver says of room is to be believed
             return None
         narrow = np.flatnonzero(room[self.linear :] < narrow_below)
-        met = self.equal + np.flatnonzero(room[: self.linear] < narrow_below)
+        # of flows only: tractions in wedges may be huge, and leave room for all else to be missed
+        met = self.equal + np.flatnonzero(self.dependent & (room[: self.linear] < narrow_below))
         t, u = np.split(self.blocks(x)[narrow], [1], axis=1)
         own = units[narrow]
         unit = own[np.arange(len(narrow)), np.einsum("bku,bu->bk", own, u).argmax(axis=1)]
