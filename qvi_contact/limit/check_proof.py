@@ -122,6 +122,7 @@ def triangles(proof: dict[str, Any], field: dict[str, Any]) -> Iterator[tuple[in
     demand(field["degree"] > 0, "a degree is not positive")
     for t, (names, values) in enumerate(zip(proof["triangles"], field["ordinates"], strict=True)):
         demand(len(values) == comb(field["degree"] + 2, 2), f"triangle {t} has not the ordinates of its degree")
+        demand(min(*names, proof["strength_of"][t]) >= 0, f"triangle {t} has a negative number")
         a, b, c = (proof["vertices"][n] for n in names)
         twice = cross(less(b, a), less(c, a))
         demand(twice != 0, f"triangle {t} has no area")
@@ -153,8 +154,9 @@ def edges(proof: dict[str, Any], field: dict[str, Any]) -> Iterator[tuple[Any, A
         held: Any = () if others else (((1, 0), None), ((0, 1), None))
         contact, pressure, loads = given.get(edge, (None, None, held))
         demand(not others or not (loads or (contact and any(contact["forces"]))), f"edge {edge} is inside the body")
-        across = not loads or (len(loads) == 2 and dot(loads[0][0], loads[1][0]) == 0 and all(any(d) for d, _ in loads))
-        demand(across, f"edge {edge} has not two loads along directions at a right angle")
+        along = [d for d, _ in loads]
+        across = contact or others or (len(along) == 2 and dot(*along) == 0 < min(dot(d, d) for d in along))
+        demand(bool(across), f"edge {edge} has not two loads along directions at a right angle")
         yield edge, n, sides, contact, pressure, loads
 
 

@@ -154,7 +154,7 @@ class ConicProgram:
         return gained > max(0.5, HELD * float(np.abs(self.q) @ np.abs(x))) and violation * program.size(x) <= HELD
 
     def on_faces(self, units: FloatArray, narrow_below: float, aside: float) -> ConicProgram | None:
-        """The program in which cones without room are rays u = t û, or t = u = 0; None if none is there to be told.
+        """Cones without room become rays u = t û, or t = u = 0, and inequalities of flows equations; None if none is.
 
         The û (blocks, k, width − 1) are those that each may be. What cannot leave the surface of a cone the solver
         finds to the root of what it is missed by only, and equations exactly. Points that keep them keep the cones.
@@ -163,6 +163,8 @@ class ConicProgram:
         if room.min() < -narrow_below:  # nothing that the solver says of room is to be believed
             return None
         narrow = np.flatnonzero(room[self.linear :] < narrow_below)
+        # of flows only: tractions in wedges may be huge, and leave room for all else to be missed
+        met = self.equal + np.flatnonzero(self.dependent & (room[: self.linear] < narrow_below))
         t, u = np.split(self.blocks(x)[narrow], [1], axis=1)
         own = units[narrow]
         unit = own[np.arange(len(narrow)), np.einsum("bku,bu->bk", own, u).argmax(axis=1)]
@@ -172,14 +174,14 @@ class ConicProgram:
         parts, tips = heads + np.arange(1, self.width), (heads + np.arange(self.width))[at_tip]
         rows = sparse.csr_array(sparse.hstack([self.A, sparse.csr_array(self.b[:, None])]))
         along = sparse.diags_array(unit[ray].ravel()) @ rows[np.repeat(heads[ray, 0], self.width - 1)]
-        new = sparse.csr_array(sparse.vstack([rows[parts[ray].ravel()] - along, rows[tips.ravel()]]))
+        new = sparse.csr_array(sparse.vstack([rows[parts[ray].ravel()] - along, rows[tips.ravel()], rows[met]]))
         norms = np.sqrt(np.asarray(new.multiply(new).sum(axis=1))).ravel()
         said = norms > HELD * norms.max(initial=0.0)
         if not said.any():
             return None
         new = sparse.csr_array(sparse.diags_array(1.0 / norms[said]) @ new[said])
         flat = np.ones(len(self.b))
-        flat[np.concatenate([parts[ray].ravel(), tips.ravel()])] = 0.0
+        flat[np.concatenate([parts[ray].ravel(), tips.ravel(), met])] = 0.0
         others = sparse.csr_array(sparse.diags_array(flat) @ rows)[self.equal :]
         rows = sparse.csr_array(sparse.vstack([rows[: self.equal], new, others]))
         return replace(self, A=rows[:, :-1], b=rows[:, [-1]].toarray().ravel(), equal=self.equal + int(said.sum()))

@@ -19,7 +19,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -31,7 +31,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.element.triangle import bernstein as bernstein_values
 from qvi_contact.element.triangle import gradient, quadrature
 from qvi_contact.errors import SolveError
-from qvi_contact.limit.conic import FACES, HELD, INFEASIBLE, ROUNDING, ConicProgram
+from qvi_contact.limit.conic import FACES, HELD, INFEASIBLE, ROUNDING, UNBOUNDED, ConicProgram
 from qvi_contact.limit.split import Nodes, coefficients_of, nodes_along, numbered, part_corners
 from qvi_contact.limit.stresses import ALONG, PASSES, Carried, YieldCones, limited
 from qvi_contact.mechanism import RigidMotion
@@ -42,6 +42,8 @@ from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, by_cell, direction_of
 from solvers.basics.linked import linked
 from solvers.basics.progress import deadline
+
+_MUCH: Final = 1e-4  # dissipation, relative, that a flow which holds costs more than the one found
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,12 +233,15 @@ class FlowProgram:
         x, violation = program.repaired(start, share)
         x = raised(x)
         first = found
-        for faces in () if share or cones.limit.all() else FACES:
+        lost = float(every.q @ (x - start)) / (float(np.abs(every.q) @ np.abs(start)) or 1.0)
+        for faces in () if share else FACES[: int(lost > _MUCH)] if cones.limit.all() else FACES:
             program, found = every, first
             for _ in range(PASSES):
                 missed = -float(program.margins(raised(found.x)).min(initial=0.0))
                 narrower = program.on_faces(cones.rays, *faces) if missed > ROUNDING and not deadline.over else None
                 found = narrower.solve() if narrower else INFEASIBLE
+                if found == UNBOUNDED:  # what flows on faces keeps the cones
+                    return Flow(-np.inf)
                 if narrower is None or isinstance(found, str):
                     break
                 program = narrower
@@ -244,8 +249,8 @@ class FlowProgram:
                 other = raised(other)
                 off = max(off, -float(every.margins(other).min(initial=0.0)))
                 gained = float(every.q @ (x - other)) / (float(np.abs(every.q) @ np.abs(start)) or 1.0)
-                if off < violation + HELD * gained:  # all have one power
-                    x, violation = other, off
+                # all have one power
+                x, violation = (other, off) if off < violation + HELD * gained else (x, violation)
         power = float(live @ x[:n])
         work = abs(power) / (float(np.abs(live) @ np.abs(x[:n])) or 1.0)
         surplus = -float(every.q @ x) / (float(np.abs(every.q) @ np.abs(x)) or 1.0)

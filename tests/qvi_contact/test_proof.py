@@ -130,10 +130,8 @@ def test_every_number_counts():
 
 def test_every_velocity_counts():
     """Flows of a body that keeps its volume, of one that dilates, and of rigid blocks."""
-    wall = heavy_wall()
-    slippery = replace(wall, conditions=[Contact("bottom", 0.1), *wall.conditions[1:]])
-    cases = [(stretched(Tresca(0.7)), "top"), (heavy_wall(MohrCoulomb(2.0, 0.6)), "push"), (slippery, "push")]
-    for problem, load in cases:
+    walls = heavy_wall(MohrCoulomb(2.0, 0.6)), on(Contact("bottom", 0.1))
+    for problem, load in ((stretched(Tresca(0.7)), "top"), *((wall, "push") for wall in walls)):
         proof = limit_proof(problem, [load], degree=3)
         del proof["stress"]
         for part in (9, 11):
@@ -204,8 +202,7 @@ def test_a_factor_beyond_the_limit_has_no_proof():
         check(doubled)
 
 
-def test_the_checker_stands_alone(tmp_path):
-    """The script runs without this package, in isolated mode."""
+def test_the_checker_runs_without_this_package(tmp_path):
     path = tmp_path / "limit.json"
     path.write_text(json.dumps(limit_proof(stretched(Tresca(0.7)), ["top"])))
     script = Path(qvi_contact.limit.__file__).with_name("check_proof.py")
@@ -221,11 +218,8 @@ def test_the_checker_stands_alone(tmp_path):
     ],
 )
 def test_what_files_do_not_hold_is_refused(contact, field):
-    wall = heavy_wall()
-    others = [each for each in wall.conditions if each.edges != contact.edges]
-    problem = replace(wall, conditions=[contact, *others])
     with refused_at(field):
-        limit_proof(problem, ["push"])
+        limit_proof(on(contact), ["push"])
 
 
 def test_the_command_writes_and_checks_them(tmp_path, shell):
@@ -282,7 +276,8 @@ def test_a_block_lifts_off_the_ground_but_does_not_sink_into_it(cohesion):
     [(("format",), 1, "write it once more"), (("strengths", 0, 0, 2), "-1", "negative γ²"),
      (("strengths", 0, 0, 0), float("nan"), "NaN"), (("contacts", 0, "cohesion"), "nan", "Fraction: 'nan'"),
      (("contacts", 0, "law"), "glued", "unknown law"), (("loads", 1, "along", 0, 0), [0, 0], "right angle"),
-     (("stress", "degree"), 10**30, "ordinates of its degree")],
+     (("loads", 1, "along", 0, 0), [0, 0, 1], "right angle"), (("loads", 1, "along"), [], "right angle"),
+     (("strength_of",), [-1, 0], "negative number"), (("stress", "degree"), 10**30, "ordinates of its degree")],
 )  # fmt: skip
 def test_what_is_no_statement_is_refused(place, value, told):
     proof = block_on_the_ground(1, [0, "1/1000"])
@@ -316,7 +311,6 @@ def test_a_strain_rate_must_lie_in_its_cone():
 
 def test_a_block_that_slides_on_one_at_rest():
     """The limit itself, which the motion of the upper block alone proves."""
-    wall = heavy_wall()
-    problem = replace(wall, conditions=[wall.conditions[0], Contact("joint", 0.1), *wall.conditions[2:]])
+    problem = on(Contact("joint", 0.1))
     limit, proof = (found(problem, ["push"], degree=3) for found in (limit_load_factor, limit_proof))
     assert float(check(proof)[1]) == pytest.approx(limit.upper, rel=1e-6)
