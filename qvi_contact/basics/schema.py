@@ -240,9 +240,11 @@ class Listed(Kind):
         return tuple(found)
 
     def check(self, name: str, value: Any) -> tuple[Any, ...]:
-        ordered = isinstance(value, Iterable) and not isinstance(value, str | Mapping | Set)
-        given = tuple(value) if ordered else ()
-        if not ordered or (self.most is not None and len(given) != self.most):
+        given: tuple[Any, ...] | None = None
+        if not isinstance(value, str | bytes | bytearray | Mapping | Set):
+            with suppress(TypeError):  # of what is no list, such as a number, be it an array
+                given = tuple(value)
+        if given is None or (self.most is not None and len(given) != self.most):
             raise InputError(name, value, "give a pair (x, y)" if self.most == 2 else f"give a list of {self.most}")
         return tuple(self.kind.check(name, item) for item in given)
 

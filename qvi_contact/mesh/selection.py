@@ -7,7 +7,8 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, real_array
+from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, real_array
+from qvi_contact.basics.schema import Listed, Number
 from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.edges import TURNED, Topology
 
@@ -33,9 +34,8 @@ def new_name(name: object, taken: Iterable[str] = (), what: str = "edge set") ->
 
 def point(name: str, value: object) -> tuple[float, float]:
     """A pair of finite coordinates, or `InputError`."""
-    if not isinstance(value, Iterable) or isinstance(value, str) or len(pair := tuple(value)) != 2:
-        raise InputError(name, value, "give a pair (x, y)")
-    return finite_number(name, pair[0]), finite_number(name, pair[1])
+    x, y = Listed(Number(), most=2).check(name, value)
+    return x, y
 
 
 def numbers_of(name: str, value: Any, kind: type) -> Any:

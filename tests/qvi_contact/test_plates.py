@@ -198,8 +198,7 @@ class TestImpossible:
         ("given", "field"),
         [({}, "RigidPlate"), ({"force_x": float("nan")}, "RigidPlate.force_x"),
          ({"force_y": "10"}, "RigidPlate.force_y"), ({"moment": float("inf")}, "RigidPlate.moment"),
-         ({"moment": 1.0, "pivot": (1.0,)}, "RigidPlate.pivot"),
-         ({"moment": 1.0, "pivot": (1.0, float("nan"))}, "RigidPlate.pivot"),
+         *(({"x": 0.0, "pivot": pivot}, "RigidPlate.pivot") for pivot in ((1.0,), (1.0, np.nan), np.array(1.0), b"ab")),
          ({"force_x": 1.0, "x": 0.0}, "RigidPlate.force_x"),
          ({"moment": 1.0, "rotation": 1.0}, "RigidPlate.moment"), ({"y": float("nan")}, "RigidPlate.y")],
     )  # fmt: skip
