@@ -178,8 +178,8 @@ def discretize(
     Gauss points; by default coefficients, and Gauss points where friction varies along an edge, or another bound does
     so but linearly, see `laws_vary`. Unknown arguments, and those of version 0.1, are refused with what to do instead.
 
-    In the units `scales`, by default those of the problem, with unknowns z, the degrees of freedom of Φ that traction
-    conditions and gauge leave free,
+    In the units `scales`, by default those of the problem (lengths over L, stresses over S, displacements over C S L),
+    with unknowns z, the degrees of freedom of Φ that traction conditions and gauge leave free,
 
         K = Bᵀ [∫ cσ:τ] B,    f = Bᵀ (loads − [∫ cσ:τ] u₀),    u = B z + u₀,
 

@@ -61,7 +61,7 @@ class EdgeQuadrature:
         return self.integrals(bernstein.basis(degree, self.t.ravel()).reshape(*self.t.shape, -1))
 
     def misfit(self, coefficients: FloatArray) -> float:
-        """Largest difference from polynomials of coefficients (n, k), but for small parts of edges, as beside jumps."""
+        """Largest difference at points from polynomials (n, k), but for the smallest parts of edges, as beside jumps."""
         share = self.weights.sum(axis=1)
         order = np.lexsort([share, self.edge])
         covered = np.cumsum(share[order])
@@ -119,7 +119,7 @@ class _Parts(NamedTuple):
 
 
 def constant(value: float, count: int, points: int = 8) -> EdgeQuadrature:
-    """What `adapted` finds a number to be."""
+    """What `adapted` finds a number on `count` edges to be, with so many Gauss points on each."""
     (t, w), each = gauss_legendre(points), np.ones((count, 1))
     return EdgeQuadrature(count, np.arange(count), each * t, each * w, np.full((count, points), float(value)), 0.0)
 
