@@ -147,6 +147,8 @@ class TestCheck:
         for words in ("everything", "cells", "unknowns", "joint", *stated):
             assert words in out
         assert (tmp_path / "rich.png").exists()
+        strong = told(shell("check", EXAMPLES / "strip_footing.toml"))
+        assert ", strength = { law = tresca, c = 50.0 }\n" in strong
 
     def test_loads_are_added_up(self, shell):
         document = answered(shell("check", EXAMPLES / "gravity_column.toml", "--json"))
