@@ -67,11 +67,17 @@ Titled: TypeAlias = tuple[str, list[str], list[list[str]]]
 
 
 class Series(NamedTuple):
-    """Several results of one file: "t" for a history, or the parameter of a sweep, and all its values."""
+    """Several results of one file: "t" for a history, or the parameter of a sweep, all its values, and of what."""
 
     results: Any
     label: str
     values: tuple[float, ...]
+    of: tuple[str, ...] | None = None
+
+    @property
+    def owners(self) -> str:
+        """Behind the label: of which contacts or loads, if not of all."""
+        return f" of {', '.join(self.of)}" if self.of else ""
 
     def document(self, summaries: Sequence[dict[str, Any]], units: Units) -> dict[str, Any]:
         """What JSON holds of them beside the summaries of results; of a history also the energy lost in friction."""
@@ -102,7 +108,8 @@ class Series(NamedTuple):
         said = dict[str, float]()
         for value, step in zip(self.values, steps, strict=False):
             said |= {remark: value for remark in step.remarks if remark not in said}
-        yield from (f"remark, first at {self.label} = {at:g}: {units.filled(remark)}" for remark, at in said.items())
+        first = f"remark, first at {self.label}{self.owners}"
+        yield from (f"{first} = {at:g}: {units.filled(remark)}" for remark, at in said.items())
         yield self.results.message
 
     def tables(self, units: Units) -> Iterator[Titled]:
@@ -111,8 +118,9 @@ class Series(NamedTuple):
         Rounding is that of the largest step of a history, and of each value of a sweep.
         """
         timed, length = self.label == "t", f"[{units.displacement}]"
-        swept = {"load": "load factor", "gap": f"added gap {length}", "offset": f"added offset {length}"}
-        first = ["step", "t", "status"] if timed else [swept.get(self.label, self.label), "status", "iterations"]
+        swept = {"load": "load factor", "gap": "added gap", "offset": "added offset"}
+        heading = swept.get(self.label, self.label) + self.owners + f" {length}" * (self.label in ("gap", "offset"))
+        first = ["step", "t", "status"] if timed else [heading, "status", "iterations"]
         read = list[tuple[list[str], Mapping[str, Any], Mapping[str, Any], Rounding]]()
         for number, step in enumerate(self.results.steps):  # each is read once: those of a store are files
             begun = [f"{self.values[number]:.6g}", str(step.status)]
@@ -168,16 +176,15 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
         yield (
             f"material: E = {material['young']:g} {units.stress}, ν = {material['poisson']:g}, "
             f"plane {material['plane']}, {material['cells']} cells"
-            + "".join(f", {name} = {value}" for name, value in material.items() if name not in _STIFF)
+            + "".join(f", {_stated({name: value})}" for name, value in material.items() if name not in _STIFF)
         )
     if outline["temperature"] != 0.0:
         yield f"temperature: {outline['temperature']}"
     for condition in outline["boundary"]:
         given = {name: value for name, value in condition.items() if name not in _HIDDEN and value != "unilateral"}
         given |= given.pop("plate", {})
-        text = ", ".join(f"{name} = {value}" for name, value in given.items())
         where = f"{condition['kind']} on {condition['edges']} ({condition['length']:g} {units.length})"
-        yield f"{where}: {text}" if text else where
+        yield f"{where}: {_stated(given)}" if given else where
     for load in outline["loads"]:
         yield (
             f"load {load['name']}: ({load['x']:.6g}, {load['y']:.6g}) {units.force}, "
@@ -193,6 +200,12 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
         values = outline["sweep"]["values"]
         yield f"sweep: {outline['sweep']['parameter']}, {len(values)} values from {min(values):g} to {max(values):g}"
     yield from (f"remark: {remark}" for remark in outline["remarks"])
+
+
+def _stated(table: Mapping[str, Any]) -> str:
+    """Keys and values on one line, tables in them in braces, as in a problem file."""
+    inner = {name: f"{{ {_stated(value)} }}" if isinstance(value, Mapping) else value for name, value in table.items()}
+    return ", ".join(f"{name} = {value}" for name, value in inner.items())
 
 
 def shares(known: Mapping[str, float], states: Iterable[str]) -> list[str]:

@@ -320,7 +320,7 @@ def _solved_series(
     if plan is not None:
         swept = _swept if plan.parameter in _PARAMETERS else _swept_constant
         sweep = swept(file, plan, options, verbose)
-        return report.Series(sweep, plan.parameter, plan.values), sweep.steps
+        return report.Series(sweep, plan.parameter, plan.values, plan.of), sweep.steps
     if not file.times:
         with solving(file.title or "solve", verbose=verbose):
             return None, (solve_one(file.problem, **options, verbose=verbose),)

@@ -211,9 +211,10 @@ def solve_history(
     Parameters
     ----------
     problems : iterable of ContactProblem
-        The problem at each load step: the same mesh, regions and contacts, while loads, displacements, gaps, offsets
-        and friction may change. An `offset` is the obstacle's own tangential displacement, slip is added to it. With a
-        store a sequence is read twice, step by step, and nothing of it is kept; what is no sequence becomes a list.
+        The problem at each load step: the same mesh and contacts, while loads, displacements, gaps, offsets, friction
+        and materials may change. The stress is that of the whole strain by the material of the step, not a sum of
+        increments. An `offset` is the obstacle's own tangential displacement, slip is added to it. With a store a
+        sequence is read twice, step by step, and nothing of it is kept; what is no sequence becomes a list.
     callback : callable, optional
         Called with the number of each step, from 1, and its result.
     settings : Settings, optional

@@ -147,6 +147,8 @@ class TestCheck:
         for words in ("everything", "cells", "unknowns", "joint", *stated):
             assert words in out
         assert (tmp_path / "rich.png").exists()
+        strong = told(shell("check", EXAMPLES / "strip_footing.toml"))
+        assert ", strength = { law = tresca, c = 50.0 }\n" in strong
 
     def test_loads_are_added_up(self, shell):
         document = answered(shell("check", EXAMPLES / "gravity_column.toml", "--json"))
@@ -264,7 +266,8 @@ class TestSweep:
         alone = [solve(compressed_plate(mu, (2, 2))).contacts["plate"].normal_force for mu in (0.1, 0.3)]
         found = [step["contacts"]["plate"]["normal_force"]["value"] for step in document["steps"]]
         assert found == pytest.approx(alone, rel=1e-9)
-        for given, heading in (("gap=0,1e-4", "added gap [mm]"), ("load=1,0.5", "load factor")):
+        named = ("plate.gap=0,1e-4", "\nadded gap of plate [mm] "), ("plate.friction=0.1,0.2", "\nfriction of plate ")
+        for given, heading in (("gap=0,1e-4", "added gap [mm]"), ("load=1,0.5", "load factor"), *named):
             assert heading in shell("solve", path, "--set", given)[1]
         out = shell("solve", example(tmp_path, "preloaded_joint"), "--set", "load=1,2")[1]
         assert "\nremark, first at load = 2: Nothing determines" in out  # where the base opens

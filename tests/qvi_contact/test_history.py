@@ -115,6 +115,9 @@ def test_bad_steps_are_refused():
     for other, what in ((finer, "mesh"), (layer, "contacts"), (replace(problem, mesh=mesh), "contacts")):
         with pytest.raises(InputError, match=f"same {what}"):
             solve_history([other, problem])
+    stiffer = replace(problem, material=Material(2.0 * YOUNG, 0.3))  # is none of these: its law is that of all strain
+    forces = [step.contacts["plate"].normal_force for step in solve_history([problem, stiffer]).steps]
+    assert forces[1] == pytest.approx(2.0 * forces[0], rel=1e-9)
     with pytest.raises(InputError, match="contacts"):
         solve_history([pressed_block(0.0)]).loop("left")
 

@@ -77,7 +77,7 @@ def result_page(
         trust=report.trust(refinement, file.units) if refinement else "",
         several=[(*named, [[cell.replace("-", "−") for cell in row] for row in rows]) for *named, rows in several],
         said=() if series is None else tuple(series.said(file.units)),
-        step_label="t" if series is None else series.label,
+        step_label="t" if series is None else series.label + series.owners,
         pictures=_pictures(steps, None if series is None else series.values, file),
         settings=_settings(result),
         field=field_data(result, companion, file.units) if result.has_state else None,
