@@ -61,7 +61,7 @@ class EdgeQuadrature:
         return self.integrals(bernstein.basis(degree, self.t.ravel()).reshape(*self.t.shape, -1))
 
     def misfit(self, coefficients: FloatArray) -> float:
-        """Largest difference at points from polynomials (n, k), but for the smallest parts of edges, as beside jumps."""
+        """Largest difference at points from polynomials (n, k), but for smallest parts of edges, as beside jumps."""
         share = self.weights.sum(axis=1)
         order = np.lexsort([share, self.edge])
         covered = np.cumsum(share[order])
