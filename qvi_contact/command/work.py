@@ -187,7 +187,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         told = {name: options.get(name) for name in OPTIONS}
         problem, refinement, proof = problem_file.problem, None, targets.pop("proof", None)
         if proof is not None and not loads:
-            return _without_loads(proof, problem, told, {"target": target, **targets}, as_json)
+            return _without_loads(proof, problem_file, told, {"target": target, **targets}, as_json)
         named: list[Any] = list(loads) or [Missing()]
         acts = report.act(problem, checked_loads(problem, named, "--load"))
         if target is None:
@@ -229,14 +229,15 @@ def _meant(file: ProblemFile, acts: bool = True) -> list[str]:
 
 
 def _without_loads(
-    path: str, problem: ContactProblem, told: Mapping[str, Any], more: Mapping[str, Any], as_json: bool
+    path: str, file: ProblemFile, told: Mapping[str, Any], more: Mapping[str, Any], as_json: bool
 ) -> int:
     """Prove that the loads as they are cannot be carried; `more` are options that have no sense here."""
     for name, value in more.items():
         if value is not None:
             raise InputError(_option_name(name), value, "needs loads that are multiplied: give --load")
-    proved = _write_proof(path, problem, (), told)
-    click.echo(_json_text({"loads": [], "message": "; ".join(proved)}) if as_json else "\n".join(proved))
+    proved = _write_proof(path, file.problem, (), told)
+    message = "\n".join([*proved, *_meant(file)])
+    click.echo(_json_text({"loads": [], "message": "; ".join(proved)}) if as_json else message)
     return 0
 
 

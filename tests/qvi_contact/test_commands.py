@@ -178,6 +178,9 @@ def test_limit(shell, sliding):
     refused(shell("limit", sliding), "--load: missing: name one of the loads (", "drag")
     for words, acts in (("limit", "--load", "left"), "0"), (("safety", "--accuracy=0.5"), "those"):
         assert f" {acts} at t = 0, the first time" in shell(words[0], EXAMPLES / "cyclic_shear.toml", *words[1:])[1]
+    late = sliding.with_name("late.toml")
+    late.write_text(sliding.read_text(encoding="utf-8") + "[history]\ntimes = [0.5]\n", encoding="utf-8")
+    assert "those at t = 0.5, the first" in shell("limit", late, "--proof", sliding.with_name("a.json"))[1]
     found = answered(shell("limit", sliding, *loads, "--target", "1e-4", "--json"))["refinement"]
     assert (found["status"], found["guaranteed"], found["rounds"]) == ("reached", True, 1)
     assert 0.0 <= found["estimate"] <= 1e-4
@@ -298,6 +301,8 @@ class TestSweep:
         assert force("--set", "mu=0.8,0.9") == pytest.approx([whole, whole], rel=1e-6)
         assert shell("solve", path, "--set", "constants.mu=0.8:0.9:2")[1].count("\nmu ") == 1
         assert force("--set", "T=0.1", "--set", "p=0.5,1.0") == pytest.approx([-0.2, -0.2], rel=1e-6)
+        shell("solve", path, "--set", "mu=0.1,0.9", "--report", tmp_path / "a.html")
+        assert "<p>mu = 0.1: The load exceeds" in (tmp_path / "a.html").read_text(encoding="utf-8")  # no Mu
         late = shell("solve", path, "--set", "mu=0.8,0.9", "--method=condensed", "--time-limit=1e-9", "--json")
         assert [step["status"] for step in json.loads(late[1])["steps"]] == ["time_limit"]
         refused(shell("solve", path, "--set", "nu=0.1,0.2"), "--set: 'nu': name one of", "constants (p, mu, T)")
