@@ -120,6 +120,8 @@ def exceeded(proof: dict[str, Any], counted: Counter[str]) -> Fraction | float:
 def triangles(proof: dict[str, Any], field: dict[str, Any]) -> Iterator[tuple[int, Any, Fraction, Any, dict[Any, Any]]]:
     """Number, cones, area, gradients of barycentric coordinates, and ordinates of a field, of every triangle."""
     demand(field["degree"] > 0, "a degree is not positive")
+    counts = {len(each) for each in (proof["triangles"], proof["strength_of"], field["ordinates"])}
+    demand(len(counts) == 1, "there are not as many strengths, or lists of ordinates, as triangles")
     for t, (names, values) in enumerate(zip(proof["triangles"], field["ordinates"], strict=True)):
         demand(len(values) == comb(field["degree"] + 2, 2), f"triangle {t} has not the ordinates of its degree")
         demand(min(*names, proof["strength_of"][t]) >= 0, f"triangle {t} has a negative number")
@@ -250,6 +252,7 @@ def mean(values: Sequence[Any]) -> Fraction:
 
 def at_factor(given: Any, factor: Fraction) -> list[Fraction]:
     """Loads that stay and a multiple of others."""
+    demand(len({*map(len, given)}) == 1, "a load that stays and the one that is multiplied have not as many ordinates")
     return [dead + factor * live for dead, live in zip(*given, strict=True)]
 
 

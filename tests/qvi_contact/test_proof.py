@@ -277,7 +277,8 @@ def test_a_block_lifts_off_the_ground_but_does_not_sink_into_it(cohesion):
      (("strengths", 0, 0, 0), float("nan"), "NaN"), (("contacts", 0, "cohesion"), "nan", "Fraction: 'nan'"),
      (("contacts", 0, "law"), "glued", "unknown law"), (("loads", 1, "along", 0, 0), [0, 0], "right angle"),
      (("loads", 1, "along", 0, 0), [0, 0, 1], "right angle"), (("loads", 1, "along"), [], "right angle"),
-     (("strength_of",), [-1, 0], "negative number"), (("stress", "degree"), 10**30, "ordinates of its degree")],
+     (("strength_of",), [-1, 0], "negative number"), (("stress", "degree"), 10**30, "ordinates of its degree"),
+     (("strength_of",), [0], "as triangles"), (("loads", 1, "along", 0, 1, 0), ["0"] * 3, "not as many ordinates")],
 )  # fmt: skip
 def test_what_is_no_statement_is_refused(place, value, told):
     proof = block_on_the_ground(1, [0, "1/1000"])
@@ -311,6 +312,5 @@ def test_a_strain_rate_must_lie_in_its_cone():
 
 def test_a_block_that_slides_on_one_at_rest():
     """The limit itself, which the motion of the upper block alone proves."""
-    problem = on(Contact("joint", 0.1))
-    limit, proof = (found(problem, ["push"], degree=3) for found in (limit_load_factor, limit_proof))
+    limit, proof = (found(on(Contact("joint", 0.1)), ["push"], degree=3) for found in (limit_load_factor, limit_proof))
     assert float(check(proof)[1]) == pytest.approx(limit.upper, rel=1e-6)
