@@ -116,9 +116,10 @@ def trace_coordinates(traces: TractionFactor, interface: IntVector) -> TraceCoor
     if len(dependent):
         combination = factor.solve(dense(Y[dependent]).T, "T").T
         # Zeros in place of what is rounding beside other terms: a solve leaves some everywhere, which would fill the
-        # rows of bodies with many joints.
+        # rows of bodies with many joints. Dense rows gain nothing by it, and keep their digits.
         terms = np.abs(combination) * abs(P).sum(axis=1)
-        combination[terms <= _NOISE * terms.max(axis=1, initial=0.0)[:, None]] = 0.0
+        if not few:
+            combination[terms <= _NOISE * terms.max(axis=1, initial=0.0)[:, None]] = 0.0
         interpolation = interpolation + E[:, dependent] @ (combination if few else csc_array(combination))
     return TraceCoordinates(interpolation if few else stored(interpolation), P, factor)
 
