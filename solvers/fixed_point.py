@@ -25,12 +25,12 @@ from scipy.sparse import csc_array, diags_array, eye_array, vstack
 from solvers.basics.checks import real_array
 from solvers.basics.progress import Progress, deadline, report
 from solvers.basics.status import Status
-from solvers.basics.types import BoolVector, IntVector, Vector
+from solvers.basics.types import Matrix, Vector
 from solvers.certificate.certificate import certify, scales_at
 from solvers.certificate.feasibility import Feasibility, check_feasibility, refuted
 from solvers.errors import InputError
 from solvers.inequality.problem import Compliance, FrictionQVI
-from solvers.inequality.rows import basis_rows, columns_of, dense, largest
+from solvers.inequality.rows import independent_rows, largest
 from solvers.inner.linear_program import BackendFailure, attempt
 from solvers.inner.problem import Centre, InnerSolution, InnerSolver, no_result
 from solvers.inner.registry import make_inner, versions
@@ -40,9 +40,9 @@ from solvers.solution import Iteration, Outcome
 # In which unknowns the inner problems are posed.
 #
 # "full"       the unknowns z themselves: large and sparse, and as badly conditioned as K
-# "condensed"  only what the contact points feel: with their compliance V Vᵀ = B K⁻¹ Bᵀ, B = [N; T], the tractions are
-#              σ_bonded + V w and the energy is ½|w|², for r ≤ 2m unknowns w. Small, dense, perfectly conditioned; z
-#              follows from the multipliers by one linear solve with the factor of K
+# "condensed"  only what the contact points feel. The rows B = [N; T] = E Y span r ≤ 2m directions Y; with a
+#              factor F Fᵀ = Y K⁻¹ Yᵀ and V = E F the tractions are σ_bonded + V w and the energy is ½|w|². Small,
+#              dense, perfectly conditioned; z follows from the multipliers by one linear solve with the factor of K
 #
 # Both are minimised by the same tractions and multipliers. The condensed form pays while contact points are few.
 #
@@ -55,16 +55,16 @@ CONDENSED_LIMIT = 2000
 """Rows of B, 2m, up to which "auto" condenses."""
 
 _COMPLIANT, _HELD = 1e-14, 1e-12
-"""Eigenvalues of B K⁻¹ Bᵀ below these shares of its largest, and of the largest |row of B|² / |K|, are rounding."""
+"""Eigenvalues of Y K⁻¹ Yᵀ below these shares of its largest, and of 1/|K|, are rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class FullForm:
-    """(D2) as it is, but for rows without friction, independent ones of them equations, and bilateral ones, void."""
+    """(D2) as it is, but for rows without friction, turned into independent equality rows, and bilateral ones, void."""
 
     problem: FrictionQVI  # for an inner solver: those equations in A, their rows of T empty, bilateral rows of N empty
-    rows: BoolVector  # (m,) without friction
-    chosen: IntVector  # those of them whose rows of T are appended to A
+    rows: np.ndarray  # (m,) bool
+    E: Matrix  # (rows, k), T_rows = E Y with Y the k equality rows appended to A
     name: ClassVar[str] = "full"
 
     @classmethod
@@ -77,13 +77,14 @@ class FullForm:
             qvi = qvi.with_contact(N=N, traces=None).with_loads(n0=np.where(held, -1.0, qvi.n0))
         rows = qvi.frictionless
         if not rows.any():
-            return cls(qvi, rows, np.zeros(0, dtype=np.int64))
-        chosen, kept = rows.nonzero()[0], np.where(rows, 0.0, 1.0)
-        chosen = chosen[basis_rows(dense(qvi.T[chosen][:, columns_of(qvi.T)])).rows]
-        empty, equations = csc_array(diags_array(kept) @ qvi.T), csc_array(vstack([qvi.A, qvi.T[chosen]]))
-        loads = replace(qvi.loads, t0=kept * qvi.t0, b=np.concatenate([qvi.b, -qvi.t0[chosen]]))
+            return cls(qvi, rows, np.zeros((0, 0)))
+        E, Y = independent_rows(csc_array(qvi.T[rows]))
+        kept = np.where(rows, 0.0, 1.0)
+        b = np.concatenate([qvi.b, -np.linalg.lstsq(E, qvi.t0[rows], rcond=None)[0]])
+        empty, equations = csc_array(diags_array(kept) @ qvi.T), csc_array(vstack([qvi.A, Y]))
         contact = replace(qvi.contact, T=empty, A=equations, traces=None)
-        return cls(replace(qvi, contact=contact, loads=loads), rows, chosen)
+        problem = replace(qvi, contact=contact, loads=replace(qvi.loads, t0=kept * qvi.t0, b=b))
+        return cls(problem, rows, E)
 
     def threshold(self, threshold: Vector) -> Vector:
         """The friction bound as the inner problem takes it (m,): 1, which is never reached, where the row is empty."""
@@ -94,11 +95,15 @@ class FullForm:
         return Centre(self.problem, self.problem.bonded if result is None else result.z)
 
     def expand(self, result: InnerSolution) -> InnerSolution:
-        """In the original rows: multipliers of chosen rows of T are those of the equations, of other such rows none."""
-        m_N, m_T, p = np.where(self.problem.bilateral, 0.0, result.m_N), np.array(result.m_T), self.problem.p
-        m_T[self.rows], nu = 0.0, result.nu[: p - len(self.chosen)]
-        m_T[self.chosen] = result.nu[len(nu) :]
-        return replace(result, m_N=m_N, m_T=m_T, nu=nu)
+        """In the original rows: multipliers of T from those of the equations, Eᵀ m_T = ν, of least norm."""
+        if self.problem.bilateral.any():
+            result = replace(result, m_N=np.where(self.problem.bilateral, 0.0, result.m_N))
+        if not self.rows.any():
+            return result
+        p = len(result.nu) - self.E.shape[1]
+        m_T = np.array(result.m_T)
+        m_T[self.rows] = np.linalg.lstsq(self.E.T, result.nu[p:], rcond=None)[0]
+        return replace(result, m_T=m_T, nu=result.nu[:p])
 
 
 class CondensedForm:
@@ -109,12 +114,15 @@ class CondensedForm:
     def __init__(self, full: FullForm) -> None:
         qvi = full.problem
         self._full, self._compliance = full, Compliance(qvi)
-        rows = dense(qvi.condensed_contact.rows_near)
-        # Directions without compliance, as equations hold them, are left out.
-        values, vectors = np.linalg.eigh(self._compliance.dense)
-        held = _HELD * (rows * rows).sum(axis=1).max(initial=0.0) / float(qvi.K.diagonal().max(initial=1.0))
-        kept = values > max(_COMPLIANT * values.max(initial=0.0), held)
-        self._V = vectors[:, kept] * np.sqrt(values[kept])
+        E, Y = independent_rows(qvi.contact_rows)
+        Y_interface = Y[:, qvi.condensed_contact.system.interface]
+        C = Y_interface @ qvi.condensed_contact.system.solve_interface(Y_interface.T.toarray())[0]
+        # F Fᵀ = C = Y K⁻¹ Yᵀ from its eigenvalues; directions without compliance are left out. As rows of Y are
+        # orthonormal, C is at least 1/|K| where no equation A z = b holds the direction.
+        values, vectors = np.linalg.eigh((C + C.T) / 2.0)
+        least = max(_COMPLIANT * values.max(initial=0.0), _HELD / float(qvi.K.diagonal().max(initial=1.0)))
+        kept = values > least
+        self._V = np.asarray(E @ (vectors[:, kept] * np.sqrt(values[kept])))
         m, r, bonded = qvi.m, self._V.shape[1], self._compliance.bonded
         self.problem = FrictionQVI.from_arrays(
             K=csc_array(eye_array(r)), f=np.zeros(r), N=csc_array(self._V[:m]), n0=bonded[:m],

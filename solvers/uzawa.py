@@ -55,7 +55,7 @@ def solve_uzawa(qvi: FrictionQVI, tolerance: float, options: UzawaOptions) -> Ou
     began = time.perf_counter()
     compliance, m, W2, printed = Compliance(qvi), qvi.m, np.concatenate([qvi.W, qvi.W]), options.rule == "printed"
     root = np.sqrt(qvi.W)
-    radius = eigvalsh(root[:, None] * compliance.dense[:m, :m] * root)[-1]  # of N K⁻¹ Nᵀ W
+    radius = 0.0 if options.omega_N else eigvalsh(root[:, None] * compliance.dense[:m, :m] * root)[-1]  # of N K⁻¹ Nᵀ W
     omega_N = options.omega_N or (1.0 / radius if radius > 0.0 else 1.0)
     energy_bonded = qvi.energy(qvi.bonded)
     tested = options.iterations is None  # else their number alone ends it

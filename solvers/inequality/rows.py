@@ -9,6 +9,7 @@ from heapq import heapify, heappop, heappush
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from scipy.linalg import qr
 from scipy.linalg.lapack import dgeqp3
 from scipy.sparse import csc_array, csr_array, diags_array, issparse
 
@@ -123,6 +124,21 @@ _RANK = 1e-10
 
 _CANCELLED = 1e-9  # a row that elimination reduces to less than this share of its terms depends on those before it
 _PREFERRED = 0.1  # pivots of at least this share of the largest are good enough
+
+
+def independent_rows(B: Columns) -> tuple[Matrix, Sparse]:
+    """B = E Y with E (rows, r) and orthonormal rows Y (r, n) sparse."""
+    touched = columns_of(B)
+    rows = dense(B[:, touched])
+    lengths = np.linalg.norm(rows, axis=1)
+    lengths[lengths == 0.0] = 1.0
+    Q, R, order = qr((rows / lengths[:, None]).T, mode="economic", pivoting=True)
+    diagonal = np.abs(np.diag(R))
+    r = int((diagonal > _RANK * diagonal.max(initial=0.0)).sum())
+    E = np.empty((B.shape[0], r))
+    E[order] = R[:r].T
+    selection = csc_array((np.ones(len(touched)), (np.arange(len(touched)), touched)), (len(touched), B.shape[1]))
+    return E * lengths[:, None], csc_array(csc_array(Q[:, :r].T) @ selection)
 
 
 class Echelon(NamedTuple):

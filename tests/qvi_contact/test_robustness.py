@@ -193,6 +193,14 @@ def test_the_smallest_cells_that_there_are_give_no_wrong_number(friction, expect
         compressed_plate(friction, (2, 2)).mesh.graded([(1.0, 1.0)], 60)
 
 
+@pytest.mark.parametrize("form", ["full", "condensed"])
+def test_the_fixed_point_on_meshes_graded_to_a_corner(form):
+    """Rows of edges that differ by the factor 32 in length: without friction they are equations of one size."""
+    plate = compressed_plate(0.0, (2, 2))
+    plate = replace(plate, mesh=plate.mesh.graded([(1.0, 1.0)], 10))
+    assert solve(plate, method="fixed-point", form=form).status is Status.SOLVED
+
+
 def test_inaccurate_results_are_nearly_right():
     """More is asked for than can be had: the force is right to a hundred times the stated accuracy, 1e-3 at worst."""
     result = solve(with_friction(meshed(20), 20.0), method="condensed", gap=1e-8, tolerance=1e-12)

@@ -15,7 +15,7 @@ from qvi_contact import discretize
 from qvi_contact.gallery import compressed_plate, masonry_wall
 from solvers import FrictionQVI, InputError, Status, Stiffness, solve_qvi
 from solvers.condensed import FRICTION_SHARES
-from solvers.inequality import TractionFactor, echelon, trace_coordinates
+from solvers.inequality import TractionFactor, echelon, independent_rows, trace_coordinates
 from tests.cases import every_pair, examples, thinned
 from tests.solvers.conftest import LAWS, Root, chain, mixed_problem, one_contact, random_problem
 from tests.solvers.test_laws import violations
@@ -263,6 +263,9 @@ def test_echelon_finds_the_rank_and_a_basis(Y):
         left = unit - unit @ np.linalg.pinv(unit[found.rows]) @ unit[found.rows]
         assert np.abs(left).max(initial=0.0) < 1e-8
     assert list(found.rows) == sorted(set(found.rows.tolist()))
+    E, orthonormal = independent_rows(Y)
+    assert (orthonormal @ orthonormal.T).toarray() == pytest.approx(np.eye(rank), abs=1e-12)
+    assert E @ orthonormal / np.where(scale > 0.0, scale, 1.0)[:, None] == pytest.approx(unit, abs=1e-12)
 
 
 def test_echelon_takes_the_first_of_equal_rows_and_ignores_stored_zeros():
