@@ -18,7 +18,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg import eigh, null_space, qr
+from scipy.linalg import eigh, null_space, orth, qr
 from scipy.sparse.linalg import spsolve
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
@@ -407,8 +407,7 @@ class _Energies:
         below = known.least_energy(np.concatenate([nowhere, slips]), np.concatenate([tied, tied]))
         part = known.least_energy(np.concatenate([presses, nowhere]), np.concatenate([~presses, rough | tied]))
         moved = known.B[np.concatenate([nowhere, slips])] @ solutions(known.B[np.tile(tied, 2) & known.live])[1]
-        basis, sizes, _ = np.linalg.svd(moved, full_matrices=False)
-        attained = basis[:, sizes > SINGULAR * sizes.max(initial=0.0)]
+        attained = orth(moved, SINGULAR)
         values, vectors = np.linalg.eigh(attained.T @ below @ attained)
         unstrained = attained @ vectors[:, values <= SINGULAR * values[-1:]]
         return cls(traces, slips, presses, below, part, attained, unstrained)

@@ -64,7 +64,7 @@ _SOFT = 3e-5  # compliance of a force whose c follows from others, over that of 
 _TRIALS = 4  # of what gives way by it
 
 _SHARED = 1e-9  # singular value of rows that share unknowns, relative, that counts as zero
-_VIOLATED = 1e-12
+VIOLATED = 1e-12  # of displacements: by how much what is prescribed contradicts a contact, or slips along it
 
 _INDICATOR = "The friction bound was taken from the displacement model's own contact forces: its energy is no bound."
 
@@ -540,7 +540,7 @@ def admissible(
     c = contacts.rows @ v - contacts.motions @ plates - contacts.moved
     excess = _excess(problem, c)
     worst = float(excess.max(initial=0.0)) / max(1.0, float(np.abs(c).max(initial=0.0)))
-    if worst <= _VIOLATED:
+    if worst <= VIOLATED:
         return v, c, plates, ""
     half, number = divmod(int(np.argmax(excess)), contacts.count)
     trace = next(each for each in contacts.traces if number < each.here.stop)

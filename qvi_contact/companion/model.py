@@ -14,9 +14,8 @@ from scipy.linalg import block_diag
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, fraction
 from qvi_contact.companion.body import CondensedBody, Elasticity, load_vector
-from qvi_contact.companion.contact import Contacts, admissible, dual_problem
+from qvi_contact.companion.contact import VIOLATED, Contacts, admissible, dual_problem
 from qvi_contact.discretization.displacements import (
-    MISFIT,
     PARALLEL,
     DisplacementSpace,
     PrescribedDisplacements,
@@ -418,7 +417,7 @@ def prescribed_slip(problem: ContactProblem) -> dict[str, FloatArray]:
     free[held.index] = 0.0
     loose = abs(rows) @ free + np.abs(contacts.motions).sum(axis=1) > PARALLEL
     slip = np.where(loose, 0.0, rows @ held.fixed - contacts.moved - contacts.obstacle)[contacts.count :]
-    slip = np.where(np.abs(slip) > MISFIT * max(1.0, float(np.abs(held.fixed).max(initial=0.0))), np.sign(slip), 0.0)
+    slip = np.where(np.abs(slip) > VIOLATED * max(1.0, float(np.abs(held.fixed).max(initial=0.0))), np.sign(slip), 0.0)
     ends = ((trace.name, trace.on_edges(slip[trace.here], slip[trace.here])[1]) for trace in contacts.traces)
     return {name: np.sign(along.sum(axis=1)) for name, along in ends}
 

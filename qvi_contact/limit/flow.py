@@ -234,7 +234,8 @@ class FlowProgram:
         x = raised(x)
         first = found
         lost = float(every.q @ (x - start)) / (float(np.abs(every.q) @ np.abs(start)) or 1.0)
-        for faces in () if share else FACES[: int(lost > _MUCH)] if cones.limit.all() else FACES:
+        several = FACES if not cones.limit.all() else FACES[: int(lost > _MUCH)]
+        for faces in () if share else several:
             program, found = every, first
             for _ in range(PASSES):
                 missed = -float(program.margins(raised(found.x)).min(initial=0.0))

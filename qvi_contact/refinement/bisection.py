@@ -193,7 +193,7 @@ class TriangleRefinement:
                 if last.stress_rounding > last.certificate.tolerance * unit:  # rounding alone is more than allowed
                     status = RefinementStatus.THIN_CELLS
             raise StopError(status, f"the mesh with {unknowns} unknowns: {answer.message}")
-        value = self._value(answer)
+        value = self._value(answer, late=bool(earlier))
         unit, there = measure.unit(last, value), [places(each) for each in results]
         at = Places(*(np.unique(np.concatenate(parts)) for parts in zip(*there, strict=True)))
         hopeless = len(results) > 1 or any(each.hopeless for each in earlier)
@@ -236,12 +236,12 @@ class TriangleRefinement:
         for finer, more in ((reference_problem(posed, at).mesh, _QUICK if quick else {}), (posed.mesh, {})):
             try:
                 found = self._solved(finer, self.degree + 1, np.inf, more)
+                better = steps_of(found)
+                if len(better) < len(results) or not better[-1].has_state:
+                    continue
+                reference = self._value(found)
             except QVIError:
                 continue
-            better = steps_of(found)
-            if len(better) < len(results) or not better[-1].has_state:
-                continue
-            reference = self._value(found)
             apart, accuracy = abs(reference - value), max(each.certificate.accuracy for each in better)
             near = found.status is Status.INACCURATE and accuracy * unit <= _NEAR * apart
             if np.isfinite(apart) and (found.status is Status.SOLVED or near):
@@ -263,11 +263,19 @@ class TriangleRefinement:
             return solve_history(steps, **options)
         return solve(discretization, **{name: value for name, value in options.items() if name not in _POSING})
 
-    def _value(self, answer: ContactResult | History) -> float:
-        """The quantity, of a history in its last step; what friction loses is that of all steps."""
+    def _value(self, answer: ContactResult | History, *, late: bool = False) -> float:
+        """The quantity, of a history in its last step; what friction loses is that of all steps.
+
+        A function that gives no number is an `InputError`; `late`, where rounds are done, a `StopError` keeps these.
+        """
         if isinstance(answer, History) and self.measure.kind == "dissipation":
             return float(answer.dissipated.sum())
-        return self.measure.value(steps_of(answer)[-1])
+        try:
+            return self.measure.value(steps_of(answer)[-1])
+        except InputError as error:
+            if not late:
+                raise
+            raise StopError(RefinementStatus.UNSOLVED, str(error)) from error
 
 
 def steps_of(answer: ContactResult | History) -> Sequence[ContactResult]:

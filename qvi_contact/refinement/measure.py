@@ -53,6 +53,7 @@ _UNITS: Final = {
 _SMALL: Final = 1e-6  # of the problem's unit: numbers below count as this for relative errors
 _ON: Final = 1e-6  # of the body's length: distance from a contact that is rounding
 _LOOK: Final = np.linspace(0.0, 1.0, 33)  # places along an edge where extremes are looked for
+_SMOOTH: Final = 0.9  # cosine of the angle between tangents below which a contact has a kink
 _STEPS: Final = 4  # of Newton's method towards a point on an arc
 
 
@@ -85,7 +86,7 @@ class Measure:
             if not callable(quantity):
                 raise InputError("quantity", quantity, "give a name or a function of a ContactResult")
             name = getattr(quantity, "__name__", "quantity")
-            return cls(name, lambda result: finite_number("quantity", quantity(result)))
+            return cls(name, lambda result: finite_number("quantity", np.asarray(quantity(result))[()]))
         called, point = _with_point(quantity)
         own, _, kind = called.rpartition(".")
         sign, _, component = kind.partition("_")
@@ -158,7 +159,7 @@ def _stress(result: ContactResult, component: str, point: FloatArray) -> float:
 
 
 def _slip(result: ContactResult, name: str, point: FloatArray) -> float:
-    """The slip at a point of a contact: of the polynomial through the points of its edge, in vertices the mean."""
+    """The slip at a point of a contact: of polynomials through the points of edges, the mean of `_places_on`."""
     points = next(rows.points for rows in result.discretization.contacts if rows.name == name)
     slip = result.contacts[name].slip.reshape(-1, points.count)
     fitted = (
@@ -169,18 +170,21 @@ def _slip(result: ContactResult, name: str, point: FloatArray) -> float:
 
 
 def _places_on(mesh: TriangleMesh, edges: Edges, point: FloatArray) -> list[tuple[int, float]]:
-    """The edges that hold a point of a contact, with the coordinate on each, 0 to 1; in vertices those of one sense."""
+    """The edges that hold a point of a contact, with the coordinate on each, 0 to 1.
+
+    In a vertex these are both edges where the contact goes on smoothly, in a kink the one of lower number.
+    """
     apart = np.hypot(*np.moveaxis(points_along(mesh.vertices, edges, _LOOK) - point, -1, 0))
-    found, sense = list[tuple[int, float]](), np.zeros(2)
+    found, sense = list[tuple[int, float]](), np.zeros(2)  # places, and the tangent at the first
     for number in np.flatnonzero(apart.min(axis=1) <= apart.min() + _ON * mesh.length).tolist():
         edge, t = edges.take(np.array([number])), float(_LOOK[np.argmin(apart[number])])
         for _ in range(_STEPS):
             tangent = frames_along(edge, np.array([t]))[1][0, 0]
             away = point - points_along(mesh.vertices, edge, np.array([t]))[0, 0]
             t = min(max(t + float(away @ tangent / edge.length[0]), 0.0), 1.0)
-        if np.hypot(*away) <= _ON * mesh.length and tangent @ sense >= 0.0:
+        sense = sense if found else tangent
+        if np.hypot(*away) <= _ON * mesh.length and tangent @ sense >= _SMOOTH:
             found.append((number, t))
-            sense = sense + tangent
     if not found:
         raise InputError("quantity", tuple(point.tolist()), "give a point on the contact")
     return found

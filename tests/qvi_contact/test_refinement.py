@@ -302,6 +302,20 @@ class TestStressesAndSlip:
             assert one == pytest.approx(other, rel=1e-9)
         assert refine(layers, None, 1e-9, "yy(2.0000000008, 0.8)", degree=4, max_rounds=4).estimate < 0.1
 
+    def test_slip_in_a_kink_is_that_of_one_edge(self):
+        """However the body is turned; on one it is the normal displacement of the other, ±0.05, whose mean is 0."""
+        mesh = TriangleMesh.rectangle((2, 2)).with_edges("ell", lambda x, y: (x == 0.0) | (y == 0.0))
+        loads = [Traction(edges, normal=-load, tangential=0.0) for edges, load in (("top", 1.0), ("right", 3.0))]
+        found = []
+        for angle in (0.0, 0.3, 1.0, 2.2, 4.0):
+            turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+            turned = replace(mesh, vertices=(mesh.vertices + 0.3) @ turn)
+            x, y = np.array([0.3, 0.3]) @ turn
+            problem = ContactProblem(turned, Material(10.0, 0.3), [Contact("ell", 0.0, gap=-0.05), *loads])
+            quantity = f"ell.slip({float(x)!r}, {float(y)!r})"
+            found.append(refine(problem, None, 1.0, quantity, degree=3, max_rounds=1).value)
+        assert np.abs(found) == pytest.approx(np.full(5, 0.05), rel=1e-9)  # towards +x
+
     PRESSED = (*FREE, Contact("top", 0.0, law="tied", plate=RigidPlate(force_y=-6.0, x=0.0, rotation=0.0)))
 
     def test_what_friction_loses_in_a_cycle(self):
@@ -339,6 +353,19 @@ def test_bad_input(field, value):
         refine(compressed_plate(0.2), **{field: value})
     with pytest.raises(InputError, match="ContactProblem"):
         refine(compressed_plate(0.2).mesh)
+
+
+@pytest.mark.parametrize(("good", "rounds"), [(2, 1), (4, 2), (9, 3)])
+def test_functions_may_give_arrays_without_dimension_and_fail_later(good, rounds):
+    """Each round asks for a value of the answer and one of the reference; what was found before stays."""
+    asked = iter(range(99))
+
+    def force(result):
+        return np.array(result.contacts["plate"].normal_force) if next(asked) < good else np.nan
+
+    outcome = refine(compressed_plate(0.2, (1, 1)), None, 1e-9, force, max_rounds=3)
+    assert len(outcome.rounds) == rounds
+    assert outcome.status is (RefinementStatus.ROUNDS if good > 6 else RefinementStatus.UNSOLVED)
 
 
 @pytest.mark.parametrize("seconds", [0.5, 1.5])

@@ -387,6 +387,17 @@ class TestScope:
             assert 0.0 == pressure.lower < 0.159 < pressure.upper
             assert shear == pytest.approx((-friction * pressure.upper, friction * pressure.upper), rel=1e-12)
 
+    def test_a_side_that_hardly_moves_slips_all_the_same(self):
+        """Displacements that keep it from slipping would contradict the contact."""
+        mesh, loads = TriangleMesh.rectangle((4, 2), 2.0, 1.0), [Traction("top", 0.0, -0.1), FREE[1]]
+        posed = (
+            ContactProblem(
+                mesh, Material(1.0, 0.3), [Contact("bottom", 0.2), Displacement("left", 10.0**power, 0.0), *loads]
+            )
+            for power in (-11, -12)
+        )
+        assert all(np.isfinite(solve(each).bracket.coulomb.error) for each in posed)
+
     def test_the_stress_of_more_friction(self):
         """What is beyond the bound of friction is taken off it, and counts."""
         more, result = chain(0.2)[1], solve(with_law(chain(0.2)[1].problem, friction=0.15), degree=4)
