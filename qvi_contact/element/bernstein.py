@@ -48,7 +48,7 @@ def nodes(degree: int) -> FloatArray:
     What polynomials through them miss on arcs, of directions that turn, is at right angles to polynomials of degree
     p − 2: smooth tractions do next to no work along it.
     """
-    inside = np.asarray(Legendre.basis(degree).deriv().roots(), dtype=np.float64)
+    inside = np.asarray(Legendre.basis(degree).deriv().roots().real)  # complex from NumPy 2.5 on
     found = np.concatenate([[0.0], 0.5 + 0.25 * (inside - inside[::-1]), [1.0]])
     found.flags.writeable = False
     return found

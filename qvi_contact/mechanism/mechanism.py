@@ -331,7 +331,7 @@ class _Program:
                 own.append(on_slips)
                 costs.append(cost)
         self.cost = np.concatenate(costs)
-        self.rows = sparse.hstack([sparse.vstack(shared), sparse.block_diag([np.zeros((0, 0)), *own])])
+        self.rows = sparse.hstack([sparse.vstack(shared), sparse.block_diag([sparse.csr_array((0, 0)), *own])])
 
     def _conditions(self, line: Line, bodies: Bodies) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rows of a line on y, and on its own slips, and the costs of these."""
