@@ -296,8 +296,8 @@ def forces_of(runs: DataFrame) -> DataFrame:
     """One line a force with bounds of a judged problem, with "judged", "inside", "outside" in the same sense."""
     columns = ("force", "lower", "upper", "reference", "doubt")
     lines = [
-        {"family": run.family, "number": run.number, "largest": max(abs(each[3]) for each in run.forces),
-         **dict(zip(columns, force, strict=True))}
+        {"family": run.family, "number": run.number, **dict(zip(columns, force, strict=True)),
+         "largest": max(abs(number) for each in run.forces for number in each[1:4])}
         for run in runs[runs.judged].itertuples() for force in run.forces
     ]  # fmt: skip
     forces = DataFrame(lines, columns=["family", "number", "largest", *columns])
