@@ -124,8 +124,8 @@ def enclosed_beyond(problem: ContactProblem, edges: Edges) -> BoolArray:
     """
     mesh, joints = problem.mesh, [problem.mesh.edges(joint.edges).number for joint in problem.joints]
     for cut in (edges.number, np.concatenate([edges.number, *joints])):
-        whole = mesh.interior.take(~np.isin(mesh.interior.number, cut))
-        bodies = Bodies.of(problem, linked(*whole.cells.T, mesh.cell_count))
+        first, second = mesh.interior.cells[~np.isin(mesh.interior.number, cut)].T
+        bodies = Bodies.of(problem, linked(first, second, mesh.cell_count))
         first, second = bodies.of_cells[edges.cells].T
         if (first != second).any():
             break

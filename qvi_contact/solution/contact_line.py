@@ -117,8 +117,8 @@ class ContactLine:
     frictionless: bool = False
     """Whether the contact has no friction: then it is open or closed, and nothing sticks or slips."""
     senses: FloatArray = field(default_factory=lambda: np.ones(1))
-    """±1 (edges,), in which sense σ_T of each edge counts for the tangential force, see `turning_senses`; 1 on joints.
-    One number stands for all."""
+    """±1 (edges,), in which sense σ_T of each edge counts for the tangential force, see `turning_senses`. One number
+    stands for all."""
 
     @property
     def effective_normal_stress(self) -> FloatArray:
@@ -427,11 +427,12 @@ def turning_senses(vertices: FloatArray, edges: Edges) -> FloatArray:
     Tangents point to the right, so that on a line which turns back, such as a round bore, they lead against each other.
     There those count that lead around the middle of the line counterclockwise, and the others against them. On all
     other lines every edge counts as its tangent leads; so it does on joints, whose sides change where the tangent turns
-    back.
+    back, but for upright edges beside others: their sides are left and right, not below and above.
     """
     found = np.ones(len(edges))
     if (edges.cells[:, 1] >= 0).any():
-        return found
+        handed = np.sign(cross(edges.tangent, edges.normal))
+        return np.asarray(handed * handed.max())
     ends = np.stack([vertices[edges.first], vertices[edges.second]], axis=1)
     path = ContactPath.of(ends, edges.length)
     for own in path.lines:

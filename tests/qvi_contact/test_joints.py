@@ -178,3 +178,12 @@ def test_the_force_on_a_joint_is_what_stands_on_it_whichever_triangle_comes_firs
     conditions = [Displacement("bottom", x=0.0, y=0.0), Contact("joint", 0.5), Traction("top", x=0.5, y=-3.0), *sides]
     force = solved(ContactProblem(mesh, STEEL, conditions)).resultant("joint")
     assert (force.x, force.y, force.moment) == pytest.approx((1.0, -6.0, -7.0), rel=1e-8)
+
+
+def test_shear_around_a_block_counts_one_way():
+    """Of a block in pure shear it does not turn it, though upright sides have other sides than lying ones."""
+    mesh = TriangleMesh.rectangle((4, 4)).with_joint("fit", lambda x, y: np.maximum(abs(x - 0.5), abs(y - 0.5)) == 0.25)
+    sheared = [Displacement(side, x=lambda _, y: 1e-3 * y, y=0.0) for side in ("bottom", "right", "top", "left")]
+    line = solved(ContactProblem(mesh, STEEL, [Contact.tied("fit"), *sheared])).contacts["fit"]
+    assert line.tangential_stress == pytest.approx(1e-3 * STEEL.young / 2.6)
+    assert line.tangential_force == pytest.approx(0.0, abs=1e-9)
