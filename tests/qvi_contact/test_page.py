@@ -173,6 +173,7 @@ class TestCommand:
         code, _, err = shell("solve", tmp_path / "a.toml", "--report", tmp_path / "a.html")
         assert (code, err) == (1, "")
         said = words((tmp_path / "a.html").read_text(encoding="utf-8"))
+        assert "x from 4500000 to 4500002" in told(shell("check", tmp_path / "a.toml"))
         assert said.count("infeasible") == 1
         assert "The problem" in said
         assert "The answer" not in said
