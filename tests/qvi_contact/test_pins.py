@@ -113,6 +113,17 @@ class TestShearAroundABore:
             assert set(senses) == signs
             assert (senses * cross(arms, edges.tangent) > 0.0).all()
 
+    @pytest.mark.parametrize(("depth", "sense"), [(0.25, 1.0), (0.25, -1.0), (1.0, 1.0)])
+    def test_a_base_with_a_step_counts_from_end_to_end(self, depth, sense):
+        """Around its middle it does not turn, but for rounding, which told the sense of the force on it."""
+        grid = TriangleMesh.grid([0, 1, 2], [-depth, 0, 1], [[False, True], [True, True]])
+        base = grid.with_edges("base", lambda x, y: (y <= 0.0) & (x < 2.0))
+        for shift in np.linspace(-3.0, 3.0, 13):
+            mesh = replace(base, vertices=base.vertices * [sense, 1.0] + [shift, 0.7 * shift])
+            edges = mesh.edges("base")
+            level = np.abs(edges.normal[:, 1]) > 0.5
+            assert set(turning_senses(mesh.vertices, edges)[level]) == {1.0}
+
     def test_two_lines_that_face_each_other_are_not_one(self):
         """Top and bottom of a block count along x both, as before they had one name."""
         mesh = TriangleMesh.rectangle((2, 2)).with_edges("both", lambda _, y: (y == 0.0) | (y == 1.0))
