@@ -431,18 +431,18 @@ def turning_senses(vertices: FloatArray, edges: Edges) -> FloatArray:
     There those count that lead around the middle of the line counterclockwise, and the others against them; but if its
     ends are nearly as far apart as it is long, as on a base with a step, or it turns around nothing, those that lead as
     a tangent from end to end does. On all other lines every edge counts as its tangent leads; so it does on joints,
-    whose sides change where the tangent turns back, but for upright edges beside others: their sides are left and
-    right, not below and above.
+    whose sides change where the tangent turns back, but for upright edges in a line with others: their sides are left
+    and right, not below and above.
     """
-    found = np.ones(len(edges))
-    if (edges.cells[:, 1] >= 0).any():
-        handed = np.sign(cross(edges.tangent, edges.normal))
-        return np.asarray(handed * handed.max())
+    found, handed = np.ones(len(edges)), np.sign(cross(edges.tangent, edges.normal))
+    joint = (edges.cells[:, 1] >= 0).any()
     ends = np.stack([vertices[edges.first], vertices[edges.second]], axis=1)
     path = ContactPath.of(ends, edges.length)
     for own in path.lines:
         forward, chosen = path.forward[own], path.edges[own]
-        if forward.all() or not forward.any():
+        if joint:
+            found[chosen] = handed[chosen] * handed[chosen].max()
+        if joint or forward.all() or not forward.any():
             continue
         walk = np.where(forward, 1.0, -1.0)
         steps = walk[:, None] * (ends[chosen, 1] - ends[chosen, 0])
