@@ -41,9 +41,9 @@ RETIRED: Final = {
 
 
 def place_of(point: Iterable[float]) -> str:
-    """A point (x, y) as messages show it, with six digits."""
+    """A point (x, y) as messages show it, with nine digits."""
     x, y = map(float, point)
-    return f"({x:.6g}, {y:.6g})"
+    return f"({x:.9g}, {y:.9g})"
 
 
 def refuse_retired(name: str) -> None:

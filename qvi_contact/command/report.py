@@ -167,7 +167,7 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
     mesh = outline["mesh"]
     yield (
         f"mesh: {mesh['cells']} triangles, edges {mesh['smallest']:.4g} to {mesh['largest']:.4g} {units.length} long; "
-        f"x from {mesh['x'][0]:g} to {mesh['x'][1]:g}, y from {mesh['y'][0]:g} to {mesh['y'][1]:g}"
+        f"x from {mesh['x'][0]:.9g} to {mesh['x'][1]:.9g}, y from {mesh['y'][0]:.9g} to {mesh['y'][1]:.9g}"
     )
     element = outline["element"]
     yield f"element: {element['name']}, degree {element['degree']}, contact law {_LAW_ON[element['law_on']]}"

@@ -35,6 +35,7 @@ _FIRST, _SECOND = np.transpose(EDGES)  # corners at the ends of each edge
 _FROBENIUS: Final = np.array([1.0, 1.0, 2.0])  # |∇∇Φ|² = Φ_xx² + Φ_yy² + 2 Φ_xy²
 _NEARLY: Final = 1e-4  # of c_11: a resistance to pressure below which Cholesky's root of an energy loses digits
 _LONG: Final = 10.0  # longest side over height: beyond, energies, unlike stresses, lose too many digits
+_TOGETHER: Final = 1e-10  # difference of barycentric coordinates that is rounding: parts meet there
 _AREA: Final = np.sqrt(0.75) / 2.0  # of the reference triangle
 
 
@@ -193,19 +194,20 @@ class HsiehCloughTocher:
     def reference_functions(self, barycentric: FloatArray, order: int) -> FloatArray:
         """Values (1), gradients (2) or Hessians (3 components xx, yy, xy) on the reference triangle, by order 0, 1, 2.
 
-        At points (..., 3), shape (..., components, dimension). Where parts meet any of them gives values and gradients;
-        of the Hessian, which jumps, that of the part opposite the corner whose coordinate is smallest, the first such.
+        At points (..., 3), shape (..., components, dimension). Where parts meet it is the mean of theirs: the Hessian
+        jumps there, and all of them have the corners in common.
         """
         at = np.asarray(barycentric, dtype=float)
         flat = at.reshape(-1, 3)
-        part = np.argmin(flat, axis=1)
-        found = np.empty((len(flat), (1, 2, 3)[order], self.dimension))
+        meeting = flat <= flat.min(axis=1, keepdims=True) + _TOGETHER
+        share = meeting / meeting.sum(axis=1, keepdims=True)
+        found = np.zeros((len(flat), (1, 2, 3)[order], self.dimension))
         for s, (a, b) in enumerate(EDGES):
-            inside = np.flatnonzero(part == s)
+            inside = np.flatnonzero(meeting[:, s])
             low = flat[inside, s]
             local = np.column_stack([flat[inside, a] - low, flat[inside, b] - low, 3.0 * low])
-            tables = self.derivatives[order][s]
-            found[inside] = np.moveaxis(bernstein(self.degree - order, local) @ tables, 0, 1)
+            tables = bernstein(self.degree - order, local) @ self.derivatives[order][s]
+            found[inside] += share[inside, s, None, None] * np.moveaxis(tables, 0, 1)
         return found.reshape(*at.shape[:-1], *found.shape[1:])
 
 

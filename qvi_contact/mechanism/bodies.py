@@ -49,6 +49,7 @@ _PIECES: Final = 8  # of an edge, where friction is a function
 _SAMPLES: Final = 8  # steps in each of them
 _POINTS: Final = 8  # Gauss points where cohesion and cap are integrated
 _ROUNDING: Final = 16.0 * np.finfo(float).eps
+_DIGITS: Final = 6  # of sizes and places over the body's length that tell blocks apart
 _SAME: Final = 1e-9  # share of a line within which two places are one
 _CAPPED_PIECES: Final = 4  # of a line, where a cap lets part of the slip dilate
 _NEARER: Final = 0.25 ** np.arange(1.0, 7.0)  # shares of the way to the next place, where more are tried
@@ -75,9 +76,9 @@ class Bodies:
         return len(self.size)
 
     @classmethod
-    def of(cls, problem: ContactProblem) -> "Bodies":
-        """The bodies of a problem."""
-        mesh, of_cells = problem.mesh, blocks_of_cells(problem)
+    def of(cls, problem: ContactProblem, of_cells: IntArray | None = None) -> "Bodies":
+        """The bodies of a problem, or those with other blocks (cells,)."""
+        mesh, of_cells = problem.mesh, blocks_of_cells(problem) if of_cells is None else of_cells
         blocks = int(of_cells.max()) + 1
         centre, size, free = [], [], [np.ones(3, dtype=bool)] * blocks
         for block in range(blocks):
@@ -118,15 +119,24 @@ class Bodies:
 def enclosed_beyond(problem: ContactProblem, edges: Edges) -> BoolArray:
     """On which edges (n,) of a joint the block that the joint goes around is the one beyond, as on half of a circle.
 
-    Joints that have one block below or to the left of them everywhere go around none.
+    Blocks are those that the joint cuts off, tied or not, or else those of all joints. It goes around the smaller one,
+    of two alike the lower or left one; joints that have one block below or to the left of them everywhere around none.
     """
-    bodies = Bodies.of(problem)
-    first, second = bodies.of_cells[edges.cells].T
+    mesh, joints = problem.mesh, [problem.mesh.edges(joint.edges).number for joint in problem.joints]
+    for cut in (edges.number, np.concatenate([edges.number, *joints])):
+        first, second = mesh.interior.cells[~np.isin(mesh.interior.number, cut)].T
+        bodies = Bodies.of(problem, linked(first, second, mesh.cell_count))
+        first, second = bodies.of_cells[edges.cells].T
+        if (first != second).any():
+            break
     found = np.zeros(len(edges), dtype=bool)
-    for low, high in np.unique(np.sort(np.stack([first, second], axis=1), axis=1), axis=0).tolist():
-        pair = (first == low) & (second == high), (first == high) & (second == low)
-        if low != high and pair[0].any() and pair[1].any():
-            found |= pair[0] if bodies.size[high] < bodies.size[low] else pair[1]
+    left, lower = (bodies.centre - mesh.origin).T
+    places = np.round(np.column_stack([bodies.size, lower, left]) / mesh.length, _DIGITS).tolist()
+    for pair in np.unique(np.sort(np.stack([first, second], axis=1), axis=1), axis=0).tolist():
+        inner, outer = sorted(pair, key=places.__getitem__)
+        beyond = (first == outer) & (second == inner)
+        if inner != outer and ((first == inner) & (second == outer)).any():
+            found |= beyond
     return found
 
 

@@ -327,11 +327,11 @@ def edges_of(vertices: FloatArray, cells: IntArray, topology: Topology, bends: F
     along = vertices[second] - vertices[first]
     length = np.hypot(*along.T)
     tangent = along / length[:, None]
-    back = _points_back(tangent)
+    back = points_back(tangent)
     tangent = np.where(back[:, None], -tangent, tangent)
     normal = outward_normals(vertices, cells, topology, numbers)
     beside = topology.cells[numbers]
-    swapped = (beside[:, 1] >= 0) & _points_back(normal[:, ::-1])
+    swapped = (beside[:, 1] >= 0) & points_back(normal[:, ::-1])
     normal = np.where(swapped[:, None], -normal, normal)
     beside = np.where(swapped[:, None], beside[:, ::-1], beside)
     bend = bends[numbers]
@@ -342,7 +342,7 @@ def edges_of(vertices: FloatArray, cells: IntArray, topology: Topology, bends: F
     return Edges(*ends, beside, normal, tangent, length, bend, numbers)
 
 
-def _points_back(vectors: FloatArray) -> BoolArray:
+def points_back(vectors: FloatArray) -> BoolArray:
     """Whether vectors (n, 2) point to the left, or straight down."""
     upright = np.abs(vectors[:, 0]) <= _UPRIGHT
     return np.asarray(np.where(upright, vectors[:, 1], vectors[:, 0]) < 0.0)

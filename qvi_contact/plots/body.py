@@ -26,6 +26,7 @@ from qvi_contact.companion import Elasticity
 from qvi_contact.discretization.displacements import DisplacementSpace, barycentric, triangle
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.mechanism.bodies import enclosed_beyond
 from qvi_contact.mesh.edges import Edges, cross, vectors_along
 from qvi_contact.plots import style
 from qvi_contact.plots.problem import SPRING, between, draw_symbols, ground, spaced, springs
@@ -396,9 +397,8 @@ def _carried(result: ContactResult, name: str, shape: Shape, factor: float) -> l
     blocks = np.repeat(blocks, points.count, axis=0)
     normals, tangents = points.normals.copy(), points.tangents.copy()
     pieces = pieces_along(line, coordinates=False)[0]
-    for piece in pieces if rows.joint else ():  # around a block: what acts on that one
-        own, inside = blocks[piece.points], blocks[piece.points[0], 0]
-        turned = piece.points[(own[:, 1] == inside) & (own[:, 0] != inside)]
+    if rows.joint:  # around a block: what acts on that one
+        turned = np.repeat(enclosed_beyond(result.problem, edges), points.count)
         normals[turned], tangents[turned], blocks[turned] = -normals[turned], -tangents[turned], blocks[turned, ::-1]
         beyond = shape.along(edges, points.reference, other=True).reshape(-1, 2)
         face[turned] = (place + factor * beyond)[turned]

@@ -52,7 +52,7 @@ _UNITS: Final = {
 
 _SMALL: Final = 1e-6  # of the problem's unit: numbers below count as this for relative errors
 _ON: Final = 1e-6  # of the body's length: distance from a contact that is rounding
-_LOOK: Final = np.linspace(0.0, 1.0, 33)  # places along an edge where extremes are looked for
+_LOOK: Final = np.linspace(1e-9, 1.0 - 1e-9, 33)  # where extremes along an edge are looked for: off vertices
 _SMOOTH: Final = 0.9  # cosine of the angle between tangents below which a contact has a kink
 _STEPS: Final = 4  # of Newton's method towards a point on an arc
 

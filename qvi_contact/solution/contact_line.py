@@ -28,7 +28,7 @@ from qvi_contact.basics.units import Rounding, Units, shown
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, physical
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.mesh.edges import Edges, chains, cross
+from qvi_contact.mesh.edges import Edges, chains, cross, points_back
 from qvi_contact.problem.conditions import is_frictionless
 from qvi_contact.solution.stress import normal_and_shear
 from solvers import QVISolution
@@ -52,6 +52,8 @@ SUMMARY: Final = {
 
 STATE_TOLERANCE: Final = 1e-6
 
+_STRETCHED: Final = 0.68  # distance of the ends of a line over its length, above which it leads from one to the other
+_NO_TURN: Final = 1e-6  # twice the area that a line sweeps around its middle over its length squared: rounding
 _ROUNDING = 1e-13  # of the largest traction: excess of a Bernstein coefficient that is rounding
 
 
@@ -117,8 +119,8 @@ class ContactLine:
     frictionless: bool = False
     """Whether the contact has no friction: then it is open or closed, and nothing sticks or slips."""
     senses: FloatArray = field(default_factory=lambda: np.ones(1))
-    """±1 (edges,), in which sense σ_T of each edge counts for the tangential force, see `turning_senses`; 1 on joints.
-    One number stands for all."""
+    """±1 (edges,), in which sense σ_T of each edge counts for the tangential force, see `turning_senses`. One number
+    stands for all."""
 
     @property
     def effective_normal_stress(self) -> FloatArray:
@@ -146,7 +148,8 @@ class ContactLine:
 
         The sign is + where tangents lead one way along the contact, as on a straight one: then it is the force along
         the tangent. Where they turn back, as in a round bore, it is that of the sense counterclockwise around the
-        middle of the contact: on a full circle of the radius r the shear has the moment r T about its centre.
+        middle of the contact: on a full circle of the radius r the shear has the moment r T about its centre. On a line
+        that leads on nevertheless, as a base with a step, it is that of the sense from end to end.
         """
         return float(self.weights @ self.counted_shear)
 
@@ -425,24 +428,28 @@ def turning_senses(vertices: FloatArray, edges: Edges) -> FloatArray:
     """In which sense the shear on each edge counts for the tangential force of a contact, ±1, (n,).
 
     Tangents point to the right, so that on a line which turns back, such as a round bore, they lead against each other.
-    There those count that lead around the middle of the line counterclockwise, and the others against them. On all
-    other lines every edge counts as its tangent leads; so it does on joints, whose sides change where the tangent turns
-    back.
+    There those count that lead around the middle of the line counterclockwise, and the others against them; but if its
+    ends are nearly as far apart as it is long, as on a base with a step, or it turns around nothing, those that lead as
+    a tangent from end to end does. On all other lines every edge counts as its tangent leads; so it does on joints,
+    whose sides change where the tangent turns back, but for upright edges in a line with others: their sides are left
+    and right, not below and above.
     """
-    found = np.ones(len(edges))
-    if (edges.cells[:, 1] >= 0).any():
-        return found
+    found, handed = np.ones(len(edges)), np.sign(cross(edges.tangent, edges.normal))
+    joint = (edges.cells[:, 1] >= 0).any()
     ends = np.stack([vertices[edges.first], vertices[edges.second]], axis=1)
     path = ContactPath.of(ends, edges.length)
     for own in path.lines:
         forward, chosen = path.forward[own], path.edges[own]
-        if forward.all() or not forward.any():
+        if joint:
+            found[chosen] = handed[chosen] * handed[chosen].max()
+        if joint or forward.all() or not forward.any():
             continue
         walk = np.where(forward, 1.0, -1.0)
-        middles = ends[chosen].mean(axis=1)
-        arms = middles - np.average(middles, axis=0, weights=path.lengths[own])
-        turning = float(walk @ cross(arms, ends[chosen, 1] - ends[chosen, 0]))
-        found[chosen] = walk if turning >= 0.0 else -walk
+        steps = walk[:, None] * (ends[chosen, 1] - ends[chosen, 0])
+        chord, length, middles = steps.sum(axis=0), float(path.lengths[own].sum()), ends[chosen].mean(axis=1)
+        turning = float(cross(middles - np.average(middles, axis=0, weights=path.lengths[own]), steps).sum())
+        straight = np.hypot(*chord) > _STRETCHED * length or abs(turning) <= _NO_TURN * length**2
+        found[chosen] = -walk if (points_back(chord[None] / length)[0] if straight else turning < 0.0) else walk
     return found
 
 

@@ -35,9 +35,7 @@ def test_resultants_of_arcs_are_exact_and_smooth_arcs_have_no_corners():
     pressure = result.resultant("inner")
     assert [pressure.x, pressure.y, pressure.moment] == pytest.approx([1.0, 1.0, 0.0], abs=1e-13)
     assert len(places(result).corners) == 4
-
-
-def test_what_stresses_miss_of_tractions_on_arcs_vanishes_by_the_order():
+    # what stresses miss of tractions on arcs vanishes by the order
     coarse, fine = (solve(under_pressure(quarter(n, 2 * n)), degree=4) for n in (1, 2))
     assert 0.0 < rest_on_arcs(fine.discretization, fine.dofs) < rest_on_arcs(coarse.discretization, coarse.dofs) / 7.0
 

@@ -136,8 +136,7 @@ class TestRefused:
         mesh = with_line(self.MESH, "other", *other)
         with pytest.raises(InputError, match="shares an edge with 'joint'"):
             squeezed(mesh, [Contact("joint", 0.1), Contact("other", 0.1)])
-
-    def test_overlapping_joints_one_of_which_is_not_used(self):
+        # one of them is not used
         mesh = self.MESH.with_joint("other", lambda _, y: np.isclose(y, 0.4))
         assert solved(squeezed(mesh, [Contact("joint", 20.0)])).contacts.keys() == {"joint"}
 
@@ -170,7 +169,7 @@ def test_joint_that_ends_at_contacts(rows):
 
 
 @pytest.mark.parametrize("step", [1, -1])
-def test_the_force_on_a_joint_is_what_stands_on_it_whichever_triangle_comes_first(step):
+def test_forces_on_joints_whichever_triangle_comes_first(step):
     """It acts on the lower block, the larger one, whose number is the second where triangles come the other way."""
     grid = TriangleMesh.grid(X, Y)
     mesh = with_line(TriangleMesh(grid.vertices, grid.cells[::step], grid.edge_sets), "joint", "horizontal", 0.7)
@@ -178,3 +177,9 @@ def test_the_force_on_a_joint_is_what_stands_on_it_whichever_triangle_comes_firs
     conditions = [Displacement("bottom", x=0.0, y=0.0), Contact("joint", 0.5), Traction("top", x=0.5, y=-3.0), *sides]
     force = solved(ContactProblem(mesh, STEEL, conditions)).resultant("joint")
     assert (force.x, force.y, force.moment) == pytest.approx((1.0, -6.0, -7.0), rel=1e-8)
+    # shear counts one way around a block, though upright sides have other sides than lying ones: pure shear turns none
+    mesh = TriangleMesh.rectangle((4, 4)).with_joint("fit", lambda x, y: np.maximum(abs(x - 0.5), abs(y - 0.5)) == 0.25)
+    sheared = [Displacement(side, x=lambda _, y: 1e-3 * y, y=0.0) for side in ("bottom", "right", "top", "left")]
+    line = solved(ContactProblem(mesh, STEEL, [Contact.tied("fit"), *sheared])).contacts["fit"]
+    assert line.tangential_stress == pytest.approx(1e-3 * STEEL.young / 2.6)
+    assert line.tangential_force == pytest.approx(0.0, abs=1e-9)

@@ -53,11 +53,8 @@ def test_a_pin_that_is_moved_and_the_force_that_moves_it_so():
     assert difference(expected, result) < 1e-6
     assert result.contacts["hole"].gap == pytest.approx(expected.contacts["hole"].gap, abs=1e-6)
     assert result.remarks == ()
-
-
-def test_both_models_enclose_the_work_of_the_pin():
-    """The displacement model knows the pin's motion, and its forces come to the same."""
-    expected, found = pushed(), bracket(pushed())
+    # both models enclose the work of the pin; that of displacements knows its motion, and its forces come to the same
+    found = bracket(expected)
     assert found.lower <= found.upper < 1.03 * found.lower
     assert found.companion.plates["hole"] == expected.plates["hole"]
     other = solve_companion(expected.problem, degree=4)
@@ -113,8 +110,17 @@ class TestShearAroundABore:
             assert set(senses) == signs
             assert (senses * cross(arms, edges.tangent) > 0.0).all()
 
-    def test_two_lines_that_face_each_other_are_not_one(self):
-        """Top and bottom of a block count along x both, as before they had one name."""
+    @pytest.mark.parametrize(("depth", "sense"), [(0.25, 1.0), (0.25, -1.0), (1.0, 1.0)])
+    def test_a_base_with_a_step_counts_from_end_to_end(self, depth, sense):
+        """Around its middle it does not turn, but for rounding, which told the sense of the force on it."""
+        grid = TriangleMesh.grid([0, 1, 2], [-depth, 0, 1], [[False, True], [True, True]])
+        base = grid.with_edges("base", lambda x, y: (y <= 0.0) & (x < 2.0))
+        for shift in np.linspace(-3.0, 3.0, 13):
+            mesh = replace(base, vertices=base.vertices * [sense, 1.0] + [shift, 0.7 * shift])
+            edges = mesh.edges("base")
+            level = np.abs(edges.normal[:, 1]) > 0.5
+            assert set(turning_senses(mesh.vertices, edges)[level]) == {1.0}
+        # two lines that face each other are not one: top and bottom of a block count along x both
         mesh = TriangleMesh.rectangle((2, 2)).with_edges("both", lambda _, y: (y == 0.0) | (y == 1.0))
         assert leads_one_way(mesh.vertices, mesh.edges("both"))
 
@@ -126,7 +132,7 @@ class TestPinsOfASeries:
     def problem(friction=0.0):
         return pinned(Contact.pin("hole", friction, (0.0, 0.0), 0.99, force_x=0.1), mesh=ROUND)
 
-    def test_frames(self):
+    def test_frames_and_a_store(self, tmp_path):
         sweep = solve_sweep(self.problem(), "friction", [0.0, 0.3], degree=3)
         frame = sweep.to_frame(Units("mm", "MPa"))
         assert list(frame["moved_x [mm]"]) == [step.plates["hole"].x for step in sweep.steps]
@@ -135,8 +141,6 @@ class TestPinsOfASeries:
         assert list(frame["rotation [rad]"]) == [0.0, 0.0]
         history = solve_history([self.problem()], degree=3).to_frame()
         assert history["moved_x"][0] == pytest.approx(frame["moved_x [mm]"][0], rel=1e-9)
-
-    def test_a_store(self, tmp_path):
         problem = pinned(self.problem().contacts[0], Contact("outside", 0.0, law="tied"), ROUND)
         asked = (problem, "friction", [0.0, 0.3])
         stored = solve_sweep(*asked, store=tmp_path / "a.sqlite", degree=3).to_frame()
@@ -156,8 +160,7 @@ class TestRefinedForAPin:
         lower, upper = found.result.bracket.forces["pin.force_x"]
         assert lower <= settled <= upper < lower + 0.03 * settled
         assert unit_of(found.quantity, Units("mm", "MPa")) == "N/mm"
-
-    def test_names_of_what_has_no_plate_are_refused(self):
+        # names of what has no plate are refused
         problem = pinned(Contact("hole", 0.3, gap=-0.01), mesh=SMALL)
         with pytest.raises(InputError) as caught:
             refine(problem, None, 0.1, "hole.x")
@@ -199,10 +202,7 @@ def test_the_loop_of_a_pin_is_that_of_the_motion_that_does_the_work():
     grown = [[Displacement("hole", normal=w, tangential=0.0), Displacement("outside", x=0.0, y=0.0)] for w in (1, 2)]
     history = solve_history([ContactProblem(ROUND, Material(1000.0, 0.3), sides) for sides in grown], degree=3)
     assert np.prod(history.loop("hole"), axis=0) == pytest.approx([step.energies.load for step in history.steps])
-
-
-def test_a_pin_in_some_steps_only_has_no_loop():
-    """A component of its motion in one step, and the rest of the hole in the other, are no path."""
+    # a component of its motion in one step, and the rest of the hole in the other, are no path
     pin = Contact.pin("hole", 0.3, (0.0, 0.0), 1.02, x=0.01)
     history = solve_history([pinned(pin, mesh=ROUND), pinned(replace(pin, plate=None), mesh=ROUND)], degree=3)
     with pytest.raises(InputError, match="some steps"):
@@ -274,11 +274,12 @@ class TestWhereAPinIs:
         for at, said in ((0.0, 0), (1.9, 1)):
             result = solved(pinned(Contact.pin("hole", 0.3, (at, 0.0), 0.8, x=0.0), mesh=ROUND), degree=3)
             assert sum("not in its hole" in remark and "(1.9, 0)" in remark for remark in result.remarks) == said
-
-    def test_a_plate_is_no_pin(self):
-        """One whose gap is another, wherever its pivot lies."""
+        # a plate whose gap is another is no pin, wherever its pivot lies
         plate = Contact("outside", 0.3, gap=0.1, plate=RigidPlate(x=0.1, pivot=(0.0, 1.5)))
         assert not self.misplaced(SMALL, "outside", plate)
+        for centre, radius in (((0.0, 0.0), 0.0), ((0.0, np.inf), 1.0), ((0.0, 0.0), -1.0)):
+            with pytest.raises(InputError):
+                disc_gap(centre, radius)
 
 
 class TestPressFits:
@@ -356,9 +357,3 @@ class TestMomentsThatFrictionDoesNotCarry:
         assert not above.certificate.passed
         assert find_mechanism(above.problem) is None
         assert sum(drive in remark and "rotation" in remark for remark in above.remarks) == 1
-
-
-@pytest.mark.parametrize(("centre", "radius"), [((0.0, 0.0), 0.0), ((0.0, np.inf), 1.0), ((0.0, 0.0), -1.0)])
-def test_pins_that_are_refused(centre, radius):
-    with pytest.raises(InputError):
-        disc_gap(centre, radius)

@@ -352,10 +352,11 @@ class TestBody:
         assert labels == (["pressure, −3 stress"] if law == "bilateral" else [])
         assert ("N = 0" in said(axes.figure)[1]) == (law == "unilateral")
 
-    @pytest.mark.parametrize("joint", [False, True])
-    def test_what_presses_around_a_ring_balances_itself(self, joint):
-        """Pressure points outwards all around, and its resultant is nothing and nowhere else."""
+    @pytest.mark.parametrize(("joint", "sense"), [(False, 1.0), (True, 1.0), (True, -1.0)])
+    def test_what_presses_around_a_ring_balances_itself(self, joint, sense):
+        """Pressure points outwards all around, also in a turned ring; its resultant is nothing and nowhere else."""
         mesh = polygon(16, 2, 1.0, 4.0).with_joint("middle", lambda x, y: abs(np.hypot(x, y) - 1.98) < 0.05)
+        mesh = replace(mesh, vertices=sense * mesh.vertices)
         held = [Displacement("outside", 0.0, 0.0), Contact("middle", 0.3, gap=-1e-3)]
         conditions = [Traction("hole", 0.0, 0.0), *(held if joint else [Contact("outside", 0.3)])]
         steel, axes = Material(1e3, 0.3, expansion=1e-3), new_axes()

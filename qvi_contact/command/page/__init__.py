@@ -233,7 +233,7 @@ _COLOURS: Final = 33  # of a colour map
 def field_data(result: ContactResult, companion: CompanionResult | None, units: Units) -> dict[str, Any] | None:
     """Points, small triangles, stresses and displacements of a result; None where there are too many for a page.
 
-    Arrays are little-endian, in base64: float32, triangles as uint16 or uint32.
+    Arrays are little-endian, in base64: float32, triangles as uint16 or uint32. Points are less the origin.
     """
     from matplotlib import colormaps
 
@@ -251,7 +251,9 @@ def field_data(result: ContactResult, companion: CompanionResult | None, units: 
     largest = 0.0 if moved is None else float(np.hypot(*moved.T).max())
     return {
         "units": {"length": units.length, "stress": units.stress},
-        "points": _floats(samples.points),
+        "origin": mesh.origin.tolist(),
+        "size": mesh.length,
+        "points": _floats(samples.points - mesh.origin),
         "triangles": _encoded(samples.triangles.astype("<u2" if wide == 2 else "<u4")),
         "bytes": wide,
         "stress": _floats(samples.stress),
@@ -269,17 +271,18 @@ def field_data(result: ContactResult, companion: CompanionResult | None, units: 
 
 
 def contact_data(line: ContactLine, units: Units) -> dict[str, Any]:
-    """The points of a contact as its picture shows them from left to right, numbers with seven digits."""
+    """The points of a contact as its picture shows them from left to right, with seven digits of what is at them."""
     pieces = pieces_along(line)[0]
     order, places = (np.concatenate(part) for part in zip(*((piece.points, piece.s) for piece in pieces), strict=True))
     columns = {
-        "x": line.x, "y": line.y, "pressure": -line.effective_normal_stress, "shear": line.tangential_stress,
+        "pressure": -line.effective_normal_stress, "shear": line.tangential_stress,
         "bound": line.friction_bound, "gap": line.gap, "slip": line.slip,
     }  # fmt: skip
     found: dict[str, Any] = {name: _rounded(values[order]) for name, values in columns.items()}
     if line.has_fluid:
         found["fluid"] = _rounded(line.pore_pressure[order])
-    found |= {"s": _rounded(places), "units": {"length": units.length, "stress": units.stress}}
+    found |= {"x": line.x[order].tolist(), "y": line.y[order].tolist(), "s": places.tolist()}
+    found |= {"units": {"length": units.length, "stress": units.stress}}
     return found | {"state": [ContactState(state).name.lower() for state in line.state[order].tolist()]}
 
 
@@ -303,5 +306,5 @@ def _segments(mesh: TriangleMesh, edges: Edges, companion: CompanionResult | Non
         flat, cells = points.reshape(-1, 2), np.repeat(edges.cells[:, 0], 3)
         reference = mesh.reference(cells, flat)[:, None, -2:]
         moved = companion.displacement_in(cells, reference).reshape(points.shape)
-    halves = [None if values is None else _floats(values[:, [0, 1, 1, 2]]) for values in (points, moved)]
+    halves = [None if values is None else _floats(values[:, [0, 1, 1, 2]]) for values in (points - mesh.origin, moved)]
     return {"points": halves[0], "displacement": halves[1]}

@@ -6,13 +6,18 @@
   const array = (text, Kind) => new Kind(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
   const show = (value) => (value === null || Number.isNaN(value) ? "–" : String(Number(value.toPrecision(4))).replace("-", "−"));
 
+  const coordinates = (x, y, size) => { // with four digits of the size of what they are on, wherever that lies
+    const digits = Math.min(Math.max(4 - Math.floor(Math.log10(size)), 0), 100);
+    return ["x", "y"].map((name, c) => `${name} = ${String(Number([x, y][c].toFixed(digits))).replace("-", "−")}`).join(", ");
+  };
+
   const contactPictures = () => {
     for (const box of document.querySelectorAll("[data-contact]")) {
       const contact = data.contacts[box.dataset.contact], picture = box.querySelector("img");
       const output = box.closest("figure").querySelector("output"), marker = document.createElement("div");
       const { length, stress } = contact.units;
       const say = (nearest) => {
-        output.textContent = `x = ${show(contact.x[nearest])}, y = ${show(contact.y[nearest])} ${length}: ${contact.state[nearest]}; `
+        output.textContent = `${coordinates(contact.x[nearest], contact.y[nearest], contact.high - contact.low)} ${length}: ${contact.state[nearest]}; `
           + `${contact.fluid ? `fluid ${show(contact.fluid[nearest])}, effective ` : ""}pressure ${show(contact.pressure[nearest])}, σ_T ${show(contact.shear[nearest])}, bound ${show(contact.bound[nearest])} ${stress}; `
           + `gap ${show(contact.gap[nearest])}, slip ${show(contact.slip[nearest])} ${length}`;
       };
@@ -22,9 +27,9 @@
       box.addEventListener("pointermove", (event) => {
         const area = picture.getBoundingClientRect(), span = contact.right - contact.left;
         const share = ((event.clientX - area.left) / area.width - contact.left) / span;
-        const place = contact.low + share * (contact.high - contact.low);
+        const pointed = contact.low + share * (contact.high - contact.low);
         let nearest = 0;
-        contact.s.forEach((s, point) => { if (Math.abs(s - place) < Math.abs(contact.s[nearest] - place)) nearest = point; });
+        contact.s.forEach((s, point) => { if (Math.abs(s - pointed) < Math.abs(contact.s[nearest] - pointed)) nearest = point; });
         const across = contact.left + span * (contact.s[nearest] - contact.low) / (contact.high - contact.low);
         marker.style.left = `${area.left - box.getBoundingClientRect().left - box.clientLeft + across * area.width}px`;
         marker.hidden = false;
@@ -154,12 +159,12 @@
     };
     const later = () => { if (!queued) { queued = true; requestAnimationFrame(draw); } };
 
-    const place = (event) => {
+    const within = (event) => {
       const area = canvas.getBoundingClientRect();
       return [event.clientX - area.left - canvas.clientLeft, event.clientY - area.top - canvas.clientTop];
     };
     const say = (event) => {
-      const [x, y] = place(event), ratio = canvas.width / canvas.clientWidth;
+      const [x, y] = within(event), ratio = canvas.width / canvas.clientWidth;
       const column = Math.round(x * ratio), row = Math.round(y * ratio);
       const inside = column >= 0 && row >= 0 && column < canvas.width && row < canvas.height;
       const k = inside ? picked[row * canvas.width + column] : -1;
@@ -171,7 +176,7 @@
       const between = (of) => { const [one, two, three] = corners.map(of); return one + second * (two - one) + third * (three - one); };
       const name = find("quantity").value, [unitOf] = quantities[name];
       const [px, py] = [0, 1].map((c) => between((p) => points[2 * p + c])), parts = [0, 1, 2].map((c) => between((p) => stress[3 * p + c]));
-      let text = `x = ${show(px)}, y = ${show(py)} ${length}: ${name} ${show(between((p) => values[p]))} ${unitOf}; `
+      let text = `${coordinates(field.origin[0] + px, field.origin[1] + py, field.size)} ${length}: ${name} ${show(between((p) => values[p]))} ${unitOf}; `
         + `σ_xx ${show(parts[0])}, σ_yy ${show(parts[1])}, σ_xy ${show(parts[2])} ${unit}`;
       if (moved) text += `; u = (${[0, 1].map((c) => show(between((p) => moved[2 * p + c]))).join(", ")}) ${length}`;
       find("value").textContent = text;
@@ -200,7 +205,7 @@
       find("factor").step = String(field.factorOfDisplacement / 5);
       find("factor").addEventListener("input", (event) => { scale = Number(event.target.value) || 0; later(); });
     }
-    canvas.addEventListener("wheel", (event) => { event.preventDefault(); zoom(Math.exp(-event.deltaY / 400), ...place(event)); }, { passive: false });
+    canvas.addEventListener("wheel", (event) => { event.preventDefault(); zoom(Math.exp(-event.deltaY / 400), ...within(event)); }, { passive: false });
     let held = null;
     canvas.addEventListener("pointerdown", (event) => { held = [event.clientX, event.clientY]; canvas.setPointerCapture(event.pointerId); say(event); });
     canvas.addEventListener("pointerup", () => { held = null; });
