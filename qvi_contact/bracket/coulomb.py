@@ -39,7 +39,7 @@ from qvi_contact.problem.conditions import bears_shear, has_coulomb
 from qvi_contact.problem.problem import by_cell
 from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.stress import obstacle_work, rest_on_arcs, support_work
+from qvi_contact.solution.stress import rest_on_arcs
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -313,8 +313,7 @@ class _Pairs:
         u, other = self.errors.stress.dofs, self.errors.stress.dofs + known.supports.basis.expanded(change)
         dual = CellFields.of(known, other, self.errors.displacement.degree).less(self.fields)
         work, residual = self._work(z * (length / own.displacement), dual)
-        for along in (support_work, obstacle_work):
-            work += along(known, other) - along(known, u)
+        work += known.work(other) - known.work(u)
         contacts = self.body.contacts
         adhesion = contacts.weights[: contacts.count] * contacts.law[1] * self._senses  # of cohesion, where v slips
         load = self.state.load @ z - adhesion @ (c - goal)[1]

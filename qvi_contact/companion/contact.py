@@ -87,8 +87,8 @@ class DisplacementContact:
     start: int  # its first coefficient among those of all contacts
     columns: IntArray  # (e, p + 1): coefficients on each edge, numbers below n
     turned: FloatArray  # (e, p + 1): −1 where c_T of a coefficient counts against the edge's tangent, else 1
-    frames: tuple[FloatArray, FloatArray]  # (n, 2) each: normals and tangents
     places: FloatArray  # (n, 2): where the coefficients sit
+    positions: FloatArray  # (size / 2, 2): coefficients of x, see `DisplacementSpace.positions`
     normal: sparse.csr_array  # normal, tangential, (n, size) each: c_N and c_T from the degrees of freedom of the body
     tangential: sparse.csr_array
     lengths: FloatArray  # (e,): of the edges
@@ -185,17 +185,11 @@ class DisplacementContact:
 
     def moved(self, plate: RigidPlate) -> FloatArray:
         """Coefficients (2, n) of the given motion of a plate along normals and tangents [length]."""
-        edges, field = self.edges, plate.displacement(*(self.mesh.origin + self.scales.length * self.places).T).T
-        found = np.stack([(vectors * field).sum(axis=1) for vectors in self.frames])
-        if edges.curved:
-            t, back = bernstein.nodes(self.degree), bernstein.from_values(self.degree)
-            on_arcs = np.moveaxis(plate.displacement(*self.mesh.points_along(edges, t)), 0, -1)
-            for values, vectors in zip(found, frames_along(edges, t), strict=True):
-                values[self.columns] = (vectors * on_arcs).sum(axis=-1) @ back.T
-        return found
+        field = plate.displacement(*(self.mesh.origin + self.scales.length * self.positions).T).T.ravel()
+        return np.stack([self.normal @ field, self.tangential @ field])
 
-    def motions(self) -> Iterator[tuple[FloatArray, float]]:
-        """For each force or moment on a plate what c (2, n) of the plate is when it moves by 1, and that force."""
+    def motions(self) -> Iterator[tuple[str, FloatArray, float]]:
+        """For each force or moment on a plate its name, c (2, n) of the plate when it moves by 1, and that force."""
         plate, centre = self.contact.plate, centre_of(self.mesh.vertices, self.edges)
         for component in COMPONENTS if plate is not None else ():
             if plate is not None and getattr(plate, component) is not None:
@@ -203,7 +197,7 @@ class DisplacementContact:
                 given = plate.moment_about(*centre) if moment else float(getattr(plate, component))
                 motion = {DRIVES[component]: 1.0 / self.scales.length if moment else 1.0}
                 size = self.scales.stress * self.scales.length ** (2 if moment else 1)
-                yield self.moved(RigidPlate(pivot=plate.reference(*centre), **motion)), given / size
+                yield component, self.moved(RigidPlate(pivot=plate.reference(*centre), **motion)), given / size
 
 
 def _trace(
@@ -223,7 +217,7 @@ def _trace(
     pairs, columns = np.unique(pairs, axis=0, return_inverse=True)
     owner = np.empty(len(pairs), dtype=np.int64)  # of the places on all edges that a coefficient has, one
     owner[columns.ravel()] = np.arange(columns.size)
-    columns, (normals, tangents) = columns.reshape(near.shape), (vectors[owner] for vectors in frames)
+    columns, tangents = columns.reshape(near.shape), frames[1][owner]
     turned = np.where((frames[1].reshape(*near.shape, 2) * tangents[columns]).sum(axis=2) < 0.0, -1.0, 1.0)
     rows = []
     for chords in (edges.normal, edges.tangent):
@@ -238,7 +232,7 @@ def _trace(
     lengths = edges.length / scales.length
     weights = np.bincount(columns.ravel(), np.repeat(lengths / (p + 1), p + 1), minlength=len(pairs))
     return DisplacementContact(
-        contact, problem.mesh, scales, edges, start, columns, turned, (normals, tangents), space.places[pairs[:, 0]],
+        contact, problem.mesh, scales, edges, start, columns, turned, space.places[pairs[:, 0]], space.positions,
         rows[0], rows[1], lengths, np.asarray(weights, dtype=np.float64), bound,
     )  # fmt: skip
 
@@ -262,6 +256,7 @@ class Contacts:
     # (2 n, size): c from v, that of the body less the stretches of springs and what plates move that forces drive
     rows: sparse.csr_array
     sprung: IntArray  # (k,): the coefficients that have springs; their stretches come first beside the body
+    driven: tuple[tuple[str, str], ...]  # (q,): contact and force or moment of plates, whose motions come last
     beside: sparse.csr_array  # stiffness of what is beside the body
     loads: FloatArray  # (size,): forces and moments on plates, and the loads of fluids in contacts
     weights: FloatArray  # (2 n,): W
@@ -293,7 +288,7 @@ class Contacts:
             n += traces[-1].count
         springs, columns, resultants = sparse.csr_array((2 * n, 2 * n)), [np.zeros((2 * n, 0))], list[float]()
         obstacle, moved, fluid, law, slipping = *np.zeros((3, 2, n)), np.zeros((3, n)), np.full(n, np.nan)
-        reasons = list[str]()
+        reasons, driven = list[str](), list[tuple[str, str]]()
         for trace in traces:
             here, contact, signs = trace.here, trace.contact, (np.ones_like(trace.turned), trace.turned)
             for half, kind in enumerate(("gap", "offset")):
@@ -312,7 +307,8 @@ class Contacts:
                     springs = springs + spread(at, at, trace.stiffness(kind, signs[half]), 2 * n)
             if contact.plate is not None:
                 moved[:, here] = trace.moved(contact.plate) / scales.displacement
-            for motion, resultant in trace.motions():
+            for component, motion, resultant in trace.motions():
+                driven.append((trace.name, component))
                 column = np.zeros((2, n))
                 column[:, here] = motion
                 columns.append(column.reshape(-1, 1))
@@ -328,6 +324,7 @@ class Contacts:
             traces=tuple(traces),
             rows=rows,
             sprung=sprung,
+            driven=tuple(driven),
             beside=sparse.csr_array(sparse.block_diag([springs[sprung][:, sprung], np.zeros((len(resultants),) * 2)])),
             loads=loads,
             weights=np.tile(np.concatenate([np.empty(0), *(trace.weights for trace in traces)]), 2),
@@ -344,11 +341,6 @@ class Contacts:
         found, start = np.zeros(2 * self.count), self.rows.shape[1] - self.beside.shape[0]
         found[self.sprung] = v[start : start + len(self.sprung)]
         return found
-
-    @property
-    def driven(self) -> int:
-        """Number of motions of plates that forces drive, which come last in v."""
-        return int(self.beside.shape[0]) - len(self.sprung)
 
     @property
     def count(self) -> int:
@@ -412,14 +404,14 @@ class DualProblem:
 
 def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
     """Pose the problem; `InputError` if loads, or resultants of plates, contradict equilibrium."""
-    n, W, rigid = contacts.count, contacts.weights, body.R.shape[1] - contacts.driven
+    n, W, rigid = contacts.count, contacts.weights, body.R.shape[1] - len(contacts.driven)
     constant = contacts.rows @ body.start - contacts.moved
     B = (contacts.rows @ body.B)[:, body.interface].toarray()
     alone = np.abs(B).sum(axis=1) > PARALLEL
     B[~alone] = 0.0
     alone[_determined(B, contacts)] = False
     rubs = np.append(np.zeros(n, dtype=bool), ~contacts.tied)
-    driven = np.abs(B[:, B.shape[1] - contacts.driven :]).sum(axis=1) > PARALLEL
+    driven = np.abs(B[:, B.shape[1] - len(contacts.driven) :]).sum(axis=1) > PARALLEL
     live = alone | (rubs & B.any(axis=1)) | driven | B[:, B[driven].any(axis=0)].any(axis=1)
     compliance = B @ body.relieve(np.ascontiguousarray(B.T)) if len(B) else np.zeros((0, 0))
     usual = float(np.median(np.diag(compliance)[alone])) if alone.any() else 1.0
@@ -531,7 +523,7 @@ def admissible(
     contacts, rows = problem.contacts, sparse.csr_array(problem.B)
     unit, n, slipping = max(1.0, float(np.abs(tractions).max(initial=0.0))), contacts.count, contacts.slipping
     c, stiff = rows @ values + problem.constant, np.ones(len(values))
-    stiff[len(values) - contacts.driven :] = _FIRM
+    stiff[len(values) - len(contacts.driven) :] = _FIRM
     opening, slip = contacts.obstacle[:n] - c[:n], c[n:] - contacts.obstacle[n:]
     closed = (-tractions[:n] / unit > np.maximum(opening, 0.0)) | (opening < 0.0)
     sticks = ((bound - np.abs(tractions[n:])) / unit > np.abs(slip)) & (np.abs(slip) < 1e-6) & problem.alone[n:]

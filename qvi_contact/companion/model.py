@@ -23,23 +23,21 @@ from qvi_contact.discretization.displacements import (
     triangle,
 )
 from qvi_contact.discretization.loads import scaled_stress_at_rest
-from qvi_contact.discretization.plates import COMPONENTS
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import centre_of
 from qvi_contact.problem.conditions import RigidMotion
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import turning_senses
-from qvi_contact.solution.result import plate_motion
+from qvi_contact.solution.result import plate_motions
 from qvi_contact.solution.stress import given_points, mean_at
 from qvi_contact.version import __version__
 from solvers import Certificate, QVISolution, Status
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import PicklesFields
 from solvers.certificate.certificate import EXPONENTS
-from solvers.errors import Named, known_name
+from solvers.errors import known_name
 from solvers.factorisation.base import FactorisationError, limited_blas
 
 _FAILURES: Final = {"singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY, "time": Status.TIME_LIMIT}
@@ -246,18 +244,11 @@ class CompanionResult(PicklesFields):
     @cached_property
     def plates(self) -> Mapping[str, RigidMotion]:
         """How far each rigid plate has moved, by the name of its contact, and the forces that are given."""
-        scales, found = self.scales, {}
-        moved = iter(self._state.v[len(self._state.v) - self._state.contacts.driven :].tolist())
-        for trace in self._state.contacts.traces:
-            plate = trace.contact.plate
-            if plate is not None:
-                own = {
-                    part: next(moved) * scales.displacement / (scales.length if part == "moment" else 1.0)
-                    for part in COMPONENTS
-                    if getattr(plate, part) is not None
-                }
-                found[trace.name] = plate_motion(plate, centre_of(self.problem.mesh.vertices, trace.edges), own)
-        return MappingProxyType(Named("plates", "contacts with a plate or pin", found))
+        scales, contacts, found = self.scales, self._state.contacts, dict[str, dict[str, float]]()
+        moved = self._state.v[len(self._state.v) - len(contacts.driven) :] * scales.displacement
+        for (name, part), value in zip(contacts.driven, moved.tolist(), strict=True):
+            found.setdefault(name, {})[part] = value / (scales.length if part == "moment" else 1.0)
+        return plate_motions(self.problem, found)
 
     @property
     def _state(self) -> CompanionState:
@@ -434,7 +425,7 @@ class BodyAtRest:
         with limited_blas(1):
             body = CondensedBody.of(moving, np.zeros(moving.size), held, contacts.rows)
         B = (contacts.rows @ body.B)[:, body.interface].toarray()
-        live = np.abs(B[:, : B.shape[1] - contacts.driven]).sum(axis=1) > PARALLEL
+        live = np.abs(B[:, : B.shape[1] - len(contacts.driven)]).sum(axis=1) > PARALLEL
         B[~live] = 0.0
         return cls(contacts, body, B, np.asarray(live))
 

@@ -298,11 +298,16 @@ class DisplacementSpace:
         """Coefficients on edges (e, p + 1), along the tangent; with `other` those of the cell beyond an edge inside."""
         return self.table[edges.cells[:, [int(other)]], self.cell.along(self.mesh, edges, int(other))]
 
+    @cached_property
+    def positions(self) -> FloatArray:
+        """Coefficients (size / 2, 2) of x as a displacement: those of affine functions are their values there."""
+        found, bent = self.places.copy(), self.table[self.curved.numbers]
+        found[bent] = np.linalg.inv(self.cell.values(self.cell.places)) @ found[bent]  # the map is no affine one
+        return found
+
     def rigid(self) -> FloatArray:
         """Rigid motions of every block, shape (size, 3 blocks): along x, along y, turning about its middle."""
-        places, owner, every = self.places.copy(), self.owner, np.arange(self.size // 2)
-        bent = self.table[self.curved.numbers]  # where coefficients of x are not its values at the places
-        places[bent] = np.linalg.inv(self.cell.values(self.cell.places)) @ places[bent]
+        places, owner, every = self.positions, self.owner, np.arange(self.size // 2)
         middles = np.stack([np.bincount(owner, along) for along in places.T]) / np.bincount(owner)
         x, y = places.T - middles[:, owner]
         found = np.zeros((self.size // 2, 2, middles.shape[1], 3))
