@@ -57,7 +57,6 @@ from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, centre_of, frames_along
-from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, RigidPlate
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem
@@ -81,14 +80,13 @@ class DisplacementContact:
     """One contact; dimensionless, arrays over its n coefficients unless said otherwise."""
 
     contact: Contact
-    mesh: TriangleMesh
+    space: DisplacementSpace
     scales: Scales
     edges: Edges  # in the mesh's order
     start: int  # its first coefficient among those of all contacts
     columns: IntArray  # (e, p + 1): coefficients on each edge, numbers below n
     turned: FloatArray  # (e, p + 1): −1 where c_T of a coefficient counts against the edge's tangent, else 1
     places: FloatArray  # (n, 2): where the coefficients sit
-    positions: FloatArray  # (size / 2, 2): coefficients of x, see `DisplacementSpace.positions`
     normal: sparse.csr_array  # normal, tangential, (n, size) each: c_N and c_T from the degrees of freedom of the body
     tangential: sparse.csr_array
     lengths: FloatArray  # (e,): of the edges
@@ -104,11 +102,6 @@ class DisplacementContact:
     def count(self) -> int:
         """Number of coefficients n."""
         return len(self.places)
-
-    @property
-    def degree(self) -> int:
-        """Of displacements, p."""
-        return int(self.columns.shape[1]) - 1
 
     @property
     def here(self) -> slice:
@@ -138,10 +131,10 @@ class DisplacementContact:
         # The minimum of the means of c and t_max is no less than the mean of their minimum: the energy is an upper
         # bound if the means are exact. A given bound takes the place of both, and of friction.
         if self.bound is not None:
-            products = bernstein.product_integrals(self.bound.shape[1] - 1, self.degree)
+            products = bernstein.product_integrals(self.bound.shape[1] - 1, self.space.degree)
             mean = self.summed(self.bound @ products * self.lengths[:, None]) / self.weights
             return friction, np.maximum(mean, 0.0), limit
-        x, y = (self.mesh.origin + self.scales.length * self.places).T
+        x, y = (self.space.mesh.origin + self.scales.length * self.places).T
         friction = evaluate("Contact.friction", self.contact.friction, x, y, minimum=0.0)
         cohesion = self.moments("cohesion", reasons) / self.weights
         if self.contact.shear_limit is not None:
@@ -150,19 +143,19 @@ class DisplacementContact:
 
     def moments(self, kind: str, reasons: list[str]) -> FloatArray:
         """∫ f B_i ds (n,) of a datum over S; what is not exact joins the reasons."""
-        field, stress, points = getattr(self.contact, kind), self.scales.stress, load_points(self.degree)
-        given = along_edges(self.mesh, self.edges, f"Contact.{kind}", field, points, minimum=0.0)
+        field, stress, points = getattr(self.contact, kind), self.scales.stress, load_points(self.space.degree)
+        given = along_edges(self.space.mesh, self.edges, f"Contact.{kind}", field, points, minimum=0.0)
         if given.error > MISFIT * max(stress, float(np.abs(given.values).max(initial=0.0))):
             reasons.append(
                 f"The {kind.replace('_', ' ')} of {self.name!r} jumps or grows steeply. Quadrature leaves an error of "
                 f"{given.error:.2g} [stress] times an edge's length."
             )
-        return self.summed(self.lengths[:, None] / stress * given.moments(self.degree))
+        return self.summed(self.lengths[:, None] / stress * given.moments(self.space.degree))
 
     def obstacle(self, kind: str, signs: FloatArray, reasons: list[str]) -> FloatArray:
         """Coefficients (n,) of the gap or offset, signs (e, p + 1) on edges; at a jump between them the smaller one."""
-        p, unit = self.degree, self.scales.displacement
-        data, misfit = edge_data(self.mesh, self.edges, f"Contact.{kind}", getattr(self.contact, kind), p, unit)
+        p, unit = self.space.degree, self.scales.displacement
+        data, misfit = edge_data(self.space.mesh, self.edges, f"Contact.{kind}", getattr(self.contact, kind), p, unit)
         own, least = signs * data, np.full(self.count, np.inf)
         np.minimum.at(least, self.columns, own)
         if self.contact.law != "unilateral" or kind == "offset":
@@ -176,21 +169,21 @@ class DisplacementContact:
 
     def stiffness(self, kind: str, signs: FloatArray) -> FloatArray:
         """∫ k B_i B_j ds of springs on each edge, (e, p + 1, p + 1), for the signs (e, p + 1) of coefficients."""
-        t, weights = gauss_legendre(load_points(self.degree))
-        places = self.mesh.points_along(self.edges, t)
+        t, weights = gauss_legendre(load_points(self.space.degree))
+        places = self.space.mesh.points_along(self.edges, t)
         k = evaluate(f"Contact.{kind}", getattr(self.contact, kind), *places, minimum=0.0)
         k = k * (self.scales.compliance * self.edges.length[:, None] * weights)
-        shape = signs[:, None] * bernstein.basis(self.degree, t)
+        shape = signs[:, None] * bernstein.basis(self.space.degree, t)
         return np.asarray((k[..., None] * shape).swapaxes(1, 2) @ shape)
 
     def moved(self, plate: RigidPlate) -> FloatArray:
         """Coefficients (2, n) of the given motion of a plate along normals and tangents [length]."""
-        field = plate.displacement(*(self.mesh.origin + self.scales.length * self.positions).T).T.ravel()
+        field = plate.displacement(*(self.space.mesh.origin + self.scales.length * self.space.positions).T).T.ravel()
         return np.stack([self.normal @ field, self.tangential @ field])
 
     def motions(self) -> Iterator[tuple[str, FloatArray, float]]:
         """For each force or moment on a plate its name, c (2, n) of the plate when it moves by 1, and that force."""
-        plate, centre = self.contact.plate, centre_of(self.mesh.vertices, self.edges)
+        plate, centre = self.contact.plate, centre_of(self.space.mesh.vertices, self.edges)
         for component in COMPONENTS if plate is not None else ():
             if plate is not None and getattr(plate, component) is not None:
                 moment = component == "moment"
@@ -232,7 +225,7 @@ def _trace(
     lengths = edges.length / scales.length
     weights = np.bincount(columns.ravel(), np.repeat(lengths / (p + 1), p + 1), minlength=len(pairs))
     return DisplacementContact(
-        contact, problem.mesh, scales, edges, start, columns, turned, space.places[pairs[:, 0]], space.positions,
+        contact, space, scales, edges, start, columns, turned, space.places[pairs[:, 0]],
         rows[0], rows[1], lengths, np.asarray(weights, dtype=np.float64), bound,
     )  # fmt: skip
 
@@ -548,7 +541,7 @@ def admissible(
         return v, c, ""
     half, number = divmod(int(np.argmax(excess)), contacts.count)
     trace = next(each for each in contacts.traces if number < each.here.stop)
-    x, y = trace.mesh.origin + trace.scales.length * trace.places[number - trace.start]
+    x, y = trace.space.mesh.origin + trace.scales.length * trace.places[number - trace.start]
     what = "what holds the slip" if half else "the obstacle"
     where = f"{what} of {trace.name!r} at ({x:.6g}, {y:.6g})"
     who = "Prescribed displacements" + (", or that nothing may slip at kinks," if (slipping == 0.0).any() else "")
