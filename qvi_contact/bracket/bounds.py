@@ -42,7 +42,7 @@ from qvi_contact.problem.material import is_strained, varies
 from qvi_contact.problem.problem import by_cell
 from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.stress import allowed_misfit, obstacle_work, rest_on_arcs, support_work
+from qvi_contact.solution.stress import allowed_misfit, rest_on_arcs
 from qvi_contact.version import __version__
 from solvers import Status, solve_qvi
 from solvers.basics.progress import Log, deadline
@@ -326,8 +326,7 @@ def _assemble(
     problem, mesh, u = discretization.problem, discretization.problem.mesh, stress.dofs
     fields = CellFields.of(discretization, u, companion.degree)
     strain, held = fields.energy, 0.5 * fields.work(fields.at_rest, fields.at_rest)  # ½ ∫ ε⁰ : C : ε⁰
-    complementary = strain - support_work(discretization, u) - obstacle_work(discretization, u)
-    complementary -= fields.work(fields.stress, fields.at_rest)
+    complementary = strain - discretization.work(u) - fields.work(fields.stress, fields.at_rest)
     size = max(strain, abs(complementary), held, 1e-300)
     inside, moved = np.zeros(mesh.cell_count), companion.has_state
     contacts, slack = dict[str, EdgeParts](), 0.0

@@ -28,9 +28,9 @@ from qvi_contact.bracket.norms import (
     friction_norm,
 )
 from qvi_contact.bracket.parts import EDGE_POINTS, LOOSEST, Bounds, CellFields, EdgeTractions, edge_parts
-from qvi_contact.bracket.share import AWAY, LeastChange, Share, SharedStress, joined
+from qvi_contact.bracket.share import AWAY, Share, SharedStress, joined
 from qvi_contact.companion import CompanionResult, CompanionState
-from qvi_contact.companion.contact import Contacts
+from qvi_contact.companion.contact import Contacts, LeastChange
 from qvi_contact.companion.model import MOST, BodyAtRest, solutions
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element import bernstein
@@ -39,7 +39,7 @@ from qvi_contact.problem.conditions import bears_shear, has_coulomb
 from qvi_contact.problem.problem import by_cell
 from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.stress import obstacle_work, rest_on_arcs, support_work
+from qvi_contact.solution.stress import rest_on_arcs
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -237,7 +237,7 @@ def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
         defect += stopped.work(errors.shares, errors.within, defect)
     fields = CellFields.of(known, stress.dofs, companion.degree)
     body = BodyAtRest.of(problem, companion.degree)
-    changes = LeastChange.of(known.qvi, sparse.csr_array(sparse.vstack([known.qvi.N, known.qvi.T, known.qvi.A])))
+    changes = LeastChange.of(known.qvi.K, sparse.csr_array(sparse.vstack([known.qvi.N, known.qvi.T, known.qvi.A])))
     for cut in _CUTS:
         pairs = _Pairs(errors, defect, known, state, body, fields, changes, cut)
         for trace in body.contacts.traces:
@@ -304,7 +304,7 @@ class _Pairs:
         """Bounds of ∫ a σ_N + b σ_T ds; None if no z meets the conditions of (D31)."""
         known, error, own = self.known, self.errors.within, self.errors.displacement.scales
         length = known.scales.displacement  # a and b; steps of a history have units of their own
-        c, z, plates = self._displacement(goal)
+        c, z = self._displacement(goal)
         change, parts = self._continuous(self._stress(c))
         ratio = self._ratio(goal, c, change)
         second = np.inf if ratio is None else self.errors.norm.work(known.problem, parts, error, self.defect)
@@ -313,11 +313,10 @@ class _Pairs:
         u, other = self.errors.stress.dofs, self.errors.stress.dofs + known.supports.basis.expanded(change)
         dual = CellFields.of(known, other, self.errors.displacement.degree).less(self.fields)
         work, residual = self._work(z * (length / own.displacement), dual)
-        for along in (support_work, obstacle_work):
-            work += along(known, other) - along(known, u)
+        work += known.work(other) - known.work(u)
         contacts = self.body.contacts
         adhesion = contacts.weights[: contacts.count] * contacts.law[1] * self._senses  # of cohesion, where v slips
-        load = self.state.load @ z + contacts.resultants @ plates - adhesion @ (c - goal)[1]
+        load = self.state.load @ z - adhesion @ (c - goal)[1]
         force = own.stress * own.length * float(load + goal.ravel() @ contacts.fluid)
         # what has been rounded: loads and tractions may cancel each other
         largest = np.abs(self.state.load).sum() * np.abs(z).max() + contacts.weights @ np.abs(self.state.tractions)
@@ -383,16 +382,16 @@ class _Pairs:
         stuck = np.flatnonzero(self._zones.stuck & body.live[n:])
         normal, shear, tied = body.B[closed], body.B[n + stuck], body.B[np.tile(body.contacts.tied, 2) & body.live]
         trial = np.vstack([normal + self._turned[closed, None] * body.B[n + closed], shear, tied])
-        return closed, stuck, *solutions(trial), solutions(np.vstack([normal, shear, tied]))[1].T @ body.S
+        return closed, stuck, *solutions(trial), solutions(np.vstack([normal, shear, tied]))[1].T @ body.body.S
 
-    def _displacement(self, goal: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Coefficients c (2, n) of z on the contacts, z (size,) and its plates, dimensionless: a and b of length 1."""
+    def _displacement(self, goal: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Coefficients c (2, n) of z on the contacts, and z (size,), dimensionless: a and b of length 1."""
         body, (closed, stuck, particular, free, energies) = self.body, self._spaces
         wanted = np.concatenate([goal[0, closed] + self._turned[closed] * goal[1, closed], goal[1, stuck]])
         start = particular[:, : len(wanted)] @ wanted
         w = start - free @ np.linalg.lstsq(energies @ free, energies @ start, rcond=1e-13)[0]
-        z, plates = body.expand(w)
-        return (body.contacts.rows @ z - body.contacts.motions @ plates).reshape(goal.shape), z, plates
+        z = body.body.expand(w)
+        return (body.contacts.rows @ z).reshape(goal.shape), z
 
     def _stress(self, c: FloatArray) -> FloatArray:
         """ζ, as a change of the unknowns of the stress: the nearest to Cε(z), with no traction where none may be."""
@@ -413,7 +412,7 @@ class _Pairs:
         qvi, held = self.known.qvi, (np.repeat(part, self.known.rule.count) for part in self._zones[-2:])
         parts = [sparse.csr_array(part)[chosen] for part, chosen in zip((qvi.N, qvi.T), held, strict=True)]
         rows = sparse.csr_array(sparse.vstack([*parts, qvi.A]))
-        return rows, LeastChange.of(qvi, rows)
+        return rows, LeastChange.of(qvi.K, rows)
 
     def _continuous(self, change: FloatArray) -> tuple[FloatArray, dict[str, Share]]:
         """ζ with a ζ_T whose share of the bound is continuous, by the least change, and these shares."""

@@ -19,10 +19,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.bracket.parts import EdgeTractions
+from qvi_contact.companion.contact import LeastChange
 from qvi_contact.companion.model import prescribed_slip
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.displacements import PARALLEL
@@ -33,7 +33,7 @@ from qvi_contact.mesh.edges import Edges, cross, frames_along
 from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
-from solvers import FrictionQVI, solve_qvi
+from solvers import solve_qvi
 
 _OPEN = 1e-6  # of the largest bound on a contact: an edge where it is nowhere above that bears nothing
 _NOTHING = 1e-9  # of the largest stress: nor where it is nowhere above that, which solvers leave
@@ -385,7 +385,7 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
             kept = np.flatnonzero(np.concatenate([~pressed, ~inside, np.ones(qvi.A.shape[0], dtype=bool)]))
             rows_kept = sparse.csr_array(sparse.vstack([qvi.N, shears, qvi.A]))[kept]
             right = np.concatenate([np.zeros(m), wanted, np.zeros(qvi.A.shape[0])])[kept]
-            change = LeastChange.of(qvi, rows_kept).solved(right)
+            change = LeastChange.of(qvi.K, rows_kept).solved(right)
             moved = ContactResult(known, replace(result.solution, z=result.solution.z + change))
             found, wrong, new = dict(shares), np.zeros((2, m), dtype=bool), EdgeTractions.of(known, moved.dofs)
             for rows in rough:
@@ -408,37 +408,6 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
     rows = next(each for each in known.contacts if each.rows.start <= number < each.rows.stop)
     x, y = known.problem.mesh.vertices[rows.points.edges.first[(number - rows.rows.start) // known.rule.count]]
     return f"No stress on this mesh has a continuous share of friction on {rows.name!r} near ({x:.6g}, {y:.6g})."
-
-
-@dataclass(frozen=True, eq=False)
-class LeastChange:
-    """Changes x of the unknowns of a stress of least ½ xᵀKx − load · x with given rows · x, which may be dependent."""
-
-    scales: tuple[FloatArray, FloatArray]  # (n,) and (r,): units of x and of the rows
-    matrix: sparse.csc_array  # the equations, in these units
-    factors: Any  # those of the equations, slightly regularised
-
-    @classmethod
-    def of(cls, qvi: FrictionQVI, rows: sparse.csr_array) -> "LeastChange":
-        """For the stiffness of a problem."""
-        K = sparse.csc_array(qvi.K)
-        scale = 1.0 / np.sqrt(K.diagonal())
-        R = sparse.csr_array(rows @ sparse.diags_array(scale))
-        lengths = np.sqrt(np.maximum(np.asarray(R.multiply(R).sum(axis=1)).ravel(), 1e-300))
-        R = sparse.csr_array(sparse.diags_array(1.0 / lengths) @ R)
-        S, number = sparse.diags_array(scale) @ K @ sparse.diags_array(scale), len(lengths)
-        matrix = sparse.csc_array(sparse.block_array([[S, R.T], [R, sparse.csr_array((number, number))]]))
-        slightly = sparse.diags_array(np.append(np.zeros(len(scale)), np.full(number, 1e-9)))
-        return cls((scale, lengths), matrix, splu(sparse.csc_array(matrix - slightly)))
-
-    def solved(self, right: FloatArray, load: FloatArray | float = 0.0) -> FloatArray:
-        """The x with rows · x = right, as nearly as there is one."""
-        scale, lengths = self.scales
-        wanted = np.concatenate([scale * load, right / lengths])
-        found = np.zeros_like(wanted)
-        for _ in range(4):  # what regularises the system is corrected
-            found = found + self.factors.solve(wanted - self.matrix @ found)
-        return np.asarray(scale * found[: len(scale)])
 
 
 def held_directions(problem: ContactProblem) -> list[FloatArray]:

@@ -2,14 +2,13 @@
 
 All is dimensionless. Derivatives act on differences of neighbouring coefficients, see `Triangle`.
 
-With the prescribed degrees of freedom taken out and the interior eliminated, K v = f + Bᵀ z leaves on Γ, what contact
-rows touch,
+With supports, v = B w + v₀, and the interior eliminated, K v = f + Bᵀ z leaves on Γ, what contact rows touch,
 
     S w_Γ = r + B_Γᵀ z,      solvable if  Rᵀ(r + B_Γᵀ z) = 0,      w_Γ = G (r + B_Γᵀ z) + R a
 
-with R an orthonormal basis of the rigid motions that the supports leave free, G = (S + ρ R Rᵀ)⁻¹, and a their size.
-Stretches of springs come last in w_Γ: S has their stiffness as a block of its own, and rigid motions leave them as they
-are.
+with R an orthonormal basis of the motions that cost no energy, G = (S + ρ R Rᵀ)⁻¹, and a their size. Beside the body,
+and last in w_Γ, come the stretches of springs, whose stiffness is a block of S, and the motions of plates that forces
+drive, which have none: R has the rigid motions that supports leave free, then those of plates.
 """
 
 from collections.abc import Callable
@@ -63,17 +62,17 @@ class Elasticity:
     moduli: FloatArray  # (cells, 3, 3): stiffness C with σ = C ε + σ⁰, times the unit of compliance
     # σ⁰ of an initial strain (k, q, 3) at points (k, q, 2) of cells (k,), dimensionless
     at_rest: Callable[[IntArray, FloatArray], FloatArray] | None = None
-    # (k, k): M of springs along contacts, with the energy ½ dᵀM d of their stretches d, which follow the degrees of
-    # freedom of `space`: displacements v have the shape (size,) with the stretches
-    springs: sparse.csr_array = field(default_factory=lambda: sparse.csr_array((0, 0)))
+    # (k, k): M with the energy ½ dᵀM d of what is beside the body, stretches of springs and, without stiffness, motions
+    # of plates, which follow the degrees of freedom of `space` in displacements v (size,)
+    beside: sparse.csr_array = field(default_factory=lambda: sparse.csr_array((0, 0)))
 
     @property
     def size(self) -> int:
-        """Number of degrees of freedom, with the stretches of springs."""
-        return self.space.size + int(self.springs.shape[0])
+        """Number of degrees of freedom, with those beside the body."""
+        return self.space.size + int(self.beside.shape[0])
 
     def stiffness(self) -> sparse.csr_array:
-        """K with vᵀKv = ∫ ε:C:ε without springs, shape (size, size) of the space; cells with arcs by quadrature."""
+        """K with vᵀKv = ∫ ε:C:ε of the body, shape (size, size) of the space; cells with arcs by quadrature."""
         space, curved = self.space, self.space.curved
         local, slopes, n = reference_matrices(space.cell), space.slopes, space.table.shape[1]
         t, w = space.cell.quadrature(self._count)
@@ -134,14 +133,14 @@ class Elasticity:
         t, weights = self.points()
         d, stress = v[self.space.size :], self.stress(v, slice(None), t)
         work = np.einsum("cq,cqk,cqk->", weights, stress, stress @ np.linalg.inv(self.moduli))
-        return 0.5 * (float(work) + float(d @ (self.springs @ d)))
+        return 0.5 * (float(work) + float(d @ (self.beside @ d)))
 
     def force(self, v: FloatArray) -> FloatArray:
         """K v (size,), through stresses, and M d."""
         t, weights = self.points()
         stress = self.strain(v, slice(None), t) @ self.moduli.swapaxes(1, 2)
         found = self.virtual_work(stress * weights[..., None], t)
-        found[self.space.size :] = self.springs @ v[self.space.size :]
+        found[self.space.size :] = self.beside @ v[self.space.size :]
         return found
 
     def virtual_work(self, stress: FloatArray, t: FloatArray) -> FloatArray:
@@ -216,17 +215,17 @@ def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count:
 
 @dataclass(eq=False)
 class CondensedBody:
-    """See the module; w (size,) counts all degrees of freedom in the axes of the supports, w_Γ those of `interface`."""
+    """See the module; w (n,) are what supports leave free and what is beside the body, w_Γ those of `interface`."""
 
     body: Elasticity
     load: FloatArray  # (size,): f
-    supports: PrescribedDisplacements  # prescribed degrees of freedom
-    free: IntArray  # the others, ascending
-    interface: IntArray  # Γ, numbers among all degrees of freedom, ascending
+    B: sparse.csr_array  # (size, n): v = B w + v₀
+    start: FloatArray  # (size,): v₀
+    interface: IntArray  # (k,): Γ, ascending
     factor: Factorisation
     S: FloatArray  # (k, k): the condensed stiffness
     r: FloatArray  # (k,): right-hand side on Γ
-    R: FloatArray  # (k, j): rigid motions
+    R: FloatArray  # (k, j): motions that cost no energy
     cholesky: tuple[FloatArray, bool]
     closely: float  # share of their size to which rigid motions rest, and loads do no work on them, beside arcs
 
@@ -234,39 +233,33 @@ class CondensedBody:
     def of(
         cls, body: Elasticity, load: FloatArray, supports: PrescribedDisplacements, rows: sparse.csr_array
     ) -> "CondensedBody":
-        """Condense on the degrees of freedom that rows (n, size) of v touch, prescribed ones among them left out.
-
-        `FactorisationError` if the stiffness matrix cannot be factorised.
-        """
-        size, Q = body.space.size, supports.axes
-        free = np.setdiff1d(np.arange(size), supports.index)
-        motions, K, turned = body.space.rigid(), body.stiffness(), Q[:size, :size]
+        """Condense on what rows (n, size) of v touch; `FactorisationError` if the stiffness cannot be factorised."""
+        size, more, kept = body.space.size, body.size - body.space.size, supports.basis.kept
+        B, start = supports.beside(more)
+        motions, K = body.space.rigid(), body.stiffness()
         strained = float(np.linalg.norm(K @ motions)) / float(K.diagonal().max())  # on arcs alone more than rounding
-        closely = min(_AS_STRAINED * strained, _FREE_ON_ARCS)
-        rigid = (supports.inverse @ np.pad(motions, ((0, body.size - size), (0, 0))))[:size]
-        interface = np.setdiff1d((rows @ Q)[:, :size].indices, supports.index)
-        known = np.append(supports.index, interface)
+        closely, known = min(_AS_STRAINED * strained, _FREE_ON_ARCS), supports.rows.matrix() @ motions
+        interface = np.unique((rows[:, :size] @ supports.basis.matrix).indices)
         for block in range(int(body.space.block.max()) + 1):  # Γ must hold all motions: if need be by two vertices
-            if _unheld(rigid[known, 3 * block : 3 * block + 3], closely).shape[1]:
+            own = slice(3 * block, 3 * block + 3)
+            if _unheld(np.vstack([known[:, own], motions[kept[interface], own]]), closely).shape[1]:
                 mine = np.flatnonzero(body.space.owner == block)
                 place = body.space.places[mine].sum(axis=1)
                 pair = mine[[int(np.argmin(place)), int(np.argmax(place))]]
-                pins = np.setdiff1d(2 * pair[:, None] + np.arange(2), supports.index)
-                interface = np.union1d(interface, pins)
-        K = (sparse.csr_array(turned.T @ K @ turned) if supports.slanted else K)[free][:, free]
-        place = np.searchsorted(free, interface)
-        shift = float(K.diagonal().mean()) if len(free) else 0.0
-        held = np.zeros(len(free))
-        held[place] = shift  # back ends want a positive definite matrix; S has it on its diagonal and is freed of it
-        factor = factorise(sparse.csc_array(K + sparse.diags_array(held)), place)
-        S = factor.schur - shift * np.eye(len(place))
-        r, _ = factor.reduce((Q.T @ (load - body.force(Q @ supports.fixed)))[free])
-        motions = (rigid @ _unheld(rigid[supports.index], closely))[interface]
-        R = np.asarray(np.linalg.qr(motions)[0]) if motions.size else np.zeros((len(motions), 0))
-        more = body.size - size  # springs
-        S, interface = block_diag(S, body.springs.toarray()), np.append(interface, np.arange(size, body.size))
-        r, R = np.append(r, np.zeros(more)), np.pad(R, ((0, more), (0, 0)))
-        stiffened = S, True
+                interface = np.union1d(interface, np.flatnonzero(np.isin(kept // 2, pair)))
+        K = sparse.csr_array(supports.basis.matrix.T @ K @ supports.basis.matrix)
+        shift = float(K.diagonal().mean()) if len(kept) else 0.0
+        held = np.zeros(len(kept))
+        held[interface] = shift  # back ends want a positive definite matrix; S has it on its diagonal, and is rid of it
+        factor = factorise(sparse.csc_array(K + sparse.diags_array(held)), interface)
+        S = factor.schur - shift * np.eye(len(interface))
+        right = B.T @ (load - body.force(start))
+        r, _ = factor.reduce(right[: len(kept)])
+        rigid = (motions @ _unheld(known, closely))[kept[interface]]
+        rigid = np.asarray(np.linalg.qr(rigid)[0]) if rigid.size else np.zeros((len(rigid), 0))
+        R = block_diag(rigid, np.eye(more)[:, body.beside.diagonal() == 0.0])
+        S, r = block_diag(S, body.beside.toarray()), np.append(r, right[len(kept) :])
+        interface, stiffened = np.append(interface, len(kept) + np.arange(more)), (S, True)
         if len(S):
             rho = float(np.trace(S)) / len(S)
             try:
@@ -274,7 +267,7 @@ class CondensedBody:
             except np.linalg.LinAlgError as error:
                 message = "the condensed stiffness is not positive definite"
                 raise FactorisationError("singular", "lapack", message) from error
-        return cls(body, load, supports, free, interface, factor, S, np.asarray(r), R, stiffened, closely)
+        return cls(body, load, B, start, interface, factor, S, r, R, stiffened, closely)
 
     def relieve(self, forces: FloatArray) -> FloatArray:
         """G times forces on Γ, (k,) or (k, j)."""
@@ -282,13 +275,12 @@ class CondensedBody:
 
     def expand(self, values: FloatArray) -> FloatArray:
         """V (size,) from w_Γ, the rest in equilibrium: defect corrections remove rounding."""
-        w, Q = self.supports.fixed, self.supports.axes
+        w, free = np.zeros(self.B.shape[1]), self.factor.size
         w[self.interface] = values
-        held = np.zeros(len(self.interface) - (self.body.size - self.body.space.size))
         for _ in range(_CORRECTIONS):
-            _, state = self.factor.reduce((Q.T @ (self.load - self.body.force(Q @ w)))[self.free])
-            w[self.free] += self.factor.expand(state, held)
-        return np.asarray(Q @ w)
+            _, state = self.factor.reduce((self.B.T @ (self.load - self.body.force(self.B @ w + self.start)))[:free])
+            w[:free] += self.factor.expand(state, np.zeros(self.factor.interface.size))
+        return np.asarray(self.B @ w + self.start)
 
 
 def _unheld(motions: FloatArray, closely: float) -> FloatArray:

@@ -11,15 +11,14 @@ not. From c what a plate driven by force moves is taken off, and what springs st
 mean tractions τ_i [stress] weighted by the positive B_i. The laws hold for them: c_N ≤ g, τ_N ≤ 0 and |τ_T| ≤ s_i with
 s_i = ∫ s B_i ds / W_i, under Coulomb's law min(cohesion + μ_i |τ_N|, cap), μ_i at the coefficient's own point.
 
-With c = c_D + B w_Γ + B_q q (c_D from supports, q motions of plates) and the maps of `CondensedBody`, in which springs
-are a part of the body, forces that are in equilibrium minimise
+With c = c_D + B w_Γ (c_D from supports and given motions) and the maps of `CondensedBody`, in which w_Γ has stretches
+of springs and motions of plates, forces that are in equilibrium minimise
 
     ½ τᵀ C τ − τᵀ W (g̃ − c_D − B G r),   C = W B G Bᵀ W,   g̃ = (g, w)
 
 over the mean tractions τ = z / W that the laws admit, a `FrictionQVI`, subject to
 
-    Rᵀ Bᵀ W τ = −Rᵀ r        equilibrium of what floats, with the rigid motions a as multiplier
-    Mᵀ W τ = F               resultants of plates, with −q as multiplier; M is what c of the plate itself does.
+    Rᵀ Bᵀ W τ = −Rᵀ r        equilibrium of what floats, and of plates, with the motions a as multiplier.
 
 The multipliers of its rows are W (g − c_N) ≥ 0 and −W (c_T − w). Unknowns come as all normal tractions, then all
 tangential ones. Those whose c nothing can change (supports prescribe it, or the tip of a joint) get a compliance of
@@ -36,21 +35,28 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from scipy import sparse
+from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate
 from qvi_contact.companion.body import CondensedBody, load_points
-from qvi_contact.discretization.displacements import MISFIT, PARALLEL, DisplacementSpace, along_arcs, edge_data, spread
+from qvi_contact.discretization.displacements import (
+    MISFIT,
+    PARALLEL,
+    DisplacementSpace,
+    components_along,
+    edge_data,
+    spread,
+)
 from qvi_contact.discretization.plates import COMPONENTS, independent_rows
 from qvi_contact.discretization.scaling import REACH, Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError
-from qvi_contact.mechanism.mechanism import null_space
 from qvi_contact.mesh.edges import Edges, centre_of, frames_along
-from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, RigidPlate
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem
@@ -63,7 +69,7 @@ _STICKS = 1e3  # of the largest bound of friction: the bound of what must not sl
 _SOFT = 3e-5  # compliance of a force whose c follows from others, over that of other forces
 _TRIALS = 4  # of what gives way by it
 
-_SHARED = 1e-9  # singular value of rows that share unknowns, relative, that counts as zero
+_FIRM = 1e6  # weight of motions of plates, in changes of displacements
 VIOLATED = 1e-12  # of displacements: by how much what is prescribed contradicts a contact, or slips along it
 
 _INDICATOR = "The friction bound was taken from the displacement model's own contact forces: its energy is no bound."
@@ -74,13 +80,12 @@ class DisplacementContact:
     """One contact; dimensionless, arrays over its n coefficients unless said otherwise."""
 
     contact: Contact
-    mesh: TriangleMesh
+    space: DisplacementSpace
     scales: Scales
     edges: Edges  # in the mesh's order
     start: int  # its first coefficient among those of all contacts
     columns: IntArray  # (e, p + 1): coefficients on each edge, numbers below n
     turned: FloatArray  # (e, p + 1): −1 where c_T of a coefficient counts against the edge's tangent, else 1
-    frames: tuple[FloatArray, FloatArray]  # (n, 2) each: normals and tangents
     places: FloatArray  # (n, 2): where the coefficients sit
     normal: sparse.csr_array  # normal, tangential, (n, size) each: c_N and c_T from the degrees of freedom of the body
     tangential: sparse.csr_array
@@ -97,11 +102,6 @@ class DisplacementContact:
     def count(self) -> int:
         """Number of coefficients n."""
         return len(self.places)
-
-    @property
-    def degree(self) -> int:
-        """Of displacements, p."""
-        return int(self.columns.shape[1]) - 1
 
     @property
     def here(self) -> slice:
@@ -131,10 +131,10 @@ class DisplacementContact:
         # The minimum of the means of c and t_max is no less than the mean of their minimum: the energy is an upper
         # bound if the means are exact. A given bound takes the place of both, and of friction.
         if self.bound is not None:
-            products = bernstein.product_integrals(self.bound.shape[1] - 1, self.degree)
+            products = bernstein.product_integrals(self.bound.shape[1] - 1, self.space.degree)
             mean = self.summed(self.bound @ products * self.lengths[:, None]) / self.weights
             return friction, np.maximum(mean, 0.0), limit
-        x, y = (self.mesh.origin + self.scales.length * self.places).T
+        x, y = (self.space.mesh.origin + self.scales.length * self.places).T
         friction = evaluate("Contact.friction", self.contact.friction, x, y, minimum=0.0)
         cohesion = self.moments("cohesion", reasons) / self.weights
         if self.contact.shear_limit is not None:
@@ -143,19 +143,19 @@ class DisplacementContact:
 
     def moments(self, kind: str, reasons: list[str]) -> FloatArray:
         """∫ f B_i ds (n,) of a datum over S; what is not exact joins the reasons."""
-        field, stress, points = getattr(self.contact, kind), self.scales.stress, load_points(self.degree)
-        given = along_edges(self.mesh, self.edges, f"Contact.{kind}", field, points, minimum=0.0)
+        field, stress, points = getattr(self.contact, kind), self.scales.stress, load_points(self.space.degree)
+        given = along_edges(self.space.mesh, self.edges, f"Contact.{kind}", field, points, minimum=0.0)
         if given.error > MISFIT * max(stress, float(np.abs(given.values).max(initial=0.0))):
             reasons.append(
                 f"The {kind.replace('_', ' ')} of {self.name!r} jumps or grows steeply. Quadrature leaves an error of "
                 f"{given.error:.2g} [stress] times an edge's length."
             )
-        return self.summed(self.lengths[:, None] / stress * given.moments(self.degree))
+        return self.summed(self.lengths[:, None] / stress * given.moments(self.space.degree))
 
     def obstacle(self, kind: str, signs: FloatArray, reasons: list[str]) -> FloatArray:
         """Coefficients (n,) of the gap or offset, signs (e, p + 1) on edges; at a jump between them the smaller one."""
-        p, unit = self.degree, self.scales.displacement
-        data, misfit = edge_data(self.mesh, self.edges, f"Contact.{kind}", getattr(self.contact, kind), p, unit)
+        p, unit = self.space.degree, self.scales.displacement
+        data, misfit = edge_data(self.space.mesh, self.edges, f"Contact.{kind}", getattr(self.contact, kind), p, unit)
         own, least = signs * data, np.full(self.count, np.inf)
         np.minimum.at(least, self.columns, own)
         if self.contact.law != "unilateral" or kind == "offset":
@@ -169,34 +169,28 @@ class DisplacementContact:
 
     def stiffness(self, kind: str, signs: FloatArray) -> FloatArray:
         """∫ k B_i B_j ds of springs on each edge, (e, p + 1, p + 1), for the signs (e, p + 1) of coefficients."""
-        t, weights = gauss_legendre(load_points(self.degree))
-        places = self.mesh.points_along(self.edges, t)
+        t, weights = gauss_legendre(load_points(self.space.degree))
+        places = self.space.mesh.points_along(self.edges, t)
         k = evaluate(f"Contact.{kind}", getattr(self.contact, kind), *places, minimum=0.0)
         k = k * (self.scales.compliance * self.edges.length[:, None] * weights)
-        shape = signs[:, None] * bernstein.basis(self.degree, t)
+        shape = signs[:, None] * bernstein.basis(self.space.degree, t)
         return np.asarray((k[..., None] * shape).swapaxes(1, 2) @ shape)
 
     def moved(self, plate: RigidPlate) -> FloatArray:
         """Coefficients (2, n) of the given motion of a plate along normals and tangents [length]."""
-        edges, field = self.edges, plate.displacement(*(self.mesh.origin + self.scales.length * self.places).T).T
-        found = np.stack([(vectors * field).sum(axis=1) for vectors in self.frames])
-        if edges.curved:
-            t, back = bernstein.nodes(self.degree), bernstein.from_values(self.degree)
-            on_arcs = np.moveaxis(plate.displacement(*self.mesh.points_along(edges, t)), 0, -1)
-            for values, vectors in zip(found, frames_along(edges, t), strict=True):
-                values[self.columns] = (vectors * on_arcs).sum(axis=-1) @ back.T
-        return found
+        field = plate.displacement(*(self.space.mesh.origin + self.scales.length * self.space.positions).T).T.ravel()
+        return np.stack([self.normal @ field, self.tangential @ field])
 
-    def motions(self) -> Iterator[tuple[FloatArray, float]]:
-        """For each force or moment on a plate what c (2, n) of the plate is when it moves by 1, and that force."""
-        plate, centre = self.contact.plate, centre_of(self.mesh.vertices, self.edges)
+    def motions(self) -> Iterator[tuple[str, FloatArray, float]]:
+        """For each force or moment on a plate its name, c (2, n) of the plate when it moves by 1, and that force."""
+        plate, centre = self.contact.plate, centre_of(self.space.mesh.vertices, self.edges)
         for component in COMPONENTS if plate is not None else ():
             if plate is not None and getattr(plate, component) is not None:
                 moment = component == "moment"
                 given = plate.moment_about(*centre) if moment else float(getattr(plate, component))
                 motion = {DRIVES[component]: 1.0 / self.scales.length if moment else 1.0}
                 size = self.scales.stress * self.scales.length ** (2 if moment else 1)
-                yield self.moved(RigidPlate(pivot=plate.reference(*centre), **motion)), given / size
+                yield component, self.moved(RigidPlate(pivot=plate.reference(*centre), **motion)), given / size
 
 
 def _trace(
@@ -216,14 +210,12 @@ def _trace(
     pairs, columns = np.unique(pairs, axis=0, return_inverse=True)
     owner = np.empty(len(pairs), dtype=np.int64)  # of the places on all edges that a coefficient has, one
     owner[columns.ravel()] = np.arange(columns.size)
-    columns, (normals, tangents) = columns.reshape(near.shape), (vectors[owner] for vectors in frames)
+    columns, tangents = columns.reshape(near.shape), frames[1][owner]
     turned = np.where((frames[1].reshape(*near.shape, 2) * tangents[columns]).sum(axis=2) < 0.0, -1.0, 1.0)
     rows = []
-    for vectors, chords in zip(along, (edges.normal, edges.tangent), strict=True):
-        parts = np.eye(p + 1)[:, :, None] * vectors[:, :, None]  # (e, p + 1, p + 1, 2): c at places on each edge
-        if edges.curved:
-            parts[edges.bent, 1:-1] = along_arcs(edges.take(edges.bent), chords[edges.bent], p)
-        number, parts = np.repeat(np.arange(len(pairs)), 2 * (p + 1)), parts.reshape(-1, p + 1, 2)[owner]
+    for chords in (edges.normal, edges.tangent):
+        parts = components_along(edges, chords, p).reshape(-1, p + 1, 2)[owner]
+        number = np.repeat(np.arange(len(pairs)), 2 * (p + 1))
         found = sparse.csr_array((len(pairs), space.size))
         for coefficients, sign in ((near, 1.0), (far, -1.0))[: 1 + joint]:
             dofs = 2 * coefficients[owner // (p + 1), :, None] + np.arange(2)
@@ -233,7 +225,7 @@ def _trace(
     lengths = edges.length / scales.length
     weights = np.bincount(columns.ravel(), np.repeat(lengths / (p + 1), p + 1), minlength=len(pairs))
     return DisplacementContact(
-        contact, problem.mesh, scales, edges, start, columns, turned, (normals, tangents), space.places[pairs[:, 0]],
+        contact, space, scales, edges, start, columns, turned, space.places[pairs[:, 0]],
         rows[0], rows[1], lengths, np.asarray(weights, dtype=np.float64), bound,
     )  # fmt: skip
 
@@ -254,19 +246,19 @@ class Contacts:
     """All contacts together; arrays over the n coefficients of all traces, or over 2 n with the normal ones first."""
 
     traces: tuple[DisplacementContact, ...]
-    # (2 n, size + k): c from the degrees of freedom of the body and the stretches d of its k springs, c = … − d
+    # (2 n, size): c from v, that of the body less the stretches of springs and what plates move that forces drive
     rows: sparse.csr_array
-    sprung: IntArray  # (k,): the coefficients that have springs
-    springs: sparse.csr_array  # (k, k): their stiffness
+    sprung: IntArray  # (k,): the coefficients that have springs; their stretches come first beside the body
+    driven: tuple[tuple[str, str], ...]  # (q,): contact and force or moment of plates, whose motions come last
+    beside: sparse.csr_array  # stiffness of what is beside the body
+    loads: FloatArray  # (size,): forces and moments on plates, and the loads of fluids in contacts
     weights: FloatArray  # (2 n,): W
     obstacle: FloatArray  # (2 n,): g̃ = (g, w)
     law: FloatArray  # (3, n): μ_i, c_i and the cap; c_i is the whole bound, and μ_i zero, where the bound is given
     # (n,): ±1 where displacements may slip in one sense only, slipping (c_T − w) ≥ 0; 0 where c_T = w; NaN where they
     # are free
     slipping: FloatArray
-    motions: FloatArray  # (2 n, q): what c of the plates themselves does under each motion that a force drives
     moved: FloatArray  # (2 n,): what c of the plates themselves is under their given motions
-    resultants: FloatArray  # (q,): the force or moment that goes with it, beyond that of a fluid in the contact
     # (2 n,): ∫ p_w B_i ds of fluids, 0 for tangential coefficients; their work is −Σ fluid c. Tractions and laws are
     # effective ones, σ_N + p_w
     fluid: FloatArray
@@ -289,7 +281,7 @@ class Contacts:
             n += traces[-1].count
         springs, columns, resultants = sparse.csr_array((2 * n, 2 * n)), [np.zeros((2 * n, 0))], list[float]()
         obstacle, moved, fluid, law, slipping = *np.zeros((3, 2, n)), np.zeros((3, n)), np.full(n, np.nan)
-        reasons = list[str]()
+        reasons, driven = list[str](), list[tuple[str, str]]()
         for trace in traces:
             here, contact, signs = trace.here, trace.contact, (np.ones_like(trace.turned), trace.turned)
             for half, kind in enumerate(("gap", "offset")):
@@ -308,35 +300,39 @@ class Contacts:
                     springs = springs + spread(at, at, trace.stiffness(kind, signs[half]), 2 * n)
             if contact.plate is not None:
                 moved[:, here] = trace.moved(contact.plate) / scales.displacement
-            for motion, resultant in trace.motions():
+            for component, motion, resultant in trace.motions():
+                driven.append((trace.name, component))
                 column = np.zeros((2, n))
                 column[:, here] = motion
                 columns.append(column.reshape(-1, 1))
                 resultants.append(resultant)
         every = [sparse.csr_array((0, space.size)), *(t.normal for t in traces), *(t.tangential for t in traces)]
         motions, sprung = np.hstack(columns), np.flatnonzero(springs.diagonal())
+        yields = sparse.eye_array(2 * n, format="csc")[:, sprung]
+        rows = sparse.csr_array(sparse.hstack([sparse.vstack(every), -yields, sparse.csr_array(-motions)]))
+        loads = -(rows.T @ fluid.ravel())
+        loads[space.size : space.size + len(sprung)] = 0.0  # on the body, not on its springs
+        loads[rows.shape[1] - len(resultants) :] += resultants
         return cls(
             traces=tuple(traces),
-            rows=sparse.csr_array(
-                sparse.hstack([sparse.vstack(every), -sparse.eye_array(2 * n, format="csc")[:, sprung]])
-            ),
+            rows=rows,
             sprung=sprung,
-            springs=sparse.csr_array(springs[sprung][:, sprung]),
+            driven=tuple(driven),
+            beside=sparse.csr_array(sparse.block_diag([springs[sprung][:, sprung], np.zeros((len(resultants),) * 2)])),
+            loads=loads,
             weights=np.tile(np.concatenate([np.empty(0), *(trace.weights for trace in traces)]), 2),
             obstacle=obstacle.ravel(),
             law=law,
             slipping=slipping,
-            motions=motions,
             moved=moved.ravel(),
-            resultants=np.array(resultants) + motions.T @ fluid.ravel(),
             fluid=fluid.ravel(),
             reasons=(*reasons, _INDICATOR) if rubs else tuple(reasons),
         )
 
     def stretched(self, v: FloatArray) -> FloatArray:
-        """Coefficients (2 n,) of the stretch of springs from v (size + k,); 0 where there are none."""
-        found = np.zeros(2 * self.count)
-        found[self.sprung] = v[len(v) - len(self.sprung) :]
+        """Coefficients (2 n,) of the stretch of springs from v (size,); 0 where there are none."""
+        found, start = np.zeros(2 * self.count), self.rows.shape[1] - self.beside.shape[0]
+        found[self.sprung] = v[start : start + len(self.sprung)]
         return found
 
     @property
@@ -371,7 +367,7 @@ class DualProblem:
     # (2 n,): where the body can change c, and that does not follow from others; where there is a force
     alone: BoolArray
     live: BoolArray
-    equalities: IntArray  # which of the rigid motions, then plate motions, have a row of their own
+    equalities: IntArray  # which of the motions R have a row of their own
     qvi: FrictionQVI
     beyond: FloatArray  # (2 n,): what f lacks in obstacles that count as nearer than they stand, see `Scales.reach`
     soft: FloatArray  # (2 n,): compliances of C that f is to make up for
@@ -391,26 +387,24 @@ class DualProblem:
             found = further if reached or further.status is Status.SOLVED else found
         return found
 
-    def displacements(self, solution: QVISolution) -> tuple[FloatArray, FloatArray]:
-        """(w_Γ, motions q of the plates) of a solution."""
-        body, W = self.body, self.contacts.weights
-        motion = np.zeros(body.R.shape[1] + self.contacts.motions.shape[1])
+    def displacements(self, solution: QVISolution) -> FloatArray:
+        """The w_Γ of a solution."""
+        body, motion = self.body, np.zeros(self.body.R.shape[1])
         motion[self.equalities] = solution.equality_multiplier
-        rigid, plates = np.split(motion, [body.R.shape[1]])
-        forces = self.B.T @ np.where(self.live, W * solution.z, 0.0) if len(W) else np.zeros(len(body.r))
-        return body.relieve(body.r + forces) + body.R @ rigid, -plates
+        forces = self.B.T @ np.where(self.live, self.contacts.weights * solution.z, 0.0)
+        return np.asarray(body.relieve(body.r + forces) + body.R @ motion)
 
 
 def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
     """Pose the problem; `InputError` if loads, or resultants of plates, contradict equilibrium."""
-    n, W, touched = contacts.count, contacts.weights, contacts.rows @ body.supports.axes
-    constant = touched @ body.supports.fixed - contacts.moved
-    B = touched[:, body.interface].toarray()
+    n, W, rigid = contacts.count, contacts.weights, body.R.shape[1] - len(contacts.driven)
+    constant = contacts.rows @ body.start - contacts.moved
+    B = (contacts.rows @ body.B)[:, body.interface].toarray()
     alone = np.abs(B).sum(axis=1) > PARALLEL
     B[~alone] = 0.0
     alone[_determined(B, contacts)] = False
     rubs = np.append(np.zeros(n, dtype=bool), ~contacts.tied)
-    driven = np.abs(contacts.motions).sum(axis=1) > PARALLEL
+    driven = np.abs(B[:, B.shape[1] - len(contacts.driven) :]).sum(axis=1) > PARALLEL
     live = alone | (rubs & B.any(axis=1)) | driven | B[:, B[driven].any(axis=0)].any(axis=1)
     compliance = B @ body.relieve(np.ascontiguousarray(B.T)) if len(B) else np.zeros((0, 0))
     usual = float(np.median(np.diag(compliance)[alone])) if alone.any() else 1.0
@@ -421,8 +415,7 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
     beyond = np.where(contacts.bilateral, 0.0, np.maximum(contacts.obstacle[:n] - REACH, 0.0))
     beyond = np.append(beyond, np.zeros(n)) * W * live
     f = np.where(live, W * (contacts.obstacle - constant - B @ body.relieve(body.r)), 0.0) - beyond
-    A = np.where(live, np.vstack([body.R.T @ B.T, contacts.motions.T]), 0.0) * W
-    b = np.concatenate([-body.R.T @ body.r, contacts.resultants])
+    A, b = np.where(live, body.R.T @ B.T, 0.0) * W, -body.R.T @ body.r
     sizes = np.linalg.norm(A, axis=1)
     kept, combinations = independent_rows(A, _DEPENDENT * np.maximum(sizes, _DEPENDENT * sizes.max(initial=0.0)))
     for index, combination in combinations.items():
@@ -431,7 +424,7 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
             field = "ContactProblem.conditions"
             remedy = "the loads on a body that nothing holds are out of balance by this, dimensionless: correct them, "
             remedy += "or support the body by a Displacement or Contact"
-            if index >= body.R.shape[1]:
+            if index >= rigid:
                 field = "RigidPlate"
                 remedy = "contradicts the other loads by this, dimensionless: correct it, or leave it out"
             raise InputError(field, contradiction, remedy)
@@ -481,46 +474,49 @@ def groups(B: sparse.csr_array) -> list[IntArray]:
     return [part for part in parts if len(part) > 1]
 
 
-def moved(
-    rows: sparse.csr_array, motions: FloatArray, values: FloatArray, change: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Values (k,) and motions (q,) by which rows · values − `motions` q is changed as told (j,), by the least changes.
+@dataclass(frozen=True, eq=False)
+class LeastChange:
+    """The x of least ½ xᵀKx − load · x with given rows · x, which may be dependent."""
 
-    Plates move only as far as that is needed: where rows are zero, or share values.
-    """
-    square = np.asarray(rows.multiply(rows).sum(axis=1)).ravel()
-    shared, alone = groups(rows), square > 0.0
-    tied, wanted = [-motions[~alone]], [change[~alone]]
-    for group in shared:
-        alone[group] = False
-        if motions.shape[1]:
-            none = null_space(rows[group].toarray().T, _SHARED).T  # combinations that no values change
-            tied.append(-none @ motions[group])
-            wanted.append(none @ change[group])
-    ties = np.concatenate(tied)
-    ties[np.abs(ties) < _SHARED] = 0.0  # rounding moves no plate
-    plates = np.asarray(np.linalg.lstsq(ties, np.concatenate(wanted), _SHARED)[0], dtype=np.float64)
-    target, result = rows @ values + change + motions @ plates, values.copy()
-    for _ in range(2):  # once more for rounding
-        error = target - rows @ result
-        result += rows.T @ np.where(alone, error / np.where(alone, square, 1.0), 0.0)
-        for group in shared:
-            part = rows[group]
-            columns = np.unique(part.indices)
-            result[columns] += np.linalg.lstsq(part[:, columns].toarray(), error[group], _SHARED)[0]
-    return result, plates
+    scales: tuple[FloatArray, FloatArray]  # (n,) and (r,): units of x and of the rows
+    matrix: sparse.csc_array  # the equations, in these units
+    factors: Any  # those of the equations, slightly regularised
+
+    @classmethod
+    def of(cls, stiffness: Any, rows: sparse.csr_array) -> "LeastChange":
+        """For K (n, n) and rows (r, n)."""
+        K: Any = sparse.csc_array(stiffness)
+        scale = 1.0 / np.sqrt(K.diagonal())
+        R = sparse.csr_array(rows @ sparse.diags_array(scale))
+        lengths = np.sqrt(np.maximum(np.asarray(R.multiply(R).sum(axis=1)).ravel(), 1e-300))
+        R = sparse.csr_array(sparse.diags_array(1.0 / lengths) @ R)
+        S, number = sparse.diags_array(scale) @ K @ sparse.diags_array(scale), len(lengths)
+        matrix = sparse.csc_array(sparse.block_array([[S, R.T], [R, sparse.csr_array((number, number))]]))
+        slightly = sparse.diags_array(np.append(np.zeros(len(scale)), np.full(number, 1e-9)))
+        return cls((scale, lengths), matrix, splu(sparse.csc_array(matrix - slightly)))
+
+    def solved(self, right: FloatArray, load: FloatArray | float = 0.0) -> FloatArray:
+        """The x with rows · x = right, as nearly as there is one."""
+        scale, lengths = self.scales
+        wanted = np.concatenate([scale * load, right / lengths])
+        found = np.zeros_like(wanted)
+        for _ in range(4):  # what regularises the system is corrected
+            found = found + self.factors.solve(wanted - self.matrix @ found)
+        return np.asarray(scale * found[: len(scale)])
 
 
 def admissible(
-    problem: DualProblem, values: FloatArray, plates: FloatArray, tractions: FloatArray, bound: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, str]:
-    """(v (size,), c (2 n,), motions (q,), why not) that meets contact conditions to rounding, from w_Γ and motions.
+    problem: DualProblem, values: FloatArray, tractions: FloatArray, bound: FloatArray
+) -> tuple[FloatArray, FloatArray, str]:
+    """(v (size,), c (2 n,), why not) that meets contact conditions to rounding, from w_Γ.
 
-    What presses or sticks beyond doubt, must not slip, or slips the wrong way gets the displacement of the obstacle.
+    What presses or sticks beyond doubt, must not slip, or slips the wrong way gets the displacement of the obstacle, by
+    the least changes. Plates move only as far as that is needed.
     """
     contacts, rows = problem.contacts, sparse.csr_array(problem.B)
     unit, n, slipping = max(1.0, float(np.abs(tractions).max(initial=0.0))), contacts.count, contacts.slipping
-    c = rows @ values + problem.constant - contacts.motions @ plates
+    c, stiff = rows @ values + problem.constant, np.ones(len(values))
+    stiff[len(values) - len(contacts.driven) :] = _FIRM
     opening, slip = contacts.obstacle[:n] - c[:n], c[n:] - contacts.obstacle[n:]
     closed = (-tractions[:n] / unit > np.maximum(opening, 0.0)) | (opening < 0.0)
     sticks = ((bound - np.abs(tractions[n:])) / unit > np.abs(slip)) & (np.abs(slip) < 1e-6) & problem.alone[n:]
@@ -529,26 +525,27 @@ def admissible(
     held = np.concatenate([closed, sticks | contacts.tied])  # what is moved to the obstacle
     for _ in range(3):  # a correction in a corner may push another contact line over its gap
         at = np.flatnonzero(held)
-        values, more = moved(sparse.csr_array(rows[at]), contacts.motions[at], values, (contacts.obstacle - c)[at])
-        plates = plates + more
-        c = rows @ values + problem.constant - contacts.motions @ plates
+        least = LeastChange.of(sparse.diags_array(stiff), rows[at])
+        for _ in range(2):  # once more for rounding
+            values = values + least.solved((contacts.obstacle - c)[at])
+            c = rows @ values + problem.constant
         over = (_excess(problem, c) > 0.0) & ~held
         if not over.any():
             break
         held |= over
     v = problem.body.expand(values)
-    c = contacts.rows @ v - contacts.motions @ plates - contacts.moved
+    c = contacts.rows @ v - contacts.moved
     excess = _excess(problem, c)
     worst = float(excess.max(initial=0.0)) / max(1.0, float(np.abs(c).max(initial=0.0)))
     if worst <= VIOLATED:
-        return v, c, plates, ""
+        return v, c, ""
     half, number = divmod(int(np.argmax(excess)), contacts.count)
     trace = next(each for each in contacts.traces if number < each.here.stop)
-    x, y = trace.mesh.origin + trace.scales.length * trace.places[number - trace.start]
+    x, y = trace.space.mesh.origin + trace.scales.length * trace.places[number - trace.start]
     what = "what holds the slip" if half else "the obstacle"
     where = f"{what} of {trace.name!r} at ({x:.6g}, {y:.6g})"
     who = "Prescribed displacements" + (", or that nothing may slip at kinks," if (slipping == 0.0).any() else "")
-    return v, c, plates, f"{who} contradict {where}, by {worst:.1e} of their size."
+    return v, c, f"{who} contradict {where}, by {worst:.1e} of their size."
 
 
 def _excess(problem: DualProblem, c: FloatArray) -> FloatArray:

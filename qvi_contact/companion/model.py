@@ -10,7 +10,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import block_diag
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, fraction
 from qvi_contact.companion.body import CondensedBody, Elasticity, load_vector
@@ -24,23 +23,21 @@ from qvi_contact.discretization.displacements import (
     triangle,
 )
 from qvi_contact.discretization.loads import scaled_stress_at_rest
-from qvi_contact.discretization.plates import COMPONENTS
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import centre_of
 from qvi_contact.problem.conditions import RigidMotion
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import turning_senses
-from qvi_contact.solution.result import plate_motion
+from qvi_contact.solution.result import plate_motions
 from qvi_contact.solution.stress import given_points, mean_at
 from qvi_contact.version import __version__
 from solvers import Certificate, QVISolution, Status
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import PicklesFields
 from solvers.certificate.certificate import EXPONENTS
-from solvers.errors import Named, known_name
+from solvers.errors import known_name
 from solvers.factorisation.base import FactorisationError, limited_blas
 
 _FAILURES: Final = {"singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY, "time": Status.TIME_LIMIT}
@@ -96,13 +93,12 @@ class CompanionState:
     """A displacement that meets all conditions, dimensionless."""
 
     contacts: Contacts  # the contacts; arrays over their n coefficients
-    v: FloatArray  # (size,): degrees of freedom, after those of the body the stretches of springs
+    v: FloatArray  # (size,): degrees of freedom, after those of the body the stretches of springs and motions of plates
     c: FloatArray  # (2 n,): relative displacements, normal ones first
-    plates: FloatArray  # (q,): motions of plates
     tractions: FloatArray  # (2 n,): τ
     live: BoolArray  # (2 n,): where there is a force, see `DualProblem`; elsewhere τ is zero
     bound: FloatArray  # (n,): bound of |τ_T|
-    load: FloatArray  # (size,): load vector
+    load: FloatArray  # (size,): load vector, forces on plates in it
     contradiction: str  # why it does not meet them after all; empty if it does
 
 
@@ -219,8 +215,7 @@ class CompanionResult(PicklesFields):
             else:
                 along = trace.on_edges(slip, slip)[1]
                 friction += float(trace.lengths @ bernstein.absolute_integrals(trace.bound, along))
-        load = float(state.load @ state.v + state.contacts.resultants @ state.plates)
-        found = {"strain": self.body.energy(state.v), "load": load, "friction": friction}
+        found = {"strain": self.body.energy(state.v), "load": float(state.load @ state.v), "friction": friction}
         return {name: part * self.scales.energy for name, part in found.items()}
 
     @property
@@ -249,17 +244,11 @@ class CompanionResult(PicklesFields):
     @cached_property
     def plates(self) -> Mapping[str, RigidMotion]:
         """How far each rigid plate has moved, by the name of its contact, and the forces that are given."""
-        scales, found, moved = self.scales, {}, iter(self._state.plates.tolist())
-        for trace in self._state.contacts.traces:
-            plate = trace.contact.plate
-            if plate is not None:
-                own = {
-                    part: next(moved) * scales.displacement / (scales.length if part == "moment" else 1.0)
-                    for part in COMPONENTS
-                    if getattr(plate, part) is not None
-                }
-                found[trace.name] = plate_motion(plate, centre_of(self.problem.mesh.vertices, trace.edges), own)
-        return MappingProxyType(Named("plates", "contacts with a plate or pin", found))
+        scales, contacts, found = self.scales, self._state.contacts, dict[str, dict[str, float]]()
+        moved = self._state.v[len(self._state.v) - len(contacts.driven) :] * scales.displacement
+        for (name, part), value in zip(contacts.driven, moved.tolist(), strict=True):
+            found.setdefault(name, {})[part] = value / (scales.length if part == "moment" else 1.0)
+        return plate_motions(self.problem, found)
 
     @property
     def _state(self) -> CompanionState:
@@ -369,8 +358,7 @@ def solve_companions(
     acting, remarks = load_vector(problem, body, scales)
     with limited_blas(1):
         try:
-            load, size = acting + body.initial_load, body.space.size
-            load[:size] -= contacts[0].rows[:, :size].T @ contacts[0].fluid  # on the body, not on its springs
+            load = acting + body.initial_load + contacts[0].loads
             condensed = CondensedBody.of(body, load, held, contacts[0].rows)
             duals = [dual_problem(each, condensed) for each in contacts]
         except (FactorisationError, MemoryError) as error:
@@ -384,12 +372,11 @@ def solve_companions(
             if solution.status is not Status.INFEASIBLE and np.isfinite(solution.z).all():
                 bound = np.full(own.count, np.inf)
                 bound[~own.tied] = dual.qvi.threshold(np.abs(dual.qvi.normal(solution.z)))
-                values, plates = dual.displacements(solution)
-                v, c, plates, wrong = admissible(dual, values, plates, solution.z, bound)
+                v, c, wrong = admissible(dual, dual.displacements(solution), solution.z, bound)
                 tractions = np.where(dual.live, solution.z, 0.0)
                 reasons += (wrong,) if wrong else ()
                 wrong = " ".join(filter(None, (*held.jumps, wrong)))
-                state = CompanionState(own, v, c, plates, tractions, dual.live, bound, load - body.initial_load, wrong)
+                state = CompanionState(own, v, c, tractions, dual.live, bound, load - body.initial_load, wrong)
             told = solution.status, solution.certificate, solution.message, state, reasons, solution
             found.append(CompanionResult(problem, scales, body, *told))
     return tuple(found)
@@ -399,25 +386,24 @@ def _posed(
     problem: ContactProblem, cell: Triangle, laws: Sequence[Mapping[str, FloatArray] | None],
     slips: Sequence[Mapping[str, FloatArray]],
 ) -> tuple[Elasticity, PrescribedDisplacements, list[Contacts]]:  # fmt: skip
-    """A problem on its elements: the body with its springs, what holds it, and its contacts under several laws."""
+    """A problem on its elements: the body and what is beside it, what holds it, and its contacts under several laws."""
     scales = Scales.of(problem)
     space = DisplacementSpace.of(problem, cell, scales.length)
     contacts = [Contacts.of(problem, space, scales, *each) for each in zip(laws, slips, strict=True)]
     at_rest = partial(scaled_stress_at_rest, problem, scales) if is_strained(problem) else None
-    springs = contacts[0].springs
     moduli = np.asarray(np.linalg.inv(problem.compliances / scales.compliance), dtype=np.float64)  # C = c⁻¹
-    body = Elasticity(space, moduli, at_rest, springs)
-    return body, supports(problem, space, scales, springs.shape[0]), contacts
+    return Elasticity(space, moduli, at_rest, contacts[0].beside), supports(problem, space, scales), contacts
 
 
 def prescribed_slip(problem: ContactProblem) -> dict[str, FloatArray]:
     """±1 by contact and edge (e,), the sense of v_T − w that supports prescribe at an end or both; else 0."""
-    _, held, (contacts,) = _posed(problem, triangle(1), [None], [{}])
-    rows, free = contacts.rows @ held.axes, np.ones(held.axes.shape[1])
-    free[held.index] = 0.0
-    loose = abs(rows) @ free + np.abs(contacts.motions).sum(axis=1) > PARALLEL
-    slip = np.where(loose, 0.0, rows @ held.fixed - contacts.moved - contacts.obstacle)[contacts.count :]
-    slip = np.where(np.abs(slip) > VIOLATED * max(1.0, float(np.abs(held.fixed).max(initial=0.0))), np.sign(slip), 0.0)
+    body, held, (contacts,) = _posed(problem, triangle(1), [None], [{}])
+    B, start = held.beside(body.size - body.space.size)
+    slip = (contacts.rows @ start - contacts.moved - contacts.obstacle) * (
+        abs(contacts.rows @ B).sum(axis=1) <= PARALLEL
+    )
+    slip = slip[contacts.count :]
+    slip = np.where(np.abs(slip) > VIOLATED * max(1.0, float(np.abs(start).max(initial=0.0))), np.sign(slip), 0.0)
     ends = ((trace.name, trace.on_edges(slip[trace.here], slip[trace.here])[1]) for trace in contacts.traces)
     return {name: np.sign(along.sum(axis=1)) for name, along in ends}
 
@@ -428,35 +414,27 @@ class BodyAtRest:
 
     contacts: Contacts  # the contacts, n coefficients
     body: CondensedBody
-    B: FloatArray  # (2 n, k + q): c, what the body moves beyond the plates, normal ones first, from w_Γ and the motions
-    S: FloatArray  # (k + q, k + q): the energy of both, ½ wᵀS w
+    B: FloatArray  # (2 n, k): c, what the body moves beyond springs and plates, normal ones first, from w_Γ
     live: BoolArray  # (2 n,): where c can change
 
     @classmethod
     def of(cls, problem: ContactProblem, degree: int) -> BodyAtRest:
         """Displacements of a degree on the mesh of a problem; `FactorisationError` where K cannot be factorised."""
         moving, held, (contacts,) = _posed(problem, triangle(degree), [None], [{}])
-        held = replace(held, values=np.zeros_like(held.values))
+        held = replace(held, particular=0.0 * held.particular)
         with limited_blas(1):
             body = CondensedBody.of(moving, np.zeros(moving.size), held, contacts.rows)
-        moved, driven = (contacts.rows @ body.supports.axes)[:, body.interface].toarray(), contacts.motions
-        B = np.hstack([moved, -driven])
-        live = np.abs(moved).sum(axis=1) > PARALLEL
+        B = (contacts.rows @ body.B)[:, body.interface].toarray()
+        live = np.abs(B[:, : B.shape[1] - len(contacts.driven)]).sum(axis=1) > PARALLEL
         B[~live] = 0.0
-        S = block_diag(body.S, np.zeros((driven.shape[1],) * 2))
-        return cls(contacts, body, B, S, np.asarray(live))
-
-    def expand(self, w: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """V (size,) and the motions (q,) from w_Γ and these."""
-        values, motions = np.split(w, [self.body.S.shape[0]])
-        return self.body.expand(values), motions
+        return cls(contacts, body, B, np.asarray(live))
 
     def least_energy(self, given: BoolArray, zero: BoolArray) -> FloatArray:
         """E with E x·x = min a(v, v) over v whose coefficients are x where `given`, and 0 where `zero`."""
         rows = np.vstack([self.B[given], self.B[zero & self.live]])
         particular, free = solutions(rows)
         count = int(given.sum())
-        P, S = particular[:, :count], self.S
+        P, S = particular[:, :count], self.body.S
         found, left = P.T @ S @ P, free.T @ S @ free
         if len(left):  # without rigid motions, which make it singular
             values, vectors = np.linalg.eigh((left + left.T) / 2.0)

@@ -65,6 +65,9 @@ class Discretization(PicklesFields):
     """Equality rows of plates driven by force."""
     qvi: FrictionQVI
     """The algebraic problem, dimensionless."""
+    works: tuple[FloatArray, float]
+    """∫_{Γ_u} U·τn ds + ∫_{Γ_μ} (g τ_N' + w τ_T) ds, dimensionless: a vector over degrees of freedom (N,) of Φ, and
+    what body potential and fluids add."""
 
     @property
     def supports(self) -> Supports:
@@ -158,6 +161,10 @@ class Discretization(PicklesFields):
         """Dimensionless degrees of freedom u of the Airy function, shape (N,)."""
         return np.asarray(self.supports.basis.expanded(z) + self.root.particular)
 
+    def work(self, u: FloatArray) -> float:
+        """`works` of degrees of freedom u (N,): of prescribed displacements and obstacles [stress × length²]."""
+        return float(self.works[0] @ u + self.works[1]) * self.scales.energy
+
     def coefficients(self, u: FloatArray) -> FloatArray:
         """Φ of each triangle from degrees of freedom u (N,), see `BodyStiffness.coefficients`."""
         return self.root.stiffness.coefficients(u, self.root.body)
@@ -234,21 +241,35 @@ def _discretized(
     root = Root(stiffness, particular, body, 0.0 if springs is None else springs.constant)
     limited = [rows for rows in contacts if rows.law != "tied"]
     matrices = _contact_matrices(supports, rule, limited, plates, kept)
-    load = sum((rows.work() for rows in contacts), np.zeros(space.size))
+    works, fixed, forced = np.zeros(space.size), 0.0, acts(problem.body_potential)
+    beyond = np.zeros(space.size)
+    for rows in contacts:
+        across, along = rows.obstacle
+        works += rows.work(across - rows.beyond, along)
+        if rows.beyond.any():
+            beyond += rows.work(rows.beyond, 0.0 * along)
     for direction, points, values in displacements_at_points(problem, space):  # ∫_{Γ_u} U·τn ds
-        load += points.traction_load(direction, points.weights * values / scales.displacement)
-    load = supports.basis.reduced(load)
+        weights = points.weights * values / scales.displacement
+        works += points.traction_load(direction, weights)
+        if forced:
+            across = weights * (direction * points.normals).sum(axis=1)
+            fixed += float(across @ potential_at(problem, scales, points.coordinates))
+    load = supports.basis.reduced(works)
     f, (n0, t0) = load, np.zeros((2, matrices.N.shape[0]))
     if root.body is not None or root.particular.any() or np.any(root.springs):
         f = load - root.adjoint(root.apply(np.zeros(len(load))))
         found = [rows.points.tractions(root.particular) for rows in limited]
         n0, t0 = (rule.at_rows(joined([both[half] for both in found])) for half in (0, 1))
-    if acts(problem.body_potential) or any(contact.has_fluid for contact in problem.contacts):
-        fixed = [potential_at(problem, scales, rows.points.coordinates) + rows.pore_pressure for rows in limited]
-        n0 = n0 + rule.at_rows(joined(fixed))
+    if forced or any(contact.has_fluid for contact in problem.contacts):
+        pressed = [np.empty(0)]
+        for rows in contacts:
+            own = potential_at(problem, scales, rows.points.coordinates) + rows.pore_pressure
+            fixed += float(rows.points.weights * rows.obstacle[0] @ own)
+            pressed += [own] * (rows.law != "tied")
+        n0 = n0 + rule.at_rows(np.concatenate(pressed))
     loads = Loads(f, n0, t0, plates.b, root, load)
     qvi = FrictionQVI(stiffness.matrix(kept), matrices, loads, law_of(contacts))
-    return Discretization(problem, scales, rule, root, contacts, plates, qvi)
+    return Discretization(problem, scales, rule, root, contacts, plates, qvi, (works + beyond, fixed))
 
 
 def _contact_matrices(

@@ -18,13 +18,9 @@ which is γ on the side, the straight line on the others, and smooth, so that di
 of full order. (The map of the mesh, seen from barycentres, is not: it bends between the thirds of a cell.) q is a
 polynomial that differs from its definition by rounding.
 
-Component d·v of a coefficient is one degree of freedom if d is an axis. Where a support prescribes one component along
-another direction the two degrees of freedom of the coefficient are d·v and d⊥·v instead, with d⊥ = (−d_y, d_x):
-
-    v = Q w,   Q orthogonal and the identity elsewhere.
-
-Two directions at a coefficient prescribe both components. Along arcs, whose directions turn, coefficients inside are
-those of the polynomials n·v and t·v instead (see `along_arcs`): w = R v for all of them, and Q = R⁻¹ edge by edge.
+Supports prescribe components d·v of coefficients, rows C v = d that are solved as those of tractions are, by
+`Elimination`: v = B z + v₀. Two directions at a coefficient prescribe both components. Along arcs, whose directions
+turn, coefficients inside are those of the polynomials n·v and t·v, see `components_along`.
 """
 
 from dataclasses import dataclass
@@ -37,6 +33,8 @@ from scipy import sparse
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate, whole_number
 from qvi_contact.discretization.scaling import Scales
+from qvi_contact.discretization.space import Functionals
+from qvi_contact.discretization.supports import Basis, Elimination
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import from_values, gauss_legendre
 from qvi_contact.element.triangle import EDGES, exponents, gradient, quadrature
@@ -300,11 +298,16 @@ class DisplacementSpace:
         """Coefficients on edges (e, p + 1), along the tangent; with `other` those of the cell beyond an edge inside."""
         return self.table[edges.cells[:, [int(other)]], self.cell.along(self.mesh, edges, int(other))]
 
+    @cached_property
+    def positions(self) -> FloatArray:
+        """Coefficients (size / 2, 2) of x as a displacement: those of affine functions are their values there."""
+        found, bent = self.places.copy(), self.table[self.curved.numbers]
+        found[bent] = np.linalg.inv(self.cell.values(self.cell.places)) @ found[bent]  # the map is no affine one
+        return found
+
     def rigid(self) -> FloatArray:
         """Rigid motions of every block, shape (size, 3 blocks): along x, along y, turning about its middle."""
-        places, owner, every = self.places.copy(), self.owner, np.arange(self.size // 2)
-        bent = self.table[self.curved.numbers]  # where coefficients of x are not its values at the places
-        places[bent] = np.linalg.inv(self.cell.values(self.cell.places)) @ places[bent]
+        places, owner, every = self.positions, self.owner, np.arange(self.size // 2)
         middles = np.stack([np.bincount(owner, along) for along in places.T]) / np.bincount(owner)
         x, y = places.T - middles[:, owner]
         found = np.zeros((self.size // 2, 2, middles.shape[1], 3))
@@ -345,48 +348,51 @@ def edge_data(
     return coefficients, float(misfit.max(initial=0.0))
 
 
-def along_arcs(arcs: Edges, vectors: FloatArray, degree: int) -> FloatArray:
-    """Inner coefficients of the polynomial d(t)·v(t) at p + 1 nodes of arcs, from those of v (n, p − 1, p + 1, 2)."""
-    nodes = bernstein.nodes(degree)
-    project, values = bernstein.from_values(degree)[1:-1], bernstein.basis(degree, nodes)
-    return np.asarray(np.einsum("ki,eia,ij->ekja", project, vectors_along(arcs, vectors, nodes), values))
+def components_along(edges: Edges, directions: FloatArray, degree: int, *, turns: bool = True) -> FloatArray:
+    """Coefficients of d·v on edges from those of v, (e, p + 1, p + 1, 2), for directions d of chords (e, 2).
+
+    They are d·v of each, but inside arcs along which d turns: there those of the polynomial d(t)·v(t) at nodes.
+    """
+    vectors = vectors_along(edges, directions, np.linspace(0.0, 1.0, degree + 1), turns=turns)
+    found, bent = np.eye(degree + 1)[:, :, None] * vectors[:, :, None], edges.bent & turns
+    if bent.any():
+        nodes = bernstein.nodes(degree)
+        project, values = bernstein.from_values(degree)[1:-1], bernstein.basis(degree, nodes)
+        turned = vectors_along(edges.take(bent), directions[bent], nodes)
+        found[bent, 1:-1] = np.einsum("ki,eia,ij->ekja", project, turned, values)
+    return np.asarray(found)
 
 
 @dataclass(frozen=True, eq=False)
 class PrescribedDisplacements:
-    """Prescribed displacements."""
+    """Prescribed displacements C v = d, solved: v = B z + v₀."""
 
-    index: IntArray  # index, values, (f,) each: degrees of freedom w that are prescribed, ascending, and their values
-    values: FloatArray
-    axes: sparse.csr_array  # axes, inverse, (size, size) each: Q and R = Q⁻¹
-    inverse: sparse.csr_array
-    slanted: bool  # whether Q is not the identity
+    rows: Functionals  # C, one by one
+    basis: Basis
+    particular: FloatArray  # (size,): v₀
     reasons: tuple[str, ...]  # why they do not meet the data exactly; nothing if they do
     jumps: tuple[str, ...]  # those of them that say where they disagree
 
-    @property
-    def fixed(self) -> FloatArray:
-        """The values as degrees of freedom w (size,), zero elsewhere."""
-        w = np.zeros(self.axes.shape[0])
-        w[self.index] = self.values
-        return w
+    def beside(self, count: int) -> tuple[sparse.csr_array, FloatArray]:
+        """B and v₀ with so many more degrees of freedom behind those of the body, which nothing prescribes."""
+        B = sparse.block_diag([self.basis.matrix, sparse.eye_array(count)], format="csr")
+        return sparse.csr_array(B), np.append(self.particular, np.zeros(count))
 
 
 def supports(
-    problem: ContactProblem,
-    space: DisplacementSpace,
-    scales: Scales,
-    springs: int = 0,
-    least: float = MISFIT,
-    parallel: float = PARALLEL,
+    problem: ContactProblem, space: DisplacementSpace, scales: Scales, least: float = MISFIT, parallel: float = PARALLEL
 ) -> PrescribedDisplacements:
-    """Prescribed displacements, of so many stretches of springs none; where two disagree in a corner their mean.
+    """Prescribed displacements; where two disagree in a corner their mean.
 
     They disagree if they differ by more than a share of their size. Directions are one if they are parallel so far.
     """
-    p, unit, reasons = space.degree, scales.displacement, list[str]()
-    on_arcs, fixed = list[tuple[Edges, IntArray]](), list[tuple[IntArray, FloatArray]]()
-    conditions = [(np.empty(0, dtype=np.int64), np.empty((0, 2)), np.empty(0))]  # d·v = value at coefficients
+    p, unit, reasons, jumps = space.degree, scales.displacement, list[str](), list[str]()
+    width = 2 * (p + 1)  # of rows: on the coefficients of an edge
+    columns, entries = [np.empty((0, width), np.int64)], [np.empty((0, 1, width))]
+    values, places = (
+        [np.empty(0)],
+        [np.empty(0, np.int64)],
+    )  # of which coefficient alone they are; −1 inside arcs
     for given in problem.prescribed(Displacement):
         edges, numbers = given.edges, space.along(given.edges)
         data, misfit = edge_data(problem.mesh, edges, given.name, given.value, p, unit)
@@ -395,32 +401,29 @@ def supports(
                 f"{given.name} is not a polynomial of degree {p} on each edge. It is interpolated, with an "
                 f"error of up to {misfit * unit:.2g} [length]."
             )
-        turning = edges.bent & given.turns
-        if turning.any():  # inside arcs n·v or t·v
+        bent, rows = edges.bent & given.turns, components_along(edges, given.direction, p, turns=given.turns)
+        if bent.any():
             reasons.append(f"{given.name} holds on arcs as closely as polynomials of degree {p} follow its directions.")
-            arcs, inside = edges.take(turning), numbers[turning, 1:-1]
-            alike = np.rint([(part * given.direction[turning]).sum(axis=1) for part in (arcs.normal, arcs.tangent)])
-            on_arcs.append((arcs, numbers[turning]))
-            dofs, values = 2 * inside + np.argmax(np.abs(alike), axis=0)[:, None], alike.sum(axis=0)[:, None]
-            fixed.append((dofs.ravel(), (data[turning, 1:-1] * values).ravel()))
-        places = np.linspace(0.0, 1.0, p + 1)
-        here = ~turning[:, None] | (places == 0.0) | (places == 1.0)
-        conditions.append(
-            (numbers[here], vectors_along(edges, given.direction, places, turns=given.turns)[here], data[here])
-        )
+        dofs = np.broadcast_to(2 * numbers[:, None, :, None] + np.arange(2), rows.shape)
+        columns.append(dofs.reshape(-1, width))
+        entries.append(rows.reshape(-1, 1, width))
+        values.append(data.ravel())
+        places.append(np.where(np.outer(bent, np.arange(p + 1) % p > 0), -1, numbers).ravel())
 
-    coefficient, direction, value = (np.concatenate(part) for part in zip(*conditions, strict=True))
-    known, group, count = np.unique(coefficient, return_inverse=True, return_counts=True)
+    C = Functionals(np.concatenate(columns), np.concatenate(entries), space.size)
+    value, at = np.concatenate(values), np.concatenate(places)
+    alone = at >= 0
+    direction = C.values[alone].reshape(-1, p + 1, 2).sum(axis=1)
+    known, group, count = np.unique(at[alone], return_inverse=True, return_counts=True)
     order = np.argsort(group, kind="stable")
     place = group[order], np.arange(len(order)) - np.repeat(np.cumsum(count) - count, count)
     D = np.zeros((len(known), max(2, *count.tolist(), 0), 2))
     wanted = np.zeros(D.shape[:2])
-    D[place], wanted[place] = direction[order], value[order]  # those of one coefficient in a row, zeros after them
+    D[place], wanted[place] = direction[order], value[alone][order]  # those of one coefficient in a row, then zeros
     U, size, V = np.linalg.svd(D, full_matrices=False)
-    both, first = size[:, 1] > parallel, D[:, 0]  # of one direction the pseudo-inverse makes the mean along it
     inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > parallel)
-    found = np.einsum("kmi,km,ki,kij->kj", U, wanted, inverse, V)
-    missed, jumps = np.abs(np.einsum("kmi,ki->km", D, found) - wanted).max(axis=1), list[str]()
+    found = np.einsum("kmi,km,ki,kij->kj", U, wanted, inverse, V)  # of one direction the mean along it
+    missed = np.abs(np.einsum("kmi,ki->km", D, found) - wanted).max(axis=1)
     if missed.max(initial=0.0) > least * max(1.0, np.abs(value).max(initial=0.0)):
         worst = int(np.argmax(missed))
         corner = place_of(problem.mesh.origin + scales.length * space.places[known[worst]])
@@ -428,43 +431,7 @@ def supports(
             f"Prescribed displacements disagree at {corner}, by about {2.0 * missed[worst] * unit:.3g} [length]. There "
             "stresses grow on finer meshes, and the energy of the body, without end. Let them agree."
         )
-    along, slanted = np.argmax(np.abs(first), axis=1), ~both & (np.abs(first).max(axis=1) < 1.0)
-    one = np.where(slanted, (found * first).sum(axis=1), np.take_along_axis(found, along[:, None], axis=1)[:, 0])
-    fixed.append(((2 * known + np.where(slanted, 0, along))[~both], one[~both]))
-    fixed.append(((2 * known[both, None] + np.arange(2)).ravel(), found[both].ravel()))
-
-    frames = np.tile(np.eye(2), (space.size // 2, 1, 1))
-    frames[known[slanted]] = np.stack([first, np.stack([-first[:, 1], first[:, 0]], axis=1)], axis=2)[slanted]
-    dofs = np.arange(space.size).reshape(-1, 2)
-    Q = spread(dofs, dofs, frames, space.size)
-    Q.eliminate_zeros()
-    index, values = (np.concatenate(part) for part in zip(*fixed, strict=True))
-    order = np.argsort(index)
-    turned = _along_arcs(Q, on_arcs, p) if on_arcs else (Q, Q.T)
-    axes, inverse = (sparse.csr_array(sparse.block_diag([part, sparse.eye_array(springs)])) for part in turned)
-    return PrescribedDisplacements(
-        index[order], values[order], axes, inverse, bool(slanted.any() or on_arcs), (*reasons, *jumps), tuple(jumps)
-    )
-
-
-def _along_arcs(
-    Q: sparse.csr_array, on_arcs: list[tuple[Edges, IntArray]], degree: int
-) -> tuple[sparse.csr_array, sparse.csr_array]:
-    """Q and Q⁻¹ with the coefficients inside arcs along their frames, from Q of all others.
-
-    An arc with two conditions is listed twice, with the same rows. With v and w inside (i) and at both ends (e),
-    w_i = A v_i + B v_e, so that v_i = A⁻¹ w_i − A⁻¹ B Q_e w.
-    """
-    dofs = np.concatenate([2 * numbers[:, :, None] + np.arange(2) for _, numbers in on_arcs])
-    each = (np.stack([along_arcs(arcs, d, degree) for d in (arcs.normal, arcs.tangent)], axis=2) for arcs, _ in on_arcs)
-    _, once = np.unique(dofs[:, 1, 0], return_index=True)
-    n, dofs, rows = len(once), dofs[once], np.concatenate(list(each))[once]
-    rows = rows.reshape(n, 2 * (degree - 1), degree + 1, 2)
-    inside, at_ends = dofs[:, 1:-1].reshape(n, -1), dofs[:, [0, -1]].reshape(n, -1)
-    A, B = rows[:, :, 1:-1].reshape(n, *2 * inside.shape[1:]), rows[:, :, [0, -1]].reshape(*inside.shape, 4)
-    size, keep, inverse = Q.shape[0], np.ones(Q.shape[0]), np.asarray(np.linalg.inv(A), dtype=np.float64)
-    keep[inside] = 0.0
-    whole = sparse.diags_array(keep) @ Q @ sparse.diags_array(keep)
-    own, beside = spread(inside, inside, inverse, size), spread(inside, at_ends, inverse @ B, size)
-    rows = spread(inside, inside, A, size) + spread(inside, at_ends, B, size)
-    return sparse.csr_array(whole + own - beside @ whole), sparse.csr_array(whole.T + rows)
+    value[alone] = (direction * found[group]).sum(axis=1)
+    inside = np.isin(np.arange(space.size) // 2, known, invert=True)  # of arcs, what rows there are solved for
+    solved = Elimination.of(C, inside.astype(np.int64), parallel)
+    return PrescribedDisplacements(C, solved.basis, solved.particular(value)[0], (*reasons, *jumps), tuple(jumps))

@@ -191,7 +191,8 @@ class ContactRows:
     points: EdgePoints  # the m Gauss points, as many as rows, where results are given
     row_limits: Limits
     limits: Limits  # the same at the points
-    # (m,): obstacle position g and tangential offset w at the points, dimensionless, see `contact_rows`
+    # (m,): obstacle position g and tangential offset w at the points, dimensionless; where the law holds on edges those
+    # of the polynomials on which tractions do the same work
     gap: FloatArray
     offset: FloatArray
     # (m,): pressure p_w of a fluid in the contact at the points, dimensionless, as `EdgePoints.nearest`: every edge
@@ -223,20 +224,16 @@ class ContactRows:
         """Weights W of the rows, dimensionless, shape (m,)."""
         return np.outer(self.points.lengths, self.rule.shares).ravel()
 
-    def work(self) -> FloatArray:
-        """∫ g τ_N + w τ_T ds as a vector over all degrees of freedom, the last term of (D1); g within reach."""
-        space, weights, (across, along) = self.points.space, self.points.weights, self.motion
-        w = self.offset + along + (0.0 if self.law == "tied" else self.slip)  # a tied contact has not slipped
-        across = across + self.gap - self.beyond
-        return space.traction_load(weights * across, weights * w, self.points.edges, self.points.reference)
+    @property
+    def obstacle(self) -> tuple[FloatArray, FloatArray]:
+        """Where the obstacle stands and what its tangential offset is (m,), with plate and earlier slip."""
+        slip = 0.0 if self.law == "tied" else self.slip  # a tied contact has not slipped
+        return self.gap + self.motion[0], self.offset + self.motion[1] + slip
 
-
-def gap_at_points(problem: ContactProblem, contact: Contact, points: EdgePoints) -> FloatArray:
-    """Gap (m,) at points of a contact, as the polynomials on which tractions do the same work [length]."""
-    if not callable(contact.gap):
-        return np.full(points.weights.size, float(contact.gap))
-    given = ("Contact.gap", contact.gap, max(LOAD_POINTS, points.count + 2))
-    return points.nearest(along_edges(problem.mesh, points.edges, *given))
+    def work(self, across: FloatArray, along: FloatArray) -> FloatArray:
+        """∫ g τ_N + w τ_T ds for such g and w (m,), as a vector over all degrees of freedom."""
+        points, weights = self.points, self.points.weights
+        return points.space.traction_load(weights * across, weights * along, points.edges, points.reference)
 
 
 def contact_rows(
@@ -258,9 +255,18 @@ def contact_rows(
             fluid = along_edges(problem.mesh, points.edges, *given, minimum=0.0)
             pressure, misfit = points.nearest(fluid), fluid.misfit(fluid.coefficients(points.count - 1))
         # at points a polynomial below g at one of them would press where bodies are apart
-        on_points = rule.law_on == "points"
-        gap = evaluate("Contact.gap", contact.gap, x, y) if on_points else gap_at_points(problem, contact, points)
-        gap = gap / scales.displacement
+        obstacle = []
+        for name in ("gap", "offset"):
+            field: Field = getattr(contact, name)
+            if not callable(field):
+                values = np.full(len(x), float(field))
+            elif rule.law_on == "points":
+                values = evaluate(f"Contact.{name}", field, x, y)
+            else:
+                given = (f"Contact.{name}", field, max(LOAD_POINTS, points.count + 2))
+                values = points.nearest(along_edges(problem.mesh, points.edges, *given))
+            obstacle.append(values / scales.displacement)
+        gap, offset = obstacle
         rows = ContactRows(
             contact.name,
             contact.law,
@@ -270,7 +276,7 @@ def contact_rows(
             points,
             *limits_of(problem, contact, scales, rule, points),
             gap,
-            evaluate("Contact.offset", contact.offset, x, y) / scales.displacement,
+            offset,
             pressure / scales.stress,
             misfit / scales.stress,
             motion,

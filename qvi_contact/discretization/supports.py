@@ -321,10 +321,11 @@ class Elimination:
     basis: Basis
 
     @classmethod
-    def of(cls, C: Functionals, age: IntArray) -> Elimination:
+    def of(cls, C: Functionals, age: IntArray, least: float = _DEPENDENT) -> Elimination:
         """Solve rows (m, N) one after the other, in units of degrees of freedom that make entries comparable.
 
-        Of the possible pivots of a row those of the largest age (N,) are preferred, of these the largest entry.
+        Of the possible pivots of a row those of the largest age (N,) are preferred, of these the largest entry. What is
+        left of a row, relative to its largest entry, is nothing if it is `least`.
         """
         all_values, ages = C.values[:, 0], age.tolist()
         alone = ((all_values != 0.0).sum(axis=1) == 1).nonzero()[0]  # rows that prescribe one degree of freedom itself
@@ -340,7 +341,7 @@ class Elimination:
             terms = _reduced([pair for pair in zip(columns, values, strict=True) if pair[1] != 0.0], solved)
             sizes = list(map(abs, terms.values()))
             left = max(sizes, default=0.0)
-            if left <= _DEPENDENT * most:
+            if left <= least * most:
                 continue
             sized = zip(terms, sizes, strict=True)
             pivot = -max([(ages[column], size, -column) for column, size in sized if size >= _WORTHY * left])[2]

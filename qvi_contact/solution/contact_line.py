@@ -2,14 +2,8 @@
 
 Displacements come from the multipliers divided by the weights.
 
-Between the Gauss points the discrete problem does not ask for the law. With σ_N' = σ_N + p_w in the place of σ_N where
-a fluid presses in the contact:
-
-    |σ_T| − min(c + μs, t_max)  =  max over ± of the larger of  ±σ_T − c − μs  and  ±σ_T − t_max
-
-is a polynomial on each side of the points where σ_N changes sign. Tractions and fields of the law are taken as the
-polynomials through the Gauss points, and the maximum is found from the roots of derivatives. Where Bernstein
-coefficients obey the law there is nothing to look for.
+Between the Gauss points the discrete problem does not ask for the law. Tractions and fields of the law are taken there
+as the polynomials through them, and seen at the ends and `bernstein.SAMPLES` of every edge.
 """
 
 from __future__ import annotations
@@ -21,12 +15,12 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.polynomial import Polynomial
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.basics.units import Rounding, Units, shown
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, physical
+from qvi_contact.element import bernstein, legendre
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges, chains, cross, points_back
 from qvi_contact.problem.conditions import is_frictionless
@@ -109,11 +103,11 @@ class ContactLine:
     pore_pressure: FloatArray
     """Pressure p_w of a fluid in the contact (m,) [stress]; zeros where there is none."""
     excess_between_points: float = 0.0
-    """Largest (|σ_T| − bound)⁺ anywhere on the contact [stress], with the bound of the pressure there: 0 at the points
+    """Largest (|σ_T| − bound)⁺ seen along the contact [stress], with the bound of the pressure there: 0 at the points
     up to the certificate's tolerance. Between them too with Bernstein rows, the default where they can hold the law:
     not on bilateral contacts with friction, nor where friction varies along an edge."""
     pull_between_points: float = 0.0
-    """Largest (σ_N')⁺ anywhere on a unilateral contact [stress]. Both are exact, see above."""
+    """Largest (σ_N')⁺ seen along a unilateral contact [stress]; both at 101 points of each edge."""
     rounding: Rounding = field(default_factory=Rounding)
     """Sizes up to which numbers of the contact are rounding, and shown as 0."""
     frictionless: bool = False
@@ -326,52 +320,21 @@ def contact_line(
 
 
 def between_points(rows: ContactRows, normal: FloatArray, tangential: FloatArray) -> tuple[float, float]:
-    """Largest (|σ_T| − bound)⁺ and (σ_N')⁺ anywhere on a contact from both at the Gauss points (m,), dimensionless.
+    """Largest (|σ_T| − bound)⁺ and (σ_N')⁺ seen on a contact from both at the Gauss points (m,), dimensionless.
 
     The bound is that of the pressure at each place, which where unilateral σ_N > 0 is none; tied contacts have no law.
     """
     if rows.law == "tied":
         return 0.0, 0.0
-    limits = rows.limits
-    fields = (normal, tangential, limits.friction, limits.cohesion, limits.cap)
-    parts = [values.reshape(-1, rows.points.count) for values in fields]
-    both, excess, pull = rows.law != "unilateral", 0.0, 0.0
-    general = np.ones(len(parts[0]), dtype=bool)
-    if rows.rule.law_on == "edges":  # of laws that are constant along an edge, where coefficients obey them
-        n, tau = (rows.rule.at_rows(part.ravel()).reshape(part.shape) for part in parts[:2])
-        mu, cohesion, cap = parts[2:]
-        scale = _ROUNDING * max(float(np.abs(n).max(initial=0.0)), float(np.abs(tau).max(initial=0.0)))
-        beyond, above = (np.abs(tau) - (cohesion - mu * n)).max(axis=1), n.max(axis=1)
-        constant = (np.ptp(mu, axis=1) == 0.0) & (np.ptp(cohesion, axis=1) == 0.0) & np.isinf(cap).all(axis=1)
-        general = ~(constant & (above <= scale) & (beyond <= scale))
-        excess = float(beyond[~general].max(initial=0.0))
-        pull = 0.0 if both else float(above[~general].max(initial=0.0))
-    for edge in np.flatnonzero(general):  # polynomials through the points; what is largest turns there, or ends
-        values = [np.where(np.isinf(part[edge]), 0.0, part[edge]) for part in parts]
-        pressing, shear, slope, own, limit = (
-            Polynomial.fit(rows.points.reference, value, len(value) - 1, domain=[0.0, 1.0]) for value in values
-        )
-        bounds = [own + slope * pressing, own - slope * pressing, own, limit]
-        turning = [pressing, shear, *(shear + sign * bound for bound in bounds for sign in (1.0, -1.0))]
-        at = np.concatenate([[0.0, 1.0], _roots(pressing), *(_roots(part.deriv()) for part in turning)])
-        pressure = np.abs(pressing(at)) if both else np.maximum(-pressing(at), 0.0)
-        bound, size = own(at) + slope(at) * pressure, np.abs(shear(at))
-        if not np.isinf(parts[-1][edge]).all():
-            bound = np.minimum(bound, limit(at))
-        largest = min((size - bound).max(), size.max())  # no bound is negative, though a cubic may be
-        excess = max(excess, float(largest))
-        pull = pull if both else max(pull, float(pressing(at).max()))
-    return excess, pull
-
-
-def _roots(p: Polynomial) -> FloatArray:
-    """Real roots inside (0, 1)."""
-    scale = np.abs(p.coef).max()
-    if scale == 0.0:
-        return np.empty(0)
-    roots = p.trim(1e-14 * scale).roots()
-    real = np.real(roots[np.abs(np.imag(roots)) <= 1e-9])
-    return np.asarray(real[(real > 0.0) & (real < 1.0)])
+    both, count, capped = rows.law != "unilateral", rows.points.count, bool(np.isfinite(rows.limits.cap).all())
+    t = np.concatenate([[0.0], bernstein.SAMPLES, [1.0]])
+    there = (legendre.basis(count - 1, t) @ legendre.from_values(count - 1, count)).T
+    fields = normal, tangential, *rows.limits[: 2 + capped]
+    pressing, shear, friction, cohesion, *caps = (part.reshape(-1, count) @ there for part in fields)
+    bound = cohesion + friction * (np.abs(pressing) if both else np.maximum(-pressing, 0.0))
+    bound = np.minimum(bound, caps[0]) if capped else bound
+    excess = np.abs(shear) - np.maximum(bound, 0.0)  # no bound is negative, though a cubic may be
+    return float(excess.max(initial=0.0)), 0.0 if both else float(pressing.max(initial=0.0))
 
 
 # The order of a contact's edges and points along the lines they make up, and places on these lines.

@@ -355,9 +355,8 @@ def _places(result: ContactResult) -> FloatArray:
     unit, found = result.discretization.scales.displacement, [np.zeros((2, 0))]
     for rows in result.discretization.contacts:
         if rows.law != "tied":
-            line = result.contacts[rows.name]
-            shown = [rows.gap - line.gap / unit, rows.offset + rows.slip + line.slip / unit]
-            found.append(rows.motion + np.stack(shown))
+            line, (across, along) = result.contacts[rows.name], rows.obstacle
+            found.append(np.stack([across - line.gap / unit, along + line.slip / unit]))
     return np.concatenate(found, axis=1)
 
 

@@ -17,7 +17,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical, scaled_stress_at_rest
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import centre_of
-from qvi_contact.problem.conditions import DRIVES, RigidMotion, RigidPlate
+from qvi_contact.problem.conditions import DRIVES, RigidMotion
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine, contact_line
@@ -27,7 +27,6 @@ from qvi_contact.solution.stress import (
     misfit_of_tractions,
     stress_at,
     stress_rounding,
-    support_work,
     traction,
 )
 from solvers import Certificate, Iteration, QVISolution, Status
@@ -92,14 +91,20 @@ class Energies:
     this number with it, by a part of what the last edge loses."""
 
 
-def plate_motion(plate: RigidPlate, centre: tuple[float, float], found: Mapping[str, float]) -> RigidMotion:
-    """The motion of a plate about its pivot: what its forces and moment drive, by their names, with what is given.
+def plate_motions(problem: ContactProblem, found: Mapping[str, Mapping[str, float]]) -> Mapping[str, RigidMotion]:
+    """Motions of plates about their pivots: what forces and moments drive, by contact and name, and what is given.
 
     What they drive was found at the place that arms count from, see `RigidPlate.reference`.
     """
-    x, y, turn = (found.get(name, 0.0) for name in DRIVES)
-    x, y = RigidMotion(x, y, turn, plate.reference(*centre)).at(np.array(plate.pivot)).tolist()
-    return RigidMotion(x + (plate.x or 0.0), y + (plate.y or 0.0), turn + (plate.rotation or 0.0), plate.pivot)
+    moved = {}
+    for contact in problem.contacts:
+        if (plate := contact.plate) is not None:
+            x, y, turn = (found.get(contact.name, {}).get(name, 0.0) for name in DRIVES)
+            reference = plate.reference(*centre_of(problem.mesh.vertices, problem.mesh.edges(contact.edges)))
+            x, y = RigidMotion(x, y, turn, reference).at(np.array(plate.pivot)).tolist()
+            given = plate.x or 0.0, plate.y or 0.0, plate.rotation or 0.0
+            moved[contact.name] = RigidMotion(x + given[0], y + given[1], turn + given[2], plate.pivot)
+    return MappingProxyType(Named("plates", _WITH_PLATE, moved))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -298,12 +303,7 @@ class ContactResult(PicklesFields):
         _ = self.dofs  # says what is wrong if there is no state
         for row, multiplier in zip(self.discretization.plates.rows, self.solution.equality_multiplier, strict=True):
             motion.setdefault(row.contact, {})[row.component] = -float(multiplier) * row.motion
-        moved = {}
-        for contact, rows in zip(self.problem.contacts, self.discretization.contacts, strict=True):
-            if contact.plate is not None:
-                centre = centre_of(self.problem.mesh.vertices, rows.points.edges)
-                moved[contact.name] = plate_motion(contact.plate, centre, motion.get(contact.name, {}))
-        return MappingProxyType(Named("plates", _WITH_PLATE, moved))
+        return plate_motions(self.problem, motion)
 
     def plate_force(self, name: str) -> Resultant:
         """Force of a rigid plate or pin on the body, by the name of its contact; the moment is about its pivot."""
@@ -345,15 +345,10 @@ class ContactResult(PicklesFields):
         if root.stiffness.springs is not None:
             stretched = root.stiffness.springs.rows @ self.dofs + root.springs
             strain += 0.5 * float(np.square(stretched).sum()) * scales.energy
-        load = support_work(self.discretization, self.dofs)
+        load = self.discretization.work(self.dofs)
         if is_strained(problem):
             at_rest = scaled_stress_at_rest(problem, scales, np.arange(problem.mesh.cell_count), points)
             load += float(np.vdot(strained, at_rest)) * scales.energy
-        for rows in self.discretization.contacts:
-            line, (across, along) = self.contacts[rows.name], rows.motion
-            gap, offset = (rows.gap + across, rows.offset + rows.slip + along)
-            work = gap * line.effective_normal_stress + offset * line.tangential_stress
-            load += float(line.weights @ work) * scales.displacement
         shear = self.solution.problem.tangential(self.solution.z)
         dissipation = float(self.solution.tangential_multiplier @ shear) * scales.energy
         return Energies(strain, load, strain - load, dissipation)

@@ -16,13 +16,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from qvi_contact.basics.checks import FloatArray, IntArray, evaluate, one_of, real_array
+from qvi_contact.basics.checks import FloatArray, IntArray, one_of, real_array
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import (
     LOAD_POINTS,
     EdgePoints,
-    displacements_at_points,
-    gap_at_points,
     is_polynomial,
     physical,
     potential_at,
@@ -201,38 +199,7 @@ def stress_component(stress: FloatArray, component: str, zz: FloatArray | float 
     return np.asarray(stress[..., ("xx", "yy", "xy").index(component)])
 
 
-# tractions on edges: what they do along prescribed displacements, and how far they are from the data
-
-
-def support_work(discretization: Discretization, u: FloatArray) -> float:
-    """∫_{Γ_u} U·τn ds [stress × length²] of degrees of freedom u of Φ."""
-    problem, space, scales = discretization.problem, discretization.space, discretization.scales
-    work = 0.0
-    for direction, points, values in displacements_at_points(problem, space):
-        along = component(traction(discretization, u, points), direction)
-        work += scales.length * float(points.weights @ (values * along))
-    return work
-
-
-def obstacle_work(discretization: Discretization, u: FloatArray) -> float:
-    """∫_{Γ_μ} (g τ_N' + w τ_T) ds [stress × length²] of u, with τ_N' = τ_N + p_w where a fluid presses.
-
-    g and w are those that the problem prescribes, with the given motions of plates.
-    """
-    problem, scales, total = discretization.problem, discretization.scales, 0.0
-    for contact in problem.contacts:
-        points = EdgePoints(discretization.space, problem.mesh.edges(contact.edges), LOAD_POINTS)
-        x, y = physical(problem, scales, points.coordinates)
-        normal, shear = normal_and_shear(discretization, u, points)
-        if contact.has_fluid:
-            pressure = evaluate("Contact.pore_pressure", contact.pore_pressure, x, y, minimum=0.0)
-            normal = normal + pressure / scales.stress
-        gap, offset = gap_at_points(problem, contact, points), evaluate("Contact.offset", contact.offset, x, y)
-        if contact.plate is not None:
-            moved = contact.plate.displacement(x, y)
-            gap, offset = gap + component(moved, points.normals), offset + component(moved, points.tangents)
-        total += scales.length * scales.stress * float(points.weights @ (gap * normal + offset * shear))
-    return total
+# tractions on edges, and how far they are from the data
 
 
 def normal_and_shear(

@@ -240,8 +240,8 @@ def quotient(problem, degree):
     K = body.body.stiffness().toarray()
     turn = np.zeros_like(K)
     turn[1::2, ::2] = np.eye(len(K) // 2)
-    free = body.free
-    return float(np.sqrt(eigh((turn.T @ K @ turn)[np.ix_(free, free)], K[np.ix_(free, free)], eigvals_only=True)[-1]))
+    B = body.B.toarray()
+    return float(np.sqrt(eigh(B.T @ turn.T @ K @ turn @ B, B.T @ K @ B, eigvals_only=True)[-1]))
 
 
 @cache
