@@ -48,7 +48,6 @@ STATE_TOLERANCE: Final = 1e-6
 
 _STRETCHED: Final = 0.68  # distance of the ends of a line over its length, above which it leads from one to the other
 _NO_TURN: Final = 1e-6  # twice the area that a line sweeps around its middle over its length squared: rounding
-_ROUNDING = 1e-13  # of the largest traction: excess of a Bernstein coefficient that is rounding
 
 
 class ContactState(IntEnum):
