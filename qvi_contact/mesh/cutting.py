@@ -15,12 +15,11 @@ from qvi_contact.basics.schema import LARGEST
 from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.curves import ROUNDING, Curve, MeshParts, bends_of, bent_too_far
 from qvi_contact.mesh.edges import Topology, angles, arc_offsets, chains, cross, finest_at, part_of, reversed_bends
-from qvi_contact.mesh.selection import known_edges, new_name, numbers_of
+from qvi_contact.mesh.selection import ASLANT, in_circles, known_edges, new_name, numbers_of
 from solvers.basics.linked import linked
 
 _FLAT: Final = 1e-8  # height over longest side below which a triangle is none
 _SAME: Final = 1e-10  # distance of vertices over the body's length below which they are in one place
-_ASLANT: Final = (np.cos(1.0), np.sin(1.0))
 _NEAR: Final = 1e-6  # the same of bodies to be joined, whose data are rounded
 _SLIT: Final = 30.0  # width of a hole over that, below which it is none
 _ON_EDGE: Final = 1e-9  # distance from an edge over its length below which a vertex lies on it
@@ -116,9 +115,9 @@ def pieces(topology: Topology, count: int) -> IntArray:
 def same_places(vertices: FloatArray) -> IntArray:
     """Pairs (k, 2) of vertices too near each other to be told apart, in order."""
     reach = _SAME * float(np.ptp(vertices, axis=0).max())
-    if np.diff(np.sort((vertices - vertices[0]) @ _ASLANT)).min(initial=np.inf) > 2.0 * reach:  # as nearly always
+    if np.diff(np.sort((vertices - vertices[0]) @ ASLANT)).min(initial=np.inf) > 2.0 * reach:  # as nearly always
         return np.empty((0, 2), dtype=np.int64)
-    pairs = np.column_stack(_near(vertices, vertices, np.full(len(vertices), reach)))
+    pairs = np.column_stack(in_circles(vertices, vertices, np.full(len(vertices), reach)))
     return pairs[pairs[:, 0] < pairs[:, 1]]
 
 
@@ -137,7 +136,7 @@ def hanging_vertices(
         outer, first, second, lengths = (each[lengths > 0.0] for each in (outer, first, second, lengths))
     candidates = np.unique(topology.ends[outer])
     end = 1e-6 if reach else -1e-6
-    edge, vertex = _near(vertices[candidates], (first + second) / 2.0, lengths * (0.5 + end))
+    edge, vertex = in_circles(vertices[candidates], (first + second) / 2.0, lengths * (0.5 + end))
     if not len(edge):
         return np.empty((0, 2), dtype=np.int64), np.empty(0)
     vertex = candidates[vertex]
@@ -162,20 +161,6 @@ def hanging_vertices(
         rounding[arc] = np.minimum(ROUNDING / turn, _FARTHEST)
     hanging = (distance <= rounding) & (share > 0.0) & (share < 1.0)
     return np.column_stack([vertex[hanging], outer[edge[hanging]]]), share[hanging]
-
-
-def _near(points: FloatArray, centres: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
-    """Pairs of a circle and a point in it, in order; looked for along a direction that lines of a mesh seldom have."""
-    place, centre = ((at - points[0]) @ _ASLANT for at in (points, centres))
-    order = place.argsort()
-    ordered = place[order]
-    start, stop = ordered.searchsorted(centre - radius, "left"), ordered.searchsorted(centre + radius, "right")
-    count = stop - start
-    circle = np.arange(len(centres)).repeat(count)
-    point = order[np.arange(len(circle)) - (count.cumsum() - stop).repeat(count)]
-    away = points.take(point, axis=0) - centres.take(circle, axis=0)
-    inside = np.hypot(*away.T) <= radius[circle]
-    return np.divmod(np.sort(circle[inside] * len(points) + point[inside]), len(points))
 
 
 # triangles cut
@@ -360,7 +345,7 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     reach, (start, stop) = _NEAR * float(np.ptp(vertices, axis=0).max()), vertices[topology.ends].swapaxes(0, 1)
     shortest = finest_at(topology.ends, np.hypot(*(stop - start).T), len(vertices))
     radius = np.minimum(2.0 * reach, _FARTHEST * shortest)
-    here, there = _near(vertices, vertices, radius)
+    here, there = in_circles(vertices, vertices, radius)
     same = (of_vertex[here] != of_vertex[there]) & (np.hypot(*(vertices[here] - vertices[there]).T) <= radius[there])
     _, first, place = np.unique(linked(here[same], there[same], len(vertices)), return_index=True, return_inverse=True)
     bends = bends_of(mesh.arcs, topology) if mesh.arcs else None

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, positive_number, real_array
 from qvi_contact.errors import InputError
@@ -38,6 +37,7 @@ from qvi_contact.mesh.selection import (
     checked_region,
     checked_set,
     edges_on_segment,
+    in_circles,
     new_name,
     selected,
     triangles_in_box,
@@ -54,9 +54,9 @@ _LISTED: Final = 8  # names in one line
 _FAR: Final = 1e3  # times the body's length: points farther from its corner are outside
 _DEEPEST: Final = 100
 _AT_VERTEX: Final = 1e-9  # distance over the body's length
-_INSIDE: Final = -1e-9  # least barycentric coordinate of a point that counts as inside
-_NEIGHBOURS: Final = 12  # triangles with the nearest centres where a point is looked for first
-_TOGETHER: Final = 256  # points that are looked for in all triangles at a time
+_BORDER: Final = 1e-9  # what a barycentric coordinate of a point on the border may be below 0
+_TOGETHER: Final = 4096  # points that are looked for in all triangles at a time
+_ROUNDING: Final = 1e-15  # of distances, over the body's length
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -481,72 +481,38 @@ class TriangleMesh(PicklesFields):
         return np.asarray(np.hypot(*(second - first).T))
 
     @cached_property
-    def _centres(self) -> Any:
-        from scipy.spatial import cKDTree  # slow to import, and few solves need it
-
-        return cKDTree(self.corners.mean(axis=1))
-
-    @cached_property
     def _reach(self) -> FloatArray:
         """Radii (m,) of circles at the centres of the corners that hold the triangles [length]."""
         corners = np.hypot(*np.moveaxis(self.corners - self.corners.mean(axis=1)[:, None], -1, 0)).max(axis=1)
         lengths = self._edge_lengths * np.where(self.bends.any(axis=1), stretches(self.bends), 0.0)
-        return np.asarray((1.0 + 1e-6) * (corners + lengths[self.topology.of_cells].max(axis=1) / 2.0))
-
-    @cached_property
-    def _neighbours(self) -> Any:
-        """Which triangles share a vertex, each with itself too, as a sparse matrix."""
-        at = np.repeat(np.arange(len(self.cells)), 3), self.cells.ravel()
-        touching = sparse.csr_array((np.ones(self.cells.size), at))
-        found = sparse.csr_array(touching @ touching.T)
-        found.sort_indices()
-        return found
+        return np.asarray(corners + lengths[self.topology.of_cells].max(axis=1) / 2.0 + _ROUNDING * self.length)
 
     def locate(self, points: ArrayLike) -> IntArray:
         """The triangle that holds each of the points (k, 2), the one of lowest number on edges; −1 outside."""
         given, points = points, real_array("points", points)
         if points.size and points.shape[-1:] != (2,):
             raise InputError("points", given, "give an array (k, 2) of coordinates")
-        points = points.reshape(-1, 2)
-        found = np.full(len(points), -1)
-
-        def look(point: IntArray, cell: IntArray) -> None:
-            held = self._holds(cell, points[point])
-            lowest = np.full(len(points), len(self.cells))
-            np.minimum.at(lowest, point[held], cell[held])
-            found[lowest < len(self.cells)] = lowest[lowest < len(self.cells)]
-
-        close = np.flatnonzero((np.abs(points - self.origin) <= _FAR * self.length).all(axis=1))  # not far away, or NaN
-        near = self.nearest(points[close])
-        look(np.repeat(close, near.shape[1]), near.ravel())
-        missing = close[found[close] < 0]  # in or beside long triangles, or outside
-        for start in range(0, len(missing), _TOGETHER):
-            some = missing[start : start + _TOGETHER]
-            held = type(self._centres)(points[some]).query_ball_point(self._centres.data, self._reach)
-            cell = np.repeat(np.arange(len(self.cells)), [len(own) for own in held])
-            look(some[np.concatenate(held).astype(np.int64)], cell)
+        point, cell = self.around(points.reshape(-1, 2))
+        found = np.full(points.size // 2, -1)
+        found[point[::-1]] = cell[::-1]
         return found
 
-    def nearest(self, points: FloatArray) -> IntArray:
-        """Some triangles (k, n) whose centres are nearest to points (k, 2), the nearest first."""
-        count = min(_NEIGHBOURS, len(self.cells))
-        return np.asarray(self._centres.query(points, count)[1].reshape(-1, count), dtype=np.int64)
-
-    def around(self, points: FloatArray) -> tuple[IntArray, IntArray]:
+    def around(self, points: FloatArray, beyond: float = _BORDER) -> tuple[IntArray, IntArray]:
         """Points (k, 2) [length] and the triangles that hold them, as pairs of numbers (point (l,), triangle (l,)).
 
-        A point on an edge or in a vertex is in a pair with every triangle there, one outside the body in none.
+        They are in order. A point on an edge or in a vertex is in a pair with every triangle there, one outside the
+        body in none, unless its least `reference` coordinate is at most so far `beyond` 0.
         """
-        first = self.locate(points)
-        inside = np.flatnonzero(first >= 0)
-        near = self._neighbours[first[inside]]
-        point, cell = np.repeat(inside, np.diff(near.indptr)), near.indices.astype(np.int64)
-        held = self._holds(cell, points[point])
-        return point[held], cell[held]
-
-    def _holds(self, cells: IntArray, points: FloatArray) -> BoolArray:
-        """Whether triangles (l,) hold points (l, 2), on their border too."""
-        return np.asarray(self.reference(cells, points).min(axis=1) >= _INSIDE)
+        centres, reach = self.corners.mean(axis=1), (1.0 + 3.0 * beyond) * self._reach
+        close = np.flatnonzero((np.abs(points - self.origin) <= _FAR * self.length).all(axis=1))  # not far away, or NaN
+        pairs = [np.empty((2, 0), dtype=np.int64)]
+        for some in np.split(close, range(_TOGETHER, len(close), _TOGETHER)) if len(close) else ():
+            cell, number = in_circles(points[some], centres, reach)
+            held = self.reference(cell, points[some[number]]).min(axis=1) >= -beyond
+            pairs.append(np.stack([some[number[held]], cell[held]]))
+        point, cell = np.concatenate(pairs, axis=1)
+        order = np.lexsort((cell, point))
+        return point[order], cell[order]
 
     def reference(self, cells: IntArray, points: FloatArray) -> FloatArray:
         """Barycentric coordinates of points (l, 2) [length] in the triangles (l,), shape (l, 3).

@@ -208,7 +208,7 @@ def along_edges(
     return adapted(values, len(edges), points, rounding_along(mesh.vertices, edges))
 
 
-_BEYOND: Final = -1.0  # least barycentric coordinate to which they are extended
+_BEYOND: Final = 1.0  # what their barycentric coordinates may be below 0 where they are extended
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,13 +260,11 @@ class PointData:
         points = np.column_stack([np.ravel(x), np.ravel(y)])
         cells = self.mesh.locate(points)
         outside = np.flatnonzero(cells < 0)
-        if len(outside):  # the triangles that they are least far from, by their barycentric coordinates
-            near = self.mesh.nearest(points[outside])
-            places = np.repeat(points[outside], near.shape[1], axis=0)
-            least = self.mesh.reference(near.ravel(), places).min(axis=1).reshape(near.shape)
-            cells[outside] = near[np.arange(len(near)), least.argmax(axis=1)]
-        weights = self.mesh.reference(cells, points)
-        if weights.min(initial=0.0) < _BEYOND:
-            place = tuple(points[np.argmin(weights.min(axis=1))].tolist())
+        point, near = self.mesh.around(points[outside], _BEYOND)
+        order = self.mesh.reference(near, points[outside[point]]).min(axis=1).argsort()
+        cells[outside[point[order]]] = near[order]  # the triangles that they are least far from come last
+        if (cells < 0).any():
+            place = tuple(points[np.argmin(cells)].tolist())
             raise InputError("PointData", place, "this point lies outside of the triangles of the data")
+        weights = self.mesh.reference(cells, points)
         return np.asarray((weights * self.values[self.mesh.cells[cells]]).sum(axis=1).reshape(np.shape(x)))
