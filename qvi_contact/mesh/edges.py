@@ -83,13 +83,6 @@ class Topology:
         return np.where((self.ends.take(at, axis=0) == wanted).all(axis=1), at, -1)
 
 
-def finest_at(ends: IntArray, lengths: FloatArray, vertices: int) -> FloatArray:
-    """Length of the shortest of some edges (e, 2) at each of so many vertices, infinite where there is none."""
-    found = np.full(vertices, np.inf)
-    np.minimum.at(found, ends, lengths[:, None])
-    return found
-
-
 def chains(ends: IntArray) -> list[IntArray]:
     """Edges ordered along the lines they make up, each line as indices into `ends` (k, 2), their vertices.
 

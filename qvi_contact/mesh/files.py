@@ -65,12 +65,9 @@ def read_mesh(path: str | Path) -> MeshParts:
     cells, parent = triangles_of(mesh.vertices[:, :2], mesh.cells)
     if len(cells) > _MOST_TRIANGLES:
         raise _refused(path, f"holds {len(cells)} triangles: give at most {_MOST_TRIANGLES}")
-    used = np.unique(cells)  # the plane mesh without the points that no triangle needs
-    number = np.full(len(mesh.vertices), -1)
-    number[used] = np.arange(len(used))
-    edge_sets = {name: number[ends] for name, ends in mesh.edge_sets.items()}
     regions = {name: np.flatnonzero(np.isin(parent, chosen)) for name, chosen in mesh.regions.items()}
-    return MeshParts(np.ascontiguousarray(mesh.vertices[used, :2]), number[cells], edge_sets, regions)
+    vertices = np.ascontiguousarray(mesh.vertices[:, :2])
+    return MeshParts(vertices, np.sort(cells, axis=1), mesh.edge_sets, regions).without_others()
 
 
 def _refused(path: Path, remedy: str) -> InputError:

@@ -21,6 +21,7 @@ from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field, 
 from qvi_contact.basics.writing import given_path
 from qvi_contact.element.quadrature import EdgeQuadrature, adapted, constant
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.curves import MeshParts
 from qvi_contact.mesh.edges import Edges, rounding_along
 from qvi_contact.mesh.files import corners_of, triangles_of
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -250,10 +251,8 @@ class PointData:
         cells = triangles_of(read.points[:, :2], corners_of(read.cells))[0]
         if not len(cells) or np.ndim(data) != 1:
             raise InputError("file", str(path), f"needs triangles, and one number a point as {name!r}")
-        used, places = np.unique(cells, return_inverse=True)
-        return cls(
-            TriangleMesh(read.points[used, :2], places.reshape(cells.shape)), np.asarray(data, dtype=float)[used]
-        )
+        mesh = MeshParts(read.points[:, :2], cells).without_others()
+        return cls(TriangleMesh(*mesh.given), np.asarray(data, dtype=float)[np.unique(cells)])
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y) [length]."""
