@@ -15,7 +15,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_
 from qvi_contact.basics.schema import LARGEST
 from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.curves import ROUNDING, Curve, MeshParts, bent_too_far
-from qvi_contact.mesh.edges import Topology, angles, arc_offsets, chains, cross, part_of, reversed_bends
+from qvi_contact.mesh.edges import Topology, angles, arc_offsets, chains, cross, part_of, reversed_bends, shares_along
 from qvi_contact.mesh.selection import ASLANT, in_circles, known_edges, new_name, numbers_of
 from solvers.basics.linked import linked
 
@@ -25,7 +25,6 @@ _NEAR: Final = 1e-6  # the same of bodies to be joined, whose data are rounded
 _SLIT: Final = 30.0  # width of a hole over that, below which it is none
 _ON_EDGE: Final = 1e-9  # distance from an edge over its length below which a vertex lies on it
 _FARTHEST: Final = 1e-3  # the same of arcs at most
-_HALVINGS: Final = 60
 
 
 def checked_triangles(vertices: ArrayLike, cells: ArrayLike) -> tuple[FloatArray, IntArray]:
@@ -143,24 +142,13 @@ def hanging_vertices(
         return np.empty((0, 2), dtype=np.int64), np.empty(0)
     vertex = candidates[vertex]
     offset, chord, length = vertices[vertex] - first[edge], (second - first)[edge], lengths[edge]
-    share = (offset * chord).sum(axis=1) / length**2
-    distance = np.hypot(*(share[:, None] * chord - offset).T) / length
+    bend = np.zeros((len(edge), 1)) if bends is None else bends[outer[edge]]
+    share = shares_along(chord, bend, offset)
+    distance = np.hypot(*(arc_offsets(chord, bend, share[:, None])[:, 0] - offset).T) / length
+    # data of an arc are rounded by a share of its radius, which is about the edge's length over its angle
+    arc, turn = bend.any(axis=1), np.ptp(angles(bend, np.array([0.0, 1.0])), axis=1)
     rounding = np.maximum(_ON_EDGE, np.minimum(reach / length, _FARTHEST))
-    bend = np.zeros((len(edge), 0)) if bends is None else bends[outer[edge]]
-    arc = bend.any(axis=1)
-    if arc.any():
-        chord, bend, wanted = chord[arc], bend[arc], share[arc] * length[arc] ** 2
-        low, high = np.zeros(len(bend)), np.ones(len(bend))
-        for _ in range(_HALVINGS):  # an arc of less than 180° goes on along its chord
-            middle = (low + high) / 2.0
-            ahead = (arc_offsets(chord, bend, middle[:, None])[:, 0] * chord).sum(axis=1) > wanted
-            low, high = np.where(ahead, low, middle), np.where(ahead, middle, high)
-        share[arc] = (low + high) / 2.0
-        away = arc_offsets(chord, bend, share[arc, None])[:, 0] - offset[arc]
-        distance[arc] = np.hypot(*away.T) / length[arc]
-        # data of an arc are rounded by a share of its radius, which is about the edge's length over its angle
-        turn = np.ptp(angles(bend, np.array([0.0, 1.0])), axis=1)
-        rounding[arc] = np.minimum(ROUNDING / turn, _FARTHEST)
+    rounding[arc] = np.minimum(ROUNDING / turn[arc], _FARTHEST)
     hanging = (distance <= rounding) & (share > 0.0) & (share < 1.0)
     return np.column_stack([vertex[hanging], outer[edge[hanging]]]), share[hanging]
 

@@ -469,10 +469,13 @@ class TriangleMesh(MeshParts, PicklesFields):
         return point[order], cell[order]
 
     def reference(self, cells: IntArray, points: FloatArray) -> FloatArray:
-        """Barycentric coordinates of points (l, 2) [length] in the triangles (l,), shape (l, 3).
+        """Barycentric coordinates of points (l, …, 2) [length] in the triangles (l,), shape (l, …, 3).
 
         In triangles with arcs they are those of the points of the straight triangle, see `mesh.edges`.
         """
+        if points.ndim > 2:
+            flat = self.reference(np.repeat(cells, points.shape[1]), points.reshape(-1, 2))
+            return flat.reshape(*points.shape[:-1], 3)
         a, b, c = self.corners[cells].swapaxes(0, 1)
         u, v, w = b - a, c - a, points - a
         second, third = cross(w, v) / cross(u, v), cross(u, w) / cross(u, v)
