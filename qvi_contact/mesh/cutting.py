@@ -193,9 +193,9 @@ def fanned(mesh: MeshParts, vertices: IntArray, angle: float, layers: int) -> Me
     layers = whole_number("layers", layers)
     for vertex in chosen.tolist():
         done = 0
-        while done < layers or _angles_at(mesh, vertex)[1].max() > angle:
+        while done < layers or angles_at(mesh, vertex)[1].max() > angle:
             mesh = _cut_across(mesh, vertex)
-            opposite, turn = _angles_at(mesh, vertex)
+            opposite, turn = angles_at(mesh, vertex)
             mesh = _halved(mesh, np.unique(mesh.topology.number(opposite[turn > angle])))
             done += 1
     return divided_at_arcs(mesh)
@@ -214,7 +214,7 @@ def _cut_across(mesh: MeshParts, vertex: int) -> MeshParts:
     return _halved(mesh, np.flatnonzero((mesh.topology.ends == vertex).any(axis=1)))
 
 
-def _angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
+def angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
     """The opposite edges (k, 2) of the triangles at a vertex, and their angles there (k,) [rad]."""
     cells = mesh.cells[(mesh.cells == vertex).any(axis=1)]
     opposite = cells[cells != vertex].reshape(-1, 2)

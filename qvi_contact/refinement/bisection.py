@@ -23,7 +23,8 @@ from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.limit.load_factor import LimitProblem
 from qvi_contact.limit.stresses import limited
-from qvi_contact.mesh.edges import cross, frames_along
+from qvi_contact.mesh.cutting import angles_at
+from qvi_contact.mesh.edges import frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import SPRINGS, has_coulomb
 from qvi_contact.problem.problem import ContactProblem, by_cell
@@ -288,12 +289,17 @@ def _finer(mesh: TriangleMesh, marked: BoolArray, deeper: tuple[IntArray, ...]) 
     fine = mesh
     for vertices in (None, *deeper):  # old vertices keep their numbers
         chosen = marked if vertices is None else np.isin(fine.cells, vertices).any(axis=1)
-        chosen = chosen & (fine.finest[fine.cells].min(axis=1) >= 2.0 * _THINNEST * mesh.length)
+        chosen = chosen & _large(fine)
         if chosen.any():
             fine = fine.refined(chosen)
         elif vertices is None:
             raise StopError(RefinementStatus.THIN_CELLS)
     return fine
+
+
+def _large(mesh: TriangleMesh) -> BoolArray:
+    """Which triangles may be bisected."""
+    return np.asarray(mesh.finest[mesh.cells].min(axis=1) >= 2.0 * _THINNEST * mesh.length)
 
 
 def _deeper(mesh: TriangleMesh, corners: IntArray, parts: FloatArray, goal: float) -> tuple[IntArray, ...]:
@@ -401,12 +407,9 @@ def reference_problem(problem: ContactProblem, at: Places) -> ContactProblem:
 
 def at_contacts(problem: ContactProblem, mesh: TriangleMesh, fine: TriangleMesh, cells: IntArray) -> BoolArray:
     """Triangles (m,) of a finer mesh at contacts that lie in those cells."""
-    found = np.zeros(len(fine.cells), dtype=bool)
-    if len(cells):
-        beside = np.concatenate([fine.edges(contact.edges).cells.ravel() for contact in problem.contacts])
-        beside = np.unique(beside[beside >= 0])
-        found[beside] = np.isin(mesh.locate(fine.corners[beside].mean(axis=1)), cells)
-    return found
+    beside = [fine.edges(contact.edges).cells.ravel() for contact in problem.contacts if len(cells)]
+    at = np.isin(np.arange(fine.cell_count), np.concatenate([np.empty(0, dtype=np.int64), *beside]))
+    return at & np.isin(fine.parents(mesh), cells) if len(cells) else at
 
 
 def energies_between(answer: ContactResult, reference: ContactResult) -> FloatArray:
@@ -532,16 +535,12 @@ class LimitStrategy:
         singular = vertices[~bent & (inwards | (changes & (angle > _BLUNT)))]  # where stresses turn around a point
         at = singular[[bool((marked & (mesh.cells == vertex).any(axis=1)).any()) for vertex in singular]]
         around = np.isin(mesh.cells, at).any(axis=1)
-        one, other = (mesh.corners[:, corner] - mesh.corners[:, 0] for corner in (1, 2))
-        areas = np.abs(cross(one, other)) / 2.0
-        chosen = np.flatnonzero(marked & ~around & (np.sqrt(areas) >= 2.0 * _THINNEST * mesh.length))
+        chosen = np.flatnonzero(marked & ~around & _large(mesh))
         if not len(chosen) and not len(at):
             raise StopError(RefinementStatus.THIN_CELLS)
         fine = mesh.refined(chosen) if len(chosen) else mesh
         for vertex in at.tolist():
-            one, other = (np.roll(fine.corners, -shift, axis=1) - fine.corners for shift in (1, 2))  # of all corners
-            angles = np.abs(np.arctan2(cross(one, other), (one * other).sum(axis=-1)))
-            widest = float(angles[fine.cells == vertex].max())
+            widest = float(angles_at(fine, vertex)[1].max())
             fine = fine.fanned(np.array([vertex]), max(widest / 2.0, _SECTOR))
         return fine
 
