@@ -198,8 +198,8 @@ class Document:
                         before = {path: arc for path, arc in arcs.items() if arc.name in parts.edge_sets}
                         arcs = {path: arc for path, arc in arcs.items() if path not in before}
                         curves = [arc.curve(parts.edge_sets[arc.name or ""], parts.vertices) for arc in before.values()]
-                        parts = cutting.joined(parts._replace(arcs=curves), table.join)
-                    mesh = TriangleMesh(*parts)
+                        parts = cutting.joined(replace(parts, arcs=curves), table.join)
+                    mesh = TriangleMesh(*parts.given)
                 except InputError as error:
                     with schema.located("" if error.field == "join" else "file", ("join",)):
                         raise

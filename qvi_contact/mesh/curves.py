@@ -5,9 +5,10 @@ parameter; derivatives are those of the polynomial through these points, and its
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from types import MappingProxyType
-from typing import Final, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.polynomial.legendre import legder, legint
@@ -91,14 +92,67 @@ def circle(centre: tuple[float, float], radius: float, edges: IntArray, vertices
     return Curve(pairs, np.column_stack([np.zeros(len(turn)), turn / 2.0]))
 
 
-class MeshParts(NamedTuple):
-    """The arguments of `TriangleMesh`, before they are checked."""
+@dataclass(frozen=True, eq=False, repr=False)
+class MeshParts:
+    """A body divided into triangles, which nobody has checked."""
 
     vertices: FloatArray
+    """Coordinates [length], shape (n, 2)."""
     cells: IntArray
-    edge_sets: Mapping[str, IntArray] = MappingProxyType({})
-    regions: Mapping[str, IntArray] = MappingProxyType({})
+    """Vertices of each triangle, in any sense of rotation. They are kept in ascending order. Shape (m, 3)."""
+    edge_sets: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}))
+    """Edges (k, 2) by name and vertices: parts of the boundary, or joints if they lie inside the body."""
+    regions: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}))
+    """Sets of triangles (k,) by name."""
     arcs: Sequence[Curve] = ()
+    """Edges that are arcs rather than their chords; see `TriangleMesh.with_arc` and `TriangleMesh.with_curve`."""
+
+    @property
+    def given(self) -> tuple[Any, ...]:
+        """The arguments of `TriangleMesh`."""
+        return self.vertices, self.cells, self.edge_sets, self.regions, self.arcs
+
+    def without_others(self) -> "MeshParts":
+        """The same without vertices that no triangle has; those of edges elsewhere have the number −1."""
+        used = np.unique(self.cells)
+        place = np.full(len(self.vertices), -1)
+        place[used] = np.arange(len(used))
+        sets = {name: place[pairs] for name, pairs in self.edge_sets.items()}
+        arcs = [Curve(place[arc.edges], arc.coefficients) for arc in self.arcs]
+        return MeshParts(self.vertices[used], place[self.cells], sets, self.regions, arcs)
+
+    @cached_property
+    def topology(self) -> Topology:
+        """Its edges."""
+        return Topology.of(self.cells, len(self.vertices))
+
+    @cached_property
+    def length(self) -> float:
+        """Characteristic length: the longer side of the bounding box [length]."""
+        return float(np.ptp(self.vertices, axis=0).max())
+
+    @cached_property
+    def chords(self) -> FloatArray:
+        """Distances between the ends of the edges of `topology`, shape (e,) [length]."""
+        first, second = self.vertices.take(self.topology.ends, axis=0).swapaxes(0, 1)
+        return np.asarray(np.hypot(*(second - first).T))
+
+    @cached_property
+    def finest(self) -> FloatArray:
+        """Length of the shortest edge at each vertex, infinite where there is none, shape (n,) [length]."""
+        found = np.full(len(self.vertices), np.inf)
+        np.minimum.at(found, self.topology.ends, self.chords[:, None])
+        return found
+
+    @cached_property
+    def bends(self) -> FloatArray:
+        """How the edges of `topology` bend, see `Edges.bend`; from the vertex of lower number, (e, k)."""
+        terms = [arc.coefficients.shape[1] for arc in self.arcs]
+        found = np.zeros((len(self.topology.ends), max([_LEAST_TERMS, *terms])))
+        for arc, count in zip(self.arcs, terms, strict=True):
+            flat = np.abs(arc.coefficients).max(axis=1, keepdims=True) <= _FLATTEST
+            found[self.topology.number(arc.edges), :count] = np.where(flat, 0.0, arc.coefficients)
+        return found
 
 
 _LEAST_TERMS: Final = 2  # of bends: those of circles
@@ -108,46 +162,34 @@ _LEAST: Final = 0.01  # share of the area between an arc's end and the barycentr
 _PLACES: Final = np.linspace(1e-9, 1.0 - 1e-9, 33)  # where heights, areas and angles are looked at
 
 
-def bends_of(arcs: Sequence[Curve], topology: Topology) -> FloatArray:
-    """How each edge bends from its vertex of lower number to the other, shape (e, terms); see `mesh.edges`."""
-    terms = [arc.coefficients.shape[1] for arc in arcs]
-    found = np.zeros((len(topology.ends), max([_LEAST_TERMS, *terms])))
-    for arc, count in zip(arcs, terms, strict=True):
-        flat = np.abs(arc.coefficients).max(axis=1, keepdims=True) <= _FLATTEST
-        found[topology.number(arc.edges), :count] = np.where(flat, 0.0, arc.coefficients)
-    return found
-
-
-def refuse_bad_arcs(
-    arcs: Sequence[Curve], bends: FloatArray, vertices: FloatArray, cells: IntArray, topology: Topology
-) -> None:
+def refuse_bad_arcs(mesh: MeshParts) -> None:
     """`InputError` where an edge is on two arcs, turns too far for one, or bends too far for its triangle."""
-    numbers = np.sort(np.concatenate([topology.number(arc.edges) for arc in arcs]))
+    numbers = np.sort(np.concatenate([mesh.topology.number(arc.edges) for arc in mesh.arcs]))
     twice = np.flatnonzero(np.bincount(numbers) > 1)
-    long = numbers[np.ptp(angles(bends[numbers], _PLACES), axis=1) > _WIDEST]
-    bent = topology.of_cells[bent_too_far(bends, vertices, cells, topology)]
+    long = numbers[np.ptp(angles(mesh.bends[numbers], _PLACES), axis=1) > _WIDEST]
+    bent = mesh.topology.of_cells[bent_too_far(mesh)]
     for wrong, remedy in (
         (twice, "lies on two arcs: give it one"),
         (long, "turns by more than 90°: divide the triangles there"),
         (bent, "bends too far for the triangle at it: divide the triangles there"),
     ):
         if len(wrong):
-            place = place_of(vertices[topology.ends[wrong[0]]].mean(axis=0))
+            place = place_of(mesh.vertices[mesh.topology.ends[wrong[0]]].mean(axis=0))
             raise InputError("TriangleMesh.arcs", place, f"the edge around this point {remedy}")
 
 
-def bent_too_far(bends: FloatArray, vertices: FloatArray, cells: IntArray, topology: Topology) -> BoolArray:
+def bent_too_far(mesh: MeshParts) -> BoolArray:
     """Which sides of triangles are arcs that the barycentre does not see, or that lead too far outwards; (m, 3).
 
     Areas between the line and the barycentre grow with (x − c)×x'. The barycentre sees all of the arc if this is
     positive; that of a circle is least at an end where it bends inwards.
     """
-    sides = bends[topology.of_cells]
+    sides = mesh.bends[mesh.topology.of_cells]
     bent = np.asarray(sides.any(axis=2))
     for s, (a, b) in enumerate(EDGES):
         cell, along = np.flatnonzero(bent[:, s]), np.zeros((len(_PLACES), 3))
         along[:, a], along[:, b] = 1.0 - _PLACES, _PLACES
-        places, areas = beyond_chords(vertices[cells[cell]], sides[cell], along)
+        places, areas = beyond_chords(mesh.vertices[mesh.cells[cell]], sides[cell], along)
         bent[cell, s] = (places[:, :, s].min(axis=1) < -_HIGHEST / 3.0) | (areas.min(axis=1) < _LEAST)
     return bent
 

@@ -5,6 +5,7 @@ sides have the same nodes and edges afterwards, and everything on the line is as
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -13,19 +14,17 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, positive_number, real_array, whole_number
 from qvi_contact.basics.schema import LARGEST
 from qvi_contact.errors import InputError, place_of
-from qvi_contact.mesh.curves import ROUNDING, Curve, MeshParts, bends_of, bent_too_far
-from qvi_contact.mesh.edges import Topology, angles, arc_offsets, chains, cross, finest_at, part_of, reversed_bends
-from qvi_contact.mesh.selection import known_edges, new_name, numbers_of
+from qvi_contact.mesh.curves import ROUNDING, Curve, MeshParts, bent_too_far
+from qvi_contact.mesh.edges import Topology, angles, arc_offsets, chains, cross, part_of, reversed_bends, shares_along
+from qvi_contact.mesh.selection import ASLANT, in_circles, known_edges, new_name, numbers_of
 from solvers.basics.linked import linked
 
 _FLAT: Final = 1e-8  # height over longest side below which a triangle is none
 _SAME: Final = 1e-10  # distance of vertices over the body's length below which they are in one place
-_ASLANT: Final = (np.cos(1.0), np.sin(1.0))
 _NEAR: Final = 1e-6  # the same of bodies to be joined, whose data are rounded
 _SLIT: Final = 30.0  # width of a hole over that, below which it is none
 _ON_EDGE: Final = 1e-9  # distance from an edge over its length below which a vertex lies on it
 _FARTHEST: Final = 1e-3  # the same of arcs at most
-_HALVINGS: Final = 60
 
 
 def checked_triangles(vertices: ArrayLike, cells: ArrayLike) -> tuple[FloatArray, IntArray]:
@@ -49,8 +48,9 @@ def checked_triangles(vertices: ArrayLike, cells: ArrayLike) -> tuple[FloatArray
     return points, corners
 
 
-def refuse_flaws(vertices: FloatArray, cells: IntArray, topology: Topology) -> None:
+def refuse_flaws(mesh: MeshParts) -> None:
     """`InputError` unless triangles are a mesh of one piece."""
+    vertices, cells, topology = mesh.vertices, mesh.cells, mesh.topology
     corners = vertices.take(cells, axis=0)
     sides = corners - corners[:, [2, 0, 1]]
     flat = np.abs(cross(sides[:, 0], sides[:, 1])) <= _FLAT * np.square(sides).sum(axis=2).max(axis=1)
@@ -116,9 +116,9 @@ def pieces(topology: Topology, count: int) -> IntArray:
 def same_places(vertices: FloatArray) -> IntArray:
     """Pairs (k, 2) of vertices too near each other to be told apart, in order."""
     reach = _SAME * float(np.ptp(vertices, axis=0).max())
-    if np.diff(np.sort((vertices - vertices[0]) @ _ASLANT)).min(initial=np.inf) > 2.0 * reach:  # as nearly always
+    if np.diff(np.sort((vertices - vertices[0]) @ ASLANT)).min(initial=np.inf) > 2.0 * reach:  # as nearly always
         return np.empty((0, 2), dtype=np.int64)
-    pairs = np.column_stack(_near(vertices, vertices, np.full(len(vertices), reach)))
+    pairs = np.column_stack(in_circles(vertices, vertices, np.full(len(vertices), reach)))
     return pairs[pairs[:, 0] < pairs[:, 1]]
 
 
@@ -137,45 +137,20 @@ def hanging_vertices(
         outer, first, second, lengths = (each[lengths > 0.0] for each in (outer, first, second, lengths))
     candidates = np.unique(topology.ends[outer])
     end = 1e-6 if reach else -1e-6
-    edge, vertex = _near(vertices[candidates], (first + second) / 2.0, lengths * (0.5 + end))
+    edge, vertex = in_circles(vertices[candidates], (first + second) / 2.0, lengths * (0.5 + end))
     if not len(edge):
         return np.empty((0, 2), dtype=np.int64), np.empty(0)
     vertex = candidates[vertex]
     offset, chord, length = vertices[vertex] - first[edge], (second - first)[edge], lengths[edge]
-    share = (offset * chord).sum(axis=1) / length**2
-    distance = np.hypot(*(share[:, None] * chord - offset).T) / length
+    bend = np.zeros((len(edge), 1)) if bends is None else bends[outer[edge]]
+    share = shares_along(chord, bend, offset)
+    distance = np.hypot(*(arc_offsets(chord, bend, share[:, None])[:, 0] - offset).T) / length
+    # data of an arc are rounded by a share of its radius, which is about the edge's length over its angle
+    arc, turn = bend.any(axis=1), np.ptp(angles(bend, np.array([0.0, 1.0])), axis=1)
     rounding = np.maximum(_ON_EDGE, np.minimum(reach / length, _FARTHEST))
-    bend = np.zeros((len(edge), 0)) if bends is None else bends[outer[edge]]
-    arc = bend.any(axis=1)
-    if arc.any():
-        chord, bend, wanted = chord[arc], bend[arc], share[arc] * length[arc] ** 2
-        low, high = np.zeros(len(bend)), np.ones(len(bend))
-        for _ in range(_HALVINGS):  # an arc of less than 180° goes on along its chord
-            middle = (low + high) / 2.0
-            ahead = (arc_offsets(chord, bend, middle[:, None])[:, 0] * chord).sum(axis=1) > wanted
-            low, high = np.where(ahead, low, middle), np.where(ahead, middle, high)
-        share[arc] = (low + high) / 2.0
-        away = arc_offsets(chord, bend, share[arc, None])[:, 0] - offset[arc]
-        distance[arc] = np.hypot(*away.T) / length[arc]
-        # data of an arc are rounded by a share of its radius, which is about the edge's length over its angle
-        turn = np.ptp(angles(bend, np.array([0.0, 1.0])), axis=1)
-        rounding[arc] = np.minimum(ROUNDING / turn, _FARTHEST)
+    rounding[arc] = np.minimum(ROUNDING / turn[arc], _FARTHEST)
     hanging = (distance <= rounding) & (share > 0.0) & (share < 1.0)
     return np.column_stack([vertex[hanging], outer[edge[hanging]]]), share[hanging]
-
-
-def _near(points: FloatArray, centres: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
-    """Pairs of a circle and a point in it, in order; looked for along a direction that lines of a mesh seldom have."""
-    place, centre = ((at - points[0]) @ _ASLANT for at in (points, centres))
-    order = place.argsort()
-    ordered = place[order]
-    start, stop = ordered.searchsorted(centre - radius, "left"), ordered.searchsorted(centre + radius, "right")
-    count = stop - start
-    circle = np.arange(len(centres)).repeat(count)
-    point = order[np.arange(len(circle)) - (count.cumsum() - stop).repeat(count)]
-    away = points.take(point, axis=0) - centres.take(circle, axis=0)
-    inside = np.hypot(*away.T) <= radius[circle]
-    return np.divmod(np.sort(circle[inside] * len(points) + point[inside]), len(points))
 
 
 # triangles cut
@@ -202,10 +177,7 @@ def bisected(mesh: MeshParts, marked: ArrayLike | None = None) -> MeshParts:
 def divided_at_arcs(mesh: MeshParts) -> MeshParts:
     """The mesh with triangles divided whose sides bend too far for them; some are left if arcs cross other edges."""
     for _ in range(_DIVISIONS if mesh.arcs else 0):
-        cells = np.sort(mesh.cells, axis=1)
-        topology = Topology.of(cells, len(mesh.vertices))
-        bends = bends_of(mesh.arcs, topology)
-        flat = np.flatnonzero(bent_too_far(bends, mesh.vertices, cells, topology).any(axis=1))
+        flat = np.flatnonzero(bent_too_far(mesh).any(axis=1))
         if not len(flat):
             break
         mesh = _bisected(mesh, flat)
@@ -221,11 +193,10 @@ def fanned(mesh: MeshParts, vertices: IntArray, angle: float, layers: int) -> Me
     layers = whole_number("layers", layers)
     for vertex in chosen.tolist():
         done = 0
-        while done < layers or _angles_at(mesh, vertex)[1].max() > angle:
+        while done < layers or angles_at(mesh, vertex)[1].max() > angle:
             mesh = _cut_across(mesh, vertex)
-            opposite, turn = _angles_at(mesh, vertex)
-            topology = Topology.of(np.sort(mesh.cells, axis=1), len(mesh.vertices))
-            mesh = _halved(mesh, topology, np.unique(topology.number(opposite[turn > angle])))
+            opposite, turn = angles_at(mesh, vertex)
+            mesh = _halved(mesh, np.unique(mesh.topology.number(opposite[turn > angle])))
             done += 1
     return divided_at_arcs(mesh)
 
@@ -240,11 +211,10 @@ def layered(mesh: MeshParts, vertices: IntArray, ratio: float) -> MeshParts:
 
 def _cut_across(mesh: MeshParts, vertex: int) -> MeshParts:
     """The triangles at a vertex cut across, in the middle of their edges there."""
-    topology = Topology.of(np.sort(mesh.cells, axis=1), len(mesh.vertices))
-    return _halved(mesh, topology, np.flatnonzero((topology.ends == vertex).any(axis=1)))
+    return _halved(mesh, np.flatnonzero((mesh.topology.ends == vertex).any(axis=1)))
 
 
-def _angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
+def angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
     """The opposite edges (k, 2) of the triangles at a vertex, and their angles there (k,) [rad]."""
     cells = mesh.cells[(mesh.cells == vertex).any(axis=1)]
     opposite = cells[cells != vertex].reshape(-1, 2)
@@ -254,32 +224,32 @@ def _angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
 
 def _bisected(mesh: MeshParts, marked: IntArray) -> MeshParts:
     """All edges of marked triangles (k,) halved, and the longest one of each triangle that has any."""
-    topology = Topology.of(np.sort(mesh.cells, axis=1), len(mesh.vertices))
-    halved = np.zeros(len(topology.ends), dtype=bool)
-    halved[topology.of_cells[marked]] = True
-    longest, count = _longest(mesh, topology, np.ones(len(halved), dtype=bool)), 0
-    longest = np.take_along_axis(topology.of_cells, longest[:, None], axis=1)[:, 0]
+    sides = mesh.topology.of_cells
+    halved = np.zeros(len(mesh.topology.ends), dtype=bool)
+    halved[sides[marked]] = True
+    longest, count = _longest(mesh, np.ones(len(halved), dtype=bool)), 0
+    longest = np.take_along_axis(sides, longest[:, None], axis=1)[:, 0]
     while count < (count := int(halved.sum())):
-        halved[longest[halved[topology.of_cells].any(axis=1)]] = True
-    return _halved(mesh, topology, np.flatnonzero(halved))
+        halved[longest[halved[sides].any(axis=1)]] = True
+    return _halved(mesh, np.flatnonzero(halved))
 
 
-def _longest(mesh: MeshParts, topology: Topology, among: BoolArray) -> IntArray:
+def _longest(mesh: MeshParts, among: BoolArray) -> IntArray:
     """Which side (m,) of each triangle is the longest among some edges (e,), the middle one of equal ones."""
-    first, second = mesh.vertices[topology.ends].swapaxes(0, 1)
-    lengths = np.where(among, np.sqrt(np.square(first - second).sum(axis=1)), -1.0)[topology.of_cells]
+    first, second = mesh.vertices[mesh.topology.ends].swapaxes(0, 1)
+    lengths = np.where(among, np.sqrt(np.square(first - second).sum(axis=1)), -1.0)[mesh.topology.of_cells]
     order = np.array([1, 2, 0])
     return np.asarray(order[np.argmax(lengths[:, order], axis=1)])
 
 
-def _halved(mesh: MeshParts, topology: Topology, number: IntArray) -> MeshParts:
+def _halved(mesh: MeshParts, number: IntArray) -> MeshParts:
     """The mesh with these edges (k,) of its topology halved, and the triangles beside them divided; no others.
 
     A triangle with one such edge is cut in two, with two in three, from the middle of the longer one, with three in
     four. Names are carried over. `InputError` where triangles are too small for the coordinates to tell their vertices
     apart.
     """
-    old = len(mesh.vertices)
+    topology, old = mesh.topology, len(mesh.vertices)
     middle = np.full(len(topology.ends), -1)
     middle[number] = new = old + np.arange(len(number))
     vertices = np.concatenate([mesh.vertices, mesh.vertices[topology.ends[number]].mean(axis=1)])
@@ -287,11 +257,11 @@ def _halved(mesh: MeshParts, topology: Topology, number: IntArray) -> MeshParts:
     if len(same):
         place = tuple(vertices[same[0, 0]].tolist())
         raise InputError("marked", place, "triangles here are too small to be halved: leave them out of `marked`")
-    cells, sides = np.sort(mesh.cells, axis=1), middle[topology.of_cells]  # sides opposite to the corners
+    sides = middle[topology.of_cells]  # opposite to the corners
     count = (sides >= 0).sum(axis=1)
     some, all_three = (count == 1) | (count == 2), count == 3
-    turn = np.where(some, _longest(mesh, topology, middle >= 0), 0)[:, None] + np.arange(3)
-    nodes = np.concatenate([np.take_along_axis(each, turn % 3, axis=1) for each in (cells, sides)], axis=1)
+    turn = np.where(some, _longest(mesh, middle >= 0), 0)[:, None] + np.arange(3)
+    nodes = np.concatenate([np.take_along_axis(each, turn % 3, axis=1) for each in (mesh.cells, sides)], axis=1)
     last, next_ = nodes[:, 5] >= 0, nodes[:, 4] >= 0
     found, parents = list[IntArray](), list[IntArray]()
     for chosen, corners in (  # 0 to 2 are corners, 3 to 5 what is opposite; some are cut from corner 0 to 3
@@ -305,29 +275,42 @@ def _halved(mesh: MeshParts, topology: Topology, number: IntArray) -> MeshParts:
         parents.append(np.flatnonzero(chosen))
         found.append(nodes[parents[-1][:, None], corners])
     fine, parent = np.sort(np.concatenate(found), axis=1), np.concatenate(parents)
-    regions = {name: np.flatnonzero(np.isin(parent, chosen)) for name, chosen in mesh.regions.items()}
     rest, (low, high) = np.flatnonzero(middle < 0), topology.ends[number].T
     ends = np.concatenate([topology.ends[rest], np.column_stack([low, new]), np.column_stack([high, new])])
     shares = np.repeat([(0.0, 1.0), (0.0, 0.5), (1.0, 0.5)], [len(rest), len(number), len(number)], axis=0)
-    whole = np.concatenate([rest, number, number])
-    edge_sets = {name: ends[np.isin(whole, topology.number(pairs))] for name, pairs in mesh.edge_sets.items()}
-    bends = bends_of(mesh.arcs, topology)[number]
-    own = bends.any(axis=1)
+    own = mesh.bends[number].any(axis=1)
     first, second = mesh.vertices[topology.ends[number[own]]].swapaxes(0, 1)
-    vertices[new[own]] = first + arc_offsets(second - first, bends[own], np.array([0.5]))[:, 0]
-    return MeshParts(vertices, fine, edge_sets, regions, _arcs(mesh, topology, whole, ends, shares))
+    vertices[new[own]] = first + arc_offsets(second - first, mesh.bends[number[own]], np.array([0.5]))[:, 0]
+    return rebuilt(mesh, vertices, fine, parent, np.concatenate([rest, number, number]), ends, shares)
 
 
-def _arcs(mesh: MeshParts, topology: Topology, whole: IntArray, ends: IntArray, shares: FloatArray) -> list[Curve]:
-    """The mesh's arcs by parts of its edges (k,) with ends (k, 2) at shares (k, 2) of their lengths; each part once."""
-    bends = bends_of(mesh.arcs, topology)[whole]
-    own = np.flatnonzero(bends.any(axis=1))
-    own = own[np.unique(ends[own], axis=0, return_index=True)[1]]
+def rebuilt(
+    mesh: MeshParts, vertices: FloatArray, cells: IntArray, parent: IntArray,
+    whole: IntArray, ends: IntArray, shares: FloatArray,
+) -> MeshParts:  # fmt: skip
+    """Other triangles with the names and arcs of a mesh, which have edges or triangles left.
+
+    They are parts of its triangles `parent` (m,), and have edges `ends` (k, 2) that are parts of its edges `whole` (k,)
+    from and to `shares` (k, 2) of the lengths.
+    """
+    sets = {name: ends[np.isin(whole, known_edges(name, old, mesh.topology))] for name, old in mesh.edge_sets.items()}
+    regions = {name: np.flatnonzero(np.isin(parent, old)) for name, old in mesh.regions.items()}
+    sets, regions = ({name: new for name, new in each.items() if len(new)} for each in (sets, regions))
+    own = np.flatnonzero(mesh.bends[whole].any(axis=1))
+    own = own[np.unique(ends[own], axis=0, return_index=True)[1]]  # each once
     if not len(own):
-        return []
-    start, stop = np.sort(shares[own], axis=1).T
-    found = np.where((stop - start < 1.0)[:, None], part_of(bends[own], start, stop), bends[own])
-    return [Curve(ends[own], np.where(shares[own, :1] > shares[own, 1:], reversed_bends(found), found))]
+        return MeshParts(vertices, cells, sets, regions)
+    bends, (start, stop) = mesh.bends[whole[own]], np.sort(shares[own], axis=1).T
+    found = np.where((stop - start < 1.0)[:, None], part_of(bends, start, stop), bends)
+    found = np.where(shares[own, :1] > shares[own, 1:], reversed_bends(found), found)
+    return MeshParts(vertices, cells, sets, regions, [Curve(ends[own], found)])
+
+
+def part(mesh: MeshParts, cells: IntArray) -> MeshParts:
+    """Some triangles (k,) of a mesh, see `TriangleMesh.part`."""
+    whole = np.flatnonzero(np.isin(mesh.topology.cells, cells).any(axis=1))
+    ends, shares = mesh.topology.ends[whole], np.tile([0.0, 1.0], (len(whole), 1))
+    return rebuilt(mesh, mesh.vertices, mesh.cells[cells], cells, whole, ends, shares).without_others()
 
 
 def stacked(meshes: Sequence[MeshParts]) -> MeshParts:
@@ -352,19 +335,16 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     if name in mesh.edge_sets:
         raise InputError("join", name, "this edge set exists already: choose another name")
     new_name(name)
-    vertices, cells = mesh.vertices, np.sort(mesh.cells, axis=1)
-    topology = Topology.of(cells, len(vertices))
+    vertices, cells, topology = mesh.vertices, mesh.cells, mesh.topology
     piece = pieces(topology, len(cells))
     of_vertex = np.empty(len(vertices), dtype=np.int64)
     of_vertex[cells] = piece[:, None]
-    reach, (start, stop) = _NEAR * float(np.ptp(vertices, axis=0).max()), vertices[topology.ends].swapaxes(0, 1)
-    shortest = finest_at(topology.ends, np.hypot(*(stop - start).T), len(vertices))
-    radius = np.minimum(2.0 * reach, _FARTHEST * shortest)
-    here, there = _near(vertices, vertices, radius)
+    reach = _NEAR * mesh.length
+    radius = np.minimum(2.0 * reach, _FARTHEST * mesh.finest)
+    here, there = in_circles(vertices, vertices, radius)
     same = (of_vertex[here] != of_vertex[there]) & (np.hypot(*(vertices[here] - vertices[there]).T) <= radius[there])
     _, first, place = np.unique(linked(here[same], there[same], len(vertices)), return_index=True, return_inverse=True)
-    bends = bends_of(mesh.arcs, topology) if mesh.arcs else None
-    hanging, shares = hanging_vertices(vertices, topology, bends, reach)
+    hanging, shares = hanging_vertices(vertices, topology, mesh.bends, reach)
     apart = of_vertex[hanging[:, 0]] != piece[topology.cells[hanging[:, 1], 0]]
     apart &= (place[hanging[:, :1]] != place[topology.ends[hanging[:, 1]]]).all(axis=1)
     # edge by edge its first vertex, those of other pieces in it, and its last one
@@ -378,27 +358,24 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     kept = np.append(True, (np.diff(edge) > 0) | (np.diff(vertex) != 0) | (share[1:] == 1.0))
     edge, share, vertex = edge[kept], share[kept], vertex[kept]
     new_cells, parent = _fans(place[cells], topology, edge, vertex)
-    fine = Topology.of(new_cells, len(first))
+    step = np.flatnonzero(edge[1:] == edge[:-1])[:, None] + [0, 1]
+    whole, order = edge[step[:, 0]], np.argsort(vertex[step], axis=1)
+    ends, between = (np.take_along_axis(each[step], order, axis=1) for each in (vertex, share))
+    found = rebuilt(mesh, vertices[first], new_cells, parent, whole, ends, between)
+    fine = found.topology
     across = (fine.count == 2) & (piece[parent[fine.cells[:, 0]]] != piece[parent[fine.cells[:, 1]]])
     if not across.any():
         remedy = "no pieces of this mesh touch along straight lines or declared arcs: leave it out"
         raise InputError("join", name, remedy)
-    _refuse_slits(vertices[first], new_cells, fine, _SLIT * reach, piece[parent])
-    step = np.flatnonzero(edge[1:] == edge[:-1])[:, None] + [0, 1]
-    whole, order = edge[step[:, 0]], np.argsort(vertex[step], axis=1)
-    ends, between = (np.take_along_axis(each[step], order, axis=1) for each in (vertex, share))
-    number, edge_sets = fine.number(ends), {name: fine.ends[across]}
-    for other, pairs in mesh.edge_sets.items():
-        found = number[np.isin(whole, known_edges(other, pairs, topology))]
-        left = found[~across[found]]
-        edge_sets[other] = fine.ends[left if len(left) else found]
-    regions = {other: np.flatnonzero(np.isin(parent, chosen)) for other, chosen in mesh.regions.items()}
-    arcs = _arcs(mesh, topology, whole, ends, between)
-    return divided_at_arcs(MeshParts(vertices[first], new_cells, edge_sets, regions, arcs))
+    _refuse_slits(found, _SLIT * reach, piece[parent])
+    left = {other: pairs[~across[fine.number(pairs)]] for other, pairs in found.edge_sets.items()}
+    edge_sets = {other: left[other] if len(left[other]) else pairs for other, pairs in found.edge_sets.items()}
+    return divided_at_arcs(replace(found, edge_sets={name: fine.ends[across], **edge_sets}))
 
 
-def _refuse_slits(vertices: FloatArray, cells: IntArray, topology: Topology, width: float, piece: IntArray) -> None:
+def _refuse_slits(mesh: MeshParts, width: float, piece: IntArray) -> None:
     """`InputError` about the first hole that is narrower than this: bodies met at some of their vertices only."""
+    vertices, cells, topology = mesh.vertices, mesh.cells, mesh.topology
     ends = topology.ends[topology.boundary]
     third = cells[topology.cells[topology.boundary, 0]].sum(axis=1) - ends.sum(axis=1)
     one, other, inner = (vertices[each] - vertices[0] for each in (*ends.T, third))

@@ -83,13 +83,6 @@ class Topology:
         return np.where((self.ends.take(at, axis=0) == wanted).all(axis=1), at, -1)
 
 
-def finest_at(ends: IntArray, lengths: FloatArray, vertices: int) -> FloatArray:
-    """Length of the shortest of some edges (e, 2) at each of so many vertices, infinite where there is none."""
-    found = np.full(vertices, np.inf)
-    np.minimum.at(found, ends, lengths[:, None])
-    return found
-
-
 def chains(ends: IntArray) -> list[IntArray]:
     """Edges ordered along the lines they make up, each line as indices into `ends` (k, 2), their vertices.
 
@@ -122,6 +115,7 @@ def chains(ends: IntArray) -> list[IntArray]:
 
 # how edges bend
 
+_HALVINGS: Final = 60
 _MORE: Final = 6  # Gauss points beside the coefficients: digits of ∫ cos θ where θ changes by 90°
 
 
@@ -144,6 +138,23 @@ def arc_offsets(chords: FloatArray, bend: FloatArray, t: FloatArray) -> FloatArr
     across_chords = np.column_stack([-chords[:, 1], chords[:, 0]])
     found = along[:, :-1, None] * chords[:, None] + across[:, :-1, None] * across_chords[:, None]
     return np.asarray(found / along[:, -1:, None])  # at the end of an edge its chord over its length
+
+
+def shares_along(chords: FloatArray, bend: FloatArray, offsets: FloatArray) -> FloatArray:
+    """Shares (n,) of the lengths of edges as far along their chords (n, 2) as points at offsets (n, 2) from first ends.
+
+    On arcs, which turn by less than 180° and so go on along their chords, from 0 to 1.
+    """
+    wanted = (offsets * chords).sum(axis=1)
+    found, arc = wanted / np.square(chords).sum(axis=1), np.flatnonzero(bend.any(axis=1))
+    low, high = np.zeros(len(arc)), np.ones(len(arc))
+    for _ in range(_HALVINGS if len(arc) else 0):
+        middle = (low + high) / 2.0
+        there = arc_offsets(chords[arc], bend[arc], middle[:, None])[:, 0]
+        ahead = (there * chords[arc]).sum(axis=1) > wanted[arc]
+        low, high = np.where(ahead, low, middle), np.where(ahead, middle, high)
+    found[arc] = (low + high) / 2.0
+    return np.asarray(found)
 
 
 def levelled(bend: FloatArray) -> FloatArray:

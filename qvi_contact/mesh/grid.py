@@ -130,15 +130,12 @@ def grid_parts(x: ArrayLike, y: ArrayLike, active: ArrayLike | None) -> MeshPart
     first = np.column_stack([a, b, np.where(falls, d, c)])
     second = np.column_stack([np.where(falls, b, a), c, d])
     cells = np.stack([first, second], axis=1).reshape(-1, 3)
-    used = np.unique(cells)
-    number = np.full(len(across) * len(up), -1)
-    number[used] = np.arange(len(used))
     sets = {}
     for name, start, stop, free in zip(SIDES, (a, b, d, a), (b, c, c, d), (below, right, above, left), strict=True):
         exposed = free[row, column]
-        sets[name] = number[np.column_stack([start[exposed], stop[exposed]])]
-    vertices = np.column_stack([across[used % stride], up[used // stride]])
-    return MeshParts(vertices, number[cells], sets)
+        sets[name] = np.column_stack([start[exposed], stop[exposed]])
+    vertices = np.column_stack([np.tile(across, len(up)), np.repeat(up, stride)])
+    return MeshParts(vertices, cells, sets).without_others()
 
 
 def _without_long_cells(x: FloatArray, y: FloatArray, active: BoolArray) -> tuple[FloatArray, FloatArray, BoolArray]:

@@ -460,4 +460,4 @@ def divided_corners(vertices: FloatArray, cells: IntArray, fixed: IntArray) -> I
         if (sines * np.sign(sines[0, 0])).min() > _SHARPEST:
             changed[pair] = turned
             touched[pair] = True
-    return changed
+    return np.sort(changed, axis=1)

@@ -18,6 +18,9 @@ Range: TypeAlias = Sequence[float] | None
 Where: TypeAlias = Callable[[FloatArray, FloatArray], ArrayLike] | ArrayLike
 """A function of coordinate arrays (x, y) that says which ones are meant, or the numbers themselves."""
 
+ASLANT: Final = (np.cos(1.0), np.sin(1.0))
+"""A direction that lines of a mesh seldom have."""
+
 _NEAR: Final = 1e-6  # distance over the body's length below which a vertex lies on a line
 _ALONG: Final = 0.1  # slope of an edge to a line, from which on it leaves this, however short it is
 _LARGEST: Final = 2.0**53  # whole numbers below it are exact
@@ -166,6 +169,20 @@ def triangles_in_box(vertices: FloatArray, cells: IntArray, x: Range, y: Range) 
     if not inside.any():
         raise InputError("region", given, "no triangle lies in this range: make it larger")
     return np.flatnonzero(inside)
+
+
+def in_circles(points: FloatArray, centres: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
+    """Pairs of a circle and a point in it, in order; looked for along `ASLANT`."""
+    place, centre = ((at - points[0]) @ ASLANT for at in (points, centres))
+    order = place.argsort()
+    ordered = place[order]
+    start, stop = ordered.searchsorted(centre - radius, "left"), ordered.searchsorted(centre + radius, "right")
+    count = stop - start
+    circle = np.arange(len(centres)).repeat(count)
+    point = order[np.arange(len(circle)) - (count.cumsum() - stop).repeat(count)]
+    away = points.take(point, axis=0) - centres.take(circle, axis=0)
+    inside = np.hypot(*away.T) <= radius[circle]
+    return np.divmod(np.sort(circle[inside] * len(points) + point[inside]), len(points))
 
 
 def _pairs(topology: Topology, chosen: BoolArray, inside: bool) -> IntArray:

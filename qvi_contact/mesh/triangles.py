@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, mapping, positive_number, real_array
 from qvi_contact.errors import InputError
 from qvi_contact.mesh import cutting
-from qvi_contact.mesh.curves import Curve, CurveFunction, MeshParts, bends_of, circle, fitted, refuse_bad_arcs
+from qvi_contact.mesh.curves import Curve, CurveFunction, MeshParts, circle, fitted, refuse_bad_arcs
 from qvi_contact.mesh.edges import (
     Edges,
-    Topology,
     beyond_chords,
     chains,
     cross,
     edges_of,
-    finest_at,
     points_along,
     reference_of,
     stretches,
@@ -38,6 +35,7 @@ from qvi_contact.mesh.selection import (
     checked_region,
     checked_set,
     edges_on_segment,
+    in_circles,
     new_name,
     selected,
     triangles_in_box,
@@ -54,13 +52,13 @@ _LISTED: Final = 8  # names in one line
 _FAR: Final = 1e3  # times the body's length: points farther from its corner are outside
 _DEEPEST: Final = 100
 _AT_VERTEX: Final = 1e-9  # distance over the body's length
-_INSIDE: Final = -1e-9  # least barycentric coordinate of a point that counts as inside
-_NEIGHBOURS: Final = 12  # triangles with the nearest centres where a point is looked for first
-_TOGETHER: Final = 256  # points that are looked for in all triangles at a time
+_BORDER: Final = 1e-9  # what a barycentric coordinate of a point on the border may be below 0
+_TOGETHER: Final = 4096  # points that are looked for in all triangles at a time
+_ROUNDING: Final = 1e-15  # of distances, over the body's length
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TriangleMesh(PicklesFields):
+class TriangleMesh(MeshParts, PicklesFields):
     """A body divided into triangles.
 
     `InputError` if vertices or cells are no mesh of one piece: triangles without area, vertices inside edges, edges
@@ -68,21 +66,10 @@ class TriangleMesh(PicklesFields):
     without triangle or in the same place; if a name is empty or used twice, or a set does not fit the mesh.
     """
 
-    vertices: FloatArray
-    """Coordinates [length], shape (n, 2)."""
-    cells: IntArray
-    """Vertices of each triangle, in any sense of rotation. They are kept in ascending order. Shape (m, 3)."""
-    edge_sets: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}), repr=False)
-    """Edges (k, 2) by name and vertices: parts of the boundary, or joints if they lie inside the body."""
-    regions: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}), repr=False)
-    """Sets of triangles (k,) by name."""
-    arcs: Sequence[Curve] = ()
-    """Edges that are arcs rather than their chords; see `with_arc` and `with_curve`."""
-
     def __post_init__(self) -> None:
         vertices, cells = cutting.checked_triangles(self.vertices, self.cells)
         vars(self).update(vertices=vertices, cells=cells)
-        cutting.refuse_flaws(self.vertices, self.cells, self.topology)
+        cutting.refuse_flaws(self)
         edge_sets = mapping("TriangleMesh.edge_sets", self.edge_sets, _EDGE_SETS)
         numbers = {name: checked_set(name, given, self.topology, self.vertices) for name, given in edge_sets.items()}
         pairs = {name: self.topology.ends[number] for name, number in numbers.items()}
@@ -95,7 +82,7 @@ class TriangleMesh(PicklesFields):
         arcs = [a.checked(f"TriangleMesh.arcs[{k}]", self.topology) for k, a in enumerate(self.arcs)]
         object.__setattr__(self, "arcs", tuple(arcs))
         if arcs:
-            refuse_bad_arcs(self.arcs, self.bends, self.vertices, self.cells, self.topology)
+            refuse_bad_arcs(self)
 
     def __repr__(self) -> str:
         width, height = np.ptp(self.vertices, axis=0).tolist()
@@ -162,7 +149,7 @@ class TriangleMesh(PicklesFields):
         are given the midpoints of edges, as in `with_edges`. Regions by name are the cells between two lines (x₁, x₂)
         and two lines (y₁, y₂), None for all.
         """
-        mesh = cls(*grid_parts(x, y, active))
+        mesh = cls(*grid_parts(x, y, active).given)
         what = "names to segments, or to functions of (x, y)"
         for kind, given, inside in (("edges", edges, False), ("joints", joints, True)):
             for name, place in mapping(kind, given, what, optional=True).items():
@@ -190,7 +177,7 @@ class TriangleMesh(PicklesFields):
         """
         if not (isinstance(meshes, Sequence) and meshes and all(isinstance(mesh, TriangleMesh) for mesh in meshes)):
             raise InputError("meshes", meshes, "give a list of TriangleMesh")
-        return cls(*cutting.joined(cutting.stacked([mesh._parts for mesh in meshes]), name))
+        return cls(*cutting.joined(cutting.stacked(meshes), name).given)
 
     @classmethod
     def load(cls, path: str | Path, join: str | None = None) -> TriangleMesh:
@@ -200,7 +187,8 @@ class TriangleMesh(PicklesFields):
         body; names of surfaces become regions. Quadrilaterals are cut in two. See `mesh.files`. Bodies in the file that
         touch along straight lines get a joint called `join`, see `joined` for arcs.
         """
-        return cls(*(read_mesh(path) if join is None else cutting.joined(read_mesh(path), join)))
+        found = read_mesh(path)
+        return cls(*(found if join is None else cutting.joined(found, join)).given)
 
     @classmethod
     def outline(
@@ -226,7 +214,7 @@ class TriangleMesh(PicklesFields):
         """
         parts = meshed(polygons(corners, size, holes, joints, regions, sizes))
         try:
-            mesh = cls(*cutting.divided_at_arcs(parts))
+            mesh = cls(*cutting.divided_at_arcs(parts).given)
         except InputError as error:
             if not parts.arcs:
                 raise
@@ -236,11 +224,6 @@ class TriangleMesh(PicklesFields):
             if name not in mesh.joint_names:
                 raise InputError(f"joints.{name}", name, "lies on the boundary: name the corner where that line begins")
         return mesh
-
-    @cached_property
-    def topology(self) -> Topology:
-        """Its edges."""
-        return Topology.of(self.cells, len(self.vertices))
 
     @cached_property
     def kept(self) -> Kept:
@@ -256,11 +239,6 @@ class TriangleMesh(PicklesFields):
         return mesh
 
     @cached_property
-    def bends(self) -> FloatArray:
-        """How the edges of `topology` bend, see `Edges.bend`; from the vertex of lower number, (e, k)."""
-        return bends_of(self.arcs, self.topology)
-
-    @cached_property
     def sides(self) -> FloatArray:
         """The same of the sides of all triangles, side s opposite to corner s, shape (m, 3, k)."""
         return np.asarray(self.bends[self.topology.of_cells])
@@ -271,11 +249,6 @@ class TriangleMesh(PicklesFields):
         return np.asarray(self.sides.any(axis=(1, 2)))
 
     @cached_property
-    def length(self) -> float:
-        """Characteristic length: the longer side of the bounding box [length]."""
-        return float(np.ptp(self.vertices, axis=0).max())
-
-    @cached_property
     def origin(self) -> FloatArray:
         """The lower left corner of the bounding box, shape (2,) [length]."""
         return np.asarray(self.vertices.min(axis=0))
@@ -283,7 +256,7 @@ class TriangleMesh(PicklesFields):
     @property
     def cell_range(self) -> tuple[float, float]:
         """Lengths of the shortest and of the longest edge [length]."""
-        return float(self.finest.min()), float(self._edge_lengths.max())
+        return float(self.finest.min()), float(self.chords.max())
 
     @property
     def cell_count(self) -> int:
@@ -448,21 +421,12 @@ class TriangleMesh(PicklesFields):
         others than those of this mesh, by its vertices. `InputError` if the triangles are no body of one piece.
         """
         taken = checked_region("cells", cells, len(self.cells))
-        kept = np.unique(self.cells[taken])
-        place = np.full(len(self.vertices), -1)
-        place[kept] = np.arange(len(kept))
-        inside = np.asarray(np.isin(self.topology.cells, taken).any(axis=1))
-        sets = dict[str, IntArray]()
         named_edges = self.edge_sets if edge_sets is None else mapping("edge_sets", edge_sets, _EDGE_SETS)
         for name, pairs in named_edges.items():
             if np.ndim(pairs) != 2 or np.shape(pairs)[1] != 2:
                 raise InputError(f"edge_sets[{name!r}]", pairs, f"give a mapping of {_EDGE_SETS}")
-            if len(found := pairs[inside[self.topology.number(pairs)]]):
-                sets[name] = place[found]
-        regions = {name: own for name, old in self.regions.items() if len(own := np.flatnonzero(np.isin(taken, old)))}
-        kept_arcs = ((arc, inside[self.topology.number(arc.edges)]) for arc in self.arcs)
-        arcs = [Curve(place[arc.edges[own]], arc.coefficients[own]) for arc, own in kept_arcs if own.any()]
-        return TriangleMesh(self.vertices[kept], place[self.cells[taken]], sets, regions, arcs)
+        named = MeshParts(self.vertices, self.cells, named_edges, self.regions, self.arcs)
+        return TriangleMesh(*cutting.part(named, taken).given)
 
     @cached_property
     def outlines(self) -> tuple[IntArray, ...]:
@@ -471,88 +435,47 @@ class TriangleMesh(PicklesFields):
         return tuple(outer[line] for line in chains(self.topology.ends[outer]))
 
     @cached_property
-    def finest(self) -> FloatArray:
-        """Length of the shortest edge at each vertex, shape (n,) [length]."""
-        return finest_at(self.topology.ends, self._edge_lengths, len(self.vertices))
-
-    @cached_property
-    def _edge_lengths(self) -> FloatArray:
-        first, second = self.vertices.take(self.topology.ends, axis=0).swapaxes(0, 1)
-        return np.asarray(np.hypot(*(second - first).T))
-
-    @cached_property
-    def _centres(self) -> Any:
-        from scipy.spatial import cKDTree  # slow to import, and few solves need it
-
-        return cKDTree(self.corners.mean(axis=1))
-
-    @cached_property
     def _reach(self) -> FloatArray:
         """Radii (m,) of circles at the centres of the corners that hold the triangles [length]."""
         corners = np.hypot(*np.moveaxis(self.corners - self.corners.mean(axis=1)[:, None], -1, 0)).max(axis=1)
-        lengths = self._edge_lengths * np.where(self.bends.any(axis=1), stretches(self.bends), 0.0)
-        return np.asarray((1.0 + 1e-6) * (corners + lengths[self.topology.of_cells].max(axis=1) / 2.0))
-
-    @cached_property
-    def _neighbours(self) -> Any:
-        """Which triangles share a vertex, each with itself too, as a sparse matrix."""
-        at = np.repeat(np.arange(len(self.cells)), 3), self.cells.ravel()
-        touching = sparse.csr_array((np.ones(self.cells.size), at))
-        found = sparse.csr_array(touching @ touching.T)
-        found.sort_indices()
-        return found
+        lengths = self.chords * np.where(self.bends.any(axis=1), stretches(self.bends), 0.0)
+        return np.asarray(corners + lengths[self.topology.of_cells].max(axis=1) / 2.0 + _ROUNDING * self.length)
 
     def locate(self, points: ArrayLike) -> IntArray:
         """The triangle that holds each of the points (k, 2), the one of lowest number on edges; −1 outside."""
         given, points = points, real_array("points", points)
         if points.size and points.shape[-1:] != (2,):
             raise InputError("points", given, "give an array (k, 2) of coordinates")
-        points = points.reshape(-1, 2)
-        found = np.full(len(points), -1)
-
-        def look(point: IntArray, cell: IntArray) -> None:
-            held = self._holds(cell, points[point])
-            lowest = np.full(len(points), len(self.cells))
-            np.minimum.at(lowest, point[held], cell[held])
-            found[lowest < len(self.cells)] = lowest[lowest < len(self.cells)]
-
-        close = np.flatnonzero((np.abs(points - self.origin) <= _FAR * self.length).all(axis=1))  # not far away, or NaN
-        near = self.nearest(points[close])
-        look(np.repeat(close, near.shape[1]), near.ravel())
-        missing = close[found[close] < 0]  # in or beside long triangles, or outside
-        for start in range(0, len(missing), _TOGETHER):
-            some = missing[start : start + _TOGETHER]
-            held = type(self._centres)(points[some]).query_ball_point(self._centres.data, self._reach)
-            cell = np.repeat(np.arange(len(self.cells)), [len(own) for own in held])
-            look(some[np.concatenate(held).astype(np.int64)], cell)
+        point, cell = self.around(points.reshape(-1, 2))
+        found = np.full(points.size // 2, -1)
+        found[point[::-1]] = cell[::-1]
         return found
 
-    def nearest(self, points: FloatArray) -> IntArray:
-        """Some triangles (k, n) whose centres are nearest to points (k, 2), the nearest first."""
-        count = min(_NEIGHBOURS, len(self.cells))
-        return np.asarray(self._centres.query(points, count)[1].reshape(-1, count), dtype=np.int64)
-
-    def around(self, points: FloatArray) -> tuple[IntArray, IntArray]:
+    def around(self, points: FloatArray, beyond: float = _BORDER) -> tuple[IntArray, IntArray]:
         """Points (k, 2) [length] and the triangles that hold them, as pairs of numbers (point (l,), triangle (l,)).
 
-        A point on an edge or in a vertex is in a pair with every triangle there, one outside the body in none.
+        They are in order. A point on an edge or in a vertex is in a pair with every triangle there, one outside the
+        body in none, unless its least `reference` coordinate is at most so far `beyond` 0.
         """
-        first = self.locate(points)
-        inside = np.flatnonzero(first >= 0)
-        near = self._neighbours[first[inside]]
-        point, cell = np.repeat(inside, np.diff(near.indptr)), near.indices.astype(np.int64)
-        held = self._holds(cell, points[point])
-        return point[held], cell[held]
-
-    def _holds(self, cells: IntArray, points: FloatArray) -> BoolArray:
-        """Whether triangles (l,) hold points (l, 2), on their border too."""
-        return np.asarray(self.reference(cells, points).min(axis=1) >= _INSIDE)
+        centres, reach = self.corners.mean(axis=1), (1.0 + 3.0 * beyond) * self._reach
+        close = np.flatnonzero((np.abs(points - self.origin) <= _FAR * self.length).all(axis=1))  # not far away, or NaN
+        pairs = [np.empty((2, 0), dtype=np.int64)]
+        for some in np.split(close, range(_TOGETHER, len(close), _TOGETHER)) if len(close) else ():
+            cell, number = in_circles(points[some], centres, reach)
+            held = self.reference(cell, points[some[number]]).min(axis=1) >= -beyond
+            pairs.append(np.stack([some[number[held]], cell[held]]))
+        point, cell = np.concatenate(pairs, axis=1)
+        order = np.lexsort((cell, point))
+        return point[order], cell[order]
 
     def reference(self, cells: IntArray, points: FloatArray) -> FloatArray:
-        """Barycentric coordinates of points (l, 2) [length] in the triangles (l,), shape (l, 3).
+        """Barycentric coordinates of points (l, …, 2) [length] in the triangles (l,), shape (l, …, 3).
 
         In triangles with arcs they are those of the points of the straight triangle, see `mesh.edges`.
         """
+        if points.ndim > 2:
+            flat = self.reference(np.repeat(cells, points.shape[1]), points.reshape(-1, 2))
+            return flat.reshape(*points.shape[:-1], 3)
         a, b, c = self.corners[cells].swapaxes(0, 1)
         u, v, w = b - a, c - a, points - a
         second, third = cross(w, v) / cross(u, v), cross(u, w) / cross(u, v)
@@ -591,7 +514,7 @@ class TriangleMesh(PicklesFields):
 
         By default each is divided into four, and further if it becomes too flat for its arc. Names are carried over.
         """
-        return TriangleMesh(*cutting.bisected(self._parts, marked))
+        return TriangleMesh(*cutting.bisected(self, marked).given)
 
     def fanned(self, vertices: IntArray, angle: float, layers: int = 1) -> TriangleMesh:
         """The mesh with fans of thin triangles around vertices (k,), for what turns quickly around a point.
@@ -599,11 +522,7 @@ class TriangleMesh(PicklesFields):
         None of the vertices is an end of another's edge; they keep their numbers. Triangles there have at most this
         angle [rad], and are made half as long so many times at least: before angles are halved they are.
         """
-        return TriangleMesh(*cutting.fanned(self._parts, vertices, angle, layers))
-
-    @property
-    def _parts(self) -> MeshParts:
-        return MeshParts(self.vertices, self.cells, self.edge_sets, self.regions, self.arcs)
+        return TriangleMesh(*cutting.fanned(self, vertices, angle, layers).given)
 
     def _vertices_at(self, places: FloatArray) -> IntArray:
         """The vertices at places (k, 2); `InputError` if there is none, or an arc ends there."""
@@ -651,7 +570,7 @@ class TriangleMesh(PicklesFields):
                 if ratio is None:
                     mesh = mesh.refined(np.unique(mesh.around(places[depths > level])[1]))
                 else:
-                    mesh = TriangleMesh(*cutting.layered(mesh._parts, np.unique(at[depths > level]), ratio))
+                    mesh = TriangleMesh(*cutting.layered(mesh, np.unique(at[depths > level]), ratio).given)
             except InputError as error:
                 remedy = f"give at most {level}: triangles would become too small to tell their vertices apart"
                 raise InputError("depth", depth, remedy) from error

@@ -88,8 +88,7 @@ class Shape:
         at = np.broadcast_to(barycentric(t), (len(cells), len(t), 3)).copy()
         bent = space.curved.numbers
         if len(bent):
-            numbers = np.repeat(bent, len(t))
-            at[bent] = problem.mesh.reference(numbers, places[bent].reshape(-1, 2)).reshape(len(bent), -1, 3)
+            at[bent] = problem.mesh.reference(bent, places[bent])
         coefficients = result.discretization.coefficients(result.dofs)
         stress = stress_in_cells(result.discretization, coefficients, cells, at)[1] * scales.stress
         stress = stress - stress_at_rest(problem, cells, places[..., 0], places[..., 1])

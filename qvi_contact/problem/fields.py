@@ -21,6 +21,7 @@ from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field, 
 from qvi_contact.basics.writing import given_path
 from qvi_contact.element.quadrature import EdgeQuadrature, adapted, constant
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.curves import MeshParts
 from qvi_contact.mesh.edges import Edges, rounding_along
 from qvi_contact.mesh.files import corners_of, triangles_of
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -208,7 +209,7 @@ def along_edges(
     return adapted(values, len(edges), points, rounding_along(mesh.vertices, edges))
 
 
-_BEYOND: Final = -1.0  # least barycentric coordinate to which they are extended
+_BEYOND: Final = 1.0  # what their barycentric coordinates may be below 0 where they are extended
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,23 +251,19 @@ class PointData:
         cells = triangles_of(read.points[:, :2], corners_of(read.cells))[0]
         if not len(cells) or np.ndim(data) != 1:
             raise InputError("file", str(path), f"needs triangles, and one number a point as {name!r}")
-        used, places = np.unique(cells, return_inverse=True)
-        return cls(
-            TriangleMesh(read.points[used, :2], places.reshape(cells.shape)), np.asarray(data, dtype=float)[used]
-        )
+        mesh = MeshParts(read.points[:, :2], cells).without_others()
+        return cls(TriangleMesh(*mesh.given), np.asarray(data, dtype=float)[np.unique(cells)])
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y) [length]."""
         points = np.column_stack([np.ravel(x), np.ravel(y)])
         cells = self.mesh.locate(points)
         outside = np.flatnonzero(cells < 0)
-        if len(outside):  # the triangles that they are least far from, by their barycentric coordinates
-            near = self.mesh.nearest(points[outside])
-            places = np.repeat(points[outside], near.shape[1], axis=0)
-            least = self.mesh.reference(near.ravel(), places).min(axis=1).reshape(near.shape)
-            cells[outside] = near[np.arange(len(near)), least.argmax(axis=1)]
-        weights = self.mesh.reference(cells, points)
-        if weights.min(initial=0.0) < _BEYOND:
-            place = tuple(points[np.argmin(weights.min(axis=1))].tolist())
+        point, near = self.mesh.around(points[outside], _BEYOND)
+        order = self.mesh.reference(near, points[outside[point]]).min(axis=1).argsort()
+        cells[outside[point[order]]] = near[order]  # the triangles that they are least far from come last
+        if (cells < 0).any():
+            place = tuple(points[np.argmin(cells)].tolist())
             raise InputError("PointData", place, "this point lies outside of the triangles of the data")
+        weights = self.mesh.reference(cells, points)
         return np.asarray((weights * self.values[self.mesh.cells[cells]]).sum(axis=1).reshape(np.shape(x)))

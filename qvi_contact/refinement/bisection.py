@@ -23,7 +23,8 @@ from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.limit.load_factor import LimitProblem
 from qvi_contact.limit.stresses import limited
-from qvi_contact.mesh.edges import cross, frames_along
+from qvi_contact.mesh.cutting import angles_at
+from qvi_contact.mesh.edges import frames_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import SPRINGS, has_coulomb
 from qvi_contact.problem.problem import ContactProblem, by_cell
@@ -288,12 +289,17 @@ def _finer(mesh: TriangleMesh, marked: BoolArray, deeper: tuple[IntArray, ...]) 
     fine = mesh
     for vertices in (None, *deeper):  # old vertices keep their numbers
         chosen = marked if vertices is None else np.isin(fine.cells, vertices).any(axis=1)
-        chosen = chosen & (fine.finest[fine.cells].min(axis=1) >= 2.0 * _THINNEST * mesh.length)
+        chosen = chosen & _large(fine)
         if chosen.any():
             fine = fine.refined(chosen)
         elif vertices is None:
             raise StopError(RefinementStatus.THIN_CELLS)
     return fine
+
+
+def _large(mesh: TriangleMesh) -> BoolArray:
+    """Which triangles may be bisected."""
+    return np.asarray(mesh.finest[mesh.cells].min(axis=1) >= 2.0 * _THINNEST * mesh.length)
 
 
 def _deeper(mesh: TriangleMesh, corners: IntArray, parts: FloatArray, goal: float) -> tuple[IntArray, ...]:
@@ -401,12 +407,9 @@ def reference_problem(problem: ContactProblem, at: Places) -> ContactProblem:
 
 def at_contacts(problem: ContactProblem, mesh: TriangleMesh, fine: TriangleMesh, cells: IntArray) -> BoolArray:
     """Triangles (m,) of a finer mesh at contacts that lie in those cells."""
-    found = np.zeros(len(fine.cells), dtype=bool)
-    if len(cells):
-        beside = np.concatenate([fine.edges(contact.edges).cells.ravel() for contact in problem.contacts])
-        beside = np.unique(beside[beside >= 0])
-        found[beside] = np.isin(mesh.locate(fine.corners[beside].mean(axis=1)), cells)
-    return found
+    beside = [fine.edges(contact.edges).cells.ravel() for contact in problem.contacts if len(cells)]
+    at = np.isin(np.arange(fine.cell_count), np.concatenate([np.empty(0, dtype=np.int64), *beside]))
+    return at & np.isin(fine.parents(mesh), cells) if len(cells) else at
 
 
 def energies_between(answer: ContactResult, reference: ContactResult) -> FloatArray:
@@ -418,28 +421,24 @@ def energies_between(answer: ContactResult, reference: ContactResult) -> FloatAr
     fine = problem.mesh
     parents = fine.parents(mesh)
 
-    def located(within: TriangleMesh, numbers: IntArray, points: FloatArray) -> FloatArray:
-        flat = within.reference(np.repeat(numbers, points.shape[1]), points.reshape(-1, 2))
-        return flat.reshape(*points.shape[:2], 3)
-
-    def missed(cells: IntArray, at: FloatArray, points: FloatArray) -> FloatArray:
-        """The difference of the stresses at points (n, g, 2), reference points `at` of triangles of the finer mesh."""
-        placed, found = located(mesh, parents[cells], points), list[FloatArray]()
-        for each, within, t in ((reference, cells, at), (answer, parents[cells], placed)):
-            known = each.discretization
-            found.append(known.scales.stress * known.space.stress(known.coefficients(each.dofs), within, t))
-        return found[0] - found[1]  # without body potential
+    def missed(cells: IntArray, points: FloatArray) -> FloatArray:
+        """The difference of the stresses, but for the body potential, at points (n, g, 2) of the finer triangles."""
+        found = []
+        for each, within in ((reference, cells), (answer, parents[cells])):
+            known, at = each.discretization, each.problem.mesh.reference(within, points)
+            found.append(known.scales.stress * known.space.stress(known.coefficients(each.dofs), within, at))
+        return np.asarray(found[0] - found[1])
 
     cells, t = np.arange(fine.cell_count), space.cell_quadrature[0]
-    inside = missed(cells, t, (fine.corners.swapaxes(1, 2)[:, None] @ fine.placed(cells, t)[..., None])[..., 0])
+    inside = missed(cells, fine.placed(cells, t) @ fine.corners)
     measures = reference.discretization.scales.length**2 * space.cell_measures(*space.cell_quadrature)
     work = (((inside @ problem.compliances) * inside).sum(axis=2) * measures).sum(axis=1)
     t, weights = gauss_legendre(space.degree)
     for contact in filter(lambda each: each.has_springs, problem.contacts):
         edges = fine.edges(contact.edges)
         x, y = fine.points_along(edges, t)
-        own, points = edges.cells[:, 0], np.stack([x, y], axis=-1)
-        xx, yy, xy = np.moveaxis(missed(own, located(fine, own, points), points), -1, 0)
+        own = edges.cells[:, 0]
+        xx, yy, xy = np.moveaxis(missed(own, np.stack([x, y], axis=-1)), -1, 0)
         normals, tangents = frames_along(edges, t)
         force = np.stack([xx * normals[..., 0] + xy * normals[..., 1], xy * normals[..., 0] + yy * normals[..., 1]], -1)
         for name, along in zip(SPRINGS, (normals, tangents), strict=True):
@@ -536,16 +535,12 @@ class LimitStrategy:
         singular = vertices[~bent & (inwards | (changes & (angle > _BLUNT)))]  # where stresses turn around a point
         at = singular[[bool((marked & (mesh.cells == vertex).any(axis=1)).any()) for vertex in singular]]
         around = np.isin(mesh.cells, at).any(axis=1)
-        one, other = (mesh.corners[:, corner] - mesh.corners[:, 0] for corner in (1, 2))
-        areas = np.abs(cross(one, other)) / 2.0
-        chosen = np.flatnonzero(marked & ~around & (np.sqrt(areas) >= 2.0 * _THINNEST * mesh.length))
+        chosen = np.flatnonzero(marked & ~around & _large(mesh))
         if not len(chosen) and not len(at):
             raise StopError(RefinementStatus.THIN_CELLS)
         fine = mesh.refined(chosen) if len(chosen) else mesh
         for vertex in at.tolist():
-            one, other = (np.roll(fine.corners, -shift, axis=1) - fine.corners for shift in (1, 2))  # of all corners
-            angles = np.abs(np.arctan2(cross(one, other), (one * other).sum(axis=-1)))
-            widest = float(angles[fine.cells == vertex].max())
+            widest = float(angles_at(fine, vertex)[1].max())
             fine = fine.fanned(np.array([vertex]), max(widest / 2.0, _SECTOR))
         return fine
 

@@ -25,7 +25,7 @@ from qvi_contact.errors import InputError, SolveError
 from qvi_contact.limit.conic import ConicProgram
 from qvi_contact.limit.load_factor import LimitProblem, checked_loads, loads_of, multiplied
 from qvi_contact.limit.stresses import StressProgram, both_signs
-from qvi_contact.mesh.edges import Edges, frames_along, points_along
+from qvi_contact.mesh.edges import Edges, frames_along, points_along, shares_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import SHEAR_LAW, SPRINGS, Contact, Displacement, components
 from qvi_contact.problem.material import stress_along_z
@@ -54,7 +54,6 @@ _SMALL: Final = 1e-6  # of the problem's unit: numbers below count as this for r
 _ON: Final = 1e-6  # of the body's length: distance from a contact that is rounding
 _LOOK: Final = np.linspace(1e-9, 1.0 - 1e-9, 33)  # where extremes along an edge are looked for: off vertices
 _SMOOTH: Final = 0.9  # cosine of the angle between tangents below which a contact has a kink
-_STEPS: Final = 4  # of Newton's method towards a point on an arc
 
 
 @dataclass(frozen=True)
@@ -174,20 +173,15 @@ def _places_on(mesh: TriangleMesh, edges: Edges, point: FloatArray) -> list[tupl
 
     In a vertex these are both edges where the contact goes on smoothly, in a kink the one of lower number.
     """
-    apart = np.hypot(*np.moveaxis(points_along(mesh.vertices, edges, _LOOK) - point, -1, 0))
-    found, sense = list[tuple[int, float]](), np.zeros(2)  # places, and the tangent at the first
-    for number in np.flatnonzero(apart.min(axis=1) <= apart.min() + _ON * mesh.length).tolist():
-        edge, t = edges.take(np.array([number])), float(_LOOK[np.argmin(apart[number])])
-        for _ in range(_STEPS):
-            tangent = frames_along(edge, np.array([t]))[1][0, 0]
-            away = point - points_along(mesh.vertices, edge, np.array([t]))[0, 0]
-            t = min(max(t + float(away @ tangent / edge.length[0]), 0.0), 1.0)
-        sense = sense if found else tangent
-        if np.hypot(*away) <= _ON * mesh.length and tangent @ sense >= _SMOOTH:
-            found.append((number, t))
-    if not found:
+    first, second = mesh.vertices[edges.first], mesh.vertices[edges.second]
+    t = shares_along(second - first, edges.bend, point - first).clip(0.0, 1.0)
+    away = points_along(mesh.vertices, edges, t[:, None])[:, 0] - point
+    near = np.flatnonzero(np.hypot(*away.T) <= _ON * mesh.length)
+    if not len(near):
         raise InputError("quantity", tuple(point.tolist()), "give a point on the contact")
-    return found
+    tangents = frames_along(edges, t[:, None])[1][near, 0]
+    smooth = tangents @ tangents[0] >= _SMOOTH
+    return list(zip(near[smooth].tolist(), t[near[smooth]].tolist(), strict=True))
 
 
 def _extreme(result: ContactResult, edges: str, component: str, sign: float) -> float:
@@ -206,8 +200,8 @@ def _extreme(result: ContactResult, edges: str, component: str, sign: float) -> 
         cells = chosen.cells.T.ravel()
         places = np.tile(np.stack(mesh.points_along(chosen, _LOOK), axis=-1), (2, 1, 1))[cells >= 0]
         cells = cells[cells >= 0]
-        at = mesh.reference(np.repeat(cells, len(_LOOK)), places.reshape(-1, 2)).reshape(len(cells), len(_LOOK), -1)
-        stress = scales.stress * stress_in_cells(discretization, discretization.coefficients(result.dofs), cells, at)[1]
+        at, coefficients = mesh.reference(cells, places), discretization.coefficients(result.dofs)
+        stress = scales.stress * stress_in_cells(discretization, coefficients, cells, at)[1]
         x, y = np.moveaxis(places, -1, 0)
         values = stress_component(stress, component, stress_along_z(problem, cells, x, y, stress))
     number, k = np.unravel_index(np.argmax(sign * values), values.shape)

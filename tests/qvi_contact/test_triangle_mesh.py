@@ -21,8 +21,7 @@ def square(**more):
 
 
 def l_shape():
-    active = np.ones((4, 4), dtype=bool)
-    active[2:, 2:] = False
+    active = np.kron([[1, 1], [1, 0]], np.ones((2, 2))) > 0.0
     lines = np.linspace(0.0, 2.0, 5)
     mesh = TriangleMesh.grid(
         lines, lines, active, edges={"notch": ((1, 1), (2, 1))}, joints={"seam": ((0, 0.5), (2, 0.5))}
@@ -49,9 +48,7 @@ class TestTopology:
             assert found == pytest.approx(np.broadcast_to(normal, found.shape))
 
     def test_outlines_run_around_the_body_and_its_holes(self):
-        active = np.ones((3, 3), dtype=bool)
-        active[1, 1] = False
-        mesh = TriangleMesh.grid(np.arange(4.0), np.arange(4.0), active)
+        mesh = TriangleMesh.grid(np.arange(4.0), np.arange(4.0), np.arange(9).reshape(3, 3) != 4)
         outer, inner = mesh.outlines
         assert (len(outer), len(inner)) == (12, 4)
         for line in (outer, inner):
@@ -133,6 +130,8 @@ class TestRefusals:
             mesh.edge_set("bottom")
         with pytest.raises(InputError, match="exists already"):
             mesh.with_edges("top", lambda _, y: y < 0.1)
+        with pytest.raises(InputError, match="no edge of the mesh"):
+            mesh.part([0], {"low": np.array([[1, 3]])})
         with pytest.raises(InputError, match="no boundary edge"):
             mesh.with_edges("low", lambda _, y: y < -1.0)
         with pytest.raises(InputError, match="no interior edge"):
