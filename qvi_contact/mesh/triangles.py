@@ -549,10 +549,13 @@ class TriangleMesh(PicklesFields):
         return np.asarray(self.reference(cells, points).min(axis=1) >= _INSIDE)
 
     def reference(self, cells: IntArray, points: FloatArray) -> FloatArray:
-        """Barycentric coordinates of points (l, 2) [length] in the triangles (l,), shape (l, 3).
+        """Barycentric coordinates (l, 3) of points (l, 2) [length] in the triangles (l,), or (l, q, 3) of (l, q, 2).
 
         In triangles with arcs they are those of the points of the straight triangle, see `mesh.edges`.
         """
+        if points.ndim > 2:
+            several = points.shape[1]
+            return self.reference(np.repeat(cells, several), points.reshape(-1, 2)).reshape(-1, several, 3)
         a, b, c = self.corners[cells].swapaxes(0, 1)
         u, v, w = b - a, c - a, points - a
         second, third = cross(w, v) / cross(u, v), cross(u, w) / cross(u, v)

@@ -23,7 +23,7 @@ from scipy.sparse.linalg import splu
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.basics.units import Units
 from qvi_contact.companion import Elasticity
-from qvi_contact.discretization.displacements import DisplacementSpace, barycentric, triangle
+from qvi_contact.discretization.displacements import DisplacementSpace, triangle
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.mesh.edges import Edges, cross, vectors_along
@@ -84,12 +84,7 @@ class Shape:
         t, weights = body.points()
         cells = np.arange(len(space.table))
         places = problem.mesh.origin + scales.length * space.points(slice(None), t)
-        at = np.broadcast_to(barycentric(t), (len(cells), len(t), 3)).copy()
-        bent = space.curved.numbers
-        if len(bent):
-            numbers = np.repeat(bent, len(t))
-            at[bent] = problem.mesh.reference(numbers, places[bent].reshape(-1, 2)).reshape(len(bent), -1, 3)
-        coefficients = result.discretization.coefficients(result.dofs)
+        at, coefficients = problem.mesh.reference(cells, places), result.discretization.coefficients(result.dofs)
         stress = stress_in_cells(result.discretization, coefficients, cells, at)[1] * scales.stress
         stress = stress - stress_at_rest(problem, cells, places[..., 0], places[..., 1])
         strain = stress @ problem.compliances.swapaxes(1, 2)
@@ -296,9 +291,7 @@ def draw_body(
     scales = Scales.of([result], component) if scales is None else scales
     factor, length, t = scales.factor, mesh.length, np.linspace(0.0, 1.0, style.CHORDS + 1)
     samples = sample_body(result, _SAMPLES)
-    x, y = samples.points.T
-    zz = stress_along_z(result.problem, samples.cells, x, y, samples.stress)
-    values = stress_component(samples.stress, component, zz)
+    values = stress_component(samples.stress, component, samples.along_z)
     size = float(np.abs(samples.stress).max())
     values = values * (size > result.rounding.stress)
     places = samples.points + factor * shape.at(samples.cells, samples.reference[:, -2:])

@@ -418,13 +418,9 @@ def energies_between(answer: ContactResult, reference: ContactResult) -> FloatAr
     fine = problem.mesh
     parents = fine.parents(mesh)
 
-    def located(within: TriangleMesh, numbers: IntArray, points: FloatArray) -> FloatArray:
-        flat = within.reference(np.repeat(numbers, points.shape[1]), points.reshape(-1, 2))
-        return flat.reshape(*points.shape[:2], 3)
-
     def missed(cells: IntArray, at: FloatArray, points: FloatArray) -> FloatArray:
         """The difference of the stresses at points (n, g, 2), reference points `at` of triangles of the finer mesh."""
-        placed, found = located(mesh, parents[cells], points), list[FloatArray]()
+        placed, found = mesh.reference(parents[cells], points), list[FloatArray]()
         for each, within, t in ((reference, cells, at), (answer, parents[cells], placed)):
             known = each.discretization
             found.append(known.scales.stress * known.space.stress(known.coefficients(each.dofs), within, t))
@@ -439,7 +435,7 @@ def energies_between(answer: ContactResult, reference: ContactResult) -> FloatAr
         edges = fine.edges(contact.edges)
         x, y = fine.points_along(edges, t)
         own, points = edges.cells[:, 0], np.stack([x, y], axis=-1)
-        xx, yy, xy = np.moveaxis(missed(own, located(fine, own, points), points), -1, 0)
+        xx, yy, xy = np.moveaxis(missed(own, fine.reference(own, points), points), -1, 0)
         normals, tangents = frames_along(edges, t)
         force = np.stack([xx * normals[..., 0] + xy * normals[..., 1], xy * normals[..., 0] + yy * normals[..., 1]], -1)
         for name, along in zip(SPRINGS, (normals, tangents), strict=True):

@@ -206,7 +206,7 @@ def _extreme(result: ContactResult, edges: str, component: str, sign: float) -> 
         cells = chosen.cells.T.ravel()
         places = np.tile(np.stack(mesh.points_along(chosen, _LOOK), axis=-1), (2, 1, 1))[cells >= 0]
         cells = cells[cells >= 0]
-        at = mesh.reference(np.repeat(cells, len(_LOOK)), places.reshape(-1, 2)).reshape(len(cells), len(_LOOK), -1)
+        at = mesh.reference(cells, places)
         stress = scales.stress * stress_in_cells(discretization, discretization.coefficients(result.dofs), cells, at)[1]
         x, y = np.moveaxis(places, -1, 0)
         values = stress_component(stress, component, stress_along_z(problem, cells, x, y, stress))

@@ -33,6 +33,7 @@ from qvi_contact.element.quadrature import EdgeQuadrature
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Traction
+from qvi_contact.problem.material import stress_along_z
 
 if TYPE_CHECKING:
     from qvi_contact.solution.result import ContactResult
@@ -155,21 +156,26 @@ class BodySamples:
     cells: IntArray  # (n,): the cell of each point
     reference: FloatArray  # (n, d): its reference coordinates there, see `TriangleMesh.reference`
     stress: FloatArray  # (n, 3): σ_xx, σ_yy, σ_xy in that cell [stress], tension positive
+    along_z: FloatArray  # (n,): σ_zz [stress]
     triangles: IntArray  # (t, 3): three points each; together they fill the body
 
 
-def sample_body(result: ContactResult, parts: int) -> BodySamples:
-    """Samples of the stress all over a body: about so many parts along its length; small cells are not divided."""
+def sample_body(result: ContactResult, parts: int = 0, divisions: int | None = None) -> BodySamples:
+    """Samples of the stress all over a body: about so many parts along its length; small cells are not divided.
+
+    Or all of them with so many `divisions` along the sides of their three parts, in the order of the mesh.
+    """
     mesh, discretization = result.problem.mesh, result.discretization
     sizes = np.ptp(mesh.vertices[mesh.cells], axis=1).max(axis=1)
     wanted = np.clip(parts * sizes / mesh.length, 1.0, _MOST_DIVISIONS)
-    divisions = (2.0 ** np.round(np.log2(wanted))).astype(np.int64)  # few numbers of divisions: few groups of cells
+    each = (2.0 ** np.round(np.log2(wanted))).astype(np.int64)  # few numbers of divisions: few groups of cells
+    each = each if divisions is None else np.full(len(sizes), divisions)
     coefficients = discretization.coefficients(result.dofs)
     found: list[tuple[FloatArray, IntArray, FloatArray, FloatArray]] = []
     triangles, count = [np.empty((0, 3), dtype=np.int64)], 0
-    for division in np.unique(divisions).tolist():
+    for division in np.unique(each).tolist():
         t, split = discretization.space.lattice(division)
-        chosen = np.flatnonzero(divisions == division)
+        chosen = np.flatnonzero(each == division)
         for cells in (chosen[start : start + _CHUNK] for start in range(0, len(chosen), _CHUNK)):
             points, stress = stress_in_cells(discretization, coefficients, cells, t)
             reference = np.tile(t, (len(cells), 1))
@@ -179,7 +185,8 @@ def sample_body(result: ContactResult, parts: int) -> BodySamples:
     points, numbers, references, stresses = (np.concatenate(chunks) for chunks in zip(*found, strict=True))
     place = np.column_stack(physical(result.problem, discretization.scales, points))
     stresses *= discretization.scales.stress
-    return BodySamples(place, numbers, references, stresses, np.concatenate(triangles))
+    along_z = stress_along_z(result.problem, numbers, *place.T, stresses)
+    return BodySamples(place, numbers, references, stresses, along_z, np.concatenate(triangles))
 
 
 def von_mises(stress: FloatArray, zz: FloatArray | float = 0.0) -> FloatArray:
@@ -316,13 +323,12 @@ def rest_on_arcs(discretization: Discretization, u: FloatArray) -> float:
     coefficients = discretization.coefficients(u)
     for arcs in (edges.take(edges.bent) for edges in (mesh.boundary, mesh.interior) if edges.curved):
         points = EdgePoints(space, arcs, _POINTS)
-        places = np.stack(mesh.points_along(arcs, points.reference), axis=-1).reshape(-1, 2)
+        places = np.stack(mesh.points_along(arcs, points.reference), axis=-1)
         (nx, ny), (tx, ty) = points.normals.T, points.tangents.T
         normal, shear = points.tractions(u)
         for cells in arcs.cells.T:
             if (cells >= 0).all():  # beside the arcs, on one side of them
-                cell = np.repeat(cells, _POINTS)
-                xx, yy, xy = space.stress(coefficients, cell, mesh.reference(cell, places)[:, None])[:, 0].T
+                xx, yy, xy = space.stress(coefficients, cells, mesh.reference(cells, places)).reshape(-1, 3).T
                 x, y = xx * nx + xy * ny, xy * nx + yy * ny
                 largest = max(largest, float(np.hypot(x * nx + y * ny - normal, x * tx + y * ty - shear).max()))
     return discretization.scales.stress * largest
