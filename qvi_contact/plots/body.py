@@ -395,20 +395,17 @@ def _carried(result: ContactResult, name: str, shape: Shape, factor: float) -> l
         normals[turned], tangents[turned], blocks[turned] = -normals[turned], -tangents[turned], blocks[turned, ::-1]
         beyond = shape.along(edges, points.reference, other=True).reshape(-1, 2)
         face[turned] = (place + factor * beyond)[turned]
+    stresses = {"pressure": -line.normal_stress, "shear": line.tangential_stress, "fluid": line.pore_pressure}
+    vectors = {"place": face, "obstacle": obstacle, "normal": normals, "tangent": tangents}
     return [
         Carried(
             name=name,
             joint=rows.joint,
             s=piece.with_ends,
-            place=piece.extended(face),
-            obstacle=piece.extended(obstacle),
-            normal=piece.extended(normals),
-            tangent=piece.extended(tangents),
-            pressure=piece.closed(line, -line.normal_stress),
-            shear=piece.closed(line, line.tangential_stress),
-            fluid=piece.closed(line, line.pore_pressure),
-            weights=np.concatenate([[0.0], line.weights[piece.points], [0.0]]),
-            blocks=blocks[piece.points[[0, *range(len(piece.points)), -1]]],
+            weights=np.pad(line.weights[piece.points], 1),
+            blocks=np.pad(blocks[piece.points], ((1, 1), (0, 0)), mode="edge"),
+            **{kind: piece.extended(values) for kind, values in vectors.items()},
+            **{kind: piece.closed(line, values) for kind, values in stresses.items()},
         )
         for piece in pieces
     ]

@@ -157,9 +157,17 @@ class ContactLine:
         return np.repeat(senses, self.points_per_edge) * self.tangential_stress
 
     @property
+    def forces(self) -> tuple[float, float]:
+        """Normal and tangential force [stress × length], rounding as 0."""
+        normal, tangential = self.normal_force, self.tangential_force
+        least = self.rounding.force
+        return normal * (abs(normal) > least), tangential * (abs(tangential) > least)
+
+    @property
     def shown_forces(self) -> tuple[str, str]:
-        """Normal and tangential force as people read them, rounding as 0."""
-        return shown(self.normal_force, self.rounding.force), shown(self.tangential_force, self.rounding.force)
+        """The same as people read them."""
+        normal, tangential = map(shown, self.forces)
+        return normal, tangential
 
     @property
     def points_per_edge(self) -> int:
