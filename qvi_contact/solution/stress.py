@@ -9,7 +9,7 @@ to its work.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -29,7 +29,6 @@ from qvi_contact.discretization.loads import (
     traction_data,
 )
 from qvi_contact.element import legendre
-from qvi_contact.element.quadrature import EdgeQuadrature
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Traction
@@ -183,10 +182,10 @@ def sample_body(result: ContactResult, parts: int = 0, divisions: int | None = N
             triangles.append((count + len(t) * np.arange(len(cells))[:, None, None] + split).reshape(-1, 3))
             count += len(cells) * len(t)
     points, numbers, references, stresses = (np.concatenate(chunks) for chunks in zip(*found, strict=True))
-    place = np.column_stack(physical(result.problem, discretization.scales, points))
+    x, y = physical(result.problem, discretization.scales, points)
     stresses *= discretization.scales.stress
-    along_z = stress_along_z(result.problem, numbers, *place.T, stresses)
-    return BodySamples(place, numbers, references, stresses, along_z, np.concatenate(triangles))
+    along_z = stress_along_z(result.problem, numbers, x, y, stresses)
+    return BodySamples(np.column_stack([x, y]), numbers, references, stresses, along_z, np.concatenate(triangles))
 
 
 def von_mises(stress: FloatArray, zz: FloatArray | float = 0.0) -> FloatArray:
@@ -261,19 +260,8 @@ def misfit_of_tractions(discretization: Discretization, u: FloatArray) -> float:
 
     The points are those that integrate the data, but for parts of edges that are next to nothing.
     """
-    pairs = prescribed_and_computed(discretization, u)
-    return discretization.scales.stress * max((wanted.misfit(computed) for wanted, computed in pairs), default=0.0)
-
-
-def prescribed_and_computed(
-    discretization: Discretization, u: FloatArray
-) -> Iterator[tuple[EdgeQuadrature, FloatArray]]:
-    """Each prescribed component of tractions on its n edges, and the computed one's coefficients of Legendre (n, k).
-
-    Dimensionless, without φ.
-    """
     problem, space, scales = discretization.problem, discretization.space, discretization.scales
-    degree = space.element.traction_degree
+    degree, largest = space.element.traction_degree, 0.0
     count = max(LOAD_POINTS, degree + 1)
     for given in problem.prescribed(Traction):
         if given.edges.curved:  # normals turn: what is computed is no polynomial of the degree
@@ -283,7 +271,9 @@ def prescribed_and_computed(
         directions = points.vectors(given.direction, given.turns)
         along = component(normal * points.normals.T + shear * points.tangents.T, directions)
         wanted = traction_data(problem, scales, given, LOAD_POINTS)
-        yield wanted, along.reshape(-1, count) @ legendre.from_values(degree, count).T
+        computed = along.reshape(-1, count) @ legendre.from_values(degree, count).T
+        largest = max(largest, wanted.misfit(computed))
+    return scales.stress * largest
 
 
 def component(vectors: FloatArray, directions: FloatArray) -> FloatArray:
