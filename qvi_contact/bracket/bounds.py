@@ -29,7 +29,7 @@ from qvi_contact.bracket.parts import (
     coefficients,
     edge_parts,
 )
-from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_contacts, with_numbers, with_shares
+from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_numbers, with_shares
 from qvi_contact.companion import CompanionResult, solve_companion, solve_companions
 from qvi_contact.companion.model import checked
 from qvi_contact.discretization.discretization import Discretization
@@ -39,7 +39,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, Displacement, Traction, components, has_coulomb
 from qvi_contact.problem.material import is_strained, varies
-from qvi_contact.problem.problem import by_cell
+from qvi_contact.problem.problem import by_cell, with_contacts
 from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import allowed_misfit, obstacle_work, rest_on_arcs, support_work
@@ -100,7 +100,8 @@ def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str,
         changed[contact.name] = replace(contact, offset=EarlierSlip(contact.offset, start, along, slip))
     if not changed:
         return result, ()
-    step = known.with_data(with_contacts(result.problem, changed), known.scales)
+    problem = with_contacts(result.problem, lambda each: changed.get(each.name, each))
+    step = known.with_data(problem, known.scales)
     names = ", ".join(map(repr, changed))
     reason = f"The slip of {names} in the steps before is taken as computed: bounds are those of this step alone."
     return ContactResult(step, result.solution), (reason,)

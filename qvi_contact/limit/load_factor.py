@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field, FloatArray, positive_number
+from qvi_contact.basics.checks import FloatArray, positive_number
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
@@ -20,9 +20,9 @@ from qvi_contact.limit.stresses import CERTIFIED, WIDER, Carried, StressProgram
 from qvi_contact.mechanism import Mechanism, upper_bound
 from qvi_contact.mechanism.bodies import BODY, FLUID
 from qvi_contact.problem.conditions import DRIVES, SHEAR_LAW, Condition, Contact, Traction, components
-from qvi_contact.problem.fields import BodyForces
+from qvi_contact.problem.fields import BodyForces, times
 from qvi_contact.problem.material import Material, MohrCoulomb
-from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.problem.problem import ContactProblem, with_contacts
 from qvi_contact.version import __version__
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import frame
@@ -304,14 +304,6 @@ def _with_times(owner: Any, names: Iterable[str], factor: float) -> Any:
     return replace(owner, **{name: times(value, factor) for name, value in given.items() if value is not None})
 
 
-def times(field: Field, factor: float) -> Field:
-    """The field times the factor."""
-    if not callable(field):
-        return factor * field
-    function: Callable[[FloatArray, FloatArray], object] = field
-    return lambda x, y: factor * np.asarray(function(x, y), dtype=float)
-
-
 @dataclass(frozen=True)
 class StrengthReduction:
     """Both sides of the factor of safety on strength."""
@@ -432,9 +424,8 @@ def _reduced(problem: ContactProblem, chosen: frozenset[str], factor: float) -> 
         replace(region, material=weakened(region.material)) if (region.name or BODY) in chosen else region
         for region in problem.regions
     ]
-    conditions = [
-        _with_times(each, SHEAR_LAW, 1.0 / factor) if isinstance(each, Contact) and each.name in chosen else each
-        for each in problem.conditions
-    ]
     material = weakened(problem.material) if BODY in chosen else problem.material
-    return replace(problem, material=material, regions=regions, conditions=conditions)
+    weaker = replace(problem, material=material, regions=regions)
+    return with_contacts(
+        weaker, lambda each: _with_times(each, SHEAR_LAW, 1.0 / factor) if each.name in chosen else each
+    )

@@ -23,7 +23,8 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import laws_vary
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.conditions import Contact
-from qvi_contact.problem.problem import ContactProblem, run_digest
+from qvi_contact.problem.fields import plus
+from qvi_contact.problem.problem import ContactProblem, run_digest, with_contacts
 from qvi_contact.runs.processes import Limits, NotLoadedError, Workers
 from qvi_contact.solution.result import ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import Settings
@@ -350,16 +351,12 @@ class SweepTask:
             posed: ContactProblem = load("qvi_contact.limit.load_factor").multiplied(self.problem, self.names, value)
             return posed
 
-        def changed(condition: Contact) -> Contact:
-            given: Any = 0.0 if self.parameter == "friction" else getattr(condition, self.parameter)
-            new: Any = given + value if not callable(given) else lambda x, y: np.asarray(given(x, y), float) + value
-            return replace(condition, **{self.parameter: new})
+        def changed(contact: Contact) -> Contact:
+            given = 0.0 if self.parameter == "friction" else getattr(contact, self.parameter)
+            new: Any = {self.parameter: plus(given, value)}
+            return replace(contact, **new) if contact.name in self.names else contact
 
-        conditions = [
-            changed(each) if isinstance(each, Contact) and each.name in self.names else each
-            for each in self.problem.conditions
-        ]
-        return replace(self.problem, conditions=conditions)
+        return with_contacts(self.problem, changed)
 
     def results(
         self, planned: Iterable[tuple[int, float]], at_least: int = 0
