@@ -115,21 +115,6 @@ class Bodies:
         return self.of_cells[first], np.where(second < 0, obstacle, self.of_cells[second])
 
 
-def enclosed_beyond(problem: ContactProblem, edges: Edges) -> BoolArray:
-    """On which edges (n,) of a joint the block that the joint goes around is the one beyond, as on half of a circle.
-
-    Joints that have one block below or to the left of them everywhere go around none.
-    """
-    bodies = Bodies.of(problem)
-    first, second = bodies.of_cells[edges.cells].T
-    found = np.zeros(len(edges), dtype=bool)
-    for low, high in np.unique(np.sort(np.stack([first, second], axis=1), axis=1), axis=0).tolist():
-        pair = (first == low) & (second == high), (first == high) & (second == low)
-        if low != high and pair[0].any() and pair[1].any():
-            found |= pair[0] if bodies.size[high] < bodies.size[low] else pair[1]
-    return found
-
-
 def blocks_of_cells(problem: ContactProblem) -> IntArray:
     """The block (cells,) of each cell: cells hang together across all edges but those of joints that are not tied."""
     first, second = whole_edges(problem).cells.T

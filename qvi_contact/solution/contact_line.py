@@ -402,17 +402,13 @@ class ContactPath:
     def of(cls, ends: FloatArray, lengths: FloatArray) -> ContactPath:
         """The path through edges between two points each, (n, 2, 2) [length], of these lengths (n,), in any order."""
         vertices = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)[1].reshape(-1, 2)
-        found, forward = chains(vertices), np.zeros(len(ends), dtype=bool)
-        order, place = np.concatenate([np.empty(0, dtype=np.int64), *found]), 0
-        lines: list[IntArray] = []
-        for line in found:  # whether each edge leads on to the next one
-            lines.append(np.arange(place, place + len(line)))
-            pairs = vertices[line].tolist()
-            at = min(pairs[0]) if len(pairs) == 1 else next(end for end in pairs[0] if end not in pairs[1])
-            for first, second in pairs:
-                forward[place] = first == at
-                at, place = second if forward[place] else first, place + 1
-        return cls(order, forward, tuple(lines), lengths[order])
+        found = chains(vertices)
+        order, forward = np.concatenate([np.empty(0, dtype=np.int64), *found]), [np.empty(0, dtype=bool)]
+        for pairs in (vertices[line] for line in found):  # whether each edge leads on to the next one
+            last = (pairs[-1, :1] == pairs[-2]).any() if len(pairs) > 1 else pairs[0, 0] < pairs[0, 1]
+            forward.append(np.append((pairs[:-1, 1:] == pairs[1:]).any(axis=1), last))
+        lines = np.split(np.arange(len(order)), np.cumsum([len(line) for line in found])[:-1]) if found else []
+        return cls(order, np.concatenate(forward), tuple(lines), lengths[order])
 
     @cached_property
     def starts(self) -> FloatArray:
@@ -437,9 +433,15 @@ def turning_senses(vertices: FloatArray, edges: Edges) -> FloatArray:
     other lines every edge counts as its tangent leads; so it does on joints, whose sides change where the tangent turns
     back.
     """
-    found = np.ones(len(edges))
     if (edges.cells[:, 1] >= 0).any():
-        return found
+        return np.ones(len(edges))
+    found = counterclockwise(vertices, edges)
+    return np.where(found == 0.0, 1.0, found)
+
+
+def counterclockwise(vertices: FloatArray, edges: Edges) -> FloatArray:
+    """±1 (n,) on lines that turn back: whether tangents lead counterclockwise around the middle; 0 on all others."""
+    found = np.zeros(len(edges))
     ends = np.stack([vertices[edges.first], vertices[edges.second]], axis=1)
     path = ContactPath.of(ends, edges.length)
     for own in path.lines:
