@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 
-from qvi_contact.basics.checks import FloatArray, fraction
+from qvi_contact.basics.checks import FloatArray, fraction, instance_of
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import traction_data
 from qvi_contact.errors import InputError
@@ -250,8 +250,7 @@ def verify_result(result: ContactResult, tolerance: float | None = None) -> Veri
     """
     if isinstance(result, History):
         raise InputError("result", "a History", "give its steps one by one: [verify_result(step) for step in ….steps]")
-    if not isinstance(result, ContactResult):
-        raise InputError("result", result, "give a ContactResult, such as solve returns")
+    instance_of(ContactResult, "result", result, "give a ContactResult, such as solve returns")
     known = result.discretization
     with np.errstate(all="ignore"):  # what is absurd fails by its numbers
         fresh = discretize(known.problem, degree=known.space.degree, law_on=known.rule.law_on, scales=known.scales)

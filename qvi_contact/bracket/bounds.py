@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field, FloatArray, evaluate, finite_number
+from qvi_contact.basics.checks import Field, FloatArray, evaluate, finite_number, instance_of
 from qvi_contact.basics.schema import keys_of
 from qvi_contact.bracket.coulomb import TOO_NEAR, CoulombBounds, coulomb_bounds
 from qvi_contact.bracket.outcome import Bracket, BracketKind
@@ -276,8 +276,7 @@ def bracket(
     at which data given as functions are looked at (`data_reasons`).
 
     """
-    if not isinstance(result, ContactResult):
-        raise InputError("result", result, "give a ContactResult")
+    instance_of(ContactResult, "result", result)
     if not 0.0 < finite_number("tolerance", tolerance) <= LOOSEST:
         raise InputError("tolerance", tolerance, f"give a number above 0, at most {LOOSEST:g}")
     beside = min(result.discretization.space.degree, HIGHEST)  # one less has the same order, but half of the gap

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from qvi_contact.basics.checks import FloatArray, IntArray, whole_number
+from qvi_contact.basics.checks import FloatArray, IntArray, instance_of, whole_number
 from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import check_suffix, replacing, write_text
 from qvi_contact.discretization.discretization import Discretization
@@ -159,8 +159,7 @@ def _state(result: ContactResult, units: Units) -> dict[str, Any]:
 
 def _check_given(result: object, units: object) -> None:
     """Refuse what is no result, such as a whole history, and what are no units."""
-    if not isinstance(result, ContactResult):
-        raise InputError("result", result, "give a ContactResult, such as solve returns, or one of the steps")
+    instance_of(ContactResult, "result", result, "give a ContactResult, such as solve returns, or one of the steps")
     Units.labels(units, {})
 
 

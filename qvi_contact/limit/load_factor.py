@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, positive_number
+from qvi_contact.basics.checks import FloatArray, instance_of, positive_number
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
@@ -268,8 +268,7 @@ def loads_of(problem: ContactProblem) -> list[str]:
 
 def checked_loads(problem: ContactProblem, loads: Sequence[str], field: str = "loads") -> tuple[str, ...]:
     """The names of loads that can be multiplied; `InputError` lists those there are."""
-    if not isinstance(problem, ContactProblem):
-        raise InputError("problem", problem, "give a ContactProblem")
+    instance_of(ContactProblem, "problem", problem)
     known = loads_of(problem)
     if isinstance(loads, str) or not isinstance(loads, Sequence) or not loads:
         raise InputError(field, loads, f"give a list of names out of {', '.join(known)}")
@@ -350,8 +349,7 @@ def strength_reduction_factor(
 
     """
     refuse_arguments(retired, ("of", "accuracy", *OPTIONS))
-    if not isinstance(problem, ContactProblem):
-        raise InputError("problem", problem, "give a ContactProblem")
+    instance_of(ContactProblem, "problem", problem)
     if not positive_number("accuracy", accuracy) < 1.0:
         raise InputError("accuracy", accuracy, "give a relative width below 1, such as 1e-3")
     weak = [contact.name for contact in problem.contacts if contact.law != "tied"]

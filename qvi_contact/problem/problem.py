@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeAlias
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field
+from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field, instance_of
 from qvi_contact.element.triangle import triangle_lattice
 from qvi_contact.errors import InputError, UnknownNameError, place_of, refuse_retired
 from qvi_contact.mesh.edges import Edges
@@ -84,10 +84,8 @@ class ContactProblem(PicklesFields):
     regions may have a temperature of their own. See `problem.material`. Limit loads do not depend on it."""
 
     def __post_init__(self) -> None:
-        if not isinstance(self.mesh, TriangleMesh):
-            raise InputError("ContactProblem.mesh", self.mesh, "give a TriangleMesh")
-        if not isinstance(self.material, Material):
-            raise InputError("ContactProblem.material", self.material, "give a Material")
+        instance_of(TriangleMesh, "ContactProblem.mesh", self.mesh)
+        instance_of(Material, "ContactProblem.material", self.material)
         for name in ("body_potential", "temperature"):
             object.__setattr__(self, name, check_field(f"ContactProblem.{name}", getattr(self, name)))
         _check_parts(self)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, get_args, over
 
 import numpy as np
 
-from qvi_contact.basics.checks import one_of, real_array, true_or_false
+from qvi_contact.basics.checks import function_or_none, instance_of, one_of, real_array, true_or_false
 from qvi_contact.basics.schema import LARGEST
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization
@@ -31,7 +31,6 @@ from qvi_contact.solution.settings import Settings
 from qvi_contact.solution.solver import discretized, fitted, solved
 from qvi_contact.version import __version__
 from solvers import Status
-from solvers.basics.checks import function_or_none
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import frame, load, pandas
 from solvers.errors import known_name
@@ -326,8 +325,7 @@ class SweepTask:
         warm: bool,
     ) -> SweepTask:
         """The task of checked arguments of `solve_sweep`."""
-        if not isinstance(problem, ContactProblem):
-            raise InputError("problem", problem, "give a ContactProblem")
+        instance_of(ContactProblem, "problem", problem)
         one_of("parameter", parameter, get_args(Parameter), f"give one of {', '.join(get_args(Parameter))}")
         every = parameter in ("gap", "offset") and names is not None
         known = [contact.name for contact in problem.contacts if every or contact.law != "tied"]
