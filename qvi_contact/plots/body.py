@@ -33,6 +33,7 @@ from qvi_contact.plots.style import Written, alignment, beside, write
 from qvi_contact.plots.tractions import pieces_along
 from qvi_contact.problem.conditions import SPRINGS, Displacement
 from qvi_contact.problem.material import stress_along_z, stress_at_rest
+from qvi_contact.solution.contact_line import enclosed_beyond
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import sample_body, stress_component, stress_in_cells
 
@@ -389,9 +390,8 @@ def _carried(result: ContactResult, name: str, shape: Shape, factor: float) -> l
     blocks = np.repeat(blocks, points.count, axis=0)
     normals, tangents = points.normals.copy(), points.tangents.copy()
     pieces = pieces_along(line, coordinates=False)[0]
-    for piece in pieces if rows.joint else ():  # around a block: what acts on that one
-        own, inside = blocks[piece.points], blocks[piece.points[0], 0]
-        turned = piece.points[(own[:, 1] == inside) & (own[:, 0] != inside)]
+    if rows.joint:  # around a block: what acts on that one
+        turned = np.repeat(enclosed_beyond(result.problem.mesh.vertices, edges), points.count)
         normals[turned], tangents[turned], blocks[turned] = -normals[turned], -tangents[turned], blocks[turned, ::-1]
         beyond = shape.along(edges, points.reference, other=True).reshape(-1, 2)
         face[turned] = (place + factor * beyond)[turned]

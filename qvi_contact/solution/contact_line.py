@@ -435,24 +435,32 @@ def turning_senses(vertices: FloatArray, edges: Edges) -> FloatArray:
     """
     if (edges.cells[:, 1] >= 0).any():
         return np.ones(len(edges))
-    found = counterclockwise(vertices, edges)
+    found = _around(vertices, edges, np.ones(len(edges)))
     return np.where(found == 0.0, 1.0, found)
 
 
-def counterclockwise(vertices: FloatArray, edges: Edges) -> FloatArray:
-    """±1 (n,) on lines that turn back: whether tangents lead counterclockwise around the middle; 0 on all others."""
+def enclosed_beyond(vertices: FloatArray, edges: Edges) -> BoolArray:
+    """On which edges (n,) of a joint what it goes around is beyond, as on half of a circle.
+
+    Joints that have one body below or to the left of them everywhere go around none.
+    """
+    return _around(vertices, edges, cross(edges.normal, edges.tangent)) < 0.0
+
+
+def _around(vertices: FloatArray, edges: Edges, signs: FloatArray) -> FloatArray:
+    """±1 (n,): whether tangents times signs lead counterclockwise around the middle; 0 on lines they lead along."""
     found = np.zeros(len(edges))
     ends = np.stack([vertices[edges.first], vertices[edges.second]], axis=1)
     path = ContactPath.of(ends, edges.length)
     for own in path.lines:
-        forward, chosen = path.forward[own], path.edges[own]
-        if forward.all() or not forward.any():
+        chosen, walk = path.edges[own], np.where(path.forward[own], 1.0, -1.0)
+        leads = walk * signs[chosen]
+        if leads.min() > 0.0 or leads.max() < 0.0:
             continue
-        walk = np.where(forward, 1.0, -1.0)
         middles = ends[chosen].mean(axis=1)
         arms = middles - np.average(middles, axis=0, weights=path.lengths[own])
         turning = float(walk @ cross(arms, ends[chosen, 1] - ends[chosen, 0]))
-        found[chosen] = walk if turning >= 0.0 else -walk
+        found[chosen] = leads if turning >= 0.0 else -leads
     return found
 
 
