@@ -174,8 +174,7 @@ def test_the_force_on_a_joint_is_what_stands_on_it_whichever_triangle_comes_firs
     """It acts on the lower block, the larger one, whose number is the second where triangles come the other way."""
     grid = TriangleMesh.grid(X, Y)
     mesh, line = TriangleMesh(grid.vertices, grid.cells[::step], grid.edge_sets), ([0.79, 0.81], [0.7, right])
-    sides = [Traction(side, 0.0, 0.0) for side in ("left", "right")]
     held = Displacement("bottom", x=0.0, y=0.0), Contact("joint", 0.5), Traction("top", x=0.5, y=-3.0)
     mesh = mesh.with_joint("joint", lambda x, y: abs(y - np.interp(x, *line)) < 1e-9)
-    found = solved(ContactProblem(mesh, STEEL, [*held, *sides]))
+    found = solved(ContactProblem(mesh, STEEL, [*held, Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]))
     assert vars(found.resultant("joint")) == pytest.approx({"x": 1.0, "y": -6.0, "moment": -7.0}, rel=1e-8)
