@@ -41,7 +41,6 @@ from qvi_contact.mesh.grid import rectangle_lines
 from qvi_contact.problem.material import Material, Plane
 from qvi_contact.solution.stress import principal_stresses
 from solvers import FrictionQVI
-from solvers.inequality.traces import TractionFactor
 
 __all__ = ["QuarterPlate", "plate"]
 
@@ -164,7 +163,7 @@ class QuarterPlate:
         load = -(normal.T @ weights)
         return FrictionQVI.from_arrays(
             K=sparse.csc_array(self._root.R.T @ self._root.R), f=load, N=normal, n0=nothing, T=shear, t0=nothing,
-            mu=np.full(len(weights), self.friction), W=weights, root=self._root, load=load, traces=self._traces(),
+            mu=np.full(len(weights), self.friction), W=weights, root=self._root, load=load,
         )  # fmt: skip
 
     def force(self, z: FloatArray) -> float:
@@ -257,20 +256,6 @@ class QuarterPlate:
         in_x, in_y, factor = _COMPONENTS[component]
         top = self._along_y.matrix(np.ones(1), in_y)[[-1]]
         return sparse.csr_array(factor * sparse.kron(top, self._along_x.matrix(t, in_x)) @ self._basis)
-
-    def _traces(self) -> TractionFactor:
-        """Tractions at the Gauss points from σ_N at the outer two of every edge, and σ_T at its ends and middle."""
-        n, t = len(self._along_x.sizes), GAUSS_POINTS
-        normal = self._contact(t[[0, -1]], 1)
-        shear = sparse.vstack([self._contact(np.array([0.0, 0.5]), 2), self._contact(np.ones(1), 2)[[-1]]])
-        line = np.stack([t[-1] - t, t - t[0]], axis=1) / (t[-1] - t[0])
-        bow = np.stack([(1.0 - t) * (1.0 - 2.0 * t), 4.0 * t * (1.0 - t), t * (2.0 * t - 1.0)], axis=1)
-        ends = (2 * np.arange(n)[:, None] + np.arange(3)).ravel()  # an end belongs to both of its edges
-        shared = sparse.csr_array((np.ones(3 * n), (np.arange(3 * n), ends)))
-        parts = [sparse.kron(sparse.eye_array(n), line), sparse.kron(sparse.eye_array(n), bow) @ shared]
-        return TractionFactor(
-            sparse.csc_array(sparse.vstack([normal, shear])), sparse.csc_array(sparse.block_diag(parts))
-        )
 
 
 @dataclass(frozen=True, eq=False)

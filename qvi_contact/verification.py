@@ -19,19 +19,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 
-from qvi_contact.basics.checks import FloatArray, fraction
+from qvi_contact.basics.checks import FloatArray, fraction, instance_of
 from qvi_contact.discretization.discretization import Discretization, discretize
-from qvi_contact.element import legendre
-from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.discretization.loads import traction_data
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import OWN, STORE, Archive, answer_arrays, json_ready, result_from_archive
 from qvi_contact.files.export import field_arrays
-from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Traction, is_frictionless
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.stress import prescribed_and_computed
 from solvers import Certificate, FrictionQVI, Status, certify
 from solvers.certificate.certificate import EXPONENTS
 from solvers.certificate.feasibility import is_farkas
@@ -137,31 +134,17 @@ def _largest(values: Iterable[float | FloatArray]) -> float:
 
 
 def missed_tractions(result: ContactResult) -> float:
-    """Largest |∫ (σn − T) ds| over a prescribed component of the traction, relative to stress × length of its edges.
+    """Σ |∫ (σn − T) ds| over edges and prescribed components, moments too, over stress × length of the shortest line.
 
-    Where normal and tangential component are prescribed on the same arcs, they are the components of the force: what
-    turns along an arc is no force by itself. Resultants of prescribed tractions are met whatever the mesh; their
-    distribution is what `traction_misfit` compares.
+    Resultants of prescribed tractions are met whatever the mesh; their distribution is what `traction_misfit` compares.
     """
-    known = result.discretization
-    unit = result.certificate.scales.get("stress", 1.0)
-    given = result.problem.prescribed(Traction)
-    parts = list(zip(given, prescribed_and_computed(known, result.dofs), strict=True))
-    ends = [(part.turns and part.edges.curved, tuple(part.edges.first)) for part, _ in parts]
-    missed, forces, sizes = list[float](), dict[tuple[int, ...], FloatArray](), dict[tuple[int, ...], float]()
-    for (part, (wanted, computed)), (turns, edges) in zip(parts, ends, strict=True):
-        length = part.edges.length
-        size = max(unit, float(np.abs(wanted.values).max())) * float(length.sum())
-        if not (turns and ends.count((turns, edges)) > 1):
-            missed.append(abs(float(length @ (computed[:, 0] - wanted.coefficients(0)[:, 0]))) / size)
-            continue
-        t, weights = gauss_legendre(computed.shape[1])
-        values = weights * (computed @ legendre.basis(computed.shape[1] - 1, t).T)
-        along = np.einsum("kq,kqd->kd", values, vectors_along(part.edges, part.direction, t))
-        due = wanted.integrals(vectors_along(part.edges.take(wanted.edge), part.direction[wanted.edge], wanted.t))
-        forces[edges] = forces.get(edges, np.zeros(2)) + length @ (along - due)
-        sizes[edges] = max(size, sizes.get(edges, 0.0))
-    return _largest([*missed, *(np.abs(force) / sizes[edges] for edges, force in forces.items())])
+    known, parts = result.discretization, result.problem.prescribed(Traction)
+    if not parts:
+        return 0.0
+    given = [traction_data(result.problem, known.scales, part, known.supports.points) for part in parts]
+    size = max([result.certificate.scales.get("stress", 1.0), *(float(np.abs(each.values).max()) for each in given)])
+    length = min(float(part.edges.length.sum()) for part in parts) / known.scales.length
+    return known.supports.missed(result.dofs, given) / (size * length)
 
 
 DOCUMENT_VERSION: Final = 1
@@ -267,8 +250,7 @@ def verify_result(result: ContactResult, tolerance: float | None = None) -> Veri
     """
     if isinstance(result, History):
         raise InputError("result", "a History", "give its steps one by one: [verify_result(step) for step in ….steps]")
-    if not isinstance(result, ContactResult):
-        raise InputError("result", result, "give a ContactResult, such as solve returns")
+    instance_of(ContactResult, "result", result, "give a ContactResult, such as solve returns")
     known = result.discretization
     with np.errstate(all="ignore"):  # what is absurd fails by its numbers
         fresh = discretize(known.problem, degree=known.space.degree, law_on=known.rule.law_on, scales=known.scales)

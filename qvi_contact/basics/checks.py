@@ -10,6 +10,7 @@ from qvi_contact.errors import InputError
 from solvers.basics.checks import (
     finite_number,
     fraction,
+    function_or_none,
     mapping,
     one_of,
     positive_number,
@@ -20,7 +21,8 @@ from solvers.basics.checks import (
 
 __all__ = [
     "BoolArray", "Field", "FloatArray", "IntArray", "acts", "check_field", "evaluate", "finite_number", "fraction",
-    "mapping", "one_of", "positive_number", "real_array", "true_or_false", "whole_number",
+    "function_or_none", "instance_of", "mapping", "one_of", "positive_number", "real_array", "true_or_false",
+    "whole_number",
 ]  # fmt: skip
 
 FloatArray: TypeAlias = NDArray[np.float64]
@@ -29,6 +31,12 @@ BoolArray: TypeAlias = NDArray[np.bool_]
 
 #: A number, or a function of the coordinate arrays ``(x, y)`` that returns an array of the same shape.
 Field: TypeAlias = float | Callable[[FloatArray, FloatArray], ArrayLike]
+
+
+def instance_of(kind: type, name: str, value: object, remedy: str = "") -> None:
+    """`InputError`, with a remedy of its own, unless the value is one of a class."""
+    if not isinstance(value, kind):
+        raise InputError(name, value, remedy or f"give a {kind.__name__}")
 
 
 def acts(field: Field) -> bool:

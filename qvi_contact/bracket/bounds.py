@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field, FloatArray, evaluate, finite_number
+from qvi_contact.basics.checks import Field, FloatArray, evaluate, finite_number, instance_of
 from qvi_contact.basics.schema import keys_of
 from qvi_contact.bracket.coulomb import TOO_NEAR, CoulombBounds, coulomb_bounds
 from qvi_contact.bracket.outcome import Bracket, BracketKind
@@ -29,7 +29,7 @@ from qvi_contact.bracket.parts import (
     coefficients,
     edge_parts,
 )
-from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_contacts, with_numbers, with_shares
+from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_numbers, with_shares
 from qvi_contact.companion import CompanionResult, solve_companion, solve_companions
 from qvi_contact.companion.model import checked
 from qvi_contact.discretization.discretization import Discretization
@@ -39,7 +39,7 @@ from qvi_contact.element import bernstein
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, Displacement, Traction, components, has_coulomb
 from qvi_contact.problem.material import is_strained, varies
-from qvi_contact.problem.problem import by_cell
+from qvi_contact.problem.problem import by_cell, with_contacts
 from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import allowed_misfit, rest_on_arcs
@@ -100,7 +100,8 @@ def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str,
         changed[contact.name] = replace(contact, offset=EarlierSlip(contact.offset, start, along, slip))
     if not changed:
         return result, ()
-    step = known.with_data(with_contacts(result.problem, changed), known.scales)
+    problem = with_contacts(result.problem, lambda each: changed.get(each.name, each))
+    step = known.with_data(problem, known.scales)
     names = ", ".join(map(repr, changed))
     reason = f"The slip of {names} in the steps before is taken as computed: bounds are those of this step alone."
     return ContactResult(step, result.solution), (reason,)
@@ -275,8 +276,7 @@ def bracket(
     at which data given as functions are looked at (`data_reasons`).
 
     """
-    if not isinstance(result, ContactResult):
-        raise InputError("result", result, "give a ContactResult")
+    instance_of(ContactResult, "result", result)
     if not 0.0 < finite_number("tolerance", tolerance) <= LOOSEST:
         raise InputError("tolerance", tolerance, f"give a number above 0, at most {LOOSEST:g}")
     beside = min(result.discretization.space.degree, HIGHEST)  # one less has the same order, but half of the gap

@@ -31,7 +31,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.mechanism.bodies import blocks_of_cells
 from qvi_contact.mesh.edges import Edges, cross, frames_along
 from qvi_contact.problem.conditions import Contact, Displacement, bears_shear, has_coulomb
-from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.problem.problem import ContactProblem, with_contacts
 from qvi_contact.solution.result import ContactResult
 from solvers import solve_qvi
 
@@ -182,12 +182,6 @@ class SharedStress:
         return {name: share.slipping for name, share in self.shares.items()}
 
 
-def with_contacts(problem: ContactProblem, changed: Mapping[str, Contact]) -> ContactProblem:
-    """The problem with other contacts of these names."""
-    conditions = [changed.get(each.name, each) if isinstance(each, Contact) else each for each in problem.conditions]
-    return replace(problem, conditions=conditions)
-
-
 def with_numbers(result: ContactResult) -> ContactResult:
     """The result with friction and cohesion as numbers where functions have one value on all of a contact."""
     problem, changed = result.problem, dict[str, Contact]()
@@ -202,7 +196,8 @@ def with_numbers(result: ContactResult) -> ContactResult:
                     changed[contact.name] = replace(changed.get(contact.name, contact), **number)
     if not changed:
         return result
-    return ContactResult(replace(result.discretization, problem=with_contacts(problem, changed)), result.solution)
+    constant = with_contacts(problem, lambda each: changed.get(each.name, each))
+    return ContactResult(replace(result.discretization, problem=constant), result.solution)
 
 
 def outside_scope(problem: ContactProblem) -> str:

@@ -13,7 +13,7 @@ from typing import Any, Final, get_args
 import numpy as np
 from scipy import sparse
 
-from qvi_contact.basics.checks import FloatArray, acts, whole_number
+from qvi_contact.basics.checks import FloatArray, acts, instance_of, whole_number
 from qvi_contact.discretization.displacements import DisplacementSpace, supports, triangle
 from qvi_contact.discretization.energy import BodyStiffness, Root, Springs
 from qvi_contact.discretization.loads import (
@@ -136,8 +136,7 @@ class Discretization(PicklesFields):
         Where it differs in loads and in data of contacts only, it has the same matrices, and the same factorisation.
         `InputError` if its mesh is another, but for the names of edge sets.
         """
-        if not isinstance(problem, ContactProblem):
-            raise InputError("problem", problem, "give a ContactProblem")
+        instance_of(ContactProblem, "problem", problem)
         if problem.mesh is not self.problem.mesh and not problem.mesh.same_as(self.problem.mesh):
             remedy = "it is on another mesh than the problem discretised before: give both the same mesh"
             raise InputError("ContactProblem.mesh", type(problem.mesh).__name__, remedy)
@@ -198,8 +197,7 @@ def discretize(
     """
     if retired:
         refuse_arguments(retired, ("degree", "law_on", "scales"))
-    if not isinstance(problem, ContactProblem):
-        raise InputError("problem", problem, "give a ContactProblem")
+    instance_of(ContactProblem, "problem", problem)
     if scales is not None and not isinstance(scales, Scales):
         raise InputError("scales", scales, "give Scales, or leave them out")
     if law_on is not None and (not isinstance(law_on, str) or law_on not in get_args(LawOn)):

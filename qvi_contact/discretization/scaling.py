@@ -18,7 +18,7 @@ _AT_REST = 1e-6  # strain that is the unit of a body without any load
 REACH = 100.0
 """Units of displacement that a body is at first taken to move at most, see `Scales`."""
 
-_SAMPLES = 8  # points between the ends of an edge where data are looked at
+_PLACES: FloatArray = np.concatenate([[0.0], gauss_legendre(8)[0], [1.0]])  # of an edge where data are looked at
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,8 @@ class Scales:
         """
         length = problem.mesh.length
         compliance = max(float(material.compliance[:2, :2].diagonal().max()) for material in problem.materials)
-        tractions = problem.prescribed(Traction)
-        sizes = [0.0, *(_largest(problem, given.edges, given.name, given.value) for given in tractions)]
+        tractions = (_sampled(problem, each.edges, each.name, each.value) for each in problem.prescribed(Traction))
+        sizes = [0.0, *(float(np.abs(values).max()) for values in tractions)]
         if callable(problem.body_potential):
             values = evaluate("ContactProblem.body_potential", problem.body_potential, *problem.mesh.vertices.T)
             sizes.append(float(np.ptp(values)))
@@ -84,26 +84,14 @@ class Scales:
 def _sampled(
     problem: ContactProblem, edges: Edges, name: str, value: Field, minimum: float | None = None
 ) -> FloatArray:
-    """Values of a field at these points (n, q); where it is a number, that alone (n, 1)."""
-    if not callable(value):
-        return np.full((len(edges), 1), float(value))
-    return evaluate(name, value, *_samples(problem, edges), minimum=minimum)
-
-
-def _samples(problem: ContactProblem, edges: Edges) -> tuple[FloatArray, FloatArray]:
-    """Coordinates x, y of the ends of edges and of Gauss points between them, shape (edges, points) each."""
-    return problem.mesh.points_along(edges, np.concatenate([[0.0], gauss_legendre(_SAMPLES)[0], [1.0]]))
-
-
-def _largest(problem: ContactProblem, edges: Edges, name: str, value: Field, minimum: float | None = None) -> float:
-    """The largest size of a field there."""
-    return float(np.abs(_sampled(problem, edges, name, value, minimum)).max()) if callable(value) else abs(float(value))
+    """Values of a field at the ends of edges and at Gauss points between them (n, q)."""
+    return evaluate(name, value, *problem.mesh.points_along(edges, _PLACES), minimum=minimum)
 
 
 def _in_contacts(problem: ContactProblem, name: str) -> list[float]:
     """The largest cohesion or pore pressure of each contact [stress]."""
     parts = [(problem.mesh.edges(contact.edges), getattr(contact, name)) for contact in problem.contacts]
-    return [_largest(problem, edges, f"Contact.{name}", field, 0.0) for edges, field in parts]
+    return [float(np.abs(_sampled(problem, edges, f"Contact.{name}", field, 0.0)).max()) for edges, field in parts]
 
 
 def _plate_stresses(problem: ContactProblem) -> list[float]:
@@ -165,6 +153,6 @@ def _bounds(problem: ContactProblem) -> Iterator[tuple[FloatArray, FloatArray, b
                 chosen = edges.take(fixed)
                 values = _sampled(problem, chosen, f"Contact.{name}", getattr(contact, name))
                 if contact.plate is not None:
-                    moved = np.moveaxis(contact.plate.displacement(*_samples(problem, chosen)), 0, -1)
+                    moved = np.moveaxis(contact.plate.displacement(*problem.mesh.points_along(chosen, _PLACES)), 0, -1)
                     values = values + (moved * direction[fixed][:, None]).sum(axis=2)
                 yield direction[fixed], values, name == "offset" or contact.law != "unilateral"

@@ -112,6 +112,11 @@ class Supports(PicklesFields):
         imbalance = float(np.abs(misfit).max(initial=0.0))
         return u, imbalance if imbalance > _BALANCED * largest else 0.0
 
+    def missed(self, u: FloatArray, given: Sequence[EdgeQuadrature]) -> float:
+        """Sum of the forces, and moments over the length, of such data that degrees of freedom u (N,) miss by edges."""
+        d, is_load = self._conditions.data(given)
+        return float(np.abs(self._conditions.C.apply(u)[:, 0] - d)[is_load].sum())
+
     @cached_property
     def _conditions(self) -> _Conditions:
         """Whole traction vectors on edges where two components are given, else one component.

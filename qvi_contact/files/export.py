@@ -15,20 +15,18 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from qvi_contact.basics.checks import FloatArray, IntArray, whole_number
+from qvi_contact.basics.checks import FloatArray, IntArray, instance_of, whole_number
 from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import check_suffix, replacing, write_text
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.discretization.loads import physical
 from qvi_contact.discretization.space import FAMILY
 from qvi_contact.element.triangle import bernstein, triangle_lattice
 from qvi_contact.errors import InputError
 from qvi_contact.files.archive import json_ready, solution_arrays, write_archive
 from qvi_contact.mesh.edges import cross
-from qvi_contact.problem.material import stress_along_z
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine
 from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, Energies, contact_numbers
-from qvi_contact.solution.stress import principal_stresses, stress_in_cells, von_mises
+from qvi_contact.solution.stress import principal_stresses, sample_body, von_mises
 from solvers.basics.types import load
 
 if TYPE_CHECKING:
@@ -161,8 +159,7 @@ def _state(result: ContactResult, units: Units) -> dict[str, Any]:
 
 def _check_given(result: object, units: object) -> None:
     """Refuse what is no result, such as a whole history, and what are no units."""
-    if not isinstance(result, ContactResult):
-        raise InputError("result", result, "give a ContactResult, such as solve returns, or one of the steps")
+    instance_of(ContactResult, "result", result, "give a ContactResult, such as solve returns, or one of the steps")
     Units.labels(units, {})
 
 
@@ -182,7 +179,6 @@ def _quantities(found: object, units: Mapping[str, str]) -> dict[str, Any]:
 
 
 _Data: TypeAlias = dict[str, tuple[NDArray[Any], str]]  # fields by name, with the quantity whose unit they have
-_CHUNK: Final = 4096  # cells at a time: their tables stay small
 _SINGLE_VALUED: Final = 1e-9  # jump of the dimensionless Airy function that is rounding
 _DIVIDED: Final = 3  # parts along each side of a part of a triangle, in files of limit loads
 _MOST_SUBDIVISIONS: Final = 100  # of a part of a cell: ten thousand triangles
@@ -215,26 +211,20 @@ def write_vtu(
     _check_vtu(path)
     _check_given(result, units)
     known, problem = result.discretization, result.problem
-    t, corners = known.space.lattice(whole_number("subdivisions", subdivisions, _MOST_SUBDIVISIONS))
-    count, coefficients = problem.mesh.cell_count, known.coefficients(result.dofs)
-    chunks = [np.arange(start, min(start + _CHUNK, count)) for start in range(0, count, _CHUNK)]
-    places = np.concatenate([known.space.points(cells, t) for cells in chunks]).reshape(-1, 2)
-    stress = np.concatenate([stress_in_cells(known, coefficients, cells, t)[1] for cells in chunks]).reshape(-1, 3)
-    stress *= known.scales.stress
-    x, y = physical(problem, known.scales, places)
-    xx, yy, xy = stress.T
-    zz, zero = stress_along_z(problem, np.repeat(np.arange(count), len(t)), x, y, stress), np.zeros(len(stress))
-    first, second, _ = principal_stresses(stress)
+    samples = sample_body(result, divisions=whole_number("subdivisions", subdivisions, _MOST_SUBDIVISIONS))
+    (xx, yy, xy), zero = samples.stress.T, np.zeros(len(samples.points))
+    first, second, _ = principal_stresses(samples.stress)
     point_data: _Data = {
-        "stress": (np.column_stack([xx, yy, zz, xy, zero, zero]), "stress"),
-        "von Mises": (von_mises(stress, zz), "stress"),
+        "stress": (np.column_stack([xx, yy, samples.along_z, xy, zero, zero]), "stress"),
+        "von Mises": (von_mises(samples.stress, samples.along_z), "stress"),
         "principal 1": (first, "stress"),
         "principal 2": (second, "stress"),
     }
     if np.abs(known.space.jumps(result.dofs)).max(initial=0.0) <= _SINGLE_VALUED:
-        airy = np.concatenate([known.space.airy(coefficients, cells, t) for cells in chunks])
+        t, cells = known.space.lattice(subdivisions)[0], np.arange(problem.mesh.cell_count)
+        airy = known.space.airy(known.coefficients(result.dofs), cells, t)
         point_data["Airy function"] = airy.ravel() * known.scales.airy, "airy"
-    number = np.repeat(np.arange(count), len(corners))
+    number = samples.cells[samples.triangles[:, 0]]
     cell_data: _Data = {"material": (problem.cell_materials[number], ""), "cell": (number, "")}
     if bracket is not None:
         mesh, companion = bracket.problem.mesh, bracket.companion
@@ -242,10 +232,10 @@ def write_vtu(
             raise InputError("bracket", repr(mesh), "belongs to another mesh: give the one of this result")
         if not companion.has_state:
             raise InputError("bracket", bracket.message, "there is no displacement in it to write")
-        point_data["displacement"] = companion.displacement_in(slice(None), t[:, -2:]).reshape(-1, 2), "displacement"
+        moved = companion.displacement_in(samples.cells, samples.reference[:, None, -2:])[:, 0]
+        point_data["displacement"] = moved, "displacement"
         cell_data["energy gap"] = bracket.cell_gaps[number], "energy"
-    cells = (len(t) * np.arange(count)[:, None, None] + corners).reshape(-1, corners.shape[1])
-    _write_grid(path, np.column_stack([x, y]), cells, point_data, cell_data, units)
+    _write_grid(path, samples.points, samples.triangles, point_data, cell_data, units)
 
 
 def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | None = None) -> None:

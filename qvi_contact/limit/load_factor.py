@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field, FloatArray, positive_number
+from qvi_contact.basics.checks import FloatArray, instance_of, positive_number
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
@@ -20,9 +20,9 @@ from qvi_contact.limit.stresses import CERTIFIED, WIDER, Carried, StressProgram
 from qvi_contact.mechanism import Mechanism, upper_bound
 from qvi_contact.mechanism.bodies import BODY, FLUID
 from qvi_contact.problem.conditions import DRIVES, SHEAR_LAW, Condition, Contact, Traction, components
-from qvi_contact.problem.fields import BodyForces
+from qvi_contact.problem.fields import BodyForces, times
 from qvi_contact.problem.material import Material, MohrCoulomb
-from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.problem.problem import ContactProblem, with_contacts
 from qvi_contact.version import __version__
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import frame
@@ -268,8 +268,7 @@ def loads_of(problem: ContactProblem) -> list[str]:
 
 def checked_loads(problem: ContactProblem, loads: Sequence[str], field: str = "loads") -> tuple[str, ...]:
     """The names of loads that can be multiplied; `InputError` lists those there are."""
-    if not isinstance(problem, ContactProblem):
-        raise InputError("problem", problem, "give a ContactProblem")
+    instance_of(ContactProblem, "problem", problem)
     known = loads_of(problem)
     if isinstance(loads, str) or not isinstance(loads, Sequence) or not loads:
         raise InputError(field, loads, f"give a list of names out of {', '.join(known)}")
@@ -302,14 +301,6 @@ def _with_times(owner: Any, names: Iterable[str], factor: float) -> Any:
     """A condition or a strength with those of these fields that are given times the factor."""
     given = {name: getattr(owner, name) for name in names}
     return replace(owner, **{name: times(value, factor) for name, value in given.items() if value is not None})
-
-
-def times(field: Field, factor: float) -> Field:
-    """The field times the factor."""
-    if not callable(field):
-        return factor * field
-    function: Callable[[FloatArray, FloatArray], object] = field
-    return lambda x, y: factor * np.asarray(function(x, y), dtype=float)
 
 
 @dataclass(frozen=True)
@@ -358,8 +349,7 @@ def strength_reduction_factor(
 
     """
     refuse_arguments(retired, ("of", "accuracy", *OPTIONS))
-    if not isinstance(problem, ContactProblem):
-        raise InputError("problem", problem, "give a ContactProblem")
+    instance_of(ContactProblem, "problem", problem)
     if not positive_number("accuracy", accuracy) < 1.0:
         raise InputError("accuracy", accuracy, "give a relative width below 1, such as 1e-3")
     weak = [contact.name for contact in problem.contacts if contact.law != "tied"]
@@ -432,9 +422,8 @@ def _reduced(problem: ContactProblem, chosen: frozenset[str], factor: float) -> 
         replace(region, material=weakened(region.material)) if (region.name or BODY) in chosen else region
         for region in problem.regions
     ]
-    conditions = [
-        _with_times(each, SHEAR_LAW, 1.0 / factor) if isinstance(each, Contact) and each.name in chosen else each
-        for each in problem.conditions
-    ]
     material = weakened(problem.material) if BODY in chosen else problem.material
-    return replace(problem, material=material, regions=regions, conditions=conditions)
+    weaker = replace(problem, material=material, regions=regions)
+    return with_contacts(
+        weaker, lambda each: _with_times(each, SHEAR_LAW, 1.0 / factor) if each.name in chosen else each
+    )

@@ -116,30 +116,6 @@ class Bodies:
         return self.of_cells[first], np.where(second < 0, obstacle, self.of_cells[second])
 
 
-def enclosed_beyond(problem: ContactProblem, edges: Edges) -> BoolArray:
-    """On which edges (n,) of a joint the block that the joint goes around is the one beyond, as on half of a circle.
-
-    Blocks are those that the joint cuts off, tied or not, or else those of all joints. It goes around the smaller one,
-    of two alike the lower or left one; joints that have one block below or to the left of them everywhere around none.
-    """
-    mesh, joints = problem.mesh, [problem.mesh.edges(joint.edges).number for joint in problem.joints]
-    for cut in (edges.number, np.concatenate([edges.number, *joints])):
-        first, second = mesh.interior.cells[~np.isin(mesh.interior.number, cut)].T
-        bodies = Bodies.of(problem, linked(first, second, mesh.cell_count))
-        first, second = bodies.of_cells[edges.cells].T
-        if (first != second).any():
-            break
-    found = np.zeros(len(edges), dtype=bool)
-    left, lower = (bodies.centre - mesh.origin).T
-    places = np.round(np.column_stack([bodies.size, lower, left]) / mesh.length, _DIGITS).tolist()
-    for pair in np.unique(np.sort(np.stack([first, second], axis=1), axis=1), axis=0).tolist():
-        inner, outer = sorted(pair, key=places.__getitem__)
-        beyond = (first == outer) & (second == inner)
-        if inner != outer and ((first == inner) & (second == outer)).any():
-            found |= beyond
-    return found
-
-
 def blocks_of_cells(problem: ContactProblem) -> IntArray:
     """The block (cells,) of each cell: cells hang together across all edges but those of joints that are not tied."""
     first, second = whole_edges(problem).cells.T

@@ -23,10 +23,9 @@ from scipy.sparse.linalg import splu
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
 from qvi_contact.basics.units import Units
 from qvi_contact.companion import Elasticity
-from qvi_contact.discretization.displacements import DisplacementSpace, barycentric, triangle
+from qvi_contact.discretization.displacements import DisplacementSpace, triangle
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.mechanism.bodies import enclosed_beyond
 from qvi_contact.mesh.edges import Edges, cross, vectors_along
 from qvi_contact.plots import style
 from qvi_contact.plots.problem import SPRING, between, draw_symbols, ground, spaced, springs
@@ -34,6 +33,7 @@ from qvi_contact.plots.style import Written, alignment, beside, write
 from qvi_contact.plots.tractions import pieces_along
 from qvi_contact.problem.conditions import SPRINGS, Displacement
 from qvi_contact.problem.material import stress_along_z, stress_at_rest
+from qvi_contact.solution.contact_line import enclosed_beyond
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import sample_body, stress_component, stress_in_cells
 
@@ -85,11 +85,7 @@ class Shape:
         t, weights = body.points()
         cells = np.arange(len(space.table))
         places = problem.mesh.origin + scales.length * space.points(slice(None), t)
-        at = np.broadcast_to(barycentric(t), (len(cells), len(t), 3)).copy()
-        bent = space.curved.numbers
-        if len(bent):
-            at[bent] = problem.mesh.reference(bent, places[bent])
-        coefficients = result.discretization.coefficients(result.dofs)
+        at, coefficients = problem.mesh.reference(cells, places), result.discretization.coefficients(result.dofs)
         stress = stress_in_cells(result.discretization, coefficients, cells, at)[1] * scales.stress
         stress = stress - stress_at_rest(problem, cells, places[..., 0], places[..., 1])
         strain = stress @ problem.compliances.swapaxes(1, 2)
@@ -296,9 +292,7 @@ def draw_body(
     scales = Scales.of([result], component) if scales is None else scales
     factor, length, t = scales.factor, mesh.length, np.linspace(0.0, 1.0, style.CHORDS + 1)
     samples = sample_body(result, _SAMPLES)
-    x, y = samples.points.T
-    zz = stress_along_z(result.problem, samples.cells, x, y, samples.stress)
-    values = stress_component(samples.stress, component, zz)
+    values = stress_component(samples.stress, component, samples.along_z)
     size = float(np.abs(samples.stress).max())
     values = values * (size > result.rounding.stress)
     places = samples.points + factor * shape.at(samples.cells, samples.reference[:, -2:])
@@ -397,24 +391,21 @@ def _carried(result: ContactResult, name: str, shape: Shape, factor: float) -> l
     normals, tangents = points.normals.copy(), points.tangents.copy()
     pieces = pieces_along(line, coordinates=False)[0]
     if rows.joint:  # around a block: what acts on that one
-        turned = np.repeat(enclosed_beyond(result.problem, edges), points.count)
+        turned = np.repeat(enclosed_beyond(result.problem.mesh.vertices, edges), points.count)
         normals[turned], tangents[turned], blocks[turned] = -normals[turned], -tangents[turned], blocks[turned, ::-1]
         beyond = shape.along(edges, points.reference, other=True).reshape(-1, 2)
         face[turned] = (place + factor * beyond)[turned]
+    stresses = {"pressure": -line.normal_stress, "shear": line.tangential_stress, "fluid": line.pore_pressure}
+    vectors = {"place": face, "obstacle": obstacle, "normal": normals, "tangent": tangents}
     return [
         Carried(
             name=name,
             joint=rows.joint,
             s=piece.with_ends,
-            place=piece.extended(face),
-            obstacle=piece.extended(obstacle),
-            normal=piece.extended(normals),
-            tangent=piece.extended(tangents),
-            pressure=piece.closed(line, -line.normal_stress),
-            shear=piece.closed(line, line.tangential_stress),
-            fluid=piece.closed(line, line.pore_pressure),
-            weights=np.concatenate([[0.0], line.weights[piece.points], [0.0]]),
-            blocks=blocks[piece.points[[0, *range(len(piece.points)), -1]]],
+            weights=np.pad(line.weights[piece.points], 1),
+            blocks=np.pad(blocks[piece.points], ((1, 1), (0, 0)), mode="edge"),
+            **{kind: piece.extended(values) for kind, values in vectors.items()},
+            **{kind: piece.closed(line, values) for kind, values in stresses.items()},
         )
         for piece in pieces
     ]

@@ -22,7 +22,6 @@ from qvi_contact.plots.style import Written, beside, lines, spread
 from qvi_contact.plots.tractions import contact_tractions
 from qvi_contact.problem.conditions import CARTESIAN, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.contact_line import ContactLine
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from solvers import Status
@@ -132,7 +131,7 @@ def _answer(result: ContactResult, units: Units) -> str:
     lines = sorted(result.contacts.values(), key=lambda line: (line.name in joints, -abs(line.normal_force)))
     said, verbs = [], {"open": "open", "stick": "sticks", "slip": "slips", "closed": "closed"}
     for line in lines[:_SAID]:
-        normal, tangential = beside(_forces(line))
+        normal, tangential = beside(line.forces)
         effective = f" (effective {beside([line.effective_normal_force])[0]})" if line.has_fluid else ""
         along = "" if line.frictionless else f", T = {tangential}"
         words = [f"N = {normal}{effective}{along} {units.force}"]
@@ -144,13 +143,6 @@ def _answer(result: ContactResult, units: Units) -> str:
         said.append(f"{line.name}: {', '.join(words)}")
     status = "" if result.status is Status.SOLVED else f"Not solved ({result.status.words}). "
     return status + "; ".join(said) + ("." if said else "")
-
-
-def _forces(line: ContactLine) -> tuple[float, float]:
-    """Normal and tangential force of a contact, rounding as 0."""
-    normal, tangential = line.normal_force, line.tangential_force
-    least = line.rounding.force
-    return normal * (abs(normal) > least), tangential * (abs(tangential) > least)
 
 
 def _body_force(problem: ContactProblem) -> str:
@@ -265,7 +257,7 @@ def draw_mechanism(axes: "Axes", mesh: TriangleMesh, motion: Mechanism | Collaps
     one, other = ends(mesh.interior, 0), ends(mesh.interior, 1)
     apart = np.abs(one - other).max(axis=(1, 2)) > _APART * mesh.length
     moved = np.concatenate([ends(mesh.boundary, 0), one[apart], other[apart]])
-    rest = np.concatenate([style.chords(mesh, each) for each in (mesh.boundary, mesh.interior.take(apart))])
+    rest = mesh.vertices[mesh.topology.ends[np.append(mesh.topology.outer, mesh.topology.inner[apart])]]
     axes.add_collection(lines(rest, style.GREY, (0, (4, 3)), 0.7))
     axes.add_collection(lines(moved, style.BLUE, "solid", 1.0, "mechanism"))
     return np.concatenate([rest.reshape(-1, 2), moved.reshape(-1, 2)])
@@ -299,7 +291,7 @@ def history_figure(
         if each.has_state:
             last = number, each
             for name, line in each.contacts.items():
-                forces.setdefault(name, []).append(_forces(line))
+                forces.setdefault(name, []).append(line.forces)
     loops = {} if last is None else _loops(history, last[1].problem)
     if last is None or not (forces or loops):
         raise InputError("history", history, "there is no contact whose loop or forces could be drawn")

@@ -9,7 +9,7 @@ import numpy as np
 from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.basics.schema import defaults_of, keys_of
 from qvi_contact.basics.units import Units
-from qvi_contact.mesh.edges import Edges, angles, arc_offsets, chains, frames_along
+from qvi_contact.mesh.edges import Edges, chains, frames_along, points_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots import style
 from qvi_contact.problem.conditions import (
@@ -86,17 +86,17 @@ def spaced(s: FloatArray, distance: float, least: int = 1) -> FloatArray:
 class Run:
     """Adjoining edges without a corner between them: a straight side, or an arc as short pieces.
 
-    The line has the ends of the edges (n + 1, 2) in the direction of their tangents [length]; normals (n, 2) point
-    outwards. Edges turn by the angles (n,) [rad], 0 where they are straight, and are drawn as arcs of circles.
+    The edges lead on in the direction of their tangents. The line has their ends (n + 1, 2) [length], those of their
+    chords where some are arcs; it lies at the lengths (n + 1,) along the run.
     """
 
-    def __init__(self, line: FloatArray, normals: FloatArray, turns: FloatArray) -> None:
-        self.line, self.normals, self._turns = line, normals, turns
-        self._steps = np.diff(line, axis=0)
-        self._lengths = np.hypot(*self._steps.T)
-        self._tangents = self._steps / self._lengths[:, None]
-        self._along = np.concatenate([[0.0], np.cumsum(self._lengths)])
-        self.length = float(self._along[-1])
+    def __init__(self, mesh: TriangleMesh, edges: Edges) -> None:
+        points = style.edge_lines(mesh, edges)
+        self.line = np.concatenate([points[:, :-1].reshape(-1, 2), points[-1, -1:]])
+        self._mesh, self._edges, self._starts = mesh, edges, np.cumsum(edges.length) - edges.length
+        self.length, count = float(edges.length.sum()), points.shape[1] - 1
+        within = edges.length[:, None] * np.arange(count) / count
+        self._along = np.append(self._starts[:, None] + within, self.length)
 
     def at(self, share: float) -> Places:
         """The place at a share of the length, 0 to 1."""
@@ -108,18 +108,20 @@ class Run:
 
     def ends_and_points(self, distance: float) -> Places:
         """Points about `distance` apart from end to end, at least both ends and those where the run turns."""
-        turns = (self._tangents[1:] * self._tangents[:-1]).sum(axis=1) < 1.0 - _STRAIGHT
+        steps = np.diff(self.line, axis=0)
+        steps /= np.hypot(*steps.T)[:, None]
+        turns = (steps[1:] * steps[:-1]).sum(axis=1) < 1.0 - _STRAIGHT
         even = np.linspace(0.0, self.length, max(1, round(self.length / distance)) + 1)
         return self._places(np.sort(np.concatenate([even, self._along[1:-1][turns]])))
 
     def _places(self, s: FloatArray) -> Places:
-        last = len(self._lengths) - 1
-        before, after = (np.clip(np.searchsorted(self._along, s, side) - 1, 0, last) for side in ("left", "right"))
-        shares = (s - self._along[after]) / self._lengths[after]
-        bends = np.column_stack([np.zeros(len(s)), self._turns[after] / 2.0])
-        points = self.line[after] + arc_offsets(self._steps[after], bends, shares[:, None])[:, 0]
-        middle = (values[before] + values[after] for values in (self.normals, self._tangents))
-        return Places(points, *(vectors / np.hypot(*vectors.T)[:, None] for vectors in middle))
+        frames = np.zeros((2, len(s), 2))
+        for side in ("left", "right"):
+            number = np.maximum(np.searchsorted(self._starts, s, side) - 1, 0)
+            edges, t = self._edges.take(number), ((s - self._starts[number]) / self._edges.length[number])[:, None]
+            frames += np.stack(frames_along(edges, t))[:, :, 0]
+        points = points_along(self._mesh.vertices, edges, t)[:, 0]
+        return Places(points, *(vectors / np.hypot(*vectors.T)[:, None] for vectors in frames))
 
 
 def runs(mesh: TriangleMesh, edges: Edges) -> list[Run]:
@@ -142,15 +144,7 @@ def _runs_of(mesh: TriangleMesh, edges: Edges) -> Iterator[Run]:
     shift = int(np.argmin(joined)) + 1  # a closed line begins behind a corner
     order = np.roll(np.arange(len(edges)), -shift)
     for part in np.split(order, np.flatnonzero(~joined[order])[:-1] + 1):
-        piece = edges.take(part if len(part) == 1 or onward[part[0]] else part[::-1])
-        if piece.curved:  # as shorter ones, whose chords are near enough to be drawn
-            t = np.linspace(0.0, 1.0, style.CHORDS + 1)
-            points = np.stack(mesh.points_along(piece, t), axis=-1)
-            line = np.concatenate([points[:, :-1].reshape(-1, 2), points[-1, -1:]])
-            normals = frames_along(piece, (t[1:] + t[:-1]) / 2.0)[0].reshape(-1, 2)
-            yield Run(line, normals, np.diff(angles(piece.bend, t), axis=1).ravel())
-        else:
-            yield Run(mesh.vertices[np.append(piece.first, piece.second[-1])], piece.normal, np.zeros(len(piece)))
+        yield Run(mesh, edges.take(part if len(part) == 1 or onward[part[0]] else part[::-1]))
 
 
 def ground(axes: "Axes", line: FloatArray, normal: FloatArray, size: float) -> None:

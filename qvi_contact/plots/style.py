@@ -22,7 +22,7 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import check_suffix, replacing
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.edges import Edges, arc_offsets, reversed_bends
+from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from solvers.basics.types import load
 
@@ -77,8 +77,7 @@ def settings() -> Iterator[None]:
 
 
 def new_figure(width: float, height: float) -> "Figure":
-    """An empty figure of this size [inch] that needs no screen."""
-    require_matplotlib()
+    """An empty figure of this size [inch] that needs no screen; it is made inside ``settings()``."""
     from matplotlib.figure import Figure
 
     return Figure((width, height), dpi=_DOTS["files"], layout="constrained")  # texts are measured as they are drawn
@@ -106,29 +105,16 @@ def plain_units(units: Units | None) -> Units:
 
 
 def cell_outlines(mesh: TriangleMesh) -> FloatArray:
-    """Closed outlines of the cells, shape (cells, 4, 2) [length].
-
-    Where cells have arcs every side is drawn as `CHORDS` chords.
-    """
-    corners = mesh.vertices[np.column_stack([mesh.cells, mesh.cells[:, 0]])]
-    if not mesh.sides.any():
-        return np.asarray(corners)
-    t = np.arange(CHORDS) / CHORDS
-    bends = [mesh.sides[:, 2], mesh.sides[:, 0], reversed_bends(mesh.sides[:, 1])]  # from corner 0 to 1, 2, 0
-    sides = [corners[:, [k]] + arc_offsets(corners[:, k + 1] - corners[:, k], bend, t) for k, bend in enumerate(bends)]
-    return np.concatenate([*sides, corners[:, :1]], axis=1)
+    """Outlines of the cells, shape (cells, 3, 2) [length]; where some have arcs every side is `CHORDS` chords."""
+    chords = CHORDS if mesh.curved.any() else 1
+    share = np.arange(chords)[:, None] / chords
+    t = np.concatenate([(1.0 - share) * np.eye(3)[k] + share * np.eye(3)[k - 2] for k in range(3)])
+    return np.asarray(mesh.placed(np.arange(mesh.cell_count), t) @ mesh.corners)
 
 
 def edge_lines(mesh: TriangleMesh, edges: Edges) -> FloatArray:
     """Edges as lines (n, 2, 2) [length]; as `CHORDS` chords each where some are arcs."""
-    if not edges.curved:
-        return chords(mesh, edges)
-    return np.stack(mesh.points_along(edges, np.linspace(0.0, 1.0, CHORDS + 1)), axis=-1)
-
-
-def chords(mesh: TriangleMesh, edges: Edges) -> FloatArray:
-    """Both ends of edges (n, 2, 2) [length]."""
-    return mesh.vertices[np.column_stack([edges.first, edges.second])]
+    return points_along(mesh.vertices, edges, np.linspace(0.0, 1.0, (CHORDS if edges.curved else 1) + 1))
 
 
 def draw_grid(axes: "Axes", mesh: TriangleMesh) -> None:

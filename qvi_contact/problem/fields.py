@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stderr
 from dataclasses import dataclass, field
 from functools import cached_property, reduce
@@ -77,6 +77,22 @@ class Polynomial:
         """Values at (x, y)."""
         table = np.array(list(zip_longest(*self.coefficients, fillvalue=0.0))).T
         return np.asarray(polynomial.polyval2d(x, y, table))
+
+
+def times(field: Field, factor: float) -> Field:
+    """The field times a number."""
+    if not callable(field):
+        return factor * field
+    function: Callable[[FloatArray, FloatArray], object] = field
+    return lambda x, y: factor * np.asarray(function(x, y), dtype=float)
+
+
+def plus(field: Field, number: float) -> Field:
+    """The field and a number."""
+    if not callable(field):
+        return field + number
+    function: Callable[[FloatArray, FloatArray], object] = field
+    return lambda x, y: np.asarray(function(x, y), dtype=float) + number
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeAlias
 
 import numpy as np
 
-from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field
+from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field, instance_of
 from qvi_contact.element.triangle import triangle_lattice
 from qvi_contact.errors import InputError, UnknownNameError, place_of, refuse_retired
 from qvi_contact.mesh.edges import Edges
@@ -28,7 +28,7 @@ from qvi_contact.problem.conditions import (
     Traction,
     components,
 )
-from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polynomial, along_edges
+from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polynomial, along_edges, times
 from qvi_contact.problem.material import Material, Region, cell_materials, is_strained, stress_at_rest, varies
 from solvers.basics.types import PicklesFields
 
@@ -84,10 +84,8 @@ class ContactProblem(PicklesFields):
     regions may have a temperature of their own. See `problem.material`. Limit loads do not depend on it."""
 
     def __post_init__(self) -> None:
-        if not isinstance(self.mesh, TriangleMesh):
-            raise InputError("ContactProblem.mesh", self.mesh, "give a TriangleMesh")
-        if not isinstance(self.material, Material):
-            raise InputError("ContactProblem.material", self.material, "give a Material")
+        instance_of(TriangleMesh, "ContactProblem.mesh", self.mesh)
+        instance_of(Material, "ContactProblem.material", self.material)
         for name in ("body_potential", "temperature"):
             object.__setattr__(self, name, check_field(f"ContactProblem.{name}", getattr(self, name)))
         _check_parts(self)
@@ -181,7 +179,7 @@ class ContactProblem(PicklesFields):
                 for name in components(condition).keys() & set(LOCAL):
                     value, direction = getattr(condition, name), direction_of(name, edges)[0]
                     axis = int(np.argmax(np.abs(direction)))
-                    changed |= {name: None, CARTESIAN[axis]: value if direction[axis] > 0.0 else opposite(value)}
+                    changed |= {name: None, CARTESIAN[axis]: value if direction[axis] > 0.0 else times(value, -1.0)}
             found.append(replace(condition, **changed) if changed else condition)
         return tuple(found)
 
@@ -233,9 +231,10 @@ def direction_of(name: str, edges: Edges) -> FloatArray:
     return found
 
 
-def opposite(value: Field) -> Field:
-    """The negative of a number or function."""
-    return (lambda x, y: -np.asarray(value(x, y))) if callable(value) else -value
+def with_contacts(problem: ContactProblem, changed: Callable[[Contact], Contact]) -> ContactProblem:
+    """The problem with others in place of its contacts."""
+    conditions = [changed(each) if isinstance(each, Contact) else each for each in problem.conditions]
+    return replace(problem, conditions=conditions)
 
 
 def _check_parts(problem: ContactProblem) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias, overload
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, positive_number, whole_number
+from qvi_contact.basics.checks import FloatArray, instance_of, positive_number, whole_number
 from qvi_contact.basics.units import Certainty
 from qvi_contact.errors import InputError, QVIError, SolveError
 from qvi_contact.limit.load_factor import LimitLoad, checked_loads
@@ -301,12 +301,11 @@ def refine(
         return found
 
 
-def _start(own: TriangleMesh, result: object) -> TriangleMesh:
+def _start(own: TriangleMesh, result: ContactResult | None) -> TriangleMesh:
     """The mesh of an earlier result, or the problem's own; `InputError` for what is none, or that of another body."""
     if result is None:
         return own
-    if not isinstance(result, ContactResult):
-        raise InputError("result", result, "give an earlier ContactResult of the problem, or None")
+    instance_of(ContactResult, "result", result, "give an earlier ContactResult of the problem, or None")
     mesh = result.problem.mesh
     if any((one.locate(other.vertices) < 0).any() for one, other in ((mesh, own), (own, mesh))):
         raise InputError("result", result, "is that of another body: give an earlier one of this problem")

@@ -28,6 +28,7 @@ from qvi_contact.limit.stresses import StressProgram, both_signs
 from qvi_contact.mesh.edges import Edges, frames_along, points_along, shares_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import SHEAR_LAW, SPRINGS, Contact, Displacement, components
+from qvi_contact.problem.fields import plus
 from qvi_contact.problem.material import stress_along_z
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
@@ -363,12 +364,7 @@ def _datum(problem: ContactProblem, scales: Scales, parameter: str, *, limit: bo
     if limit and number:
         unit = abs(value) or unit
 
-    def moved(step: float) -> ContactProblem:
-        further = value + step * unit if number else lambda x, y: np.asarray(value(x, y), dtype=float) + step * unit
-        posed: ContactProblem = _with(problem, path, further)
-        return posed
-
-    return _Datum(moved, unit, number and value == 0.0)
+    return _Datum(lambda step: _with(problem, path, plus(value, step * unit)), unit, number and value == 0.0)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ as the polynomials through them, and seen at the ends and `bernstein.SAMPLES` of
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
@@ -153,9 +153,17 @@ class ContactLine:
         return np.repeat(senses, self.points_per_edge) * self.tangential_stress
 
     @property
+    def forces(self) -> tuple[float, float]:
+        """Normal and tangential force [stress × length], rounding as 0."""
+        normal, tangential = self.normal_force, self.tangential_force
+        least = self.rounding.force
+        return normal * (abs(normal) > least), tangential * (abs(tangential) > least)
+
+    @property
     def shown_forces(self) -> tuple[str, str]:
-        """Normal and tangential force as people read them, rounding as 0."""
-        return shown(self.normal_force, self.rounding.force), shown(self.tangential_force, self.rounding.force)
+        """The same as people read them."""
+        normal, tangential = map(shown, self.forces)
+        return normal, tangential
 
     @property
     def points_per_edge(self) -> int:
@@ -359,17 +367,13 @@ class ContactPath:
     def of(cls, ends: FloatArray, lengths: FloatArray) -> ContactPath:
         """The path through edges between two points each, (n, 2, 2) [length], of these lengths (n,), in any order."""
         vertices = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)[1].reshape(-1, 2)
-        found, forward = chains(vertices), np.zeros(len(ends), dtype=bool)
-        order, place = np.concatenate([np.empty(0, dtype=np.int64), *found]), 0
-        lines: list[IntArray] = []
-        for line in found:  # whether each edge leads on to the next one
-            lines.append(np.arange(place, place + len(line)))
-            pairs = vertices[line].tolist()
-            at = min(pairs[0]) if len(pairs) == 1 else next(end for end in pairs[0] if end not in pairs[1])
-            for first, second in pairs:
-                forward[place] = first == at
-                at, place = second if forward[place] else first, place + 1
-        return cls(order, forward, tuple(lines), lengths[order])
+        found = chains(vertices)
+        order, forward = np.concatenate([np.empty(0, dtype=np.int64), *found]), [np.empty(0, dtype=bool)]
+        for pairs in (vertices[line] for line in found):  # whether each edge leads on to the next one
+            last = (pairs[-1, :1] == pairs[-2]).any() if len(pairs) > 1 else pairs[0, 0] < pairs[0, 1]
+            forward.append(np.append((pairs[:-1, 1:] == pairs[1:]).any(axis=1), last))
+        lines = np.split(np.arange(len(order)), np.cumsum([len(line) for line in found])[:-1]) if found else []
+        return cls(order, np.concatenate(forward), tuple(lines), lengths[order])
 
     @cached_property
     def starts(self) -> FloatArray:
@@ -396,23 +400,46 @@ def turning_senses(vertices: FloatArray, edges: Edges) -> FloatArray:
     whose sides change where the tangent turns back, but for upright edges in a line with others: their sides are left
     and right, not below and above.
     """
-    found, handed = np.ones(len(edges)), np.sign(cross(edges.tangent, edges.normal))
-    joint = (edges.cells[:, 1] >= 0).any()
+    found = np.ones(len(edges))
+    if (edges.cells[:, 1] >= 0).any():
+        handed = np.sign(cross(edges.tangent, edges.normal))
+        for chosen in chains(np.column_stack([edges.first, edges.second])):
+            found[chosen] = handed[chosen] * handed[chosen].max()
+        return found
+    for chosen, walk, chord, turning in _turning_lines(vertices, edges, found):
+        straight = np.hypot(*chord) > _STRETCHED or abs(turning) <= _NO_TURN
+        found[chosen] = -walk if (points_back(chord[None])[0] if straight else turning < 0.0) else walk
+    return found
+
+
+def enclosed_beyond(vertices: FloatArray, edges: Edges) -> BoolArray:
+    """On which edges (n,) of a joint what it goes around is beyond, as on half of a circle.
+
+    Joints that have one body below or to the left of them everywhere go around none.
+    """
+    found = np.zeros(len(edges), dtype=bool)
+    for chosen, leads, _, turning in _turning_lines(vertices, edges, cross(edges.normal, edges.tangent)):
+        found[chosen] = (leads < 0.0) == (turning >= 0.0)
+    return found
+
+
+def _turning_lines(
+    vertices: FloatArray, edges: Edges, signs: FloatArray
+) -> Iterator[tuple[IntArray, FloatArray, FloatArray, float]]:
+    """Lines of edges of which tangents times signs (n,) lead against each other.
+
+    Edges (k,); whether they lead along the line, ±1 (k,); its chord over its length; twice the area that it sweeps
+    around its middle, over its length squared.
+    """
     ends = np.stack([vertices[edges.first], vertices[edges.second]], axis=1)
     path = ContactPath.of(ends, edges.length)
     for own in path.lines:
-        forward, chosen = path.forward[own], path.edges[own]
-        if joint:
-            found[chosen] = handed[chosen] * handed[chosen].max()
-        if joint or forward.all() or not forward.any():
-            continue
-        walk = np.where(forward, 1.0, -1.0)
-        steps = walk[:, None] * (ends[chosen, 1] - ends[chosen, 0])
-        chord, length, middles = steps.sum(axis=0), float(path.lengths[own].sum()), ends[chosen].mean(axis=1)
-        turning = float(cross(middles - np.average(middles, axis=0, weights=path.lengths[own]), steps).sum())
-        straight = np.hypot(*chord) > _STRETCHED * length or abs(turning) <= _NO_TURN * length**2
-        found[chosen] = -walk if (points_back(chord[None] / length)[0] if straight else turning < 0.0) else walk
-    return found
+        chosen, walk = path.edges[own], np.where(path.forward[own], 1.0, -1.0)
+        leads, lengths, middles = walk * signs[chosen], path.lengths[own], ends[chosen].mean(axis=1)
+        if leads.min() < 0.0 < leads.max():
+            steps = walk[:, None] * (ends[chosen, 1] - ends[chosen, 0])
+            turning = float(cross(middles - np.average(middles, axis=0, weights=lengths), steps).sum())
+            yield chosen, leads, steps.sum(axis=0) / lengths.sum(), turning / float(lengths.sum()) ** 2
 
 
 def leads_one_way(vertices: FloatArray, edges: Edges) -> bool:

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, real_array
+from qvi_contact.basics.checks import FloatArray, function_or_none, instance_of, real_array, true_or_false
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, laws_vary
@@ -39,7 +39,6 @@ from qvi_contact.solution.solver import solved
 from qvi_contact.solution.stress import traction
 from qvi_contact.version import __version__
 from solvers import Status, certify
-from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import PicklesFields, frame, load, pandas
 from solvers.errors import known_name
@@ -304,8 +303,7 @@ def _surveyed(problems: Iterable[ContactProblem], kept: bool) -> tuple[Sequence[
     first, vary, known = steps[0], False, list[Scales]()
     for number in range(len(steps)):
         problem = steps[number]
-        if not isinstance(problem, ContactProblem):
-            raise InputError(f"problems[{number}]", problem, "give a ContactProblem for each load step")
+        instance_of(ContactProblem, f"problems[{number}]", problem, "give a ContactProblem for each load step")
         if problem.mesh is not first.mesh and not problem.mesh.same_as(first.mesh):
             raise InputError(f"problems[{number}].mesh", problem.mesh, "give every load step the same mesh")
         kept_same = [  # slip is handed on point by point

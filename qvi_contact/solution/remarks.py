@@ -16,7 +16,7 @@ from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mechanism.mechanism import Rigid, null_space
 from qvi_contact.mesh.edges import edge_ends
 from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Symmetry, has_coulomb
-from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.problem.problem import ContactProblem, with_contacts
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.stress import cell_stresses
 from solvers import Status
@@ -247,11 +247,10 @@ def free_motions(result: ContactResult) -> FreeMotions | None:
     problem, mesh, solution = result.problem, result.problem.mesh, result.solution
 
     def left() -> FloatArray:  # what friction holds of bilateral contacts is in M(v)
-        smooth = [
-            replace(each, friction=0.0) if isinstance(each, Contact) and each.law == "bilateral" else each
-            for each in problem.conditions
-        ]
-        return Rigid(replace(problem, conditions=smooth)).free
+        def smooth(each: Contact) -> Contact:
+            return replace(each, friction=0.0) if each.law == "bilateral" else each
+
+        return Rigid(with_contacts(problem, smooth)).free
 
     lines = [(each.law, mesh.numbers(each.edges).tobytes()) for each in problem.contacts]
     plates = [

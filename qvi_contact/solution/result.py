@@ -20,7 +20,7 @@ from qvi_contact.mesh.edges import centre_of
 from qvi_contact.problem.conditions import DRIVES, RigidMotion
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.contact_line import SUMMARY, ContactLine, contact_line
+from qvi_contact.solution.contact_line import SUMMARY, ContactLine, contact_line, enclosed_beyond
 from qvi_contact.solution.stress import (
     cell_stresses,
     given_points,
@@ -327,9 +327,7 @@ class ContactResult(PicklesFields):
         x, y = physical(self.problem, scales, points.coordinates)
         forces = scales.length * points.weights * traction(self.discretization, self.dofs, points)
         if named.get(edges, edges) in mesh.joint_names:
-            from qvi_contact.mechanism.bodies import enclosed_beyond
-
-            forces *= np.repeat(np.where(enclosed_beyond(self.problem, chosen), -1.0, 1.0), points.count)
+            forces *= np.repeat(np.where(enclosed_beyond(mesh.vertices, chosen), -1.0, 1.0), points.count)
         force_x, force_y = forces
         return Resultant(float(force_x.sum()), float(force_y.sum()), float((x * force_y - y * force_x).sum()))
 

@@ -9,7 +9,7 @@ to its work.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -27,10 +27,10 @@ from qvi_contact.discretization.loads import (
     traction_data,
 )
 from qvi_contact.element import legendre
-from qvi_contact.element.quadrature import EdgeQuadrature
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Traction
+from qvi_contact.problem.material import stress_along_z
 
 if TYPE_CHECKING:
     from qvi_contact.solution.result import ContactResult
@@ -153,21 +153,26 @@ class BodySamples:
     cells: IntArray  # (n,): the cell of each point
     reference: FloatArray  # (n, d): its reference coordinates there, see `TriangleMesh.reference`
     stress: FloatArray  # (n, 3): σ_xx, σ_yy, σ_xy in that cell [stress], tension positive
+    along_z: FloatArray  # (n,): σ_zz [stress]
     triangles: IntArray  # (t, 3): three points each; together they fill the body
 
 
-def sample_body(result: ContactResult, parts: int) -> BodySamples:
-    """Samples of the stress all over a body: about so many parts along its length; small cells are not divided."""
+def sample_body(result: ContactResult, parts: int = 0, divisions: int | None = None) -> BodySamples:
+    """Samples of the stress all over a body: about so many parts along its length; small cells are not divided.
+
+    Or all of them with so many `divisions` along the sides of their three parts, in the order of the mesh.
+    """
     mesh, discretization = result.problem.mesh, result.discretization
     sizes = np.ptp(mesh.vertices[mesh.cells], axis=1).max(axis=1)
     wanted = np.clip(parts * sizes / mesh.length, 1.0, _MOST_DIVISIONS)
-    divisions = (2.0 ** np.round(np.log2(wanted))).astype(np.int64)  # few numbers of divisions: few groups of cells
+    each = (2.0 ** np.round(np.log2(wanted))).astype(np.int64)  # few numbers of divisions: few groups of cells
+    each = each if divisions is None else np.full(len(sizes), divisions)
     coefficients = discretization.coefficients(result.dofs)
     found: list[tuple[FloatArray, IntArray, FloatArray, FloatArray]] = []
     triangles, count = [np.empty((0, 3), dtype=np.int64)], 0
-    for division in np.unique(divisions).tolist():
+    for division in np.unique(each).tolist():
         t, split = discretization.space.lattice(division)
-        chosen = np.flatnonzero(divisions == division)
+        chosen = np.flatnonzero(each == division)
         for cells in (chosen[start : start + _CHUNK] for start in range(0, len(chosen), _CHUNK)):
             points, stress = stress_in_cells(discretization, coefficients, cells, t)
             reference = np.tile(t, (len(cells), 1))
@@ -175,9 +180,10 @@ def sample_body(result: ContactResult, parts: int) -> BodySamples:
             triangles.append((count + len(t) * np.arange(len(cells))[:, None, None] + split).reshape(-1, 3))
             count += len(cells) * len(t)
     points, numbers, references, stresses = (np.concatenate(chunks) for chunks in zip(*found, strict=True))
-    place = np.column_stack(physical(result.problem, discretization.scales, points))
+    x, y = physical(result.problem, discretization.scales, points)
     stresses *= discretization.scales.stress
-    return BodySamples(place, numbers, references, stresses, np.concatenate(triangles))
+    along_z = stress_along_z(result.problem, numbers, x, y, stresses)
+    return BodySamples(np.column_stack([x, y]), numbers, references, stresses, along_z, np.concatenate(triangles))
 
 
 def von_mises(stress: FloatArray, zz: FloatArray | float = 0.0) -> FloatArray:
@@ -221,19 +227,8 @@ def misfit_of_tractions(discretization: Discretization, u: FloatArray) -> float:
 
     The points are those that integrate the data, but for parts of edges that are next to nothing.
     """
-    pairs = prescribed_and_computed(discretization, u)
-    return discretization.scales.stress * max((wanted.misfit(computed) for wanted, computed in pairs), default=0.0)
-
-
-def prescribed_and_computed(
-    discretization: Discretization, u: FloatArray
-) -> Iterator[tuple[EdgeQuadrature, FloatArray]]:
-    """Each prescribed component of tractions on its n edges, and the computed one's coefficients of Legendre (n, k).
-
-    Dimensionless, without φ.
-    """
     problem, space, scales = discretization.problem, discretization.space, discretization.scales
-    degree = space.element.traction_degree
+    degree, largest = space.element.traction_degree, 0.0
     count = max(LOAD_POINTS, degree + 1)
     for given in problem.prescribed(Traction):
         if given.edges.curved:  # normals turn: what is computed is no polynomial of the degree
@@ -243,7 +238,9 @@ def prescribed_and_computed(
         directions = points.vectors(given.direction, given.turns)
         along = component(normal * points.normals.T + shear * points.tangents.T, directions)
         wanted = traction_data(problem, scales, given, LOAD_POINTS)
-        yield wanted, along.reshape(-1, count) @ legendre.from_values(degree, count).T
+        computed = along.reshape(-1, count) @ legendre.from_values(degree, count).T
+        largest = max(largest, wanted.misfit(computed))
+    return scales.stress * largest
 
 
 def component(vectors: FloatArray, directions: FloatArray) -> FloatArray:
@@ -283,13 +280,12 @@ def rest_on_arcs(discretization: Discretization, u: FloatArray) -> float:
     coefficients = discretization.coefficients(u)
     for arcs in (edges.take(edges.bent) for edges in (mesh.boundary, mesh.interior) if edges.curved):
         points = EdgePoints(space, arcs, _POINTS)
-        places = np.stack(mesh.points_along(arcs, points.reference), axis=-1).reshape(-1, 2)
+        places = np.stack(mesh.points_along(arcs, points.reference), axis=-1)
         (nx, ny), (tx, ty) = points.normals.T, points.tangents.T
         normal, shear = points.tractions(u)
         for cells in arcs.cells.T:
             if (cells >= 0).all():  # beside the arcs, on one side of them
-                cell = np.repeat(cells, _POINTS)
-                xx, yy, xy = space.stress(coefficients, cell, mesh.reference(cell, places)[:, None])[:, 0].T
+                xx, yy, xy = space.stress(coefficients, cells, mesh.reference(cells, places)).reshape(-1, 3).T
                 x, y = xx * nx + xy * ny, xy * nx + yy * ny
                 largest = max(largest, float(np.hypot(x * nx + y * ny - normal, x * tx + y * ty - shear).max()))
     return discretization.scales.stress * largest

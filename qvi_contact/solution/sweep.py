@@ -16,21 +16,21 @@ from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, get_args, over
 
 import numpy as np
 
-from qvi_contact.basics.checks import one_of, real_array, true_or_false
+from qvi_contact.basics.checks import function_or_none, instance_of, one_of, real_array, true_or_false
 from qvi_contact.basics.schema import LARGEST
 from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import laws_vary
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.conditions import Contact
-from qvi_contact.problem.problem import ContactProblem, run_digest
+from qvi_contact.problem.fields import plus
+from qvi_contact.problem.problem import ContactProblem, run_digest, with_contacts
 from qvi_contact.runs.processes import Limits, NotLoadedError, Workers
 from qvi_contact.solution.result import ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import Settings
 from qvi_contact.solution.solver import discretized, fitted, solved
 from qvi_contact.version import __version__
 from solvers import Status
-from solvers.basics.checks import function_or_none
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import frame, load, pandas
 from solvers.errors import known_name
@@ -325,8 +325,7 @@ class SweepTask:
         warm: bool,
     ) -> SweepTask:
         """The task of checked arguments of `solve_sweep`."""
-        if not isinstance(problem, ContactProblem):
-            raise InputError("problem", problem, "give a ContactProblem")
+        instance_of(ContactProblem, "problem", problem)
         one_of("parameter", parameter, get_args(Parameter), f"give one of {', '.join(get_args(Parameter))}")
         every = parameter in ("gap", "offset") and names is not None
         known = [contact.name for contact in problem.contacts if every or contact.law != "tied"]
@@ -350,16 +349,12 @@ class SweepTask:
             posed: ContactProblem = load("qvi_contact.limit.load_factor").multiplied(self.problem, self.names, value)
             return posed
 
-        def changed(condition: Contact) -> Contact:
-            given: Any = 0.0 if self.parameter == "friction" else getattr(condition, self.parameter)
-            new: Any = given + value if not callable(given) else lambda x, y: np.asarray(given(x, y), float) + value
-            return replace(condition, **{self.parameter: new})
+        def changed(contact: Contact) -> Contact:
+            given = 0.0 if self.parameter == "friction" else getattr(contact, self.parameter)
+            new: Any = {self.parameter: plus(given, value)}
+            return replace(contact, **new) if contact.name in self.names else contact
 
-        conditions = [
-            changed(each) if isinstance(each, Contact) and each.name in self.names else each
-            for each in self.problem.conditions
-        ]
-        return replace(self.problem, conditions=conditions)
+        return with_contacts(self.problem, changed)
 
     def results(
         self, planned: Iterable[tuple[int, float]], at_least: int = 0

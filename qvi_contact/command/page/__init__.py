@@ -31,7 +31,6 @@ from qvi_contact.plots.body import Scales
 from qvi_contact.plots.figures import limit_figure, problem_figure, result_figure
 from qvi_contact.plots.style import inline_image, magnified, new_figure, png_bytes, settings, svg_text
 from qvi_contact.plots.tractions import contact_tractions, pieces_along
-from qvi_contact.problem.material import stress_along_z
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement import Refinement
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine, ContactState
@@ -243,8 +242,6 @@ def field_data(result: ContactResult, companion: CompanionResult | None, units: 
             break
     if len(samples.points) > _LARGEST:
         return None
-    x, y = samples.points.T
-    along_z = stress_along_z(result.problem, samples.cells, x, y, samples.stress)
     mesh, wide = result.problem.mesh, 2 if len(samples.points) <= _SHORT else 4
     reference = samples.reference[:, None, -2:]
     moved = None if companion is None else companion.displacement_in(samples.cells, reference)[:, 0]
@@ -257,7 +254,7 @@ def field_data(result: ContactResult, companion: CompanionResult | None, units: 
         "triangles": _encoded(samples.triangles.astype("<u2" if wide == 2 else "<u4")),
         "bytes": wide,
         "stress": _floats(samples.stress),
-        "alongZ": _floats(along_z) if along_z.any() else None,
+        "alongZ": _floats(samples.along_z) if samples.along_z.any() else None,
         "displacement": None if moved is None else _floats(moved),
         "factorOfDisplacement": 0.0 if moved is None else magnified(largest, mesh.length) if largest else 1.0,
         "outline": _segments(mesh, mesh.boundary, companion),
@@ -303,8 +300,7 @@ def _segments(mesh: TriangleMesh, edges: Edges, companion: CompanionResult | Non
     points = np.stack(mesh.points_along(edges, np.array([0.0, 0.5, 1.0])), axis=-1)
     moved = None
     if companion is not None:
-        flat, cells = points.reshape(-1, 2), np.repeat(edges.cells[:, 0], 3)
-        reference = mesh.reference(cells, flat)[:, None, -2:]
-        moved = companion.displacement_in(cells, reference).reshape(points.shape)
+        beside = edges.cells[:, 0]
+        moved = companion.displacement_in(beside, mesh.reference(beside, points)[..., -2:])
     halves = [None if values is None else _floats(values[:, [0, 1, 1, 2]]) for values in (points - mesh.origin, moved)]
     return {"points": halves[0], "displacement": halves[1]}
