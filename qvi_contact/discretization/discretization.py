@@ -65,6 +65,8 @@ class Discretization(PicklesFields):
     """Equality rows of plates driven by force."""
     qvi: FrictionQVI
     """The algebraic problem, dimensionless."""
+    later: bool = False
+    """Whether load steps came before, whose slip is known as it was computed only, also where that is zero."""
 
     @property
     def supports(self) -> Supports:
@@ -122,7 +124,7 @@ class Discretization(PicklesFields):
     def with_far_obstacles(self) -> Discretization:
         """The same problem, after the same slip, with all obstacles where they stand, however far."""
         scales, slip = replace(self.scales, reach=np.inf), [rows.slip for rows in self.contacts]
-        return _discretized(self.problem, self.space, self.rule, scales, slip)
+        return replace(_discretized(self.problem, self.space, self.rule, scales, slip), later=self.later)
 
     def with_data(
         self, problem: ContactProblem, scales: Scales | None = None, slip: Sequence[FloatArray] | None = None
@@ -139,7 +141,8 @@ class Discretization(PicklesFields):
             remedy = "it is on another mesh than the problem discretised before: give both the same mesh"
             raise InputError("ContactProblem.mesh", type(problem.mesh).__name__, remedy)
         vars(problem.mesh)["kept"] = self.problem.mesh.kept  # equal meshes have one
-        return _discretized(problem, self.space, self.rule, scales or Scales.of(problem), slip)
+        found = _discretized(problem, self.space, self.rule, scales or Scales.of(problem), slip)
+        return replace(found, later=slip is not None)
 
     def rescaled(self) -> Discretization:
         """The same problem in units of the stress it would have without contact laws, if its own are far too large.
