@@ -78,6 +78,8 @@ class TestExpression:
         expression = Expression("a * x", constants)
         constants["a"] = 3.0
         assert (expression(*POINTS) == 2.0 * POINTS[0]).all()
+        same = Contact("top", 0.1, gap=Expression("a * x", {"a": 2.0}))
+        assert {Contact("top", 0.1, gap=expression): 1}[same] == 1
 
     def test_time(self):
         load = Expression("x * t")

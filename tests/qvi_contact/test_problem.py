@@ -1,6 +1,7 @@
 """Materials, conditions and problems: what they mean, in both kinds of components, and what they refuse."""
 
 import importlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,11 @@ def test_compliance(young, poisson):
 def test_bad_materials_are_refused(name, value):
     with refused_at(f"Material.{name}"):
         Material(**{"young": 1.0, "poisson": 0.3, name: value})
+
+
+def test_parts_too_stiff_for_double_precision_are_refused():
+    with refused_at("Material.young"):
+        replace(compressed_plate(0.1), regions=[Region(Material(1e25, 0.3), x=(0.0, 0.5))])
 
 
 @pytest.mark.parametrize("kind", [np.uint8, np.float16, np.int64, np.float32, int])
