@@ -93,6 +93,9 @@ class Discretization(PicklesFields):
             "The plate's motion in that component is not determined, and is given as zero."
             for row in self.plates.determined
         ]
+        warmed = self.problem.temperature, *(region.temperature or 0.0 for region in self.problem.regions)
+        if any(map(acts, warmed)) and not any(material.expansion for material in self.problem.materials):
+            found.append("The temperature has no effect: no material has an expansion. Give it, or no temperature.")
         for pin in pins(self.problem):
             if pin.misplaced:
                 found.append(
