@@ -14,7 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, acts, whole_number
-from qvi_contact.discretization.displacements import DisplacementSpace, supports, triangle
+from qvi_contact.discretization.displacements import DisplacementSpace, corners_that_jump, supports, triangle
 from qvi_contact.discretization.energy import BodyStiffness, Root, Springs
 from qvi_contact.discretization.loads import (
     ContactRows,
@@ -112,7 +112,8 @@ class Discretization(PicklesFields):
         if not self.problem.prescribed(Displacement):
             return tuple(found)
         space = DisplacementSpace.of(self.problem, triangle(1), self.scales.length)
-        return (*found, *supports(self.problem, space, self.scales, least=_MISFIT, parallel=_ALIKE).jumps)
+        held = supports(self.problem, space, self.scales, least=_MISFIT, parallel=_ALIKE)
+        return (*found, *held.jumps, *corners_that_jump(self.problem, space, self.scales, held, _MISFIT))
 
     def with_law(self, problem: ContactProblem) -> Discretization:
         """Another problem, in these units, that differs in friction, cohesion and caps of contacts only."""

@@ -447,6 +447,39 @@ def supports(
     )
 
 
+def corners_that_jump(
+    problem: ContactProblem, space: DisplacementSpace, scales: Scales, held: PrescribedDisplacements, least: float
+) -> tuple[str, ...]:
+    """A sentence for each contact at whose end supports demand what its obstacle does not let be, by such a share.
+
+    On vertices of degree 1; joints, springs, and plates driven by force give way.
+    """
+    found, given, ends = list[str](), np.zeros(space.size), np.array([0.0, 1.0])
+    given[held.index] = 1.0
+    for contact in problem.contacts:
+        plate = contact.plate
+        if contact in problem.joints or contact.normal_stiffness is not None or (plate is not None and plate.driven):
+            continue
+        edges = problem.mesh.edges(contact.edges)
+        x, y = problem.mesh.points_along(edges, ends)
+        n, dofs = vectors_along(edges, edges.normal, ends), 2 * space.along(edges)[..., None] + np.arange(2)
+        moved = 0.0 if plate is None else (np.moveaxis(plate.displacement(x, y), 0, -1) * n).sum(axis=-1)
+        wall = (evaluate("Contact.gap", contact.gap, x, y) + moved).ravel()
+        rows = spread(np.arange(x.size)[:, None], dofs.reshape(-1, 2), n.reshape(-1, 1, 2), space.size)[: x.size]
+        across = rows @ held.axes
+        beyond = scales.displacement * (across @ held.fixed) - wall
+        beyond = np.abs(beyond) if contact.law != "unilateral" else np.maximum(beyond, 0.0)
+        beyond[abs(across) @ (1.0 - given) > PARALLEL] = 0.0
+        worst = int(np.argmax(beyond))
+        if beyond[worst] > least * max(scales.displacement, float(np.abs(wall).max())):
+            found.append(
+                f"At {place_of((x.flat[worst], y.flat[worst]))} a support and the obstacle of {contact.name!r} demand "
+                f"displacements that differ by {beyond[worst]:.3g} [length]. There stresses grow on finer meshes, and "
+                "the forces on both, without end. Let them agree, or let some of the side between them be free."
+            )
+    return tuple(found)
+
+
 def _along_arcs(
     Q: sparse.csr_array, on_arcs: list[tuple[Edges, IntArray]], degree: int
 ) -> tuple[sparse.csr_array, sparse.csr_array]:
