@@ -81,6 +81,9 @@ def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str,
     Where edges go on straight that slip is made continuous, as displacements are; along arcs it is an `InputError`.
     """
     known, changed, mesh = result.discretization, dict[str, Contact](), result.problem.mesh
+    slips = [rows.name for rows in known.contacts if rows.law != "tied" and rows.bound(np.ones_like(rows.gap)).any()]
+    if not (known.later and slips):
+        return result, ()
     for rows, contact in zip(known.contacts, result.problem.contacts, strict=True):
         if not rows.slip.any():
             continue
@@ -98,11 +101,9 @@ def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str,
         slip[:, 0], slip[:, -1] = np.split(np.where(bends, own, mean), 2)
         start, along = mesh.vertices[edges.first], np.diff(mesh.vertices[[edges.first, edges.second]], axis=0)[0]
         changed[contact.name] = replace(contact, offset=EarlierSlip(contact.offset, start, along, slip))
-    if not changed:
-        return result, ()
     problem = with_contacts(result.problem, lambda each: changed.get(each.name, each))
     step = known.with_data(problem, known.scales)
-    names = ", ".join(map(repr, changed))
+    names = ", ".join(map(repr, slips))
     reason = f"The slip of {names} in the steps before is taken as computed: bounds are those of this step alone."
     return ContactResult(step, result.solution), (reason,)
 

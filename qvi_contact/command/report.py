@@ -195,7 +195,7 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
             yield f"{name}: " + ", ".join(f"{key} = {value}" for key, value in outline[name].items())
     times = outline["times"]
     if times:
-        yield f"history: {len(times)} steps, t from {times[0]:g} to {times[-1]:g}"
+        yield f"history: {len(times)} steps, t between {min(times):g} and {max(times):g}"
     if outline["sweep"]:
         values = outline["sweep"]["values"]
         yield f"sweep: {outline['sweep']['parameter']}, {len(values)} values from {min(values):g} to {max(values):g}"

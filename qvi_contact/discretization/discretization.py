@@ -14,7 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, acts, instance_of, whole_number
-from qvi_contact.discretization.displacements import DisplacementSpace, supports, triangle
+from qvi_contact.discretization.displacements import DisplacementSpace, corners_that_jump, supports, triangle
 from qvi_contact.discretization.energy import BodyStiffness, Root, Springs
 from qvi_contact.discretization.loads import (
     ContactRows,
@@ -68,6 +68,8 @@ class Discretization(PicklesFields):
     works: tuple[FloatArray, float]
     """∫_{Γ_u} U·τn ds + ∫_{Γ_μ} (g τ_N' + w τ_T) ds, dimensionless: a vector over degrees of freedom (N,) of Φ, and
     what body potential and fluids add."""
+    later: bool = False
+    """Whether load steps came before, whose slip is known as it was computed only, also where that is zero."""
 
     @property
     def supports(self) -> Supports:
@@ -94,6 +96,9 @@ class Discretization(PicklesFields):
             "The plate's motion in that component is not determined, and is given as zero."
             for row in self.plates.determined
         ]
+        warmed = self.problem.temperature, *(region.temperature or 0.0 for region in self.problem.regions)
+        if any(map(acts, warmed)) and not any(material.expansion for material in self.problem.materials):
+            found.append("The temperature has no effect: no material has an expansion. Give it, or no temperature.")
         for pin in pins(self.problem):
             if pin.misplaced:
                 found.append(
@@ -110,7 +115,8 @@ class Discretization(PicklesFields):
         if not self.problem.prescribed(Displacement):
             return tuple(found)
         space = DisplacementSpace.of(self.problem, triangle(1), self.scales.length)
-        return (*found, *supports(self.problem, space, self.scales, least=_MISFIT, parallel=_ALIKE).jumps)
+        held = supports(self.problem, space, self.scales, least=_MISFIT, parallel=_ALIKE)
+        return (*found, *held.jumps, *corners_that_jump(self.problem, space, self.scales, held, _MISFIT))
 
     def with_law(self, problem: ContactProblem) -> Discretization:
         """Another problem, in these units, that differs in friction, cohesion and caps of contacts only."""
@@ -125,7 +131,7 @@ class Discretization(PicklesFields):
     def with_far_obstacles(self) -> Discretization:
         """The same problem, after the same slip, with all obstacles where they stand, however far."""
         scales, slip = replace(self.scales, reach=np.inf), [rows.slip for rows in self.contacts]
-        return _discretized(self.problem, self.space, self.rule, scales, slip)
+        return replace(_discretized(self.problem, self.space, self.rule, scales, slip), later=self.later)
 
     def with_data(
         self, problem: ContactProblem, scales: Scales | None = None, slip: Sequence[FloatArray] | None = None
@@ -141,7 +147,8 @@ class Discretization(PicklesFields):
             remedy = "it is on another mesh than the problem discretised before: give both the same mesh"
             raise InputError("ContactProblem.mesh", type(problem.mesh).__name__, remedy)
         vars(problem.mesh)["kept"] = self.problem.mesh.kept  # equal meshes have one
-        return _discretized(problem, self.space, self.rule, scales or Scales.of(problem), slip)
+        found = _discretized(problem, self.space, self.rule, scales or Scales.of(problem), slip)
+        return replace(found, later=slip is not None)
 
     def rescaled(self) -> Discretization:
         """The same problem in units of the stress it would have without contact laws, if its own are far too large.

@@ -389,10 +389,7 @@ def supports(
     p, unit, reasons, jumps = space.degree, scales.displacement, list[str](), list[str]()
     width = 2 * (p + 1)  # of rows: on the coefficients of an edge
     columns, entries = [np.empty((0, width), np.int64)], [np.empty((0, 1, width))]
-    values, places = (
-        [np.empty(0)],
-        [np.empty(0, np.int64)],
-    )  # of which coefficient alone they are; −1 inside arcs
+    values, places = [np.empty(0)], [np.empty(0, np.int64)]  # of which coefficient alone they are; −1 inside arcs
     for given in problem.prescribed(Displacement):
         edges, numbers = given.edges, space.along(given.edges)
         data, misfit = edge_data(problem.mesh, edges, given.name, given.value, p, unit)
@@ -435,3 +432,34 @@ def supports(
     inside = np.isin(np.arange(space.size) // 2, known, invert=True)  # of arcs, what rows there are solved for
     solved = Elimination.of(C, inside.astype(np.int64), parallel)
     return PrescribedDisplacements(C, solved.basis, solved.particular(value)[0], (*reasons, *jumps), tuple(jumps))
+
+
+def corners_that_jump(
+    problem: ContactProblem, space: DisplacementSpace, scales: Scales, held: PrescribedDisplacements, least: float
+) -> tuple[str, ...]:
+    """A sentence for each contact at whose end supports demand what its obstacle does not let be, by such a share.
+
+    On vertices of degree 1; joints, springs, and plates driven by force give way.
+    """
+    found, ends = list[str](), np.array([0.0, 1.0])
+    for contact in problem.contacts:
+        plate = contact.plate
+        if contact in problem.joints or contact.normal_stiffness is not None or (plate is not None and plate.driven):
+            continue
+        edges = problem.mesh.edges(contact.edges)
+        x, y = problem.mesh.points_along(edges, ends)
+        n, dofs = vectors_along(edges, edges.normal, ends), 2 * space.along(edges)[..., None] + np.arange(2)
+        moved = 0.0 if plate is None else (np.moveaxis(plate.displacement(x, y), 0, -1) * n).sum(axis=-1)
+        wall = (evaluate("Contact.gap", contact.gap, x, y) + moved).ravel()
+        rows = spread(np.arange(x.size)[:, None], dofs.reshape(-1, 2), n.reshape(-1, 1, 2), space.size)[: x.size]
+        beyond = scales.displacement * (rows @ held.particular) - wall
+        beyond = np.abs(beyond) if contact.law != "unilateral" else np.maximum(beyond, 0.0)
+        beyond[abs(rows @ held.basis.matrix).sum(axis=1) > PARALLEL] = 0.0  # what supports leave open
+        worst = int(np.argmax(beyond))
+        if beyond[worst] > least * max(scales.displacement, float(np.abs(wall).max())):
+            found.append(
+                f"At {place_of((x.flat[worst], y.flat[worst]))} a support and the obstacle of {contact.name!r} demand "
+                f"displacements that differ by {beyond[worst]:.3g} [length]. There stresses grow on finer meshes, and "
+                "the forces on both, without end. Let them agree, or let some of the side between them be free."
+            )
+    return tuple(found)

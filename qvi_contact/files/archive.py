@@ -209,6 +209,7 @@ def answer_arrays(result: ContactResult) -> dict[str, Any]:
         "scales": np.array([known.scales.length, known.scales.stress, known.scales.compliance]),
         "loaded": known.scales.loaded,
         "reach": known.scales.reach,
+        "later": known.later,
         "earlier_slip": np.concatenate([np.empty(0), *(rows.slip for rows in known.contacts)]),
         "status": str(result.status),
         "message": result.message,
@@ -311,7 +312,7 @@ def _discretization(archive: Archive, discretized: Callable[[Scales], Discretiza
             raise archive.refused("z", remedy)
     counts = [len(rows.gap) for rows in fresh.contacts]
     slip = archive.floats("earlier_slip", size=sum(counts))
-    if not slip.any():
+    if not (slip.any() or ("later" in archive.arrays and archive.number("later") != 0.0)):
         return fresh
     return fresh.with_data(fresh.problem, fresh.scales, np.split(slip, np.cumsum(counts)[:-1]))
 

@@ -119,7 +119,8 @@ class RefineTable:
     largest: float
     """Largest cell: `largest = 0.25`."""
     smallest: float | None = None
-    """Smallest cell, at re-entrant corners and the ends named: `smallest = 0.01`."""
+    """Size at re-entrant corners and the ends named. The first cell there is up to (1/ratio − 1)/ln(1/ratio) times as
+    large, 1.2 at a ratio of 0.7, 1.4 at 0.5, 1.9 at 0.3: `smallest = 0.01`."""
     ratio: Annotated[float, schema.Number(0.01, 0.99)] = 0.5
     """Size of a cell over that of its larger neighbour: `ratio = 0.7`."""
     towards: tuple[str, ...] = ()

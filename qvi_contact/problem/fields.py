@@ -103,7 +103,7 @@ class BodyForces(PicklesFields):
     `InputError` if there is no part, a name is no text or means something already, or a part is no number or function.
     """
 
-    parts: Mapping[str, Any]
+    parts: Mapping[str, Any] = field(hash=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.parts, Mapping) or not self.parts:
@@ -130,7 +130,7 @@ class Expression:
     """
 
     text: str
-    constants: Mapping[str, float] = field(default_factory=dict)
+    constants: Mapping[str, float] = field(default_factory=dict, hash=False)
     t: float = 0.0
 
     def __post_init__(self) -> None:

@@ -39,6 +39,7 @@ _LISTS: Final = (
 )  # what a problem is given as lists, and the classes of their entries
 _CARTESIAN_FRAME, _LOCAL_FRAME, _NO_FRAME = 0, 1, -1  # by what components an edge is ruled
 _TANGENTIAL: Final = 1e-12  # part along the normal, of one, that is rounding
+_APART: Final = 1e16  # ratio of moduli beyond which sums of compliances lose the smaller one
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +92,10 @@ class ContactProblem(PicklesFields):
         _check_parts(self)
         _ = self.owners, self.cell_materials  # refuse edges without conditions, and regions that cut triangles
         _check_pressure(self)
+        least, most = min(moduli := [material.young for material in self.materials]), max(moduli)
+        if most > _APART * least:
+            remedy = f"is over {_APART:g} times that of another part, {least:g}: hold the stiff part by displacements"
+            raise InputError("Material.young", most, remedy)
 
     def __repr__(self) -> str:
         named: dict[str, list[str]] = {}

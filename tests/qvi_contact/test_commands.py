@@ -179,7 +179,8 @@ def test_limit(shell, sliding):
     for words, acts in (("limit", "--load", "left"), "0"), (("safety", "--accuracy=0.5"), "those"):
         assert f" {acts} at t = 0, the first time" in shell(words[0], EXAMPLES / "cyclic_shear.toml", *words[1:])[1]
     late = sliding.with_name("late.toml")
-    late.write_text(sliding.read_text(encoding="utf-8") + "[history]\ntimes = [0.5]\n", encoding="utf-8")
+    late.write_text(sliding.read_text(encoding="utf-8") + "[history]\ntimes = [0.5, 2.0, -1.0]\n", encoding="utf-8")
+    assert "3 steps, t between -1 and 2" in shell("check", late)[1]
     assert "those at t = 0.5, the first" in shell("limit", late, "--proof", sliding.with_name("a.json"))[1]
     found = answered(shell("limit", sliding, *loads, "--target", "1e-4", "--json"))["refinement"]
     assert (found["status"], found["guaranteed"], found["rounds"]) == ("reached", True, 1)

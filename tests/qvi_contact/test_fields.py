@@ -26,12 +26,10 @@ class TestPolynomial:
         assert found.shape == x.shape
         assert found == pytest.approx(np.broadcast_to(expected, found.shape), rel=1e-12, abs=1e-10)
 
-    @pytest.mark.parametrize(
-        "bad", [[], [[]], [[], []], [[float("nan")]], [[float("inf")]], [["a"]], 3, [1, 2], None, [[None]]]
-    )
-    def test_bad_coefficients(self, bad):
-        with pytest.raises(InputError, match="Polynomial"):
-            Polynomial(bad)
+    def test_bad_coefficients(self):
+        for bad in ([], [[]], [[], []], [[float("nan")]], [[float("inf")]], [["a"]], 3, [1, 2], None, [[None]]):
+            with pytest.raises(InputError, match="Polynomial"):
+                Polynomial(bad)
 
 
 NAMES = {"x": POINTS[0], "y": POINTS[1], "t": 0.7, "pi": np.pi, "a": 2.5}
@@ -62,9 +60,12 @@ class TestExpression:
 
     @pytest.mark.parametrize("text", EXPRESSIONS)
     def test_values(self, text):
-        found = Expression(text, {"a": 2.5}, 0.7)(*POINTS)
+        points = POINTS.copy()
+        found = Expression(text, {"a": 2.5}, 0.7)(*points)
         assert found.shape == POINTS[0].shape
         assert found == pytest.approx(np.broadcast_to(trusted(text.strip()), found.shape), rel=1e-14)
+        found[...] = 0.0
+        assert (points == POINTS).all()  # they are left alone
 
     def test_truths_are_numbers(self):
         """Of which numpy would make a truth again by +, and numbers of few digits by functions."""
@@ -78,6 +79,8 @@ class TestExpression:
         expression = Expression("a * x", constants)
         constants["a"] = 3.0
         assert (expression(*POINTS) == 2.0 * POINTS[0]).all()
+        same = Contact("top", 0.1, gap=Expression("a * x", {"a": 2.0}))
+        assert {Contact("top", 0.1, gap=expression): 1}[same] == 1
 
     def test_time(self):
         load = Expression("x * t")
@@ -85,13 +88,6 @@ class TestExpression:
         assert Expression("sin(pi * x)").names == {"sin", "pi", "x"}
         assert Expression("x * t", t=3.0)(np.array([2.0]), np.array([0.0])) == [6.0]
         assert load(np.array([2.0]), np.array([0.0])) == [0.0]
-
-    def test_arguments_are_left_alone(self):
-        x, y = POINTS[0].copy(), POINTS[1].copy()
-        for text in EXPRESSIONS:
-            Expression(text, {"a": 2.5})(x, y)[...] = 0.0
-        assert (x == POINTS[0]).all()
-        assert (y == POINTS[1]).all()
 
     def test_integers_are_numbers(self):
         """No exact arithmetic of whole numbers, which has no limit; overflow is infinity."""
@@ -126,10 +122,8 @@ class TestRefused:
 
     @pytest.mark.parametrize("text", DANGEROUS)
     def test_dangerous_or_meaningless(self, text):
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            with pytest.raises(InputError) as caught:
-                Expression(text)
+        with warnings.catch_warnings(action="error"), pytest.raises(InputError) as caught:
+            Expression(text)
         assert "\n" not in str(caught.value)
         assert {"x == y": "by < <=", "x and y": "write min(", "x ^ y": "**"}.get(text, "") in str(caught.value)
 
@@ -147,12 +141,10 @@ class TestRefused:
                     Expression(text)
         assert (x == [0.5, 0.25]).all()
 
-    @pytest.mark.parametrize(
-        "constants", [{"x": 1.0}, {"pi": 3.0}, {"sin": 1.0}, {"a": float("nan")}, {"a": "1"}, {"t": 0.0}]
-    )
-    def test_bad_constants(self, constants):
-        with pytest.raises(InputError, match="constants"):
-            Expression("x", constants)
+    def test_bad_constants(self):
+        for bad in ({"x": 1.0}, {"pi": 3.0}, {"sin": 1.0}, {"a": float("nan")}, {"a": "1"}, {"t": 0.0}):
+            with pytest.raises(InputError, match="constants"):
+                Expression("x", bad)
 
     @pytest.mark.parametrize(
         "text", [3, None, b"x", "x" * 2001, "(" * 500 + "x" + ")" * 500, "-" * 1999 + "x", "+".join("x" * 1000)]
@@ -170,8 +162,7 @@ class TestRefused:
     def test_noise(self, text):
         """An expression, or one line of complaint: never another exception, nor a warning."""
         complaint = ""
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
+        with warnings.catch_warnings(action="error"):
             try:
                 Expression(text)(*POINTS)
             except InputError as error:

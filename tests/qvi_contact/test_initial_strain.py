@@ -238,6 +238,8 @@ def test_what_cannot_be_meant_is_refused():
         Material(E, NU, prestress=(1.0, 2.0))
     with pytest.raises(InputError, match="temperature"):
         solve(ContactProblem(mesh, steel(), FREE, temperature=lambda x, _: np.full_like(x, np.nan)))
+    for material, told in ((steel(expansion=0.0), 1), (steel(), 0)):
+        assert " ".join(solve(ContactProblem(mesh, material, FREE, temperature=10.0)).remarks).count("expan") == told
 
 
 def test_a_temperature_by_values_at_points(tmp_path, shell):

@@ -7,9 +7,10 @@ from itertools import product
 import numpy as np
 import pytest
 
-from qvi_contact import TriangleMesh, solve, solve_history
+from qvi_contact import TriangleMesh, load_result, solve, solve_history
 from qvi_contact.bracket import BracketKind, EdgeParts, EdgeTractions, bracket, computed_norm
 from qvi_contact.companion import solve_companion
+from qvi_contact.export import write_npz
 from qvi_contact.gallery import compressed_plate, sliding_block
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction, by_cell
 from tests.cases import refused_at, thinned
@@ -160,6 +161,15 @@ def test_steps_of_a_history_are_bracketed_each_for_itself(law):
     for name, (lower, upper) in last.forces.items():
         assert lower < getattr(fine.contacts["bottom"], name.removeprefix("bottom.")) < upper
     assert len(last.forces) == (2 if law["friction"] else 0)
+
+
+@pytest.mark.parametrize("law", [{"friction": 0.5}, {"friction": 0.0, "cohesion": 1e4}])
+def test_a_later_step_has_no_guarantee_even_if_nothing_was_seen_to_slip(law, tmp_path):
+    steps = [with_contact(Contact("top", gap=-load, **law)) for load in (U, 2.0 * U)]
+    first, last = solve_history(steps, method="pivoting").steps
+    write_npz(tmp_path / "last.npz", last)
+    for later in (last, load_result(tmp_path / "last.npz")):
+        assert (first.bracket.guaranteed, later.bracket.guaranteed) == (True, False)
 
 
 def test_what_has_no_bracket_is_refused():

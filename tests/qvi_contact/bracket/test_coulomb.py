@@ -367,7 +367,9 @@ class TestScope:
         held = [Displacement("left", x=x, y=y), Displacement("top", x=x, y=-0.05), Displacement("right", x=-x / 2.0)]
         held.append(Traction("right", y=0.0))
         mesh = TriangleMesh.rectangle((1, 2), 2.0, 1.0)  # with one edge, which would slip both ways
-        found = solve(ContactProblem(mesh, Material(1.0, 0.3), [Contact("bottom", 0.5), *held]), degree=4).bracket
+        result = solve(ContactProblem(mesh, Material(1.0, 0.3), [Contact("bottom", 0.5), *held]), degree=4)
+        assert any("0) a support and the obstacle of 'bottom'" in said for said in result.remarks) is (y < 0.0)
+        found = result.bracket
         assert found.coulomb is None
         for said in (f"{what} of 'bottom' at (0, 0)", "disagree at (0, 1)"):
             assert said in found.coulomb_reason
