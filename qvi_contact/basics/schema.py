@@ -59,7 +59,7 @@ class Missing:
 
 
 Reader: TypeAlias = Any
-"""A `FileReader`: reads functions in a file by its `field` and `scalar`; `whole` is the class of the whole file."""
+"""A `FileReader`: reads numbers and functions in a file by its `field`; `whole` is the class of the whole file."""
 
 Writer: TypeAlias = Callable[[str, object], object]
 """What makes of a path and a field a number, text or table, and collects the constants and the time that all share."""
@@ -195,23 +195,15 @@ class Varying(Kind):
         return writer(path, value)
 
 
-class Angle(Varying):
-    """A field, which a file may write as an expression of constants and t: that is one number."""
-
-    def read(self, value: Any, reader: Reader) -> Any:
-        """A number where it does not depend on x and y."""
-        if isinstance(value, str):
-            with suppress(InputError):  # an error of the field says more
-                return reader.scalar(value)
-        return reader.field(value)
-
-
 class Scalar(Number):
     """A number, which a file may write as an expression of constants and t."""
 
     def read(self, value: Any, reader: Reader) -> float:
         """The number at the time that is read."""
-        return reader.scalar(value) if isinstance(value, str) else super().read(value, reader)
+        found = reader.field(value) if isinstance(value, str) else super().read(value, reader)
+        if callable(found):
+            raise InputError("", value, "this is one number: it cannot depend on x and y")
+        return float(found)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -307,7 +307,7 @@ class FileReader:
     whole = Document
 
     def field(self, value: Any) -> Field:
-        """A number, an expression or a polynomial."""
+        """A number, also as an expression of constants and t; a function, as an expression or a polynomial."""
         if isinstance(value, dict) and "file" in value:
             data = schema.read_table(PointDataTable, value, self)
             with schema.located("", schema.keys_of(PointDataTable)):
@@ -318,28 +318,17 @@ class FileReader:
                 return Polynomial(table.polynomial)
         if isinstance(value, str):
             with schema.located(""):
-                return self._expression(value)
+                names = Expression(value, self.constants).names  # an error names all constants
+                if self.t is None and "t" in names:
+                    remedy = "t changes in a history only: add [history] with times, or do without t"
+                    raise InputError("", value, remedy)
+                named = {name: number for name, number in self.constants.items() if name in names}
+                found = Expression(value, named, self.t if self.t is not None and "t" in names else 0.0)
+                return found if names & {"x", "y"} else float(evaluate("", found, np.zeros(1), np.zeros(1))[0])
         if isinstance(value, bool) or not isinstance(value, int | float):
             remedy = "give a number, an expression in quotes, or { polynomial = [[c00, c01], [c10]] }"
             raise InputError("", value, remedy)
         return float(value)
-
-    def scalar(self, value: str) -> float:
-        """An expression of constants and t: one number."""
-        with schema.located(""):
-            expression = self._expression(value)
-            here, there = (evaluate("", expression, np.array([x]), np.array([y])) for x, y in ((0.0, 0.0), (0.7, 0.3)))
-            if here != there:
-                raise InputError("", value, "this is one number: it cannot depend on x and y")
-        return float(here[0])
-
-    def _expression(self, text: str) -> Expression:
-        """The expression with the constants that it names, at the time if it names that."""
-        found = Expression(text, self.constants)  # an error of it names all constants
-        t = self.t if "t" in found.names else 0.0
-        if t is None:
-            raise InputError("", text, "t changes in a history only: add [history] with times, or do without t")
-        return Expression(text, {name: value for name, value in self.constants.items() if name in found.names}, t)
 
 
 @dataclass(frozen=True, eq=False)

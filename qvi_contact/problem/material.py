@@ -40,7 +40,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, NamedTupl
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, acts, evaluate
-from qvi_contact.basics.schema import Angle, Checked, Inline, Name, Positive, Scalar, Tagged, Varying
+from qvi_contact.basics.schema import Checked, Inline, Name, Positive, Scalar, Tagged, Varying
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.selection import triangles_in_box
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -110,7 +110,7 @@ class MohrCoulomb(Checked):
 
     c: Annotated[Field, Varying(0.0)]
     """Cohesion, at least 0 [stress]: `c = 20.0`."""
-    phi: Annotated[Field, Angle(0.0)]
+    phi: Annotated[Field, Varying(0.0)]
     """Angle of friction φ, from 0 to below π/2 [rad]: `phi = "30 * pi / 180"`."""
     tension: Annotated[Field, Varying(0.0)] | None = None
     """Largest tensile stress t, at least 0 [stress]; without it c cot φ is: `tension = 0.0`."""

@@ -143,7 +143,7 @@ class TestCheck:
     def test_everything(self, shell, tmp_path):
         (tmp_path / "rich.toml").write_text(RICH, encoding="utf-8")
         out = told(shell("check", tmp_path / "rich.toml", "--plot", tmp_path / "rich.png"))
-        stated = ("friction = mu", "E = 2000 Pa", "max_iterations = 60")
+        stated = ("friction = 0.3,", "E = 2000 Pa", "max_iterations = 60")
         for words in ("everything", "cells", "unknowns", "joint", *stated):
             assert words in out
         assert (tmp_path / "rich.png").exists()
