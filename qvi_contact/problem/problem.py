@@ -6,7 +6,7 @@ import hashlib
 import pickle
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeAlias
 
@@ -23,13 +23,12 @@ from qvi_contact.problem.conditions import (
     Condition,
     Contact,
     Displacement,
-    RigidPlate,
     Symmetry,
     Traction,
     components,
 )
 from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polynomial, along_edges
-from qvi_contact.problem.material import Material, Region, cell_materials, is_strained, stress_at_rest, varies
+from qvi_contact.problem.material import Material, Region, cell_materials, is_strained
 from solvers.basics.types import PicklesFields
 
 _OVERLAP: Final = "drop one, or name parts of the side by with_edges()"
@@ -374,54 +373,41 @@ def run_digest(problems: Sequence[ContactProblem], options: Mapping[str, object]
 
 
 def problem_digest(problem: ContactProblem) -> bytes:
-    """SHA-256 of everything but the mesh."""
+    """SHA-256 of everything but the mesh: names and values of all data of materials, regions and conditions."""
     mesh, t = problem.mesh, triangle_lattice(_DIVIDED)[0] * 0.99 + 0.01 / 3.0  # so that none lies on an edge
-    parts: list[object] = [problem.compliances, problem.cell_materials]
 
-    def values(function: Callable[..., Any]) -> Iterator[object]:
+    def inside(_name: str, function: Any) -> Iterator[object]:
         a, b, c = mesh.corners.T[..., None].swapaxes(0, 1)  # products one by one: alike on every processor
         with np.errstate(all="ignore"), suppress(Exception):  # a solve says what is wrong, if it looks there at all
             yield np.asarray(function(*(a * t[:, 0] + b * t[:, 1] + c * t[:, 2])), dtype=np.float64)
 
-    for name, potential in problem.body_forces.items():  # a sweep may multiply one of them
-        parts += [name] * (name != "body")
-        parts += _told(potential, values)
-    if is_strained(problem) and varies(problem):
-        for material in problem.materials:
-            parts += [material.young, material.poisson, material.plane]
-            for part in (material.expansion, material.shrinkage, *(material.prestress or ())):
-                parts += _told(part, values)
-        for part in (problem.temperature, *(region.temperature for region in problem.regions)):
-            parts += _told(part, values)
-    elif is_strained(problem):
-        middles = mesh.vertices[mesh.cells].mean(axis=1).T
-        parts.append(stress_at_rest(problem, np.arange(mesh.cell_count), *middles))
+    def along(edges: Edges, name: str, function: Any) -> Iterator[object]:
+        found = along_edges(mesh, edges, name, function)  # parted where it jumps, as for quadrature
+        yield from (found.edge, found.t, found.values)
+
+    whole = (problem.materials, problem.regions, problem.body_forces, problem.temperature)
+    parts = [problem.cell_materials, *_told(whole, inside)]
     for condition in problem.conditions:
-        parts += [type(condition).__name__, *_values(condition, mesh.edges(condition.edges), mesh)]
+        parts += _told(condition, partial(along, mesh.edges(condition.edges)))
     return _digest(parts)
 
 
-def _told(field: object, values: Callable[[Any], Iterator[object]]) -> Iterator[object]:
-    """What a number or a function is told from others by: its own data if it has any, else values that it takes."""
-    if isinstance(field, PointData):
-        yield from (field.mesh.vertices, field.mesh.cells, field.values)
-    elif callable(field) and not isinstance(field, Expression | Polynomial):
-        yield from values(field)
+def _told(part: Any, values: Callable[[str, Any], Iterator[object]], name: str = "") -> Iterator[object]:
+    """What a datum is told from others by, with all in it; functions without data of their own by values they take."""
+    if isinstance(part, PointData):
+        yield from (part.mesh.vertices, part.mesh.cells, part.values)
+    elif callable(part) and not isinstance(part, Expression | Polynomial):
+        yield from values(name, part)
+    elif callable(part) or not (is_dataclass(part) or isinstance(part, Mapping | tuple)):
+        yield part
     else:
-        yield field
-
-
-def _values(part: Condition | RigidPlate, edges: Edges, mesh: TriangleMesh) -> Iterator[object]:
-    """Names and values of all fields; functions as quadrature sees them: parted where they jump."""
-
-    def seen(function: Field) -> Iterator[object]:
-        found = along_edges(mesh, edges, name, function)
-        yield from (found.edge, found.t, found.values)
-
-    for name in (each.name for each in fields(part)):
-        value = getattr(part, name)
-        yield name
-        yield from _values(value, edges, mesh) if isinstance(value, RigidPlate) else _told(value, seen)
+        yield type(part).__name__
+        named = (
+            part if isinstance(part, Mapping | tuple) else {own.name: getattr(part, own.name) for own in fields(part)}
+        )
+        for own, each in named.items() if isinstance(named, Mapping) else enumerate(named):
+            yield own
+            yield from _told(each, values, str(own))
 
 
 def _digest(parts: Iterable[object]) -> bytes:
