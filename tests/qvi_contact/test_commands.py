@@ -176,7 +176,8 @@ def test_limit(shell, sliding):
     assert picture.stat().st_size > 1000
     refused(shell("limit", sliding, "--load", "nonsense"), "drag")
     refused(shell("limit", sliding), "--load: missing: name one of the loads (", "drag")
-    for words, acts in (("limit", "--load", "left"), "0"), (("safety", "--accuracy=0.5"), "those"):
+    loaded = "limit", "--load", "left"
+    for words, acts in (loaded, "0"), ((*loaded, "--json"), "0"), (("safety", "--accuracy=0.5", "--json"), "those"):
         assert f" {acts} at t = 0, the first time" in shell(words[0], EXAMPLES / "cyclic_shear.toml", *words[1:])[1]
     late = sliding.with_name("late.toml")
     late.write_text(sliding.read_text(encoding="utf-8") + "[history]\ntimes = [0.5]\n", encoding="utf-8")
