@@ -6,7 +6,7 @@ import hashlib
 import pickle
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeAlias
 
@@ -168,23 +168,6 @@ class ContactProblem(PicklesFields):
         return tuple(contact for contact in self.contacts if contact.edges in self.mesh.joint_names)
 
     @cached_property
-    def cartesian_conditions(self) -> tuple[Condition, ...]:
-        """The conditions, those on edges that face one way along an axis with components x and y only."""
-        found = list[Condition]()
-        for condition in self.conditions:
-            edges = self.mesh.edges(condition.edges)
-            straight = not edges.curved and np.ptp(edges.normal, axis=0).max() == 0.0
-            aligned = straight and np.abs(edges.normal[0]).max() >= 1.0
-            changed: dict[str, Any] = {}
-            if aligned and isinstance(condition, (Traction, Displacement)):
-                for name in components(condition).keys() & set(LOCAL):
-                    value, direction = getattr(condition, name), direction_of(name, edges)[0]
-                    axis = int(np.argmax(np.abs(direction)))
-                    changed |= {name: None, CARTESIAN[axis]: value if direction[axis] > 0.0 else opposite(value)}
-            found.append(replace(condition, **changed) if changed else condition)
-        return tuple(found)
-
-    @cached_property
     def owners(self) -> IntArray:
         """Index of the condition that rules each component of each boundary edge, shape (2, edges); −1 for none.
 
@@ -230,11 +213,6 @@ def direction_of(name: str, edges: Edges) -> FloatArray:
     found = np.zeros((len(edges), 2))
     found[:, CARTESIAN.index(name)] = 1.0
     return found
-
-
-def opposite(value: Field) -> Field:
-    """The negative of a number or function."""
-    return (lambda x, y: -np.asarray(value(x, y))) if callable(value) else -value
 
 
 def _check_parts(problem: ContactProblem) -> None:
