@@ -236,7 +236,7 @@ def test_a_pressure_beyond_the_traces_is_named():
 
 @pytest.mark.parametrize(("side", "beside", "force"), [("bottom", "left", -2.0), ("right", "top", -0.5)])
 def test_forces_of_a_support_that_is_moved_along_its_normal(side, beside, force):
-    """A block 2 × 1 of E = 1000 pressed between its support and a line of symmetry; the force is named as the motion is."""
+    """A block 2 × 1 of E = 1000 pressed between its support and a line of symmetry; its name is that of the motion."""
     ends = {"bottom": "top", "top": "bottom", "left": "right", "right": "left"}
     moved_in = [Displacement(side, normal=-1e-3), Traction(side, tangential=0.0)]
     free = Traction(ends[beside], normal=0.0, tangential=0.0)
