@@ -326,14 +326,10 @@ def _solved_series(
     if not file.times:
         with solving(file.title or "solve", verbose=verbose):
             return None, (solve_one(file.problem, **options, verbose=verbose),)
-    done = 0
     with solving(file.title or "history", len(file.times), verbose=verbose) as advance:
 
         def told(number: int, _result: ContactResult) -> None:
-            nonlocal done
-            while done < number:  # the first that is told need not be the first of all
-                done += 1
-                advance(f"step {done} of {len(file.times)} solved")
+            advance(f"step {number} of {len(file.times)} solved", number)
 
         history = qvi_contact.solve_history(file.problems, told, store=store, **options, verbose=verbose)
     return report.Series(history, "t", file.times), history.steps
@@ -357,8 +353,7 @@ def _swept(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose:
     with solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance:
         if stored:
             with suppress(InputError):  # what is no store will be told
-                for _ in qvi_contact.read_sweep(stored["store"]).statuses:
-                    advance()
+                advance("", len(qvi_contact.read_sweep(stored["store"]).statuses))
         asked = plan.parameter, plan.values, plan.of
         try:
             return solved(file.problem, *asked, lambda *_: advance(), **stored, **options, verbose=verbose)
