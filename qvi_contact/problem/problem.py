@@ -36,7 +36,7 @@ _LISTS: Final = (
     ("conditions", (Traction, Displacement, Symmetry, Contact), "Traction, Displacement, Symmetry or Contact"),
     ("regions", Region, "Region"),
 )  # what a problem is given as lists, and the classes of their entries
-_CARTESIAN_FRAME, _LOCAL_FRAME, _NO_FRAME = 0, 1, -1  # by what components an edge is ruled
+_NAMES: Final = (*CARTESIAN, *LOCAL)  # of components
 _TANGENTIAL: Final = 1e-12  # part along the normal, of one, that is rounding
 
 
@@ -248,48 +248,40 @@ _Ruling: TypeAlias = tuple[int, Condition, tuple[str, ...], IntArray]
 def _ruled(problem: ContactProblem, ruling: Sequence[_Ruling]) -> IntArray:
     """See `ContactProblem.owners`; `InputError` where a component has no condition, two, or edges two frames."""
     mesh, boundary = problem.mesh, problem.mesh.boundary
-    owner = np.full((2, len(boundary)), -1)
-    parallel = (np.abs(boundary.tangent).max(axis=1) == 1.0) & ~boundary.bent  # to an axis: both frames are one
-    frame = np.where(parallel, _CARTESIAN_FRAME, _NO_FRAME)  # in which edges are ruled
-    normal = np.where(parallel, np.abs(boundary.normal).argmax(axis=1), 0)
-    first = np.zeros_like(normal)
-    rows = {"x": first, "y": first + 1, "normal": normal, "tangential": 1 - normal}
+    parallel = (np.abs(boundary.tangent).max(axis=1) == 1.0) & ~boundary.bent  # to an axis: x and y rule it
+    normal = np.abs(boundary.normal).argmax(axis=1)
+    rows = dict(zip(_NAMES, (0 * normal, 0 * normal + 1, normal, 1 - normal), strict=True))
+    each = np.full((4, len(boundary)), -1)  # by the names; on slanted edges either two of them count
 
-    def middle(edge: int) -> str:
-        return place_of(mesh.midpoints[boundary.number[edge]])
-
-    def refuse(name: str, component: int, edge: int, remedy: str) -> NoReturn:
-        local = frame[edge] == _LOCAL_FRAME
-        what = f"{LOCAL[component]} component" if local else f"component {CARTESIAN[component]}"
-        raise InputError("ContactProblem.conditions", name, f"{what} of the edge around {middle(edge)} {remedy}")
+    def refuse(name: str, row: int, edge: int, remedy: str, gives: str = "") -> NoReturn:
+        what = f"{_NAMES[row]} component" if row >= len(CARTESIAN) or gives else f"component {_NAMES[row]}"
+        remedy = f"{gives}{what} of the edge around {place_of(mesh.midpoints[boundary.number[edge]])} {remedy}"
+        raise InputError("ContactProblem.conditions", name, remedy)
 
     for number, condition, given, chosen in ruling:
-        slanted = chosen[~parallel[chosen]]
-        names = given or (LOCAL if len(slanted) else CARTESIAN)
-        own = _LOCAL_FRAME if names[0] in LOCAL else _CARTESIAN_FRAME
-        other = slanted[frame[slanted] == _LOCAL_FRAME + _CARTESIAN_FRAME - own]
-        if len(other):
-            remedy = (
-                f"gives the {names[0]} component of the slanted edge around {middle(int(other[0]))}, and "
-                "another condition one of the other kind: give both components of an edge as x and y, or both as "
-                "normal and tangential"
-            )
-            raise InputError("ContactProblem.conditions", condition.edges, remedy)
-        frame[slanted] = own
-        for name in names:
-            row = rows[name][chosen]
-            taken = owner[row, chosen]
+        for name in given or LOCAL:
+            row = np.where(parallel[chosen], rows[name][chosen], _NAMES.index(name))
+            taken = each[row, chosen]
             if (taken >= 0).any():
                 at = int(np.argmax(taken >= 0))
                 earlier = problem.conditions[taken[at]]
                 remedy = f"already has the condition {type(earlier).__name__}({earlier.edges!r}): {_OVERLAP}"
                 refuse(condition.edges, int(row[at]), int(chosen[at]), remedy)
-            owner[row, chosen] = number
+            each[row, chosen] = number
+    local = np.asarray((each[2:] >= 0).any(axis=0))
+    for edge in np.flatnonzero(local & (each[:2] >= 0).any(axis=0))[:1].tolist():
+        last = int(each[:, edge].argmax())
+        remedy = (
+            "and another condition one of the other kind: give both components of an edge as x and y, or both as "
+            "normal and tangential"
+        )
+        refuse(problem.conditions[each[last, edge]].edges, last, edge, remedy, "gives the ")
+    owner = np.where(local, each[2:], each[:2])
     if (owner < 0).any():
         component, edge = np.argwhere(owner < 0)[0].tolist()
         named = [name for name in mesh.edge_names if edge in mesh.edge_set(name)]
         remedy = "has no condition; add a Traction (0 if it is free), Displacement, Symmetry or Contact"
-        refuse([*named, "an edge without a name"][0], component, edge, remedy)
+        refuse([*named, "an edge without a name"][0], component + 2 * int(local[edge]), edge, remedy)
     owner.flags.writeable = False  # problems share it
     return owner
 
