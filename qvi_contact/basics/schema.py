@@ -254,7 +254,7 @@ class Named(Kind):
             raise InputError("", value, f"give a table of at most {MOST} entries")
         found = {}
         for name, item in value.items():
-            with within(quoted(name)):
+            with located(quoted(name)):
                 found[Text(name=True).read(name, reader)] = self.kind.read(item, reader)
         return found
 
@@ -318,7 +318,7 @@ class Tagged(Kind):
         known = {getattr(each, "kind", ""): each for each in self.classes}
         if "law" not in value:
             raise InputError("law", Missing(), ADD)
-        with within("law"):
+        with located("law"):
             law = Choice(tuple(known)).read(value["law"], reader)
         return read_table(known[law], value, reader, also=("law",))
 
@@ -427,7 +427,7 @@ def read_values(kind: type, data: Any, reader: Reader, also: tuple[str, ...] = (
     found = {}
     for name, each in known.items():
         if name in data:
-            with within(name):
+            with located(name):
                 found[name] = each.kind.read(data[name], reader)
         elif not partly and is_needed(kind, name):
             raise InputError(name, Missing(), ADD)
@@ -512,22 +512,14 @@ def in_toml(remedy: str) -> str:
 
 
 @contextmanager
-def located(path: str, known: Iterable[str] = ()) -> Iterator[None]:
-    """Errors raised in the block get their path in the file: this one, and the key if it is one of those known."""
+def located(path: str, known: Iterable[str] | None = None) -> Iterator[None]:
+    """Errors raised in the block get this path before theirs, or before its last part if that is one of those known."""
     try:
         yield
     except InputError as error:
-        name = error.field.split(".")[-1]
-        raise _further(path, type(error)(name if name in known else "", error.value, error.remedy)) from error
-
-
-@contextmanager
-def within(path: str) -> Iterator[None]:
-    """Errors raised in the block, whose paths are those inside of a table or list, get its own path before theirs."""
-    try:
-        yield
-    except InputError as error:
-        raise _further(path, error) from error
+        name = error.field if known is None else error.field.split(".")[-1]
+        kept = name if known is None or name in known else ""
+        raise _further(path, type(error)(kept, error.value, error.remedy)) from error
 
 
 def _further(path: str, error: InputError) -> InputError:

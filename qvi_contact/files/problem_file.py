@@ -190,7 +190,7 @@ class Document:
         table, lines = self.mesh, None
         assert table is not None  # it is needed
         arcs = {f"mesh.arcs[{index}]": arc for index, arc in enumerate(table.arcs)}
-        with schema.within("mesh"):
+        with schema.located("mesh"):
             if table.file is not None:
                 try:
                     parts = read_mesh(_beside(folder, table.file))
@@ -204,7 +204,7 @@ class Document:
                     with schema.located("" if error.field == "join" else "file", ("join",)):
                         raise
             elif table.outline is not None:
-                with schema.within("outline"):
+                with schema.located("outline"):
                     mesh = table.outline.mesh()
             elif table.x is None or table.y is None:
                 mesh = table.inline()
@@ -214,7 +214,7 @@ class Document:
         mesh = self._named(mesh, lines, arcs)
         if table.refine is None or lines is None:
             return mesh
-        with schema.within("mesh.refine"):
+        with schema.located("mesh.refine"):
             lines = table.refine.lines(mesh, table.body(lines), lines)
             mesh = table.grid(lines)
         return self._named(mesh, lines, arcs)
@@ -241,7 +241,7 @@ class Document:
         """The problem on that mesh, its fields checked where they count; `given` are the tables as they were read."""
         forces: Field = self.body_potential
         if self.body_forces:
-            with schema.located("body_forces"):
+            with schema.located("body_forces", ()):
                 forces = BodyForces(self.body_forces)
         regions = []
         for index, table in enumerate(self.regions):
@@ -261,7 +261,7 @@ class Document:
             for path, each in placed:  # the last table that the error can mean, by the edges or name that it names
                 if error.value in (each.edges, getattr(each, "name", None)):
                     found = f"{path}.{name}" if name in schema.keys_of(type(each)) else path
-            with schema.located(found):
+            with schema.located(found, ()):
                 raise
         used = {contact.edges for contact in self.contacts}
         for index, joint in enumerate(given.get("joints", ())):
@@ -314,10 +314,10 @@ class FileReader:
                 return PointData.load(_beside(self.folder, data.file), data.data)
         if isinstance(value, dict):
             table = schema.read_table(PolynomialTable, value, self)
-            with schema.located(""):
+            with schema.located("", ()):
                 return Polynomial(table.polynomial)
         if isinstance(value, str):
-            with schema.located(""):
+            with schema.located("", ()):
                 names = Expression(value, self.constants).names  # an error names all constants
                 if self.t is None and "t" in names:
                     remedy = "t changes in a history only: add [history] with times, or do without t"
@@ -500,7 +500,7 @@ def _from_tables(
     constants = {**first.get("constants", {}), **changed}
     times = first["history"].times if "history" in first else ()
     for name, value in constants.items():
-        with schema.located(f"constants.{schema.quoted(name)}"):
+        with schema.located(f"constants.{schema.quoted(name)}", ()):
             if not name.isidentifier() or not unicodedata.is_normalized("NFKC", name):
                 raise InputError("", name, "give a name of letters, digits and _ that does not begin with a digit")
             Expression(name, {name: value})
