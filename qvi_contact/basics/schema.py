@@ -362,7 +362,8 @@ def kind_of(hint: Any) -> Kind:
         return next(each for each in arguments if isinstance(each, Kind))
     if origin in (Union, UnionType):
         given = [each for each in arguments if each is not NoneType]
-        return kind_of(given[0]) if len(given) == 1 else Varying()  # a number, or a function of (x, y)
+        tables = tuple(each for each in given if hasattr(each, "__dataclass_fields__"))
+        return kind_of(given[0]) if len(given) == 1 else Tagged(tables) if tables else Varying()  # of (x, y)
     if origin is Literal:
         return Choice(arguments)
     if origin is dict:
