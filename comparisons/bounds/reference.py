@@ -26,6 +26,8 @@ from scipy.sparse.linalg import splu
 
 from qvi_contact import Contact, ContactProblem, Displacement, Symmetry, Traction, TriangleMesh
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
+from qvi_contact.problem.conditions import components
+from qvi_contact.problem.problem import direction_of
 from solvers.basics.linked import linked
 
 ng: Any = import_module("ngsolve")  # it has no types
@@ -89,8 +91,8 @@ def _split(mesh: TriangleMesh) -> TriangleMesh:
 def _corners(problem: ContactProblem) -> FloatArray:
     """Vertices where stresses may be singular: ends of conditions and joints, and corners, but convex ones of loads."""
     mesh, sides = problem.mesh, list[tuple[int, int, bool, FloatArray]]()  # vertex, set of edges, whether held, normal
-    held = {each.edges for each in problem.cartesian_conditions if not isinstance(each, Traction)}
-    for number, name in enumerate(dict.fromkeys(each.edges for each in problem.cartesian_conditions)):
+    held = {each.edges for each in problem.conditions if not isinstance(each, Traction)}
+    for number, name in enumerate(dict.fromkeys(each.edges for each in problem.conditions)):
         edges = mesh.edges(name)
         for ends in (edges.first, edges.second):
             sides += [
@@ -149,7 +151,7 @@ class _Model:
 
     def __init__(self, problem: ContactProblem, mesh: TriangleMesh, order: int) -> None:
         self._problem, self._order = problem, order
-        self._names = list(dict.fromkeys(each.edges for each in problem.cartesian_conditions))
+        self._names = list(dict.fromkeys(each.edges for each in problem.conditions))
         self._fine, self.mesh = mesh, self._made(mesh)
         given, loads = self._conditions()
         self._space = ng.FESpace([ng.H1(self.mesh, order=order, dirichlet="|".join(sides)) for sides in given])
@@ -163,18 +165,18 @@ class _Model:
     def _conditions(self) -> tuple[tuple[dict[str, Any], dict[str, Any]], dict[str, Any]]:
         """Displacements along x and y, and tractions, by the name of their edges."""
         given: tuple[dict[str, Any], dict[str, Any]] = ({}, {})
-        loads: dict[str, Any] = {}
-        for each in self._problem.cartesian_conditions:
-            if isinstance(each, Displacement):
-                for held, field in zip(given, (each.x, each.y), strict=True):
-                    if field is not None:
-                        held[each.edges] = _function(field)
-            elif isinstance(each, Traction):
-                loads[each.edges] = ng.CF((_function(each.x), _function(each.y)))
-            elif isinstance(each, Symmetry):
-                axis = int(np.abs(self._fine.edges(each.edges).normal[0]).argmax())
-                given[axis][each.edges] = ng.CF(0.0)
-        return given, loads
+        loads: dict[str, list[Any]] = {}
+        for each in self._problem.conditions:
+            stated = components(each) if isinstance(each, Displacement | Traction) else {}
+            for name, field in ({"normal": 0.0} if isinstance(each, Symmetry) else stated).items():
+                direction = direction_of(name, self._fine.edges(each.edges))[0]
+                axis = int(np.abs(direction).argmax())
+                value = ng.CF(direction[axis]) * _function(field)
+                if isinstance(each, Traction):
+                    loads.setdefault(each.edges, [ng.CF(0.0), ng.CF(0.0)])[axis] = value
+                else:
+                    given[axis][each.edges] = value
+        return given, {name: ng.CF(tuple(parts)) for name, parts in loads.items()}
 
     def _made(self, mesh: TriangleMesh) -> Any:
         """The mesh for NGSolve; along joints either side has vertices of its own."""

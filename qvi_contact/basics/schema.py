@@ -59,7 +59,7 @@ class Missing:
 
 
 Reader: TypeAlias = Any
-"""A `FileReader`: reads functions in a file by its `field` and `scalar`; `whole` is the class of the whole file."""
+"""A `FileReader`: reads numbers and functions in a file by its `field`; `whole` is the class of the whole file."""
 
 Writer: TypeAlias = Callable[[str, object], object]
 """What makes of a path and a field a number, text or table, and collects the constants and the time that all share."""
@@ -68,9 +68,9 @@ Writer: TypeAlias = Callable[[str, object], object]
 class Kind:
     """The values of a key: read from a file, given in Python, written to a file."""
 
-    def read(self, value: Any, reader: Reader) -> Any:
+    def read(self, value: Any, reader: Reader) -> Any:  # noqa: ARG002
         """What Python makes of the value in a file; `InputError` if it is none of these."""
-        raise NotImplementedError
+        return self.check("", value)
 
     def check(self, name: str, value: Any) -> Any:  # noqa: ARG002
         """What Python was given, numbers as floats, lists as tuples; `InputError` if it is something else."""
@@ -161,9 +161,6 @@ class Choice(Kind):
 
     words: tuple[Any, ...]
 
-    def read(self, value: Any, reader: Reader) -> Any:  # noqa: ARG002
-        return self.check("", value)
-
     def check(self, name: str, value: Any) -> Any:
         if isinstance(value, bool) or not isinstance(value, str | int) or value not in self.words:
             near = closest(value, [word for word in self.words if isinstance(word, str)])
@@ -195,23 +192,15 @@ class Varying(Kind):
         return writer(path, value)
 
 
-class Angle(Varying):
-    """A field, which a file may write as an expression of constants and t: that is one number."""
-
-    def read(self, value: Any, reader: Reader) -> Any:
-        """A number where it does not depend on x and y."""
-        if isinstance(value, str):
-            with suppress(InputError):  # an error of the field says more
-                return reader.scalar(value)
-        return reader.field(value)
-
-
 class Scalar(Number):
     """A number, which a file may write as an expression of constants and t."""
 
     def read(self, value: Any, reader: Reader) -> float:
         """The number at the time that is read."""
-        return reader.scalar(value) if isinstance(value, str) else super().read(value, reader)
+        found = reader.field(value) if isinstance(value, str) else super().read(value, reader)
+        if callable(found):
+            raise InputError("", value, "this is one number: it cannot depend on x and y")
+        return float(found)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -265,7 +254,7 @@ class Named(Kind):
             raise InputError("", value, f"give a table of at most {MOST} entries")
         found = {}
         for name, item in value.items():
-            with within(quoted(name)):
+            with located(quoted(name)):
                 found[Text(name=True).read(name, reader)] = self.kind.read(item, reader)
         return found
 
@@ -329,7 +318,7 @@ class Tagged(Kind):
         known = {getattr(each, "kind", ""): each for each in self.classes}
         if "law" not in value:
             raise InputError("law", Missing(), ADD)
-        with within("law"):
+        with located("law"):
             law = Choice(tuple(known)).read(value["law"], reader)
         return read_table(known[law], value, reader, also=("law",))
 
@@ -373,7 +362,8 @@ def kind_of(hint: Any) -> Kind:
         return next(each for each in arguments if isinstance(each, Kind))
     if origin in (Union, UnionType):
         given = [each for each in arguments if each is not NoneType]
-        return kind_of(given[0]) if len(given) == 1 else Varying()  # a number, or a function of (x, y)
+        tables = tuple(each for each in given if hasattr(each, "__dataclass_fields__"))
+        return kind_of(given[0]) if len(given) == 1 else Tagged(tables) if tables else Varying()  # of (x, y)
     if origin is Literal:
         return Choice(arguments)
     if origin is dict:
@@ -438,7 +428,7 @@ def read_values(kind: type, data: Any, reader: Reader, also: tuple[str, ...] = (
     found = {}
     for name, each in known.items():
         if name in data:
-            with within(name):
+            with located(name):
                 found[name] = each.kind.read(data[name], reader)
         elif not partly and is_needed(kind, name):
             raise InputError(name, Missing(), ADD)
@@ -523,22 +513,14 @@ def in_toml(remedy: str) -> str:
 
 
 @contextmanager
-def located(path: str, known: Iterable[str] = ()) -> Iterator[None]:
-    """Errors raised in the block get their path in the file: this one, and the key if it is one of those known."""
+def located(path: str, known: Iterable[str] | None = None) -> Iterator[None]:
+    """Errors raised in the block get this path before theirs, or before its last part if that is one of those known."""
     try:
         yield
     except InputError as error:
-        name = error.field.split(".")[-1]
-        raise _further(path, type(error)(name if name in known else "", error.value, error.remedy)) from error
-
-
-@contextmanager
-def within(path: str) -> Iterator[None]:
-    """Errors raised in the block, whose paths are those inside of a table or list, get its own path before theirs."""
-    try:
-        yield
-    except InputError as error:
-        raise _further(path, error) from error
+        name = error.field if known is None else error.field.split(".")[-1]
+        kept = name if known is None or name in known else ""
+        raise _further(path, type(error)(kept, error.value, error.remedy)) from error
 
 
 def _further(path: str, error: InputError) -> InputError:

@@ -32,7 +32,7 @@ _REDRAWN = 0.1  # seconds
 
 
 Advance: TypeAlias = Callable[..., None]
-"""Reports that one more step is done, and says in words, if there are any, how far all is."""
+"""Reports that one more step is done, or so many in all, and says in words, if there are any, how far all is."""
 
 
 class TerminatedError(SystemExit):
@@ -217,11 +217,11 @@ def solving(title: str, steps: int = 1, *, verbose: bool = False, silence: float
     With `verbose` no line is shown, and what the solves inside print goes there too: standard output is for answers.
     A line that stays says when one method takes the place of another one. Where that is not a terminal there are plain
     lines: one before each large factorisation, and how far all is after so many seconds of `silence`, and then after
-    twice as many, and so on. The function yielded says that a step is done, and may say how far all is.
+    twice as many, and so on. The function yielded says that a step is done, or how many, and may say how far all is.
     """
     if verbose:
         with redirect_stdout(sys.stderr):
-            yield lambda _="": None
+            yield lambda *_: None
         return
     from solvers.basics.progress import listening  # with NumPy, which a line of help does without
 
@@ -258,9 +258,9 @@ class _Line:
         if progress.remark:
             self._say(f"{progress.remark}; next method: {progress.method}", on_terminals=True)
 
-    def advance(self, description: str = "") -> None:
-        """One more step is done."""
-        self._done, self._so_far, self._state = self._done + 1, description, ""
+    def advance(self, description: str = "", done: int | None = None) -> None:
+        """One more step is done, or so many in all."""
+        self._done, self._so_far, self._state = self._done + 1 if done is None else done, description, ""
 
     def show(self, silence: float) -> None:
         """Draw the line on a terminal, and elsewhere say now and then how far all is."""

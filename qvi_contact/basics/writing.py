@@ -71,14 +71,12 @@ def replacing(path: str | Path, field: str = "output") -> Iterator[Path]:
 
 def check_writable(path: str | Path, field: str = "output") -> None:
     """Find out before any work is done whether `replacing` can write a file; `InputError` about `field` if not."""
-    path = given_path(field, path)
-    try:
-        target, earlier = _followed(path)
-        if earlier is None or stat.S_ISREG(earlier.st_mode):
-            with tempfile.TemporaryFile(dir=target.parent):
-                pass
-    except (OSError, ValueError) as error:
-        raise unwritable(path, error, field) from error
+    with suppress(_EnoughError), replacing(path, field):
+        raise _EnoughError
+
+
+class _EnoughError(Exception):
+    """Leaves a block of `replacing` with the earlier file as it was."""
 
 
 def identity(path: str | Path) -> object:

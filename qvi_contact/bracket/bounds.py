@@ -150,7 +150,7 @@ def data_reasons(discretization: Discretization) -> tuple[str, ...]:
     """
     problem, space, found = discretization.problem, discretization.space, list[str]()
     most = space.element.traction_degree
-    for condition in problem.cartesian_conditions:
+    for condition in problem.conditions:
         place, data = condition.edges, list[tuple[str, str, Field | None, int]]()  # spoken name, name, field, degree
         if isinstance(condition, Traction):
             data += [
@@ -194,7 +194,7 @@ def force_bounds(discretization: Discretization, frictionless: bool, lower: floa
     problem = discretization.problem
     data: list[tuple[str, Field, bool, float]] = [("initial_strain", float(is_strained(problem)), False, 1.0)]
     data += [("body_potential", problem.body_potential, False, 1.0)]  # key of the force, value, whether it drives, sign
-    for condition in problem.cartesian_conditions:
+    for condition in problem.conditions:
         if isinstance(condition, Contact):
             name = condition.name
             data += [(f"{name}.normal_force", condition.gap, True, -1.0)]

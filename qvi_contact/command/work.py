@@ -198,7 +198,8 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
             found, problem = refinement.limit, refinement.problem
         proved = [] if proof is None else _write_proof(proof, problem, loads, told)
     said, units, missing = report.limit_lines(loads, found, refinement), problem_file.units, {}
-    said += _meant(problem_file, acts)
+    remarks = _meant(problem_file, acts)
+    said += remarks
     if found.mechanism is None and found.collapse is None:
         missing["plot"] = "there is no mechanism to draw in"
     if found.collapse is None:
@@ -216,7 +217,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
 
     writers = {"plot": plot, "vtk": lambda path: files.write_collapse_vtu(path, problem, found, units), "report": page}
     complete = _written(targets, writers, missing)
-    document = {"loads": list(loads), **report.limit_document(found, refinement)}
+    document = {"loads": list(loads), **report.limit_document(found, refinement), "remarks": remarks}
     click.echo(_json_text(document) if as_json else "\n".join([*said, *proved]))
     missed = refinement is not None and refinement.status != "reached"
     return 2 if not complete else 1 if missed or found == -math.inf else 0
@@ -236,8 +237,8 @@ def _without_loads(
         if value is not None:
             raise InputError(_option_name(name), value, "needs loads that are multiplied: give --load")
     proved = _write_proof(path, file.problem, (), told)
-    message = "\n".join([*proved, *_meant(file)])
-    click.echo(_json_text({"loads": [], "message": "; ".join(proved)}) if as_json else message)
+    document = {"loads": [], "message": "; ".join(proved), "remarks": _meant(file)}
+    click.echo(_json_text(document) if as_json else "\n".join([*proved, *_meant(file)]))
     return 0
 
 
@@ -264,7 +265,7 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
         found = strength_reduction_factor(problem_file.problem, of=list(of) or None, accuracy=accuracy, **told)
     above = f"divided by {found.upper:.6g} they do not on any mesh" if found.upper < math.inf else "no bound above"
     said = f"strengths divided by {found.lower:.6g} carry the loads on this mesh; {above}"
-    document = {"of": list(of), "lower": found.lower, "upper": found.upper}
+    document = {"of": list(of), "lower": found.lower, "upper": found.upper, "remarks": _meant(problem_file)}
     click.echo(_json_text(document) if as_json else "\n".join([said, *_meant(problem_file)]))
     return 0 if found.lower >= 1.0 else 1
 
@@ -325,14 +326,10 @@ def _solved_series(
     if not file.times:
         with solving(file.title or "solve", verbose=verbose):
             return None, (solve_one(file.problem, **options, verbose=verbose),)
-    done = 0
     with solving(file.title or "history", len(file.times), verbose=verbose) as advance:
 
         def told(number: int, _result: ContactResult) -> None:
-            nonlocal done
-            while done < number:  # the first that is told need not be the first of all
-                done += 1
-                advance(f"step {done} of {len(file.times)} solved")
+            advance(f"step {number} of {len(file.times)} solved", number)
 
         history = qvi_contact.solve_history(file.problems, told, store=store, **options, verbose=verbose)
     return report.Series(history, "t", file.times), history.steps
@@ -356,8 +353,7 @@ def _swept(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose:
     with solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance:
         if stored:
             with suppress(InputError):  # what is no store will be told
-                for _ in qvi_contact.read_sweep(stored["store"]).statuses:
-                    advance()
+                advance("", len(qvi_contact.read_sweep(stored["store"]).statuses))
         asked = plan.parameter, plan.values, plan.of
         try:
             return solved(file.problem, *asked, lambda *_: advance(), **stored, **options, verbose=verbose)

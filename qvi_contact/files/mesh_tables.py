@@ -79,7 +79,7 @@ class Axis(schema.Kind):
         lines: FloatArray = np.empty(0)
         segments = [schema.read_table(Segment, value, reader)] if piece else schema.Tables(Segment).read(value, reader)
         for index, segment in enumerate(segments):
-            with schema.within("" if piece else f"[{index}]"):
+            with schema.located("" if piece else f"[{index}]"):
                 start = float(lines[-1]) if segment.start is None and len(lines) else segment.start
                 if start is None:
                     raise InputError("start", schema.Missing(), schema.ADD)
@@ -138,7 +138,7 @@ class RefineTable:
         row, column = np.nonzero(around == 3)
         critical = [np.column_stack([lines[0][column], lines[1][row]])]
         for index, name in enumerate(self.towards):
-            with schema.located(f"towards[{index}]"):
+            with schema.located(f"towards[{index}]", ()):
                 edges = mesh.edges(name)
             vertex, count = np.unique(np.concatenate([edges.first, edges.second]), return_counts=True)
             critical.append(mesh.vertices[vertex[count == 1]])
@@ -359,7 +359,7 @@ class MeshTable:
         """Cells (ny, nx) that are not removed."""
         body = np.ones((len(lines[1]) - 1, len(lines[0]) - 1), dtype=bool)
         for index, rectangle in enumerate(self.remove):
-            with schema.within(f"remove[{index}]"):
+            with schema.located(f"remove[{index}]"):
                 body[rectangle.cells(lines)] = False
         return body
 

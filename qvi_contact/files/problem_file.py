@@ -190,7 +190,7 @@ class Document:
         table, lines = self.mesh, None
         assert table is not None  # it is needed
         arcs = {f"mesh.arcs[{index}]": arc for index, arc in enumerate(table.arcs)}
-        with schema.within("mesh"):
+        with schema.located("mesh"):
             if table.file is not None:
                 try:
                     parts = read_mesh(_beside(folder, table.file))
@@ -204,7 +204,7 @@ class Document:
                     with schema.located("" if error.field == "join" else "file", ("join",)):
                         raise
             elif table.outline is not None:
-                with schema.within("outline"):
+                with schema.located("outline"):
                     mesh = table.outline.mesh()
             elif table.x is None or table.y is None:
                 mesh = table.inline()
@@ -214,7 +214,7 @@ class Document:
         mesh = self._named(mesh, lines, arcs)
         if table.refine is None or lines is None:
             return mesh
-        with schema.within("mesh.refine"):
+        with schema.located("mesh.refine"):
             lines = table.refine.lines(mesh, table.body(lines), lines)
             mesh = table.grid(lines)
         return self._named(mesh, lines, arcs)
@@ -241,7 +241,7 @@ class Document:
         """The problem on that mesh, its fields checked where they count; `given` are the tables as they were read."""
         forces: Field = self.body_potential
         if self.body_forces:
-            with schema.located("body_forces"):
+            with schema.located("body_forces", ()):
                 forces = BodyForces(self.body_forces)
         regions = []
         for index, table in enumerate(self.regions):
@@ -261,7 +261,7 @@ class Document:
             for path, each in placed:  # the last table that the error can mean, by the edges or name that it names
                 if error.value in (each.edges, getattr(each, "name", None)):
                     found = f"{path}.{name}" if name in schema.keys_of(type(each)) else path
-            with schema.located(found):
+            with schema.located(found, ()):
                 raise
         used = {contact.edges for contact in self.contacts}
         for index, joint in enumerate(given.get("joints", ())):
@@ -307,39 +307,28 @@ class FileReader:
     whole = Document
 
     def field(self, value: Any) -> Field:
-        """A number, an expression or a polynomial."""
+        """A number, also as an expression of constants and t; a function, as an expression or a polynomial."""
         if isinstance(value, dict) and "file" in value:
             data = schema.read_table(PointDataTable, value, self)
             with schema.located("", schema.keys_of(PointDataTable)):
                 return PointData.load(_beside(self.folder, data.file), data.data)
         if isinstance(value, dict):
             table = schema.read_table(PolynomialTable, value, self)
-            with schema.located(""):
+            with schema.located("", ()):
                 return Polynomial(table.polynomial)
         if isinstance(value, str):
-            with schema.located(""):
-                return self._expression(value)
+            with schema.located("", ()):
+                names = Expression(value, self.constants).names  # an error names all constants
+                if self.t is None and "t" in names:
+                    remedy = "t changes in a history only: add [history] with times, or do without t"
+                    raise InputError("", value, remedy)
+                named = {name: number for name, number in self.constants.items() if name in names}
+                found = Expression(value, named, self.t if self.t is not None and "t" in names else 0.0)
+                return found if names & {"x", "y"} else float(evaluate("", found, np.zeros(1), np.zeros(1))[0])
         if isinstance(value, bool) or not isinstance(value, int | float):
             remedy = "give a number, an expression in quotes, or { polynomial = [[c00, c01], [c10]] }"
             raise InputError("", value, remedy)
         return float(value)
-
-    def scalar(self, value: str) -> float:
-        """An expression of constants and t: one number."""
-        with schema.located(""):
-            expression = self._expression(value)
-            here, there = (evaluate("", expression, np.array([x]), np.array([y])) for x, y in ((0.0, 0.0), (0.7, 0.3)))
-            if here != there:
-                raise InputError("", value, "this is one number: it cannot depend on x and y")
-        return float(here[0])
-
-    def _expression(self, text: str) -> Expression:
-        """The expression with the constants that it names, at the time if it names that."""
-        found = Expression(text, self.constants)  # an error of it names all constants
-        t = self.t if "t" in found.names else 0.0
-        if t is None:
-            raise InputError("", text, "t changes in a history only: add [history] with times, or do without t")
-        return Expression(text, {name: value for name, value in self.constants.items() if name in found.names}, t)
 
 
 @dataclass(frozen=True, eq=False)
@@ -511,7 +500,7 @@ def _from_tables(
     constants = {**first.get("constants", {}), **changed}
     times = first["history"].times if "history" in first else ()
     for name, value in constants.items():
-        with schema.located(f"constants.{schema.quoted(name)}"):
+        with schema.located(f"constants.{schema.quoted(name)}", ()):
             if not name.isidentifier() or not unicodedata.is_normalized("NFKC", name):
                 raise InputError("", name, "give a name of letters, digits and _ that does not begin with a digit")
             Expression(name, {name: value})

@@ -1,11 +1,9 @@
 """From a `ContactProblem` to the TOML text of a problem file."""
 
-import textwrap
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
-
-import numpy as np
 
 from qvi_contact.basics.schema import write_table
 from qvi_contact.basics.units import Units
@@ -18,6 +16,7 @@ from solvers.basics.types import load
 from solvers.errors import plain
 
 _WIDTH: Final = 110  # characters in a line of numbers
+_ARRAY: Final = re.compile(r"^(.+) = \[\n((?: .*\n)+)\]$", re.MULTILINE)
 
 
 def save_problem(path: str | Path, problem: ContactProblem, **details: Any) -> None:
@@ -75,15 +74,8 @@ def unread_toml(problem: ContactProblem, title: str = "", description: str = "",
     if writer.time is not None:
         document["history"] = {"times": [writer.time]}
     document = {name: value for name, value in document.items() if value not in ({}, [], "")}
-    blocks = [("", {key: value for key, value in document.items() if not isinstance(value, dict | list)})]
-    for key, value in document.items():  # as people write it: one [table] or [[table]] after the other
-        if isinstance(value, dict):
-            inner = {name: item for name, item in value.items() if isinstance(item, dict)}
-            blocks.append((f"[{key}]\n", {name: item for name, item in value.items() if name not in inner}))
-            blocks += [(f"[{key}.{_key(name)}]\n", part) for name, part in inner.items()]
-        elif isinstance(value, list):
-            blocks += [(f"[[{key}]]\n", table) for table in value]
-    return "\n".join(heading + "".join(map(_entry, table, table.values())) for heading, table in blocks)
+    wide = load("tomli_w").dumps(document, indent=_WIDTH)  # too wide for one line: a [[table]] for each table
+    return _ARRAY.sub(_filled, wide)
 
 
 class _Writer:
@@ -113,30 +105,13 @@ class _Writer:
         return value.text
 
 
-def _entry(key: str, value: object) -> str:
-    """A line, or as many as a list of numbers, or of lists of them, fills."""
-    name = _key(key)
-    line = f"{name} = {_inline(value)}"
-    if isinstance(value, list) and value and all(isinstance(item, list) for item in value):
-        lines = ["   "]
-        for text in map(repr, value):  # of plain numbers: what TOML writes too
-            if len(lines[-1]) + len(text) + 2 > _WIDTH:
-                lines.append("   ")
-            lines[-1] += f" {text},"
-        line = "\n".join([f"{name} = [", *lines, "]"])
-    elif isinstance(value, list) and len(line) > _WIDTH and all(isinstance(item, int | float) for item in value):
-        line = textwrap.fill(line, _WIDTH, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
-    return line + "\n"
-
-
-def _key(name: str) -> str:
-    return str(load("tomli_w").dumps({name: 0}).removesuffix(" = 0\n"))
-
-
-def _inline(value: object) -> str:
-    if isinstance(value, dict):
-        return "{ " + ", ".join(_entry(key, item).strip() for key, item in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_inline, value)) + "]"
-    plain = value.item() if isinstance(value, np.generic) else value
-    return str(load("tomli_w").dumps({"value": plain}).removeprefix("value = ").rstrip("\n"))
+def _filled(array: re.Match[str]) -> str:
+    """An array on as few lines as its numbers fill; texts and tables have lines of their own."""
+    name, items = array[1], [line.strip() for line in array[2].splitlines()]
+    if '"' in array[2] or "{" in array[2]:
+        return "\n".join([f"{name} = [", *(f"    {item}" for item in items), "]"])
+    numbers = " ".join(items).replace("[ ", "[").replace(", ]", "]").removesuffix(",")
+    if len(name) + len(numbers) < _WIDTH:
+        return f"{name} = [{numbers}]"
+    lines = re.sub(rf"(.{{1,{_WIDTH}}})(?: |$)", r"    \1\n", numbers)
+    return f"{name} = [\n{lines}]"

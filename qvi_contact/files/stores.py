@@ -7,7 +7,7 @@ on. After an interruption the steps up to the first that is missing or damaged a
 Rows of a sweep are in an SQLite file, each on disk when its value is done. `planned` has all values, `results` and
 `contacts` what is done, and the view `rows` joins them: one row for each value and contact, with the columns of
 `ContactResult.forces_frame`. The fingerprint in `sweep` is that of problem and options, and behind a colon a digest of
-parameter and values, which tells a file that was changed; older ones have none.
+parameter and values, which tells a file that was changed.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
-from typing import Any, Final, TypeVar, get_args
+from typing import Any, Final, get_args
 
 import numpy as np
 
@@ -130,26 +130,38 @@ SUMMARY_COLUMNS: Final = (
 )  # fmt: skip
 """Keys of `ContactLine.summary`, and those of plates and pins, which contacts without have no values for."""
 
-_Kind = TypeVar("_Kind")
-
 _COLUMNS: Final = ", ".join(SUMMARY_COLUMNS)
+
+
+def _of(kind: str, *names: str) -> str:
+    """Columns of one kind; SQLite would keep anything in any column."""
+    return ", ".join(f"{name} {kind} NOT NULL CHECK (typeof({name}) = '{kind.lower()}')" for name in names)
+
+
+def _numbers(*names: str) -> str:
+    """Columns of numbers that may be missing, as NaN is."""
+    return ", ".join(f"{name} REAL CHECK (typeof({name}) IN ('real', 'null'))" for name in names)
+
+
 _TABLES: Final = (
-    "CREATE TABLE sweep (parameter TEXT NOT NULL, fingerprint TEXT NOT NULL, began TEXT NOT NULL)",
-    "CREATE TABLE planned (number INTEGER PRIMARY KEY, value REAL NOT NULL)",
-    """CREATE TABLE results (
-        number INTEGER PRIMARY KEY REFERENCES planned, status TEXT NOT NULL, message TEXT NOT NULL,
-        iterations INTEGER NOT NULL, accuracy REAL, seconds REAL NOT NULL
+    f"""CREATE TABLE sweep (
+        {_of("TEXT", "parameter", "fingerprint", "began")}, CHECK (parameter IN {get_args(Parameter)})
+    )""",
+    f"CREATE TABLE planned (number INTEGER PRIMARY KEY, {_of('REAL', 'value')})",
+    f"""CREATE TABLE results (
+        number INTEGER PRIMARY KEY REFERENCES planned, {_of("TEXT", "status", "message")}, {_numbers("accuracy")},
+        {_of("INTEGER", "iterations")}, {_of("REAL", "seconds")}, CHECK (status IN {tuple(map(str, Status))})
     )""",
     f"""CREATE TABLE contacts (
-        number INTEGER NOT NULL REFERENCES results ON DELETE CASCADE, contact TEXT NOT NULL,
-        {", ".join(f"{name} REAL" for name in SUMMARY_COLUMNS)}, PRIMARY KEY (number, contact)
+        number INTEGER NOT NULL REFERENCES results ON DELETE CASCADE, {_of("TEXT", "contact")},
+        {_numbers(*SUMMARY_COLUMNS)}, PRIMARY KEY (number, contact)
     )""",
     f"""CREATE VIEW "rows" AS
         SELECT number, value, status, iterations, accuracy, seconds, contact, {_COLUMNS}, message
         FROM planned JOIN results USING (number) LEFT JOIN contacts USING (number) ORDER BY number
     """,
 )
-_DATABASE: Final = Database("the store of a sweep", 0x51564957, 1, _TABLES, "results")  # "QVIW"
+_DATABASE: Final = Database("the store of a sweep", 0x51564957, 2, _TABLES, "results")  # "QVIW"
 
 _CONTACT: Final = f"INSERT INTO contacts VALUES (?, ?, {', '.join('?' * len(SUMMARY_COLUMNS))})"
 _DONE: Final = f"""
@@ -172,16 +184,14 @@ class StoredSweep(SweepRows):
 
     def rows(self) -> Iterator[SweepRow]:
         """What is done, in the order of the values."""
-        with _DATABASE.opened(self.path) as connection, _sound(self.path):
-            for (number, value, *told), parts in groupby(connection.execute(_DONE), lambda row: row[:7]):
-                contacts = {}
-                for name, *numbers in (part[7:] for part in parts if part[7] is not None):
-                    named = zip(SUMMARY_COLUMNS, numbers, strict=True)
-                    contacts[_of(str, name)] = {key: _of(float, each) for key, each in named if each is not None}
-                status, message, iterations, accuracy, seconds = told
-                words = Status(status), _of(str, message), _of(int, iterations)
-                accuracy = math.nan if accuracy is None else _of(float, accuracy)
-                yield SweepRow(number, _of(float, value), *words, accuracy, _of(float, seconds), contacts)
+        with _DATABASE.opened(self.path) as connection:
+            for (number, value, status, message, count, accuracy, seconds), parts in groupby(
+                connection.execute(_DONE), lambda row: row[:7]
+            ):
+                named = {part[7]: zip(SUMMARY_COLUMNS, part[8:], strict=True) for part in parts if part[7] is not None}
+                contacts = {name: {key: each for key, each in own if each is not None} for name, own in named.items()}
+                accuracy = math.nan if accuracy is None else accuracy
+                yield SweepRow(number, value, Status(status), message, count, accuracy, seconds, contacts)
 
 
 def read_sweep(path: str | Path) -> StoredSweep:
@@ -196,6 +206,7 @@ def _place(path: str | Path) -> Path:
     """The file that a caller has named."""
     place = given_path("store", path)
     try:
+        place = place.absolute()
         place.resolve().exists()
     except (OSError, ValueError, RuntimeError) as error:  # the latter where links lead in a circle
         raise InputError("store", str(path), f"no file can have this name ({error}): give another") from error
@@ -230,7 +241,7 @@ def writing(
         def append(rows: Sequence[SweepRow]) -> None:
             with connection:
                 for row in rows:
-                    found = (row.number, str(row.status), row.message, row.iterations, row.accuracy, row.seconds)
+                    found = (row.number, str(row.status), row.message, row.accuracy, row.iterations, row.seconds)
                     connection.execute("INSERT INTO results VALUES (?, ?, ?, ?, ?, ?)", found)
                     for name, summary in row.contacts.items():
                         numbers = (summary.get(key) for key in SUMMARY_COLUMNS)
@@ -242,15 +253,11 @@ def writing(
 
 def _plan(connection: sqlite3.Connection, path: Path) -> tuple[Parameter, str, tuple[float, ...]]:
     """Parameter, fingerprint of problem and options, and values of a store."""
-    with _sound(path):
-        ((parameter, marked),) = connection.execute("SELECT parameter, fingerprint FROM sweep")
-        planned = connection.execute("SELECT number, value FROM planned ORDER BY number").fetchall()
-        values = tuple(_of(float, value) for _, value in planned)
-        run, _, digest = _of(str, marked).partition(":")
-        if parameter not in get_args(Parameter):
-            raise ValueError(parameter)
-    numbered = [number for number, _ in planned] == list(range(1, len(planned) + 1))
-    if not numbered or digest not in ("", _digest(run, parameter, values)):
+    parameter: Any
+    parameter, marked = connection.execute("SELECT parameter, fingerprint FROM sweep").fetchone() or ("", "")
+    planned = connection.execute("SELECT number, value FROM planned ORDER BY number").fetchall()
+    values, (run, _, digest) = tuple(value for _, value in planned), marked.partition(":")
+    if [number for number, _ in planned] != [*range(1, len(planned) + 1)] or digest != _digest(run, parameter, values):
         remedy = "its parameter or values were changed after it was made: give another file"
         raise InputError("store", str(path), remedy)
     return parameter, run, values
@@ -260,21 +267,3 @@ def _digest(fingerprint: str, parameter: str, values: Sequence[float]) -> str:
     """SHA-256 of what a sweep was asked for, as hexadecimal text."""
     asked = (np.array(values, dtype="<f8") + 0.0).tobytes()  # SQLite keeps no −0.0
     return hashlib.sha256(f"{fingerprint}:{parameter}:".encode() + asked).hexdigest()
-
-
-@contextmanager
-def _sound(path: Path) -> Iterator[None]:
-    """What is no row of a sweep inside becomes one line; SQLite keeps anything in any column."""
-    try:
-        yield
-    except (ValueError, TypeError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise _DATABASE.damaged(path) from error
-
-
-def _of(kind: type[_Kind], value: object) -> _Kind:
-    """The value, if it is of this kind."""
-    if not isinstance(value, kind):
-        raise TypeError(f"{type(value).__name__} instead of {kind.__name__}")
-    return value

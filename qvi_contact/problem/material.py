@@ -40,7 +40,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal, NamedTupl
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, acts, evaluate
-from qvi_contact.basics.schema import Angle, Checked, Inline, Name, Positive, Scalar, Tagged, Varying
+from qvi_contact.basics.schema import Checked, Inline, Name, Positive, Scalar, Varying
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.selection import triangles_in_box
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -110,7 +110,7 @@ class MohrCoulomb(Checked):
 
     c: Annotated[Field, Varying(0.0)]
     """Cohesion, at least 0 [stress]: `c = 20.0`."""
-    phi: Annotated[Field, Angle(0.0)]
+    phi: Annotated[Field, Varying(0.0)]
     """Angle of friction φ, from 0 to below π/2 [rad]: `phi = "30 * pi / 180"`."""
     tension: Annotated[Field, Varying(0.0)] | None = None
     """Largest tensile stress t, at least 0 [stress]; without it c cot φ is: `tension = 0.0`."""
@@ -161,8 +161,6 @@ class NoTension(Checked):
 Strength: TypeAlias = Tresca | Mises | MohrCoulomb | NoTension
 """What a material can carry."""
 
-STRENGTHS: Final[tuple[type, ...]] = (Tresca, Mises, MohrCoulomb, NoTension)
-
 
 @dataclass(frozen=True)
 class Material(Checked):
@@ -175,7 +173,7 @@ class Material(Checked):
     singular, and a constant pressure must be determined by tractions, see `ContactProblem`: `poisson = 0.3`."""
     plane: Plane = "stress"
     """Plane stress or plane strain, κ = 0 or 1 in the compliance: `plane = "strain"`."""
-    strength: Annotated[Strength, Tagged(STRENGTHS)] | None = None
+    strength: Strength | None = None
     """What the material can carry in a limit analysis; without it any stress. `solve` stays elastic: `strength = { law
     = "tresca", c = 1.0 }`."""
     expansion: Annotated[float, Scalar()] = 0.0

@@ -6,7 +6,7 @@ import hashlib
 import pickle
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeAlias
 
@@ -23,13 +23,12 @@ from qvi_contact.problem.conditions import (
     Condition,
     Contact,
     Displacement,
-    RigidPlate,
     Symmetry,
     Traction,
     components,
 )
-from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polynomial, along_edges, times
-from qvi_contact.problem.material import Material, Region, cell_materials, is_strained, stress_at_rest, varies
+from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polynomial, along_edges
+from qvi_contact.problem.material import Material, Region, cell_materials, is_strained
 from solvers.basics.types import PicklesFields
 
 _OVERLAP: Final = "drop one, or name parts of the side by with_edges()"
@@ -37,7 +36,7 @@ _LISTS: Final = (
     ("conditions", (Traction, Displacement, Symmetry, Contact), "Traction, Displacement, Symmetry or Contact"),
     ("regions", Region, "Region"),
 )  # what a problem is given as lists, and the classes of their entries
-_CARTESIAN_FRAME, _LOCAL_FRAME, _NO_FRAME = 0, 1, -1  # by what components an edge is ruled
+_NAMES: Final = (*CARTESIAN, *LOCAL)  # of components
 _TANGENTIAL: Final = 1e-12  # part along the normal, of one, that is rounding
 _APART: Final = 1e16  # ratio of moduli beyond which sums of compliances lose the smaller one
 
@@ -172,23 +171,6 @@ class ContactProblem(PicklesFields):
         return tuple(contact for contact in self.contacts if contact.edges in self.mesh.joint_names)
 
     @cached_property
-    def cartesian_conditions(self) -> tuple[Condition, ...]:
-        """The conditions, those on edges that face one way along an axis with components x and y only."""
-        found = list[Condition]()
-        for condition in self.conditions:
-            edges = self.mesh.edges(condition.edges)
-            straight = not edges.curved and np.ptp(edges.normal, axis=0).max() == 0.0
-            aligned = straight and np.abs(edges.normal[0]).max() >= 1.0
-            changed: dict[str, Any] = {}
-            if aligned and isinstance(condition, (Traction, Displacement)):
-                for name in components(condition).keys() & set(LOCAL):
-                    value, direction = getattr(condition, name), direction_of(name, edges)[0]
-                    axis = int(np.argmax(np.abs(direction)))
-                    changed |= {name: None, CARTESIAN[axis]: value if direction[axis] > 0.0 else times(value, -1.0)}
-            found.append(replace(condition, **changed) if changed else condition)
-        return tuple(found)
-
-    @cached_property
     def owners(self) -> IntArray:
         """Index of the condition that rules each component of each boundary edge, shape (2, edges); −1 for none.
 
@@ -275,48 +257,40 @@ _Ruling: TypeAlias = tuple[int, Condition, tuple[str, ...], IntArray]
 def _ruled(problem: ContactProblem, ruling: Sequence[_Ruling]) -> IntArray:
     """See `ContactProblem.owners`; `InputError` where a component has no condition, two, or edges two frames."""
     mesh, boundary = problem.mesh, problem.mesh.boundary
-    owner = np.full((2, len(boundary)), -1)
-    parallel = (np.abs(boundary.tangent).max(axis=1) == 1.0) & ~boundary.bent  # to an axis: both frames are one
-    frame = np.where(parallel, _CARTESIAN_FRAME, _NO_FRAME)  # in which edges are ruled
-    normal = np.where(parallel, np.abs(boundary.normal).argmax(axis=1), 0)
-    first = np.zeros_like(normal)
-    rows = {"x": first, "y": first + 1, "normal": normal, "tangential": 1 - normal}
+    parallel = (np.abs(boundary.tangent).max(axis=1) == 1.0) & ~boundary.bent  # to an axis: x and y rule it
+    normal = np.abs(boundary.normal).argmax(axis=1)
+    rows = dict(zip(_NAMES, (0 * normal, 0 * normal + 1, normal, 1 - normal), strict=True))
+    each = np.full((4, len(boundary)), -1)  # by the names; on slanted edges either two of them count
 
-    def middle(edge: int) -> str:
-        return place_of(mesh.midpoints[boundary.number[edge]])
-
-    def refuse(name: str, component: int, edge: int, remedy: str) -> NoReturn:
-        local = frame[edge] == _LOCAL_FRAME
-        what = f"{LOCAL[component]} component" if local else f"component {CARTESIAN[component]}"
-        raise InputError("ContactProblem.conditions", name, f"{what} of the edge around {middle(edge)} {remedy}")
+    def refuse(name: str, row: int, edge: int, remedy: str, gives: str = "") -> NoReturn:
+        what = f"{_NAMES[row]} component" if row >= len(CARTESIAN) or gives else f"component {_NAMES[row]}"
+        remedy = f"{gives}{what} of the edge around {place_of(mesh.midpoints[boundary.number[edge]])} {remedy}"
+        raise InputError("ContactProblem.conditions", name, remedy)
 
     for number, condition, given, chosen in ruling:
-        slanted = chosen[~parallel[chosen]]
-        names = given or (LOCAL if len(slanted) else CARTESIAN)
-        own = _LOCAL_FRAME if names[0] in LOCAL else _CARTESIAN_FRAME
-        other = slanted[frame[slanted] == _LOCAL_FRAME + _CARTESIAN_FRAME - own]
-        if len(other):
-            remedy = (
-                f"gives the {names[0]} component of the slanted edge around {middle(int(other[0]))}, and "
-                "another condition one of the other kind: give both components of an edge as x and y, or both as "
-                "normal and tangential"
-            )
-            raise InputError("ContactProblem.conditions", condition.edges, remedy)
-        frame[slanted] = own
-        for name in names:
-            row = rows[name][chosen]
-            taken = owner[row, chosen]
+        for name in given or LOCAL:
+            row = np.where(parallel[chosen], rows[name][chosen], _NAMES.index(name))
+            taken = each[row, chosen]
             if (taken >= 0).any():
                 at = int(np.argmax(taken >= 0))
                 earlier = problem.conditions[taken[at]]
                 remedy = f"already has the condition {type(earlier).__name__}({earlier.edges!r}): {_OVERLAP}"
                 refuse(condition.edges, int(row[at]), int(chosen[at]), remedy)
-            owner[row, chosen] = number
+            each[row, chosen] = number
+    local = np.asarray((each[2:] >= 0).any(axis=0))
+    for edge in np.flatnonzero(local & (each[:2] >= 0).any(axis=0))[:1].tolist():
+        last = int(each[:, edge].argmax())
+        remedy = (
+            "and another condition one of the other kind: give both components of an edge as x and y, or both as "
+            "normal and tangential"
+        )
+        refuse(problem.conditions[each[last, edge]].edges, last, edge, remedy, "gives the ")
+    owner = np.where(local, each[2:], each[:2])
     if (owner < 0).any():
         component, edge = np.argwhere(owner < 0)[0].tolist()
         named = [name for name in mesh.edge_names if edge in mesh.edge_set(name)]
         remedy = "has no condition; add a Traction (0 if it is free), Displacement, Symmetry or Contact"
-        refuse([*named, "an edge without a name"][0], component, edge, remedy)
+        refuse([*named, "an edge without a name"][0], component + 2 * int(local[edge]), edge, remedy)
     owner.flags.writeable = False  # problems share it
     return owner
 
@@ -378,54 +352,41 @@ def run_digest(problems: Sequence[ContactProblem], options: Mapping[str, object]
 
 
 def problem_digest(problem: ContactProblem) -> bytes:
-    """SHA-256 of everything but the mesh."""
+    """SHA-256 of everything but the mesh: names and values of all data of materials, regions and conditions."""
     mesh, t = problem.mesh, triangle_lattice(_DIVIDED)[0] * 0.99 + 0.01 / 3.0  # so that none lies on an edge
-    parts: list[object] = [problem.compliances, problem.cell_materials]
 
-    def values(function: Callable[..., Any]) -> Iterator[object]:
+    def inside(_name: str, function: Any) -> Iterator[object]:
         a, b, c = mesh.corners.T[..., None].swapaxes(0, 1)  # products one by one: alike on every processor
         with np.errstate(all="ignore"), suppress(Exception):  # a solve says what is wrong, if it looks there at all
             yield np.asarray(function(*(a * t[:, 0] + b * t[:, 1] + c * t[:, 2])), dtype=np.float64)
 
-    for name, potential in problem.body_forces.items():  # a sweep may multiply one of them
-        parts += [name] * (name != "body")
-        parts += _told(potential, values)
-    if is_strained(problem) and varies(problem):
-        for material in problem.materials:
-            parts += [material.young, material.poisson, material.plane]
-            for part in (material.expansion, material.shrinkage, *(material.prestress or ())):
-                parts += _told(part, values)
-        for part in (problem.temperature, *(region.temperature for region in problem.regions)):
-            parts += _told(part, values)
-    elif is_strained(problem):
-        middles = mesh.vertices[mesh.cells].mean(axis=1).T
-        parts.append(stress_at_rest(problem, np.arange(mesh.cell_count), *middles))
+    def along(edges: Edges, name: str, function: Any) -> Iterator[object]:
+        found = along_edges(mesh, edges, name, function)  # parted where it jumps, as for quadrature
+        yield from (found.edge, found.t, found.values)
+
+    whole = (problem.materials, problem.regions, problem.body_forces, problem.temperature)
+    parts = [problem.cell_materials, *_told(whole, inside)]
     for condition in problem.conditions:
-        parts += [type(condition).__name__, *_values(condition, mesh.edges(condition.edges), mesh)]
+        parts += _told(condition, partial(along, mesh.edges(condition.edges)))
     return _digest(parts)
 
 
-def _told(field: object, values: Callable[[Any], Iterator[object]]) -> Iterator[object]:
-    """What a number or a function is told from others by: its own data if it has any, else values that it takes."""
-    if isinstance(field, PointData):
-        yield from (field.mesh.vertices, field.mesh.cells, field.values)
-    elif callable(field) and not isinstance(field, Expression | Polynomial):
-        yield from values(field)
+def _told(part: Any, values: Callable[[str, Any], Iterator[object]], name: str = "") -> Iterator[object]:
+    """What a datum is told from others by, with all in it; functions without data of their own by values they take."""
+    if isinstance(part, PointData):
+        yield from (part.mesh.vertices, part.mesh.cells, part.values)
+    elif callable(part) and not isinstance(part, Expression | Polynomial):
+        yield from values(name, part)
+    elif callable(part) or not (is_dataclass(part) or isinstance(part, Mapping | tuple)):
+        yield part
     else:
-        yield field
-
-
-def _values(part: Condition | RigidPlate, edges: Edges, mesh: TriangleMesh) -> Iterator[object]:
-    """Names and values of all fields; functions as quadrature sees them: parted where they jump."""
-
-    def seen(function: Field) -> Iterator[object]:
-        found = along_edges(mesh, edges, name, function)
-        yield from (found.edge, found.t, found.values)
-
-    for name in (each.name for each in fields(part)):
-        value = getattr(part, name)
-        yield name
-        yield from _values(value, edges, mesh) if isinstance(value, RigidPlate) else _told(value, seen)
+        yield type(part).__name__
+        named = (
+            part if isinstance(part, Mapping | tuple) else {own.name: getattr(part, own.name) for own in fields(part)}
+        )
+        for own, each in named.items() if isinstance(named, Mapping) else enumerate(named):
+            yield own
+            yield from _told(each, values, str(own))
 
 
 def _digest(parts: Iterable[object]) -> bytes:

@@ -143,7 +143,7 @@ class TestCheck:
     def test_everything(self, shell, tmp_path):
         (tmp_path / "rich.toml").write_text(RICH, encoding="utf-8")
         out = told(shell("check", tmp_path / "rich.toml", "--plot", tmp_path / "rich.png"))
-        stated = ("friction = mu", "E = 2000 Pa", "max_iterations = 60")
+        stated = ("friction = 0.3,", "E = 2000 Pa", "max_iterations = 60")
         for words in ("everything", "cells", "unknowns", "joint", *stated):
             assert words in out
         assert (tmp_path / "rich.png").exists()
@@ -176,7 +176,8 @@ def test_limit(shell, sliding):
     assert picture.stat().st_size > 1000
     refused(shell("limit", sliding, "--load", "nonsense"), "drag")
     refused(shell("limit", sliding), "--load: missing: name one of the loads (", "drag")
-    for words, acts in (("limit", "--load", "left"), "0"), (("safety", "--accuracy=0.5"), "those"):
+    loaded = "limit", "--load", "left"
+    for words, acts in (loaded, "0"), ((*loaded, "--json"), "0"), (("safety", "--accuracy=0.5", "--json"), "those"):
         assert f" {acts} at t = 0, the first time" in shell(words[0], EXAMPLES / "cyclic_shear.toml", *words[1:])[1]
     late = sliding.with_name("late.toml")
     late.write_text(sliding.read_text(encoding="utf-8") + "[history]\ntimes = [0.5, 2.0, -1.0]\n", encoding="utf-8")

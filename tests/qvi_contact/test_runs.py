@@ -224,6 +224,7 @@ def test_numbers_of_workers_that_cannot_be(monkeypatch):
     monkeypatch.setattr("os.pipe", Mock(side_effect=OSError(24, "Too many open files")))
     with pytest.raises(NotLoadedError, match="Too many open files"):  # on a worker of a cluster
         runs.do_there("full", b"", Limits(), "plain")
+    runs.forget("full")
 
 
 @pytest.fixture(scope="module")
