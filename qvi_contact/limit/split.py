@@ -104,16 +104,18 @@ class OutOfBalanceError(ArithmeticError):
 
 
 class Smooth:
-    """C1 functions Φ of degree p on triangles, by unknowns: (Φ, Φ_x, Φ_y) of all vertices, then ordinates.
+    """C1 functions Φ of degree p on parts of triangles, whose last corners are barycentres.
+
+    Unknown are (Φ, Φ_x, Φ_y) at all corners, which say nothing at barycentres, then ordinates.
 
     Attributes
     ----------
     first : int
         The number of the first unknown.
     columns : (n, count) int array
-        Numbers of the ordinates of each triangle, those inside triangles last.
+        Numbers of the ordinates of each part, those inside parts last.
     sides : dict
-        For edges (i, j) the triangles that have them, with their corners i and j there.
+        For edges (i, j) the parts that have them, with their corners i and j there.
 
     """
 
@@ -163,7 +165,7 @@ class Smooth:
         """Ordinates at vertices and beside them follow from Φ and ∇Φ there."""
         found = dict[int, Terms]()
         for t, corners in enumerate(self.triangles):
-            for (a, v), (b, w) in product(enumerate(corners), repeat=2):
+            for (a, v), (b, w) in product(enumerate(corners[:2]), enumerate(corners)):
                 e = less(self.points[w], self.points[v])
                 column = self._column(t, {b: 1} | {a: self.p - (a != b)})
                 found[column] = {column: ONE, **self.at_vertex(v, [-ONE, -e[0] / self.p, -e[1] / self.p])}
@@ -172,9 +174,10 @@ class Smooth:
     def _conditions(self) -> Iterator[Row]:
         """Φ is C1 across edges."""
         for (i, j), sides in self.sides.items():
-            if i < j and len(sides) == 2:
+            _, a, b = sides[0]
+            if len(sides) == 2 and a < 2 and (b == 2 or i < j):
                 e = less(self.points[j], self.points[i])
-                for n in range(1, self.p - 1):
+                for n in range(1, self.p if b == 2 else self.p - 1):
                     first, second = (self.slope(side, (-e[1], e[0]), n) for side in sides)
                     yield combined((ONE, first), (-ONE, second)), ZERO
 
