@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
@@ -209,7 +209,8 @@ class FlowProgram:
             (live if name in self.names else dead)[:] += row @ self.space.basis
         # velocities of size 1 have a power of the size 1
         program = every = self._program(live / (float(np.abs(live).sum()) or 1.0), dead)
-        found = program.solve()
+        solve = cache(ConicProgram.solve)  # programs on faces may be equal
+        found = solve(program)
         if isinstance(found, str):
             return Flow(np.inf if found == INFEASIBLE else -np.inf)
 
@@ -231,7 +232,7 @@ class FlowProgram:
             for _ in range(PASSES):
                 missed = -float(program.margins(raised(found.x)).min(initial=0.0))
                 narrower = program.on_faces(cones.rays, *faces) if missed > ROUNDING and not deadline.over else None
-                found = narrower.solve() if narrower else INFEASIBLE
+                found = solve(narrower) if narrower else INFEASIBLE
                 if found == UNBOUNDED:  # what flows on faces keeps the cones
                     return Flow(-np.inf)
                 if narrower is None or isinstance(found, str):
