@@ -295,17 +295,16 @@ def write_collapse_vtu(
     part of upper − lower, "material", and "cell", its number.
     """
     _check_vtu(path)
-    from qvi_contact.limit.split import Nodes, part_corners  # loaded for bodies that yield alone
+    from qvi_contact.limit.split import part_corners  # loaded for bodies that yield alone
 
     mesh, collapse = problem.mesh, limit.collapse
     if collapse is None:
         raise InputError("vtk", str(path), "there is no flow to write: the body has no strength, or no largest load")
     places, corners = triangle_lattice(_DIVIDED)
     k = (isqrt(8 * collapse.stress.shape[2] + 1) - 3) // 2  # degree of the stress
-    nodes = Nodes.of(k + 1).of_parts
     points = (places @ part_corners(mesh.corners)).reshape(-1, 2)
     xx, yy, xy = (bernstein(k, places) @ collapse.stress).reshape(-1, 3).T
-    v = (bernstein(k + 1, places) @ collapse.motion.velocities[:, nodes]).reshape(-1, 2)
+    v = (bernstein(k + 1, places) @ collapse.motion.velocities).reshape(-1, 2)
     point_data: _Data = {
         "stress": (np.column_stack([xx, yy, 0 * xx, xy, 0 * xx, 0 * xx]), "stress"),
         "velocity": (v / np.abs(collapse.motion.velocities).max(), ""),

@@ -6,7 +6,7 @@ min q·x   s.t.   s = b − A x:   s = 0 in the first rows,   s ≥ 0 in those a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final, NamedTuple, TypeAlias
 
@@ -72,6 +72,7 @@ class ConicProgram:
     linear: int  # inequalities
     width: int  # rows of a block
     dependent: bool = False
+    _narrower: dict[tuple[bytes, bytes], ConicProgram] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(
@@ -184,7 +185,8 @@ class ConicProgram:
         flat[np.concatenate([parts[ray].ravel(), tips.ravel(), met])] = 0.0
         others = sparse.csr_array(sparse.diags_array(flat) @ rows)[self.equal :]
         rows = sparse.csr_array(sparse.vstack([rows[: self.equal], new, others]))
-        return replace(self, A=rows[:, :-1], b=rows[:, [-1]].toarray().ravel(), equal=self.equal + int(said.sum()))
+        program = replace(self, A=rows[:, :-1], b=rows[:, [-1]].toarray().ravel(), equal=self.equal + int(said.sum()))
+        return self._narrower.setdefault((flat.tobytes(), unit[ray].tobytes()), program)  # equal ones are one
 
     def _extended(self, q: FloatArray, columns: sparse.csr_array, rows: Any, limits: FloatArray) -> ConicProgram:
         """The same with more columns, then with more inequalities."""

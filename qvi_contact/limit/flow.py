@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
@@ -32,11 +32,11 @@ from qvi_contact.element.triangle import bernstein as bernstein_values
 from qvi_contact.element.triangle import gradient, quadrature
 from qvi_contact.errors import SolveError
 from qvi_contact.limit.conic import FACES, HELD, INFEASIBLE, ROUNDING, UNBOUNDED, ConicProgram
-from qvi_contact.limit.split import Nodes, coefficients_of, nodes_along, numbered, part_corners
+from qvi_contact.limit.split import coefficients_of, lattice, nodes_along, numbered, part_corners
 from qvi_contact.limit.stresses import ALONG, PASSES, Carried, YieldCones, limited
 from qvi_contact.mechanism import RigidMotion
 from qvi_contact.mechanism.bodies import FLUID, whole_edges
-from qvi_contact.mesh.edges import Edges
+from qvi_contact.mesh.edges import Edges, cross
 from qvi_contact.problem.conditions import DRIVES, SHEAR_LAW, Contact, Displacement, Traction, components
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem, by_cell, direction_of
@@ -63,10 +63,8 @@ class BodyMotion:
     """A velocity field with which the body gives way, of power 1 of the loads that are multiplied."""
 
     velocities: FloatArray
-    """(cells, m, 2): Bernstein coefficients of v on each triangle. Each is the velocity near the point that it belongs
-    to."""
-    places: FloatArray
-    """(m, 3): barycentric places of these coefficients in the triangle."""
+    """(cells, 3, ·, 2): Bernstein coefficients of v on the three parts of each triangle, of one degree more than those
+    of strain."""
     strain: FloatArray
     """(cells, 3, count, 3): coefficients of (ε_xx, ε_yy, 2ε_xy) on the parts of each triangle, lengths over that of the
     mesh."""
@@ -95,52 +93,58 @@ class Velocities:
 
     Attributes
     ----------
-    nodes : Nodes
-        Coefficients of a triangle.
-    global_ : (cells, m) int array
-        Which of all coefficients they are; triangles share those on edges that are no open joint.
-    hinges : (2, h) int array
-        Coefficients at vertices in which rigid parts meet without a common edge: every later part's own, and the first.
+    table : (cells, 3, count) int array
+        Numbers of the coefficients of each part; triangles share those on edges that are no open joint.
+    plates : list
+        Contacts with plates driven by force. They are the first bodies, rigid parts the others.
     rigid : (N,) int array
-        The rigid part that each coefficient belongs to, −1 for none.
-    basis : (2 N + 3 plates, n) sparse array
-        P: first x and y of all coefficients, then the motions (a, b, θ) of plates driven by force about their pivots.
+        The body that each coefficient moves with, −1 for none.
+    hinges : (2, h) int array
+        Coefficients at vertices in which rigid parts meet without a common edge, and the bodies they belong to as well.
+    basis : (2 N + 3 bodies, n) sparse array
+        P: first x and y of all coefficients, then the motions (a, b, θ) of plates about their pivots, of rigid parts
+        about their middles.
 
     """
 
     def __init__(self, problem: ContactProblem, degree: int, strong: BoolArray) -> None:
-        self.problem, self.mesh, self.degree, self.nodes = problem, problem.mesh, degree, Nodes.of(degree)
-        mesh, places = self.mesh, self.nodes.places
-        self.global_, edges = numbered(problem, self.nodes), whole_edges(problem)
-        first, second = edges.cells[strong[edges.cells].all(axis=1)].T
-        own, part = self.global_[strong], linked(first, second, mesh.cell_count)[strong]
-        pairs = np.stack([own, np.broadcast_to(part[:, None], own.shape)], axis=-1).reshape(-1, 2)
-        (node, part), at = (each.T for each in np.unique(pairs, axis=0, return_inverse=True))
-        again, inside = np.flatnonzero(np.diff(node, prepend=-1) == 0), node.copy()
-        inside[again] = self.global_.max() + 1 + np.arange(len(again))
-        self.hinges = np.stack([inside[again], node[again]])
-        self.global_[strong] = inside[at.reshape(own.shape)]
-        self.count = int(self.global_.max()) + 1
+        self.problem, self.mesh, self.degree = problem, problem.mesh, degree
+        mesh, edges, self.table = self.mesh, whole_edges(problem), numbered(problem, degree)
+        self.count = int(self.table.max()) + 1
         self.points = np.empty((self.count, 2))
-        self.points[self.global_] = places @ ((mesh.corners - mesh.origin) / mesh.length)
-        self.rigid = np.full(self.count, -1)
-        self.rigid[inside] = np.unique(part, return_inverse=True)[1]
+        self.points[self.table] = lattice(degree) @ part_corners((mesh.corners - mesh.origin) / mesh.length)
         self.plates = [contact for contact in problem.contacts if contact.plate is not None and contact.plate.driven]
-        self.size = 2 * self.count + 3 * len(self.plates)
+        first, second = edges.cells[strong[edges.cells].all(axis=1)].T
+        part = np.unique(linked(first, second, mesh.cell_count)[strong], return_inverse=True)[1]
+        pairs = np.broadcast_arrays(self.table[strong], part[:, None, None])
+        node, body = np.unique([each.ravel() for each in pairs], axis=1)
+        body, again = body + len(self.plates), np.diff(node, prepend=-1) == 0
+        self.rigid = np.full(self.count, -1)
+        self.rigid[node[~again]] = body[~again]
+        self.hinges = np.stack([node, body])[:, again]
+        sums = np.stack([np.bincount(body, along) for along in self.points[node].T], axis=1)
+        middles = (sums / np.maximum(np.bincount(body), 1)[:, None])[len(self.plates) :]
+        pivots = [(np.array(each.plate.pivot) - mesh.origin) / mesh.length for each in self.plates if each.plate]
+        self.centres = np.array([*pivots, *middles]).reshape(-1, 2)
+        self.size = 2 * self.count + 3 * len(self.centres)
         self.basis = self._basis()
 
     def along(self, edges: Edges, side: int = 0) -> IntArray:
         """The coefficients (e, p) along edges from their first end to the second, among all."""
-        return np.asarray(self.global_.ravel()[nodes_along(self.mesh, self.nodes, edges, side)])
+        return np.asarray(self.table.ravel()[nodes_along(self.problem, self.degree, edges, side)])
 
-    def rows(self, nodes: IntArray, direction: FloatArray) -> sparse.csr_array:
-        """d·v at coefficients (r,) along d (r, 2), as rows on coefficients and plates."""
-        columns = np.column_stack([2 * nodes, 2 * nodes + 1])
-        at = np.repeat(np.arange(len(nodes)), 2)
-        return sparse.csr_array((direction.ravel(), (at, columns.ravel())), shape=(len(nodes), self.size))
+    def rows(self, nodes: IntArray, direction: FloatArray, body: IntArray | None = None) -> sparse.csr_array:
+        """d·v at coefficients (r,) along d (r, 2), or of bodies (r,) there, as rows on coefficients and bodies."""
+        columns, values = np.column_stack([2 * nodes, 2 * nodes + 1]), direction
+        if body is not None:
+            arm = self.points[nodes] - self.centres[body]
+            columns = 2 * self.count + 3 * body[:, None] + np.arange(3)
+            values = np.column_stack([direction, cross(arm, direction)])
+        at = np.repeat(np.arange(len(nodes)), columns.shape[1])
+        return sparse.csr_array((values.ravel(), (at, columns.ravel())), shape=(len(nodes), self.size))
 
     def jumps(self, contact: Contact) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """W = −[v]_N and [v]_T at the coefficients of all edges of a contact as rows on coefficients and plates."""
+        """W = −[v]_N and [v]_T at the coefficients of all edges of a contact as rows on coefficients and bodies."""
         edges, found = self.mesh.edges(contact.edges), []
         first = self.along(edges).ravel()
         for vector in (-edges.normal, edges.tangent):
@@ -148,18 +152,15 @@ class Velocities:
             rows = self.rows(first, along)
             if contact in self.problem.joints:
                 rows = rows - self.rows(self.along(edges, 1).ravel(), along)
-            elif contact.plate is not None and contact in self.plates:
-                arm = self.points[first] - (np.array(contact.plate.pivot) - self.mesh.origin) / self.mesh.length
-                turned = _rigid_rows(np.full(len(first), self.plates.index(contact)), arm, along, len(self.plates))
-                rows = rows - sparse.hstack([sparse.csr_array((len(first), 2 * self.count)), turned])
-            found.append(sparse.csr_array(rows))
+            elif contact in self.plates:
+                rows = rows - self.rows(first, along, np.full(len(first), self.plates.index(contact)))
+            found.append(rows)
         return found[0], found[1]
 
     def held(self) -> sparse.csr_array:
-        """Velocities that supports and what is tied rule out, as such rows."""
-        copies, first = (np.repeat(part, 2) for part in self.hinges)
-        axes = np.tile(np.eye(2), (len(self.hinges[0]), 1))
-        found = [self.rows(copies, axes) - self.rows(first, axes)]
+        """Velocities that supports, hinges and what is tied rule out, as such rows."""
+        found = [self.rows(self.hinges[0], axes) - self.rows(self.hinges[0], axes, self.hinges[1])
+                 for axes in np.repeat(np.eye(2)[:, None], self.hinges.shape[1], axis=1)]  # fmt: skip
         for given in self.problem.prescribed(Displacement):
             nodes = self.along(given.edges)
             found.append(self.rows(nodes.ravel(), np.repeat(given.direction, nodes.shape[1], axis=0)))
@@ -169,25 +170,15 @@ class Velocities:
         return sparse.csr_array(sparse.vstack(found))
 
     def _basis(self) -> sparse.csr_array:
-        """P: the nodes of no rigid part, plates, and rigid parts about their middles."""
+        """P: the coefficients of no rigid part, motions of plates by forces, and of rigid parts."""
         loose, stiff = np.flatnonzero(self.rigid < 0), np.flatnonzero(self.rigid >= 0)
-        part, parts = self.rigid[stiff], int(self.rigid.max()) + 1
-        sums = np.stack([np.bincount(part, self.points[stiff, i], parts) for i in (0, 1)], axis=1)
-        arm = self.points[stiff] - (sums / np.bincount(part, minlength=parts)[:, None])[part]
-        axes = [np.tile(axis, (len(stiff), 1)) for axis in np.eye(2)]
-        motions = sum(self.rows(stiff, axis).T @ _rigid_rows(part, arm, axis, parts) for axis in axes)
         forces = [getattr(contact.plate, name) for contact in self.plates for name in DRIVES]
-        driven = 2 * self.count + np.flatnonzero([force is not None for force in forces])
-        single = np.concatenate([2 * loose, 2 * loose + 1, driven])
-        return sparse.csr_array(sparse.hstack([sparse.eye_array(self.size, format="csc")[:, single], motions]))
-
-
-def _rigid_rows(body: IntArray, arm: FloatArray, direction: FloatArray, bodies: int) -> sparse.csr_array:
-    """d·v at points (r, 2), from the centres of bodies (r,), along d (r, 2), as rows on motions (a, b, θ) of these."""
-    turn = arm[:, 0] * direction[:, 1] - arm[:, 1] * direction[:, 0]
-    at, columns = np.repeat(np.arange(len(body)), 3), 3 * body[:, None] + np.arange(3)
-    values = np.column_stack([direction, turn]).ravel()
-    return sparse.csr_array((values, (at, columns.ravel())), shape=(len(body), 3 * bodies))
+        free = [force is not None for force in forces] + [True] * (3 * len(self.centres) - len(forces))
+        chosen = np.concatenate([2 * loose, 2 * loose + 1, 2 * self.count + np.flatnonzero(free)])
+        found = sparse.eye_array(self.size, format="csc")
+        for axes in np.repeat(np.eye(2)[:, None], len(stiff), axis=1):
+            found = found + self.rows(stiff, axes).T @ self.rows(stiff, axes, self.rigid[stiff])
+        return sparse.csr_array(sparse.csc_array(found)[:, chosen])
 
 
 class FlowProgram:
@@ -218,7 +209,8 @@ class FlowProgram:
             (live if name in self.names else dead)[:] += row @ self.space.basis
         # velocities of size 1 have a power of the size 1
         program = every = self._program(live / (float(np.abs(live).sum()) or 1.0), dead)
-        found = program.solve()
+        solve = cache(ConicProgram.solve)  # programs on faces may be equal
+        found = solve(program)
         if isinstance(found, str):
             return Flow(np.inf if found == INFEASIBLE else -np.inf)
 
@@ -240,7 +232,7 @@ class FlowProgram:
             for _ in range(PASSES):
                 missed = -float(program.margins(raised(found.x)).min(initial=0.0))
                 narrower = program.on_faces(cones.rays, *faces) if missed > ROUNDING and not deadline.over else None
-                found = narrower.solve() if narrower else INFEASIBLE
+                found = solve(narrower) if narrower else INFEASIBLE
                 if found == UNBOUNDED:  # what flows on faces keeps the cones
                     return Flow(-np.inf)
                 if narrower is None or isinstance(found, str):
@@ -310,18 +302,18 @@ class FlowProgram:
 
     @cached_property
     def _strain(self) -> sparse.csr_array:
-        """Coefficients of (ε_xx, ε_yy, 2ε_xy), three numbers each, as rows on coefficients of v and plates."""
+        """Coefficients of (ε_xx, ε_yy, 2ε_xy), three numbers each, as rows on coefficients of v and bodies."""
         space = self.space
         slopes = np.einsum("npax,acf->xnpcf", self._slopes, gradient(space.degree, np.eye(3)))
         _, cells, _, count, width = slopes.shape
-        columns = np.repeat(space.global_[:, space.nodes.of_parts], count, axis=1)
+        columns = np.repeat(space.table, count, axis=1)
         starts, shape = width * np.arange(3 * cells * count + 1), (3 * cells * count, space.count)
         along_x, along_y = (sparse.csr_array((part.ravel(), columns.ravel(), starts), shape=shape) for part in slopes)
         found = sparse.kron(along_x, [[1, 0], [0, 0], [0, 1]]) + sparse.kron(along_y, [[0, 0], [0, 1], [1, 0]])
-        return sparse.csr_array(sparse.hstack([found, sparse.csr_array((found.shape[0], 3 * len(space.plates)))]))
+        return sparse.csr_array(sparse.hstack([found, sparse.csr_array((found.shape[0], 3 * len(space.centres)))]))
 
     def _powers(self) -> Iterator[tuple[str, FloatArray]]:
-        """The power of the loads, by their names, as rows on coefficients of v and plates, dimensionless."""
+        """The power of the loads, by their names, as rows on coefficients of v and bodies, dimensionless."""
         space, mesh, S = self.space, self.space.mesh, self.scales.stress
         for condition in self.problem.conditions:
             if isinstance(condition, Traction):
@@ -358,9 +350,8 @@ class FlowProgram:
         slopes = np.einsum("npax,acf,npf->npcx", self._slopes, gradient(k, np.eye(3)), potential)
         force = -np.einsum("npcx,cf,np->npfx", slopes, _products(k - 1, space.degree), self._areas)
         row = np.zeros(space.size)
-        columns = space.global_[:, space.nodes.of_parts]
         for axis in (0, 1):
-            np.add.at(row, 2 * columns + axis, force[..., axis] / self.scales.stress)
+            np.add.at(row, 2 * space.table + axis, force[..., axis] / self.scales.stress)
         return row
 
     @cached_property
@@ -405,7 +396,7 @@ class FlowProgram:
         space, cones, slips, p = self.space, self.cones, self._slips, self.space.degree + 1
         n, rows = space.basis.shape[1], len(cones.coefficient)
         v = space.basis @ x[:n]
-        velocities = np.stack([v[2 * space.global_], v[2 * space.global_ + 1]], axis=-1)
+        velocities = np.stack([v[2 * space.table], v[2 * space.table + 1]], axis=-1)
         strain = (self._strain @ v).reshape(-1, 3, cones.count, 3)
         spent = x[n : n + rows] * cones.limit / self.scales.stress
         dissipation = np.asarray(np.bincount(cones.cell, spent, space.mesh.cell_count), dtype=np.float64)
@@ -418,10 +409,10 @@ class FlowProgram:
                  for name, w, t, spent in zip(slips.lengths, *parts, strict=False)}  # fmt: skip
         plates = {
             contact.name: RigidMotion(a, b, turn / space.mesh.length, contact.plate.pivot)
-            for contact, (a, b, turn) in zip(space.plates, v[2 * space.count :].reshape(-1, 3).tolist(), strict=True)
+            for contact, (a, b, turn) in zip(space.plates, v[2 * space.count :].reshape(-1, 3).tolist(), strict=False)
             if contact.plate is not None
         }
-        return BodyMotion(velocities, space.nodes.places, strain, dissipation, found, plates)
+        return BodyMotion(velocities, strain, dissipation, found, plates)
 
     def gap_in_cells(self, discretization: Discretization, carried: Carried, motion: BodyMotion) -> FloatArray:
         """Parts of the triangles (cells,), with those of contact edges in equal shares for triangles beside them."""

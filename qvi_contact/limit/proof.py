@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
@@ -17,7 +17,7 @@ from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 
-from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
+from qvi_contact.basics.checks import BoolArray, Field, FloatArray, evaluate
 from qvi_contact.basics.writing import write_text
 from qvi_contact.element import bernstein, legendre
 from qvi_contact.element.triangle import EDGES
@@ -297,12 +297,14 @@ def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
         )
         raise SolveError(f"proof: this mesh carries {none}: there is nothing to prove")
     p, factor = program.cones.degree + 2, Fraction(found.factor)
-    rough, space = _rounded_airy(program, found.unknowns), Smooth(stated.points, stated.cells, p)
+    space = Smooth(stated.about["vertices"], stated.about["triangles"], p)
+    rough = space.rounded(_rounded_airy(program, found.unknowns))
 
     amounts = list[Fraction]()
     while True:
         try:
-            airy = space.solved([*_tractions(stated, space, factor), *_resultants(stated, space, factor)], rough)
+            values = space.solved([*_tractions(stated, space, factor), *_resultants(stated, space, factor)], rough)
+            airy = [[(values[n],) for n in part] for part in space.columns.tolist()]
             return {"stress": {"factor": factor, "degree": p - 2, "ordinates": _stresses(stated, p, factor, airy)}}
         except OutOfBalanceError as error:
             amounts.append(error.amount)
@@ -312,11 +314,10 @@ def carried(stated: Statement, program: StressProgram) -> dict[str, Any]:
             factor += amounts[1] / (amounts[0] - amounts[1]) if len(amounts) == 2 else ONE
 
 
-def _stresses(stated: Statement, p: int, factor: Fraction, airy: Iterable[Sequence[Any]]) -> list[list[Any]]:
+def _stresses(stated: Statement, p: int, factor: Fraction, airy: Sequence[Any]) -> list[list[Any]]:
     """σ = (Φ_yy + φ, Φ_xx + φ, −Φ_xy) of ordinates of Φ."""
     found, c = [], stated.potential(factor)
-    ordinates = [[(value,) for value in part] for cell in airy for part in cell]
-    for t, _, _, slopes, values in triangles(stated.about, {"degree": p, "ordinates": ordinates}):
+    for t, _, _, slopes, values in triangles(stated.about, {"degree": p, "ordinates": airy}):
         first = dict(zip(_exponents(p - 1), (slope for (slope,) in gradient(values, slopes)), strict=True))
         corners, stress = [stated.about["vertices"][n] for n in stated.about["triangles"][t]], []
         for alpha, ((xx, xy), (_, yy)) in zip(_exponents(p - 2), gradient(first, slopes), strict=True):
@@ -366,7 +367,7 @@ def _resultants(stated: Statement, space: Smooth, factor: Fraction) -> Iterator[
 
 
 def _rounded_airy(program: StressProgram, unknowns: FloatArray) -> FloatArray:
-    """Φ in floating point: its ordinates (cells, 3, count)."""
+    """Φ in floating point: its ordinates (parts, count)."""
     low, high, space = program.low, program.high, program.low.space
     if len(space.frames.cuts):
         raise InputError("proof", f"{len(space.frames.cuts)} holes", _STRAIGHT)
@@ -378,7 +379,7 @@ def _rounded_airy(program: StressProgram, unknowns: FloatArray) -> FloatArray:
     arms = lattice(element.degree) @ part_corners(corners) - corners[:, None, None, 0]
     ordinates = np.einsum("scd,nd->nsc", element.coefficients[:, :, 3:], factors[:, 3:])
     ordinates += factors[:, None, None, 0] + np.einsum("npcx,nx->npc", arms, factors[:, 1:3])
-    return np.asarray(ordinates * low.scales.airy)
+    return np.asarray(ordinates.reshape(-1, ordinates.shape[-1]) * low.scales.airy)
 
 
 def exceeded_by_blocks(stated: Statement, posed: LimitProblem) -> dict[str, Any]:
@@ -388,8 +389,8 @@ def exceeded_by_blocks(stated: Statement, posed: LimitProblem) -> dict[str, Any]
         raise SolveError("proof: no motion of rigid blocks bounds the loads")
     keeps = np.zeros(len(mechanism.blocks), dtype=bool)
     space = Velocities(stated.problem, 1, ~keeps)
-    places = zip(mechanism.blocks, space.nodes.places @ stated.mesh.corners, strict=True)
-    rough = np.array([mechanism.motions[block].at(points) for block, points in places])
+    places = zip(mechanism.blocks, part_corners(stated.mesh.corners).reshape(-1, 9, 2), strict=True)
+    rough = np.array([mechanism.motions[block].at(points) for block, points in places]).reshape(-1, 3, 3, 2)
     return _flow(stated, space, rough, mechanism.plates, keeps, {})
 
 
@@ -450,17 +451,18 @@ def _cost(laws: list[Any], strain: Sequence[Fraction], shares: list[Any]) -> flo
 
 
 def _held(
-    stated: Statement, space: Velocities, moving: Mapping[int, Sequence[Terms]], places: Sequence[Vector],
-    bodies: Mapping[str, int], values: Sequence[Fraction],
+    stated: Statement, space: Velocities, moving: Sequence[Sequence[Terms]], places: Sequence[Vector],
+    values: Sequence[Fraction],
 ) -> Iterator[Terms]:  # fmt: skip
     """Terms that are zero: velocities without a given traction, jumps of contacts that do not part, or at a limit."""
-    numbers = [[(n,) for n in cell[part].tolist()] for cell in space.global_ for part in space.nodes.of_parts]
+    numbers = [[(n,) for n in part] for cell in space.table.tolist() for part in cell]
     field, rigid = {"degree": space.degree, "ordinates": numbers}, space.rigid.tolist()
+    names = list(stated.plates)
     for (i, j), normal, (own, *beyond), contact, _, loads in edges(stated.about, field):
         directions, body = [d for d, given in loads if given is None], -1
         nodes = [(first, beyond[0][k][0] if beyond else -1) for k, (first,) in enumerate(own)]
         if contact:
-            e, body = stated.edge((i, j)), bodies.get(contact["name"], -1)
+            e, body = stated.edge((i, j)), names.index(contact["name"]) if contact["name"] in names else -1
             if contact["law"] != "unilateral":
                 sticks = contact["law"] == "tied" or (contact["friction"] > 0 and contact["shear_limit"] is None)
                 directions = [normal, e] if sticks else [normal]
@@ -512,63 +514,64 @@ def _exactly(
     stated: Statement, space: Velocities, velocities: FloatArray, plates: Mapping[str, RigidMotion], keeps: BoolArray
 ) -> tuple[list[Any], dict[str, Any]]:
     """Ordinates of velocities, and motions of plates about their pivots, near those given, that keep what is held."""
-    rounded, values, rows = np.zeros((space.count, 2)), list[Fraction](), list[Terms]()
-    rounded[space.global_] = velocities
-    places, rigid, parts = _places(stated, space), space.rigid.tolist(), int(space.rigid.max()) + 1
-    for part in range(parts):
-        own = np.flatnonzero(space.rigid == part)
+    rounded, places, rigid = np.zeros((space.count, 2)), _places(stated, space), space.rigid.tolist()
+    rounded[space.table] = velocities
+    values, rows, pivots = list[Fraction](), list[Terms](), dict[str, list[Terms]]()
+    for body, (name, known) in enumerate(stated.plates.items()):
+        values += [Fraction(x) for x in (*plates[name].at(np.zeros(2)).tolist(), plates[name].rotation)]
+        pivots[name] = [*(_rigid_row(body, axis, known["pivot"]) for axis in _AXES), {3 * body + 2: ONE}]
+        rows += [row for row, force in zip(pivots[name], known["forces"], strict=True) if force is None]
+    for body in range(len(pivots), len(space.centres)):
+        own = np.flatnonzero(space.rigid == body)
         x, y = np.array([places[n] for n in own.tolist()], dtype=float).T
         one, none = np.ones(len(own)), np.zeros(len(own))
         A = np.concatenate([np.column_stack([one, none, -y]), np.column_stack([none, one, x])])
         values += map(Fraction, np.linalg.lstsq(A, rounded[own].T.ravel(), rcond=None)[0].tolist())
-    bodies, pivots = {name: parts + n for n, name in enumerate(stated.plates)}, dict[str, list[Terms]]()
-    for name, known in stated.plates.items():
-        values += [Fraction(x) for x in (*plates[name].at(np.zeros(2)).tolist(), plates[name].rotation)]
-        pivots[name] = [_rigid_row(bodies[name], axis, known["pivot"]) for axis in _AXES] + [
-            {3 * bodies[name] + 2: ONE}
-        ]
-        rows += [row for row, force in zip(pivots[name], known["forces"], strict=True) if force is None]
-    smooth, moving = None, {n: [_rigid_row(rigid[n], axis, places[n]) for axis in _AXES] for n in range(space.count)}
-    if keeps.any():
-        smooth, streams = _streams(stated, space, np.flatnonzero(keeps), len(values))
-        beside = [(streams[n][axis], moving[n][axis]) for n in streams if rigid[n] >= 0 for axis in (0, 1)]
-        rows += [combined((ONE, flow), (-ONE, own)) for flow, own in beside]
-        moving |= streams
-        values += smooth.rounded(smooth.integrated(velocities[keeps][:, space.nodes.of_parts]))
-    for n in (n for n, terms in moving.items() if not any(terms)):
-        moving[n] = [{len(values): ONE}, {len(values) + 1: ONE}]
-        values += map(Fraction, rounded[n].tolist())
-    for pair in space.hinges.T.tolist():
-        rows += [combined((ONE, own), (-ONE, other)) for own, other in zip(*(moving[n] for n in pair), strict=True)]
-    all_rows = [(row, ZERO) for row in (*rows, *_held(stated, space, moving, places, bodies, values))]
-    values = solved([*smooth.at_vertices(), *all_rows, *smooth.conditions()] if smooth else all_rows, values)
-    found = [[_value(terms, values) for terms in moving[n]] for n in range(space.count)]
+    smooth, streams = _streams(stated, space, keeps, len(values))
+    if smooth is not None:
+        values += smooth.rounded(smooth.integrated(velocities[keeps].reshape(-1, *velocities.shape[2:])))
+    moving = list[Sequence[Terms]]()
+    for n, body in enumerate(rigid):
+        terms = [_rigid_row(body, axis, places[n]) for axis in _AXES]
+        if body < 0 and n not in streams:
+            terms = [{len(values): ONE}, {len(values) + 1: ONE}]
+            values += map(Fraction, rounded[n].tolist())
+        moving.append(streams.get(n, terms))
+    stiff = [(n, body) for n, body in enumerate(rigid) if n in streams and body >= 0]
+    for n, body in (*stiff, *space.hinges.T.tolist()):
+        rows += [combined((ONE, terms), (-ONE, _rigid_row(body, axis, places[n])))
+                 for terms, axis in zip(moving[n], _AXES, strict=True)]  # fmt: skip
+    all_rows = [(row, ZERO) for row in (*rows, *_held(stated, space, moving, places, values))]
+    values = smooth.solved(all_rows, values) if smooth else solved(all_rows, values)
+    found = [[_value(terms, values) for terms in each] for each in moving]
     moved = {each.name: [_value(row, values) for row in pivots.get(each.name, [{}] * 3)] for each in stated.contacts}
-    return [[found[cell[n]] for n in part] for cell in space.global_ for part in space.nodes.of_parts], moved
+    return [[found[n] for n in part] for cell in space.table.tolist() for part in cell], moved
 
 
 def _places(stated: Statement, space: Velocities) -> list[Vector]:
-    """Where the nodes of velocities are."""
-    found, keys = [(ZERO, ZERO)] * space.count, space.nodes.keys.tolist()
-    for cell, numbers in zip(stated.cells, space.global_.tolist(), strict=True):
-        for n, (*weights, centre) in zip(numbers, keys, strict=True):
-            shares = [Fraction(3 * weight + centre, 3 * space.degree) for weight in weights]
-            found[n] = middle([stated.points[v] for v in cell], shares)
+    """Where the coefficients of velocities are."""
+    found, alpha = [(ZERO, ZERO)] * space.count, _exponents(space.degree)
+    shares = [[Fraction(weight, space.degree) for weight in weights] for weights in alpha]
+    for names, numbers in zip(stated.about["triangles"], space.table.reshape(-1, len(alpha)).tolist(), strict=True):
+        for n, weights in zip(numbers, shares, strict=True):
+            found[n] = middle([stated.about["vertices"][v] for v in names], weights)
     return found
 
 
 def _streams(
-    stated: Statement, space: Velocities, cells: IntArray, first: int
-) -> tuple[Smooth, dict[int, list[Terms]]]:
-    """Stream functions ψ, C1 on each part, and terms of them that are (ψ_y, −ψ_x) at nodes."""
-    first_side, middle_side = space.nodes.of_sides[2], space.nodes.of_sides[1]
-    tips = space.global_[cells][:, [*first_side[[0, -1]], middle_side[-1]]]
+    stated: Statement, space: Velocities, keeps: BoolArray, first: int
+) -> tuple[Smooth | None, dict[int, list[Terms]]]:
+    """Stream functions ψ, C1 on each part of the body, and terms of them that are (ψ_y, −ψ_x) at coefficients."""
+    if not keeps.any():
+        return None, {}
+    alpha = np.array(_exponents(space.degree))
+    table = space.table[keeps].reshape(-1, len(alpha))
+    tips = table[:, alpha.argmax(axis=0)]
     _, place, corners = np.unique(tips, return_index=True, return_inverse=True)  # blocks do not share them
-    points = [stated.points[n] for n in stated.mesh.cells[cells].ravel()[place].tolist()]
+    names = np.array(stated.about["triangles"])[np.repeat(keeps, 3)]
+    points = [stated.about["vertices"][n] for n in names.ravel()[place].tolist()]
     smooth, found = Smooth(points, corners.reshape(-1, 3).tolist(), space.degree + 1, first), dict[int, list[Terms]]()
-    for t, cell in enumerate(cells.tolist()):
-        for (a, b), own in zip(EDGES, space.nodes.of_parts, strict=True):
-            for node, (_, n, inner) in zip(space.global_[cell, own].tolist(), _exponents(space.degree), strict=True):
-                axes = (ZERO, ONE), (-ONE, ZERO)
-                found[node] = [smooth.slope((t, a, b), axis, n, inner) for axis in axes]
+    for t, numbers in enumerate(table.tolist()):
+        for number, (_, n, inner) in zip(numbers, alpha.tolist(), strict=True):
+            found[number] = [smooth.slope((t, 0, 1), axis, n, inner) for axis in ((ZERO, ONE), (-ONE, ZERO))]
     return smooth, found

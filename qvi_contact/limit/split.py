@@ -9,8 +9,7 @@ a stream function.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from itertools import product
 from typing import TypeAlias
@@ -24,7 +23,6 @@ from qvi_contact.element.triangle import EDGES, bernstein, exponents
 from qvi_contact.limit.check_proof import cross, less
 from qvi_contact.mechanism.bodies import whole_edges
 from qvi_contact.mesh.edges import Edges
-from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.linked import linked
 
@@ -40,33 +38,6 @@ Row: TypeAlias = tuple[Terms, Fraction]
 """Terms, and the right-hand side."""
 
 ZERO, ONE = Fraction(0), Fraction(1)
-
-
-@dataclass(frozen=True, eq=False)
-class Nodes:
-    """Coefficients of continuous functions of a degree on a split triangle."""
-
-    keys: IntArray  # (m, 4) weights of the three corners and of the barycentre, times the degree
-    of_parts: IntArray  # (3, count) the coefficients of each part: of an edge, then the barycentre
-    of_sides: IntArray  # (3, degree + 1) those along each side, from its lower corner to the higher one
-
-    @property
-    def places(self) -> FloatArray:
-        """Barycentric places (m, 3)."""
-        return np.asarray((self.keys[:, :3] + self.keys[:, 3:] / 3.0) / self.keys[0].sum())
-
-    @classmethod
-    def of(cls, degree: int) -> Nodes:
-        """Those of a degree."""
-        parts = np.zeros((3, len(exponents(degree)), 4), dtype=np.int64)
-        for part, edge in zip(parts, EDGES, strict=True):
-            part[:, [*edge, 3]] = exponents(degree)
-        rows = parts.reshape(-1, 4)
-        first = np.sort(np.unique(rows, axis=0, return_index=True)[1])
-        keys = rows[first]
-        number = {tuple(key): n for n, key in enumerate(keys.tolist())}
-        of_parts = np.array([number[tuple(key)] for key in rows.tolist()]).reshape(3, -1)
-        return cls(keys, of_parts, of_parts[:, exponents(degree)[:, 2] == 0])
 
 
 def part_corners(corners: FloatArray) -> FloatArray:
@@ -99,25 +70,29 @@ def coefficients_of(problem: ContactProblem, degree: int, potential: Field) -> t
     return np.asarray(found), float(misfit / max(np.abs(seen).max(initial=0.0), 1e-300))
 
 
-def nodes_along(mesh: TriangleMesh, nodes: Nodes, edges: Edges, side: int = 0) -> IntArray:
-    """Numbers cell · m + node of the coefficients (e, degree + 1) along edges from their first end to the second.
+def nodes_along(problem: ContactProblem, degree: int, edges: Edges, side: int = 0) -> IntArray:
+    """Coefficients (e, degree + 1) of the parts beside edges, (cell · 3 + part) · count + number, along the tangent.
 
     They are those of the first cell (side 0), or of the one beyond (side 1).
     """
-    cells = edges.cells[:, side]
+    cells, alpha = edges.cells[:, side], exponents(degree)
     ends = np.stack([edges.first, edges.second], axis=1)
-    opposite = np.argmax((mesh.cells[cells][:, :, None] != ends[:, None, :]).all(axis=2), axis=1)
-    found = cells[:, None] * len(nodes.keys) + nodes.of_sides[opposite]
+    opposite = np.argmax((problem.mesh.cells[cells][:, :, None] != ends[:, None, :]).all(axis=2), axis=1)
+    found = (3 * cells + opposite)[:, None] * len(alpha) + np.flatnonzero(alpha[:, 2] == 0)
     flipped = edges.first > edges.second
     found[flipped] = found[flipped, ::-1]
     return np.asarray(found)
 
 
-def numbered(problem: ContactProblem, nodes: Nodes) -> IntArray:
-    """Numbers (cells, m) of coefficients, which triangles share on edges that are no open joint."""
-    edges, shape = whole_edges(problem), (problem.mesh.cell_count, len(nodes.keys))
-    first, second = (nodes_along(problem.mesh, nodes, edges, side) for side in (0, 1))
-    return linked(first, second, shape[0] * shape[1]).reshape(shape)
+def numbered(problem: ContactProblem, degree: int) -> IntArray:
+    """Numbers (cells, 3, count) of coefficients, which parts share, also across edges that are no open joint."""
+    edges, count, alpha = whole_edges(problem), problem.mesh.cell_count, exponents(degree)
+    first, second = (nodes_along(problem, degree, edges, side).ravel() for side in (0, 1))
+    own = np.arange(3 * count * len(alpha)).reshape(count, 3, -1)
+    inner = [[own[:, part, alpha[:, 1 - edge.index(corner)] == 0] for part, edge in enumerate(EDGES) if corner in edge]
+             for corner in range(3)]  # fmt: skip
+    one, other = (np.concatenate([each[k].ravel() for each in inner]) for k in (0, 1))
+    return linked(np.append(first, one), np.append(second, other), own.size).reshape(own.shape)
 
 
 class OutOfBalanceError(ArithmeticError):
@@ -129,29 +104,28 @@ class OutOfBalanceError(ArithmeticError):
 
 
 class Smooth:
-    """C1 functions Φ of degree p on split triangles, by unknowns: (Φ, Φ_x, Φ_y) of all vertices, then ordinates.
+    """C1 functions Φ of degree p on parts of triangles, whose last corners are barycentres.
+
+    Unknown are (Φ, Φ_x, Φ_y) at all corners, which say nothing at barycentres, then ordinates.
 
     Attributes
     ----------
     first : int
         The number of the first unknown.
-    columns : (n, m) int array
-        Numbers of the ordinates of each triangle, first those on edges, and those nearest to barycentres last.
+    columns : (n, count) int array
+        Numbers of the ordinates of each part, those inside parts last.
     sides : dict
-        For edges (i, j) the triangles that have them, with their corners i and j there.
+        For edges (i, j) the parts that have them, with their corners i and j there.
 
     """
 
     def __init__(self, points: Sequence[Vector], triangles: Sequence[Sequence[int]], p: int, first: int = 0) -> None:
-        self.points, self.triangles, self.p, self.nodes, self.first = points, triangles, p, Nodes.of(p), first
-        keys = [tuple(key) for key in self.nodes.keys.tolist()]
+        self.points, self.triangles, self.p, self.first = points, triangles, p, first
+        keys = list(map(tuple, exponents(p).tolist()))
         self._place = {key: n for n, key in enumerate(keys)}
-        names = [
-            [(key[3], t, key) if key[3] else (0, tuple(sorted((v, w) for v, w in zip(corners, key, strict=False) if w)))
-             for key in keys]
-            for t, corners in enumerate(triangles)
-        ]  # fmt: skip
-        unique = sorted({name: None for each in names for name in each}, key=lambda name: name[0])
+        names = [[tuple(sorted((v, w) for v, w in zip(corners, key, strict=True) if w)) for key in keys]
+                 for corners in triangles]  # fmt: skip
+        unique = sorted(dict.fromkeys(name for each in names for name in each), key=len)
         number = {name: n for n, name in enumerate(unique, first + 3 * len(points))}
         self.columns = np.array([[number[name] for name in each] for each in names])
         self.sides = dict[tuple[int, int], list[tuple[int, int, int]]]()
@@ -168,72 +142,55 @@ class Smooth:
         return {column: part for column, part in enumerate(found, self.first + 3 * v) if part}
 
     def slope(self, side: tuple[int, int, int], d: Vector, n: int, inner: int = 0) -> Terms:
-        """The ordinate n = 0 … p − 1 of d·∇Φ along a side, from its first corner on, or nearer to the barycentre."""
+        """The ordinate n = 0 … p − 1 of d·∇Φ along a side, from its first corner on, or nearer to the third one."""
         (t, a, b), k = side, self.p - 1 - n - inner
-        start, end = (self.points[self.triangles[t][i]] for i in (a, b))
-        along, inwards = less(end, start), less(middle([self.points[v] for v in self.triangles[t]]), start)
+        start, end, third = (self.points[self.triangles[t][i]] for i in (a, b, 3 - a - b))
+        along, inwards = less(end, start), less(third, start)
         area = cross(along, inwards)
         first, second = cross(d, inwards) / area, cross(along, d) / area
-        weights = {(k + 1, n, inner): -first - second, (k, n + 1, inner): first, (k, n, inner + 1): second}
-        return {self._column(t, (a, i), (b, j), (3, c)): self.p * part for (i, j, c), part in weights.items() if part}
+        parts = {(k + 1, n, inner): -first - second, (k, n + 1, inner): first, (k, n, inner + 1): second}
+        own = (a, b, 3 - a - b)
+        return {self._column(t, dict(zip(own, weights, strict=True))): self.p * part
+                for weights, part in parts.items() if part}  # fmt: skip
 
-    def _column(self, t: int, *weights: tuple[int, int]) -> int:
-        """The ordinate of a triangle with weights of its corners, and of the barycentre, corner 3."""
-        key = [0, 0, 0, 0]
-        for corner, weight in weights:
-            key[corner] += weight
-        return int(self.columns[t, self._place[tuple(key)]])
+    def _column(self, t: int, weights: Mapping[int, int]) -> int:
+        """The ordinate of a triangle with weights of its corners."""
+        return int(self.columns[t, self._place[weights.get(0, 0), weights.get(1, 0), weights.get(2, 0)]])
 
-    def solved(self, rows: Sequence[Row], rough: FloatArray) -> list[list[list[Fraction]]]:
-        """Ordinates (3, count) on the parts of each triangle of the C1 function near `rough` ordinates (n, 3, count).
+    def solved(self, rows: Iterable[Row], rough: Sequence[Fraction]) -> list[Fraction]:
+        """Values of these unknowns, and of others before them, near rough ones, for which rows hold and Φ is C1."""
+        return solved([*self._at_vertices(), *rows, *self._conditions()], list(rough))
 
-        The rows hold for it.
-        """
-        values = solved([*self.at_vertices(), *rows, *self.conditions()], self.rounded(rough))
-        return [[[values[column] for column in part] for part in cell]
-                for cell in self.columns[:, self.nodes.of_parts].tolist()]  # fmt: skip
-
-    def at_vertices(self) -> Iterator[Row]:
+    def _at_vertices(self) -> Iterator[Row]:
         """Ordinates at vertices and beside them follow from Φ and ∇Φ there."""
         found = dict[int, Terms]()
         for t, corners in enumerate(self.triangles):
-            centre = middle([self.points[v] for v in corners])
-            for a, v in enumerate(corners):
-                for b, end in enumerate([*(self.points[w] for w in corners), centre]):
-                    e = less(end, self.points[v])
-                    column = self._column(t, (a, self.p - 1), (b, 1))
-                    found[column] = {column: ONE, **self.at_vertex(v, [-ONE, -e[0] / self.p, -e[1] / self.p])}
+            for (a, v), (b, w) in product(enumerate(corners[:2]), enumerate(corners)):
+                e = less(self.points[w], self.points[v])
+                column = self._column(t, {b: 1} | {a: self.p - (a != b)})
+                found[column] = {column: ONE, **self.at_vertex(v, [-ONE, -e[0] / self.p, -e[1] / self.p])}
         yield from ((row, ZERO) for row in found.values())
 
-    def conditions(self) -> Iterator[Row]:
-        """Φ is C1 across edges, and across the lines from corners to barycentres.
-
-        There, ordinates of both parts add to three times the one on the line that is nearer to the barycentre, less the
-        one that is farther.
-        """
-        p = self.p
+    def _conditions(self) -> Iterator[Row]:
+        """Φ is C1 across edges."""
         for (i, j), sides in self.sides.items():
-            if i < j and len(sides) == 2:
+            _, a, b = sides[0]
+            if len(sides) == 2 and a < 2 and (b == 2 or i < j):
                 e = less(self.points[j], self.points[i])
-                for n in range(1, p - 1):
+                for n in range(1, self.p if b == 2 else self.p - 1):
                     first, second = (self.slope(side, (-e[1], e[0]), n) for side in sides)
                     yield combined((ONE, first), (-ONE, second)), ZERO
-        for t, v, inner in product(range(len(self.triangles)), range(3), range(1, p)):
-            own = v, p - 1 - inner
-            beside = [self._column(t, own, (each, 1), (3, inner)) for each in range(3)]
-            nearer = self._column(t, own, (3, inner + 1))
-            yield combined(*((ONE, {column: ONE}) for column in beside), (ONE, {nearer: Fraction(-3)})), ZERO
 
     def rounded(self, rough: FloatArray) -> list[Fraction]:
-        """Values of all unknowns, from the first on, near rough ordinates (n, 3, count)."""
+        """Values of all unknowns, from the first on, near rough ordinates (n, count)."""
         columns, p = self.columns - self.first, self.p
         found = np.zeros(int(columns.max()) + 1)
-        found[columns[:, self.nodes.of_parts]] = rough
+        found[columns] = rough
         corners = np.array(self.triangles)
         points = np.array(self.points, dtype=float)[corners]
         for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-            keys = (tuple((p - 1) * (n == a) + (n == each) for n in range(4)) for each in (a, b, c))
-            own, *beside = (found[columns[:, self._place[key]]] for key in keys)
+            keys = (tuple((p - 1) * (n == a) + (n == each) for n in range(3)) for each in (a, b, c))
+            own, *beside = (rough[:, self._place[key]] for key in keys)
             arms = np.stack([points[:, b] - points[:, a], points[:, c] - points[:, a]], axis=1)
             rises = p * np.stack([each - own for each in beside], axis=1)
             slopes = np.linalg.solve(arms, rises[..., None])[..., 0] * float(self._unit)
@@ -241,17 +198,16 @@ class Smooth:
         return [Fraction(value) for value in found.tolist()]
 
     def integrated(self, v: FloatArray) -> FloatArray:
-        """Rough ordinates (n, 3, count) of ψ with (ψ_y, −ψ_x) = v, from ordinates (n, 3, ·, 2) of v.
+        """Rough ordinates (n, count) of ψ with (ψ_y, −ψ_x) = v, from ordinates (n, ·, 2) of v.
 
         They are what p (c_(α + e_i) − c_(α + e_0)) = (x_i − x_0) × v_α says, zero at one node of each part.
         """
-        number = {tuple(alpha): n for n, alpha in enumerate(exponents(self.p).tolist())}
-        near = np.array([[number[tuple(alpha[m] + (m == i) for m in range(3))] for i in range(3)]
+        near = np.array([[self._place[tuple(alpha[m] + (m == i) for m in range(3))] for i in range(3)]
                          for alpha in exponents(self.p - 1).tolist()])  # fmt: skip
-        known, at = np.unique(self.columns[:, self.nodes.of_parts], return_inverse=True)
-        at = at.reshape(len(self.triangles), 3, -1)
-        corners = part_corners(np.array(self.points, dtype=float)[np.array(self.triangles)])
-        arms = (corners[:, :, 1:] - corners[:, :, :1])[:, :, None]
+        known, at = np.unique(self.columns, return_inverse=True)
+        at = at.reshape(self.columns.shape)
+        corners = np.array(self.points, dtype=float)[np.array(self.triangles)]
+        arms = (corners[:, 1:] - corners[:, :1])[:, None]
         right = v[..., None, 0] * arms[..., 1] - v[..., None, 1] * arms[..., 0]
         start, end = np.broadcast_arrays(at[..., near[:, :1]], at[..., near[:, 1:]])
         one = sparse.eye_array(len(known), format="csr")

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property, partial
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -313,11 +313,11 @@ class StressProgram:
         """
 
         def solve(signs: IntArray) -> Carried:
-            program, known = self.program(signs), None
+            program, known, find = self.program(signs), None, cache(partial(self._of_program, share=share))
             with suppress(SolveError):
                 known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
             first = self._of_program(program, share, known)
-            best = self._on_faces(program, first, share, *FACES[0])
+            best = self._on_faces(program, first, find, *FACES[0])
             if first.violation <= ROUNDING:  # and is only not known to be the most
                 best = max(first, best, key=lambda one: one.factor)
             for faces in FACES[1:]:
@@ -325,7 +325,7 @@ class StressProgram:
                 if best is first or best.factor >= least or deadline.over:
                     break
                 with suppress(SolveError):  # what is known is right without it
-                    found = self._on_faces(program, first, share, *faces)
+                    found = self._on_faces(program, first, find, *faces)
                     larger = best.violation > ROUNDING or found.factor > best.factor
                     best = found if found.violation <= ROUNDING and larger else best
             return best
@@ -333,7 +333,12 @@ class StressProgram:
         return self._with_signs(solve)
 
     def _on_faces(
-        self, program: ConicProgram, found: Carried, share: float, narrow_below: float, aside: float
+        self,
+        program: ConicProgram,
+        found: Carried,
+        find: Callable[[ConicProgram], Carried],
+        narrow_below: float,
+        aside: float,
     ) -> Carried:
         """What is carried once cones without room are rays, from what was found of the program."""
         for _ in range(PASSES):
@@ -342,7 +347,7 @@ class StressProgram:
             narrower = program.on_faces(self.cones.rays, narrow_below, aside) if unsure else None
             if narrower is None:
                 break
-            program, found = narrower, self._of_program(narrower, share)  # in which others may have none
+            program, found = narrower, find(narrower)  # in which others may have none
         return found
 
     def _of_program(self, program: ConicProgram, share: float, known: FloatArray | None = None) -> Carried:

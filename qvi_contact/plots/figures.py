@@ -4,6 +4,7 @@ import textwrap
 from collections.abc import Sequence
 from contextlib import suppress
 from importlib.util import find_spec
+from math import isqrt
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
@@ -242,7 +243,8 @@ def draw_mechanism(axes: "Axes", mesh: TriangleMesh, motion: Mechanism | Collaps
             after[own] = rigid.centre + arm + scale * np.array([rigid.x, rigid.y])
     else:
         flow, (a, b, c) = motion.motion, mesh.corners.swapaxes(0, 1)
-        velocity = flow.velocities[:, flow.places.argmax(axis=0)]  # at the corners
+        second = -isqrt(2 * flow.velocities.shape[2])  # of a part's corners, after the first
+        velocity = flow.velocities[:, [1, 0, 0], [0, 0, second]]  # at the corners of each triangle
         after += scale / max(float(np.hypot(*velocity.T).max()), 1e-300) * velocity
         density = flow.dissipation / np.abs(cross(b - a, c - a))
         shade = np.sqrt(np.minimum(density / max(float(np.quantile(density, _DEEPEST)), 1e-300), 1.0))
