@@ -375,16 +375,17 @@ class StressProgram:
     def _without_room(self, program: ConicProgram, share: float, *, grows: bool = False) -> Carried:
         """The load itself, or more without end: the solver gives up where stresses grow along the tips of cones.
 
-        It may take limits without room for none. Only if nothing keeps wider ones, no multiple is carried.
+        Growth may begin at the least multiple that is carried. The solver may take limits without room for none. Only
+        if nothing keeps wider ones, no multiple is carried.
         """
         modest, wider = program.up_to(1.0), program.tightened(room=-WIDER * program.size(0.0 * program.q))
-        carried = Carried(-np.inf)
-        for each in (modest, wider.up_to(1.0), wider):
+        least, carried = replace(program, q=-program.q), Carried(-np.inf)
+        for each in (modest, *[least] * grows, wider.up_to(1.0), wider):
             with suppress(SolveError):  # what is known is right without it
                 answer = each.solve()
                 if not isinstance(answer, str):
                     carried = self._held(program, *each.repaired(answer.x, share))
-                if np.isfinite(carried.factor) and each is modest and (grows or program.falls()):
+                if np.isfinite(carried.factor) and each in (modest, least) and (grows or program.falls()):
                     return Carried(np.inf)
             if np.isfinite(carried.factor):
                 break

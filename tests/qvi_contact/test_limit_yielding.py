@@ -111,6 +111,9 @@ def test_what_does_not_carry_its_weight_carries_no_multiple_of_an_even_pressure(
     assert limit_load_factor(heavy, ["body"], degree=3).upper < 0.1
     assert limit_load_factor(heavy, loads, degree=3).lower == -np.inf
     assert limit_load_factor(replace(heavy, body_potential=0.0), loads, degree=3).lower == np.inf
+    lifted = replace(stretched(NoTension()), body_potential=lambda _, y: -4.0 * y)
+    lifted = replace(lifted, conditions=[Traction("top", x=0.0, y=-1.0), *lifted.conditions[1:]])
+    assert limit_load_factor(lifted, ["top"], degree=3).lower == np.inf  # from 4 on
 
 
 def test_friction_that_varies():
