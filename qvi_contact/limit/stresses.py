@@ -482,7 +482,10 @@ class StressProgram:
         if cones.mean.any():
             parts.append((sparse.diags_array(-cones.mean) @ total, cones.mean * constant))
         q = np.append(np.zeros(S.shape[1] - 1), -1.0)
-        return ConicProgram.of(q, self._equations, (H @ N, limit - H @ n), parts)
+        program = ConicProgram.of(q, self._equations, (H @ N, limit - H @ n), parts)
+        rows, all_stresses = (sparse.linalg.norm(matrix, axis=0) for matrix in (program.A, S))
+        seen = np.append((rows > _LOST * all_stresses)[:-1], True)  # not rounding of stresses of rigid parts
+        return replace(program, A=sparse.csr_array(program.A @ sparse.diags_array(seen.astype(float))))
 
     @property
     def _tractions(self) -> tuple[sparse.csr_array, FloatArray]:

@@ -401,6 +401,20 @@ def test_what_rigid_parts_hold_has_no_limit():
     assert (limit.lower, limit.upper) == (np.inf, np.inf)
 
 
+def test_stresses_of_rigid_parts_that_no_row_sees_are_none():
+    """Rounding of their rows passed for strength: in one body 47.6 were said to be carried, where 45.3 move it."""
+    turn = np.array([[np.cos(1.0), np.sin(1.0)], [-np.sin(1.0), np.cos(1.0)]])
+    grid = TriangleMesh.rectangle((3, 3)).with_region("rock", lambda x, _: x > 0.5)
+    grid = grid.with_joint("joint", lambda _, y: np.isclose(y, 1.0 / 3.0))
+    contacts = [Contact("joint", 0.0, shear_limit=0.5), Contact("right", 0.2, cohesion=0.1, shear_limit=0.1)]
+    tied = [Contact.tied("bottom"), replace(Contact.tied("top"), plate=RigidPlate(force_x=0.1, force_y=-0.3))]
+    conditions = [*contacts, *tied, Traction("left", normal=-0.25, tangential=0.0, name="push")]
+    soft, rock = (Material(1.0, 0.3, "strain", law) for law in (Tresca(2.0), None))
+    mesh, rocks = replace(grid, vertices=grid.vertices @ turn), [Region(rock, name="rock")]
+    limit = limit_load_factor(ContactProblem(mesh, soft, conditions, regions=rocks), ["push"], degree=4)
+    assert limit.lower == pytest.approx(19.75485, rel=1e-5)
+
+
 def test_a_plate_that_nothing_keeps_from_sliding_carries_nothing():
     """No strain is in that motion, but rounding: whether it breaks the conditions of strain does not count."""
     mesh = TriangleMesh.rectangle((3, 1))
