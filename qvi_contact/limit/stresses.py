@@ -339,7 +339,7 @@ class StressProgram:
         for _ in range(PASSES):
             doubt = abs(found.bound - found.factor) > max(_DROP * abs(found.factor), CERTIFIED)
             unsure = found.violation > ROUNDING or found.factor == -np.inf or doubt
-            narrower = program.on_faces(self.cones.rays, narrow_below, aside) if unsure else None
+            narrower = program.on_faces(self.cones.rays, narrow_below, aside, found.unknowns) if unsure else None
             if narrower is None:
                 break
             program, found = narrower, self._of_program(narrower, share)  # in which others may have none

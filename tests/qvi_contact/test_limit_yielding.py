@@ -214,6 +214,22 @@ def test_what_leaves_no_room_is_near_its_limit_from_both_sides():
     assert limit_load_factor(block, ["load"], degree=3).upper == pytest.approx(0.2149, rel=1e-3)
 
 
+def test_cones_without_room_are_along_rays_of_an_answer():
+    """Those of the point with most room are at their tips: a push of −5.6 times was the most, where 23.9 are held."""
+    cells = [(0, 1, 4), (0, 3, 4), (1, 2, 4), (2, 4, 5), (3, 4, 6), (4, 6, 7), (4, 5, 8), (4, 7, 8)]
+    points = [(0.0, 0.0), (-0.92, 0.0), (-1.84, 0.0), (-0.06, 0.42), (-0.93, 0.46), (-2.01, 0.42)]
+    points += [(-0.12, 0.84), (-1.16, 0.84), (-2.18, 0.84)]
+    mesh = TriangleMesh(points, cells, TriangleMesh.rectangle((2, 2)).edge_sets, {"part": [3, 6]})
+    loads = [
+        Traction(side, x=x, y=y) for side, x, y in (("top", 0.04, -0.1), ("right", 0.0, 0.0), ("left", -0.11, 0.0))
+    ]
+    own, other = (Material(1.0, 0.2, "strain", law) for law in (Tresca(2.3), MohrCoulomb(0.5, 0.4, 0.0)))
+    held, part = Displacement("bottom", x=0.0, y=0.0), Region(other, name="part")
+    limit = limit_load_factor(ContactProblem(mesh, own, [held, *loads], regions=[part]), ["left"], degree=3)
+    assert limit.lower == pytest.approx(23.9464, rel=1e-4)
+    assert limit.violation < 1e-12
+
+
 def test_a_rigid_part_beside_a_bilateral_plate_with_friction():
     """Stresses that no row sees end in no breakdown; signs of pressure are the best, as own programs of all say."""
     points = [(-0.02, 0.06), (0.71, 0.11), (1.33, 0.39), (-0.08, 1.62), (0.7, 1.78), (1.3, 1.94)]
