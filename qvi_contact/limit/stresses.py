@@ -84,6 +84,7 @@ class Carried:
     unknowns: FloatArray | None = None  # (n,): (z, y, α); None if α is not finite
     # (cells, 3, count, 3) where bodies yield: coefficients of (σ_xx, σ_yy, σ_xy), φ included
     stress: FloatArray | None = None
+    farthest: float = 0.0  # with which the loads alone, where bodies yield, are as large as what stands in the rows
 
 
 def limited(discretization: Discretization) -> list[tuple[ContactRows, Contact]]:
@@ -370,7 +371,8 @@ class StressProgram:
         size = max(program.size(x), float(np.abs(tractions).max(initial=0.0)))  # beyond loads and limits
         if violation * max(1.0, size / max(1.0, program.size(0.0 * x))) > HELD:
             return Carried(-np.inf)
-        return Carried(float(x[-1]), violation, tractions, unknowns=x, stress=stress)
+        farthest = program.size(x) / float(abs(program.A[:, [-1]]).max() or 1.0)
+        return Carried(float(x[-1]), violation, tractions, unknowns=x, stress=stress, farthest=farthest)
 
     def _without_room(self, program: ConicProgram, share: float, *, grows: bool = False) -> Carried:
         """The load itself, or more without end: the solver gives up where stresses grow along the tips of cones.

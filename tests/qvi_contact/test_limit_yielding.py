@@ -476,6 +476,10 @@ def test_strength_that_is_not_enough_has_a_factor_below_one():
     for wrong, told in (({"of": ["botom"]}, "bottom"), ({"accuracy": 2.0}, "below 1")):
         with pytest.raises(InputError, match=told):
             strength_reduction_factor(block(Tresca(5.0), 0.3, 2.0), **wrong)
+    body = stretched(MohrCoulomb(1.0, 0.5), "stress", TriangleMesh.rectangle((2, 3)))
+    sides = [Traction(side, x=x, y=y) for side, x, y in (("top", 0.0, -1.0), ("left", 0.01, 0.0), ("right", 0.0, 0.0))]
+    on_ice = replace(body, conditions=[Contact("bottom", 0.0), *sides])  # strength a thousand times as large is no help
+    assert strength_reduction_factor(on_ice, degree=3).lower == 0.0
 
 
 @pytest.mark.usefixtures("outlined")
