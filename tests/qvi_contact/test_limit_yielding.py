@@ -216,13 +216,13 @@ def test_what_leaves_no_room_is_near_its_limit_from_both_sides():
 
 def test_cones_without_room_are_along_rays_of_an_answer():
     """Those of the point with most room are at their tips: a push of −5.6 times was the most, where 23.9 are held."""
-    cells = [(0, 1, 4), (0, 3, 4), (1, 2, 4), (2, 4, 5), (3, 4, 6), (4, 6, 7), (4, 5, 8), (4, 7, 8)]
-    points = [(0.0, 0.0), (-0.92, 0.0), (-1.84, 0.0), (-0.06, 0.42), (-0.93, 0.46), (-2.01, 0.42)]
-    points += [(-0.12, 0.84), (-1.16, 0.84), (-2.18, 0.84)]
-    mesh = TriangleMesh(points, cells, TriangleMesh.rectangle((2, 2)).edge_sets, {"part": [3, 6]})
-    loads = [
-        Traction(side, x=x, y=y) for side, x, y in (("top", 0.04, -0.1), ("right", 0.0, 0.0), ("left", -0.11, 0.0))
-    ]
+    grid, points = (
+        TriangleMesh.rectangle((2, 2)),
+        [(0.0, 0.0), (-0.92, 0.0), (-1.84, 0.0), (-0.06, 0.42), (-0.93, 0.46)],
+    )
+    points += [(-2.01, 0.42), (-0.12, 0.84), (-1.16, 0.84), (-2.18, 0.84)]
+    mesh, given = TriangleMesh(points, grid.cells, grid.edge_sets, {"part": [3, 6]}), {"top": (0.04, -0.1)}
+    loads = [Traction(side, *xy) for side, xy in (given | {"right": (0.0, 0.0), "left": (-0.11, 0.0)}).items()]
     own, other = (Material(1.0, 0.2, "strain", law) for law in (Tresca(2.3), MohrCoulomb(0.5, 0.4, 0.0)))
     held, part = Displacement("bottom", x=0.0, y=0.0), Region(other, name="part")
     limit = limit_load_factor(ContactProblem(mesh, own, [held, *loads], regions=[part]), ["left"], degree=3)
@@ -386,8 +386,8 @@ def test_what_is_tied_is_held():
     """A block torn off an obstacle, and off what holds it: nothing else may give way than the block."""
     free = [Traction("top", x=0.5, y=1.0), Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
     block = replace(stretched(Tresca(0.7)), conditions=[Displacement("bottom", x=0.0, y=0.0), *free])
-    held, tied = (limit_load_factor(replace(block, conditions=[each, *free]), ["top"], degree=3)
-                  for each in (block.conditions[0], Contact.tied("bottom")))  # fmt: skip
+    tied = replace(block, conditions=[Contact.tied("bottom"), *free])
+    held, tied = (limit_load_factor(each, ["top"], degree=3) for each in (block, tied))
     assert 0.5 < tied.lower <= tied.upper < 1.5
     assert (tied.lower, tied.upper) == pytest.approx((held.lower, held.upper), rel=1e-6)
 
@@ -477,7 +477,7 @@ def test_strength_that_is_not_enough_has_a_factor_below_one():
         with pytest.raises(InputError, match=told):
             strength_reduction_factor(block(Tresca(5.0), 0.3, 2.0), **wrong)
     body = stretched(MohrCoulomb(1.0, 0.5), "stress", TriangleMesh.rectangle((2, 3)))
-    sides = [Traction(side, x=x, y=y) for side, x, y in (("top", 0.0, -1.0), ("left", 0.01, 0.0), ("right", 0.0, 0.0))]
+    sides = [Traction(*side) for side in (("top", 0.0, -1.0), ("left", 0.01, 0.0), ("right", 0.0, 0.0))]
     on_ice = replace(body, conditions=[Contact("bottom", 0.0), *sides])  # strength a thousand times as large is no help
     assert strength_reduction_factor(on_ice, degree=3).lower == 0.0
 
