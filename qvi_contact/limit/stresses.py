@@ -371,7 +371,7 @@ class StressProgram:
         size = max(program.size(x), float(np.abs(tractions).max(initial=0.0)))  # beyond loads and limits
         if violation * max(1.0, size / max(1.0, program.size(0.0 * x))) > HELD:
             return Carried(-np.inf)
-        farthest = program.size(x) / float(abs(program.A[:, [-1]]).max() or 1.0)
+        farthest = program.size(x) / (float(np.abs(program.A[:, [-1]].toarray()).max(initial=0.0)) or 1.0)
         return Carried(float(x[-1]), violation, tractions, unknowns=x, stress=stress, farthest=farthest)
 
     def _without_room(self, program: ConicProgram, share: float, *, grows: bool = False) -> Carried:
