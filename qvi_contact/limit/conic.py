@@ -154,7 +154,9 @@ class ConicProgram:
         gained = -float(self.q @ x)  # 1, which the last inequality allows, if there is such a direction
         return gained > max(0.5, HELD * float(np.abs(self.q) @ np.abs(x))) and violation * program.size(x) <= HELD
 
-    def on_faces(self, units: FloatArray, narrow_below: float, aside: float) -> ConicProgram | None:
+    def on_faces(
+        self, units: FloatArray, narrow_below: float, aside: float, known: FloatArray | None = None
+    ) -> ConicProgram | None:
         """Cones without room become rays u = t û, or t = u = 0, and inequalities of flows equations; None if none is.
 
         The û (blocks, k, width − 1) are those that each may be. What cannot leave the surface of a cone the solver
@@ -166,10 +168,13 @@ class ConicProgram:
         narrow = np.flatnonzero(room[self.linear :] < narrow_below)
         # of flows only: tractions in wedges may be huge, and leave room for all else to be missed
         met = self.equal + np.flatnonzero(self.dependent & (room[: self.linear] < narrow_below))
-        t, u = np.split(self.blocks(x)[narrow], [1], axis=1)
+        blocks, size = self.blocks(x)[narrow], self.size(x)
+        if known is not None:  # its directions are those of an answer, if it leaves the tip
+            blocks = np.where(self.blocks(known)[narrow, :1] > _TIP * size, self.blocks(known)[narrow], blocks)
+        t, u = np.split(blocks, [1], axis=1)
         own = units[narrow]
         unit = own[np.arange(len(narrow)), np.einsum("bku,bu->bk", own, u).argmax(axis=1)]
-        at_tip = t[:, 0] <= _TIP * self.size(x)
+        at_tip = t[:, 0] <= _TIP * size
         ray = ~at_tip & (np.linalg.norm(u - t * unit, axis=1) <= aside * t[:, 0])
         heads = self.equal + self.linear + self.width * narrow[:, None]
         parts, tips = heads + np.arange(1, self.width), (heads + np.arange(self.width))[at_tip]

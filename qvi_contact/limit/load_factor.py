@@ -246,7 +246,7 @@ class Collapse:
 def _checked(carried: Carried, upper: float, straight: bool) -> float:
     """The lower side: the upper one if only rounding takes it beyond. `SolveError` if more does on straight sides."""
     lower = carried.factor
-    if upper < lower <= upper + _MET * (1.0 + abs(upper)):
+    if upper < lower <= upper + _MET * (1.0 + abs(upper)) + WIDER * carried.farthest:
         return upper
     if lower > upper and carried.violation > WIDER:
         return -np.inf  # what keeps limits but for rounding is nothing beside a motion

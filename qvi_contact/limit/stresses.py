@@ -84,6 +84,7 @@ class Carried:
     unknowns: FloatArray | None = None  # (n,): (z, y, α); None if α is not finite
     # (cells, 3, count, 3) where bodies yield: coefficients of (σ_xx, σ_yy, σ_xy), φ included
     stress: FloatArray | None = None
+    farthest: float = 0.0  # with which the loads alone, where bodies yield, are as large as what stands in the rows
 
 
 def limited(discretization: Discretization) -> list[tuple[ContactRows, Contact]]:
@@ -344,7 +345,7 @@ class StressProgram:
         for _ in range(PASSES):
             doubt = abs(found.bound - found.factor) > max(_DROP * abs(found.factor), CERTIFIED)
             unsure = found.violation > ROUNDING or found.factor == -np.inf or doubt
-            narrower = program.on_faces(self.cones.rays, narrow_below, aside) if unsure else None
+            narrower = program.on_faces(self.cones.rays, narrow_below, aside, found.unknowns) if unsure else None
             if narrower is None:
                 break
             program, found = narrower, find(narrower)  # in which others may have none
@@ -375,21 +376,23 @@ class StressProgram:
         size = max(program.size(x), float(np.abs(tractions).max(initial=0.0)))  # beyond loads and limits
         if violation * max(1.0, size / max(1.0, program.size(0.0 * x))) > HELD:
             return Carried(-np.inf)
-        return Carried(float(x[-1]), violation, tractions, unknowns=x, stress=stress)
+        farthest = program.size(x) / (float(np.abs(program.A[:, [-1]].toarray()).max(initial=0.0)) or 1.0)
+        return Carried(float(x[-1]), violation, tractions, unknowns=x, stress=stress, farthest=farthest)
 
     def _without_room(self, program: ConicProgram, share: float, *, grows: bool = False) -> Carried:
         """The load itself, or more without end: the solver gives up where stresses grow along the tips of cones.
 
-        It may take limits without room for none. Only if nothing keeps wider ones, no multiple is carried.
+        Growth may begin at the least multiple that is carried. The solver may take limits without room for none. Only
+        if nothing keeps wider ones, no multiple is carried.
         """
         modest, wider = program.up_to(1.0), program.tightened(room=-WIDER * program.size(0.0 * program.q))
-        carried = Carried(-np.inf)
-        for each in (modest, wider.up_to(1.0), wider):
+        least, carried = replace(program, q=-program.q), Carried(-np.inf)
+        for each in (modest, *[least] * grows, wider.up_to(1.0), wider):
             with suppress(SolveError):  # what is known is right without it
                 answer = each.solve()
                 if not isinstance(answer, str):
                     carried = self._held(program, *each.repaired(answer.x, share))
-                if np.isfinite(carried.factor) and each is modest and (grows or program.falls()):
+                if np.isfinite(carried.factor) and each in (modest, least) and (grows or program.falls()):
                     return Carried(np.inf)
             if np.isfinite(carried.factor):
                 break
@@ -486,7 +489,10 @@ class StressProgram:
         if cones.mean.any():
             parts.append((sparse.diags_array(-cones.mean) @ total, cones.mean * constant))
         q = np.append(np.zeros(S.shape[1] - 1), -1.0)
-        return ConicProgram.of(q, self._equations, (H @ N, limit - H @ n), parts)
+        program = ConicProgram.of(q, self._equations, (H @ N, limit - H @ n), parts)
+        rows, all_stresses = (sparse.linalg.norm(matrix, axis=0) for matrix in (program.A, S))
+        seen = np.append((rows > _LOST * all_stresses)[:-1], True)  # not rounding of stresses of rigid parts
+        return replace(program, A=sparse.csr_array(program.A @ sparse.diags_array(seen.astype(float))))
 
     @property
     def _tractions(self) -> tuple[sparse.csr_array, FloatArray]:
