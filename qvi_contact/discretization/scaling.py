@@ -84,7 +84,9 @@ class Scales:
 def _sampled(
     problem: ContactProblem, edges: Edges, name: str, value: Field, minimum: float | None = None
 ) -> FloatArray:
-    """Values of a field at the ends of edges and at Gauss points between them (n, q)."""
+    """Values of a field at the ends of edges and at Gauss points between them (n, q); (n, 1) of a number."""
+    if not callable(value):
+        return np.full((len(edges), 1), float(value))
     return evaluate(name, value, *problem.mesh.points_along(edges, _PLACES), minimum=minimum)
 
 
