@@ -355,10 +355,13 @@ def problem_digest(problem: ContactProblem) -> bytes:
     """SHA-256 of everything but the mesh: names and values of all data of materials, regions and conditions."""
     mesh, t = problem.mesh, triangle_lattice(_DIVIDED)[0] * 0.99 + 0.01 / 3.0  # so that none lies on an edge
 
-    def inside(_name: str, function: Any) -> Iterator[object]:
-        a, b, c = mesh.corners.T[..., None].swapaxes(0, 1)  # products one by one: alike on every processor
+    def inside(name: str, function: Any, corners: FloatArray = mesh.corners) -> Iterator[object]:
+        a, b, c = corners.T[..., None].swapaxes(0, 1)  # products one by one: alike on every processor
         with np.errstate(all="ignore"), suppress(Exception):  # a solve says what is wrong, if it looks there at all
             yield np.asarray(function(*(a * t[:, 0] + b * t[:, 1] + c * t[:, 2])), dtype=np.float64)
+            return
+        for half in np.array_split(corners, 2) if len(corners) > 1 else ():  # it may be meant for one region
+            yield from inside(name, function, half)
 
     def along(edges: Edges, name: str, function: Any) -> Iterator[object]:
         found = along_edges(mesh, edges, name, function)  # parted where it jumps, as for quadrature
@@ -377,16 +380,15 @@ def _told(part: Any, values: Callable[[str, Any], Iterator[object]], name: str =
         yield from (part.mesh.vertices, part.mesh.cells, part.values)
     elif callable(part) and not isinstance(part, Expression | Polynomial):
         yield from values(name, part)
-    elif callable(part) or not (is_dataclass(part) or isinstance(part, Mapping | tuple)):
-        yield part
-    else:
+    elif is_dataclass(part) or isinstance(part, Mapping | tuple):
         yield type(part).__name__
-        named = (
-            part if isinstance(part, Mapping | tuple) else {own.name: getattr(part, own.name) for own in fields(part)}
-        )
-        for own, each in named.items() if isinstance(named, Mapping) else enumerate(named):
+        if is_dataclass(part):
+            part = {own.name: getattr(part, own.name) for own in fields(part)}
+        for own, each in enumerate(part) if isinstance(part, tuple) else sorted(part.items()):  # told in any order
             yield own
             yield from _told(each, values, str(own))
+    else:
+        yield part
 
 
 def _digest(parts: Iterable[object]) -> bytes:
