@@ -262,10 +262,12 @@ def _ruled(problem: ContactProblem, ruling: Sequence[_Ruling]) -> IntArray:
     rows = dict(zip(_NAMES, (0 * normal, 0 * normal + 1, normal, 1 - normal), strict=True))
     each = np.full((4, len(boundary)), -1)  # by the names; on slanted edges either two of them count
 
-    def refuse(name: str, row: int, edge: int, remedy: str, gives: str = "") -> NoReturn:
-        what = f"{_NAMES[row]} component" if row >= len(CARTESIAN) or gives else f"component {_NAMES[row]}"
-        remedy = f"{gives}{what} of the edge around {place_of(mesh.midpoints[boundary.number[edge]])} {remedy}"
-        raise InputError("ContactProblem.conditions", name, remedy)
+    def middle(edge: int) -> str:
+        return place_of(mesh.midpoints[boundary.number[edge]])
+
+    def refuse(name: str, row: int, edge: int, remedy: str) -> NoReturn:
+        what = f"{_NAMES[row]} component" if row >= len(CARTESIAN) else f"component {_NAMES[row]}"
+        raise InputError("ContactProblem.conditions", name, f"{what} of the edge around {middle(edge)} {remedy}")
 
     for number, condition, given, chosen in ruling:
         for name in given or LOCAL:
@@ -281,10 +283,10 @@ def _ruled(problem: ContactProblem, ruling: Sequence[_Ruling]) -> IntArray:
     for edge in np.flatnonzero(local & (each[:2] >= 0).any(axis=0))[:1].tolist():
         last = int(each[:, edge].argmax())
         remedy = (
-            "and another condition one of the other kind: give both components of an edge as x and y, or both as "
-            "normal and tangential"
+            f"gives the {_NAMES[last]} component of the slanted edge around {middle(edge)}, and another condition one "
+            "of the other kind: give both components of an edge as x and y, or both as normal and tangential"
         )
-        refuse(problem.conditions[each[last, edge]].edges, last, edge, remedy, "gives the ")
+        raise InputError("ContactProblem.conditions", problem.conditions[each[last, edge]].edges, remedy)
     owner = np.where(local, each[2:], each[:2])
     if (owner < 0).any():
         component, edge = np.argwhere(owner < 0)[0].tolist()
