@@ -106,12 +106,13 @@ class _Writer:
 
 
 def _filled(array: re.Match[str]) -> str:
-    """An array on as few lines as its numbers fill; texts and tables have lines of their own."""
+    """An array on as few lines as its numbers, or whole rows of them, fill; texts and tables have their own lines."""
     name, items = array[1], [line.strip() for line in array[2].splitlines()]
     if '"' in array[2] or "{" in array[2]:
         return "\n".join([f"{name} = [", *(f"    {item}" for item in items), "]"])
     numbers = " ".join(items).replace("[ ", "[").replace(", ]", "]").removesuffix(",")
     if len(name) + len(numbers) < _WIDTH:
         return f"{name} = [{numbers}]"
-    lines = re.sub(rf"(.{{1,{_WIDTH}}})(?: |$)", r"    \1\n", numbers)
+    row = r"(?=\[)" if numbers.startswith("[") else ""
+    lines = re.sub(rf"(.{{1,{_WIDTH}}}|.+?)(?: {row}|$)", r"    \1\n", numbers)
     return f"{name} = [\n{lines}]"

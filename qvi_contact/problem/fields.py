@@ -276,7 +276,7 @@ class PointData:
         cells = self.mesh.locate(points)
         outside = np.flatnonzero(cells < 0)
         point, near = self.mesh.around(points[outside], _BEYOND)
-        order = self.mesh.reference(near, points[outside[point]]).min(axis=1).argsort()
+        order = self.mesh.reference(near, points[outside[point]]).min(axis=1).argsort(kind="stable")
         cells[outside[point[order]]] = near[order]  # the triangles that they are least far from come last
         if (cells < 0).any():
             place = tuple(points[np.argmin(cells)].tolist())

@@ -262,10 +262,12 @@ def _ruled(problem: ContactProblem, ruling: Sequence[_Ruling]) -> IntArray:
     rows = dict(zip(_NAMES, (0 * normal, 0 * normal + 1, normal, 1 - normal), strict=True))
     each = np.full((4, len(boundary)), -1)  # by the names; on slanted edges either two of them count
 
-    def refuse(name: str, row: int, edge: int, remedy: str, gives: str = "") -> NoReturn:
-        what = f"{_NAMES[row]} component" if row >= len(CARTESIAN) or gives else f"component {_NAMES[row]}"
-        remedy = f"{gives}{what} of the edge around {place_of(mesh.midpoints[boundary.number[edge]])} {remedy}"
-        raise InputError("ContactProblem.conditions", name, remedy)
+    def middle(edge: int) -> str:
+        return place_of(mesh.midpoints[boundary.number[edge]])
+
+    def refuse(name: str, row: int, edge: int, remedy: str) -> NoReturn:
+        what = f"{_NAMES[row]} component" if row >= len(CARTESIAN) else f"component {_NAMES[row]}"
+        raise InputError("ContactProblem.conditions", name, f"{what} of the edge around {middle(edge)} {remedy}")
 
     for number, condition, given, chosen in ruling:
         for name in given or LOCAL:
@@ -281,10 +283,10 @@ def _ruled(problem: ContactProblem, ruling: Sequence[_Ruling]) -> IntArray:
     for edge in np.flatnonzero(local & (each[:2] >= 0).any(axis=0))[:1].tolist():
         last = int(each[:, edge].argmax())
         remedy = (
-            "and another condition one of the other kind: give both components of an edge as x and y, or both as "
-            "normal and tangential"
+            f"gives the {_NAMES[last]} component of the slanted edge around {middle(edge)}, and another condition one "
+            "of the other kind: give both components of an edge as x and y, or both as normal and tangential"
         )
-        refuse(problem.conditions[each[last, edge]].edges, last, edge, remedy, "gives the ")
+        raise InputError("ContactProblem.conditions", problem.conditions[each[last, edge]].edges, remedy)
     owner = np.where(local, each[2:], each[:2])
     if (owner < 0).any():
         component, edge = np.argwhere(owner < 0)[0].tolist()
@@ -355,10 +357,13 @@ def problem_digest(problem: ContactProblem) -> bytes:
     """SHA-256 of everything but the mesh: names and values of all data of materials, regions and conditions."""
     mesh, t = problem.mesh, triangle_lattice(_DIVIDED)[0] * 0.99 + 0.01 / 3.0  # so that none lies on an edge
 
-    def inside(_name: str, function: Any) -> Iterator[object]:
-        a, b, c = mesh.corners.T[..., None].swapaxes(0, 1)  # products one by one: alike on every processor
+    def inside(name: str, function: Any, corners: FloatArray = mesh.corners) -> Iterator[object]:
+        a, b, c = corners.T[..., None].swapaxes(0, 1)  # products one by one: alike on every processor
         with np.errstate(all="ignore"), suppress(Exception):  # a solve says what is wrong, if it looks there at all
             yield np.asarray(function(*(a * t[:, 0] + b * t[:, 1] + c * t[:, 2])), dtype=np.float64)
+            return
+        for half in np.array_split(corners, 2) if len(corners) > 1 else ():  # it may be meant for one region
+            yield from inside(name, function, half)
 
     def along(edges: Edges, name: str, function: Any) -> Iterator[object]:
         found = along_edges(mesh, edges, name, function)  # parted where it jumps, as for quadrature
@@ -377,16 +382,15 @@ def _told(part: Any, values: Callable[[str, Any], Iterator[object]], name: str =
         yield from (part.mesh.vertices, part.mesh.cells, part.values)
     elif callable(part) and not isinstance(part, Expression | Polynomial):
         yield from values(name, part)
-    elif callable(part) or not (is_dataclass(part) or isinstance(part, Mapping | tuple)):
-        yield part
-    else:
+    elif is_dataclass(part) or isinstance(part, Mapping | tuple):
         yield type(part).__name__
-        named = (
-            part if isinstance(part, Mapping | tuple) else {own.name: getattr(part, own.name) for own in fields(part)}
-        )
-        for own, each in named.items() if isinstance(named, Mapping) else enumerate(named):
+        if is_dataclass(part):
+            part = {own.name: getattr(part, own.name) for own in fields(part)}
+        for own, each in enumerate(part) if isinstance(part, tuple) else sorted(part.items()):  # told in any order
             yield own
             yield from _told(each, values, str(own))
+    else:
+        yield part
 
 
 def _digest(parts: Iterable[object]) -> bytes:

@@ -415,11 +415,13 @@ def turning_senses(vertices: FloatArray, edges: Edges) -> FloatArray:
 def enclosed_beyond(vertices: FloatArray, edges: Edges) -> BoolArray:
     """On which edges (n,) of a joint what it goes around is beyond, as on half of a circle.
 
-    Joints that have one body below or to the left of them everywhere go around none.
+    Joints that have one body below or to the left of them everywhere go around none. Those that turn around nothing, as
+    one with a step in its middle, count as if around what is below or to the left of the way from end to end.
     """
     found = np.zeros(len(edges), dtype=bool)
-    for chosen, leads, _, turning in _turning_lines(vertices, edges, cross(edges.normal, edges.tangent)):
-        found[chosen] = (leads < 0.0) == (turning >= 0.0)
+    for chosen, leads, chord, turning in _turning_lines(vertices, edges, cross(edges.normal, edges.tangent)):
+        left = turning > 0.0 if abs(turning) > _NO_TURN else points_back(chord[None] * [1.0, -1.0])[0]
+        found[chosen] = (leads < 0.0) == left
     return found
 
 
@@ -428,8 +430,8 @@ def _turning_lines(
 ) -> Iterator[tuple[IntArray, FloatArray, FloatArray, float]]:
     """Lines of edges of which tangents times signs (n,) lead against each other.
 
-    Edges (k,); whether they lead along the line, ±1 (k,); its chord over its length; twice the area that it sweeps
-    around its middle, over its length squared.
+    Edges (k,); whether tangents times signs lead along the line, ±1 (k,); its chord over its length (2,); twice the
+    area that it sweeps around its middle, over its length squared, positive if counterclockwise.
     """
     ends = np.stack([vertices[edges.first], vertices[edges.second]], axis=1)
     path = ContactPath.of(ends, edges.length)

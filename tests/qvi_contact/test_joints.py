@@ -7,6 +7,7 @@ import pytest
 
 from qvi_contact import InputError, TriangleMesh
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
+from qvi_contact.solution.contact_line import enclosed_beyond
 from tests.qvi_contact.builders import difference, solved, with_line
 
 STEEL, FOAM = Material(1000.0, 0.3), Material(100.0, 0.45)
@@ -177,6 +178,14 @@ def test_the_force_on_a_joint_is_what_stands_on_it_whichever_triangle_comes_firs
     mesh = mesh.with_joint("joint", lambda x, y: abs(y - np.interp(x, *line)) < 1e-9)
     found = solved(ContactProblem(mesh, STEEL, [*held, Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]))
     assert vars(found.resultant("joint")) == pytest.approx({"x": 1.0, "y": -6.0, "moment": -7.0}, rel=1e-8)
+
+
+def test_a_joint_with_a_step_in_its_middle_acts_on_what_is_below_wherever_it_lies():
+    line = [0.49, 0.51], [1 / 3, 2 / 3]  # around its middle it does not turn, but for rounding
+    mesh = TriangleMesh.rectangle((4, 3)).with_joint("joint", lambda x, y: abs(y - np.interp(x, *line)) < 1e-9)
+    for shift in np.linspace(-3.0, 3.0, 13):
+        edges = replace(mesh, vertices=(vertices := mesh.vertices + np.array([shift, 0.7 * shift]))).edges("joint")
+        assert (enclosed_beyond(vertices, edges) == (abs(edges.normal[:, 0]) > 0.5)).all()
 
 
 def test_shear_on_a_closed_joint_counts_one_way_around():

@@ -338,6 +338,11 @@ def test_a_sweep_scales_one_of_them():
 
     others = posed(), posed(hot=2.0), posed(heavy=2.0), posed(reach=0.11), posed()
     assert len(set(map(problem_digest, others))) == 4
+    halves = (lambda x, y, f=f: {True: f * x}[bool((y < x).all())] for f in (1.0, 2.0))  # no numbers above
+    assert len({problem_digest(replace(others[0], temperature=each)) for each in halves}) == 2
+    alike = ({"a": 1.0, "b": 2.0}, {"b": 2.0, "a": 1.0})
+    alike = (replace(others[0], temperature=Expression("a * x", a), body_potential=BodyForces(a)) for a in alike)
+    assert len(set(map(problem_digest, alike))) == 1
 
 
 def test_files_and_copies_hold_them_and_they_are_checked():

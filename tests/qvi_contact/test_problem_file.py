@@ -1,6 +1,7 @@
 """Problem files: what is read is what was written, and what is wrong is one error that says where and what to do."""
 
 import dataclasses
+import re
 import time
 import tomllib
 import tracemalloc
@@ -74,8 +75,9 @@ def test_what_is_written_is_read_again(text):
     file = problem_from_toml(text)
     times = file.times or (0.0,)
     for problem, at in ((file.problem, times[0]), (file.problems[-1], times[-1])):
-        again = problem_from_toml(problem_to_toml(problem))
+        again = problem_from_toml(written := problem_to_toml(problem))
         assert same(again.problem, problem)
+        assert not re.search(r"\[[^]\n]+,\n", written)  # rows of numbers are on one line
         assert again.times in ((), (at,))
 
 
