@@ -424,6 +424,7 @@ class TriangleMesh(MeshParts, PicklesFields):
             if np.ndim(pairs) != 2 or np.shape(pairs)[1] != 2:
                 raise InputError(f"edge_sets[{name!r}]", pairs, f"give a mapping of {_EDGE_SETS}")
         named = MeshParts(self.vertices, self.cells, named_edges, self.regions, self.arcs)
+        vars(named).update(topology=self.topology, bends=self.bends)  # known already
         return TriangleMesh(*cutting.part(named, taken).given)
 
     @cached_property
