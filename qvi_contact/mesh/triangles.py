@@ -453,11 +453,11 @@ class TriangleMesh(MeshParts, PicklesFields):
     def around(self, points: FloatArray, beyond: float = _BORDER) -> tuple[IntArray, IntArray]:
         """Points (k, 2) [length] and the triangles that hold them, as pairs of numbers (point (l,), triangle (l,)).
 
-        They are in order. A point on an edge or in a vertex is in a pair with every triangle there, one outside the
-        body in none, unless its least `reference` coordinate is at most so far `beyond` 0.
+        They are in order. A point on an edge or in a vertex is in a pair with every triangle there. Triangles hold
+        points outside them too whose `reference` coordinates are at least −`beyond`.
         """
         low, high = self._boxes
-        more = 3.0 * beyond * (high - low)
+        more = 2.0 * beyond * (high - low)  # centres are a third of the way from a border at least
         (left, below), (right, above) = (low - more).T, (high + more).T
         finite = np.flatnonzero(np.isfinite(points).all(axis=1))
         order = finite[points[finite, 0].argsort()]
