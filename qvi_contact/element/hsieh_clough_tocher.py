@@ -194,8 +194,8 @@ class HsiehCloughTocher:
     def reference_functions(self, barycentric: FloatArray, order: int) -> FloatArray:
         """Values (1), gradients (2) or Hessians (3 components xx, yy, xy) on the reference triangle, by order 0, 1, 2.
 
-        At points (..., 3), shape (..., components, dimension). Where parts meet it is the mean of theirs: the Hessian
-        jumps there, and all of them have the corners in common.
+        At points (..., 3), shape (..., components, dimension). Where parts meet, as at the corners, it is the mean of
+        theirs: the Hessian jumps there.
         """
         at = np.asarray(barycentric, dtype=float)
         flat = at.reshape(-1, 3)

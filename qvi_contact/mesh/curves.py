@@ -99,7 +99,7 @@ class MeshParts:
     vertices: FloatArray
     """Coordinates [length], shape (n, 2)."""
     cells: IntArray
-    """Vertices of each triangle, in any sense of rotation. They are kept in ascending order. Shape (m, 3)."""
+    """Vertices of each triangle, shape (m, 3), in ascending order; `TriangleMesh` takes any order."""
     edge_sets: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}))
     """Edges (k, 2) by name and vertices: parts of the boundary, or joints if they lie inside the body."""
     regions: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}))

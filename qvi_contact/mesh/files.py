@@ -4,10 +4,11 @@ Names are physical names in .msh files, ELSET in .inp files, with line elements 
 case of letters, and groups in .med files; files of VTK have none. Middle nodes of quadratic elements are left out, and
 points that no triangle needs; sides are straight.
 
-Files of Gmsh, formats 2.2 and 4.1, as text or in binary, and those of Abaqus are read here, the others by meshio, which
-of several blocks of nodes in a file of Abaqus keeps the last, and takes sets of elements for those of another block. No
-array is made of a size that a file of Gmsh only claims: every count is compared with the bytes that are left. Sections
-that no mesh needs (periodic nodes, fields, views) are skipped.
+Files of Gmsh, formats 2.2 and 4.1, as text or in binary, and those of Abaqus are read here, the others by meshio. Of a
+file of Abaqus meshio would keep the last of several blocks of nodes only. It would also take sets of elements for those
+of another block, or lose what other sets or files hold. No array is made of a size that a file of Gmsh only claims:
+every count is compared with the bytes that are left. Sections that no mesh needs (periodic nodes, fields, views) are
+skipped.
 """
 
 import io
@@ -82,9 +83,7 @@ def _read(path: Path) -> MeshParts:
     reader = _FORMATS.get(path.suffix.lower())
     if reader is None:
         raise _refused(path, f"give a file with one of the endings {', '.join(_FORMATS)}")
-    printed = (
-        io.StringIO()
-    )  # what meshio prints, and NumPy warns of, is part of an error, and else nothing anybody needs
+    printed = io.StringIO()  # by meshio: part of an error, and else, like NumPy's warnings, nothing anybody needs
     try:
         with open_regular(path) as source, warnings.catch_warnings(), redirect_stderr(printed):
             warnings.simplefilter("ignore")

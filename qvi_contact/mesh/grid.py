@@ -128,7 +128,7 @@ def grid_parts(x: ArrayLike, y: ArrayLike, active: ArrayLike | None) -> MeshPart
     a = column + row * stride  # corners of each cell, counterclockwise from the lower left one
     b, c, d = a + 1, a + 1 + stride, a + stride
     first = np.column_stack([a, b, np.where(falls, d, c)])
-    second = np.column_stack([np.where(falls, b, a), c, d])
+    second = np.column_stack([np.where(falls, b, a), d, c])
     cells = np.stack([first, second], axis=1).reshape(-1, 3)
     sets = {}
     for name, start, stop, free in zip(SIDES, (a, b, d, a), (b, c, c, d), (below, right, above, left), strict=True):

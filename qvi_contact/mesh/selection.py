@@ -171,15 +171,21 @@ def triangles_in_box(vertices: FloatArray, cells: IntArray, x: Range, y: Range) 
     return np.flatnonzero(inside)
 
 
+def between(start: IntArray, stop: IntArray) -> tuple[IntArray, IntArray]:
+    """Pairs (k,) of a row and a whole number from its start (n,) on, below its stop (n,), in order."""
+    count = stop - start
+    row = np.arange(len(count)).repeat(count)
+    return row, np.arange(len(row)) - (count.cumsum() - stop).repeat(count)
+
+
 def in_circles(points: FloatArray, centres: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
     """Pairs of a circle and a point in it, in order; looked for along `ASLANT`."""
     place, centre = ((at - points[0]) @ ASLANT for at in (points, centres))
     order = place.argsort()
     ordered = place[order]
     start, stop = ordered.searchsorted(centre - radius, "left"), ordered.searchsorted(centre + radius, "right")
-    count = stop - start
-    circle = np.arange(len(centres)).repeat(count)
-    point = order[np.arange(len(circle)) - (count.cumsum() - stop).repeat(count)]
+    circle, number = between(start, stop)
+    point = order[number]
     away = points.take(point, axis=0) - centres.take(circle, axis=0)
     inside = np.hypot(*away.T) <= radius[circle]
     return np.divmod(np.sort(circle[inside] * len(points) + point[inside]), len(points))

@@ -32,10 +32,10 @@ from qvi_contact.mesh.outline import Line, Point, meshed, polygons
 from qvi_contact.mesh.selection import (
     Range,
     Where,
+    between,
     checked_region,
     checked_set,
     edges_on_segment,
-    in_circles,
     new_name,
     selected,
     triangles_in_box,
@@ -49,12 +49,10 @@ Place: TypeAlias = tuple[Point, Point] | Callable[[FloatArray, FloatArray], Arra
 _EDGE_SETS: Final = "names to edges by their vertices, arrays (k, 2)"
 _OF_NAMES: Final = ("edge_names", "joint_names", "kept", "_numbers", "_taken")  # computed from the names of a mesh too
 _LISTED: Final = 8  # names in one line
-_FAR: Final = 1e3  # times the body's length: points farther from its corner are outside
 _DEEPEST: Final = 100
 _AT_VERTEX: Final = 1e-9  # distance over the body's length
 _BORDER: Final = 1e-9  # what a barycentric coordinate of a point on the border may be below 0
-_TOGETHER: Final = 4096  # points that are looked for in all triangles at a time
-_ROUNDING: Final = 1e-15  # of distances, over the body's length
+_TOGETHER: Final = 512  # points that are looked for at a time, those next to each other along x
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -426,6 +424,7 @@ class TriangleMesh(MeshParts, PicklesFields):
             if np.ndim(pairs) != 2 or np.shape(pairs)[1] != 2:
                 raise InputError(f"edge_sets[{name!r}]", pairs, f"give a mapping of {_EDGE_SETS}")
         named = MeshParts(self.vertices, self.cells, named_edges, self.regions, self.arcs)
+        vars(named).update(topology=self.topology, bends=self.bends)  # known already
         return TriangleMesh(*cutting.part(named, taken).given)
 
     @cached_property
@@ -435,11 +434,11 @@ class TriangleMesh(MeshParts, PicklesFields):
         return tuple(outer[line] for line in chains(self.topology.ends[outer]))
 
     @cached_property
-    def _reach(self) -> FloatArray:
-        """Radii (m,) of circles at the centres of the corners that hold the triangles [length]."""
-        corners = np.hypot(*np.moveaxis(self.corners - self.corners.mean(axis=1)[:, None], -1, 0)).max(axis=1)
+    def _boxes(self) -> tuple[FloatArray, FloatArray]:
+        """Lower left and upper right corners (m, 2) of boxes that hold the triangles [length]."""
         lengths = self.chords * np.where(self.bends.any(axis=1), stretches(self.bends), 0.0)
-        return np.asarray(corners + lengths[self.topology.of_cells].max(axis=1) / 2.0 + _ROUNDING * self.length)
+        beyond = lengths[self.topology.of_cells].max(axis=1, keepdims=True) / 2.0  # half of an arc leads no farther
+        return self.corners.min(axis=1) - beyond, self.corners.max(axis=1) + beyond
 
     def locate(self, points: ArrayLike) -> IntArray:
         """The triangle that holds each of the points (k, 2), the one of lowest number on edges; −1 outside."""
@@ -454,16 +453,23 @@ class TriangleMesh(MeshParts, PicklesFields):
     def around(self, points: FloatArray, beyond: float = _BORDER) -> tuple[IntArray, IntArray]:
         """Points (k, 2) [length] and the triangles that hold them, as pairs of numbers (point (l,), triangle (l,)).
 
-        They are in order. A point on an edge or in a vertex is in a pair with every triangle there, one outside the
-        body in none, unless its least `reference` coordinate is at most so far `beyond` 0.
+        They are in order. A point on an edge or in a vertex is in a pair with every triangle there. Triangles hold
+        points outside them too whose `reference` coordinates are at least −`beyond`.
         """
-        centres, reach = self.corners.mean(axis=1), (1.0 + 3.0 * beyond) * self._reach
-        close = np.flatnonzero((np.abs(points - self.origin) <= _FAR * self.length).all(axis=1))  # not far away, or NaN
+        low, high = self._boxes
+        more = 2.0 * beyond * (high - low)  # centres are a third of the way from a border at least
+        (left, below), (right, above) = (low - more).T, (high + more).T
+        finite = np.flatnonzero(np.isfinite(points).all(axis=1))
+        order = finite[points[finite, 0].argsort()]
         pairs = [np.empty((2, 0), dtype=np.int64)]
-        for some in np.split(close, range(_TOGETHER, len(close), _TOGETHER)) if len(close) else ():
-            cell, number = in_circles(points[some], centres, reach)
-            held = self.reference(cell, points[some[number]]).min(axis=1) >= -beyond
-            pairs.append(np.stack([some[number[held]], cell[held]]))
+        for some in (order[start : start + _TOGETHER] for start in range(0, len(order), _TOGETHER)):
+            x, y = points[some := some[points[some, 1].argsort()]].T
+            beside = np.flatnonzero((left <= x.max()) & (right >= x.min()))
+            row, number = between(y.searchsorted(below[beside]), y.searchsorted(above[beside], "right"))
+            inside = (left[beside[row]] <= x[number]) & (right[beside[row]] >= x[number])
+            cell, point = beside[row[inside]], some[number[inside]]
+            held = self.reference(cell, points[point]).min(axis=1) >= -beyond
+            pairs.append(np.stack([point[held], cell[held]]))
         point, cell = np.concatenate(pairs, axis=1)
         order = np.lexsort((cell, point))
         return point[order], cell[order]

@@ -421,24 +421,24 @@ def energies_between(answer: ContactResult, reference: ContactResult) -> FloatAr
     fine = problem.mesh
     parents = fine.parents(mesh)
 
-    def missed(cells: IntArray, points: FloatArray) -> FloatArray:
-        """The difference of the stresses, but for the body potential, at points (n, g, 2) of the finer triangles."""
-        found = []
-        for each, within in ((reference, cells), (answer, parents[cells])):
-            known, at = each.discretization, each.problem.mesh.reference(within, points)
-            found.append(known.scales.stress * known.space.stress(known.coefficients(each.dofs), within, at))
+    def missed(cells: IntArray, at: FloatArray, points: FloatArray) -> FloatArray:
+        """The difference of the stresses, but for the body potential, at points (n, g, 2), `at` in the finer cells."""
+        found, own = [], mesh.reference(parents[cells], points)
+        for each, within, t in ((reference, cells, at), (answer, parents[cells], own)):
+            known = each.discretization
+            found.append(known.scales.stress * known.space.stress(known.coefficients(each.dofs), within, t))
         return np.asarray(found[0] - found[1])
 
     cells, t = np.arange(fine.cell_count), space.cell_quadrature[0]
-    inside = missed(cells, fine.placed(cells, t) @ fine.corners)
+    inside = missed(cells, t, fine.placed(cells, t) @ fine.corners)
     measures = reference.discretization.scales.length**2 * space.cell_measures(*space.cell_quadrature)
     work = (((inside @ problem.compliances) * inside).sum(axis=2) * measures).sum(axis=1)
     t, weights = gauss_legendre(space.degree)
     for contact in filter(lambda each: each.has_springs, problem.contacts):
         edges = fine.edges(contact.edges)
         x, y = fine.points_along(edges, t)
-        own = edges.cells[:, 0]
-        xx, yy, xy = np.moveaxis(missed(own, np.stack([x, y], axis=-1)), -1, 0)
+        own, points = edges.cells[:, 0], np.stack([x, y], axis=-1)
+        xx, yy, xy = np.moveaxis(missed(own, fine.reference(own, points), points), -1, 0)
         normals, tangents = frames_along(edges, t)
         force = np.stack([xx * normals[..., 0] + xy * normals[..., 1], xy * normals[..., 0] + yy * normals[..., 1]], -1)
         for name, along in zip(SPRINGS, (normals, tangents), strict=True):

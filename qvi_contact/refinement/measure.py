@@ -198,12 +198,12 @@ def _extreme(result: ContactResult, edges: str, component: str, sign: float) -> 
         normal = space.tractions(result.dofs, chosen, _LOOK)[0].reshape(points.shape[:2])
         values = -scales.stress * (normal + potential_at(problem, scales, points))
     else:
-        cells = chosen.cells.T.ravel()
-        places = np.tile(np.stack(mesh.points_along(chosen, _LOOK), axis=-1), (2, 1, 1))[cells >= 0]
-        cells = cells[cells >= 0]
-        at, coefficients = mesh.reference(cells, places), discretization.coefficients(result.dofs)
+        side, edge = (chosen.cells.T >= 0).nonzero()
+        cells, chosen = chosen.cells[edge, side], chosen.take(edge)
+        corners, t = mesh.cells[cells, None], _LOOK[:, None]  # coordinates of places lose digits far from the origin
+        at = (corners == chosen.first[:, None, None]) * (1.0 - t) + (corners == chosen.second[:, None, None]) * t
+        coefficients, (x, y) = discretization.coefficients(result.dofs), mesh.points_along(chosen, _LOOK)
         stress = scales.stress * stress_in_cells(discretization, coefficients, cells, at)[1]
-        x, y = np.moveaxis(places, -1, 0)
         values = stress_component(stress, component, stress_along_z(problem, cells, x, y, stress))
     number, k = np.unravel_index(np.argmax(sign * values), values.shape)
     value = float(values[number, k])

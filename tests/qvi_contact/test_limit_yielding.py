@@ -216,10 +216,8 @@ def test_what_leaves_no_room_is_near_its_limit_from_both_sides():
 
 def test_cones_without_room_are_along_rays_of_an_answer():
     """Those of the point with most room are at their tips: a push of −5.6 times was the most, where 23.9 are held."""
-    grid, points = (
-        TriangleMesh.rectangle((2, 2)),
-        [(0.0, 0.0), (-0.92, 0.0), (-1.84, 0.0), (-0.06, 0.42), (-0.93, 0.46)],
-    )
+    grid = TriangleMesh.rectangle((2, 2))
+    points = [(0.0, 0.0), (-0.92, 0.0), (-1.84, 0.0), (-0.06, 0.42), (-0.93, 0.46)]
     points += [(-2.01, 0.42), (-0.12, 0.84), (-1.16, 0.84), (-2.18, 0.84)]
     mesh, given = TriangleMesh(points, grid.cells, grid.edge_sets, {"part": [3, 6]}), {"top": (0.04, -0.1)}
     loads = [Traction(side, *xy) for side, xy in (given | {"right": (0.0, 0.0), "left": (-0.11, 0.0)}).items()]

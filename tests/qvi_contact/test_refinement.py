@@ -300,6 +300,9 @@ class TestStressesAndSlip:
             both = (replace(layers, mesh=each) for each in (mesh, back))
             one, other = (refine(each, None, 1.0, quantity, degree=4, max_rounds=1).value for each in both)
             assert one == pytest.approx(other, rel=1e-9, abs=1e-9)
+        far, pressed = TriangleMesh.rectangle((3, 3), origin=(4.5e6, 4.5e6)), Displacement("top", x=0.1, y=-0.1)
+        far = ContactProblem(far, Material(1.0, 0.3), [Contact("bottom", 0.3), *FREE, pressed])
+        assert abs(refine(far, None, 1.0, "right.largest_xx", degree=4, max_rounds=1).value) < 1e-9
         assert refine(layers, None, 1e-9, "yy(2.0000000008, 0.8)", degree=4, max_rounds=4).estimate < 0.1
 
     def test_slip_in_a_kink_is_that_of_one_edge(self):
