@@ -419,8 +419,8 @@ class StressProgram:
             return first
         trials = [np.full(len(undecided), PRESSURE)]
         for tractions in (each.tractions for each in (first, most) if each.tractions is not None):
-            normal = tractions[: self.low.qvi.m].reshape(-1, self.low.rule.count)
-            trials.append(np.where(normal.sum(axis=1) > 0.0, TENSION, PRESSURE))
+            normal = tractions[: self.low.qvi.m].reshape(-1, self.low.rule.count).sum(axis=1)
+            trials.append(np.where(normal > HELD * np.abs(normal).max(), TENSION, PRESSURE))  # none is no tension
         return max([first, *map(solve, np.unique(trials, axis=0))], key=lambda each: each.factor)
 
     def _by_simplex(self, signs: IntArray) -> Carried:

@@ -241,6 +241,11 @@ def test_a_rigid_part_beside_a_bilateral_plate_with_friction():
     problem = ContactProblem(mesh, metal, conditions, lambda _, y: y, rocks)
     found = [limit_load_factor(problem, loads, degree=3).lower for loads in (["push", "plate", "body"], ["push"])]
     assert found == pytest.approx([2.07508, 4.23392], rel=1e-4)
+    torn = Contact("top", 0.4, law="bilateral", plate=RigidPlate(force_x=-0.2, force_y=0.14))  # but in one edge only
+    conditions = [Contact.tied("bottom"), torn, Traction("left", 1.0, 0.0, name="push"), Traction("right", 0.0, 0.0)]
+    mesh = TriangleMesh.rectangle((2, 2)).with_region("rock", lambda _, y: y > 0.5)
+    problem = replace(stretched(Tresca(3.0), "stress", mesh), conditions=conditions, regions=rocks)
+    assert limit_load_factor(problem, ["push"], degree=3).lower == pytest.approx(2.72, rel=1e-4)  # 0 is no tension
 
 
 def test_huge_tractions_and_flows_hide_nothing_that_is_missed():
