@@ -169,8 +169,8 @@ class ConicProgram:
         # of flows only: tractions in wedges may be huge, and leave room for all else to be missed
         met = self.equal + np.flatnonzero(self.dependent & (room[: self.linear] < narrow_below))
         blocks, size = self.blocks(x)[narrow], self.size(x)
-        if known is not None:  # its directions are those of an answer, if it leaves the tip
-            blocks = np.where(self.blocks(known)[narrow, :1] > _TIP * size, self.blocks(known)[narrow], blocks)
+        if known is not None:  # what is at its tip has the direction of an answer
+            blocks = np.where(blocks[:, :1] > _TIP * size, blocks, self.blocks(known)[narrow])
         t, u = np.split(blocks, [1], axis=1)
         own = units[narrow]
         unit = own[np.arange(len(narrow)), np.einsum("bku,bu->bk", own, u).argmax(axis=1)]

@@ -420,7 +420,7 @@ class FlowProgram:
         assert carried.tractions is not None
         degree = self.k
         work = np.einsum("npic,ij,npjc,np->n", carried.stress, _products(degree, degree), motion.strain, self._areas)
-        found: FloatArray = motion.dissipation - np.where(motion.dissipation > 0.0, work, 0.0)
+        found: FloatArray = motion.dissipation - np.where(self.cones.strong, 0.0, work)
         table, on_edges = bernstein.product_integrals(degree, degree + 1), dict[str, FloatArray]()
         for rows, contact in limited(discretization):
             moved, edges, q = motion.contacts[contact.name], rows.points.edges, rows.rule.count

@@ -318,7 +318,7 @@ class StressProgram:
             with suppress(SolveError):
                 known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
             first = self._of_program(program, share, known)
-            best = self._on_faces(program, first, find, *FACES[0])
+            best = self._on_faces(program, first, find, FACES[0])
             if first.violation <= ROUNDING:  # and is only not known to be the most
                 best = max(first, best, key=lambda one: one.factor)
             for faces in FACES[1:]:
@@ -326,7 +326,7 @@ class StressProgram:
                 if best is first or best.factor >= least or deadline.over:
                     break
                 with suppress(SolveError):  # what is known is right without it
-                    found = self._on_faces(program, first, find, *faces)
+                    found = self._on_faces(program, first, find, faces)
                     larger = best.violation > ROUNDING or found.factor > best.factor
                     best = found if found.violation <= ROUNDING and larger else best
             return best
@@ -334,18 +334,13 @@ class StressProgram:
         return self._with_signs(solve)
 
     def _on_faces(
-        self,
-        program: ConicProgram,
-        found: Carried,
-        find: Callable[[ConicProgram], Carried],
-        narrow_below: float,
-        aside: float,
+        self, program: ConicProgram, found: Carried, find: Callable[[ConicProgram], Carried], faces: tuple[float, float]
     ) -> Carried:
         """What is carried once cones without room are rays, from what was found of the program."""
         for _ in range(PASSES):
             doubt = abs(found.bound - found.factor) > max(_DROP * abs(found.factor), CERTIFIED)
             unsure = found.violation > ROUNDING or found.factor == -np.inf or doubt
-            narrower = program.on_faces(self.cones.rays, narrow_below, aside, found.unknowns) if unsure else None
+            narrower = program.on_faces(self.cones.rays, *faces, found.unknowns) if unsure else None
             if narrower is None:
                 break
             program, found = narrower, find(narrower)  # in which others may have none
@@ -419,8 +414,8 @@ class StressProgram:
             return first
         trials = [np.full(len(undecided), PRESSURE)]
         for tractions in (each.tractions for each in (first, most) if each.tractions is not None):
-            normal = tractions[: self.low.qvi.m].reshape(-1, self.low.rule.count)
-            trials.append(np.where(normal.sum(axis=1) > 0.0, TENSION, PRESSURE))
+            normal = tractions[: self.low.qvi.m].reshape(-1, self.low.rule.count).sum(axis=1)
+            trials.append(np.where(normal > HELD * np.abs(normal).max(), TENSION, PRESSURE))  # none is no tension
         return max([first, *map(solve, np.unique(trials, axis=0))], key=lambda each: each.factor)
 
     def _by_simplex(self, signs: IntArray) -> Carried:

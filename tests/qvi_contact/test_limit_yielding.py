@@ -191,6 +191,7 @@ def test_what_has_no_tension_has_no_scale():
         found.append(limit_load_factor(ContactProblem(mesh, material, conditions), ["push"], degree=3))
     assert [found[0].lower, found[1].lower / 2.5] == pytest.approx([0.145592] * 2, rel=1e-5)  # of kernels of BLAS
     assert [found[0].upper, found[1].upper / 2.5] == pytest.approx([2.116995] * 2, rel=1e-5)
+    assert [each.collapse.gap.sum() for each in found] == pytest.approx([each.upper - each.lower for each in found])
 
 
 def test_what_leaves_no_room_is_near_its_limit_from_both_sides():
@@ -216,9 +217,8 @@ def test_what_leaves_no_room_is_near_its_limit_from_both_sides():
 
 def test_cones_without_room_are_along_rays_of_an_answer():
     """Those of the point with most room are at their tips: a push of −5.6 times was the most, where 23.9 are held."""
-    grid = TriangleMesh.rectangle((2, 2))
-    points = [(0.0, 0.0), (-0.92, 0.0), (-1.84, 0.0), (-0.06, 0.42), (-0.93, 0.46)]
-    points += [(-2.01, 0.42), (-0.12, 0.84), (-1.16, 0.84), (-2.18, 0.84)]
+    grid, points = TriangleMesh.rectangle((2, 2)), [(0.0, 0.0), (-0.92, 0.0), (-1.84, 0.0), (-0.06, 0.42)]
+    points += [(-0.93, 0.46), (-2.01, 0.42), (-0.12, 0.84), (-1.16, 0.84), (-2.18, 0.84)]
     mesh, given = TriangleMesh(points, grid.cells, grid.edge_sets, {"part": [3, 6]}), {"top": (0.04, -0.1)}
     loads = [Traction(side, *xy) for side, xy in (given | {"right": (0.0, 0.0), "left": (-0.11, 0.0)}).items()]
     own, other = (Material(1.0, 0.2, "strain", law) for law in (Tresca(2.3), MohrCoulomb(0.5, 0.4, 0.0)))
@@ -241,6 +241,11 @@ def test_a_rigid_part_beside_a_bilateral_plate_with_friction():
     problem = ContactProblem(mesh, metal, conditions, lambda _, y: y, rocks)
     found = [limit_load_factor(problem, loads, degree=3).lower for loads in (["push", "plate", "body"], ["push"])]
     assert found == pytest.approx([2.07508, 4.23392], rel=1e-4)
+    torn = Contact("top", 0.4, law="bilateral", plate=RigidPlate(force_x=-0.2, force_y=0.14))  # but in one edge only
+    conditions = [Contact.tied("bottom"), torn, Traction("left", 1.0, 0.0, name="push"), Traction("right", 0.0, 0.0)]
+    mesh = TriangleMesh.rectangle((2, 2)).with_region("rock", lambda _, y: y > 0.5)
+    problem = replace(stretched(Tresca(3.0), "stress", mesh), conditions=conditions, regions=rocks)
+    assert limit_load_factor(problem, ["push"], degree=3).lower == pytest.approx(2.72, rel=1e-4)  # 0 is no tension
 
 
 def test_huge_tractions_and_flows_hide_nothing_that_is_missed():
