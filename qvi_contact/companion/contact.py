@@ -55,7 +55,7 @@ from qvi_contact.discretization.plates import COMPONENTS, independent_rows
 from qvi_contact.discretization.scaling import REACH, Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.errors import InputError
+from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.edges import Edges, centre_of, frames_along
 from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, RigidPlate
 from qvi_contact.problem.fields import along_edges
@@ -425,7 +425,7 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
             remedy = "the loads on a body that nothing holds are out of balance by this, dimensionless: correct them, "
             remedy += "or support the body by a Displacement or Contact"
             if index >= rigid:
-                field = "RigidPlate"
+                field, contradiction = "RigidPlate", -contradiction  # of the force that is given
                 remedy = "contradicts the other loads by this, dimensionless: correct it, or leave it out"
             raise InputError(field, contradiction, remedy)
     friction, cohesion, cap = contacts.law
@@ -543,9 +543,9 @@ def admissible(
             return v, c, ""
     half, number = divmod(int(np.argmax(excess)), contacts.count)
     trace = next(each for each in contacts.traces if number < each.here.stop)
-    x, y = trace.space.mesh.origin + trace.scales.length * trace.places[number - trace.start]
+    place = trace.space.mesh.origin + trace.scales.length * trace.places[number - trace.start]
     what = "what holds the slip" if half else "the obstacle"
-    where = f"{what} of {trace.name!r} at ({x:.6g}, {y:.6g})"
+    where = f"{what} of {trace.name!r} at {place_of(place)}"
     who = "Prescribed displacements" + (", or that nothing may slip at kinks," if (slipping == 0.0).any() else "")
     return v, c, f"{who} contradict {where}, by {worst:.1e} of their size."
 

@@ -265,7 +265,8 @@ def test_a_small_force_counts_beside_a_large_one_and_so_does_a_wrong_motion():
      ("tied", {"gap": 1e-3}, True), ("tied", {"offset": 1e-3}, True), ("tied", {}, False),
      ("unilateral", {"plate": RigidPlate(y=1e-3)}, True), ("unilateral", {"plate": RigidPlate(y=-1e-3)}, False),
      ("unilateral", {"plate": RigidPlate(rotation=1e-3)}, True),
-     ("unilateral", {"plate": RigidPlate(force_y=1.0)}, False), ("unilateral", {"gap": -1e-3, "normal_stiffness": 10.0}, False)],
+     ("unilateral", {"plate": RigidPlate(force_y=1.0)}, False),
+     ("unilateral", {"gap": -1e-3, "normal_stiffness": 10.0}, False)],
 )  # fmt: skip
 @pytest.mark.parametrize("tilt", [0.0, 1e-6])
 def test_corners_of_a_support_and_an_obstacle_that_disagree(law, options, said, tilt):
