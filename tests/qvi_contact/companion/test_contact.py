@@ -56,6 +56,13 @@ def test_a_plate_that_forces_drive_does_not_make_one_group_of_all_rows(monkeypat
     assert len(calls) < 20
 
 
+@pytest.mark.parametrize("force", [1.0, -1.0])
+def test_a_force_on_a_plate_that_nothing_carries(force):
+    with pytest.raises(InputError, match="contradicts the other loads") as caught:
+        companion_of(plate(Contact("top", 0.0, plate=RigidPlate(force_x=force, force_y=-1.0))))
+    assert caught.value.value * force > 0.0
+
+
 def test_what_contradicts_the_obstacle_moves_nothing_far():
     """A support that is tilted by 1e-5 and moved, beside a tied side that does not move."""
     mesh = TriangleMesh.rectangle((2, 1), 2.0, 1.0)
