@@ -55,7 +55,7 @@ from qvi_contact.discretization.plates import COMPONENTS, independent_rows
 from qvi_contact.discretization.scaling import REACH, Scales
 from qvi_contact.element import bernstein
 from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.errors import InputError
+from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.edges import Edges, centre_of, frames_along
 from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, RigidPlate
 from qvi_contact.problem.fields import along_edges
@@ -400,17 +400,17 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
     n, W, rigid = contacts.count, contacts.weights, body.R.shape[1] - len(contacts.driven)
     constant = contacts.rows @ body.start - contacts.moved
     B = (contacts.rows @ body.B)[:, body.interface].toarray()
-    alone = np.abs(B).sum(axis=1) > PARALLEL
-    B[~alone] = 0.0
-    alone[_determined(B, contacts)] = False
+    own, plates = np.hsplit(B, [B.shape[1] - len(contacts.driven)])
+    alone, driven = (np.abs(part).sum(axis=1) > PARALLEL for part in (own, plates))
+    own[~alone], plates[~driven] = 0.0, 0.0  # in B too
+    alone[_determined(own, contacts)] = False  # plates would make one group of all rows
     rubs = np.append(np.zeros(n, dtype=bool), ~contacts.tied)
-    driven = np.abs(B[:, B.shape[1] - len(contacts.driven) :]).sum(axis=1) > PARALLEL
-    live = alone | (rubs & B.any(axis=1)) | driven | B[:, B[driven].any(axis=0)].any(axis=1)
+    live = alone | (rubs & own.any(axis=1)) | driven | own[:, own[driven].any(axis=0)].any(axis=1)
     compliance = B @ body.relieve(np.ascontiguousarray(B.T)) if len(B) else np.zeros((0, 0))
     usual = float(np.median(np.diag(compliance)[alone])) if alone.any() else 1.0
     compliance[~live], compliance[:, ~live] = 0.0, 0.0
-    own = usual * np.select([alone, live], [0.0, _SOFT], 1.0) * W**2
-    C = compliance * W * W[:, None] + np.diag(own)
+    soft = usual * np.select([alone, live], [0.0, _SOFT], 1.0) * W**2
+    C = compliance * W * W[:, None] + np.diag(soft)
     C = (C + C.T) / 2.0
     beyond = np.where(contacts.bilateral, 0.0, np.maximum(contacts.obstacle[:n] - REACH, 0.0))
     beyond = np.append(beyond, np.zeros(n)) * W * live
@@ -425,7 +425,7 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
             remedy = "the loads on a body that nothing holds are out of balance by this, dimensionless: correct them, "
             remedy += "or support the body by a Displacement or Contact"
             if index >= rigid:
-                field = "RigidPlate"
+                field, contradiction = "RigidPlate", -contradiction  # of the force that is given
                 remedy = "contradicts the other loads by this, dimensionless: correct it, or leave it out"
             raise InputError(field, contradiction, remedy)
     friction, cohesion, cap = contacts.law
@@ -447,7 +447,7 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
         A=sparse.csc_array(A[kept].reshape(len(kept), 2 * contacts.count)),
         b=b[kept],
     )
-    soft = np.where(live, own, 0.0)
+    soft = np.where(live, soft, 0.0)
     return DualProblem(contacts, body, B, constant, alone, live, np.array(kept, dtype=np.int64), qvi, beyond, soft)
 
 
@@ -523,6 +523,7 @@ def admissible(
     sticks |= (slipping == 0.0) | (slipping * slip < 0.0)
     closed = contacts.bilateral | (closed & (np.abs(opening) < 1e-6))
     held = np.concatenate([closed, sticks | contacts.tied])  # what is moved to the obstacle
+    given = values
     for _ in range(3):  # a correction in a corner may push another contact line over its gap
         at = np.flatnonzero(held)
         least = LeastChange.of(sparse.diags_array(stiff), rows[at])
@@ -533,17 +534,18 @@ def admissible(
         if not over.any():
             break
         held |= over
-    v = problem.body.expand(values)
-    c = contacts.rows @ v - contacts.moved
-    excess = _excess(problem, c)
-    worst = float(excess.max(initial=0.0)) / max(1.0, float(np.abs(c).max(initial=0.0)))
-    if worst <= VIOLATED:
-        return v, c, ""
+    for tried in (values, given):  # where nothing meets all, changes may be large: what was computed is nearer
+        v = problem.body.expand(tried)
+        c = contacts.rows @ v - contacts.moved
+        excess = _excess(problem, c)
+        worst = float(excess.max(initial=0.0)) / max(1.0, float(np.abs(c).max(initial=0.0)))
+        if worst <= VIOLATED:
+            return v, c, ""
     half, number = divmod(int(np.argmax(excess)), contacts.count)
     trace = next(each for each in contacts.traces if number < each.here.stop)
-    x, y = trace.space.mesh.origin + trace.scales.length * trace.places[number - trace.start]
+    place = trace.space.mesh.origin + trace.scales.length * trace.places[number - trace.start]
     what = "what holds the slip" if half else "the obstacle"
-    where = f"{what} of {trace.name!r} at ({x:.6g}, {y:.6g})"
+    where = f"{what} of {trace.name!r} at {place_of(place)}"
     who = "Prescribed displacements" + (", or that nothing may slip at kinks," if (slipping == 0.0).any() else "")
     return v, c, f"{who} contradict {where}, by {worst:.1e} of their size."
 

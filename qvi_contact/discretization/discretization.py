@@ -116,7 +116,7 @@ class Discretization(PicklesFields):
             return tuple(found)
         space = DisplacementSpace.of(self.problem, triangle(1), self.scales.length)
         held = supports(self.problem, space, self.scales, least=_MISFIT, parallel=_ALIKE)
-        return (*found, *held.jumps, *corners_that_jump(self.problem, space, self.scales, held, _MISFIT))
+        return (*found, *held.jumps, *corners_that_jump(self.problem, space, self.scales, held, _MISFIT, _ALIKE))
 
     def with_law(self, problem: ContactProblem) -> Discretization:
         """Another problem, in these units, that differs in friction, cohesion and caps of contacts only."""

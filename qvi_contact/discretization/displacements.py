@@ -435,31 +435,37 @@ def supports(
 
 
 def corners_that_jump(
-    problem: ContactProblem, space: DisplacementSpace, scales: Scales, held: PrescribedDisplacements, least: float
-) -> tuple[str, ...]:
+    problem: ContactProblem, space: DisplacementSpace, scales: Scales, held: PrescribedDisplacements, least: float,
+    parallel: float,
+) -> tuple[str, ...]:  # fmt: skip
     """A sentence for each contact at whose end supports demand what its obstacle does not let be, by such a share.
 
-    On vertices of degree 1; joints, springs, and plates driven by force give way.
+    Along tangents too where it is tied. On vertices of degree 1; joints, springs, and plates driven by force give way.
     """
     found, ends = list[str](), np.array([0.0, 1.0])
     for contact in problem.contacts:
-        plate = contact.plate
-        if contact in problem.joints or contact.normal_stiffness is not None or (plate is not None and plate.driven):
+        plate, edges = contact.plate, problem.mesh.edges(contact.edges)
+        if contact in problem.joints or (plate is not None and plate.driven):
             continue
-        edges = problem.mesh.edges(contact.edges)
-        x, y = problem.mesh.points_along(edges, ends)
-        n, dofs = vectors_along(edges, edges.normal, ends), 2 * space.along(edges)[..., None] + np.arange(2)
-        moved = 0.0 if plate is None else (np.moveaxis(plate.displacement(x, y), 0, -1) * n).sum(axis=-1)
-        wall = (evaluate("Contact.gap", contact.gap, x, y) + moved).ravel()
-        rows = spread(np.arange(x.size)[:, None], dofs.reshape(-1, 2), n.reshape(-1, 1, 2), space.size)[: x.size]
-        beyond = scales.displacement * (rows @ held.particular) - wall
-        beyond = np.abs(beyond) if contact.law != "unilateral" else np.maximum(beyond, 0.0)
-        beyond[abs(rows @ held.basis.matrix).sum(axis=1) > PARALLEL] = 0.0  # what supports leave open
-        worst = int(np.argmax(beyond))
-        if beyond[worst] > least * max(scales.displacement, float(np.abs(wall).max())):
-            found.append(
-                f"At {place_of((x.flat[worst], y.flat[worst]))} a support and the obstacle of {contact.name!r} demand "
-                f"displacements that differ by {beyond[worst]:.3g} [length]. There stresses grow on finer meshes, and "
-                "the forces on both, without end. Let them agree, or let some of the side between them be free."
-            )
+        (x, y), dofs = problem.mesh.points_along(edges, ends), 2 * space.along(edges)[..., None] + np.arange(2)
+        ways = [("gap", edges.normal, contact.normal_stiffness)]
+        ways += [("offset", edges.tangent, contact.tangential_stiffness)] * (contact.law == "tied")
+        for name, direction, spring in ways:
+            if spring is not None:
+                continue
+            d = vectors_along(edges, direction, ends)
+            moved = 0.0 if plate is None else (np.moveaxis(plate.displacement(x, y), 0, -1) * d).sum(axis=-1)
+            wall = (evaluate(f"Contact.{name}", getattr(contact, name), x, y) + moved).ravel()
+            rows = spread(np.arange(x.size)[:, None], dofs.reshape(-1, 2), d.reshape(-1, 1, 2), space.size)[: x.size]
+            beyond = scales.displacement * (rows @ held.particular) - wall
+            beyond = np.abs(beyond) if contact.law != "unilateral" else np.maximum(beyond, 0.0)
+            beyond[abs(rows @ held.basis.matrix).sum(axis=1) > parallel] = 0.0  # what supports leave open
+            worst = int(np.argmax(beyond))
+            if beyond[worst] > least * max(scales.displacement, float(np.abs(wall).max())):
+                found.append(
+                    f"At {place_of((x.flat[worst], y.flat[worst]))} a support and the obstacle of {contact.name!r} "
+                    f"demand displacements that differ by {beyond[worst]:.3g} [length]. There stresses grow on finer "
+                    "meshes, and the forces on both, without end. Let them agree, or let some of the side between them "
+                    "be free."
+                )
     return tuple(found)

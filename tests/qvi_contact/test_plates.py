@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from qvi_contact import InputError, TriangleMesh, solve
+from qvi_contact.discretization import discretize
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from solvers import Status, certify
 from tests.cases import every_pair, refused_at, thinned
@@ -256,3 +257,25 @@ def test_a_small_force_counts_beside_a_large_one_and_so_does_a_wrong_motion():
     state = solution.z, solution.normal_multiplier, solution.tangential_multiplier, solution.equality_multiplier
     assert not certify(changed, *state).passed
     assert not certify(qvi, *state[:3], state[3] * (1.0 + 1e-7)).passed  # a wrong motion
+
+
+@pytest.mark.parametrize(
+    ("law", "options", "said"),
+    [("unilateral", {"gap": -1e-3}, True), ("unilateral", {"gap": 1e-3}, False), ("bilateral", {"gap": 1e-3}, True),
+     ("tied", {"gap": 1e-3}, True), ("tied", {"offset": 1e-3}, True), ("tied", {}, False),
+     ("unilateral", {"plate": RigidPlate(y=1e-3)}, True), ("unilateral", {"plate": RigidPlate(y=-1e-3)}, False),
+     ("unilateral", {"plate": RigidPlate(rotation=1e-3)}, True),
+     ("unilateral", {"plate": RigidPlate(force_y=1.0)}, False),
+     ("unilateral", {"gap": -1e-3, "normal_stiffness": 10.0}, False)],
+)  # fmt: skip
+@pytest.mark.parametrize("tilt", [0.0, 1e-6])
+def test_corners_of_a_support_and_an_obstacle_that_disagree(law, options, said, tilt):
+    """Beside a support at rest, or in one line with it but for rounded coordinates."""
+    mesh = TriangleMesh.rectangle((4, 2), 2.0, 1.0).with_edges("held", lambda x, y: (x < 1.0) & (y < 1e-6))
+    mesh = mesh.with_edges("base", lambda x, y: (x > 1.0) & (y < 1e-6))
+    x, y = mesh.vertices.T
+    mesh = replace(mesh, vertices=np.column_stack([x, y + tilt * np.maximum(x - 1.0, 0.0)]))
+    along = (Displacement if law == "tied" else Traction)("held", tangential=0.0)
+    others = [Displacement("held", normal=0.0), along, Traction("top", 0.0, 0.0), *FREE]
+    stated = ContactProblem(mesh, STEEL, [Contact("base", 0.0, law=law, **options), *others])
+    assert any("(1, 0) a support and the obstacle of 'base'" in each for each in discretize(stated).remarks) is said

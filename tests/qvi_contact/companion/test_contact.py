@@ -48,6 +48,32 @@ def test_a_rough_solution_becomes_admissible(law, monkeypatch):
     assert found.energy == pytest.approx(best.energy, rel=1e-8)
 
 
+def test_a_plate_that_forces_drive_does_not_make_one_group_of_all_rows(monkeypatch):
+    """Which rows follow from others is told by least squares, row by row: few that share what the body can do."""
+    calls, exact_squares = [], np.linalg.lstsq
+    monkeypatch.setattr(np.linalg, "lstsq", lambda *args, **more: calls.append(1) or exact_squares(*args, **more))
+    companion_of(plate(Contact("top", 0.3, plate=RigidPlate(force_y=-1.0, moment=0.0)), (16, 2)))
+    assert len(calls) < 20
+
+
+@pytest.mark.parametrize("force", [1.0, -1.0])
+def test_a_force_on_a_plate_that_nothing_carries(force):
+    pulled = [Contact("top", 0.0, law="tied", plate=RigidPlate(force_x=force)), Traction("bottom", 0.0, 0.0), *FREE]
+    with pytest.raises(InputError, match="contradicts the other loads") as caught:
+        solve_companion(ContactProblem(MESH, STEEL, pulled))
+    assert caught.value.value * force > 0.0
+
+
+def test_what_contradicts_the_obstacle_moves_nothing_far():
+    """A support that is tilted by 1e-5 and moved, beside a tied side that does not move."""
+    mesh = TriangleMesh.rectangle((2, 1), 2.0, 1.0)
+    mesh = replace(mesh, vertices=mesh.vertices + 1e-5 * mesh.vertices[:, ::-1])
+    held = [Displacement("left", normal=-1e-3), Traction("left", tangential=0.0), Contact.tied("top")]
+    companion = companion_of(ContactProblem(mesh, STEEL, [*held, FREE[1], Traction("bottom", 0.0, 0.0)]))
+    assert "contradict" in companion.reasons[-1]
+    assert abs(companion.energy) < 0.01
+
+
 @pytest.mark.parametrize("degree", [2, 3])
 def test_no_penetration_between_nodes(degree):
     """A curved obstacle, touched in its middle only: v_N ≤ g at 101 points of every edge, to rounding."""
