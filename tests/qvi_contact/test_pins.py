@@ -110,10 +110,10 @@ class TestShearAroundABore:
             assert set(senses) == signs
             assert (senses * cross(arms, edges.tangent) > 0.0).all()
 
-    @pytest.mark.parametrize(("depth", "sense"), [(0.25, 1.0), (0.25, -1.0), (1.0, 1.0)])
-    def test_a_base_with_a_step_counts_from_end_to_end(self, depth, sense):
+    @pytest.mark.parametrize(("depth", "at", "sense"), [(0.25, 1, 1), (0.25, 1, -1), (1, 1, 1), (0.5, 1.7, 1)])
+    def test_a_base_with_a_step_counts_from_end_to_end(self, depth, at, sense):
         """Around its middle it does not turn, but for rounding, which told the sense of the force on it."""
-        grid = TriangleMesh.grid([0, 1, 2], [-depth, 0, 1], [[False, True], [True, True]])
+        grid = TriangleMesh.grid([0, at, 2], [-depth, 0, 1], [[False, True], [True, True]])
         base = grid.with_edges("base", lambda x, y: (y <= 0.0) & (x < 2.0))
         for shift in np.linspace(-3.0, 3.0, 13):
             mesh = replace(base, vertices=base.vertices * [sense, 1.0] + [shift, 0.7 * shift])
