@@ -399,10 +399,8 @@ def prescribed_slip(problem: ContactProblem) -> dict[str, FloatArray]:
     """±1 by contact and edge (e,), the sense of v_T − w that supports prescribe at an end or both; else 0."""
     body, held, (contacts,) = _posed(problem, triangle(1), [None], [{}])
     B, start = held.beside(body.size - body.space.size)
-    slip = (contacts.rows @ start - contacts.moved - contacts.obstacle) * (
-        abs(contacts.rows @ B).sum(axis=1) <= PARALLEL
-    )
-    slip = slip[contacts.count :]
+    fixed = abs(contacts.rows @ B).sum(axis=1) <= PARALLEL
+    slip = np.where(fixed, contacts.rows @ start - contacts.moved - contacts.obstacle, 0.0)[contacts.count :]
     slip = np.where(np.abs(slip) > VIOLATED * max(1.0, float(np.abs(start).max(initial=0.0))), np.sign(slip), 0.0)
     ends = ((trace.name, trace.on_edges(slip[trace.here], slip[trace.here])[1]) for trace in contacts.traces)
     return {name: np.sign(along.sum(axis=1)) for name, along in ends}
