@@ -363,7 +363,9 @@ def kind_of(hint: Any) -> Kind:
     if origin in (Union, UnionType):
         given = [each for each in arguments if each is not NoneType]
         tables = tuple(each for each in given if hasattr(each, "__dataclass_fields__"))
-        return kind_of(given[0]) if len(given) == 1 else Tagged(tables) if tables else Varying()  # of (x, y)
+        if len(given) == 1:
+            return kind_of(given[0])
+        return Tagged(tables) if tables else Varying()  # a number, or a function of (x, y)
     if origin is Literal:
         return Choice(arguments)
     if origin is dict:

@@ -247,7 +247,7 @@ def _discretized(
     limited = [rows for rows in contacts if rows.law != "tied"]
     matrices = _contact_matrices(supports, rule, limited, plates, kept)
     works, fixed, forced = np.zeros(space.size), 0.0, acts(problem.body_potential)
-    beyond = np.zeros(space.size)
+    beyond = np.zeros(space.size)  # apart: what stands far away would take the digits of the load
     for rows in contacts:
         across, along = rows.obstacle
         works += rows.work(across - rows.beyond, along)

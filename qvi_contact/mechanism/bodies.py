@@ -49,7 +49,6 @@ _PIECES: Final = 8  # of an edge, where friction is a function
 _SAMPLES: Final = 8  # steps in each of them
 _POINTS: Final = 8  # Gauss points where cohesion and cap are integrated
 _ROUNDING: Final = 16.0 * np.finfo(float).eps
-_DIGITS: Final = 6  # of sizes and places over the body's length that tell blocks apart
 _SAME: Final = 1e-9  # share of a line within which two places are one
 _CAPPED_PIECES: Final = 4  # of a line, where a cap lets part of the slip dilate
 _NEARER: Final = 0.25 ** np.arange(1.0, 7.0)  # shares of the way to the next place, where more are tried
@@ -76,9 +75,9 @@ class Bodies:
         return len(self.size)
 
     @classmethod
-    def of(cls, problem: ContactProblem, of_cells: IntArray | None = None) -> "Bodies":
-        """The bodies of a problem, or those with other blocks (cells,)."""
-        mesh, of_cells = problem.mesh, blocks_of_cells(problem) if of_cells is None else of_cells
+    def of(cls, problem: ContactProblem) -> "Bodies":
+        """The bodies of a problem."""
+        mesh, of_cells = problem.mesh, blocks_of_cells(problem)
         blocks = int(of_cells.max()) + 1
         centre, size, free = [], [], [np.ones(3, dtype=bool)] * blocks
         for block in range(blocks):

@@ -280,7 +280,9 @@ def _ruled(problem: ContactProblem, ruling: Sequence[_Ruling]) -> IntArray:
                 refuse(condition.edges, int(row[at]), int(chosen[at]), remedy)
             each[row, chosen] = number
     local = np.asarray((each[2:] >= 0).any(axis=0))
-    for edge in np.flatnonzero(local & (each[:2] >= 0).any(axis=0))[:1].tolist():
+    both = np.flatnonzero(local & (each[:2] >= 0).any(axis=0))
+    if len(both):
+        edge = int(both[0])
         last = int(each[:, edge].argmax())
         remedy = (
             f"gives the {_NAMES[last]} component of the slanted edge around {middle(edge)}, and another condition one "

@@ -407,9 +407,12 @@ def reference_problem(problem: ContactProblem, at: Places) -> ContactProblem:
 
 def at_contacts(problem: ContactProblem, mesh: TriangleMesh, fine: TriangleMesh, cells: IntArray) -> BoolArray:
     """Triangles (m,) of a finer mesh at contacts that lie in those cells."""
-    beside = [fine.edges(contact.edges).cells.ravel() for contact in problem.contacts if len(cells)]
-    at = np.isin(np.arange(fine.cell_count), np.concatenate([np.empty(0, dtype=np.int64), *beside]))
-    return at & np.isin(fine.parents(mesh), cells) if len(cells) else at
+    found = np.zeros(fine.cell_count, dtype=bool)
+    if len(cells):
+        beside = np.concatenate([fine.edges(contact.edges).cells.ravel() for contact in problem.contacts])
+        beside = np.unique(beside[beside >= 0])
+        found[beside] = np.isin(mesh.locate(fine.corners[beside].mean(axis=1)), cells)
+    return found
 
 
 def energies_between(answer: ContactResult, reference: ContactResult) -> FloatArray:
