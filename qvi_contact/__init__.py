@@ -10,7 +10,7 @@ Names are loaded on first use, so that importing the package, or asking the comm
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from qvi_contact.version import __version__ as __version__
+__version__ = "0.2.0"
 
 if TYPE_CHECKING:
     from qvi_contact.bracket import Branches, other_solutions
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from qvi_contact.errors import InputError, QVIError, SolveError, SolverUnavailableError, UnknownNameError
     from qvi_contact.files.archive import load_result
     from qvi_contact.files.problem_file import ProblemFile, load_problem
-    from qvi_contact.files.problem_writer import save_problem
+    from qvi_contact.files.problem_text import save_problem
     from qvi_contact.files.stores import StoredSweep, read_sweep
     from qvi_contact.limit.load_factor import LimitLoad, StrengthReduction, limit_load_factor, strength_reduction_factor
     from qvi_contact.limit.proof import limit_proof
@@ -48,7 +48,7 @@ _HOMES = {
     "errors": "InputError, QVIError, SolveError, SolverUnavailableError, UnknownNameError",
     "files.archive": "load_result",
     "files.problem_file": "ProblemFile, load_problem",
-    "files.problem_writer": "save_problem",
+    "files.problem_text": "save_problem",
     "files.stores": "StoredSweep, read_sweep",
     "limit.load_factor": "LimitLoad, StrengthReduction, limit_load_factor, strength_reduction_factor",
     "limit.proof": "limit_proof",

@@ -34,8 +34,7 @@ from numpy.polynomial import polynomial
 from scipy import sparse
 
 from qvi_contact.basics.checks import FloatArray, check_field, finite_number, positive_number
-from qvi_contact.element import bernstein
-from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.element.edge import bernstein_from_values, gauss_legendre, largest_quadratic, lobatto_points
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.grid import rectangle_lines
 from qvi_contact.problem.material import Material, Plane
@@ -187,9 +186,9 @@ class QuarterPlate:
         The friction law (1.6) holds at four points of every edge only. Between them the quadratic ±σ_T + μσ_N has its
         maximum at an end, or where its slope is zero.
         """
-        _, normal, shear = self.tractions(z, bernstein.nodes(2))
+        _, normal, shear = self.tractions(z, lobatto_points(2))
         sides = (sign * shear + self.friction * normal for sign in (1.0, -1.0))
-        largest = (bernstein.largest_quadratic(values @ bernstein.from_values(2).T) for values in sides)
+        largest = (largest_quadratic(values @ bernstein_from_values(2).T) for values in sides)
         return max(0.0, *(float(values.max()) for values in largest))
 
     def stress(self, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

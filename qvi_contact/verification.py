@@ -23,8 +23,8 @@ from qvi_contact.basics.checks import FloatArray, fraction, instance_of
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import traction_data
 from qvi_contact.errors import InputError
+from qvi_contact.export import field_arrays
 from qvi_contact.files.archive import OWN, STORE, Archive, answer_arrays, json_ready, result_from_archive
-from qvi_contact.files.export import field_arrays
 from qvi_contact.problem.conditions import Traction, is_frictionless
 from qvi_contact.solution.contact_line import ContactState
 from qvi_contact.solution.history import History

@@ -17,7 +17,8 @@ from comparisons.lab.studies import DONE
 from comparisons.verification.known import KNOWN
 from qvi_contact import RefinementStatus, TriangleMesh, load_result, solve
 from qvi_contact.command.cli import group as qvi_contact
-from qvi_contact.files import FORMAT_VERSION, Archive, FileReader, file_keys, summary, write_npz
+from qvi_contact.export import summary, write_npz
+from qvi_contact.files import FORMAT_VERSION, Archive, FileReader, file_keys
 from qvi_contact.problem import Contact, ContactProblem, Material, RigidPlate, Traction
 from qvi_contact.runs import FAILURES
 from solvers import Status
@@ -319,8 +320,8 @@ def test_the_gallery_has_every_problem_file_as_it_is(made_by):
 
 
 def test_every_table_and_key_of_a_problem_file_is_on_the_page_with_an_example_that_is_taken(problem_keys):
-    tables = set(problem_keys.TABLES.values())
-    for heading, table in problem_keys.TABLES.items():
+    tables = set(problem_keys.HEADINGS.values())
+    for heading, table in problem_keys.HEADINGS.items():
         kinds = [key.kind for key in file_keys(table).values()]
         assert {kind.of for kind in kinds if hasattr(kind, "of")} <= tables, heading
         for key in problem_keys.keys(table):

@@ -2,7 +2,7 @@
 
 from made import DOCS, make
 
-from qvi_contact.files.keys import TABLES, keys
+from qvi_contact.files.problem_text import HEADINGS, keys
 
 PAGE = DOCS / "problem_files.md"
 
@@ -10,7 +10,7 @@ PAGE = DOCS / "problem_files.md"
 def tables() -> str:
     """The Markdown of all tables."""
     found = []
-    for heading, table in TABLES.items():
+    for heading, table in HEADINGS.items():
         rows = ["| key | default | meaning | example |", "|---|---|---|---|"]
         for key in keys(table):
             default = f"`{key.default}`" if key.default not in ("", "needed") else key.default

@@ -1,4 +1,4 @@
-"""What every room uses: checks of input, units, writing of files, the terminal."""
+"""What every room uses: checks of input, writing of files, the terminal."""
 
 from solvers.basics.front import front
 

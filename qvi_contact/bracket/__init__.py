@@ -1,10 +1,10 @@
 """How far off is the answer: bounds of the energy from an admissible stress and an admissible displacement."""
 
-from qvi_contact.basics.units import Certainty
 from qvi_contact.bracket.bounds import Branches, bracket, other_solutions
 from qvi_contact.bracket.coulomb import CoulombBounds
 from qvi_contact.bracket.outcome import Bracket, BracketKind, Uniqueness
 from qvi_contact.bracket.parts import Bounds, EdgeParts
+from qvi_contact.units import Certainty
 from solvers.basics.front import front
 
 __all__ = [

@@ -1,6 +1,6 @@
 """Bounds of the energy of a contact problem, from its stress and a displacement computed beside it, and of forces.
 
-Bounds need data that are the same in both models. Functions are looked at in `bernstein.SAMPLES` of every edge and 169
+Bounds need data that are the same in both models. Functions are looked at in `SAMPLES` of every edge and 169
 points of every cell.
 
 In `docs/theory.md`: (D19), (D20), (D21).
@@ -16,6 +16,7 @@ from typing import Final
 
 import numpy as np
 
+from qvi_contact import __version__
 from qvi_contact.basics.checks import Field, FloatArray, evaluate, finite_number, instance_of
 from qvi_contact.basics.schema import keys_of
 from qvi_contact.bracket.coulomb import TOO_NEAR, CoulombBounds, coulomb_bounds
@@ -35,7 +36,7 @@ from qvi_contact.companion.model import checked
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.displacements import HIGHEST, PARALLEL, triangle
 from qvi_contact.discretization.loads import is_polynomial, physical, scaled_stress_at_rest, spanned
-from qvi_contact.element import bernstein
+from qvi_contact.element.edge import bernstein_basis
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, Displacement, Traction, components, has_coulomb
 from qvi_contact.problem.material import is_strained, varies
@@ -43,7 +44,6 @@ from qvi_contact.problem.problem import by_cell, with_contacts
 from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import allowed_misfit, rest_on_arcs
-from qvi_contact.version import __version__
 from solvers import Status, solve_qvi
 from solvers.basics.progress import Log, deadline
 from solvers.factorisation.base import FactorisationError
@@ -69,7 +69,7 @@ class EarlierSlip:
             away = some[:, None] - self.first
             t = np.clip((away * self.along).sum(axis=2) / (self.along**2).sum(axis=1), 0.0, 1.0)
             edge = np.square(away - t[..., None] * self.along).sum(axis=2).argmin(axis=1)
-            shapes = bernstein.basis(self.slip.shape[1] - 1, t[np.arange(len(some)), edge])
+            shapes = bernstein_basis(self.slip.shape[1] - 1, t[np.arange(len(some)), edge])
             found.append((shapes * self.slip[edge]).sum(axis=1))
         slip = np.concatenate(found).reshape(np.shape(x))
         return np.asarray(evaluate("Contact.offset", self.offset, x, y) + slip)

@@ -33,8 +33,7 @@ from qvi_contact.companion import CompanionResult, CompanionState
 from qvi_contact.companion.contact import Contacts, LeastChange
 from qvi_contact.companion.model import MOST, BodyAtRest, solutions
 from qvi_contact.discretization.discretization import Discretization
-from qvi_contact.element import bernstein
-from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.element.edge import gauss_legendre, product_integrals
 from qvi_contact.problem.conditions import bears_shear, has_coulomb
 from qvi_contact.problem.problem import by_cell
 from qvi_contact.solution.contact_line import leads_one_way
@@ -396,7 +395,7 @@ class _Pairs:
     def _stress(self, c: FloatArray) -> FloatArray:
         """ζ, as a change of the unknowns of the stress: the nearest to Cε(z), with no traction where none may be."""
         qvi, work, (rows, changes) = self.known.qvi, np.zeros((2, self.known.qvi.m)), self._held
-        products = bernstein.product_integrals(self.known.rule.count - 1, self.errors.displacement.degree)
+        products = product_integrals(self.known.rule.count - 1, self.errors.displacement.degree)
         for trace, own in zip(self.body.contacts.traces, self.known.contacts, strict=True):
             if trace.contact.law != "tied":
                 local = np.stack(trace.on_edges(*c[:, trace.here]))

@@ -28,7 +28,7 @@ from qvi_contact.companion.contact import DisplacementContact
 from qvi_contact.companion.model import MOST, SINGULAR, BodyAtRest, solutions
 from qvi_contact.discretization.displacements import PARALLEL, DisplacementSpace, reference_matrices, triangle
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.element import bernstein
+from qvi_contact.element.edge import bernstein_basis, bernstein_from_values, lobatto_points, product_integrals
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
@@ -431,9 +431,9 @@ class _Energies:
         for trace in self.traces:
             if trace.name in shares:
                 share, p = shares[trace.name], trace.columns.shape[1] - 1
-                nodes, back = bernstein.nodes(p), bernstein.from_values(p)
+                nodes, back = lobatto_points(p), bernstein_from_values(p)
                 factors = share.friction * share.at(nodes)
-                blocks = np.einsum("ij,ej,jk,ek->eik", back, factors, bernstein.basis(p, nodes), trace.turned)
+                blocks = np.einsum("ij,ej,jk,ek->eik", back, factors, bernstein_basis(p, nodes), trace.turned)
                 columns = trace.start + trace.columns
                 turned[columns[:, :, None], columns[:, None, :]] = blocks
         return turned[np.ix_(self.presses, self.slips)]
@@ -494,7 +494,7 @@ class _Energies:
         moved[self.slips] = motions
         for trace in traces:
             share, columns = shares[trace.name], trace.start + trace.columns
-            products = bernstein.product_integrals(share.values.shape[1] - 1, columns.shape[1] - 1)
+            products = product_integrals(share.values.shape[1] - 1, columns.shape[1] - 1)
             works = unit * trace.lengths[:, None] * trace.turned * (share.room * share.weights @ products)
             own = np.zeros((len(columns), len(self.slips)))  # ∫ ω x_T ds on each edge
             np.add.at(own, (np.arange(len(columns))[:, None], columns), works)

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.basics.units import Certainty, Units, shown
 from qvi_contact.bracket.coulomb import CoulombBounds
 from qvi_contact.bracket.parts import Bounds, EdgeParts
 from qvi_contact.companion import CompanionResult
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
+from qvi_contact.units import Certainty, Units, shown
 
 _ROUNDING = 1e-9  # of the strain energy
 _NOTHING = 1e-14  # of the strain energy: parts of the gap that are rounding

@@ -17,8 +17,16 @@ from qvi_contact.companion import CompanionResult
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, joined, scaled_stress_at_rest
 from qvi_contact.discretization.space import edge_rule, split_points
-from qvi_contact.element import bernstein
-from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.element.edge import (
+    SAMPLES,
+    absolute_integrals,
+    bernstein_basis,
+    bernstein_from_values,
+    gauss_legendre,
+    largest_quadratic,
+    lobatto_points,
+    product_integrals,
+)
 from qvi_contact.problem.conditions import SPRINGS
 from qvi_contact.problem.material import is_strained
 from qvi_contact.solution.stress import cell_stresses, normal_and_shear
@@ -99,7 +107,7 @@ class EdgeTractions:
         """Largest (|σ_T| − s)⁺ and (σ_N)⁺ on each edge (e,) for a bound s (e, q): exact to degree 2, else no less."""
 
         def largest(part: FloatArray) -> FloatArray:
-            found = bernstein.largest_quadratic(part) if part.shape[1] == 3 else part.max(axis=1)
+            found = largest_quadratic(part) if part.shape[1] == 3 else part.max(axis=1)
             return np.maximum(found, 0.0)
 
         excess = np.maximum(largest(self.shear - bound), largest(-self.shear - bound))
@@ -126,7 +134,7 @@ def _polynomials(discretization: Discretization, values: FloatArray) -> tuple[Fl
     found = coefficients(discretization, np.where(given[:, None], values, 0.0))
     size = np.where(given, np.abs(values).max(axis=1), 0.0)
     usable: BoolArray = np.asarray((found >= -_BELOW_ZERO * size[:, None]).all(axis=1))
-    inside = found @ bernstein.basis(q - 1, bernstein.SAMPLES).T
+    inside = found @ bernstein_basis(q - 1, SAMPLES).T
     least = np.maximum(np.minimum(inside.min(axis=1), values.min(axis=1)), 0.0)
     found = np.where(usable[:, None], np.maximum(found, 0.0), least[:, None])
     return np.where(given[:, None], found, np.inf), usable
@@ -160,7 +168,7 @@ def _springs(discretization: Discretization, u: FloatArray) -> Iterator[SpringFi
             if field is not None:
                 part = tractions_on(discretization, u, rows)[half] * discretization.scales.stress
                 stiffness = evaluate(f"Contact.{name}", field, *problem.mesh.points_along(edges, t), minimum=0.0)
-                traction = part @ bernstein.basis(part.shape[1] - 1, t).T
+                traction = part @ bernstein_basis(part.shape[1] - 1, t).T
                 yield SpringField(contact.name, half, stiffness, edges.length[:, None] * w / stiffness, traction)
 
 
@@ -229,7 +237,7 @@ def edge_parts(
     with v in the place of u.
     """
     problem, unit, (t, weights) = discretization.problem, discretization.scales.stress, gauss_legendre(EDGE_POINTS)
-    nodes, back = bernstein.nodes(companion.degree), bernstein.from_values(companion.degree)
+    nodes, back = lobatto_points(companion.degree), bernstein_from_values(companion.degree)
     found, slack, (excess, tension) = dict[str, EdgeParts](), 0.0, own.violations(bound)
     for rows, contact in zip(discretization.contacts, problem.contacts, strict=True):
         e, edges = rows.edges, problem.mesh.edges(contact.edges)
@@ -244,7 +252,7 @@ def edge_parts(
         lengths, normal, shear = edges.length, unit * own.normal[e], unit * own.shear[e]
         gap = evaluate("Contact.gap", contact.gap, *problem.mesh.points_along(edges, t))
         opening = gap - companion.trace(rows.name, t)[0]
-        pressure = -normal @ bernstein.basis(normal.shape[1] - 1, t).T
+        pressure = -normal @ bernstein_basis(normal.shape[1] - 1, t).T
         offset = evaluate("Contact.offset", contact.offset, *problem.mesh.points_along(edges, nodes))
         slip = (companion.trace(rows.name, nodes)[1] - offset) @ back.T
         nothing, friction = np.zeros_like(shear), lengths * slip_work(slip, shear, unit * bound[e])
@@ -256,6 +264,6 @@ def edge_parts(
 
 def slip_work(slip: FloatArray, shear: FloatArray, bound: FloatArray) -> FloatArray:
     """∫₀¹ s|j| + τ j dt (edges,) by Bernstein coefficients: slips j (edges, p + 1), τ and s (edges, q)."""
-    products = bernstein.product_integrals(slip.shape[1] - 1, shear.shape[1] - 1)
+    products = product_integrals(slip.shape[1] - 1, shear.shape[1] - 1)
     signed = np.einsum("ei,ij,ej->e", slip, products, shear)
-    return np.asarray(bernstein.absolute_integrals(bound, slip) + signed)
+    return np.asarray(absolute_integrals(bound, slip) + signed)

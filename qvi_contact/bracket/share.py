@@ -26,7 +26,7 @@ from qvi_contact.companion.contact import LeastChange
 from qvi_contact.companion.model import prescribed_slip
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.displacements import PARALLEL
-from qvi_contact.element import bernstein
+from qvi_contact.element.edge import SAMPLES, bernstein_basis
 from qvi_contact.errors import InputError
 from qvi_contact.mechanism.bodies import blocks_of_cells
 from qvi_contact.mesh.edges import Edges, cross, frames_along
@@ -122,7 +122,7 @@ class Share:
 
     def at(self, t: FloatArray) -> FloatArray:
         """Values of s at points t (k,) of the edges, 0 to 1 along the tangent, (edges, k)."""
-        shapes = bernstein.basis(self.values.shape[1] - 1, t)
+        shapes = bernstein_basis(self.values.shape[1] - 1, t)
         least = 1e-30 * max(float(self.weights.max(initial=0.0)), 1e-270)
         weights = np.maximum(self.weights, least)  # an open edge has the mean of the s_i, which are one number there
         return np.asarray((self.values * weights) @ shapes.T / (weights @ shapes.T))
@@ -186,7 +186,7 @@ def with_numbers(result: ContactResult) -> ContactResult:
     """The result with friction and cohesion as numbers where functions have one value on all of a contact."""
     problem, changed = result.problem, dict[str, Contact]()
     for contact in problem.contacts:
-        points = problem.mesh.points_along(problem.mesh.edges(contact.edges), bernstein.SAMPLES)
+        points = problem.mesh.points_along(problem.mesh.edges(contact.edges), SAMPLES)
         for name in ("friction", "cohesion"):
             field = getattr(contact, name)
             if callable(field):

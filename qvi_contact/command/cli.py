@@ -10,10 +10,10 @@ from typing import Any, Final, NamedTuple
 
 import click
 
+from qvi_contact import __version__
 from qvi_contact.basics.schema import Choice, Number, Whole, defaults_of, described, keys_of
 from qvi_contact.basics.terminal import Group, run
 from qvi_contact.solution.settings import RefineOptions, Settings
-from qvi_contact.version import __version__
 
 _Command = Callable[..., Any]
 _Decorator = Callable[[_Command], _Command]

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from qvi_contact import files
+from qvi_contact import export
 from qvi_contact.basics.schema import write_table
-from qvi_contact.basics.units import Certainty, Rounding, Units, shown
 from qvi_contact.discretization.discretization import discretize
 from qvi_contact.files.problem_file import ProblemFile
 from qvi_contact.problem.conditions import Condition, Contact, Traction
@@ -20,6 +19,7 @@ from qvi_contact.problem.fields import Expression, PointData, Polynomial
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import SUMMARY, ContactState
 from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, contact_numbers
+from qvi_contact.units import Certainty, Rounding, Units, shown
 
 if TYPE_CHECKING:
     from qvi_contact.limit.load_factor import LimitLoad
@@ -378,7 +378,7 @@ def outline(file: ProblemFile, given: Mapping[str, Any]) -> tuple[ContactProblem
             "smallest": smallest,
             "largest": largest,
         },
-        "element": files.element_of(discretization),
+        "element": export.element_of(discretization),
         "unknowns": qvi.n,
         "contact_points": qvi.m,
         "materials": [_material(problem, number, int(count)) for number, count in enumerate(counts)],

@@ -20,7 +20,7 @@ import click
 import numpy as np
 
 import qvi_contact
-from qvi_contact import files
+from qvi_contact import export, files
 from qvi_contact.basics.schema import Missing, keys_of
 from qvi_contact.basics.terminal import solving
 from qvi_contact.basics.writing import check_suffix, check_writable, identity, open_regular, unwritable, write_text
@@ -97,7 +97,7 @@ def solve(file: str, verbose: bool, as_json: bool, swept: tuple[str, ...], panel
         solved = (steps[0] if series is None else series.results).status == "solved"
         document = {"title": problem_file.title, "solved": solved}
         if as_json or "save_json" in targets:
-            found = [files.summary(step, units) for step in steps]
+            found = [export.summary(step, units) for step in steps]
             document |= found[0] if series is None else series.document(found, units)
         complete = _write_all(
             targets, problem_file, steps[-1], document,
@@ -144,7 +144,7 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
             if found is not None:
                 _ = found.forces  # takes longest on large meshes: here, where progress is shown
         complete = _write_all(targets, problem_file, result, {}, known=found)
-    document = {"title": problem_file.title, **files.summary(result, units)}
+    document = {"title": problem_file.title, **export.summary(result, units)}
     document["bracket"] = None if found is None else outcome.document(found, units)
     more = () if found is None else ("", *outcome.lines(found, units))
     bounded = found is not None and result.status == "solved" and math.isfinite(found.gap)
@@ -163,7 +163,7 @@ def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
                 problem_file.problem, **{**problem_file.refine_options, **asked}, **options,
                 callback=lambda done: advance(report.so_far(done)), verbose=verbose,
             )  # fmt: skip
-        document = {"title": problem_file.title, **files.summary(found.result, units)}
+        document = {"title": problem_file.title, **export.summary(found.result, units)}
         document["refinement"] = report.refinement_document(found, units)
         complete = _write_all(
             targets, problem_file, found.result, document,
@@ -215,7 +215,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
 
         write_text(path, limit_page(problem_file, problem, found, said))
 
-    writers = {"plot": plot, "vtk": lambda path: files.write_collapse_vtu(path, problem, found, units), "report": page}
+    writers = {"plot": plot, "vtk": lambda path: export.write_collapse_vtu(path, problem, found, units), "report": page}
     complete = _written(targets, writers, missing)
     document = {"loads": list(loads), **report.limit_document(found, refinement), "remarks": remarks}
     click.echo(_json_text(document) if as_json else "\n".join([*said, *proved]))
@@ -534,14 +534,14 @@ def _write_all(
     def fields(path: str) -> None:
         bracket, _ = bracketed()
         moved = bracket if bracket is not None and bracket.companion.has_state else None
-        files.write_vtu(path, result, units, bracket=moved)
+        export.write_vtu(path, result, units, bracket=moved)
         if result.contacts:
-            files.write_contacts_vtu(_files_of("vtk", path)[1], result, units)
+            export.write_contacts_vtu(_files_of("vtk", path)[1], result, units)
 
     writers: dict[str, Callable[[str], None]] = {
         "save_json": lambda path: write_text(path, _json_text(document) + "\n"),
         "plot": plot,
-        "npz": lambda path: files.write_npz(path, result, units, file.title),
+        "npz": lambda path: export.write_npz(path, result, units, file.title),
         "report": page,
         "vtk": fields,
     }

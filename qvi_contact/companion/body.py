@@ -28,8 +28,7 @@ from qvi_contact.discretization.displacements import (
     reference_matrices,
 )
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.element import bernstein
-from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.element.edge import bernstein_basis, gauss_legendre
 from qvi_contact.mechanism.mechanism import null_space
 from qvi_contact.mesh.edges import vectors_along
 from qvi_contact.problem.conditions import Traction
@@ -197,7 +196,7 @@ def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count:
     weighted = potential * space.measures(t, w)
     load = body.virtual_work(np.stack([weighted, weighted, 0.0 * weighted], axis=-1), t)
     t, w = gauss_legendre(count)
-    shape = bernstein.basis(space.degree, t) * w[:, None]
+    shape = bernstein_basis(space.degree, t) * w[:, None]
     outlines = [(mesh.boundary, space.along(mesh.boundary), mesh.boundary.normal)]  # with outward normals
     for joint in problem.joints:
         edges = mesh.edges(joint.edges)

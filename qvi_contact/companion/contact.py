@@ -53,8 +53,7 @@ from qvi_contact.discretization.displacements import (
 )
 from qvi_contact.discretization.plates import COMPONENTS, independent_rows
 from qvi_contact.discretization.scaling import REACH, Scales
-from qvi_contact.element import bernstein
-from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.element.edge import SAMPLES, bernstein_basis, gauss_legendre, product_integrals
 from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.edges import Edges, centre_of, frames_along
 from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, RigidPlate
@@ -131,7 +130,7 @@ class DisplacementContact:
         # The minimum of the means of c and t_max is no less than the mean of their minimum: the energy is an upper
         # bound if the means are exact. A given bound takes the place of both, and of friction.
         if self.bound is not None:
-            products = bernstein.product_integrals(self.bound.shape[1] - 1, self.space.degree)
+            products = product_integrals(self.bound.shape[1] - 1, self.space.degree)
             mean = self.summed(self.bound @ products * self.lengths[:, None]) / self.weights
             return friction, np.maximum(mean, 0.0), limit
         x, y = (self.space.mesh.origin + self.scales.length * self.places).T
@@ -173,7 +172,7 @@ class DisplacementContact:
         places = self.space.mesh.points_along(self.edges, t)
         k = evaluate(f"Contact.{kind}", getattr(self.contact, kind), *places, minimum=0.0)
         k = k * (self.scales.compliance * self.edges.length[:, None] * weights)
-        shape = signs[:, None] * bernstein.basis(self.space.degree, t)
+        shape = signs[:, None] * bernstein_basis(self.space.degree, t)
         return np.asarray((k[..., None] * shape).swapaxes(1, 2) @ shape)
 
     def moved(self, plate: RigidPlate) -> FloatArray:
@@ -291,7 +290,7 @@ class Contacts:
             if contact.name in slips:
                 slipping[here] = trace.slipping_on(slips[contact.name])
             if bounds is None:  # also between coefficients
-                places = problem.mesh.points_along(trace.edges, bernstein.SAMPLES)
+                places = problem.mesh.points_along(trace.edges, SAMPLES)
                 between = evaluate("Contact.friction", contact.friction, *places, minimum=0.0)
                 rubs |= max(law[0, here].max(), between.max()) > 0.0
             for half, kind in enumerate(SPRINGS):

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from qvi_contact import __version__
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, fraction
 from qvi_contact.companion.body import CondensedBody, Elasticity, load_vector
 from qvi_contact.companion.contact import VIOLATED, Contacts, admissible, dual_problem
@@ -24,7 +25,7 @@ from qvi_contact.discretization.displacements import (
 )
 from qvi_contact.discretization.loads import scaled_stress_at_rest
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.element import bernstein
+from qvi_contact.element.edge import absolute_integrals, bernstein_basis
 from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import RigidMotion
 from qvi_contact.problem.material import is_strained
@@ -32,7 +33,6 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import turning_senses
 from qvi_contact.solution.result import plate_motions
 from qvi_contact.solution.stress import given_points, mean_at
-from qvi_contact.version import __version__
 from solvers import Certificate, QVISolution, Status
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import PicklesFields
@@ -123,7 +123,7 @@ class CompanionResult(PicklesFields):
     """The displacement; None where there is none."""
     reasons: tuple[str, ...]
     """Why the displacement or its energy is not admissible or exact; empty where J(v) is a guaranteed upper bound, for
-    data that are between `bernstein.SAMPLES` of every edge the polynomials that they are there."""
+    data that are between `SAMPLES` of every edge the polynomials that they are there."""
     solution: QVISolution | None
     """The algebraic answer."""
 
@@ -193,7 +193,7 @@ class CompanionResult(PicklesFields):
         """Dimensionless coefficients (2 n,) of all contacts as values on the edges of one, as `trace` gives them."""
         traces = {trace.name: trace for trace in self._state.contacts.traces}
         trace = traces[known_name("name", name, {"contacts": list(traces)})]
-        shape = bernstein.basis(self.degree, np.atleast_1d(np.asarray(t, dtype=float))) * self.scales.displacement
+        shape = bernstein_basis(self.degree, np.atleast_1d(np.asarray(t, dtype=float))) * self.scales.displacement
         normal, tangential = trace.on_edges(*coefficients.reshape(2, -1)[:, trace.here])
         return normal @ shape.T, tangential @ shape.T
 
@@ -214,7 +214,7 @@ class CompanionResult(PicklesFields):
                 friction += float(np.sum(trace.weights * state.bound[trace.here] * np.abs(slip)))
             else:
                 along = trace.on_edges(slip, slip)[1]
-                friction += float(trace.lengths @ bernstein.absolute_integrals(trace.bound, along))
+                friction += float(trace.lengths @ absolute_integrals(trace.bound, along))
         found = {"strain": self.body.energy(state.v), "load": float(state.load @ state.v), "friction": friction}
         return {name: part * self.scales.energy for name, part in found.items()}
 

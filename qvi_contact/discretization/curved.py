@@ -30,9 +30,8 @@ from typing import Final
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.element import legendre
+from qvi_contact.element.edge import gauss_legendre, legendre_basis, legendre_from_values
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, compliance_roots
-from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.triangle import EDGES, AffineTriangles
 from qvi_contact.mesh.edges import angles, arc_offsets, beyond_chords, stretches, turned
 
@@ -57,7 +56,7 @@ def from_corners(bend: FloatArray, degree: int) -> FloatArray:
     From the force along the chord and its normal, the moment, N_2 … N_d, Q_1 … Q_d.
     """
     t, w = gauss_legendre(degree + _ALONG_ARCS + bend.shape[1])
-    values = legendre.basis(degree, t) * w[:, None]
+    values = legendre_basis(degree, t) * w[:, None]
     shapes = resultant_shapes(bend, np.tile(t, (len(bend), 1)))
     sums = np.einsum("nqrf,qk->nrfk", shapes, values).reshape(len(bend), 3, -1)
     solved = np.array([0, 1, degree + 1])  # where N_0, N_1 and Q_0 stand among all, and where the others do
@@ -117,7 +116,7 @@ class CurvedTriangles:
         a, b = np.moveaxis(tangent, -1, 0)  # factors of (Φ_xx, Φ_yy, Φ_xy) in derivatives along two vectors
         factors = (np.stack([a * c, b * d, a * d + b * c], axis=-1) for c, d in ((a, b), np.moveaxis(normal, -1, 0)))
         normal_part, shear_part = (np.einsum("kqc,kqcd->kqd", factor, hessians) for factor in factors)
-        project = legendre.from_values(degree, len(t))
+        project = legendre_from_values(degree, len(t))
         found = np.concatenate([(project @ normal_part)[:, 2:], (project @ shear_part)[:, 1:]], axis=1)
         return found, np.square(lengths)[:, None, None]
 

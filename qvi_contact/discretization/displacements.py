@@ -35,8 +35,14 @@ from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate, who
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import Functionals
 from qvi_contact.discretization.supports import Basis, Elimination
-from qvi_contact.element import bernstein
-from qvi_contact.element.legendre import from_values, gauss_legendre
+from qvi_contact.element.edge import (
+    SAMPLES,
+    bernstein_basis,
+    bernstein_from_values,
+    gauss_legendre,
+    legendre_from_values,
+    lobatto_points,
+)
 from qvi_contact.element.triangle import EDGES, exponents, gradient, quadrature
 from qvi_contact.element.triangle import bernstein as basis
 from qvi_contact.errors import place_of
@@ -161,7 +167,7 @@ class CurvedCells:
         for s, (a, b) in enumerate(EDGES):
             chord = self.corners[:, b] - self.corners[:, a]
             bulge = arc_offsets(chord, self.bends[:, s], t) - t[:, None] * chord[:, None]
-            found[s] = from_values(len(t) - 1, len(t)) @ (bulge / (t * (1.0 - t))[:, None])
+            found[s] = legendre_from_values(len(t) - 1, len(t)) @ (bulge / (t * (1.0 - t))[:, None])
         return found
 
     def mapped(self, which: IntArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -334,17 +340,17 @@ def edge_data(
 ) -> tuple[FloatArray, float]:
     """A field on edges over its unit as polynomials: Bernstein coefficients (e, degree + 1), and the most they miss.
 
-    The polynomial meets the function at both ends of each edge; what it misses is seen at `bernstein.SAMPLES`.
+    The polynomial meets the function at both ends of each edge; what it misses is seen at `SAMPLES`.
     """
-    t = bernstein.nodes(degree)
+    t = lobatto_points(degree)
     values = evaluate(name, field, *mesh.points_along(edges, t)) / unit
-    coefficients = values @ bernstein.from_values(degree).T
+    coefficients = values @ bernstein_from_values(degree).T
     coefficients[:, [0, -1]] = values[:, [0, -1]]
     if not callable(field):
         return np.broadcast_to(values[:, :1], coefficients.shape).copy(), 0.0
-    t = bernstein.SAMPLES
+    t = SAMPLES
     wanted = evaluate(name, field, *mesh.points_along(edges, t)) / unit
-    misfit = np.abs(coefficients @ bernstein.basis(degree, t).T - wanted)
+    misfit = np.abs(coefficients @ bernstein_basis(degree, t).T - wanted)
     return coefficients, float(misfit.max(initial=0.0))
 
 
@@ -356,8 +362,8 @@ def components_along(edges: Edges, directions: FloatArray, degree: int, *, turns
     vectors = vectors_along(edges, directions, np.linspace(0.0, 1.0, degree + 1), turns=turns)
     found, bent = np.eye(degree + 1)[:, :, None] * vectors[:, :, None], edges.bent & turns
     if bent.any():
-        nodes = bernstein.nodes(degree)
-        project, values = bernstein.from_values(degree)[1:-1], bernstein.basis(degree, nodes)
+        nodes = lobatto_points(degree)
+        project, values = bernstein_from_values(degree)[1:-1], bernstein_basis(degree, nodes)
         turned = vectors_along(edges.take(bent), directions[bent], nodes)
         found[bent, 1:-1] = np.einsum("ki,eia,ij->ekja", project, turned, values)
     return np.asarray(found)

@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, acts, evaluate
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.discretization.space import EdgeRule, StressSpace
-from qvi_contact.element import bernstein, legendre
-from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.element.quadrature import EdgeQuadrature, adapted, constant
+from qvi_contact.element.edge import SAMPLES, EdgeQuadrature, adapted, constant, gauss_legendre, legendre_basis
 from qvi_contact.mesh.edges import Edges, points_along, rounding_along, vectors_along
 from qvi_contact.problem.conditions import SHEAR_LAW, Contact, Displacement, Law, has_coulomb
 from qvi_contact.problem.fields import along_edges
@@ -89,7 +87,7 @@ class EdgePoints:
         Tractions do the same work on these, however the field bends inside an edge.
         """
         degree = self.count - 1
-        return np.asarray(field.coefficients(degree) @ legendre.basis(degree, self.reference).T).ravel()
+        return np.asarray(field.coefficients(degree) @ legendre_basis(degree, self.reference).T).ravel()
 
     def tractions(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """σ_N without φ and σ_T of degrees of freedom u (N,), shape (n q,) each."""
@@ -160,8 +158,8 @@ def scaled_stress_at_rest(problem: ContactProblem, scales: Scales, cells: IntArr
 
 def is_polynomial(problem: ContactProblem, edges: Edges, name: str, field: Field, most: int) -> bool:
     """Whether a field is a polynomial of that degree along each edge, as far as many points show."""
-    values = evaluate(name, field, *problem.mesh.points_along(edges, bernstein.SAMPLES))
-    return spanned(values, legendre.basis(most, bernstein.SAMPLES))
+    values = evaluate(name, field, *problem.mesh.points_along(edges, SAMPLES))
+    return spanned(values, legendre_basis(most, SAMPLES))
 
 
 def spanned(values: FloatArray, functions: FloatArray) -> bool:

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate
-from qvi_contact.basics.units import Rounding
-from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.element.edge import gauss_legendre
 from qvi_contact.mesh.edges import Edges, centre_of
 from qvi_contact.problem.conditions import Displacement, Traction
 from qvi_contact.problem.material import is_strained, stress_at_rest
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.units import Rounding
 from solvers.inner.linear_program import solved
 
 _AT_REST = 1e-6  # strain that is the unit of a body without any load

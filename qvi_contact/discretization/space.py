@@ -34,9 +34,8 @@ from scipy import sparse
 from qvi_contact.basics.checks import FloatArray, IntArray
 from qvi_contact.discretization.curved import CurvedTriangles, from_corners
 from qvi_contact.discretization.frames import Frames
-from qvi_contact.element import bernstein, legendre
+from qvi_contact.element.edge import bernstein_basis, gauss_legendre, legendre_basis_at
 from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, hsieh_clough_tocher
-from qvi_contact.element.legendre import gauss_legendre
 from qvi_contact.element.triangle import EDGES, AffineTriangles, quadrature, triangle_lattice
 from qvi_contact.mesh.edges import TURNED, Edges, stretches
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -96,7 +95,7 @@ def edge_rule(law_on: LawOn, degree: int) -> EdgeRule:
     points, weights = gauss_legendre(count)
     if law_on == "points":
         return EdgeRule(law_on, points, weights, points, weights, np.eye(count), np.eye(count))
-    values = bernstein.basis(count - 1, points)
+    values = bernstein_basis(count - 1, points)
     places, shares = np.linspace(0.0, 1.0, count), np.full(count, 1.0 / count)
     return EdgeRule(law_on, points, weights, places, shares, values, np.asarray(np.linalg.inv(values)))
 
@@ -354,13 +353,13 @@ class StressSpace(PicklesFields):
 
     def tractions(self, u: FloatArray, edges: Edges, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """σ_N without φ and σ_T of u (N,) at the points t (q,) along each of n edges, edge by edge, (n q,) each."""
-        values = legendre.basis_at(self.element.traction_degree, tuple(t))
+        values = legendre_basis_at(self.element.traction_degree, tuple(t))
         found = self.traces(edges).apply(u).reshape(len(edges), 2, self.element.traction_degree + 1) @ values.T
         return found[:, 0].ravel(), found[:, 1].ravel()
 
     def traction_load(self, normal: FloatArray, shear: FloatArray, edges: Edges, t: FloatArray) -> FloatArray:
         """Σ normal σ_N + shear σ_T over the same points, a vector over all u (N,): `tractions` transposed."""
-        values = legendre.basis_at(self.element.traction_degree, tuple(t))
+        values = legendre_basis_at(self.element.traction_degree, tuple(t))
         weights = np.array([normal, shear]).reshape(2, len(edges), -1) @ values
         return self.traces(edges).adjoint(weights.swapaxes(0, 1).reshape(len(edges), -1))
 
@@ -368,7 +367,10 @@ class StressSpace(PicklesFields):
         """(2 n, q): σ_N without φ at the points t (q,) along each of these edges, set after set, then σ_T."""
         if not edges:
             return Functionals(np.zeros((0, 1), dtype=np.int64), np.zeros((0, len(t), 1)), self.size)
-        values, parts = legendre.basis_at(self.element.traction_degree, tuple(t)), [self.traces(part) for part in edges]
+        values, parts = (
+            legendre_basis_at(self.element.traction_degree, tuple(t)),
+            [self.traces(part) for part in edges],
+        )
         halves = slice(self.degree - 1), slice(self.degree - 1, None)
         found = np.concatenate([values @ part.values[:, half] for half in halves for part in parts])
         return Functionals(np.concatenate([part.columns for part in parts] * 2), found, self.size)

@@ -34,9 +34,7 @@ from scipy.sparse.linalg import splu
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from qvi_contact.discretization.curved import resultant_shapes
 from qvi_contact.discretization.space import Functionals, StressSpace, frame
-from qvi_contact.element import legendre
-from qvi_contact.element.legendre import gauss_legendre
-from qvi_contact.element.quadrature import EdgeQuadrature
+from qvi_contact.element.edge import EdgeQuadrature, gauss_legendre, legendre_basis, legendre_from_values
 from qvi_contact.mesh.edges import Edges, frames_along, vectors_along
 from qvi_contact.problem.problem import Prescribed
 from solvers.basics.types import Kept, PicklesFields, read_only
@@ -147,7 +145,7 @@ class Supports(PicklesFields):
                 d = vectors_along(arcs, direction[bent], t, turns=turns[bent])
                 along = (d * vectors_along(arcs, axis[alone.bent], t)).sum(axis=2)
                 along[np.abs(along) <= _PARALLEL] = 0.0
-                matrices = legendre.from_values(degree, len(t)) @ (along[:, :, None] * legendre.basis(degree, t))
+                matrices = legendre_from_values(degree, len(t)) @ (along[:, :, None] * legendre_basis(degree, t))
                 part[alone.bent] = (matrices * scale[alone.bent, :, None]) @ traces.values[alone.bent, half]
             combined += part
 
@@ -165,7 +163,7 @@ class Supports(PicklesFields):
             dual /= (dual * own).sum(axis=-1, keepdims=True)
             normal, tangent = frames_along(chosen, t)
             N, Q = (dual * normal).sum(axis=-1)[..., None], factor[edge] * (dual * tangent).sum(axis=-1)[..., None]
-            shapes, scaled = resultant_shapes(chosen.bend, t), legendre.basis(degree, t) * norms
+            shapes, scaled = resultant_shapes(chosen.bend, t), legendre_basis(degree, t) * norms
             resultants = N * shapes[..., 0] + Q * shapes[..., 1]
             of_data = found.integrals(np.concatenate([resultants, N * scaled[..., 2:], Q * scaled[..., 1:]], axis=-1))
             vectors, lengths = of_data[one] + of_data[other], space.lengths(both)[:, None]

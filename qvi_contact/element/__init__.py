@@ -8,10 +8,15 @@ __all__ = ["hsieh_clough_tocher"]
 __getattr__ = front(
     __name__,
     {
-        "bernstein": ("absolute_integrals", "product_integrals"),
         "hsieh_clough_tocher": ("compliance_roots",),
-        "legendre": ("from_values", "gauss_legendre"),
-        "quadrature": ("adapted", "constant"),
+        "edge": (
+            "absolute_integrals",
+            "adapted",
+            "constant",
+            "gauss_legendre",
+            "legendre_from_values",
+            "product_integrals",
+        ),
         "triangle": ("AffineTriangles", "EDGES", "exponents"),
     },
 )

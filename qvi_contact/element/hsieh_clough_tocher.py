@@ -23,8 +23,7 @@ from typing import Final
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.element import legendre
-from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.element.edge import gauss_legendre, legendre_from_values
 from qvi_contact.element.triangle import CORNERS, EDGES, AffineTriangles, bernstein, exponents, gradient, quadrature
 from qvi_contact.errors import InputError
 
@@ -102,7 +101,7 @@ class HsiehCloughTocher:
             rows[3 * v, s, value] = 1.0
             rows[3 * v + 1 : 3 * v + 3, s] = self._gradients[s][:, slopes]
         t, _ = gauss_legendre(self.degree)
-        coefficients = legendre.from_values(self.traction_degree, self.degree)
+        coefficients = legendre_from_values(self.traction_degree, self.degree)
         values = bernstein(self.degree - 2, np.column_stack([1.0 - t, t, np.zeros_like(t)]))
         for s, (a, b) in enumerate(EDGES):
             e, m = CORNERS[b] - CORNERS[a], CORNERS[s] - (CORNERS[a] + CORNERS[b]) / 2.0

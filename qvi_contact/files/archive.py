@@ -17,17 +17,17 @@ import numpy as np
 from numpy.lib.format import MAGIC_PREFIX
 from numpy.typing import NDArray
 
+from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import open_regular, read_arrays, replacing
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import problem_from_toml
-from qvi_contact.files.problem_writer import problem_to_toml, unread_toml
+from qvi_contact.files.problem_text import problem_to_toml, unread_toml
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.settings import law_of_rows
-from qvi_contact.version import __version__
+from qvi_contact.units import Units
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.certificate.certificate import EXPONENTS
 

@@ -19,11 +19,9 @@ import numpy as np
 
 from qvi_contact.basics import schema
 from qvi_contact.basics.checks import Field, evaluate
-from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import given_path
 from qvi_contact.discretization.loads import LOAD_POINTS
-from qvi_contact.element import bernstein
-from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.element.edge import SAMPLES, gauss_legendre
 from qvi_contact.errors import InputError
 from qvi_contact.files.mesh_tables import ArcTable, EdgesTable, JointTable, Lines, MeshTable, RegionTable
 from qvi_contact.mesh import cutting
@@ -35,6 +33,7 @@ from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polyno
 from qvi_contact.problem.material import Material, cell_materials
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.settings import RefineOptions, SolveOptions
+from qvi_contact.units import Units
 from solvers.errors import known_name
 
 VERSION: Final = 1
@@ -282,7 +281,7 @@ def _beside(folder: Path | None, file: str) -> Path:
 def _check_values(placed: Iterable[tuple[str, Condition]], mesh: TriangleMesh) -> None:
     """Evaluate functions where the discretisation will, so that errors name the place in the file."""
     for path, condition in placed:
-        samples = bernstein.SAMPLES if isinstance(condition, Traction) else np.zeros(0)
+        samples = SAMPLES if isinstance(condition, Traction) else np.zeros(0)
         t = np.concatenate([[0.0, 1.0], gauss_legendre(LOAD_POINTS)[0], samples])
         x, y = (points.ravel() for points in mesh.points_along(mesh.edges(condition.edges), t))
         for name, own in schema.keys_of(type(condition)).items():

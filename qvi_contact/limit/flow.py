@@ -27,7 +27,7 @@ from scipy import sparse
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.scaling import Scales
-from qvi_contact.element import bernstein
+from qvi_contact.element.edge import product_integrals
 from qvi_contact.element.triangle import bernstein as bernstein_values
 from qvi_contact.element.triangle import gradient, quadrature
 from qvi_contact.errors import SolveError
@@ -421,7 +421,7 @@ class FlowProgram:
         degree = self.k
         work = np.einsum("npic,ij,npjc,np->n", carried.stress, _products(degree, degree), motion.strain, self._areas)
         found: FloatArray = motion.dissipation - np.where(self.cones.strong, 0.0, work)
-        table, on_edges = bernstein.product_integrals(degree, degree + 1), dict[str, FloatArray]()
+        table, on_edges = product_integrals(degree, degree + 1), dict[str, FloatArray]()
         for rows, contact in limited(discretization):
             moved, edges, q = motion.contacts[contact.name], rows.points.edges, rows.rule.count
             normal, shear = (half[rows.rows].reshape(-1, q) for half in np.split(carried.tractions, 2))

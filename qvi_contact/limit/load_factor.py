@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray, instance_of, positive_number
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
@@ -23,7 +24,6 @@ from qvi_contact.problem.conditions import DRIVES, SHEAR_LAW, Condition, Contact
 from qvi_contact.problem.fields import BodyForces, times
 from qvi_contact.problem.material import Material, MohrCoulomb
 from qvi_contact.problem.problem import ContactProblem, with_contacts
-from qvi_contact.version import __version__
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import frame
 from solvers.errors import known_name

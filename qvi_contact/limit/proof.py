@@ -19,7 +19,7 @@ import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, evaluate
 from qvi_contact.basics.writing import write_text
-from qvi_contact.element import bernstein, legendre
+from qvi_contact.element.edge import bernstein_from_values, legendre_basis, lobatto_points
 from qvi_contact.element.triangle import EDGES
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
 from qvi_contact.limit.check_proof import FORMAT, at_factor, check, dissipated, dot, edges, gradient, less, triangles
@@ -236,9 +236,9 @@ class Statement:
         """Of a field along edges (e, k + 1), from the first end of each to the second."""
         values = np.full((len(edges), self.k + 1), 0.0 if callable(field) else float(field))
         if callable(field):
-            at = legendre.basis(self.k, bernstein.nodes(self.k))
+            at = legendre_basis(self.k, lobatto_points(self.k))
             found = along_edges(self.mesh, edges, name, field).coefficients(self.k)
-            values = found @ at.T @ bernstein.from_values(self.k).T
+            values = found @ at.T @ bernstein_from_values(self.k).T
         return [[Fraction(value) for value in edge] for edge in values.tolist()]
 
     def _loads(self, names: Sequence[str]) -> Iterator[tuple[_Edge, _Load]]:

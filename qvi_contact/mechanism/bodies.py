@@ -32,8 +32,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
-from qvi_contact.element import bernstein
-from qvi_contact.element.quadrature import adapted, constant
+from qvi_contact.element.edge import adapted, bernstein_basis, bernstein_from_values, constant, lobatto_points
 from qvi_contact.mesh.edges import Edges, angles, frames_along, points_along, vectors_along
 from qvi_contact.problem.conditions import LOCAL, Contact, Traction, components
 from qvi_contact.problem.fields import along_edges
@@ -240,7 +239,7 @@ class Line:
                 return cls(contact, bodies, frame, edges, arc, places, friction)
             mu = float(values.max())
         count = _CAPPED_PIECES if capped and mu else 1
-        places = edges.max() * bernstein.nodes(_DEGREE) if arc else np.linspace(edges.min(), edges.max(), count + 1)
+        places = edges.max() * lobatto_points(_DEGREE) if arc else np.linspace(edges.min(), edges.max(), count + 1)
         return cls(contact, bodies, frame, edges, arc, places, np.full(len(places), float(mu)))
 
     @property
@@ -273,7 +272,7 @@ class Line:
         """Rows (p, 3 k) of [v]_N or [v]_T at places s; of an arc of their coefficients, whatever s is."""
         points, *along = self.frame(self.places if self.arc else s)
         first, second = (bodies.rows(np.full(len(points), body), points, along[tangent]) for body in self.bodies)
-        return np.asarray(bernstein.from_values(_DEGREE) @ (first - second)) if self.arc else first - second
+        return np.asarray(bernstein_from_values(_DEGREE) @ (first - second)) if self.arc else first - second
 
     def opening(self, bodies: Bodies) -> FloatArray:
         """Rows (p, 3 k) of w at the places, of an arc of the coefficients of w."""
@@ -343,7 +342,7 @@ class Line:
         """∫ (t_max − c)⁺ N_i ds (p,) of the hat functions N_i of the places, or of B_i: what dilatant slip saves."""
         if self.arc:
             parts, s, error = self._integrated(self.edges, saved=True)
-            return np.maximum(parts.ravel() @ bernstein.basis(_DEGREE, s.ravel() / self.edges[0, 1]) - error, 0.0)
+            return np.maximum(parts.ravel() @ bernstein_basis(_DEGREE, s.ravel() / self.edges[0, 1]) - error, 0.0)
         count, middle = len(self.places), _POINTS // 2
         low = np.maximum(self.edges[:, 0], self.places[:-1, None])
         high = np.minimum(self.edges[:, 1], self.places[1:, None])

@@ -15,7 +15,7 @@ from numpy.polynomial.legendre import legder, legint
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, finite_number, positive_number, real_array
-from qvi_contact.element.legendre import from_values, gauss_legendre
+from qvi_contact.element.edge import gauss_legendre, legendre_from_values
 from qvi_contact.element.triangle import EDGES
 from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.edges import (
@@ -306,7 +306,7 @@ def _bends(given: _Given, first: FloatArray, second: FloatArray, ends: FloatArra
     chords = corners[:, 1] - corners[:, 0]
     lengths = np.hypot(*chords.T)
     exact = np.maximum(_EXACT, _LOST * np.abs(ends).max(axis=(1, 2)) / np.where(lengths > 0.0, lengths, 1.0))
-    t, project = gauss_legendre(_POINTS)[0], from_values(_POINTS - 1, _POINTS).T
+    t, project = gauss_legendre(_POINTS)[0], legendre_from_values(_POINTS - 1, _POINTS).T
     points = (given.points(first[:, None] + step * t) - corners[:, :1]).swapaxes(1, 2) @ project
     points = _without_rounding(points, (_RESOLVED * exact * lengths)[:, None])
     slopes = np.asarray(legder(points, axis=2), dtype=np.float64)

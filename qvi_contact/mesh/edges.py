@@ -28,7 +28,7 @@ import numpy as np
 from numpy.polynomial.legendre import legval
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.element.legendre import from_values, gauss_legendre
+from qvi_contact.element.edge import gauss_legendre, legendre_from_values
 from qvi_contact.element.triangle import EDGES
 
 
@@ -174,7 +174,7 @@ def part_of(bend: FloatArray, start: FloatArray, stop: FloatArray) -> FloatArray
     """The bends (n, k) of parts of edges, from shares (n,) to shares (n,) of their lengths; of no higher degree."""
     count = bend.shape[1]
     at = start[:, None] + (stop - start)[:, None] * gauss_legendre(count)[0]
-    found = angles(bend, at) @ from_values(count - 1, count).T
+    found = angles(bend, at) @ legendre_from_values(count - 1, count).T
     return levelled(np.where(np.logical_or.accumulate(bend[:, ::-1] != 0.0, axis=1)[:, ::-1], found, 0.0))
 
 

@@ -21,11 +21,9 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from qvi_contact.basics.checks import FloatArray, IntArray, evaluate
-from qvi_contact.basics.units import Units
 from qvi_contact.companion import Elasticity
 from qvi_contact.discretization.displacements import DisplacementSpace, triangle
-from qvi_contact.element import bernstein
-from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.element.edge import bernstein_basis, gauss_legendre
 from qvi_contact.mesh.edges import Edges, cross, vectors_along
 from qvi_contact.plots import style
 from qvi_contact.plots.problem import SPRING, between, draw_symbols, ground, spaced, springs
@@ -36,6 +34,7 @@ from qvi_contact.problem.material import stress_along_z, stress_at_rest
 from qvi_contact.solution.contact_line import enclosed_beyond
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import sample_body, stress_component, stress_in_cells
+from qvi_contact.units import Units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -103,7 +102,7 @@ class Shape:
 
     def along(self, edges: Edges, t: FloatArray, *, other: bool = False) -> FloatArray:
         """Displacements at t (q,), 0 to 1, of edges, (edges, q, 2) [length]; with `other` those of the far side."""
-        return np.asarray(bernstein.basis(_DEGREE, t) @ self.coefficients[self.space.along(edges, other=other)])
+        return np.asarray(bernstein_basis(_DEGREE, t) @ self.coefficients[self.space.along(edges, other=other)])
 
 
 def _known(result: ContactResult, space: DisplacementSpace) -> tuple[sparse.csr_array, FloatArray]:
@@ -113,7 +112,7 @@ def _known(result: ContactResult, space: DisplacementSpace) -> tuple[sparse.csr_
 
     def add(edges: Edges, t: FloatArray, direction: FloatArray, known: FloatArray, joint: bool = False) -> None:
         """Rows for values (e, q) along directions (e, q, 2) at t (q,) of edges, of a joint those of the jump."""
-        shape = bernstein.basis(space.degree, t)
+        shape = bernstein_basis(space.degree, t)
         roots = np.sqrt(edges.length[:, None] / (scales.length * len(t)) * np.ones(len(t)))
         entries = roots[..., None, None] * shape[:, :, None] * direction[:, :, None]
         starts = np.arange(0, entries.size + 1, 2 * shape.shape[1])

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, evaluate, real_array
-from qvi_contact.basics.units import Units
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import Collapse, LimitLoad
 from qvi_contact.mechanism import Mechanism
@@ -25,6 +24,7 @@ from qvi_contact.problem.conditions import CARTESIAN, Displacement, components
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
+from qvi_contact.units import Units
 from solvers import Status
 from solvers.errors import known_name
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.basics.schema import defaults_of, keys_of
-from qvi_contact.basics.units import Units
 from qvi_contact.mesh.edges import Edges, chains, frames_along, points_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.plots import style
@@ -23,6 +22,7 @@ from qvi_contact.problem.conditions import (
     components,
 )
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.units import Units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

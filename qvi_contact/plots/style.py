@@ -19,11 +19,11 @@ from urllib.parse import quote
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.basics.units import Units
 from qvi_contact.basics.writing import check_suffix, replacing
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, points_along
 from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.units import Units
 from solvers.basics.types import load
 
 if TYPE_CHECKING:

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.basics.units import Units
-from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.element.edge import gauss_legendre
 from qvi_contact.plots.style import BLUE, VERMILLION, plain_units
 from qvi_contact.solution.contact_line import ContactLine, ContactState
+from qvi_contact.units import Units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

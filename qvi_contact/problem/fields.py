@@ -19,7 +19,7 @@ from numpy.polynomial import polynomial
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field, evaluate, finite_number, real_array
 from qvi_contact.basics.writing import given_path
-from qvi_contact.element.quadrature import EdgeQuadrature, adapted, constant
+from qvi_contact.element.edge import EdgeQuadrature, adapted, constant
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts
 from qvi_contact.mesh.edges import Edges, rounding_along

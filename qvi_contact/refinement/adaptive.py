@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias, overload
 
 import numpy as np
 
+from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray, instance_of, positive_number, whole_number
-from qvi_contact.basics.units import Certainty
 from qvi_contact.errors import InputError, QVIError, SolveError
 from qvi_contact.limit.load_factor import LimitLoad, checked_loads
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -29,7 +29,7 @@ from qvi_contact.refinement.measure import LimitFactor, Measure, Quantity
 from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.settings import Settings as SolveSettings
-from qvi_contact.version import __version__
+from qvi_contact.units import Certainty
 from solvers.basics.checks import function_or_none, true_or_false
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import columns_of, frame

@@ -17,9 +17,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray, evaluate, whole_number
-from qvi_contact.basics.units import Certainty
 from qvi_contact.bracket import Bounds
-from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.element.edge import gauss_legendre
 from qvi_contact.errors import InputError, QVIError
 from qvi_contact.limit.load_factor import LimitProblem
 from qvi_contact.limit.stresses import limited
@@ -34,6 +33,7 @@ from qvi_contact.solution.history import History, solve_history
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.solver import discretized, solve
 from qvi_contact.solution.stress import loads_followed
+from qvi_contact.units import Certainty
 from solvers import Status
 from solvers.basics.progress import deadline
 from solvers.basics.status import Ending

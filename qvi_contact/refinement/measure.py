@@ -18,7 +18,6 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from qvi_contact.basics.checks import FloatArray, finite_number
-from qvi_contact.basics.units import Rounding, Units
 from qvi_contact.discretization.loads import potential_at
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError
@@ -33,6 +32,7 @@ from qvi_contact.problem.material import stress_along_z
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import COMPONENTS, stress_component, stress_in_cells
+from qvi_contact.units import Rounding, Units
 from solvers.derivative import change
 from solvers.errors import known_name
 

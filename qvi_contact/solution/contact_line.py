@@ -3,7 +3,7 @@
 Displacements come from the multipliers divided by the weights.
 
 Between the Gauss points the discrete problem does not ask for the law. Tractions and fields of the law are taken there
-as the polynomials through them, and seen at the ends and `bernstein.SAMPLES` of every edge.
+as the polynomials through them, and seen at the ends and `SAMPLES` of every edge.
 """
 
 from __future__ import annotations
@@ -17,14 +17,13 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
-from qvi_contact.basics.units import Rounding, Units, shown
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, physical
-from qvi_contact.element import bernstein, legendre
-from qvi_contact.element.legendre import gauss_legendre
+from qvi_contact.element.edge import SAMPLES, gauss_legendre, legendre_basis, legendre_from_values
 from qvi_contact.mesh.edges import Edges, chains, cross, points_back
 from qvi_contact.problem.conditions import is_frictionless
 from qvi_contact.solution.stress import normal_and_shear
+from qvi_contact.units import Rounding, Units, shown
 from solvers import QVISolution
 from solvers.basics.types import frame, load, pandas
 
@@ -334,8 +333,8 @@ def between_points(rows: ContactRows, normal: FloatArray, tangential: FloatArray
     if rows.law == "tied":
         return 0.0, 0.0
     both, count, capped = rows.law != "unilateral", rows.points.count, bool(np.isfinite(rows.limits.cap).all())
-    t = np.concatenate([[0.0], bernstein.SAMPLES, [1.0]])
-    there = (legendre.basis(count - 1, t) @ legendre.from_values(count - 1, count)).T
+    t = np.concatenate([[0.0], SAMPLES, [1.0]])
+    there = (legendre_basis(count - 1, t) @ legendre_from_values(count - 1, count)).T
     fields = normal, tangential, *rows.limits[: 2 + capped]
     pressing, shear, friction, cohesion, *caps = (part.reshape(-1, count) @ there for part in fields)
     bound = cohesion + friction * (np.abs(pressing) if both else np.maximum(-pressing, 0.0))

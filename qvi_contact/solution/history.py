@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray, function_or_none, instance_of, real_array, true_or_false
-from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, laws_vary
 from qvi_contact.discretization.scaling import Scales
@@ -37,7 +37,7 @@ from qvi_contact.solution.result import ContactResult, contact_numbers, forces_u
 from qvi_contact.solution.settings import Settings
 from qvi_contact.solution.solver import solved
 from qvi_contact.solution.stress import traction
-from qvi_contact.version import __version__
+from qvi_contact.units import Units
 from solvers import Status, certify
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import PicklesFields, frame, load, pandas

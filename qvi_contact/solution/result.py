@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.basics.units import SHARE, Rounding, Units
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical, scaled_stress_at_rest
 from qvi_contact.errors import InputError
@@ -29,6 +28,7 @@ from qvi_contact.solution.stress import (
     stress_rounding,
     traction,
 )
+from qvi_contact.units import SHARE, Rounding, Units
 from solvers import Certificate, Iteration, QVISolution, Status
 from solvers.basics.types import PicklesFields, frame, load, pandas
 from solvers.certificate.feasibility import AdmissibleRows

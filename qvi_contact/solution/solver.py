@@ -20,6 +20,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.loads import joined
@@ -28,7 +29,6 @@ from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.settings import Settings, pressures
-from qvi_contact.version import __version__
 from solvers import QVISolution, Status
 from solvers.basics.progress import Log, Progress, deadline, report
 from solvers.factorisation.base import FactorisationError

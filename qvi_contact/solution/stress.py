@@ -26,7 +26,7 @@ from qvi_contact.discretization.loads import (
     potential_at,
     traction_data,
 )
-from qvi_contact.element import legendre
+from qvi_contact.element.edge import legendre_from_values
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Traction
@@ -238,7 +238,7 @@ def misfit_of_tractions(discretization: Discretization, u: FloatArray) -> float:
         directions = points.vectors(given.direction, given.turns)
         along = component(normal * points.normals.T + shear * points.tangents.T, directions)
         wanted = traction_data(problem, scales, given, LOAD_POINTS)
-        computed = along.reshape(-1, count) @ legendre.from_values(degree, count).T
+        computed = along.reshape(-1, count) @ legendre_from_values(degree, count).T
         largest = max(largest, wanted.misfit(computed))
     return scales.stress * largest
 

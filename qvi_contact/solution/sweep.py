@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, get_args, over
 
 import numpy as np
 
+from qvi_contact import __version__
 from qvi_contact.basics.checks import function_or_none, instance_of, one_of, real_array, true_or_false
 from qvi_contact.basics.schema import LARGEST
-from qvi_contact.basics.units import Units
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import laws_vary
 from qvi_contact.errors import InputError, SolveError
@@ -29,7 +29,7 @@ from qvi_contact.runs.processes import Limits, NotLoadedError, Workers
 from qvi_contact.solution.result import ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import Settings
 from qvi_contact.solution.solver import discretized, fitted, solved
-from qvi_contact.version import __version__
+from qvi_contact.units import Units
 from solvers import Status
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import frame, load, pandas

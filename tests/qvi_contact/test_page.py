@@ -13,13 +13,12 @@ import numpy as np
 import pytest
 
 from qvi_contact import ContactState, InputError, TriangleMesh, solve
-from qvi_contact.basics import Rounding
 from qvi_contact.command import number, result_lines, result_page, result_tables
 from qvi_contact.files import problem_from_toml
 from qvi_contact.plots import mesh_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Symmetry, Traction
 from qvi_contact.solution import ContactPath
-from qvi_contact.units import Units
+from qvi_contact.units import Rounding, Units
 from tests.qvi_contact.builders import PROBLEMS, told
 from tests.qvi_contact.test_plots import slanted_result
 

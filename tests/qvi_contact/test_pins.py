@@ -10,7 +10,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from qvi_contact import InputError, refine, solve, solve_history, solve_sweep
-from qvi_contact.basics import Units
 from qvi_contact.bracket import bracket
 from qvi_contact.companion import solve_companion
 from qvi_contact.discretization import Scales, pins
@@ -21,6 +20,7 @@ from qvi_contact.plots import history_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Traction, disc_gap
 from qvi_contact.refinement import unit_of
 from qvi_contact.solution import leads_one_way, turning_senses
+from qvi_contact.units import Units
 from solvers import Status
 from tests.qvi_contact.builders import difference, holed, polygon, solved
 from tests.qvi_contact.test_plates import SIDES, moved

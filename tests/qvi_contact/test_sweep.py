@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from qvi_contact import InputError, TriangleMesh, read_sweep, solve, solve_sweep
-from qvi_contact.basics import Units
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Expression, Material, Traction
 from qvi_contact.runs import Outcome, Workers
+from qvi_contact.units import Units
 from solvers import Status
 from tests.cases import refused_at
 from tests.run_tasks import deadly

@@ -9,7 +9,7 @@ from scipy.special import comb
 
 from qvi_contact import Material, TriangleMesh, solve
 from qvi_contact.discretization import BodyStiffness, Root, StressSpace, Supports, edge_rule
-from qvi_contact.element import from_values, gauss_legendre
+from qvi_contact.element import gauss_legendre, legendre_from_values
 from qvi_contact.gallery import compressed_plate, exact
 from solvers import Status
 from solvers.basics import Kept
@@ -44,7 +44,7 @@ def dofs_of(basis, phi):
     hessian = [f(points[..., 0], points[..., 1]) for f in (xx, yy, xy)]
     normal = tx * tx * hessian[0] + ty * ty * hessian[1] + 2.0 * tx * ty * hessian[2]
     twist = tx * ty * (hessian[1] - hessian[0]) + (tx * tx - ty * ty) * hessian[2]
-    project = from_values(basis.degree - 2, len(t)).T
+    project = legendre_from_values(basis.degree - 2, len(t)).T
     on_edges = np.hstack([(normal @ project)[:, 2:], (twist @ project)[:, 1:]])
     values = np.concatenate([np.column_stack([value(x, y), dx(x, y), dy(x, y)]).ravel(), on_edges.ravel()])
     return values / space.units

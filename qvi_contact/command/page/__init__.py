@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from markupsafe import Markup
 
+from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray
-from qvi_contact.basics.units import Rounding, Units, shown
 from qvi_contact.basics.writing import page_template
 from qvi_contact.bracket import Bracket
 from qvi_contact.command import report
@@ -36,7 +36,7 @@ from qvi_contact.refinement import Refinement
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine, ContactState
 from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, contact_numbers
 from qvi_contact.solution.stress import sample_body
-from qvi_contact.version import __version__
+from qvi_contact.units import Rounding, Units, shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -13,8 +13,8 @@ from qvi_contact.element import (
     EDGES,
     AffineTriangles,
     absolute_integrals,
-    from_values,
     hsieh_clough_tocher,
+    legendre_from_values,
     product_integrals,
 )
 from tests.cases import refused_at
@@ -210,7 +210,7 @@ def test_interpolation_from_gauss_points(count):
     """Polynomials of degree count − 1 are met, the next Legendre polynomial is taken for zero."""
     t = np.linspace(0.0, 1.0, 31)
     points = (1 + np.polynomial.legendre.leggauss(count)[0]) / 2
-    matrix = (np.polynomial.legendre.legvander(2.0 * t - 1.0, count - 1) @ from_values(count - 1, count)).T
+    matrix = (np.polynomial.legendre.legvander(2.0 * t - 1.0, count - 1) @ legendre_from_values(count - 1, count)).T
     assert points ** (count - 1) @ matrix == pytest.approx(t ** (count - 1), abs=1e-13)
     assert np.polynomial.Legendre.basis(count, [0, 1])(points) @ matrix == pytest.approx(0.0, abs=1e-12)
 
