@@ -2,8 +2,8 @@
 
     Settings(method="condensed", tolerance=1e-9, options={"gap": 1e-12})
 
-What an option means ends with an example, as problem files have it: they, and the command line, are made from these
-classes, so nothing here imports NumPy before something is checked.
+What an option means says the text below it, which ends with an example, as problem files have it: they, and the
+command line, are made from these classes, so nothing here imports NumPy before something is checked.
 """
 
 from __future__ import annotations
@@ -28,14 +28,6 @@ class CondensedOptions:
 
     At most 600 factorisations of Newton's matrix, unless `max_iterations` says otherwise.
 
-    Parameters
-    ----------
-    gap : float
-        Condensed: complementarity at the end, relative to stress × displacement × length: `gap = 1e-12`.
-    system : str
-        Condensed: Newton's matrices, "dense" on what the contact feels, "sparse" in all unknowns, or "auto", what takes
-        less time by the count of operations: `system = "sparse"`.
-
     Notes
     -----
     The gap becomes less by the square of the least share that a point's bound has in its contact, where that is below
@@ -44,9 +36,12 @@ class CondensedOptions:
     """
 
     gap: float = 1e-14
+    """Condensed: complementarity at the end, relative to stress × displacement × length: `gap = 1e-12`."""
     max_iterations: int = 600
     initial: Any = None
     system: str = "auto"
+    """Condensed: Newton's matrices, "dense" on what the contact feels, "sparse" in all unknowns, or "auto", what takes
+    less time by the count of operations: `system = "sparse"`."""
 
     def __post_init__(self) -> None:
         from solvers.basics.checks import fraction, one_of, whole_number
@@ -68,37 +63,26 @@ class FixedPointOptions:
 
     By default it starts from the pressure of the bonded solution (one linear solve). At most 100 outer iterations,
     unless `max_iterations` says otherwise.
-
-    Parameters
-    ----------
-    variant : str
-        Fixed point: "anderson", "damped" s + θ (g − s), or "plain" s ← g: `variant = "damped"`.
-    damping : float
-        Fixed point: θ of "damped" and mixing β of "anderson", above 0, at most 1: `damping = 0.2`.
-    memory : int
-        Fixed point: earlier iterations that "anderson" uses: `memory = 10`.
-    inner_tolerance : float, optional
-        Fixed point: tolerance of the inner solver; 1e-4 × tolerance by default, between 1e-12 and 1e-6:
-        `inner_tolerance = 1e-12`.
-    patience : int
-        Fixed point: iterations without progress before it counts as stalled: `patience = 30`.
-    form : str
-        Fixed point: unknowns of the inner problems, "auto", "full" or "condensed": `form = "full"`.
-    inner_options : mapping, optional
-        Settings of the inner solver by its own names, instead of those that `inner_tolerance` stands for; some back
-        ends ignore names they do not know.
-
     """
 
     variant: str = "anderson"
+    """Fixed point: "anderson", "damped" s + θ (g − s), or "plain" s ← g: `variant = "damped"`."""
     damping: float = 0.5
+    """Fixed point: θ of "damped" and mixing β of "anderson", above 0, at most 1: `damping = 0.2`."""
     memory: int = 5
+    """Fixed point: earlier iterations that "anderson" uses: `memory = 10`."""
     max_iterations: int = 100
     initial: Any = None
     inner_tolerance: float | None = None
+    """Fixed point: tolerance of the inner solver; 1e-4 × tolerance by default, between 1e-12 and 1e-6: `inner_tolerance
+    = 1e-12`."""
     patience: int = 15
+    """Fixed point: iterations without progress before it counts as stalled: `patience = 30`."""
     form: str = "auto"
+    """Fixed point: unknowns of the inner problems, "auto", "full" or "condensed": `form = "full"`."""
     inner_options: Mapping[str, Any] | None = None
+    """Settings of the inner solver by its own names, instead of those that `inner_tolerance` stands for; some back ends
+    ignore names they do not know."""
 
     def __post_init__(self) -> None:
         from solvers.basics.checks import finite_number, fraction, one_of, whole_number
@@ -115,31 +99,21 @@ class FixedPointOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class UzawaOptions:
-    """Options of the Uzawa procedure; at most 100 000 iterations.
-
-    Parameters
-    ----------
-    rule : str
-        Uzawa: "accumulating", or "printed" as in the paper, see `solvers.uzawa`: `rule = "printed"`.
-    omega_T : float
-        Uzawa: step of the tangential multiplier, a displacement (dimensionless): `omega_T = 0.001`.
-    omega_N : float, optional
-        Uzawa: step of the normal multiplier, displacement per stress; 1 / the spectral radius of N K⁻¹ Nᵀ W by default:
-        `omega_N = 0.5`.
-    step_decay : float, optional
-        Uzawa: iterations k₀ in which the step halves, ω_T 2^(−i / k₀); it does not shrink by default: `step_decay =
-        200.0`.
-    iterations : int, optional
-        Uzawa: do exactly so many, without any test (the paper's 30): `iterations = 30`.
-
-    """
+    """Options of the Uzawa procedure; at most 100 000 iterations."""
 
     rule: str = "accumulating"
+    """Uzawa: "accumulating", or "printed" as in the paper, see `solvers.uzawa`: `rule = "printed"`."""
     omega_T: float = 0.01  # noqa: N815  # the letter of the paper
+    """Uzawa: step of the tangential multiplier, a displacement (dimensionless): `omega_T = 0.001`."""
     omega_N: float | None = None  # noqa: N815
+    """Uzawa: step of the normal multiplier, displacement per stress; 1 / the spectral radius of N K⁻¹ Nᵀ W by default:
+    `omega_N = 0.5`."""
     step_decay: float | None = None
+    """Uzawa: iterations k₀ in which the step halves, ω_T 2^(−i / k₀); it does not shrink by default: `step_decay =
+    200.0`."""
     max_iterations: int = 100_000
     iterations: int | None = None
+    """Uzawa: do exactly so many, without any test (the paper's 30): `iterations = 30`."""
 
     def __post_init__(self) -> None:
         from solvers.basics.checks import one_of, positive_number, whole_number
@@ -176,39 +150,6 @@ Options = TypeVar("Options", CondensedOptions, FixedPointOptions, UzawaOptions, 
 class Settings:
     """How a problem is solved.
 
-    Parameters
-    ----------
-    method : str, optional
-        condensed, fixed-point, pivoting or uzawa; by default pivoting on small contacts, else condensed: `method =
-        "fixed-point"`.
-    inner : str, optional
-        Inner solver of the fixed point, see `qvi-contact methods`; qp:clarabel by default: `inner =
-        "direct:clarabel"`.
-    tolerance : float
-        Accuracy that the certificate must confirm, dimensionless: `tolerance = 1e-9`.
-    factorisation : str
-        Factorisation, see `qvi-contact methods`: `factorisation = "multifrontal"`.
-    threads : int, optional
-        Threads of factorisations and dense linear algebra; one for small problems by default, else all cores: `threads
-        = 2`.
-    time_limit : float, optional
-        Seconds for everything together: all steps or values, methods, retries and inner problems; no limit by default:
-        `time_limit = 60.0`.
-    verbose : bool
-        Print a header, a line an iteration, step or value, and a footer with status and times.
-    throw : bool
-        Raise `SolveError` where a solve does not end with the status "solved".
-    callback : callable, optional
-        Called with every `solvers.Iteration` of any method. Histories, sweeps and refinement have another one.
-    initial : optional
-        Where pivoting, the condensed method and the fixed point begin; it chooses no method. For `solve_qvi` the
-        `QVISolution` of a problem with the same unknowns and rows, or a pressure (m,) for the fixed point. Pivoting
-        goes on from such a state. Two iterations of the condensed method tell whether it is near; if it is not, the
-        usual start is taken.
-    options : mapping
-        Options of the method, by name: fields of `CondensedOptions`, `FixedPointOptions`, `PivotingOptions` or
-        `UzawaOptions`. By default `max_iterations` counts the iterations of the condensed method and the fixed point.
-
     Raises
     ------
     InputError
@@ -236,16 +177,35 @@ class Settings:
     """
 
     method: str | None = None
+    """condensed, fixed-point, pivoting or uzawa; by default pivoting on small contacts, else condensed: `method =
+    "fixed-point"`."""
     inner: str | None = None
+    """Inner solver of the fixed point, see `qvi-contact methods`; qp:clarabel by default: `inner =
+    "direct:clarabel"`."""
     tolerance: float = 1e-8
+    """Accuracy that the certificate must confirm, dimensionless: `tolerance = 1e-9`."""
     factorisation: str = "auto"
+    """Factorisation, see `qvi-contact methods`: `factorisation = "multifrontal"`."""
     threads: int | None = None
+    """Threads of factorisations and dense linear algebra; one for small problems by default, else all cores: `threads =
+    2`."""
     time_limit: float | None = None
+    """Seconds for everything together: all steps or values, methods, retries and inner problems; no limit by default:
+    `time_limit = 60.0`."""
     verbose: bool = False
+    """Print a header, a line an iteration, step or value, and a footer with status and times."""
     throw: bool = False
+    """Raise `SolveError` where a solve does not end with the status "solved"."""
     callback: Callable[[Any], object] | None = None
+    """Called with every `solvers.Iteration` of any method. Histories, sweeps and refinement have another one."""
     initial: Any = None
+    """Where pivoting, the condensed method and the fixed point begin; it chooses no method. For `solve_qvi` the
+    `QVISolution` of a problem with the same unknowns and rows, or a pressure (m,) for the fixed point. Pivoting goes on
+    from such a state. Two iterations of the condensed method tell whether it is near; if it is not, the usual start is
+    taken."""
     options: Mapping[str, Any] = field(default_factory=dict)
+    """Options of the method, by name: fields of `CondensedOptions`, `FixedPointOptions`, `PivotingOptions` or
+    `UzawaOptions`. By default `max_iterations` counts the iterations of the condensed method and the fixed point."""
 
     def __post_init__(self) -> None:
         from solvers.basics.checks import fraction, function_or_none, mapping, true_or_false

@@ -4,15 +4,17 @@ From type, default and metadata follow the key of problem files, its check and m
 
     cohesion: Field = field(default=0.0, metadata=key(kind=Varying(0.0), tied=False, symbol="c", unit="stress"))
 
-What it means says the docstring of the class, or a text below the field: "meaning: `cohesion = 0.1`.", the last part an
-example in TOML. The page of all keys is made of these.
+What it means says the text below the field: "meaning: `cohesion = 0.1`.", the last part an example in TOML. The page of
+all keys is made of these, and the help of commands.
 
 Errors of `Kind.read` have a path relative to the value that is read; each table or list on the way adds its own part.
 """
 
 from __future__ import annotations
 
+import ast
 import inspect
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager, suppress
 from dataclasses import MISSING, dataclass, fields
@@ -481,19 +483,30 @@ class Checked:
 
 @_cached
 def described(kind: type) -> dict[str, str]:
-    """What docstrings of a class, and of those above it, say of each of its parameters; nothing without docstrings."""
-    found: dict[str, str] = {}
+    """The texts below fields of a class, and of those above it; below `in_files` that of the key it names.
+
+    Fields right above one another share the text below them. Nothing where there is no source.
+    """
+    texts: dict[str, str] = {}
     for each in reversed(kind.__mro__[:-1]):
-        own: dict[str, str] = {}
-        names: list[str] = []
-        _, _, listed = inspect.cleandoc(each.__doc__ or "").partition("Parameters\n----------\n")
-        for line in listed.partition("\n\n")[0].splitlines():
-            if not line.startswith(" "):
-                names = line.partition(" : ")[0].split(", ")
-            for name in names if line.startswith(" ") else ():
-                own[name] = f"{own[name]} {line.strip()}" if name in own else line.strip()
-        found |= own
-    return found
+        above = list[str]()
+        for line in _classes(each.__module__).get(each.__name__, ()):
+            if isinstance(line, ast.AnnAssign):
+                above.append(ast.unparse(line.target))
+            elif isinstance(line, ast.Expr) and above:
+                text = " ".join(ast.literal_eval(line.value).split())
+                names = [text.rpartition(": `")[2].partition(" ")[0]] if above[-1] == "in_files" else above
+                texts, above = texts | dict.fromkeys(names, text), []
+    return texts
+
+
+@cache
+def _classes(module: str) -> dict[str, list[ast.stmt]]:
+    """What stands in the classes of a module."""
+    with suppress(OSError, TypeError):  # it has no source
+        return {each.name: each.body for each in ast.parse(inspect.getsource(sys.modules[module])).body
+                if isinstance(each, ast.ClassDef)}  # fmt: skip
+    return {}
 
 
 def quoted(name: object) -> str:

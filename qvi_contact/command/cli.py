@@ -68,7 +68,7 @@ def _option(name: str, text: str = "") -> _Decorator:
     else:
         declared = Settings if name in keys_of(Settings) else RefineOptions
         kind, default = keys_of(declared)[name].kind, defaults_of(declared)[name]
-        said = described(declared).get(name, "").rpartition(": `")[0]  # python -OO has no texts
+        said = described(declared).get(name, "").rpartition(": `")[0]  # nothing without a source
         said += "." if said else ""
         if default is not None:
             said += f"  [default: {default}]"

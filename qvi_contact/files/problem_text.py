@@ -1,15 +1,12 @@
 """Problem files as text: from a `ContactProblem` to TOML, and all keys from the classes that declare them.
 
-What a key means, and an example of it, say the docstring of its class or the text below the field; the page "All keys"
-and `qvi-contact keys` show them.
+What a key means, and an example of it, says the text below its field; the page "All keys" and `qvi-contact keys` show
+them.
 """
 
-import ast
-import inspect
 import re
 import textwrap
 from collections.abc import Iterator, Sequence
-from functools import cache
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -179,8 +176,6 @@ def keys(table: type) -> Iterator[Key]:
     for kind in (*schema.inlined(table), table):
         defaults |= schema.defaults_of(kind)
         texts |= schema.described(kind)
-        for each in reversed(kind.__mro__[:-1]):
-            texts |= _below(each)
     for name, own in file_keys(table).items():
         found = re.fullmatch(r"(.+): `\w+ = ([^`]+)`\.", texts.get(name, ""))  # without docstrings there is nothing
         meaning, example = (found[1], f"{name} = {found[2]}") if found is not None else ("", "")
@@ -231,19 +226,3 @@ def _values(kind: schema.Kind) -> str:
     if isinstance(kind, schema.Named):
         return f"table by names, each {_values(kind.kind)}"
     return next(word for of, word in _WORDS if isinstance(kind, of))
-
-
-@cache
-def _below(kind: type) -> dict[str, str]:
-    """The texts below fields of a class, each of those right above it; below `in_files` that of the key it names."""
-    (found,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
-    assert isinstance(found, ast.ClassDef)
-    texts, above = dict[str, str](), list[str]()
-    for line in found.body:
-        if isinstance(line, ast.AnnAssign):
-            above.append(ast.unparse(line.target))
-        elif isinstance(line, ast.Expr) and above:
-            text = " ".join(ast.literal_eval(line.value).split())
-            names = [text.rpartition(": `")[2].partition(" ")[0]] if above[-1] == "in_files" else above
-            texts, above = texts | dict.fromkeys(names, text), []
-    return texts

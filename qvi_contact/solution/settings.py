@@ -23,19 +23,6 @@ class Settings(Method):
     ``solve(problem, degree=5)`` is ``solve(problem, Settings(degree=5))``, and ``solve(problem, settings, degree=5)``
     changes one field.
 
-    Parameters
-    ----------
-    degree : int, optional
-        Degree of the element, from 3 to 12; 4 by default: `degree = 5`.
-    law_on : "edges" or "points", optional
-        Where the contact law holds: on whole edges, or at points. edges by default; points where friction varies along
-        an edge, on bilateral contacts with friction, and for uzawa: `law_on = "points"`.
-    initial : ContactResult or array_like, optional
-        An earlier result, such as that of a smaller load: on the same mesh and element the condensed method starts from
-        it if two iterations find it near, and on the same contact points the fixed point starts from its pressure. An
-        array of pressures over all contact points [stress], effective where a fluid presses, is for the fixed point
-        only; negative values count as zero. It chooses no method.
-
     Raises
     ------
     InputError
@@ -46,7 +33,15 @@ class Settings(Method):
     """
 
     degree: int | None = None
+    """Degree of the element, from 3 to 12; 4 by default: `degree = 5`."""
     law_on: LawOn | None = None
+    """Where the contact law holds: on whole edges, or at points. edges by default; points where friction varies along
+    an edge, on bilateral contacts with friction, and for uzawa: `law_on = "points"`."""
+    initial: Any = None
+    """An earlier result, such as that of a smaller load: on the same mesh and element the condensed method starts from
+    it if two iterations find it near, and on the same contact points the fixed point starts from its pressure. An array
+    of pressures over all contact points [stress], effective where a fluid presses, is for the fixed point only;
+    negative values count as zero. It chooses no method."""
 
     def __post_init__(self) -> None:
         if isinstance(self.options, Mapping):
@@ -124,29 +119,19 @@ class SolveOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class RefineOptions:
-    """Defaults for `qvi_contact.refine`, beside those for `qvi_contact.solve`.
-
-    Parameters
-    ----------
-    target : float, optional
-        Relative error asked for; 1e-3 by default: `target = 1e-4`.
-    quantity : str, optional
-        energy (by default) or dissipation; the force of a contact, NAME.normal_force or NAME.tangential_force, its
-        NAME.largest_pressure or NAME.slip(x, y) at a point; of a plate or pin its force or motion, NAME.force_x,
-        force_y, moment, x, y or rotation; a stress at a point, xx(x, y), yy, xy, von_mises, first or second; or its
-        extreme along a named edge, EDGES.largest_von_mises, EDGES.smallest_second: `quantity = "base.normal_force"`.
-    max_unknowns : int, optional
-        Largest number of unknowns; 20000 by default: `max_unknowns = 50_000`.
-    max_rounds : int, optional
-        Largest number of rounds; 60 by default: `max_rounds = 10`.
-    guaranteed : bool, optional
-        For the force of a contact with Coulomb friction: refine until its guaranteed bounds are within the target.
-        By default an estimate is enough: `guaranteed = true`.
-
-    """
+    """Defaults for `qvi_contact.refine`, beside those for `qvi_contact.solve`."""
 
     target: float | None = None
+    """Relative error asked for; 1e-3 by default: `target = 1e-4`."""
     quantity: str | None = None
+    """energy (by default) or dissipation; the force of a contact, NAME.normal_force or NAME.tangential_force, its
+    NAME.largest_pressure or NAME.slip(x, y) at a point; of a plate or pin its force or motion, NAME.force_x, force_y,
+    moment, x, y or rotation; a stress at a point, xx(x, y), yy, xy, von_mises, first or second; or its extreme along a
+    named edge, EDGES.largest_von_mises, EDGES.smallest_second: `quantity = "base.normal_force"`."""
     max_unknowns: int | None = None
+    """Largest number of unknowns; 20000 by default: `max_unknowns = 50_000`."""
     max_rounds: int | None = None
+    """Largest number of rounds; 60 by default: `max_rounds = 10`."""
     guaranteed: bool | None = None
+    """For the force of a contact with Coulomb friction: refine until its guaranteed bounds are within the target. By
+    default an estimate is enough: `guaranteed = true`."""
