@@ -38,6 +38,7 @@ from qvi_contact.discretization.displacements import HIGHEST, PARALLEL, triangle
 from qvi_contact.discretization.loads import is_polynomial, physical, scaled_stress_at_rest, spanned
 from qvi_contact.element.edge import bernstein_basis
 from qvi_contact.errors import InputError
+from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, Displacement, Traction, components, has_coulomb
 from qvi_contact.problem.material import is_strained, varies
 from qvi_contact.problem.problem import by_cell, with_contacts
@@ -148,26 +149,22 @@ def data_reasons(discretization: Discretization) -> tuple[str, ...]:
     Tractions and friction bounds c and t_max are held up to the degree p − 2 of tractions along an edge, a body
     potential up to 5 on cells, and up to p − 2 along contacts. Springs have one stiffness on an edge.
     """
-    problem, space, found = discretization.problem, discretization.space, list[str]()
-    most = space.element.traction_degree
-    for condition in problem.conditions:
-        place, data = condition.edges, list[tuple[str, str, Field | None, int]]()  # spoken name, name, field, degree
-        if isinstance(condition, Traction):
-            data += [
-                (f"Traction.{key}", f"Traction.{key}", field, most) for key, field in components(condition).items()
-            ]
-        elif isinstance(condition, Contact):
-            place, degrees = condition.name, dict.fromkeys(SPRINGS, 0)
-            if condition.law != "tied":
-                degrees |= {name: most for name, each in keys_of(Contact).items() if each.unit == "stress"}
-                data.append(("The body potential", "ContactProblem.body_potential", problem.body_potential, most))
-            for name, degree in degrees.items():
-                data.append((f"The {name.replace('_', ' ')}", f"Contact.{name}", getattr(condition, name), degree))
-        found += [
-            f"{said} on {place!r} is not a polynomial of degree {degree} on every edge."
-            for said, name, field, degree in data
-            if callable(field) and not is_polynomial(problem, problem.mesh.edges(condition.edges), name, field, degree)
-        ]
+    problem, space = discretization.problem, discretization.space
+    most, data = space.element.traction_degree, list[tuple[str, str, Edges, str, Field | None, int]]()
+    for given in problem.prescribed(Traction):
+        data.append((given.name, given.condition.edges, given.edges, given.name, given.value, most))
+    for contact in problem.contacts:
+        place, degrees = (contact.name, problem.mesh.edges(contact.edges)), dict.fromkeys(SPRINGS, 0)
+        if contact.law != "tied":
+            degrees |= {name: most for name, each in keys_of(Contact).items() if each.unit == "stress"}
+            data.append(("The body potential", *place, "ContactProblem.body_potential", problem.body_potential, most))
+        for name, degree in degrees.items():
+            data.append((f"The {name.replace('_', ' ')}", *place, f"Contact.{name}", getattr(contact, name), degree))
+    found = [
+        f"{said} on {where!r} is not a polynomial of degree {degree} on every edge."
+        for said, where, edges, name, field, degree in data
+        if callable(field) and not is_polynomial(problem, edges, name, field, degree)
+    ]
     cells, (corners, parts) = np.arange(problem.mesh.cell_count), space.lattice(_DIVISIONS)
     t = corners[parts].mean(axis=1)
     points, inside = space.points(cells, t), dict[str, FloatArray]()

@@ -37,9 +37,9 @@ from qvi_contact.limit.stresses import ALONG, PASSES, Carried, YieldCones, limit
 from qvi_contact.mechanism import RigidMotion
 from qvi_contact.mechanism.bodies import FLUID, whole_edges
 from qvi_contact.mesh.edges import Edges, cross
-from qvi_contact.problem.conditions import DRIVES, SHEAR_LAW, Contact, Displacement, Traction, components
+from qvi_contact.problem.conditions import DRIVES, SHEAR_LAW, Contact, Displacement, Traction
 from qvi_contact.problem.fields import along_edges
-from qvi_contact.problem.problem import ContactProblem, by_cell, direction_of
+from qvi_contact.problem.problem import ContactProblem, by_cell
 from solvers.basics.linked import linked
 from solvers.basics.progress import deadline
 
@@ -315,24 +315,22 @@ class FlowProgram:
     def _powers(self) -> Iterator[tuple[str, FloatArray]]:
         """The power of the loads, by their names, as rows on coefficients of v and bodies, dimensionless."""
         space, mesh, S = self.space, self.space.mesh, self.scales.stress
-        for condition in self.problem.conditions:
-            if isinstance(condition, Traction):
-                edges = mesh.edges(condition.edges)
-                for name, value in components(condition).items():
-                    weights = self._edge_weights(edges, f"Traction.{name}", value)
-                    direction = np.repeat(direction_of(name, edges), space.degree + 1, axis=0)
-                    yield condition.name, weights @ space.rows(space.along(edges).ravel(), direction)
-            elif isinstance(condition, Contact):
-                if condition.plate is not None and condition in space.plates:
-                    plate, row = condition.plate, np.zeros(space.size)
-                    start = 2 * space.count + 3 * space.plates.index(condition)
-                    forces = [plate.force_x or 0.0, plate.force_y or 0.0, (plate.moment or 0.0) / mesh.length]
-                    row[start : start + 3] = np.array(forces) / (S * mesh.length)
-                    yield condition.name, row
-                if condition.has_fluid:
-                    edges = mesh.edges(condition.edges)
-                    weights = self._edge_weights(edges, "Contact.pore_pressure", condition.pore_pressure)
-                    yield FLUID, weights @ space.jumps(condition)[0]
+        for given in self.problem.prescribed(Traction):
+            if isinstance(given.condition, Traction):
+                weights = self._edge_weights(given.edges, given.name, given.value)
+                direction = np.repeat(given.direction, space.degree + 1, axis=0)
+                yield given.condition.name, weights @ space.rows(space.along(given.edges).ravel(), direction)
+        for contact in self.problem.contacts:
+            if contact.plate is not None and contact in space.plates:
+                plate, row = contact.plate, np.zeros(space.size)
+                start = 2 * space.count + 3 * space.plates.index(contact)
+                forces = [plate.force_x or 0.0, plate.force_y or 0.0, (plate.moment or 0.0) / mesh.length]
+                row[start : start + 3] = np.array(forces) / (S * mesh.length)
+                yield contact.name, row
+            if contact.has_fluid:
+                edges = mesh.edges(contact.edges)
+                weights = self._edge_weights(edges, "Contact.pore_pressure", contact.pore_pressure)
+                yield FLUID, weights @ space.jumps(contact)[0]
         for name, potential in self.problem.body_forces.items():
             if callable(potential):
                 yield name, self._body(potential)

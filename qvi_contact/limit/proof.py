@@ -43,7 +43,7 @@ from qvi_contact.limit.split import (
 from qvi_contact.limit.stresses import StressProgram
 from qvi_contact.mechanism import RigidMotion, find_mechanism
 from qvi_contact.mesh.edges import Edges
-from qvi_contact.problem.conditions import CARTESIAN, SHEAR_LAW, Contact, Symmetry, Traction, components
+from qvi_contact.problem.conditions import CARTESIAN, SHEAR_LAW, Contact, Traction
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.material import MohrCoulomb, Strength
 from qvi_contact.problem.problem import ContactProblem
@@ -243,24 +243,18 @@ class Statement:
 
     def _loads(self, names: Sequence[str]) -> Iterator[tuple[_Edge, _Load]]:
         """Ordinates of d·σn on edges, n outward and as long as the edge: prescribed tractions, and symmetry lines."""
-        for condition in self.problem.conditions:
-            if not isinstance(condition, (Traction, Symmetry)):
-                continue
-            given: Mapping[str, Field] = (
-                {"tangential": 0.0} if isinstance(condition, Symmetry) else components(condition)
-            )
-            edges = self.mesh.edges(condition.edges)
-            for name, value in given.items():
-                every = zip(self._pairs(edges), self._ordinates(edges, f"Traction.{name}", value), strict=True)
-                for n, (pair, ordinates) in enumerate(every):
-                    e, out = self.edge(pair), self.outward[pair]
-                    d, length = (e if name == "tangential" else (out * e[1], -out * e[0])), dot(e, e)
-                    if name in CARTESIAN:
-                        d = (Fraction(name == "x"), Fraction(name == "y"))
-                        length = abs(e[0] + e[1]) if 0 in e else Fraction(float(edges.length[n]))
-                    values, zeros = [length * each for each in ordinates], [ZERO] * len(ordinates)
-                    live = isinstance(condition, Traction) and condition.name in names
-                    yield pair, (d, [zeros, values] if live else [values, zeros])
+        for given in self.problem.prescribed(Traction):
+            edges, name = given.edges, given.name.partition(".")[2]
+            live = isinstance(given.condition, Traction) and given.condition.name in names
+            every = zip(self._pairs(edges), self._ordinates(edges, given.name, given.value), strict=True)
+            for n, (pair, ordinates) in enumerate(every):
+                e, out = self.edge(pair), self.outward[pair]
+                d, length = (e if name == "tangential" else (out * e[1], -out * e[0])), dot(e, e)
+                if name in CARTESIAN:
+                    d = (Fraction(name == "x"), Fraction(name == "y"))
+                    length = abs(e[0] + e[1]) if 0 in e else Fraction(float(edges.length[n]))
+                values, zeros = [length * each for each in ordinates], [ZERO] * len(ordinates)
+                yield pair, (d, [zeros, values] if live else [values, zeros])
 
     def _cones(self, law: Strength, plane: Literal["stress", "strain"]) -> Iterator[list[Fraction]]:
         """The cones a, β, γ² of a strength, first those that let the volume change."""

@@ -34,9 +34,9 @@ import numpy as np
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate
 from qvi_contact.element.edge import adapted, bernstein_basis, bernstein_from_values, constant, lobatto_points
 from qvi_contact.mesh.edges import Edges, angles, frames_along, points_along, vectors_along
-from qvi_contact.problem.conditions import LOCAL, Contact, Traction, components
+from qvi_contact.problem.conditions import Contact, Traction
 from qvi_contact.problem.fields import along_edges
-from qvi_contact.problem.problem import ContactProblem, direction_of
+from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.linked import linked
 
 BODY = "body"
@@ -149,19 +149,17 @@ def works(problem: ContactProblem, bodies: Bodies) -> dict[str, Work]:
 def _acting(problem: ContactProblem, bodies: Bodies) -> Iterator[tuple[str, FloatArray, float]]:
     """Parts of what each load does: its name, row and size of the work."""
     mesh = problem.mesh
-    for condition in problem.conditions:
-        if isinstance(condition, Traction):
-            edges = mesh.edges(condition.edges)
-            own = bodies.beside(edges)[:1]
-            for key, value in components(condition).items():
-                acting = direction_of(key, edges), f"Traction.{key}", value
-                yield condition.name, *_along(problem, bodies, edges, own, *acting, turns=key in LOCAL)
-        elif isinstance(condition, Contact) and condition.plate is not None:
-            body, plate = bodies.number(condition), condition.plate
+    for given in problem.prescribed(Traction):
+        if isinstance(given.condition, Traction):  # nothing acts along lines of symmetry
+            acting = given.direction, given.name, given.value
+            own = bodies.beside(given.edges)[:1]
+            yield given.condition.name, *_along(problem, bodies, given.edges, own, *acting, turns=given.turns)
+    for contact in problem.contacts:
+        if (plate := contact.plate) is not None:
+            body, row = bodies.number(contact), np.zeros((len(bodies), 3))
             moment = 0.0 if plate.moment is None else plate.moment_about(*bodies.centre[body]) / bodies.size[body]
-            row = np.zeros((len(bodies), 3))
             row[body] = plate.force_x or 0.0, plate.force_y or 0.0, moment
-            yield condition.name, row.ravel(), float(np.abs(row).sum())
+            yield contact.name, row.ravel(), float(np.abs(row).sum())
     first, second = bodies.of_cells[mesh.interior.cells].T
     joints = mesh.interior.take(first != second)  # of edges inside the body only those between two blocks count
     for name, field in problem.body_forces.items():

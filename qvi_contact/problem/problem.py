@@ -45,6 +45,8 @@ _APART: Final = 1e16  # ratio of moduli beyond which sums of compliances lose th
 class Prescribed:
     """One component of a traction or displacement, prescribed on edges of the boundary."""
 
+    condition: Traction | Displacement | Symmetry
+    """What states it."""
     name: str
     """What messages call it, such as "Traction.x"."""
     index: IntArray
@@ -205,7 +207,8 @@ class ContactProblem(PicklesFields):
             index = self.mesh.topology.outer.searchsorted(edges.number)
             for (kind, name), value in given.items():
                 direction = direction_of(name, edges)
-                found[kind].append(Prescribed(f"{title}.{name}", index, edges, direction, name in LOCAL, value))
+                known = f"{title}.{name}", index, edges, direction, name in LOCAL, value
+                found[kind].append(Prescribed(condition, *known))
         return {kind: tuple(each) for kind, each in found.items()}
 
 

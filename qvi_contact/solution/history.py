@@ -29,9 +29,9 @@ from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, laws_vary
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import centre_of, cross
-from qvi_contact.problem.conditions import LOCAL, Displacement, components
+from qvi_contact.problem.conditions import Displacement
 from qvi_contact.problem.fields import along_edges
-from qvi_contact.problem.problem import ContactProblem, direction_of, run_digest
+from qvi_contact.problem.problem import ContactProblem, run_digest
 from qvi_contact.solution.remarks import free_motions
 from qvi_contact.solution.result import ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import Settings
@@ -404,12 +404,11 @@ def _of_support(step: ContactResult, name: str) -> dict[str, tuple[float, float]
     points = EdgePoints(known.space, edges, LOAD_POINTS).for_resultants()
     acting, weights = traction(known, step.dofs, points).T, known.scales.length * points.weights
     found = list[tuple[float, str, tuple[float, float]]]()
-    for condition in problem.conditions:
-        if isinstance(condition, Displacement) and condition.edges == name:
-            for component, value in components(condition).items():
-                given, turns = direction_of(component, edges), component in LOCAL
-                means = along_edges(problem.mesh, edges, f"Displacement.{component}", value).coefficients(0)[:, 0]
-                mean = float(edges.length @ means / edges.length.sum())
-                force = float(weights @ (acting * points.vectors(given, turns)).sum(axis=1))
-                found.append((-abs(float(given[0] @ edges.tangent[0])), component, (mean, force)))
+    for given in problem.prescribed(Displacement):
+        if isinstance(given.condition, Displacement) and given.condition.edges == name:
+            means = along_edges(problem.mesh, edges, given.name, given.value).coefficients(0)[:, 0]
+            mean = float(edges.length @ means / edges.length.sum())
+            force = float(weights @ (acting * points.vectors(given.direction, given.turns)).sum(axis=1))
+            component = given.name.partition(".")[2]
+            found.append((-abs(float(given.direction[0] @ edges.tangent[0])), component, (mean, force)))
     return {component: pair for _, component, pair in sorted(found, key=lambda each: each[0])}
