@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from qvi_contact.files.archive import load_result
     from qvi_contact.files.problem_file import ProblemFile, load_problem
     from qvi_contact.files.problem_text import save_problem
-    from qvi_contact.files.stores import StoredSweep, read_sweep
     from qvi_contact.limit.load_factor import LimitLoad, StrengthReduction, limit_load_factor, strength_reduction_factor
     from qvi_contact.limit.proof import limit_proof
     from qvi_contact.mechanism import Mechanism
@@ -38,7 +37,7 @@ if TYPE_CHECKING:
     from qvi_contact.solution.settings import Settings
     from qvi_contact.solution.solver import solve
     from qvi_contact.solution.stress import principal_stresses
-    from qvi_contact.solution.sweep import Sweep, SweepRow, solve_sweep
+    from qvi_contact.solution.sweep import StoredSweep, Sweep, SweepRow, read_sweep, solve_sweep
     from qvi_contact.verification import verify_result
 
 _HOMES = {
@@ -49,7 +48,6 @@ _HOMES = {
     "files.archive": "load_result",
     "files.problem_file": "ProblemFile, load_problem",
     "files.problem_text": "save_problem",
-    "files.stores": "StoredSweep, read_sweep",
     "limit.load_factor": "LimitLoad, StrengthReduction, limit_load_factor, strength_reduction_factor",
     "limit.proof": "limit_proof",
     "mechanism": "Mechanism",
@@ -67,7 +65,7 @@ _HOMES = {
     "solution.settings": "Settings",
     "solution.solver": "solve",
     "solution.stress": "principal_stresses",
-    "solution.sweep": "Sweep, SweepRow, solve_sweep",
+    "solution.sweep": "StoredSweep, Sweep, SweepRow, read_sweep, solve_sweep",
     "verification": "verify_result",
 }
 """By module the names that come from it."""

@@ -1,4 +1,4 @@
-"""Results as NumPy archives: flat names, arrays and texts, no pickles, and a digest of them all.
+"""Results as NumPy archives: flat names, arrays and texts, no pickles, and a digest of them all; folders of load steps.
 
 They hold everything a result claims, and the problem, so that it can be checked from the file alone.
 
@@ -8,7 +8,8 @@ a file that was changed after it was written; whoever changes the digest too sti
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from pathlib import Path
 from typing import Any, Final
 from zipfile import BadZipFile
@@ -19,12 +20,13 @@ from numpy.typing import NDArray
 
 from qvi_contact import __version__
 from qvi_contact.basics.checks import FloatArray, IntArray
-from qvi_contact.basics.writing import open_regular, read_arrays, replacing
+from qvi_contact.basics.writing import open_regular, read_arrays, replacing, writable_folder, write_text
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import problem_from_toml
 from qvi_contact.files.problem_text import problem_to_toml, unread_toml
+from qvi_contact.solution.history import CONTINUES
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.settings import law_of_rows
 from qvi_contact.units import Units
@@ -331,3 +333,90 @@ def _certificate(archive: Archive) -> Certificate:
     if any(value < 0.0 for value in measures.values()):
         raise archive.refused("certificate", "holds measures below zero")
     return Certificate(dict.fromkeys(EXPONENTS, np.inf) | measures, tolerance, scales, signed)  # others do not pass
+
+
+# Steps of a history: archives in a folder, one for each step that is done, written whole or not at all. `store.json`
+# tells which history it is: a digest of all its problems and options. Beside it stands `step-000001.npz` for the first
+# step, and so on. After an interruption the steps up to the first that is missing or damaged are kept.
+
+
+Restore = Callable[[int, Scales], Discretization]
+"""The problem of a step, from 1, in these units, without earlier slip."""
+
+
+class StepStore(Sequence[ContactResult]):
+    """Results of so many planned steps, read when they are asked for; the last one read or added is at hand.
+
+    The folder is made if it is missing, the fingerprint is a digest of problems and options, `restore` makes the
+    problem of a step again, and `statuses` are those of each step there is. `InputError` if the folder cannot be
+    written, or holds other files or another history; where a step is read, if its file is damaged or was changed.
+    """
+
+    def __init__(self, folder: str | Path, fingerprint: str, planned: int, restore: Restore) -> None:
+        self._folder, self._fingerprint = writable_folder(folder, "store").absolute(), fingerprint
+        self._restore = restore
+        self._end: ContactResult | None = None  # a step that is not done, and in no file
+        self._near: tuple[int, ContactResult] | None = None
+        self._part: range | None = None  # numbers of steps, where only some are meant
+        header = self._folder / "store.json"
+        told = {"format": "qvi_contact steps", "version": 1, "fingerprint": fingerprint, "planned": planned}
+        if header.exists():
+            try:
+                found: Any = json.loads(header.read_text(encoding="utf-8"))
+            except (OSError, ValueError, RecursionError):
+                found = None
+            if not isinstance(found, dict) or not told.items() <= found.items():  # older ones say more
+                remedy = "tells of no steps, or of another history, with other problems or options: give a new folder"
+                raise InputError("store", str(header), remedy)
+        elif any(not path.name.startswith(".writing-") for path in self._folder.iterdir()):  # a write cut short
+            raise InputError("store", str(folder), "holds other files: give an empty folder, or a new name")
+        else:
+            write_text(header, json.dumps(told, indent=2) + "\n", "store")
+        self.statuses: list[Status] = []
+        while len(self.statuses) < planned:
+            try:
+                self.statuses.append(Status(self._archive(len(self.statuses) + 1).text("status")))
+            except (InputError, ValueError):
+                break
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, slice):
+            some = copy(self)
+            some._part = self._numbers[index]
+            return some
+        number = self._numbers[index]
+        if number == len(self.statuses) and self._end is not None:
+            return self._end
+        if self._near is None or self._near[0] != number:
+            archive = self._archive(number)
+            self._near = number, answer_from_archive(archive, lambda scales: self._restore(number, scales))
+        return self._near[1]
+
+    def append(self, result: ContactResult) -> None:
+        """One more step: written if another may follow, else at hand only, as the end."""
+        number = len(self.statuses) + 1
+        if result.status in CONTINUES:
+            entries = solution_arrays(result, tried=False) | {STORE: self._fingerprint}
+            write_archive(self._path(number), entries, "store")
+            self._near = number, result
+        else:
+            self._end = result
+        self.statuses.append(result.status)
+
+    @property
+    def _numbers(self) -> range:
+        return range(1, len(self.statuses) + 1) if self._part is None else self._part
+
+    def _path(self, number: int) -> Path:
+        return self._folder / f"step-{number:06}.npz"
+
+    def _archive(self, number: int) -> Archive:
+        """A step, as it was read."""
+        archive = Archive(self._path(number))
+        if not archive.intact or archive.text(STORE) != self._fingerprint:
+            remedy = "was changed, or belongs to another history: delete the file, and run the history again"
+            raise InputError("store", archive.path, remedy)
+        return archive

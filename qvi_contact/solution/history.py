@@ -250,7 +250,7 @@ def solve_history(
         results: Any = list[ContactResult]()
         if store is not None:
             fingerprint = run_digest(steps, {**settings.stated, "warm_start": warm_start})
-            results = load("qvi_contact.files.stores").StepStore(store, fingerprint, len(steps), discretized)
+            results = load("qvi_contact.files.archive").StepStore(store, fingerprint, len(steps), discretized)
         warm = warm_start and settings.takes_state
         for number in range(len(results) + 1, len(steps) + 1):
             before = results[number - 2] if number > 1 else None

@@ -1,16 +1,23 @@
-"""Sweeps: one problem for several values of friction, load, gap or offset; what all have in common is made once."""
+"""Sweeps: one problem for several values of friction, load, gap or offset; what all have in common is made once.
+
+Results are kept, or rows of numbers in a file, from which the same sweep goes on.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import math
 import pickle
+import sqlite3
 import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from functools import partial
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, get_args, overload
 
@@ -19,14 +26,16 @@ import numpy as np
 from qvi_contact import __version__
 from qvi_contact.basics.checks import function_or_none, instance_of, one_of, real_array, true_or_false
 from qvi_contact.basics.schema import LARGEST
+from qvi_contact.basics.writing import given_path
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import laws_vary
 from qvi_contact.errors import InputError, SolveError
 from qvi_contact.problem.conditions import Contact
 from qvi_contact.problem.fields import plus
 from qvi_contact.problem.problem import ContactProblem, run_digest, with_contacts
+from qvi_contact.runs.database import Database
 from qvi_contact.runs.processes import Limits, NotLoadedError, Workers
-from qvi_contact.solution.result import ContactResult, contact_numbers, forces_units, overall_status
+from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import Settings
 from qvi_contact.solution.solver import discretized, fitted, solved
 from qvi_contact.units import Units
@@ -37,8 +46,6 @@ from solvers.errors import known_name
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-    from qvi_contact.files.stores import StoredSweep
 
 Parameter: TypeAlias = Literal["friction", "load", "gap", "offset"]
 """What a sweep changes."""
@@ -278,18 +285,17 @@ def solve_sweep(
                 told(number, result, result.certificate.accuracy)
             sweep = Sweep(parameter, numbers, tuple(steps))
         else:
-            kept = load("qvi_contact.files.stores")
             data = {"parameter": task.parameter, "of": task.names, "values": numbers, "warm_start": task.warm}
             fingerprint = run_digest([task.problem], {**settings.stated, **data})
             with (
-                kept.writing(store, fingerprint, parameter, numbers) as (pending, append),
+                _writing(store, fingerprint, parameter, numbers) as (pending, append),
                 closing(_rows(task, pending, shared)) as found,
             ):
                 for rows in found:
                     append(rows)
                     for row in rows:
                         told(row.number, row, row.accuracy)
-            sweep = kept.read_sweep(store)
+            sweep = read_sweep(store)
         log.end(str(sweep.status), sweep.message, {}, sweep.status is Status.SOLVED)
         return sweep
 
@@ -428,3 +434,154 @@ def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Worker
                         yield [SweepRow(number, value, status, message, 0, math.nan, outcome.seconds, {})]
     except NotLoadedError as error:
         raise InputError("problem", task.problem, f"{remedy} ({error.reason})") from error
+
+
+# Rows of a sweep are in an SQLite file, each on disk when its value is done. `planned` has all values, `results` and
+# `contacts` what is done, and the view `rows` joins them: one row for each value and contact, with the columns of
+# `ContactResult.forces_frame`. The fingerprint in `sweep` is that of problem and options, and behind a colon a digest
+# of parameter and values, which tells a file that was changed.
+
+
+SUMMARY_COLUMNS: Final = (
+    "normal_force", "tangential_force", "share_open", "share_stick", "share_slip",
+    "largest_pressure", "largest_shear", "largest_gap", "largest_slip", *PLATE_COLUMNS,
+)  # fmt: skip
+"""Keys of `ContactLine.summary`, and those of plates and pins, which contacts without have no values for."""
+
+_STORED: Final = ", ".join(SUMMARY_COLUMNS)
+
+
+def _of(kind: str, *names: str) -> str:
+    """Columns of one kind; SQLite would keep anything in any column."""
+    return ", ".join(f"{name} {kind} NOT NULL CHECK (typeof({name}) = '{kind.lower()}')" for name in names)
+
+
+def _numbers(*names: str) -> str:
+    """Columns of numbers that may be missing, as NaN is."""
+    return ", ".join(f"{name} REAL CHECK (typeof({name}) IN ('real', 'null'))" for name in names)
+
+
+_TABLES: Final = (
+    f"""CREATE TABLE sweep (
+        {_of("TEXT", "parameter", "fingerprint", "began")}, CHECK (parameter IN {get_args(Parameter)})
+    )""",
+    f"CREATE TABLE planned (number INTEGER PRIMARY KEY, {_of('REAL', 'value')})",
+    f"""CREATE TABLE results (
+        number INTEGER PRIMARY KEY REFERENCES planned, {_of("TEXT", "status", "message")}, {_numbers("accuracy")},
+        {_of("INTEGER", "iterations")}, {_of("REAL", "seconds")}, CHECK (status IN {tuple(map(str, Status))})
+    )""",
+    f"""CREATE TABLE contacts (
+        number INTEGER NOT NULL REFERENCES results ON DELETE CASCADE, {_of("TEXT", "contact")},
+        {_numbers(*SUMMARY_COLUMNS)}, PRIMARY KEY (number, contact)
+    )""",
+    f"""CREATE VIEW "rows" AS
+        SELECT number, value, status, iterations, accuracy, seconds, contact, {_STORED}, message
+        FROM planned JOIN results USING (number) LEFT JOIN contacts USING (number) ORDER BY number
+    """,
+)
+_DATABASE: Final = Database("the store of a sweep", 0x51564957, 2, _TABLES, "results")  # "QVIW"
+
+_CONTACT: Final = f"INSERT INTO contacts VALUES (?, ?, {', '.join('?' * len(SUMMARY_COLUMNS))})"
+_DONE: Final = f"""
+    SELECT number, value, status, message, iterations, accuracy, seconds, contact, {_STORED}
+    FROM planned JOIN results USING (number) LEFT JOIN contacts USING (number) ORDER BY number, contacts.rowid
+"""
+
+
+@dataclass(frozen=True)
+class StoredSweep(SweepRows):
+    """A sweep whose rows are in a file, from which everything is read when it is asked for.
+
+    `values` of the parameter are all that were asked for, done or not. `InputError` where the file is read, if it is
+    not there any more or damaged.
+    """
+
+    path: Path
+    parameter: Parameter
+    values: tuple[float, ...]
+
+    def rows(self) -> Iterator[SweepRow]:
+        """What is done, in the order of the values."""
+        with _DATABASE.opened(self.path) as connection:
+            for (number, value, status, message, count, accuracy, seconds), parts in groupby(
+                connection.execute(_DONE), lambda row: row[:7]
+            ):
+                named = {part[7]: zip(SUMMARY_COLUMNS, part[8:], strict=True) for part in parts if part[7] is not None}
+                contacts = {name: {key: each for key, each in own if each is not None} for name, own in named.items()}
+                accuracy = math.nan if accuracy is None else accuracy
+                yield SweepRow(number, value, Status(status), message, count, accuracy, seconds, contacts)
+
+
+def read_sweep(path: str | Path) -> StoredSweep:
+    """The sweep of a store, which may belong to a run that goes on; `InputError` if there is none, or it is damaged."""
+    place = _place(path)
+    with _DATABASE.opened(place) as connection:
+        parameter, _, values = _plan(connection, place)
+    return StoredSweep(place, parameter, values)
+
+
+def _place(path: str | Path) -> Path:
+    """The file that a caller has named."""
+    place = given_path("store", path)
+    try:
+        place = place.absolute()
+        place.resolve().exists()
+    except (OSError, ValueError, RuntimeError) as error:  # the latter where links lead in a circle
+        raise InputError("store", str(path), f"no file can have this name ({error}): give another") from error
+    return place
+
+
+@contextmanager
+def _writing(
+    path: str | Path, fingerprint: str, parameter: Parameter, values: Sequence[float]
+) -> Iterator[tuple[list[tuple[int, float]], Callable[[Sequence[SweepRow]], None]]]:
+    """Open the store of a sweep, made if it is missing, and keep all other runs away from it.
+
+    Numbers, from 1, and values that are not done; and what writes rows: all are on disk then, and none if it fails.
+    `InputError` if it cannot be written, is in use, damaged, or holds another sweep.
+    """
+    place = _place(path)
+    if place.is_dir() or not place.name:
+        raise InputError("store", str(path), "is a folder: give the name of a file, such as sweep.sqlite")
+
+    def declare(empty: sqlite3.Connection) -> None:
+        marked = f"{fingerprint}:{_digest(fingerprint, parameter, values)}"
+        began = datetime.now(UTC).isoformat(timespec="seconds")
+        empty.execute("INSERT INTO sweep VALUES (?, ?, ?)", (parameter, marked, began))
+        empty.executemany("INSERT INTO planned VALUES (?, ?)", enumerate(values, 1))
+
+    with _DATABASE.writing(place, declare) as connection:
+        stored, found, planned = _plan(connection, place)
+        if (found, stored, planned) != (fingerprint, parameter, tuple(values)):
+            remedy = f"holds another sweep, of {len(planned)} values, or data or options changed: give another file"
+            raise InputError("store", str(path), remedy)
+
+        def append(rows: Sequence[SweepRow]) -> None:
+            with connection:
+                for row in rows:
+                    found = (row.number, str(row.status), row.message, row.accuracy, row.iterations, row.seconds)
+                    connection.execute("INSERT INTO results VALUES (?, ?, ?, ?, ?, ?)", found)
+                    for name, summary in row.contacts.items():
+                        numbers = (summary.get(key) for key in SUMMARY_COLUMNS)
+                        connection.execute(_CONTACT, (row.number, name, *numbers))
+
+        query = "SELECT number, value FROM planned WHERE number NOT IN (SELECT number FROM results) ORDER BY number"
+        yield connection.execute(query).fetchall(), append
+
+
+def _plan(connection: sqlite3.Connection, path: Path) -> tuple[Parameter, str, tuple[float, ...]]:
+    """Parameter, fingerprint of problem and options, and values of a store."""
+    parameter: Any
+    parameter, marked = connection.execute("SELECT parameter, fingerprint FROM sweep").fetchone() or ("", "")
+    planned = connection.execute("SELECT number, value FROM planned ORDER BY number").fetchall()
+    values, (run, _, digest) = tuple(value for _, value in planned), marked.partition(":")
+    if [number for number, _ in planned] != [*range(1, len(planned) + 1)] or digest != _digest(run, parameter, values):
+        remedy = "its parameter or values were changed after it was made: give another file"
+        raise InputError("store", str(path), remedy)
+    return parameter, run, values
+
+
+def _digest(fingerprint: str, parameter: str, values: Sequence[float]) -> str:
+    """SHA-256 of what a sweep was asked for, as hexadecimal text."""
+    asked = (np.array(values, dtype="<f8") + 0.0).tobytes()  # SQLite keeps no −0.0
+    return hashlib.sha256(f"{fingerprint}:{parameter}:".encode() + asked).hexdigest()

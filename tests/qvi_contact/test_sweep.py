@@ -252,7 +252,7 @@ def test_a_store_without_rows_is_nobodys_and_one_without_room_is_named_as_it_was
     with pytest.raises(InputError, match="nonsense"):
         solve_sweep(PLATE, "friction", [0.1], store=path, nonsense=1)
     assert solve_sweep(PLATE, "gap", [0.0], store=path).status is Status.SOLVED
-    monkeypatch.setattr("qvi_contact.files.stores.datetime", Mock(**{"now.side_effect": sqlite3.OperationalError}))
+    monkeypatch.setattr("qvi_contact.solution.sweep.datetime", Mock(**{"now.side_effect": sqlite3.OperationalError}))
     with refused_at("store", "SQLite says", str(tmp_path / "b")):
         solve_sweep(PLATE, "gap", [0.0], store=tmp_path / "b")
 
