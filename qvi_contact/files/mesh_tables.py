@@ -6,7 +6,7 @@ Each table is declared by its keys, and makes its part of the mesh. Errors have 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from typing import Annotated, Any, Final, Literal
 
@@ -20,7 +20,6 @@ from qvi_contact.mesh.grid import checked_lines, graded_lines, on_line
 from qvi_contact.mesh.outline import Corner, Point
 from qvi_contact.mesh.selection import checked_set, edges_in_box, edges_on_segment, new_name
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.problem.material import Plane, Region
 
 _MOST_IN_A_ROW: Final = 10_000  # cells of a piece of grid lines
 _MOST_CELLS: Final = 1_000_000  # of a grid
@@ -444,17 +443,3 @@ class JointTable(_Place):
 
     def __post_init__(self) -> None:
         _one_way(self, {("direction", "at"): ("start", "stop"), ("segment",): ()})
-
-
-@dataclass(frozen=True)
-class RegionTable(Region):
-    """Triangles of another material, which may have ranges and a name: then the region gets that name."""
-
-    def __post_init__(self) -> None:
-        schema.Checked.__post_init__(self)
-
-    def region(self, plane: Plane) -> Region:
-        """The region, in the plane state of the body."""
-        material = replace(self.material, plane=plane)
-        x, y = (None, None) if self.name else (self.x, self.y)
-        return Region(material, x, y, self.name or None, self.temperature)

@@ -23,14 +23,14 @@ from qvi_contact.basics.writing import given_path
 from qvi_contact.discretization.loads import LOAD_POINTS
 from qvi_contact.element.edge import SAMPLES, gauss_legendre
 from qvi_contact.errors import InputError
-from qvi_contact.files.mesh_tables import ArcTable, EdgesTable, JointTable, Lines, MeshTable, RegionTable
+from qvi_contact.files.mesh_tables import ArcTable, EdgesTable, JointTable, Lines, MeshTable
 from qvi_contact.mesh import cutting
 from qvi_contact.mesh.files import read_mesh
-from qvi_contact.mesh.selection import new_name, triangles_in_box
+from qvi_contact.mesh.selection import new_name
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
 from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polynomial
-from qvi_contact.problem.material import Material, cell_materials
+from qvi_contact.problem.material import Material, Region
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.settings import RefineOptions, SolveOptions
 from qvi_contact.units import Units
@@ -159,7 +159,7 @@ class Document:
     """Lines inside, see `[[joints]]`; each needs a contact: `joints = [{ name = "a", segment = [[0, 1], [2, 1]] }]`."""
     material: Material
     """The body's material, see `[material]`: `material = { young = 2.1e5, poisson = 0.3 }`."""
-    regions: Annotated[tuple[RegionTable, ...], schema.Tables(RegionTable, None)] = ()
+    regions: Annotated[tuple[Region, ...], schema.Tables(Region, None)] = ()
     """Parts of another material, see `[[regions]]`: `regions = [{ y = [0.0, 0.5], young = 7e4, poisson = 0.3 }]`."""
     symmetry: Annotated[tuple[Symmetry, ...], schema.Tables(Symmetry, None)] = ()
     """Lines of symmetry, see `[[symmetry]]`: `symmetry = [{ edges = "left" }]`."""
@@ -219,18 +219,13 @@ class Document:
         return self._named(mesh, lines, arcs)
 
     def _named(self, mesh: TriangleMesh, lines: Lines | None, arcs: Mapping[str, ArcTable]) -> TriangleMesh:
-        """The mesh with named parts: [[regions]] with ranges and a name; and edges on arcs; the lines are of a grid."""
-        sets, regions = dict(mesh.edge_sets), dict(mesh.regions)
+        """The mesh with named parts, and edges on arcs; the lines are those of a grid."""
+        sets = dict(mesh.edge_sets)
         parts = {f"{kind}[{k}]": part for kind in ("edges", "joints") for k, part in enumerate(getattr(self, kind))}
         for path, part in parts.items():
             with schema.located(path, ("name", "start", "stop", "at", "segment", "box")):
                 sets[new_name(part.name, sets)] = part.pairs(mesh, lines)
-        for index, region in enumerate(self.regions):
-            if region.name is not None and (region.x is not None or region.y is not None):
-                with schema.located(f"regions[{index}]", schema.keys_of(RegionTable)):
-                    chosen = triangles_in_box(mesh.vertices, mesh.cells, region.x, region.y)
-                    regions[new_name(region.name, regions, "region")] = chosen
-        mesh = replace(mesh, edge_sets=sets, regions=regions)
+        mesh = replace(mesh, edge_sets=sets)
         for path, arc in arcs.items():
             with schema.located(path, schema.keys_of(ArcTable)):
                 mesh = replace(mesh, arcs=(*mesh.arcs, arc.on(mesh)))
@@ -244,12 +239,12 @@ class Document:
                 forces = BodyForces(self.body_forces)
         regions = []
         for index, table in enumerate(self.regions):
-            with schema.located(f"regions[{index}]", schema.keys_of(RegionTable)):
+            with schema.located(f"regions[{index}]", schema.keys_of(Region)):
                 if table.name is None and table.x is None and table.y is None and "x" not in given["mesh"]:
                     remedy = "say which triangles are meant: name a region of the mesh, or give x and y"
                     raise InputError("name", None, remedy)
-                regions.append(table.region(self.material.plane))
-                cell_materials(mesh, regions[-1:])
+                _ = table.cells(mesh)
+                regions.append(replace(table, material=replace(table.material, plane=self.material.plane)))
         placed = [(f"{kind}[{i}]", each) for kind in TABLES for i, each in enumerate(getattr(self, kind))]
         try:
             problem = ContactProblem(

@@ -42,7 +42,7 @@ import numpy as np
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, acts, evaluate
 from qvi_contact.basics.schema import Checked, Inline, Name, Positive, Scalar, Varying
 from qvi_contact.errors import InputError
-from qvi_contact.mesh.selection import triangles_in_box
+from qvi_contact.mesh.selection import new_name, triangles_in_box
 from qvi_contact.mesh.triangles import TriangleMesh
 
 if TYPE_CHECKING:
@@ -226,26 +226,24 @@ class Region(Checked):
     y: tuple[float, float] | None = None
     """Range along x or y [length] that ends on edges of the mesh; without it all of the mesh: `x = [0.0, 0.5]`."""
     name: Name | None = None
-    """Name of a region of the mesh, instead of ranges; in files, beside ranges, a new name for them: `name =
-    "inclusion"`."""
+    """Name of a region of the mesh; beside ranges what to call the part that lies in them: `name = "inclusion"`."""
     temperature: Field | None = None
     """Rise of temperature here, instead of that of the body: `temperature = 60.0`."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.name is not None and not self.x is self.y is None:
-            raise InputError("Region.name", self.name, "give the name of a region of the mesh, or ranges x and y")
+    def cells(self, mesh: TriangleMesh) -> IntArray:
+        """Numbers of the triangles of a mesh that lie in it, in ascending order."""
+        if self.name is not None and self.x is self.y is None:
+            return mesh.region(self.name)
+        if self.name is not None:
+            new_name(self.name, mesh.regions, "region")
+        return triangles_in_box(mesh.vertices, mesh.cells, self.x, self.y)
 
 
 def cell_materials(mesh: TriangleMesh, regions: Sequence[Region]) -> IntArray:
     """For each cell 0 for the body's own material, else 1 + the number of the last region it lies in; (cells,)."""
     number = np.zeros(mesh.cell_count, dtype=np.int64)
     for index, region in enumerate(regions):
-        if region.name is None:
-            chosen = triangles_in_box(mesh.vertices, mesh.cells, region.x, region.y)
-        else:
-            chosen = mesh.region(region.name)
-        number[chosen] = 1 + index
+        number[region.cells(mesh)] = 1 + index
     return number
 
 

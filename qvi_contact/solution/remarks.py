@@ -336,8 +336,9 @@ def _name(problem: ContactProblem, bodies: Bodies, body: int) -> str:
     mesh, cells = problem.mesh, np.flatnonzero(bodies.of_cells == body)
     if bodies.blocks == 1:
         return "the body"
-    for name in mesh.region_names:
-        if np.array_equal(mesh.region(name), cells):
+    named = [*mesh.regions.items(), *((region.name, region.cells(mesh)) for region in problem.regions)]
+    for name, chosen in named:
+        if name is not None and np.array_equal(chosen, cells):
             return f"the body {name!r}"
     centres = mesh.vertices[mesh.cells[cells]].mean(axis=1)
     away = np.hypot(*(centres - centres.mean(axis=0)).T)

@@ -184,7 +184,6 @@ def test_a_time_out_in_a_function_goes_on():
      lambda: TriangleMesh.rectangle((2, 2), origin=("0", 0.0)), lambda: graded_lines(0.0, 1.0, 10**400),
      lambda: compressed_plate(0.3, displacement="1e-3"), lambda: solve(PLATE, element="bfs", degree=4),
      lambda: solve(step().discretization, degree=5),
-     lambda: Region(Material(2.0, 0.3), x=(0.0, 1.0), name="steel"),
      lambda: ContactProblem(CUT, Material(1.0, 0.3), HELD, regions=[Region(Material(2.0, 0.3), x=(0.0, 0.4))]),
      lambda: ContactProblem(CUT, Material(1.0, 0.3), HELD, regions=[Region(Material(2.0, 0.3), name="steel")])],
 )  # fmt: skip

@@ -102,7 +102,7 @@ def test_any_contact_and_material_is_read_again(friction, law, material, moved):
     """Field by field: every datum that is left out, a number, an expression or a polynomial."""
     problem = plate(friction=friction, **law)
     driven = [Displacement(c.edges, y=moved, x=c.x) if isinstance(c, Displacement) else c for c in problem.conditions]
-    regions = [Region(material, y=(0.0, 1.0))] if moved > 0.0 else []
+    regions = [Region(material, y=(0.0, 1.0), name="layer")] if moved > 0.0 else []
     forces = BodyForces({law.get("name", "w"): Polynomial([[0.0, moved]]), "of quake.2": friction})
     problem = dataclasses.replace(problem, material=material, conditions=driven, regions=regions, body_potential=forces)
     again = problem_from_toml(problem_to_toml(problem)).problem
