@@ -7,11 +7,9 @@
 Knows nothing of meshes or mechanics. Names, and the back ends behind them, are imported on first use.
 """
 
-from typing import TYPE_CHECKING
+from solvers.basics.front import deferred, front
 
-from solvers.basics.front import front
-
-if TYPE_CHECKING:
+with deferred(__name__) as _homes:
     from solvers.basics.status import Status
     from solvers.certificate.certificate import Certificate, certify
     from solvers.certificate.feasibility import Feasibility, check_feasibility
@@ -30,22 +28,7 @@ __all__ = [
     "TractionFactor", "UnknownNameError", "available", "certify", "check_feasibility", "solve_qvi",
 ]  # fmt: skip
 
-__getattr__ = front(
-    __name__,
-    {
-        "basics.status": ("Status",),
-        "certificate.certificate": ("Certificate", "certify"),
-        "certificate.feasibility": ("Feasibility", "check_feasibility"),
-        "errors": ("InputError", "QVIError", "SolveError", "SolverUnavailableError", "UnknownNameError"),
-        "inequality.contact": ("ContactMatrices",),
-        "inequality.problem": ("FrictionQVI", "Law"),
-        "inequality.body": ("EnergyRoot", "Loads", "Stiffness"),
-        "inequality.traces": ("TractionFactor",),
-        "inner.registry": ("available",),
-        "solution": ("Iteration", "QVISolution"),
-        "solve": ("solve_qvi",),
-    },
-)
+__getattr__ = front(__name__, _homes)
 
 
 def __dir__() -> list[str]:
