@@ -24,7 +24,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.files.archive import json_ready, solution_arrays, write_archive
 from qvi_contact.mesh.edges import cross
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine
-from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, Energies, contact_numbers
+from qvi_contact.solution.result import PLATE_COLUMNS, RESULTANT, ContactResult, Energies, contact_numbers
 from qvi_contact.solution.stress import principal_stresses, sample_body, von_mises
 from qvi_contact.units import Units
 from solvers.basics.types import load
@@ -136,23 +136,19 @@ def _state(result: ContactResult, units: Units) -> dict[str, Any]:
         if line.has_fluid:
             numbers["effective_normal_force"], unit["effective_normal_force"] = line.effective_normal_force, "force"
         contacts[name] = {
-            **{key: _quantity(numbers[key], getattr(units, kind)) for key, kind in unit.items()},
+            **_quantities(numbers, unit, units),
             "length": {state: _quantity(length, units.length) for state, length in line.lengths.items()},
             "points": len(line.x),
         }
-    plates = {
-        name: {
-            column.removeprefix("moved_"): _quantity(found[name][column], getattr(units, kind, "rad"))
-            for column, kind in PLATE_COLUMNS.items()
-        }
-        for name in result.plates
-    }
-    pushed = {"x": units.force, "y": units.force, "moment": units.moment}
+    plates = {name: _quantities(found[name], PLATE_COLUMNS, units) for name in result.plates}
+    energies = vars(result.energies)
     return {
         "contacts": contacts,
-        "plates": plates,
-        "energies": _quantities(result.energies, {field.name: units.energy for field in fields(Energies)}),
-        "resultants": {name: _quantities(result.resultant(name), pushed) for name in result.problem.mesh.edge_names},
+        "plates": {name: {key.removeprefix("moved_"): n for key, n in each.items()} for name, each in plates.items()},
+        "energies": _quantities(energies, dict.fromkeys(energies, "energy"), units),
+        "resultants": {
+            name: _quantities(vars(result.resultant(name)), RESULTANT, units) for name in result.problem.mesh.edge_names
+        },
         "traction_misfit": _quantity(result.traction_misfit, units.stress),
     }
 
@@ -173,9 +169,9 @@ def _quantity(value: float | np.floating[Any], unit: str) -> dict[str, Any]:
     return {"value": float(value), "unit": unit}
 
 
-def _quantities(found: object, units: Mapping[str, str]) -> dict[str, Any]:
-    """Attributes with their units."""
-    return {name: _quantity(getattr(found, name), unit) for name, unit in units.items()}
+def _quantities(numbers: Mapping[str, float], kinds: Mapping[str, str], units: Units) -> dict[str, Any]:
+    """Numbers by name, each in this one of the units."""
+    return {name: _quantity(numbers[name], getattr(units, kind)) for name, kind in kinds.items()}
 
 
 _Data: TypeAlias = dict[str, tuple[NDArray[Any], str]]  # fields by name, with the quantity whose unit they have

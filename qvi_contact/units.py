@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Final
+from typing import ClassVar, Final
 
 from qvi_contact.basics.schema import Name
 from qvi_contact.errors import InputError
@@ -31,6 +31,8 @@ class Units:
     """Unit of coordinates and displacements, such as "m" or "mm": `length = "mm"`."""
     stress: Name = "stress"
     """Unit of stresses and moduli, such as "Pa" or "MPa": `stress = "MPa"`."""
+    rotation: ClassVar[str] = "rad"
+    """Unit of rotations."""
 
     @classmethod
     def labels(cls, units: object, quantities: Mapping[str, str]) -> dict[str, str]:
@@ -132,10 +134,6 @@ class Rounding:
             rotation=share * displacement / length,
             energy=share * stress * displacement * length,
         )
-
-    def of_kind(self, kind: str) -> float:
-        """That of numbers in this one of the `Units`, such as "force"; of rotations for none."""
-        return float(getattr(self, kind or "rotation"))
 
     @classmethod
     def largest(cls, each: Iterable["Rounding"]) -> "Rounding":

@@ -349,7 +349,7 @@ class Key:
     symbol: str = ""
     """What pictures call it."""
     unit: str = ""
-    """The quantity whose unit it has: "stress", "length", "force", "moment"; "rad" or none."""
+    """The quantity whose unit it has: "stress", "length", "force", "moment", "rotation"; or none."""
 
 
 def key(**said: Any) -> dict[str, Any]:

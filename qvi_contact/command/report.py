@@ -151,15 +151,15 @@ def plate_headings(units: Units) -> list[str]:
 
 
 def with_units(labels: Iterable[str], columns: Mapping[str, str], units: Units) -> list[str]:
-    """Headings of columns that have these of the `Units`; rotations are in rad."""
-    return [f"{label} [{getattr(units, kind, 'rad')}]" for label, kind in zip(labels, columns.values(), strict=True)]
+    """Headings of columns that have these of the `Units`."""
+    return [f"{label} [{getattr(units, kind)}]" for label, kind in zip(labels, columns.values(), strict=True)]
 
 
 def cells(
     numbers: Mapping[str, float] | None, columns: Mapping[str, str], least: Rounding, digits: int = 6
 ) -> list[str]:
     """The numbers of these columns for people, those that are rounding as 0; none where there are none."""
-    return [] if numbers is None else [shown(numbers[name], least.of_kind(of), digits) for name, of in columns.items()]
+    return [] if numbers is None else [shown(numbers[name], getattr(least, of), digits) for name, of in columns.items()]
 
 
 def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:

@@ -158,7 +158,7 @@ class RigidPlate(Checked):
     x: Driven | None = field(default=None, kw_only=True, metadata=key(symbol="u_x", unit="length"))
     y: Driven | None = field(default=None, kw_only=True, metadata=key(symbol="u_y", unit="length"))
     """Displacement of the pivot along x or y [length], instead of the force: `x = "1e-3 * t"`."""
-    rotation: Driven | None = field(default=None, kw_only=True, metadata=key(symbol="θ", unit="rad"))
+    rotation: Driven | None = field(default=None, kw_only=True, metadata=key(symbol="θ", unit="rotation"))
     """Rotation about the pivot, counterclockwise [rad], instead of the moment: `rotation = 0.0`."""
 
     def __post_init__(self) -> None:

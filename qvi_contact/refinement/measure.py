@@ -46,7 +46,7 @@ _UNITS: Final = {
     **dict.fromkeys(_ENERGIES, "energy"),
     "moment": "moment",
     **dict.fromkeys(("x", "y", "slip"), "displacement"),
-    "rotation": "",
+    "rotation": "rotation",
     **dict.fromkeys((*COMPONENTS, "pressure"), "stress"),
 }
 """Which of the `Units` kinds of numbers are in, all but forces."""
@@ -72,7 +72,7 @@ class Measure:
             return result.energies.strain
         scales = result.discretization.scales
         least = Rounding.of(scales.stress, scales.displacement, scales.length, _SMALL)
-        return max(abs(value), least.of_kind(_UNITS.get(self.kind, "force")) if self.kind else 0.0)
+        return max(abs(value), getattr(least, _UNITS.get(self.kind, "force")) if self.kind else 0.0)
 
     @property
     def bounded(self) -> bool:
@@ -120,8 +120,7 @@ class Measure:
 def unit_of(quantity: str, units: Units) -> str:
     """The unit of a quantity of a refinement by its name, that of forces for a function."""
     kind = quantity.partition("(")[0].rpartition(".")[2]
-    chosen = _UNITS.get(kind.removeprefix("largest_").removeprefix("smallest_"), "force")
-    return str(getattr(units, chosen)) if chosen else "rad"
+    return str(getattr(units, _UNITS.get(kind.removeprefix("largest_").removeprefix("smallest_"), "force")))
 
 
 def _with_point(quantity: str) -> tuple[str, FloatArray | None]:

@@ -45,10 +45,12 @@ if TYPE_CHECKING:
 _LEAST_SHOWN: Final = 1e-6  # of the units of a result: what is larger is shown however bad the certificate is
 
 PLATE_COLUMNS: Final = {
-    "moved_x": "displacement", "moved_y": "displacement", "rotation": "", "force_x": "force", "force_y": "force",
-    "moment": "moment",
+    "moved_x": "displacement", "moved_y": "displacement", "rotation": "rotation", "force_x": "force",
+    "force_y": "force", "moment": "moment",
 }  # fmt: skip
-"""Which of the `Units` the columns of plates are in; the rotation in rad."""
+"""Which of the `Units` the columns of plates are in."""
+RESULTANT: Final = {"x": "force", "y": "force", "moment": "moment"}
+"""The same of a `Resultant`."""
 
 _WITH_PLATE: Final = "contacts with a plate or pin"
 _SHARE = 1e-3
@@ -397,8 +399,7 @@ def contact_numbers(result: ContactResult) -> dict[str, dict[str, float]]:
 
 def forces_units(units: Units | None) -> dict[str, str]:
     """Column of `contact_numbers` → its unit, of those that have one; none without `units`."""
-    kinds = {name: kind for name, kind in (SUMMARY | PLATE_COLUMNS).items() if kind}
-    return {} if units is None else {**Units.labels(units, kinds), "rotation": "rad"}
+    return Units.labels(units, SUMMARY | PLATE_COLUMNS)
 
 
 def overall_status(statuses: Sequence[Status], planned: int) -> Status:

@@ -34,7 +34,7 @@ from qvi_contact.plots.tractions import contact_tractions, pieces_along
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.refinement import Refinement
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine, ContactState
-from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, contact_numbers
+from qvi_contact.solution.result import PLATE_COLUMNS, RESULTANT, ContactResult, contact_numbers
 from qvi_contact.solution.stress import sample_body
 from qvi_contact.units import Rounding, Units, shown
 
@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WIDE: Final = (9.0, 3.2)  # of a picture of tractions [inch]
-_RESULTANT: Final = {"x": "force", "y": "force", "moment": "moment"}
 _MOST_STEPS: Final = 16  # with a picture: a page is to be mailed
 
 
@@ -191,9 +190,9 @@ def contacts_table(lines: Sequence[ContactLine], units: Units) -> report.Titled:
 def result_tables(result: ContactResult, units: Units) -> list[report.Titled]:
     """What each contact carries and does, the resultants on edges that a condition names, plates and pins."""
     least, numbers = result.rounding, contact_numbers(result)
-    about = report.with_units(("F_x", "F_y", "moment about the origin"), _RESULTANT, units)
+    about = report.with_units(("F_x", "F_y", "moment about the origin"), RESULTANT, units)
     loaded = dict.fromkeys(each.edges for each in result.problem.conditions)
-    resultants = [_row(name, vars(result.resultant(name)), _RESULTANT, least) for name in loaded]
+    resultants = [_row(name, vars(result.resultant(name)), RESULTANT, least) for name in loaded]
     plates = [_row(name, numbers[name], PLATE_COLUMNS, least) for name in result.plates]
     tables = [
         contacts_table(list(result.contacts.values()), units),
