@@ -21,7 +21,8 @@ from qvi_contact.errors import InputError
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Polynomial, Traction
 from qvi_contact.runs.processes import THREADS
-from qvi_contact.solution.sweep import Parameter, SweepTask
+from qvi_contact.solution.settings import Parameter
+from qvi_contact.solution.sweep import SweepTask
 from qvi_contact.types import Field
 from solvers.basics.types import Sparse
 from solvers.factorisation.choice import CHOICES, available_backends, factorise, resolve

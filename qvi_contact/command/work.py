@@ -30,7 +30,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ELEMENT_OPTIONS, ProblemFile, SweepPlan, load_problem
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
-from qvi_contact.solution.settings import RefineOptions, Settings
+from qvi_contact.solution.settings import PARAMETERS, RefineOptions, Settings
 from qvi_contact.solution.solver import solve as solve_one
 from solvers import available
 from solvers.basics.progress import deadline
@@ -43,8 +43,7 @@ if TYPE_CHECKING:
     from qvi_contact.bracket import Bracket
 
 _MOST: Final = 1_000_000  # values that are asked for at once
-_PARAMETERS: Final = ("friction", "load", "gap", "offset")
-_TAKEN: Final = (*_PARAMETERS, "title", "solved", "steps")  # what constants are not called alone in documents
+_TAKEN: Final = (*PARAMETERS, "title", "solved", "steps")  # what constants are not called alone in documents
 
 
 @contextmanager
@@ -320,7 +319,7 @@ def _solved_series(
 ) -> tuple[report.Series | None, Sequence[ContactResult]]:
     """The results of a file: of its history, of a sweep if there is a plan, or one."""
     if plan is not None:
-        swept = _swept if plan.parameter in _PARAMETERS else _swept_constant
+        swept = _swept if plan.parameter in PARAMETERS else _swept_constant
         sweep = swept(file, plan, options, verbose)
         return report.Series(sweep, plan.parameter, plan.values, plan.of), sweep.steps
     if not file.times:
@@ -376,8 +375,8 @@ def _check_asked(file: ProblemFile, plan: SweepPlan | None, asked: Mapping[str, 
     if plan is None and not file.times:
         remedy = "keeps steps of a history or rows of a sweep: give --set, or a file with a [history] or a [sweep]"
         refused = {"store": remedy} | refused
-    elif plan is not None and plan.parameter not in _PARAMETERS:
-        refused = {"store": f"keeps rows of {', '.join(_PARAMETERS)}: sweep a constant without it"} | refused
+    elif plan is not None and plan.parameter not in PARAMETERS:
+        refused = {"store": f"keeps rows of {', '.join(PARAMETERS)}: sweep a constant without it"} | refused
     for name, remedy in refused.items():
         if asked[name] is not None:
             raise InputError(f"--{name}", asked[name], remedy)
@@ -409,7 +408,7 @@ def _asked(file: ProblemFile, given: Sequence[str]) -> tuple[ProblemFile, SweepP
     for text in given:
         name, separator, listed = text.partition("=")
         owner, _, parameter = name.strip().rpartition(".")
-        if owner == "load" and parameter not in _PARAMETERS:
+        if owner == "load" and parameter not in PARAMETERS:
             owner, parameter = parameter, owner
         values: tuple[float, ...] = ()
         with suppress(ValueError, TypeError):
@@ -425,9 +424,9 @@ def _asked(file: ProblemFile, given: Sequence[str]) -> tuple[ProblemFile, SweepP
                 "values, or with a name base.friction=0.1,0.2 or load.thrust=1.2"
             )
             raise InputError("--set", text, remedy)
-        known = {} if owner == "constants" else {"parameters": _PARAMETERS}
+        known = {} if owner == "constants" else {"parameters": PARAMETERS}
         known_name("--set", parameter, {**known, "constants": () if owner not in ("", "constants") else file.constants})
-        if owner == "constants" or parameter not in _PARAMETERS:
+        if owner == "constants" or parameter not in PARAMETERS:
             if len(values) == 1:
                 constants[parameter] = values[0]
                 continue

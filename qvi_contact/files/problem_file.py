@@ -32,7 +32,7 @@ from qvi_contact.problem.conditions import Condition, Contact, Displacement, Rig
 from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polynomial
 from qvi_contact.problem.material import Material, Region
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.settings import RefineOptions, SolveOptions
+from qvi_contact.solution.settings import PARAMETERS, RefineOptions, SolveOptions
 from qvi_contact.units import Units
 from solvers.errors import known_name
 
@@ -122,7 +122,7 @@ class HistoryTable:
 class SweepPlan:
     """Arguments for `qvi_contact.solve_sweep`: parameter, values, and names of what is changed, by default all."""
 
-    parameter: Annotated[Any, schema.Choice(("friction", "load", "gap", "offset"))]  # checked by solve_sweep too
+    parameter: Annotated[Any, schema.Choice(PARAMETERS)]  # checked by solve_sweep too
     """friction: μ of contacts; load: a factor of loads; gap, offset: what is added to these of contacts [length]:
     `parameter = "friction"`."""
     values: Annotated[tuple[float, ...], Values()]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Final, Literal, TypeAlias, get_args
 
 from qvi_contact.basics.schema import Inline
 from qvi_contact.errors import RETIRED, InputError
@@ -13,6 +13,10 @@ from solvers.settings import Settings as Method
 
 LawOn: TypeAlias = Literal["edges", "points"]
 """As `discretization.space` has it, which files and commands do without."""
+
+Parameter: TypeAlias = Literal["friction", "load", "gap", "offset"]
+"""What a sweep changes."""
+PARAMETERS: Final = get_args(Parameter)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,7 @@ from datetime import UTC, datetime
 from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, get_args, overload
+from typing import TYPE_CHECKING, Any, Final, overload
 
 import numpy as np
 
@@ -36,7 +36,7 @@ from qvi_contact.problem.problem import ContactProblem, run_digest, with_contact
 from qvi_contact.runs.database import Database
 from qvi_contact.runs.processes import Limits, NotLoadedError, Workers
 from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, contact_numbers, forces_units, overall_status
-from qvi_contact.solution.settings import Settings
+from qvi_contact.solution.settings import PARAMETERS, Parameter, Settings
 from qvi_contact.solution.solver import discretized, fitted, solved
 from qvi_contact.units import Units
 from solvers import Status
@@ -46,9 +46,6 @@ from solvers.errors import known_name
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-Parameter: TypeAlias = Literal["friction", "load", "gap", "offset"]
-"""What a sweep changes."""
 
 _COLUMNS: Final = {"step": ">5", "value": ">12g", "status": "<20", "iterations": ">10", "accuracy": ">9.1e"}
 _LARGEST: Final = 50  # values of a slice: rows come slice by slice
@@ -332,7 +329,7 @@ class SweepTask:
     ) -> SweepTask:
         """The task of checked arguments of `solve_sweep`."""
         instance_of(ContactProblem, "problem", problem)
-        one_of("parameter", parameter, get_args(Parameter), f"give one of {', '.join(get_args(Parameter))}")
+        one_of("parameter", parameter, PARAMETERS)
         every = parameter in ("gap", "offset") and names is not None
         known = [contact.name for contact in problem.contacts if every or contact.law != "tied"]
         what = "contacts" if every else "contacts that could open or slip"
@@ -463,7 +460,7 @@ def _numbers(*names: str) -> str:
 
 _TABLES: Final = (
     f"""CREATE TABLE sweep (
-        {_of("TEXT", "parameter", "fingerprint", "began")}, CHECK (parameter IN {get_args(Parameter)})
+        {_of("TEXT", "parameter", "fingerprint", "began")}, CHECK (parameter IN {PARAMETERS})
     )""",
     f"CREATE TABLE planned (number INTEGER PRIMARY KEY, {_of('REAL', 'value')})",
     f"""CREATE TABLE results (
