@@ -7,14 +7,12 @@ complementarity problem on the contact or as a sequence of convex programs, and 
 Names are loaded on first use, so that importing the package, or asking the command line for help, costs nothing.
 """
 
-from typing import Any
-
-from qvi_contact.errors import refuse_retired
-from solvers.basics.front import deferred, front
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.2.0"
 
-with deferred(__name__) as _homes:
+if TYPE_CHECKING:
     from qvi_contact.bracket import Branches, other_solutions
     from qvi_contact.companion import solve_companion
     from qvi_contact.discretization.discretization import Discretization, discretize
@@ -42,6 +40,36 @@ with deferred(__name__) as _homes:
     from qvi_contact.solution.sweep import StoredSweep, Sweep, SweepRow, read_sweep, solve_sweep
     from qvi_contact.verification import verify_result
 
+_HOMES = {
+    "bracket": "Branches, other_solutions",
+    "companion": "solve_companion",
+    "discretization.discretization": "Discretization, discretize",
+    "errors": "InputError, QVIError, SolveError, SolverUnavailableError, UnknownNameError",
+    "files.archive": "load_result",
+    "files.problem_file": "ProblemFile, load_problem",
+    "files.problem_text": "save_problem",
+    "limit.load_factor": "LimitLoad, StrengthReduction, limit_load_factor, strength_reduction_factor",
+    "limit.proof": "limit_proof",
+    "mechanism": "Mechanism",
+    "mesh.grid": "graded_lines",
+    "mesh.outline": "Corner",
+    "mesh.triangles": "TriangleMesh",
+    "problem.conditions": "Contact, Displacement, RigidPlate, Symmetry, Traction",
+    "problem.fields": "BodyForces, Expression, Polynomial",
+    "problem.material": "Material, Mises, MohrCoulomb, NoTension, Region, Tresca",
+    "problem.problem": "ContactProblem",
+    "refinement": "LimitFactor, LimitRefinement, Refinement, RefinementStatus, refine",
+    "solution.contact_line": "ContactLine, ContactState",
+    "solution.history": "History, loop_area, solve_history",
+    "solution.result": "ContactResult",
+    "solution.settings": "Settings",
+    "solution.solver": "solve",
+    "solution.stress": "principal_stresses",
+    "solution.sweep": "StoredSweep, Sweep, SweepRow, read_sweep, solve_sweep",
+    "verification": "verify_result",
+}
+"""By module the names that come from it."""
+
 __all__ = [
     "BodyForces", "Branches", "Contact", "ContactLine", "ContactProblem", "ContactResult", "ContactState", "Corner",
     "Discretization", "Displacement", "Expression", "History", "InputError", "LimitFactor", "LimitLoad",
@@ -55,12 +83,15 @@ __all__ = [
 ]  # fmt: skip
 
 
-_loaded = front(__name__, _homes)
-
-
 def __getattr__(name: str) -> Any:
+    for home, names in _HOMES.items():
+        if name in names.split(", "):
+            found = globals()[name] = getattr(import_module(f"{__name__}.{home}"), name)
+            return found
+    from qvi_contact.errors import refuse_retired
+
     refuse_retired(name)
-    return _loaded(name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

@@ -7,9 +7,11 @@
 Knows nothing of meshes or mechanics. Names, and the back ends behind them, are imported on first use.
 """
 
-from solvers.basics.front import deferred, front
+from typing import TYPE_CHECKING
 
-with deferred(__name__) as _homes:
+from solvers.basics.front import front
+
+if TYPE_CHECKING:
     from solvers.basics.status import Status
     from solvers.certificate.certificate import Certificate, certify
     from solvers.certificate.feasibility import Feasibility, check_feasibility
@@ -28,7 +30,22 @@ __all__ = [
     "TractionFactor", "UnknownNameError", "available", "certify", "check_feasibility", "solve_qvi",
 ]  # fmt: skip
 
-__getattr__ = front(__name__, _homes)
+__getattr__ = front(
+    __name__,
+    {
+        "basics.status": ("Status",),
+        "certificate.certificate": ("Certificate", "certify"),
+        "certificate.feasibility": ("Feasibility", "check_feasibility"),
+        "errors": ("InputError", "QVIError", "SolveError", "SolverUnavailableError", "UnknownNameError"),
+        "inequality.contact": ("ContactMatrices",),
+        "inequality.problem": ("FrictionQVI", "Law"),
+        "inequality.body": ("EnergyRoot", "Loads", "Stiffness"),
+        "inequality.traces": ("TractionFactor",),
+        "inner.registry": ("available",),
+        "solution": ("Iteration", "QVISolution"),
+        "solve": ("solve_qvi",),
+    },
+)
 
 
 def __dir__() -> list[str]:

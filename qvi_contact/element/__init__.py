@@ -5,4 +5,18 @@ from solvers.basics.front import front
 
 __all__ = ["hsieh_clough_tocher"]
 
-__getattr__ = front(__name__)
+__getattr__ = front(
+    __name__,
+    {
+        "hsieh_clough_tocher": ("compliance_roots",),
+        "edge": (
+            "absolute_integrals",
+            "adapted",
+            "constant",
+            "gauss_legendre",
+            "legendre_from_values",
+            "product_integrals",
+        ),
+        "triangle": ("AffineTriangles", "EDGES", "exponents"),
+    },
+)
