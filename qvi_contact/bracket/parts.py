@@ -251,6 +251,8 @@ def edge_parts(
             continue
         lengths, normal, shear = edges.length, unit * own.normal[e], unit * own.shear[e]
         gap = evaluate("Contact.gap", contact.gap, *problem.mesh.points_along(edges, t))
+        if contact.law == "unilateral":  # as in the stress's energy
+            gap = np.minimum(gap, discretization.scales.reach * discretization.scales.displacement)
         opening = gap - companion.trace(rows.name, t)[0]
         pressure = -normal @ bernstein_basis(normal.shape[1] - 1, t).T
         offset = evaluate("Contact.offset", contact.offset, *problem.mesh.points_along(edges, nodes))
