@@ -136,8 +136,7 @@ class TestReach:
         assert far.gauss_stress()[2] == pytest.approx(near.gauss_stress()[2], abs=accuracy)
         assert far.contacts["right"].gap - near.contacts["right"].gap == pytest.approx(1e9 - 1.0, rel=1e-12)
         assert (far.contacts["right"].state == 0).all()
-        first, second = ((each.energies.complementary, each.bracket.relative_error) for each in (near, far))
-        assert second == pytest.approx(first, rel=1e-5)
+        assert far.bracket.relative_error == pytest.approx(near.bracket.relative_error, rel=1e-5)  # of all energies
         write_npz(tmp_path / "far.npz", far)
         again = load_result(tmp_path / "far.npz")
         assert again.discretization.scales.reach == REACH
