@@ -18,7 +18,7 @@ from qvi_contact.discretization.space import POTENTIAL, split_points
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import centre_of
 from qvi_contact.problem.conditions import DRIVES, RigidMotion
-from qvi_contact.problem.material import is_strained
+from qvi_contact.problem.material import is_strained, varies
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine, contact_line, enclosed_beyond
 from qvi_contact.solution.stress import (
@@ -334,10 +334,10 @@ class ContactResult(PicklesFields):
     def energies(self) -> Energies:
         """Energies of the computed state."""
         scales, problem, space = self.discretization.scales, self.problem, self.discretization.space
-        t, w = max(space.cell_quadrature, split_points(2 * POTENTIAL + 1), key=lambda rule: len(rule[1]))
+        given = callable(problem.body_potential) or varies(problem)  # may be of a higher degree than stresses are
+        t, w = max([space.cell_quadrature] + given * [split_points(2 * POTENTIAL + 1)], key=lambda rule: len(rule[1]))
         points, stress = cell_stresses(self.discretization, self.dofs, t)
-        weights = space.cell_measures(t, w)
-        strained = np.einsum("cg,cgk,ckl->cgl", weights, stress, problem.compliances / scales.compliance)
+        strained = stress @ (problem.compliances / scales.compliance) * space.cell_measures(t, w)[..., None]
         strain = 0.5 * float(np.vdot(strained, stress)) * scales.energy
         root = self.discretization.root
         if root.stiffness.springs is not None:
