@@ -39,7 +39,7 @@ from qvi_contact.errors import InputError
 from qvi_contact.mesh.grid import rectangle_lines
 from qvi_contact.problem.material import Material, Plane
 from qvi_contact.solution.stress import principal_stresses
-from solvers import FrictionQVI
+from solvers import FrictionQVI, TractionFactor
 
 __all__ = ["QuarterPlate", "plate"]
 
@@ -156,13 +156,17 @@ class QuarterPlate:
         K is the energy ∫ cσ : τ, the rows of N and T are σ_N = σ_yy and σ_T = σ_xy at four Gauss points of every edge,
         W their weights, and the load is the obstacle u_N ≤ −U: f = −U ∫ τ_N ds, in units of U.
         """
+        sizes = self._splines[0].sizes
+        weights, edges = np.outer(sizes, GAUSS_WEIGHTS).ravel(), sparse.eye_array(len(sizes))
+        places = lobatto_points(1), lobatto_points(2)  # of an edge, whose σ_N and σ_T give those along it
+        told = sparse.vstack([self._contact(t, component) for component, t in enumerate(places, start=1)])
+        parts = [np.vander(GAUSS_POINTS, len(t)) @ np.linalg.inv(np.vander(t)) for t in places]
+        traces = TractionFactor(sparse.csc_array(told), sparse.block_diag([sparse.kron(edges, each) for each in parts]))
         normal, shear = (sparse.csc_array(self._contact(GAUSS_POINTS, component)) for component in (1, 2))
-        weights = np.outer(self._along_x.sizes, GAUSS_WEIGHTS).ravel()
-        nothing = np.zeros(len(weights))
-        load = -(normal.T @ weights)
+        load, nothing = -(normal.T @ weights), 0.0 * weights
         return FrictionQVI.from_arrays(
             K=sparse.csc_array(self._root.R.T @ self._root.R), f=load, N=normal, n0=nothing, T=shear, t0=nothing,
-            mu=np.full(len(weights), self.friction), W=weights, root=self._root, load=load,
+            mu=np.full(len(weights), self.friction), W=weights, root=self._root, load=load, traces=traces,
         )  # fmt: skip
 
     def force(self, z: FloatArray) -> float:
@@ -176,7 +180,7 @@ class QuarterPlate:
         Lengths and stresses are in the units of the data. σ_N is linear and σ_T quadratic on an edge; σ_T acts on the
         body along +x.
         """
-        x = self._along_x.points(t) * self.length_unit
+        x = self._splines[0].points(t) * self.length_unit
         normal, shear = ((self._contact(t, component) @ z).reshape(x.shape) for component in (1, 2))
         return x, self.stress_unit * normal, self.stress_unit * shear
 
@@ -196,7 +200,7 @@ class QuarterPlate:
 
         Lengths and stresses are in the units of the data; points go along x first, m = 16 nx ny.
         """
-        x, y = np.meshgrid(*(spline.points(GAUSS_POINTS).ravel() for spline in (self._along_x, self._along_y)))
+        x, y = np.meshgrid(*(spline.points(GAUSS_POINTS).ravel() for spline in self._splines))
         sigma = np.stack([rows @ z for rows in self._stress_rows()], axis=1)
         return x.ravel() * self.length_unit, y.ravel() * self.length_unit, sigma * self.stress_unit
 
@@ -208,12 +212,9 @@ class QuarterPlate:
         return principal_stresses(self.stress(z)[2])
 
     @cached_property
-    def _along_x(self) -> Spline:
-        return Spline(self.x / self.length_unit)
-
-    @cached_property
-    def _along_y(self) -> Spline:
-        return Spline(self.y / self.length_unit)
+    def _splines(self) -> tuple[Spline, Spline]:
+        """Along x and along y."""
+        return Spline(self.x / self.length_unit), Spline(self.y / self.length_unit)
 
     @cached_property
     def _basis(self) -> sparse.csr_array:
@@ -231,18 +232,17 @@ class QuarterPlate:
 
     def _stress_rows(self) -> list[sparse.csr_array]:
         """σ_xx, σ_yy, σ_xy at all Gauss points from z, (m, n) each, dimensionless."""
-        found = []
+        (along_x, along_y), found = self._splines, []
         for in_x, in_y, factor in _COMPONENTS:
-            rows = sparse.kron(self._along_y.matrix(GAUSS_POINTS, in_y), self._along_x.matrix(GAUSS_POINTS, in_x))
+            rows = sparse.kron(along_y.matrix(GAUSS_POINTS, in_y), along_x.matrix(GAUSS_POINTS, in_x))
             found.append(sparse.csr_array(factor * rows) @ self._basis)
         return found
 
     @cached_property
     def _root(self) -> StressRoot:
         """The stresses at all Gauss points, weighted so that half the square of their norm is the energy."""
-        weights = np.outer(
-            np.outer(self._along_y.sizes, GAUSS_WEIGHTS), np.outer(self._along_x.sizes, GAUSS_WEIGHTS)
-        ).ravel()
+        across, up = (np.outer(each.sizes, GAUSS_WEIGHTS).ravel() for each in self._splines)
+        weights = np.kron(up, across)
         compliance = self.material.compliance / self.material.compliance[0, 0]
         triangle = np.linalg.cholesky(compliance)  # c = L Lᵀ, and rows of Lᵀ σ
         stress = self._stress_rows()
@@ -253,8 +253,9 @@ class QuarterPlate:
     def _contact(self, t: FloatArray, component: int) -> sparse.csr_array:
         """Rows of a stress on y = h at the points t (q,) of every edge, shape (nx q, n), dimensionless."""
         in_x, in_y, factor = _COMPONENTS[component]
-        top = self._along_y.matrix(np.ones(1), in_y)[[-1]]
-        return sparse.csr_array(factor * sparse.kron(top, self._along_x.matrix(t, in_x)) @ self._basis)
+        along_x, along_y = self._splines
+        top = along_y.matrix(np.ones(1), in_y)[[-1]]
+        return sparse.csr_array(factor * sparse.kron(top, along_x.matrix(t, in_x)) @ self._basis)
 
 
 @dataclass(frozen=True, eq=False)

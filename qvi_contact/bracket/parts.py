@@ -16,7 +16,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, evaluate
 from qvi_contact.companion import CompanionResult
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, joined, scaled_stress_at_rest
-from qvi_contact.discretization.space import edge_rule, split_points
+from qvi_contact.discretization.space import POTENTIAL, edge_rule, split_points
 from qvi_contact.element.edge import (
     SAMPLES,
     absolute_integrals,
@@ -38,7 +38,6 @@ LOOSEST: Final = 1e-6
 """Largest violation of the contact law, relative to the largest stress, that counts as admissible."""
 EDGE_POINTS: Final = 12
 """Gauss points of an edge for integrals of springs and gaps."""
-_POTENTIAL = 5  # degree of a body potential whose energy is integrated exactly
 
 
 class Bounds(NamedTuple):
@@ -187,7 +186,7 @@ class CellFields:
     def of(cls, discretization: Discretization, u: FloatArray, degree: int) -> "CellFields":
         """From degrees of freedom u of Φ, for integrals exact beside displacements of a degree and body potentials."""
         problem, scales, space = discretization.problem, discretization.scales, discretization.space
-        t, w = split_points(2 * max(space.degree - 2, degree - 1, _POTENTIAL) + 1)
+        t, w = split_points(2 * max(space.degree - 2, degree - 1, POTENTIAL) + 1)
         weights = space.cell_measures(t, w) * scales.length**2
         points, stress = cell_stresses(discretization, u, t)
         at_rest, cells = np.zeros_like(stress), np.arange(len(stress))
@@ -251,6 +250,8 @@ def edge_parts(
             continue
         lengths, normal, shear = edges.length, unit * own.normal[e], unit * own.shear[e]
         gap = evaluate("Contact.gap", contact.gap, *problem.mesh.points_along(edges, t))
+        if contact.law == "unilateral":  # as in the stress's energy
+            gap = np.minimum(gap, discretization.scales.reach * discretization.scales.displacement)
         opening = gap - companion.trace(rows.name, t)[0]
         pressure = -normal @ bernstein_basis(normal.shape[1] - 1, t).T
         offset = evaluate("Contact.offset", contact.offset, *problem.mesh.points_along(edges, nodes))

@@ -247,12 +247,9 @@ def _discretized(
     limited = [rows for rows in contacts if rows.law != "tied"]
     matrices = _contact_matrices(supports, rule, limited, plates, kept)
     works, fixed, forced = np.zeros(space.size), 0.0, acts(problem.body_potential)
-    beyond = np.zeros(space.size)  # apart: what stands far away would take the digits of the load
     for rows in contacts:
         across, along = rows.obstacle
         works += rows.work(across - rows.beyond, along)
-        if rows.beyond.any():
-            beyond += rows.work(rows.beyond, 0.0 * along)
     for direction, points, values in displacements_at_points(problem, space):  # ∫_{Γ_u} U·τn ds
         weights = points.weights * values / scales.displacement
         works += points.traction_load(direction, weights)
@@ -269,12 +266,12 @@ def _discretized(
         pressed = [np.empty(0)]
         for rows in contacts:
             own = potential_at(problem, scales, rows.points.coordinates) + rows.pore_pressure
-            fixed += float(rows.points.weights * rows.obstacle[0] @ own)
+            fixed += float(rows.points.weights * (rows.obstacle[0] - rows.beyond) @ own)
             pressed += [own] * (rows.law != "tied")
         n0 = n0 + rule.at_rows(np.concatenate(pressed))
     loads = Loads(f, n0, t0, plates.b, root, load)
     qvi = FrictionQVI(stiffness.matrix(kept), matrices, loads, law_of(contacts))
-    return Discretization(problem, scales, rule, root, contacts, plates, qvi, (works + beyond, fixed))
+    return Discretization(problem, scales, rule, root, contacts, plates, qvi, (works, fixed))
 
 
 def _contact_matrices(

@@ -45,6 +45,7 @@ FAMILY: Final = "Hsieh-Clough-Tocher"
 """Name of the element, for people."""
 
 _INWARD: Final = 1e-9  # how far points of a part that is drawn lie inside it, as a share of its size
+POTENTIAL: Final = 5  # degree of a body potential whose energy is integrated exactly
 _ARCS, _STRAIGHT = 6, -4  # degree of quadrature beyond twice that of Φ where triangles have arcs, and where not
 _THREE: Final = np.arange(3)
 _AFFINE: Final = 3  # degrees of freedom of the first corner of a triangle, which an affine function is made of

@@ -14,10 +14,11 @@ from numpy.typing import ArrayLike
 from qvi_contact.basics.checks import FloatArray
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import LOAD_POINTS, EdgePoints, physical, scaled_stress_at_rest
+from qvi_contact.discretization.space import POTENTIAL, split_points
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import centre_of
 from qvi_contact.problem.conditions import DRIVES, RigidMotion
-from qvi_contact.problem.material import is_strained
+from qvi_contact.problem.material import is_strained, varies
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.contact_line import SUMMARY, ContactLine, contact_line, enclosed_beyond
 from qvi_contact.solution.stress import (
@@ -309,10 +310,9 @@ class ContactResult(PicklesFields):
 
     def plate_force(self, name: str) -> Resultant:
         """Force of a rigid plate or pin on the body, by the name of its contact; the moment is about its pivot."""
-        plates = {contact.name: contact for contact in self.problem.contacts if contact.plate is not None}
-        contact = plates[known_name("name", name, {_WITH_PLATE: plates})]
-        assert contact.plate is not None  # as chosen
-        found, (x, y) = self.resultant(contact.edges), contact.plate.pivot
+        plates = {each.name: (each.edges, each.plate.pivot) for each in self.problem.contacts if each.plate is not None}
+        edges, (x, y) = plates[known_name("name", name, {_WITH_PLATE: plates})]
+        found = self.resultant(edges)
         return Resultant(found.x, found.y, found.moment - (x * found.y - y * found.x))
 
     def resultant(self, edges: str) -> Resultant:
@@ -322,13 +322,12 @@ class ContactResult(PicklesFields):
         """
         mesh, scales = self.problem.mesh, self.discretization.scales
         named = {contact.name: contact.edges for contact in self.problem.contacts}
-        known = {"edge sets": mesh.edge_names, "joints": mesh.joint_names}
-        found = known_name("edges", edges, {**known, "contacts": named})
-        chosen = mesh.edges(found if any(found in names for names in known.values()) else named[found])
+        own = known_name("edges", edges, {"edge sets": mesh.edge_names, "joints": mesh.joint_names, "contacts": named})
+        chosen = mesh.edges(edges := own if own in mesh.edge_sets else named[own])
         points = EdgePoints(self.discretization.space, chosen, LOAD_POINTS).for_resultants()
         x, y = physical(self.problem, scales, points.coordinates)
         forces = scales.length * points.weights * traction(self.discretization, self.dofs, points)
-        if named.get(edges, edges) in mesh.joint_names:
+        if edges in mesh.joint_names:
             forces *= np.repeat(np.where(enclosed_beyond(mesh.vertices, chosen), -1.0, 1.0), points.count)
         force_x, force_y = forces
         return Resultant(float(force_x.sum()), float(force_y.sum()), float((x * force_y - y * force_x).sum()))
@@ -337,9 +336,10 @@ class ContactResult(PicklesFields):
     def energies(self) -> Energies:
         """Energies of the computed state."""
         scales, problem, space = self.discretization.scales, self.problem, self.discretization.space
-        weights = space.cell_measures(*space.cell_quadrature)
-        points, stress = cell_stresses(self.discretization, self.dofs)
-        strained = np.einsum("cg,cgk,ckl->cgl", weights, stress, problem.compliances / scales.compliance)
+        given = callable(problem.body_potential) or varies(problem)  # may be of a higher degree than stresses are
+        t, w = max([space.cell_quadrature] + given * [split_points(2 * POTENTIAL + 1)], key=lambda rule: len(rule[1]))
+        points, stress = cell_stresses(self.discretization, self.dofs, t)
+        strained = stress @ (problem.compliances / scales.compliance) * space.cell_measures(t, w)[..., None]
         strain = 0.5 * float(np.vdot(strained, stress)) * scales.energy
         root = self.discretization.root
         if root.stiffness.springs is not None:

@@ -117,6 +117,7 @@ def test_weight():
         found = bracket(solve(ContactProblem(mesh, STEEL, conditions, potential), degree=degree), 4)
         assert found.guaranteed is guaranteed, found.reasons
         assert found.lower <= found.upper + 1e-12 * found.strain
+        assert found.strain == pytest.approx(found.result.energies.strain, rel=1e-12)
 
 
 def test_under_coulomb_the_gap_closes_where_all_slips():
