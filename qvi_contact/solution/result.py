@@ -323,7 +323,8 @@ class ContactResult(PicklesFields):
         mesh, scales = self.problem.mesh, self.discretization.scales
         named = {contact.name: contact.edges for contact in self.problem.contacts}
         own = known_name("edges", edges, {"edge sets": mesh.edge_names, "joints": mesh.joint_names, "contacts": named})
-        chosen = mesh.edges(edges := own if own in mesh.edge_sets else named[own])
+        edges = own if own in mesh.edge_sets else named[own]
+        chosen = mesh.edges(edges)
         points = EdgePoints(self.discretization.space, chosen, LOAD_POINTS).for_resultants()
         x, y = physical(self.problem, scales, points.coordinates)
         forces = scales.length * points.weights * traction(self.discretization, self.dofs, points)
@@ -336,8 +337,9 @@ class ContactResult(PicklesFields):
     def energies(self) -> Energies:
         """Energies of the computed state."""
         scales, problem, space = self.discretization.scales, self.problem, self.discretization.space
-        given = callable(problem.body_potential) or varies(problem)  # may be of a higher degree than stresses are
-        t, w = max([space.cell_quadrature] + given * [split_points(2 * POTENTIAL + 1)], key=lambda rule: len(rule[1]))
+        t, w = space.cell_quadrature
+        if callable(problem.body_potential) or varies(problem):  # of a higher degree than stresses, perhaps
+            t, w = max((t, w), split_points(2 * POTENTIAL + 1), key=lambda rule: len(rule[1]))
         points, stress = cell_stresses(self.discretization, self.dofs, t)
         strained = stress @ (problem.compliances / scales.compliance) * space.cell_measures(t, w)[..., None]
         strain = 0.5 * float(np.vdot(strained, stress)) * scales.energy
