@@ -32,7 +32,7 @@ In `docs/theory.md`: (D18), (D40).
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
@@ -46,9 +46,11 @@ from qvi_contact.companion.body import CondensedBody, load_points
 from qvi_contact.discretization.displacements import (
     MISFIT,
     PARALLEL,
+    ROUNDED,
     DisplacementSpace,
     components_along,
     edge_data,
+    in_lines,
     spread,
 )
 from qvi_contact.discretization.plates import COMPONENTS, independent_rows
@@ -81,7 +83,7 @@ class DisplacementContact:
     contact: Contact
     space: DisplacementSpace
     scales: Scales
-    edges: Edges  # in the mesh's order
+    edges: Edges  # in the mesh's order, those `in_lines` of one direction
     start: int  # its first coefficient among those of all contacts
     columns: IntArray  # (e, p + 1): coefficients on each edge, numbers below n
     turned: FloatArray  # (e, p + 1): −1 where c_T of a coefficient counts against the edge's tangent, else 1
@@ -164,6 +166,8 @@ class DisplacementContact:
                 f"The {kind} of {self.name!r} is not a continuous polynomial of degree {p} on each edge. "
                 f"It is interpolated, with an error of up to {misfit * unit:.2g} [length]."
             )
+        if np.abs(self.edges.normal - self.space.mesh.edges(self.contact.edges).normal).max() > PARALLEL:
+            reasons.append(ROUNDED)
         return least
 
     def stiffness(self, kind: str, signs: FloatArray) -> FloatArray:
@@ -198,6 +202,8 @@ def _trace(
 ) -> DisplacementContact:  # fmt: skip
     """One contact, from the edges and coefficients of the body."""
     p, edges, joint = space.degree, problem.mesh.edges(contact.edges), contact in problem.joints
+    normal, tangent = (in_lines(vectors, ~edges.bent) for vectors in (edges.normal, edges.tangent))
+    edges = replace(edges, normal=normal, tangent=tangent)
     near = space.along(edges)
     far = space.along(edges, other=True) if joint else near
     sides = np.where(near > far, -1.0, 1.0)

@@ -43,7 +43,6 @@ _DEGREE: Final = 4  # of the Airy function where none is given
 _TOO_SMALL = 1e-2  # mean stress in units of the problem below which the units are changed
 _NOISE = 1e-12  # mean stress in units of the problem below which there is none
 _MISFIT = 1e-6  # difference of data from what is taken for them, in units of the problem, that needs no word
-_ALIKE = 3e-5  # sine of the angle between directions that are one but for coordinates that were rounded
 _UNRELIABLE = 1e-4  # relative error of the linear solve above which they are left
 
 
@@ -115,8 +114,8 @@ class Discretization(PicklesFields):
         if not self.problem.prescribed(Displacement):
             return tuple(found)
         space = DisplacementSpace.of(self.problem, triangle(1), self.scales.length)
-        held = supports(self.problem, space, self.scales, least=_MISFIT, parallel=_ALIKE)
-        return (*found, *held.jumps, *corners_that_jump(self.problem, space, self.scales, held, _MISFIT, _ALIKE))
+        held = supports(self.problem, space, self.scales, _MISFIT)
+        return (*found, *held.jumps, *corners_that_jump(self.problem, space, self.scales, held, _MISFIT))
 
     def with_law(self, problem: ContactProblem) -> Discretization:
         """Another problem, in these units, that differs in friction, cohesion and caps of contacts only."""
