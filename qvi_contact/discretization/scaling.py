@@ -15,6 +15,7 @@ from qvi_contact.units import Rounding
 from solvers.inner.linear_program import solved
 
 _AT_REST = 1e-6  # strain that is the unit of a body without any load
+_NONE = 1e-60  # strain of loads that are none: their energy, and what is divided by them, would leave double precision
 REACH = 100.0
 """Units of displacement that a body is at first taken to move at most, see `Scales`."""
 
@@ -66,7 +67,7 @@ class Scales:
         length = problem.mesh.length
         compliance = max(float(material.compliance[:2, :2].diagonal().max()) for material in problem.materials)
         tractions = (_sampled(problem, each.edges, each.name, each.value) for each in problem.prescribed(Traction))
-        sizes = [0.0, *(float(np.abs(values).max()) for values in tractions)]
+        sizes = [float(np.abs(values).max()) for values in tractions]
         if callable(problem.body_potential):
             values = evaluate("ContactProblem.body_potential", problem.body_potential, *problem.mesh.vertices.T)
             sizes.append(float(np.ptp(values)))
@@ -76,9 +77,11 @@ class Scales:
         if is_strained(problem):
             x, y = np.moveaxis(problem.mesh.corners, -1, 0)
             sizes.append(float(np.abs(stress_at_rest(problem, np.arange(problem.mesh.cell_count), x, y)).max()))
+        loads, cohesions = (
+            [size for size in each if size * compliance > _NONE] for each in (sizes, _in_contacts(problem, "cohesion"))
+        )
         at_rest = _AT_REST / compliance
-        stress = max(sizes) or min(at_rest, max(_in_contacts(problem, "cohesion"), default=0.0)) or at_rest
-        return cls(length, stress, compliance, max(sizes) > 0.0)
+        return cls(length, max(loads, default=min(at_rest, max(cohesions, default=at_rest))), compliance, bool(loads))
 
 
 def _sampled(

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 import qpsolvers
 
-from qvi_contact import ContactState, InputError, SolveError, TriangleMesh, solve
+from qvi_contact import ContactState, Expression, InputError, SolveError, TriangleMesh, solve
 from qvi_contact.discretization import REACH
 from qvi_contact.export import write_npz
 from qvi_contact.files import load_result
 from qvi_contact.gallery import ExactState, compressed_plate, problem_from_state, sliding_block
+from qvi_contact.plots import problem_figure
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from qvi_contact.solution import discretized
 from qvi_contact.verification import verify_result
@@ -23,6 +24,20 @@ from tests.cases import refused_at, thinned
 from tests.qvi_contact.builders import with_friction
 
 STEEL = Material(1e3, 0.3)
+
+
+@pytest.mark.parametrize(("side", "potential", "force"), [
+    (Expression("1e-320"), 0.0, None), (1e-310, 0.0, None), (0.0, Expression("1e-310 * y**2"), None), (0.0, 0.0, 1e-300),
+])  # fmt: skip
+def test_a_load_of_no_strain_is_none(side, potential, force):
+    """Numbers at the end of double precision scale nothing, and are drawn."""
+    top = Displacement("top", x=0.0, y=0.0) if force is None else Contact("top", 0.5, plate=RigidPlate(force_y=-force))
+    sides = [Contact("bottom", 0.3), top, Traction("left", x=0.0, y=side), Traction("right", x=0.0, y=0.0)]
+    problem = ContactProblem(TriangleMesh.rectangle((2, 2)), STEEL, sides, body_potential=potential)
+    result = solve(problem)
+    assert result.status is Status.SOLVED
+    assert abs(result.bracket.gap) < 1e-100
+    problem_figure(problem)
 
 
 @pytest.mark.parametrize("side", [1e5, 1e7])
