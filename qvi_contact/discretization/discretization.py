@@ -98,6 +98,12 @@ class Discretization(PicklesFields):
         warmed = self.problem.temperature, *(region.temperature or 0.0 for region in self.problem.regions)
         if any(map(acts, warmed)) and not any(material.expansion for material in self.problem.materials):
             found.append("The temperature has no effect: no material has an expansion. Give it, or no temperature.")
+        found += [
+            f"The potential of the body force {name!r} is a constant, {field:g} [stress]: that is no force. A weight "
+            "has the potential ρ g y."
+            for name, field in self.problem.body_forces.items()
+            if not callable(field) and field
+        ]
         for pin in pins(self.problem):
             if pin.misplaced:
                 found.append(

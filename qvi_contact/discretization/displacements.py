@@ -402,7 +402,7 @@ class PrescribedDisplacements:
 def supports(
     problem: ContactProblem, space: DisplacementSpace, scales: Scales, least: float = MISFIT
 ) -> PrescribedDisplacements:
-    """Prescribed displacements; where two disagree in a corner their mean.
+    """Prescribed displacements; where two disagree in a corner one of them.
 
     They disagree if they differ by more than a share of their size. Directions along one line but for rounded
     coordinates count as one: each vertex of an oblique side would be held along it too, by neighbours that differ.
@@ -438,27 +438,18 @@ def supports(
     C.values[alone, 0] = (stated.any(axis=2, keepdims=True) * direction[:, None]).reshape(-1, width)
     if np.abs(direction - stated.sum(axis=1)).max(initial=0.0) > PARALLEL:
         reasons.append(ROUNDED)
-    known, group, count = np.unique(at[alone], return_inverse=True, return_counts=True)
-    order = np.argsort(group, kind="stable")
-    place = group[order], np.arange(len(order)) - np.repeat(np.cumsum(count) - count, count)
-    D = np.zeros((len(known), max(2, *count.tolist(), 0), 2))
-    wanted = np.zeros(D.shape[:2])
-    D[place], wanted[place] = direction[order], value[alone][order]  # those of one coefficient in a row, then zeros
-    U, size, V = np.linalg.svd(D, full_matrices=False)
-    inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > PARALLEL)
-    found = np.einsum("kmi,km,ki,kij->kj", U, wanted, inverse, V)  # of one direction the mean along it
-    missed = np.abs(np.einsum("kmi,ki->km", D, found) - wanted).max(axis=1)
-    if missed.max(initial=0.0) > least * max(1.0, np.abs(value).max(initial=0.0)):
-        worst = int(np.argmax(missed))
-        corner = place_of(problem.mesh.origin + scales.length * space.places[known[worst]])
+    inside = np.isin(np.arange(space.size) // 2, at, invert=True)  # of arcs, what rows there are solved for
+    solved = Elimination.of(C, inside.astype(np.int64), PARALLEL)
+    particular, missed = solved.particular(value)
+    if np.abs(missed).max(initial=0.0) > least * max(1.0, np.abs(value).max(initial=0.0)):
+        worst = int(np.argmax(np.abs(missed)))
+        number = np.setdiff1d(np.arange(len(value)), solved.rows)[worst]
+        corner = place_of(problem.mesh.origin + scales.length * space.places[at[number]])
         jumps.append(
-            f"Prescribed displacements disagree at {corner}, by about {2.0 * missed[worst] * unit:.3g} [length]. There "
+            f"Prescribed displacements disagree at {corner}, by about {abs(missed[worst]) * unit:.3g} [length]. There "
             "stresses grow on finer meshes, and the energy of the body, without end. Let them agree."
         )
-    value[alone] = (direction * found[group]).sum(axis=1)
-    inside = np.isin(np.arange(space.size) // 2, known, invert=True)  # of arcs, what rows there are solved for
-    solved = Elimination.of(C, inside.astype(np.int64), PARALLEL)
-    return PrescribedDisplacements(C, solved.basis, solved.particular(value)[0], (*reasons, *jumps), tuple(jumps))
+    return PrescribedDisplacements(C, solved.basis, particular, (*reasons, *jumps), tuple(jumps))
 
 
 def corners_that_jump(

@@ -309,10 +309,7 @@ class TestBody:
         assert Scales.of([weak]).stress is None  # alone it has bands of its own
 
     def test_bodies_are_not_drawn_inside_each_other(self):
-        """Discs that touch in a point: exaggerated 5 times, as would be usual, their outlines would cross.
-
-        Blocks that press and slip on each other do not.
-        """
+        """Discs that touch in a point would, exaggerated 5 times as is usual; blocks that slip on each other do not."""
         assert Scales.of([solve(half_discs(1.0, 1, 0))]).factor == 1.0
         assert Scales.of([solve(jointed_slope())]).factor >= 1000.0
 
