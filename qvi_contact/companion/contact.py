@@ -209,9 +209,12 @@ def _trace(
     sides = np.where(near > far, -1.0, 1.0)
     along = frames_along(edges, np.linspace(0.0, 1.0, p + 1))
     frames = [(sides[..., None] * vectors).reshape(-1, 2) for vectors in along]
+    heading = np.zeros(near.shape, dtype=np.int64)  # numbers of directions, where edges meet
+    ends = in_lines(frames[0].reshape(*near.shape, 2)[:, [0, -1]].reshape(-1, 2), np.ones(2 * len(edges), dtype=bool))
+    heading[:, [0, -1]] = np.unique(ends, axis=0, return_inverse=True)[1].reshape(-1, 2)
     # pairs (n, 3) of coefficients of the body, the smaller number first, with the number of a direction last: where the
     # normals of a joint turn back the sides of its edges change, normals that lead from the first of a pair do not
-    pairs = np.stack([np.minimum(near, far).ravel(), np.maximum(near, far).ravel(), _directions(frames[0])], axis=1)
+    pairs = np.stack([np.minimum(near, far).ravel(), np.maximum(near, far).ravel(), heading.ravel()], axis=1)
     pairs, columns = np.unique(pairs, axis=0, return_inverse=True)
     owner = np.empty(len(pairs), dtype=np.int64)  # of the places on all edges that a coefficient has, one
     owner[columns.ravel()] = np.arange(columns.size)
@@ -233,17 +236,6 @@ def _trace(
         contact, space, scales, edges, start, columns, turned, space.places[pairs[:, 0]],
         rows[0], rows[1], lengths, np.asarray(weights, dtype=np.float64), bound,
     )  # fmt: skip
-
-
-def _directions(vectors: FloatArray) -> IntArray:
-    """Numbers of the different directions of unit vectors (e, 2); those `PARALLEL` to each other have the same."""
-    angle = np.arctan2(vectors[:, 1], vectors[:, 0])
-    order = np.argsort(angle, kind="stable")
-    steps = np.diff(angle[order], append=angle[order[:1]] + 2.0 * np.pi)
-    apart = np.roll(steps > PARALLEL, 1)  # from the one before, the last one before the first
-    number: IntArray = np.empty(len(angle), dtype=np.int64)
-    number[order] = (np.cumsum(apart) - apart[0]) % max(int(apart.sum()), 1)
-    return number
 
 
 @dataclass(frozen=True, eq=False)
