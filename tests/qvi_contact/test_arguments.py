@@ -289,11 +289,14 @@ HUGE = {
     "TriangleMesh.vertices": lambda: TriangleMesh([[0.0, 0.0], [1e308, 0.0], [0.0, 1e308]], [[0, 1, 2]]),
     "size": lambda: TriangleMesh.outline(OUTLINE, 1e308), "edge_sets": lambda: CUT.part([0, 1], {"x": 1}),
     "cells": lambda: TriangleMesh.rectangle((10**5, 10**5)),
+    "cells of a line": lambda: TriangleMesh.rectangle(4), "cells of a box": lambda: TriangleMesh.rectangle((4, 4, 4)),
+    "origin": lambda: TriangleMesh.rectangle((2, 2), origin=0.0),
+    "grading of a box": lambda: TriangleMesh.rectangle((2, 2), grading=(0.8, 0.8, 0.8)),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("entry", HUGE)
-def test_what_is_too_large_is_refused_before_it_is_made(entry):
+def test_what_is_too_large_or_no_pair_is_refused_before_it_is_made(entry):
     refused(lambda _: HUGE[entry](), None, entry.split(" of ")[0])
 
 
