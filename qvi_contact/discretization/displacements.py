@@ -32,7 +32,7 @@ from numpy.polynomial.legendre import legder, legvander
 from scipy import sparse
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate, whole_number
-from qvi_contact.discretization.scaling import Scales
+from qvi_contact.discretization.scaling import Scales, bounds
 from qvi_contact.discretization.space import Functionals
 from qvi_contact.discretization.supports import Basis, Elimination
 from qvi_contact.element.edge import (
@@ -460,29 +460,21 @@ def corners_that_jump(
     Along tangents too where it is tied. On vertices of degree 1; joints, springs, and plates driven by force give way.
     """
     found, ends = list[str](), np.array([0.0, 1.0])
-    for contact in problem.contacts:
-        plate, edges = contact.plate, problem.mesh.edges(contact.edges)
-        if contact in problem.joints or (plate is not None and plate.driven):
+    for direction, values, both, edges, contact in bounds(problem):
+        if contact is None:
             continue
         (x, y), dofs = problem.mesh.points_along(edges, ends), 2 * space.along(edges)[..., None] + np.arange(2)
-        ways = [("gap", edges.normal, contact.normal_stiffness)]
-        ways += [("offset", edges.tangent, contact.tangential_stiffness)] * (contact.law == "tied")
-        for name, direction, spring in ways:
-            if spring is not None:
-                continue
-            d = vectors_along(edges, direction, ends)
-            moved = 0.0 if plate is None else (np.moveaxis(plate.displacement(x, y), 0, -1) * d).sum(axis=-1)
-            wall = (evaluate(f"Contact.{name}", getattr(contact, name), x, y) + moved).ravel()
-            rows = spread(np.arange(x.size)[:, None], dofs.reshape(-1, 2), d.reshape(-1, 1, 2), space.size)[: x.size]
-            beyond = scales.displacement * (rows @ held.particular) - wall
-            beyond = np.abs(beyond) if contact.law != "unilateral" else np.maximum(beyond, 0.0)
-            beyond[abs(rows @ held.basis.matrix).sum(axis=1) > ALIKE] = 0.0  # what supports leave open
-            worst = int(np.argmax(beyond))
-            if beyond[worst] > least * max(scales.displacement, float(np.abs(wall).max())):
-                found.append(
-                    f"At {place_of((x.flat[worst], y.flat[worst]))} a support and the obstacle of {contact.name!r} "
-                    f"demand displacements that differ by {beyond[worst]:.3g} [length]. There stresses grow on finer "
-                    "meshes, and the forces on both, without end. Let them agree, or let some of the side between them "
-                    "be free."
-                )
+        d, wall = vectors_along(edges, direction, ends), values[:, [0, -1]].ravel()
+        rows = spread(np.arange(x.size)[:, None], dofs.reshape(-1, 2), d.reshape(-1, 1, 2), space.size)[: x.size]
+        beyond = scales.displacement * (rows @ held.particular) - wall
+        beyond = np.abs(beyond) if both else np.maximum(beyond, 0.0)
+        beyond[abs(rows @ held.basis.matrix).sum(axis=1) > ALIKE] = 0.0  # what supports leave open
+        worst = int(np.argmax(beyond))
+        if beyond[worst] > least * max(scales.displacement, float(np.abs(wall).max())):
+            found.append(
+                f"At {place_of((x.flat[worst], y.flat[worst]))} a support and the obstacle of {contact.name!r} "
+                f"demand displacements that differ by {beyond[worst]:.3g} [length]. There stresses grow on finer "
+                "meshes, and the forces on both, without end. Let them agree, or let some of the side between them "
+                "be free."
+            )
     return tuple(found)
