@@ -25,7 +25,7 @@ from qvi_contact.bracket.parts import EdgeTractions
 from qvi_contact.companion.contact import LeastChange
 from qvi_contact.companion.model import prescribed_slip
 from qvi_contact.discretization.discretization import Discretization, discretize
-from qvi_contact.discretization.displacements import PARALLEL
+from qvi_contact.discretization.displacements import ALIKE, PARALLEL
 from qvi_contact.element.edge import SAMPLES, bernstein_basis
 from qvi_contact.errors import InputError
 from qvi_contact.mechanism.bodies import blocks_of_cells
@@ -475,6 +475,6 @@ def _vanishing(problem: ContactProblem) -> BoolArray:
     found = np.zeros(len(problem.mesh.vertices), dtype=bool)
     for (_, vertex), (fixed, rows) in demands.items():
         both = [*rows, *(np.append(none, each) for each in fixed)]
-        ranks = (int(np.linalg.matrix_rank(part, PARALLEL)) for part in (both, np.array(rows)[:, :2], fixed))
+        ranks = (int(np.linalg.matrix_rank(part, ALIKE)) for part in (both, np.array(rows)[:, :2], fixed))
         found[vertex] |= next(ranks) > sum(ranks)
     return found

@@ -185,6 +185,8 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
         given |= given.pop("plate", {})
         where = f"{condition['kind']} on {condition['edges']} ({condition['length']:g} {units.length})"
         yield f"{where}: {_stated(given)}" if given else where
+    for name in outline["whole"]:
+        yield f"inner line {name}: no contact, so that the body holds together there"
     for load in outline["loads"]:
         yield (
             f"load {load['name']}: ({load['x']:.6g}, {load['y']:.6g}) {units.force}, "
@@ -384,6 +386,7 @@ def outline(file: ProblemFile, given: Mapping[str, Any]) -> tuple[ContactProblem
         "materials": [_material(problem, number, int(count)) for number, count in enumerate(counts)],
         "temperature": _written("temperature", problem.temperature),
         "boundary": [_condition(problem, condition) for condition in problem.conditions],
+        "whole": [name for name in mesh.joint_names if name not in {each.edges for each in problem.contacts}],
         "loads": list(_loads(problem)),
         "solve": dict(options),
         "refine": dict(file.refine_options),

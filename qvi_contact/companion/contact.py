@@ -32,7 +32,7 @@ In `docs/theory.md`: (D18), (D40).
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any
@@ -46,9 +46,11 @@ from qvi_contact.companion.body import CondensedBody, load_points
 from qvi_contact.discretization.displacements import (
     MISFIT,
     PARALLEL,
+    ROUNDED,
     DisplacementSpace,
     components_along,
     edge_data,
+    in_lines,
     spread,
 )
 from qvi_contact.discretization.plates import COMPONENTS, independent_rows
@@ -81,7 +83,7 @@ class DisplacementContact:
     contact: Contact
     space: DisplacementSpace
     scales: Scales
-    edges: Edges  # in the mesh's order
+    edges: Edges  # in the mesh's order, those `in_lines` of one direction
     start: int  # its first coefficient among those of all contacts
     columns: IntArray  # (e, p + 1): coefficients on each edge, numbers below n
     turned: FloatArray  # (e, p + 1): −1 where c_T of a coefficient counts against the edge's tangent, else 1
@@ -164,6 +166,8 @@ class DisplacementContact:
                 f"The {kind} of {self.name!r} is not a continuous polynomial of degree {p} on each edge. "
                 f"It is interpolated, with an error of up to {misfit * unit:.2g} [length]."
             )
+        if np.abs(self.edges.normal - self.space.mesh.edges(self.contact.edges).normal).max() > PARALLEL:
+            reasons.append(ROUNDED)
         return least
 
     def stiffness(self, kind: str, signs: FloatArray) -> FloatArray:
@@ -198,14 +202,19 @@ def _trace(
 ) -> DisplacementContact:  # fmt: skip
     """One contact, from the edges and coefficients of the body."""
     p, edges, joint = space.degree, problem.mesh.edges(contact.edges), contact in problem.joints
+    normal, tangent = (in_lines(vectors, ~edges.bent) for vectors in (edges.normal, edges.tangent))
+    edges = replace(edges, normal=normal, tangent=tangent)
     near = space.along(edges)
     far = space.along(edges, other=True) if joint else near
     sides = np.where(near > far, -1.0, 1.0)
     along = frames_along(edges, np.linspace(0.0, 1.0, p + 1))
     frames = [(sides[..., None] * vectors).reshape(-1, 2) for vectors in along]
+    heading = np.zeros(near.shape, dtype=np.int64)  # numbers of directions, where edges meet
+    ends = in_lines(frames[0].reshape(*near.shape, 2)[:, [0, -1]].reshape(-1, 2), np.ones(2 * len(edges), dtype=bool))
+    heading[:, [0, -1]] = np.unique(ends, axis=0, return_inverse=True)[1].reshape(-1, 2)
     # pairs (n, 3) of coefficients of the body, the smaller number first, with the number of a direction last: where the
     # normals of a joint turn back the sides of its edges change, normals that lead from the first of a pair do not
-    pairs = np.stack([np.minimum(near, far).ravel(), np.maximum(near, far).ravel(), _directions(frames[0])], axis=1)
+    pairs = np.stack([np.minimum(near, far).ravel(), np.maximum(near, far).ravel(), heading.ravel()], axis=1)
     pairs, columns = np.unique(pairs, axis=0, return_inverse=True)
     owner = np.empty(len(pairs), dtype=np.int64)  # of the places on all edges that a coefficient has, one
     owner[columns.ravel()] = np.arange(columns.size)
@@ -227,17 +236,6 @@ def _trace(
         contact, space, scales, edges, start, columns, turned, space.places[pairs[:, 0]],
         rows[0], rows[1], lengths, np.asarray(weights, dtype=np.float64), bound,
     )  # fmt: skip
-
-
-def _directions(vectors: FloatArray) -> IntArray:
-    """Numbers of the different directions of unit vectors (e, 2); those `PARALLEL` to each other have the same."""
-    angle = np.arctan2(vectors[:, 1], vectors[:, 0])
-    order = np.argsort(angle, kind="stable")
-    steps = np.diff(angle[order], append=angle[order[:1]] + 2.0 * np.pi)
-    apart = np.roll(steps > PARALLEL, 1)  # from the one before, the last one before the first
-    number: IntArray = np.empty(len(angle), dtype=np.int64)
-    number[order] = (np.cumsum(apart) - apart[0]) % max(int(apart.sum()), 1)
-    return number
 
 
 @dataclass(frozen=True, eq=False)

@@ -368,7 +368,7 @@ def solve_companions(
             return (CompanionResult(problem, scales, body, *said),) * len(laws)
         for dual in duals:
             solution, own, state = dual.solved(tolerance), dual.contacts, None
-            reasons = held.reasons + remarks + own.reasons
+            reasons = tuple(dict.fromkeys((*held.reasons, *remarks, *own.reasons)))
             if solution.status is not Status.INFEASIBLE and np.isfinite(solution.z).all():
                 bound = np.full(own.count, np.inf)
                 bound[~own.tied] = dual.qvi.threshold(np.abs(dual.qvi.normal(solution.z)))

@@ -43,7 +43,6 @@ _DEGREE: Final = 4  # of the Airy function where none is given
 _TOO_SMALL = 1e-2  # mean stress in units of the problem below which the units are changed
 _NOISE = 1e-12  # mean stress in units of the problem below which there is none
 _MISFIT = 1e-6  # difference of data from what is taken for them, in units of the problem, that needs no word
-_ALIKE = 3e-5  # sine of the angle between directions that are one but for coordinates that were rounded
 _UNRELIABLE = 1e-4  # relative error of the linear solve above which they are left
 
 
@@ -99,6 +98,12 @@ class Discretization(PicklesFields):
         warmed = self.problem.temperature, *(region.temperature or 0.0 for region in self.problem.regions)
         if any(map(acts, warmed)) and not any(material.expansion for material in self.problem.materials):
             found.append("The temperature has no effect: no material has an expansion. Give it, or no temperature.")
+        found += [
+            f"The potential of the body force {name!r} is a constant, {field:g} [stress]: that is no force. A weight "
+            "has the potential ρ g y."
+            for name, field in self.problem.body_forces.items()
+            if not callable(field) and field
+        ]
         for pin in pins(self.problem):
             if pin.misplaced:
                 found.append(
@@ -115,8 +120,8 @@ class Discretization(PicklesFields):
         if not self.problem.prescribed(Displacement):
             return tuple(found)
         space = DisplacementSpace.of(self.problem, triangle(1), self.scales.length)
-        held = supports(self.problem, space, self.scales, least=_MISFIT, parallel=_ALIKE)
-        return (*found, *held.jumps, *corners_that_jump(self.problem, space, self.scales, held, _MISFIT, _ALIKE))
+        held = supports(self.problem, space, self.scales, _MISFIT)
+        return (*found, *held.jumps, *corners_that_jump(self.problem, space, self.scales, held, _MISFIT))
 
     def with_law(self, problem: ContactProblem) -> Discretization:
         """Another problem, in these units, that differs in friction, cohesion and caps of contacts only."""

@@ -31,8 +31,8 @@ import numpy as np
 from numpy.polynomial.legendre import legder, legvander
 from scipy import sparse
 
-from qvi_contact.basics.checks import Field, FloatArray, IntArray, evaluate, whole_number
-from qvi_contact.discretization.scaling import Scales
+from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate, whole_number
+from qvi_contact.discretization.scaling import Scales, bounds
 from qvi_contact.discretization.space import Functionals
 from qvi_contact.discretization.supports import Basis, Elimination
 from qvi_contact.element.edge import (
@@ -46,7 +46,7 @@ from qvi_contact.element.edge import (
 from qvi_contact.element.triangle import EDGES, exponents, gradient, quadrature
 from qvi_contact.element.triangle import bernstein as basis
 from qvi_contact.errors import place_of
-from qvi_contact.mesh.edges import Edges, arc_offsets, vectors_along
+from qvi_contact.mesh.edges import Edges, arc_offsets, cross, vectors_along
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Displacement
 from qvi_contact.problem.problem import ContactProblem
@@ -334,6 +334,9 @@ MISFIT = 1e-10
 PARALLEL = 1e-8
 """Sine of the angle between two directions that is the rounding of coordinates."""
 
+ALIKE = 3e-5  # the same where coordinates were rounded to few digits, as in files of meshes
+ROUNDED = f"Edges whose directions differ by less than {ALIKE:.0e}, as those of rounded coordinates, count as parallel."
+
 
 def edge_data(
     mesh: TriangleMesh, edges: Edges, name: str, field: Field, degree: int, unit: float
@@ -352,6 +355,17 @@ def edge_data(
     wanted = evaluate(name, field, *mesh.points_along(edges, t)) / unit
     misfit = np.abs(coefficients @ bernstein_basis(degree, t).T - wanted)
     return coefficients, float(misfit.max(initial=0.0))
+
+
+def in_lines(vectors: FloatArray, straight: BoolArray) -> FloatArray:
+    """Unit vectors (n, 2), those of `straight` edges parallel but for rounded coordinates as the first of them."""
+    found, left = vectors.copy(), straight.copy()
+    while left.any():
+        first = vectors[left.argmax()]
+        alike = left & (np.abs(cross(vectors, first)) <= ALIKE)
+        found[alike] = np.sign(vectors[alike] @ first)[:, None] * first
+        left &= ~alike
+    return found
 
 
 def components_along(edges: Edges, directions: FloatArray, degree: int, *, turns: bool = True) -> FloatArray:
@@ -386,16 +400,18 @@ class PrescribedDisplacements:
 
 
 def supports(
-    problem: ContactProblem, space: DisplacementSpace, scales: Scales, least: float = MISFIT, parallel: float = PARALLEL
+    problem: ContactProblem, space: DisplacementSpace, scales: Scales, least: float = MISFIT
 ) -> PrescribedDisplacements:
-    """Prescribed displacements; where two disagree in a corner their mean.
+    """Prescribed displacements; where two disagree in a corner one of them.
 
-    They disagree if they differ by more than a share of their size. Directions are one if they are parallel so far.
+    They disagree if they differ by more than a share of their size. Directions along one line but for rounded
+    coordinates count as one: each vertex of an oblique side would be held along it too, by neighbours that differ.
     """
     p, unit, reasons, jumps = space.degree, scales.displacement, list[str](), list[str]()
     width = 2 * (p + 1)  # of rows: on the coefficients of an edge
     columns, entries = [np.empty((0, width), np.int64)], [np.empty((0, 1, width))]
     values, places = [np.empty(0)], [np.empty(0, np.int64)]  # of which coefficient alone they are; −1 inside arcs
+    lines = [np.empty(0, bool)]  # whether they are on straight edges
     for given in problem.prescribed(Displacement):
         edges, numbers = given.edges, space.along(given.edges)
         data, misfit = edge_data(problem.mesh, edges, given.name, given.value, p, unit)
@@ -412,66 +428,53 @@ def supports(
         entries.append(rows.reshape(-1, 1, width))
         values.append(data.ravel())
         places.append(np.where(np.outer(bent, np.arange(p + 1) % p > 0), -1, numbers).ravel())
+        lines.append(np.repeat(~bent, p + 1))
 
     C = Functionals(np.concatenate(columns), np.concatenate(entries), space.size)
     value, at = np.concatenate(values), np.concatenate(places)
     alone = at >= 0
-    direction = C.values[alone].reshape(-1, p + 1, 2).sum(axis=1)
-    known, group, count = np.unique(at[alone], return_inverse=True, return_counts=True)
-    order = np.argsort(group, kind="stable")
-    place = group[order], np.arange(len(order)) - np.repeat(np.cumsum(count) - count, count)
-    D = np.zeros((len(known), max(2, *count.tolist(), 0), 2))
-    wanted = np.zeros(D.shape[:2])
-    D[place], wanted[place] = direction[order], value[alone][order]  # those of one coefficient in a row, then zeros
-    U, size, V = np.linalg.svd(D, full_matrices=False)
-    inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > parallel)
-    found = np.einsum("kmi,km,ki,kij->kj", U, wanted, inverse, V)  # of one direction the mean along it
-    missed = np.abs(np.einsum("kmi,ki->km", D, found) - wanted).max(axis=1)
-    if missed.max(initial=0.0) > least * max(1.0, np.abs(value).max(initial=0.0)):
-        worst = int(np.argmax(missed))
-        corner = place_of(problem.mesh.origin + scales.length * space.places[known[worst]])
+    stated = C.values[alone].reshape(-1, p + 1, 2)
+    direction = in_lines(stated.sum(axis=1), np.concatenate(lines)[alone])
+    C.values[alone, 0] = (stated.any(axis=2, keepdims=True) * direction[:, None]).reshape(-1, width)
+    if np.abs(direction - stated.sum(axis=1)).max(initial=0.0) > PARALLEL:
+        reasons.append(ROUNDED)
+    inside = np.isin(np.arange(space.size) // 2, at, invert=True)  # of arcs, what rows there are solved for
+    solved = Elimination.of(C, inside.astype(np.int64), PARALLEL)
+    particular, missed = solved.particular(value)
+    if np.abs(missed).max(initial=0.0) > least * max(1.0, np.abs(value).max(initial=0.0)):
+        worst = int(np.argmax(np.abs(missed)))
+        number = np.setdiff1d(np.arange(len(value)), solved.rows)[worst]
+        corner = place_of(problem.mesh.origin + scales.length * space.places[at[number]])
         jumps.append(
-            f"Prescribed displacements disagree at {corner}, by about {2.0 * missed[worst] * unit:.3g} [length]. There "
+            f"Prescribed displacements disagree at {corner}, by about {abs(missed[worst]) * unit:.3g} [length]. There "
             "stresses grow on finer meshes, and the energy of the body, without end. Let them agree."
         )
-    value[alone] = (direction * found[group]).sum(axis=1)
-    inside = np.isin(np.arange(space.size) // 2, known, invert=True)  # of arcs, what rows there are solved for
-    solved = Elimination.of(C, inside.astype(np.int64), parallel)
-    return PrescribedDisplacements(C, solved.basis, solved.particular(value)[0], (*reasons, *jumps), tuple(jumps))
+    return PrescribedDisplacements(C, solved.basis, particular, (*reasons, *jumps), tuple(jumps))
 
 
 def corners_that_jump(
-    problem: ContactProblem, space: DisplacementSpace, scales: Scales, held: PrescribedDisplacements, least: float,
-    parallel: float,
-) -> tuple[str, ...]:  # fmt: skip
+    problem: ContactProblem, space: DisplacementSpace, scales: Scales, held: PrescribedDisplacements, least: float
+) -> tuple[str, ...]:
     """A sentence for each contact at whose end supports demand what its obstacle does not let be, by such a share.
 
     Along tangents too where it is tied. On vertices of degree 1; joints, springs, and plates driven by force give way.
     """
     found, ends = list[str](), np.array([0.0, 1.0])
-    for contact in problem.contacts:
-        plate, edges = contact.plate, problem.mesh.edges(contact.edges)
-        if contact in problem.joints or (plate is not None and plate.driven):
+    for direction, values, both, edges, contact in bounds(problem):
+        if contact is None:
             continue
         (x, y), dofs = problem.mesh.points_along(edges, ends), 2 * space.along(edges)[..., None] + np.arange(2)
-        ways = [("gap", edges.normal, contact.normal_stiffness)]
-        ways += [("offset", edges.tangent, contact.tangential_stiffness)] * (contact.law == "tied")
-        for name, direction, spring in ways:
-            if spring is not None:
-                continue
-            d = vectors_along(edges, direction, ends)
-            moved = 0.0 if plate is None else (np.moveaxis(plate.displacement(x, y), 0, -1) * d).sum(axis=-1)
-            wall = (evaluate(f"Contact.{name}", getattr(contact, name), x, y) + moved).ravel()
-            rows = spread(np.arange(x.size)[:, None], dofs.reshape(-1, 2), d.reshape(-1, 1, 2), space.size)[: x.size]
-            beyond = scales.displacement * (rows @ held.particular) - wall
-            beyond = np.abs(beyond) if contact.law != "unilateral" else np.maximum(beyond, 0.0)
-            beyond[abs(rows @ held.basis.matrix).sum(axis=1) > parallel] = 0.0  # what supports leave open
-            worst = int(np.argmax(beyond))
-            if beyond[worst] > least * max(scales.displacement, float(np.abs(wall).max())):
-                found.append(
-                    f"At {place_of((x.flat[worst], y.flat[worst]))} a support and the obstacle of {contact.name!r} "
-                    f"demand displacements that differ by {beyond[worst]:.3g} [length]. There stresses grow on finer "
-                    "meshes, and the forces on both, without end. Let them agree, or let some of the side between them "
-                    "be free."
-                )
+        d, wall = vectors_along(edges, direction, ends), values[:, [0, -1]].ravel()
+        rows = spread(np.arange(x.size)[:, None], dofs.reshape(-1, 2), d.reshape(-1, 1, 2), space.size)[: x.size]
+        beyond = scales.displacement * (rows @ held.particular) - wall
+        beyond = np.abs(beyond) if both else np.maximum(beyond, 0.0)
+        beyond[abs(rows @ held.basis.matrix).sum(axis=1) > ALIKE] = 0.0  # what supports leave open
+        worst = int(np.argmax(beyond))
+        if beyond[worst] > least * max(scales.displacement, float(np.abs(wall).max())):
+            found.append(
+                f"At {place_of((x.flat[worst], y.flat[worst]))} a support and the obstacle of {contact.name!r} "
+                f"demand displacements that differ by {beyond[worst]:.3g} [length]. There stresses grow on finer "
+                "meshes, and the forces on both, without end. Let them agree, or let some of the side between them "
+                "be free."
+            )
     return tuple(found)

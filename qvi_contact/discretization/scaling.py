@@ -7,18 +7,19 @@ import numpy as np
 
 from qvi_contact.basics.checks import Field, FloatArray, evaluate
 from qvi_contact.element.edge import gauss_legendre
-from qvi_contact.mesh.edges import Edges, centre_of
-from qvi_contact.problem.conditions import Displacement, Traction
+from qvi_contact.mesh.edges import Edges, centre_of, vectors_along
+from qvi_contact.problem.conditions import SPRINGS, Contact, Displacement, Traction
 from qvi_contact.problem.material import is_strained, stress_at_rest
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.units import Rounding
 from solvers.inner.linear_program import solved
 
 _AT_REST = 1e-6  # strain that is the unit of a body without any load
+_NONE = 1e-60  # strain of loads that are none: their energy, and what is divided by them, would leave double precision
 REACH = 100.0
 """Units of displacement that a body is at first taken to move at most, see `Scales`."""
 
-_PLACES: FloatArray = np.concatenate([[0.0], gauss_legendre(8)[0], [1.0]])  # of an edge where data are looked at
+PLACES: FloatArray = np.concatenate([[0.0], gauss_legendre(8)[0], [1.0]])  # of an edge where data are looked at
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class Scales:
         length = problem.mesh.length
         compliance = max(float(material.compliance[:2, :2].diagonal().max()) for material in problem.materials)
         tractions = (_sampled(problem, each.edges, each.name, each.value) for each in problem.prescribed(Traction))
-        sizes = [0.0, *(float(np.abs(values).max()) for values in tractions)]
+        sizes = [float(np.abs(values).max()) for values in tractions]
         if callable(problem.body_potential):
             values = evaluate("ContactProblem.body_potential", problem.body_potential, *problem.mesh.vertices.T)
             sizes.append(float(np.ptp(values)))
@@ -76,9 +77,11 @@ class Scales:
         if is_strained(problem):
             x, y = np.moveaxis(problem.mesh.corners, -1, 0)
             sizes.append(float(np.abs(stress_at_rest(problem, np.arange(problem.mesh.cell_count), x, y)).max()))
+        loads, cohesions = (
+            [size for size in each if size * compliance > _NONE] for each in (sizes, _in_contacts(problem, "cohesion"))
+        )
         at_rest = _AT_REST / compliance
-        stress = max(sizes) or min(at_rest, max(_in_contacts(problem, "cohesion"), default=0.0)) or at_rest
-        return cls(length, stress, compliance, max(sizes) > 0.0)
+        return cls(length, max(loads, default=min(at_rest, max(cohesions, default=at_rest))), compliance, bool(loads))
 
 
 def _sampled(
@@ -87,7 +90,7 @@ def _sampled(
     """Values of a field at the ends of edges and at Gauss points between them (n, q); (n, 1) of a number."""
     if not callable(value):
         return np.full((len(edges), 1), float(value))
-    return evaluate(name, value, *problem.mesh.points_along(edges, _PLACES), minimum=minimum)
+    return evaluate(name, value, *problem.mesh.points_along(edges, PLACES), minimum=minimum)
 
 
 def _in_contacts(problem: ContactProblem, name: str) -> list[float]:
@@ -122,7 +125,7 @@ def _forced(problem: ContactProblem) -> list[float]:
     twice the least distance by which some bound is missed if the body moves without rotation, a linear program.
     """
     rows, limits = [np.empty((0, 2))], [np.empty(0)]  # d·u ≤ limit
-    for direction, values, on_both_sides in _bounds(problem):
+    for direction, values, on_both_sides, *_ in bounds(problem):
         rows.append(direction)
         limits.append(values.min(axis=1))
         if on_both_sides:
@@ -140,21 +143,26 @@ def _forced(problem: ContactProblem) -> list[float]:
     return [2.0 * float(found.x[2]) if found.solved else 0.0]  # any unit will do, if not as well
 
 
-def _bounds(problem: ContactProblem) -> Iterator[tuple[FloatArray, FloatArray, bool]]:
-    """Unit vectors d (n, 2), what d·u may be at most at points (n, q) [length], and whether it may not be less."""
+def bounds(problem: ContactProblem) -> Iterator[tuple[FloatArray, FloatArray, bool, Edges, Contact | None]]:
+    """Unit vectors d (n, 2), what d·u may be at most at `PLACES` (n, q) [length], and whether it may not be less.
+
+    Last come the edges, whose arcs d turns along, and the contact; None of supports, and of obstacles that give way.
+    """
     for given in problem.prescribed(Displacement):
-        yield given.direction, _sampled(problem, given.edges, given.name, given.value), True
+        yield given.direction, _sampled(problem, given.edges, given.name, given.value), True, given.edges, None
     for contact in problem.contacts:
-        edges = problem.mesh.edges(contact.edges)
-        for direction, name in ((edges.normal, "gap"), (edges.tangent, "offset")):
+        edges, plate = problem.mesh.edges(contact.edges), contact.plate
+        for direction, name, spring in zip((edges.normal, edges.tangent), ("gap", "offset"), SPRINGS, strict=True):
             fixed = np.full(len(edges), contact not in problem.joints and (name == "gap" or contact.law == "tied"))
             for component, force in enumerate(("force_x", "force_y")):
-                if getattr(contact.plate, force, None) is not None:
+                if getattr(plate, force, None) is not None:
                     fixed &= direction[:, component] == 0.0
             if fixed.any():
-                chosen = edges.take(fixed)
+                d, chosen = direction[fixed], edges.take(fixed)
                 values = _sampled(problem, chosen, f"Contact.{name}", getattr(contact, name))
-                if contact.plate is not None:
-                    moved = np.moveaxis(contact.plate.displacement(*problem.mesh.points_along(chosen, _PLACES)), 0, -1)
-                    values = values + (moved * direction[fixed][:, None]).sum(axis=2)
-                yield direction[fixed], values, name == "offset" or contact.law != "unilateral"
+                if plate is not None:
+                    moved = np.moveaxis(plate.displacement(*problem.mesh.points_along(chosen, PLACES)), 0, -1)
+                    values = values + (moved * vectors_along(chosen, d, PLACES)).sum(axis=2)
+                rigid = getattr(contact, spring) is None and not (plate is not None and plate.driven)
+                both = name == "offset" or contact.law != "unilateral"
+                yield d, values, both, chosen, contact if rigid else None

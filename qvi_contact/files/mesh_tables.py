@@ -231,8 +231,8 @@ class OutlineTable:
     holes: tuple[LineTable, ...] = ()
     """Holes, by corners or as circles: `holes = [{ centre = [1.0, 1.0], radius = 0.4 }]`."""
     joints: tuple[LineTable, ...] = ()
-    """Lines inside the body, open or closed: `joints = [{ name = "joint", corners = [{ at = [0.0, 0.5] }, { at =
-    [1.0, 0.5] }] }]`."""
+    """Lines inside, open or closed; those without a contact hold together: `joints = [{ name = "joint", corners = [
+    { at = [0.0, 0.5] }, { at = [1.0, 0.5] }] }]`."""
     regions: tuple[LineTable, ...] = ()
     """Regions of another material: `regions = [{ name = "inclusion", centre = [1.0, 1.0], radius = 0.2 }]`."""
     sizes: tuple[SizeTable, ...] = ()

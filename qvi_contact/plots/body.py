@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from matplotlib.tri import TriContourSet
 
 _SAMPLES: Final = 120  # parts of the body's length that a field is drawn with
+_TALL: Final = 0.25  # least height of the scale of colours over the width of the drawing, for bodies that are flat
 _CALM: Final = 0.75  # displacements are drawn smaller than those of a mechanism
 _HEIGHT: Final = 0.14  # of the largest pressure, as a share of the body's length
 _IN_BLOCKS: Final = 0.3  # the same at most, as a share of the width of a block
@@ -344,8 +345,8 @@ def draw_body(
         extent.append(covered)
     box = style.show_all(axes, np.concatenate(extent), units)
     across, up = box[1] - box[0]
-    width = 0.04 * max(1.0, float(up / across))
-    scale_of = axes.inset_axes((1.0 + 0.8 * width, 0.0, width, 1.0))
+    width, tall = 0.04 * max(1.0, float(up / across)), max(1.0, _TALL * float(across / up))
+    scale_of = axes.inset_axes((1.0 + 0.8 * width, (1.0 - tall) / 2.0, width, tall))
     axes.figure.colorbar(field, cax=scale_of, label=f"{COMPONENT_LABELS[component]} [{units.stress}]", extend=None)
     return Drawn(factor, box, pressure, written)
 
@@ -355,8 +356,9 @@ def _separate(result: ContactResult, shape: Shape, factor: float) -> float:
     mesh, block, cells = result.problem.mesh, shape.space.block, np.arange(result.problem.mesh.cell_count)
     t = np.linspace(0.0, 1.0, style.CHORDS + 1)
     owner = np.repeat(block[mesh.boundary.cells[:, 0]], len(t))
-    inwards = np.repeat(mesh.boundary.normal, len(t), axis=0) * (-_DEEP * mesh.length)
-    before = np.stack(mesh.points_along(mesh.boundary, t), axis=-1).reshape(-1, 2) + inwards
+    before = np.stack(mesh.points_along(mesh.boundary, t), axis=-1).reshape(-1, 2)
+    inwards = np.repeat(mesh.corners[mesh.boundary.cells[:, 0]].mean(axis=1), len(t), axis=0) - before  # off joints too
+    before += np.minimum(1.0, _DEEP * mesh.length / np.linalg.norm(inwards, axis=1, keepdims=True)) * inwards
     moved = shape.along(mesh.boundary, t).reshape(-1, 2)
     corners = np.stack([shape.at(cells, np.tile(at, (len(cells), 1))) for at in np.eye(3)[:, 1:]], axis=1)
 

@@ -36,7 +36,7 @@ _PARTS: Final = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.
 _PANELS: Final = 2  # at most so many charts unless some are asked for
 _WIDTH: Final = 6.3  # of a picture of a result [inch]: that of the text on a page
 _BODY: Final = 4.6  # about the width of the body in it
-_PASSES: Final = 3  # until texts beside the body have room
+_PASSES: Final = 6  # until texts beside the body have room
 _CHART: Final = 1.5  # height of a chart
 _SAID: Final = 2  # contacts named in the answer
 _CANCELLED: Final = 1e-6  # size of a resultant over its parts, up to which it has no direction
@@ -135,12 +135,12 @@ def _answer(result: ContactResult, units: Units) -> str:
         normal, tangential = beside(line.forces)
         effective = f" (effective {beside([line.effective_normal_force])[0]})" if line.has_fluid else ""
         along = "" if line.frictionless else f", T = {tangential}"
-        words = [f"N = {normal}{effective}{along} {units.force}"]
-        shares = {verbs[name]: f"{100.0 * share:.0f} %" for name, share in line.shares.items() if share >= _SHARE}
-        words += [f"all {verb}" if len(shares) == 1 else f"{share} {verb}" for verb, share in shares.items()]
+        words = [f"N = {normal}{effective}{along}\u00a0{units.force}"]
+        shares = {verbs[name]: f"{100.0 * share:.0f}\u00a0%" for name, share in line.shares.items() if share >= _SHARE}
+        words += [f"all\u00a0{verb}" if len(shares) == 1 else f"{share}\u00a0{verb}" for verb, share in shares.items()]
         motion = result.plates.get(line.name)
         if motion is not None and np.hypot(motion.x, motion.y) > line.rounding.displacement:
-            words.append(f"moves {beside([float(np.hypot(motion.x, motion.y))])[0]} {units.length}")
+            words.append(f"moves {beside([float(np.hypot(motion.x, motion.y))])[0]}\u00a0{units.length}")
         said.append(f"{line.name}: {', '.join(words)}")
     status = "" if result.status is Status.SOLVED else f"Not solved ({result.status.words}). "
     return status + "; ".join(said) + ("." if said else "")

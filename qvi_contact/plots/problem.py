@@ -412,7 +412,7 @@ class _Sketch:
             largest = min(largest, most(condition) / _VISIBLE)
         for run in pieces:
             places = run.points(_SPACING * (1.0 + self.size) / 2.0 * self.length)
-            vectors = _vectors(condition, places) * (self.size * _ARROW * self.length / largest)
+            vectors = _vectors(condition, places) / largest * (self.size * _ARROW * self.length)
             slender = {} if self.size == 1.0 else {"width": 0.0035}
             places = places._replace(points=self.moved(places.points))
             self.ends.append(arrows(self.axes, places, vectors, _AWAY * self.length, look | slender))

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 _MISFIT: Final = 1e-6  # of the unit of stress: difference of tractions that counts
 _ROUNDED: Final = 1e-6  # share of the stress in which rounding of single stresses counts
 _FAR: Final = 1e4  # gaps over displacements above which rounding of gaps is what an inaccurate result lacks
+_LARGE_STRAIN: Final = 0.05  # above which the theory of small strains is a first guess
 _LARGE_FRICTION: Final = 1.0  # above which other solutions are known: of 2 and more
 _EXCESS: Final = 1e-2  # share of a contact's largest traction by which friction may leave its bound between points
 _EDGES_IN_CONTACT: Final = 4  # edges of an arc below which a contact zone is too short for them
@@ -63,6 +64,13 @@ def _about_numbers(result: ContactResult) -> Iterator[str]:
             f"Computed tractions differ from the prescribed ones by up to {result.traction_misfit:.3g} [stress] at "
             "single points. Force and moment on every edge are right. To reduce the difference, let an edge end where "
             "the tractions jump, or refine there."
+        )
+    strains = np.abs(np.einsum("cgk,ckl->cgl", result.gauss_stress()[2], result.problem.compliances))
+    strain = float(np.median(strains.max(axis=(1, 2))))
+    if strain > _LARGE_STRAIN:
+        yield (
+            f"Half of the triangles have strains above {strain:.2g}. Strains and displacements are taken to be "
+            "small: this answer is a first guess. If you expected less, check the units of moduli, loads and lengths."
         )
     friction = float(qvi.mu[qvi.law.moving].max(initial=0.0))
     large = friction > _LARGE_FRICTION and result.status is Status.SOLVED and not result.solution.remarks

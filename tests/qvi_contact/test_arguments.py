@@ -42,9 +42,10 @@ from qvi_contact import (
     strength_reduction_factor,
 )
 from qvi_contact.bracket import bracket
+from qvi_contact.element import hsieh_clough_tocher
 from qvi_contact.export import write_json, write_npz, write_vtu
 from qvi_contact.files import problem_from_toml, problem_to_toml
-from qvi_contact.gallery import compressed_plate
+from qvi_contact.gallery import compressed_plate, jointed_slope, masonry_wall, stick_slip_block
 from qvi_contact.plots import require_matplotlib
 from solvers import solve_qvi
 
@@ -288,12 +289,39 @@ HUGE = {
     "TriangleMesh.vertices": lambda: TriangleMesh([[0.0, 0.0], [1e308, 0.0], [0.0, 1e308]], [[0, 1, 2]]),
     "size": lambda: TriangleMesh.outline(OUTLINE, 1e308), "edge_sets": lambda: CUT.part([0, 1], {"x": 1}),
     "cells": lambda: TriangleMesh.rectangle((10**5, 10**5)),
+    "cells of a line": lambda: TriangleMesh.rectangle(4), "cells of a box": lambda: TriangleMesh.rectangle((4, 4, 4)),
+    "origin": lambda: TriangleMesh.rectangle((2, 2), origin=0.0),
+    "grading of a box": lambda: TriangleMesh.rectangle((2, 2), grading=(0.8, 0.8, 0.8)),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("entry", HUGE)
-def test_what_is_too_large_is_refused_before_it_is_made(entry):
+def test_what_is_too_large_or_no_pair_is_refused_before_it_is_made(entry):
     refused(lambda _: HUGE[entry](), None, entry.split(" of ")[0])
+
+
+VALUES = {
+    "degree": (hsieh_clough_tocher, [2, 13, 4.0, True, "4"]),
+    "marked": (CUT.refined, [[70], [-1], [0.5], [[0]], [True]]),
+    "loads": (lambda loads: limit_load_factor(PLATE, loads), [["tide"], [], "right", ["right", "plate"], None, [3]]),
+    "ratio": (lambda ratio: CUT.graded([(0.0, 0.0)], 1, ratio=ratio), [0.0, 1.0, np.nan, "0.5"]),
+    "points": (lambda points: CUT.graded(points, 2), [[(2.0, 0.0)], [0.0, 1.0], [(np.nan, 0.0)]]),
+    "openings": (lambda openings: masonry_wall(openings=openings), [
+        ((0, 0, 2, 2),), ((3, 5, 2, 3),), ((10, 0, 2, 2),), ((2, 0, 2, 2), (4, 0, 2, 2)), ((1, 0, 2),),
+        ((1, 0, 1.5, 2),),
+    ]),
+    "crest": (lambda crest: jointed_slope(crest=crest), [6]), "rows": (lambda rows: jointed_slope(rows=rows), [0]),
+    "dip": (lambda dip: jointed_slope(dip=dip), [80.0]), "slip": (lambda slip: stick_slip_block(slip=slip), [0.0]),
+    "transition": (lambda length: stick_slip_block(transition=length), [2.0]),
+    "pressure_drop": (lambda drop: stick_slip_block(pressure_drop=drop), [100.0]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("entry", VALUES)
+def test_values_that_an_argument_cannot_have(entry):
+    use, values = VALUES[entry]
+    for value in values:
+        refused(use, value, entry)
 
 
 @pytest.mark.parametrize(

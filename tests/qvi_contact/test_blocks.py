@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, TriangleMesh, discretize, limit_load_factor, solve
+from qvi_contact import TriangleMesh, discretize, limit_load_factor, solve
 from qvi_contact.gallery import jointed_slope, masonry_wall
 from qvi_contact.mechanism import find_mechanism
 from qvi_contact.problem import Contact, ContactProblem, Material, Traction
@@ -18,15 +18,6 @@ def test_a_stack_tips():
     assert limit.upper == pytest.approx(exact, rel=1e-9)
     assert 0.7 * exact < limit.lower < exact  # the pressure at the toe is spread over the last edge
     assert max(abs(motion.rotation) for motion in limit.mechanism.motions) > 0.1
-
-
-@pytest.mark.parametrize(
-    "openings",
-    [((0, 0, 2, 2),), ((3, 5, 2, 3),), ((10, 0, 2, 2),), ((2, 0, 2, 2), (4, 0, 2, 2)), ((1, 0, 2),), ((1, 0, 1.5, 2),)],
-)
-def test_openings_that_do_not_fit(openings):
-    with pytest.raises(InputError, match="openings"):
-        masonry_wall(openings=openings)
 
 
 def test_the_advice_for_columns_that_a_coarse_mesh_does_not_hold():
@@ -53,12 +44,6 @@ def test_a_dry_slope_has_the_factor_of_safety_of_a_plane(dip):
     assert find_mechanism(slides).contacts["bedding"].slides
     assert (found := limit_load_factor(slides, ["body"])).lower == found.upper == 0.0
     assert solve(slides).status is Status.INFEASIBLE
-
-
-@pytest.mark.parametrize("wrong", [{"crest": 6}, {"rows": 0}, {"dip": 80.0}])
-def test_slopes_that_are_none(wrong):
-    with pytest.raises(InputError):
-        jointed_slope(**wrong)
 
 
 def test_joints_that_open_have_forces_in_balance():

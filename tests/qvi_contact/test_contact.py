@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from qvi_contact import Contact, ContactState, InputError, Material, TriangleMesh, solve
-from qvi_contact.gallery import exact, stick_slip_block
+from qvi_contact import Contact, ContactState, Material, TriangleMesh, solve
+from qvi_contact.gallery import exact
 from qvi_contact.solution import STATE_TOLERANCE, contact_states
 from solvers import Status
 
@@ -73,10 +73,3 @@ def test_gap_and_slip_over_an_obstacle_that_is_not_reached(side, friction):
     assert line.gap == pytest.approx(0.05 + 0.02 * line.x - outward * u[1], rel=1e-7)
     assert line.slip == pytest.approx(u[0] - (0.01 - 0.03 * line.x), abs=1e-8)
     assert line.normal_force == pytest.approx(0.0, abs=1e-7)
-
-
-@pytest.mark.parametrize(("name", "value"), [("transition", 2.0), ("pressure_drop", 100.0), ("slip", 0.0)])
-def test_data_out_of_range(name, value):
-    with pytest.raises(InputError) as caught:
-        stick_slip_block(**{name: value})
-    assert caught.value.field == name

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from qvi_contact import Corner, InputError, SolveError, TriangleMesh, solve
+from qvi_contact import Corner, SolveError, TriangleMesh, solve
 from qvi_contact.gallery import masonry_wall
 from qvi_contact.limit import limit_load_factor
 from qvi_contact.mechanism import find_mechanism
@@ -60,13 +60,6 @@ def test_force_of_a_plate_and_of_a_body_without_contact():
     assert (force.x, force.y) == pytest.approx((-1.0, 20.0), rel=1e-9)
     conditions = [Displacement("bottom", 0.0, 0.0), *(Traction(side, 1.0, 1.0) for side in SIDES)]
     assert limit_load_factor(ContactProblem(MESHES["uniform"], STEEL, conditions), ["top"]) == np.inf
-
-
-@pytest.mark.parametrize("loads", [["tide"], [], "shear", ["shear", "bottom"], None, [3]])
-def test_unknown_loads(loads):
-    with pytest.raises(InputError) as caught:
-        limit_load_factor(dragged(MESHES["uniform"], 10.0, 1.0, Contact("bottom", 0.3)), loads)
-    assert caught.value.field == "loads"
 
 
 def test_cohesion_on_a_circle_carries_a_torque():

@@ -319,6 +319,7 @@ def test_together_they_are_one_potential():
     forces = BodyForces({"weight": Expression("2 * y"), "quake": Expression("-0.2 * x"), "constant": 1.0})
     one, several = (solve(shaken(potential)) for potential in (Expression("2 * y - 0.2 * x + 1"), forces))
     assert several.status == "solved"
+    assert "force 'constant' is a constant, 1 [" in several.remarks[0]
     assert several.stress([1.0, 2.5], [0.2, 0.7]) == pytest.approx(one.stress([1.0, 2.5], [0.2, 0.7]), abs=1e-9)
 
 

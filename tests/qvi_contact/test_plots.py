@@ -23,7 +23,7 @@ from qvi_contact import (
     solve,
 )
 from qvi_contact.element import gauss_legendre
-from qvi_contact.gallery import compressed_plate, exact, half_discs
+from qvi_contact.gallery import compressed_plate, exact, half_discs, jointed_slope
 from qvi_contact.plots import (
     Scales,
     Shape,
@@ -309,8 +309,9 @@ class TestBody:
         assert Scales.of([weak]).stress is None  # alone it has bands of its own
 
     def test_bodies_are_not_drawn_inside_each_other(self):
-        """Discs that touch in a point: exaggerated 5 times, as would be usual, their outlines would cross."""
+        """Discs that touch in a point would, exaggerated 5 times as is usual; blocks that slip on each other do not."""
         assert Scales.of([solve(half_discs(1.0, 1, 0))]).factor == 1.0
+        assert Scales.of([solve(jointed_slope())]).factor >= 1000.0
 
     @pytest.mark.parametrize("gap", [0.0, -0.3, 0.3])
     def test_springs_are_zigzag_lines_beside_the_body(self, gap):

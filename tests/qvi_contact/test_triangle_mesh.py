@@ -202,11 +202,6 @@ class TestRefined:
             mesh.corners[mesh.region("foot")].max(axis=(0, 1))
         )
 
-    @pytest.mark.parametrize("ratio", [0.0, 1.0, np.nan, "0.5"])
-    def test_ratios_that_are_none(self, ratio):
-        with pytest.raises(InputError, match="ratio"):
-            square().graded([(0.0, 0.0)], 1, ratio=ratio)
-
     def test_layers_begin_at_vertices_without_arcs(self):
         with pytest.raises(InputError, match="vertices"):
             square().graded([(0.123, 0.4)], 1, ratio=0.2)
@@ -250,16 +245,6 @@ class TestRefined:
         assert mesh.graded([(0.3, 0.0)], deepest).finest.min() > 0.0
         with pytest.raises(InputError):
             mesh.graded([(0.3, 0.0)], deepest + 1)
-
-    @pytest.mark.parametrize("points", [[(2.0, 0.0)], [0.0, 1.0], [(np.nan, 0.0)]])
-    def test_points_outside_are_refused(self, points):
-        with pytest.raises(InputError):
-            square().graded(points, 2)
-
-    @pytest.mark.parametrize("marked", [[7], [-1], [0.5], [[0]], [True]])
-    def test_wrong_marks(self, marked):
-        with pytest.raises(InputError, match="marked"):
-            square().refined(marked)
 
 
 class TestEdges:

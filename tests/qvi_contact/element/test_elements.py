@@ -17,7 +17,6 @@ from qvi_contact.element import (
     legendre_from_values,
     product_integrals,
 )
-from tests.cases import refused_at
 from tests.qvi_contact.builders import bernstein
 
 
@@ -189,12 +188,6 @@ def test_functions_are_c1_inside_a_triangle(cell):
             left, right = (cell.functions(side, order) @ dofs for side in sides)
             assert left == pytest.approx(right, abs=1e-9 * bend)
         assert np.abs(np.diff([cell.functions(side, 2) @ dofs for side in sides], axis=0)).max() > 1e-6 * bend
-
-
-@pytest.mark.parametrize("degree", [2, 13, 4.0, True, "4"])
-def test_degrees_that_are_not_offered_are_refused(degree):
-    with refused_at("degree"):
-        hsieh_clough_tocher(degree)
 
 
 coefficient = st.floats(-3.0, 3.0).map(lambda value: round(value, 3))
