@@ -202,11 +202,11 @@ def _opening(state: CompanionState) -> FloatArray:
 
 
 _FAR: Final = 1e6  # |R d_k| comes from squares: of a motion that far it is rounding, and the motion a rigid one
-_CUTS: Final = (1e-6, 1e-1)
+_CUTS: Final = (1e-6, 3e-2, 0.3)
 """Shares of the largest opening, slip, pressure or room below the bound of a contact that count as none.
 
 Any share gives bounds. A small one makes m large where edges at the end of stick are short: |ζ_T| grows there towards
-the end, as κ(τ) falls. A large one makes the dual pair poor. The bounds of both hold.
+the end, as κ(τ) falls. A large one makes the dual pair poor. The bounds of all hold.
 """
 
 _NOISE: Final = 1e-7  # of the largest displacement or traction: what solvers leave of zero
