@@ -36,7 +36,6 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element.edge import gauss_legendre, product_integrals
 from qvi_contact.problem.conditions import bears_shear, has_coulomb
 from qvi_contact.problem.problem import by_cell
-from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import rest_on_arcs
 
@@ -221,7 +220,7 @@ def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
     """T3: bounds of "NAME.normal_force" and "NAME.tangential_force" [stress × length] of contacts that are not tied.
 
     Those are left out of which no dual pair is found: the resultant of friction on a contact that ends where a support
-    holds its tangential displacement, or whose tangents turn back, and all where a contact has Tresca's law. Where the
+    holds its tangential displacement, and all where a contact has Tresca's law. Where the
     norm for s is proved, those of the dual problems must be, too.
     """
     stress, companion = errors.stress, errors.displacement
@@ -240,16 +239,16 @@ def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
     for cut in _CUTS:
         pairs = _Pairs(errors, defect, known, state, body, fields, changes, cut)
         for trace in body.contacts.traces:
-            targets = {"normal_force": (-1.0, 0.0)} if trace.contact.law != "tied" else {}
-            if trace.name in errors.shares and leads_one_way(problem.mesh.vertices, trace.edges):
-                targets["tangential_force"] = (0.0, 1.0)
-            for name, (a, b) in targets.items():
+            whole = np.stack([np.full(trace.count, -1.0), trace.senses])
+            along = trace.name in errors.shares and not np.ptp(trace.on_edges(*whole)[1], axis=1).any()
+            for half, counts in enumerate((trace.contact.law != "tied", along)):
                 goal = np.zeros((2, body.contacts.count))
-                goal[:, trace.here] = [[a], [b]]
-                bounds = pairs.bounds(goal)
+                goal[half, trace.here] = whole[half]
+                bounds = pairs.bounds(goal) if counts else None
                 if bounds is not None:
-                    lower, upper = found.get(f"{trace.name}.{name}", (-np.inf, np.inf))
-                    found[f"{trace.name}.{name}"] = Bounds(max(lower, bounds.lower), min(upper, bounds.upper))
+                    name = f"{trace.name}.{('normal_force', 'tangential_force')[half]}"
+                    lower, upper = found.get(name, (-np.inf, np.inf))
+                    found[name] = Bounds(max(lower, bounds.lower), min(upper, bounds.upper))
     return _within_the_law(found, body.contacts, errors)
 
 

@@ -30,7 +30,6 @@ from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import RigidMotion
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.contact_line import turning_senses
 from qvi_contact.solution.result import plate_motions
 from qvi_contact.solution.stress import given_points, mean_at
 from solvers import Certificate, QVISolution, Status
@@ -231,12 +230,11 @@ class CompanionResult(PicklesFields):
         fluid = np.where(state.live, state.contacts.fluid / state.contacts.weights, 0.0)
         normal = normal - fluid[: state.contacts.count]
         for trace in state.contacts.traces:
-            here, senses = trace.here, np.empty(trace.count)  # of the edge whose tangent a coefficient has
-            senses[trace.columns] = turning_senses(self.problem.mesh.vertices, trace.edges)[:, None]
+            here = trace.here
             x, y = (self.problem.mesh.origin + scales.length * trace.places).T
             stresses = (scales.stress * part[here] for part in (normal, tangential, state.bound))
             moved = (scales.displacement * part[here] for part in (-self._beyond[0], self._beyond[1]))
-            parts = (x, y, trace.weights * scales.length, *stresses, *moved, senses)
+            parts = (x, y, trace.weights * scales.length, *stresses, *moved, trace.senses)
             order = np.lexsort(np.round(trace.places, _DIGITS).T[::-1])
             found[trace.name] = CompanionContact(trace.name, *(part[order] for part in parts))
         return MappingProxyType(found)
