@@ -9,7 +9,7 @@ from qvi_contact import InputError, RefinementStatus, RigidPlate, TriangleMesh, 
 from qvi_contact.basics import solving
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
-from qvi_contact.refinement import energies_between, places, reference_problem
+from qvi_contact.refinement import bulk, energies_between, places, reference_problem
 from solvers import Status
 from solvers.basics import Progress, report
 from tests.cases import refused_at
@@ -166,6 +166,10 @@ def test_an_exact_solution_and_a_body_without_loads_are_known_at_once():
     outcome = refine(compressed_plate(0.2, (1, 1), displacement=0.0), None, 1e-3, degree=3)
     assert (outcome.status, len(outcome.rounds), outcome.value) == (RefinementStatus.REACHED, 1, 0.0)
     assert outcome.estimate == 0.0
+
+
+def test_mirrored_triangles_are_bisected_together():
+    assert bulk(np.array([2.0, 1.0, 3.0, 1.0 - 1e-9, 0.1]), 0.8).tolist() == [True, True, True, True, False]
 
 
 def test_units_do_not_matter():
