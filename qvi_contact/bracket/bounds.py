@@ -313,6 +313,8 @@ def bracket(
                     bounds = coulomb_bounds(shared, other, why)
             except (FactorisationError, MemoryError, np.linalg.LinAlgError) as error:
                 bounds = f"The norm of friction was not computed: {error or 'out of memory'}."
+        if bounds and isinstance(bounds, str) and not result.certificate.passed:
+            bounds = f"{bounds} The result is not solved: {result.message}"
         found = replace(found, coulomb_reason=bounds) if isinstance(bounds, str) else replace(found, coulomb=bounds)
         bounded = math.isfinite(found.gap)
         log.end("bounded" if bounded else "no bound", found.message, {}, bounded)

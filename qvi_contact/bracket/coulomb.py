@@ -156,7 +156,7 @@ def coulomb_bounds(
         if rows.law != "tied" and max(excess[rows.edges].max(), tension[rows.edges].max()) > most:
             return f"The stress does not obey the law of contact {rows.name!r} on whole edges."
     if companion.state is None:
-        return "No admissible displacement was found."
+        return f"No admissible displacement was found: {companion.message}"
     if companion.state.contradiction:
         return companion.state.contradiction
     if (_opening(companion.state) < -_ROUNDING * max(1.0, float(np.abs(companion.state.c).max(initial=0.0)))).any():

@@ -281,10 +281,9 @@ def _raw(
         nearest = np.abs(np.arange(bound.shape[1])[:, None] - counts).argmin(axis=1)
         values[chosen] = values[chosen, counts[nearest]]
     values = np.where(given[:, None] == 0.0, values, given[:, None])
-    senses = np.sign(values[:, 0])
-    slips = (senses[:, None] * values).min(axis=1) >= 1.0 - _SLIPS
-    values = np.where(slips[:, None], senses[:, None], values)
-    weights, slipping = np.where(is_open[:, None], 0.0, bound), np.where(slips, senses, 0.0)
+    values = np.where(np.abs(values) >= 1.0 - _SLIPS, np.sign(values), values)
+    slips = np.abs(values.sum(axis=1)) == values.shape[1]
+    weights, slipping = np.where(is_open[:, None], 0.0, bound), np.where(slips, values[:, 0], 0.0)
     return Share(contact, values, weights, slipping, 1.0 - np.abs(values))
 
 
