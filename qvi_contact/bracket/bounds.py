@@ -313,9 +313,13 @@ def bracket(
                     bounds = coulomb_bounds(shared, other, why)
             except (FactorisationError, MemoryError, np.linalg.LinAlgError) as error:
                 bounds = f"The norm of friction was not computed: {error or 'out of memory'}."
-        if bounds and isinstance(bounds, str) and not result.certificate.passed:
-            bounds = f"{bounds} The result is not solved: {result.message}"
-        found = replace(found, coulomb_reason=bounds) if isinstance(bounds, str) else replace(found, coulomb=bounds)
+        unsolved = "" if result.certificate.passed else f" The result is not solved: {result.message}"
+        if not isinstance(bounds, str):
+            if not math.isfinite(bounds.within):
+                bounds = replace(bounds, norm=replace(bounds.norm, reason=bounds.norm.reason + unsolved))
+            found = replace(found, coulomb=bounds)
+        elif bounds:
+            found = replace(found, coulomb_reason=bounds + unsolved)
         bounded = math.isfinite(found.gap)
         log.end("bounded" if bounded else "no bound", found.message, {}, bounded)
     return found
