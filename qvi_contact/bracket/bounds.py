@@ -313,13 +313,10 @@ def bracket(
                     bounds = coulomb_bounds(shared, other, why)
             except (FactorisationError, MemoryError, np.linalg.LinAlgError) as error:
                 bounds = f"The norm of friction was not computed: {error or 'out of memory'}."
-        unsolved = "" if result.certificate.passed else f" The result is not solved: {result.message}"
-        if not isinstance(bounds, str):
-            if not math.isfinite(bounds.within):
-                bounds = replace(bounds, norm=replace(bounds.norm, reason=bounds.norm.reason + unsolved))
-            found = replace(found, coulomb=bounds)
-        elif bounds:
-            found = replace(found, coulomb_reason=bounds + unsolved)
+        missing = bounds if isinstance(bounds, str) or math.isfinite(bounds.within) else bounds.message
+        if missing and isinstance(missing, str) and not result.certificate.passed:
+            bounds = f"{missing} The result is not solved: {result.message}"
+        found = replace(found, coulomb_reason=bounds) if isinstance(bounds, str) else replace(found, coulomb=bounds)
         bounded = math.isfinite(found.gap)
         log.end("bounded" if bounded else "no bound", found.message, {}, bounded)
     return found

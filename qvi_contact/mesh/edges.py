@@ -351,13 +351,8 @@ def edges_of(vertices: FloatArray, cells: IntArray, topology: Topology, bends: F
 
 
 def led_around(edges: Edges) -> Edges:
-    """Edges of a joint that lead clockwise from their normals on closed lines: down where |t_x| ≤ 1e-5.
-
-    Jumps and shear along them are then those of one way around the block inside.
-    """
-    ends, closed = np.column_stack([edges.first, edges.second]), np.zeros(len(edges), dtype=bool)
-    for line in chains(ends):
-        closed[line] = len(np.unique(ends[line])) == len(line)
+    """Edges of a joint; if it closes with t clockwise from n, down where |t_x| ≤ 1e-5: one way around its block."""
+    closed = (np.unique([edges.first, edges.second], return_counts=True)[1] == 2).all()
     return _led_back(edges, closed & (cross(edges.normal, edges.tangent) > 0.0))
 
 
