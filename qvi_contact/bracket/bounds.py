@@ -313,9 +313,9 @@ def bracket(
                     bounds = coulomb_bounds(shared, other, why)
             except (FactorisationError, MemoryError, np.linalg.LinAlgError) as error:
                 bounds = f"The norm of friction was not computed: {error or 'out of memory'}."
-        missing = bounds if isinstance(bounds, str) or math.isfinite(bounds.within) else bounds.message
-        if missing and isinstance(missing, str) and not result.certificate.passed:
-            bounds = f"{missing} The result is not solved: {result.message}"
+        why_none = bounds if isinstance(bounds, str) else "" if math.isfinite(bounds.within) else bounds.message
+        if why_none and not result.certificate.passed:
+            bounds = f"{why_none} The result is not solved: {result.message}"
         found = replace(found, coulomb_reason=bounds) if isinstance(bounds, str) else replace(found, coulomb=bounds)
         bounded = math.isfinite(found.gap)
         log.end("bounded" if bounded else "no bound", found.message, {}, bounded)

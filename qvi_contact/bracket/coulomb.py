@@ -30,7 +30,7 @@ from qvi_contact.bracket.norms import (
 from qvi_contact.bracket.parts import EDGE_POINTS, LOOSEST, Bounds, CellFields, EdgeTractions, edge_parts
 from qvi_contact.bracket.share import AWAY, Share, SharedStress, joined
 from qvi_contact.companion import CompanionResult, CompanionState
-from qvi_contact.companion.contact import Contacts, LeastChange
+from qvi_contact.companion.contact import LeastChange
 from qvi_contact.companion.model import MOST, BodyAtRest, solutions
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element.edge import gauss_legendre, product_integrals
@@ -148,7 +148,7 @@ def coulomb_bounds(
     """
     reasons = tuple(dict.fromkeys((*reasons, *companion.reasons)))
     result, shares, known = stress.result, stress.shares, stress.result.discretization
-    own, unit = EdgeTractions.of(known, result.dofs), known.scales.stress
+    own, unit, problem = EdgeTractions.of(known, result.dofs), known.scales.stress, known.problem
     excess, tension = own.violations(own.bound)
     # without loads all is rounding, of which no share is small
     most = LOOSEST * max(own.size, known.scales.loaded * result.certificate.scales.get("stress", 0.0))
@@ -161,7 +161,6 @@ def coulomb_bounds(
         return companion.state.contradiction
     if (_opening(companion.state) < -_ROUNDING * max(1.0, float(np.abs(companion.state.c).max(initial=0.0)))).any():
         return TOO_NEAR
-    problem = known.problem
     fields, before = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
     edges, slack = edge_parts(fields, known, own, own.bound, companion)
     inside = fields.bulk(companion)
@@ -220,15 +219,13 @@ def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
     """T3: bounds of "NAME.normal_force" and "NAME.tangential_force" [stress × length] of contacts that are not tied.
 
     Those are left out of which no dual pair is found: the resultant of friction on a contact that ends where a support
-    holds its tangential displacement, and all where a contact has Tresca's law. Where the
-    norm for s is proved, those of the dual problems must be, too.
+    holds its tangential displacement, and all where a contact has Tresca's law. Where the norm for s is proved, those
+    of the dual problems must be, too.
     """
     stress, companion = errors.stress, errors.displacement
-    problem, known, found = stress.problem, stress.discretization, dict[str, Bounds]()
-    if not np.isfinite(errors.within) or any(bears_shear(each) and not has_coulomb(each) for each in problem.contacts):
-        return {}
-    state = companion.state
-    if state is None or 2 * state.contacts.count > MOST:
+    problem, known, state, found = stress.problem, stress.discretization, companion.state, dict[str, Bounds]()
+    bonded = any(bears_shear(each) and not has_coulomb(each) for each in problem.contacts)
+    if bonded or not np.isfinite(errors.within) or state is None or 2 * state.contacts.count > MOST:
         return {}
     defect, stopped = defect_bound(errors.residual, errors.defect, errors.norm.value), errors.norm.stopped
     if stopped is not None:
@@ -240,8 +237,8 @@ def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
         pairs = _Pairs(errors, defect, known, state, body, fields, changes, cut)
         for trace in body.contacts.traces:
             whole = np.stack([np.full(trace.count, -1.0), trace.senses])
-            along = trace.name in errors.shares and not np.ptp(trace.on_edges(*whole)[1], axis=1).any()
-            for half, counts in enumerate((trace.contact.law != "tied", along)):
+            one_way = trace.name in errors.shares and not np.ptp(trace.on_edges(*whole)[1], axis=1).any()
+            for half, counts in enumerate((trace.contact.law != "tied", one_way)):
                 goal = np.zeros((2, body.contacts.count))
                 goal[half, trace.here] = whole[half]
                 bounds = pairs.bounds(goal) if counts else None
@@ -249,12 +246,8 @@ def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
                     name = f"{trace.name}.{('normal_force', 'tangential_force')[half]}"
                     lower, upper = found.get(name, (-np.inf, np.inf))
                     found[name] = Bounds(max(lower, bounds.lower), min(upper, bounds.upper))
-    return _within_the_law(found, body.contacts, errors)
-
-
-def _within_the_law(found: dict[str, Bounds], contacts: Contacts, errors: CoulombBounds) -> dict[str, Bounds]:
-    """The same no wider than the law allows: without tension, and with no more friction than its bound."""
-    unit = errors.displacement.scales.stress * errors.displacement.scales.length
+    # no wider than the law allows: without tension, and with no more friction than its bound
+    unit, contacts = errors.displacement.scales.stress * errors.displacement.scales.length, body.contacts
     for trace in contacts.traces:
         across, along = f"{trace.name}.normal_force", f"{trace.name}.tangential_force"
         if across in found and trace.contact.law == "unilateral":

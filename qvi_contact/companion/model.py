@@ -59,6 +59,8 @@ class CompanionContact:
 
     name: str
     """Name of the contact."""
+    tangential_force: float
+    """∫ ± σ_T ds, force on the body along the contact, as that of `ContactLine` [stress × length]."""
     x: FloatArray
     y: FloatArray
     """The coefficients' own points, i/p along each edge [length], (n,) each."""
@@ -73,18 +75,11 @@ class CompanionContact:
     """g − v_N ≥ 0 [length], (n,)."""
     slip: FloatArray
     """v_T − w [length], (n,)."""
-    senses: FloatArray
-    """±1, in which sense a tangential stress counts for the force, see `turning_senses`, (n,)."""
 
     @property
     def normal_force(self) -> float:
         """−∫ σ_N ds, ≥ 0 if unilateral [stress × length]."""
         return -float(self.weights @ self.normal_stress)
-
-    @property
-    def tangential_force(self) -> float:
-        """∫ ± σ_T ds, force on the body along the contact, as that of `ContactLine` [stress × length]."""
-        return float(self.weights @ (self.senses * self.tangential_stress))
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,9 +229,10 @@ class CompanionResult(PicklesFields):
             x, y = (self.problem.mesh.origin + scales.length * trace.places).T
             stresses = (scales.stress * part[here] for part in (normal, tangential, state.bound))
             moved = (scales.displacement * part[here] for part in (-self._beyond[0], self._beyond[1]))
-            parts = (x, y, trace.weights * scales.length, *stresses, *moved, trace.senses)
+            parts = (x, y, trace.weights * scales.length, *stresses, *moved)
             order = np.lexsort(np.round(trace.places, _DIGITS).T[::-1])
-            found[trace.name] = CompanionContact(trace.name, *(part[order] for part in parts))
+            force = scales.stress * scales.length * float(trace.weights @ (trace.senses * tangential[here]))
+            found[trace.name] = CompanionContact(trace.name, force, *(part[order] for part in parts))
         return MappingProxyType(found)
 
     @cached_property

@@ -291,8 +291,7 @@ class Edges:
     normal: FloatArray
     """Unit normal n, outward on the boundary, inside the body from the first cell to the other, shape (n, 2)."""
     tangent: FloatArray
-    """Unit tangent t: t_x > 0, or t_y > 0 where |t_x| ≤ 1e-5, whichever way the edge faces, but see `led_around`; shape
-    (n, 2)."""
+    """Unit tangent t, (n, 2): t_x > 0, or t_y > 0 where |t_x| ≤ 1e-5, whichever way it faces, but see `led_around`."""
     length: FloatArray
     """Lengths, of arcs along them [length], shape (n,)."""
     bend: FloatArray
@@ -359,9 +358,8 @@ def led_around(edges: Edges) -> Edges:
 def _led_back(edges: Edges, back: BoolArray) -> Edges:
     """Edges, of which some lead the other way."""
     first, second = np.where(back, edges.second, edges.first), np.where(back, edges.first, edges.second)
-    tangent, bend = np.where(back[:, None], -edges.tangent, edges.tangent), edges.bend
-    if edges.curved:
-        bend = np.where(back[:, None], reversed_bends(bend), bend)
+    tangent = np.where(back[:, None], -edges.tangent, edges.tangent)
+    bend = np.where(back[:, None], reversed_bends(edges.bend), edges.bend) if edges.curved else edges.bend
     return replace(edges, first=first, second=second, tangent=tangent, bend=bend)
 
 
