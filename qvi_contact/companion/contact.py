@@ -110,10 +110,8 @@ class DisplacementContact:
 
     @cached_property
     def senses(self) -> FloatArray:
-        """±1 (n,), in which sense tangential parts of coefficients count for the force, see `turning_senses`."""
-        found = np.empty(self.count)
-        found[self.columns] = self.turned * turning_senses(self.space.mesh.vertices, self.edges)[:, None]
-        return found
+        """±1 (n,), the sense in which c_T counts for the force, see `turning_senses`; 0 where edges do not agree."""
+        return np.sign(self.summed(self.turned * turning_senses(self.space.mesh.vertices, self.edges)[:, None]))
 
     def on_edges(self, normal: FloatArray, tangential: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coefficients (…, n) as those of each edge, (…, e, p + 1), tangential ones along the edge's own tangent."""

@@ -225,13 +225,12 @@ class CompanionResult(PicklesFields):
         fluid = np.where(state.live, state.contacts.fluid / state.contacts.weights, 0.0)
         normal = normal - fluid[: state.contacts.count]
         for trace in state.contacts.traces:
-            here = trace.here
             x, y = (self.problem.mesh.origin + scales.length * trace.places).T
-            stresses = (scales.stress * part[here] for part in (normal, tangential, state.bound))
-            moved = (scales.displacement * part[here] for part in (-self._beyond[0], self._beyond[1]))
+            stresses = (scales.stress * part[trace.here] for part in (normal, tangential, state.bound))
+            moved = (scales.displacement * part[trace.here] for part in (-self._beyond[0], self._beyond[1]))
             parts = (x, y, trace.weights * scales.length, *stresses, *moved)
             order = np.lexsort(np.round(trace.places, _DIGITS).T[::-1])
-            force = scales.stress * scales.length * float(trace.weights @ (trace.senses * tangential[here]))
+            force = scales.stress * scales.length * float(trace.weights @ (trace.senses * tangential[trace.here]))
             found[trace.name] = CompanionContact(trace.name, force, *(part[order] for part in parts))
         return MappingProxyType(found)
 

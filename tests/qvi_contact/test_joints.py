@@ -194,12 +194,10 @@ def test_shear_and_slip_on_a_closed_joint_count_one_way_around():
     mesh = TriangleMesh.rectangle((4, 4)).with_joint("fit", lambda x, y: np.maximum(abs(x - 0.5), abs(y - 0.5)) == 0.25)
     sheared = [Displacement(side, x=lambda _, y: 1e-3 * y, y=0.0) for side in ("bottom", "right", "top", "left")]
     line = solved(ContactProblem(mesh, STEEL, [Contact.tied("fit"), *sheared])).contacts["fit"]
-    shear = 1e-3 * STEEL.young / 2.6
-    assert line.tangential_stress == pytest.approx(np.where(abs(line.y - 0.5) == 0.25, shear, -shear))
+    assert line.tangential_stress * 2.6 / STEEL.young == pytest.approx(np.where(abs(line.y - 0.5) == 0.25, 1e-3, -1e-3))
     assert line.tangential_force == pytest.approx(0.0, abs=1e-9)
     rings = [arc(radius, np.pi / 8.0 * np.arange(1.0, 17.0, 2.0)) for radius in (1.0, 2.0)]  # with two upright chords
     mesh = fan(rings, closed=True, centre=(0.0, 0.0)).with_joint("fit", lambda x, y: abs(np.hypot(x, y) - 0.92) < 0.01)
     conditions = Contact.tied("fit", offset=1e-3), Displacement("outer", x=0.0, y=0.0)
     result = solved(ContactProblem(mesh.with_arc("fit", (0.0, 0.0), 1.0), STEEL, conditions))
-    assert result.energies.strain == pytest.approx(0.0, abs=1e-20)
-    assert list(result.bracket.forces) == ["fit.tangential_force"]
+    assert result.bracket.forces == {"fit.tangential_force": pytest.approx((0.0, 0.0), abs=1e-8)}
