@@ -42,7 +42,7 @@ from qvi_contact.mesh.edges import Edges
 from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, Displacement, Traction, components, has_coulomb
 from qvi_contact.problem.material import is_strained, varies
 from qvi_contact.problem.problem import by_cell, with_contacts
-from qvi_contact.solution.contact_line import leads_one_way
+from qvi_contact.solution.contact_line import turning_senses
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import allowed_misfit, rest_on_arcs
 from solvers import Status, solve_qvi
@@ -197,8 +197,8 @@ def force_bounds(discretization: Discretization, frictionless: bool, lower: floa
             data += [(f"{name}.normal_force", condition.gap, True, -1.0)]
             data += [(f"{name}.pore_pressure", condition.pore_pressure, False, 1.0)]
             if condition.law == "tied":
-                straight = leads_one_way(problem.mesh.vertices, problem.mesh.edges(condition.edges))
-                data += [(f"{name}.tangential_force", condition.offset, straight, 1.0)]
+                senses = turning_senses(problem.mesh.vertices, problem.mesh.edges(condition.edges))
+                data += [(f"{name}.tangential_force", condition.offset, bool((senses > 0.0).all()), 1.0)]
             plate = condition.plate
             for force, motion in DRIVES.items() if plate is not None else ():
                 data += [(f"{name}.plate", getattr(plate, force) or 0.0, False, 1.0)]
@@ -310,6 +310,9 @@ def bracket(
                     bounds = coulomb_bounds(shared, other, why)
             except (FactorisationError, MemoryError, np.linalg.LinAlgError) as error:
                 bounds = f"The norm of friction was not computed: {error or 'out of memory'}."
+        why_none = bounds if isinstance(bounds, str) else "" if math.isfinite(bounds.within) else bounds.message
+        if why_none and not result.certificate.passed:
+            bounds = f"{why_none} The result is not solved: {result.message}"
         found = replace(found, coulomb_reason=bounds) if isinstance(bounds, str) else replace(found, coulomb=bounds)
         bounded = math.isfinite(found.gap)
         log.end("bounded" if bounded else "no bound", found.message, {}, bounded)

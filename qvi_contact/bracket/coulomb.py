@@ -30,13 +30,12 @@ from qvi_contact.bracket.norms import (
 from qvi_contact.bracket.parts import EDGE_POINTS, LOOSEST, Bounds, CellFields, EdgeTractions, edge_parts
 from qvi_contact.bracket.share import AWAY, Share, SharedStress, joined
 from qvi_contact.companion import CompanionResult, CompanionState
-from qvi_contact.companion.contact import Contacts, LeastChange
+from qvi_contact.companion.contact import LeastChange
 from qvi_contact.companion.model import MOST, BodyAtRest, solutions
 from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.element.edge import gauss_legendre, product_integrals
 from qvi_contact.problem.conditions import bears_shear, has_coulomb
 from qvi_contact.problem.problem import by_cell
-from qvi_contact.solution.contact_line import leads_one_way
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.stress import rest_on_arcs
 
@@ -149,7 +148,7 @@ def coulomb_bounds(
     """
     reasons = tuple(dict.fromkeys((*reasons, *companion.reasons)))
     result, shares, known = stress.result, stress.shares, stress.result.discretization
-    own, unit = EdgeTractions.of(known, result.dofs), known.scales.stress
+    own, unit, problem = EdgeTractions.of(known, result.dofs), known.scales.stress, known.problem
     excess, tension = own.violations(own.bound)
     # without loads all is rounding, of which no share is small
     most = LOOSEST * max(own.size, known.scales.loaded * result.certificate.scales.get("stress", 0.0))
@@ -157,12 +156,11 @@ def coulomb_bounds(
         if rows.law != "tied" and max(excess[rows.edges].max(), tension[rows.edges].max()) > most:
             return f"The stress does not obey the law of contact {rows.name!r} on whole edges."
     if companion.state is None:
-        return "No admissible displacement was found."
+        return f"No admissible displacement was found: {companion.message}"
     if companion.state.contradiction:
         return companion.state.contradiction
     if (_opening(companion.state) < -_ROUNDING * max(1.0, float(np.abs(companion.state.c).max(initial=0.0)))).any():
         return TOO_NEAR
-    problem = known.problem
     fields, before = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
     edges, slack = edge_parts(fields, known, own, own.bound, companion)
     inside = fields.bulk(companion)
@@ -202,11 +200,11 @@ def _opening(state: CompanionState) -> FloatArray:
 
 
 _FAR: Final = 1e6  # |R d_k| comes from squares: of a motion that far it is rounding, and the motion a rigid one
-_CUTS: Final = (1e-6, 1e-1)
+_CUTS: Final = (1e-6, 3e-2, 0.3)
 """Shares of the largest opening, slip, pressure or room below the bound of a contact that count as none.
 
 Any share gives bounds. A small one makes m large where edges at the end of stick are short: |ζ_T| grows there towards
-the end, as κ(τ) falls. A large one makes the dual pair poor. The bounds of both hold.
+the end, as κ(τ) falls. A large one makes the dual pair poor. The bounds of all hold.
 """
 
 _NOISE: Final = 1e-7  # of the largest displacement or traction: what solvers leave of zero
@@ -221,15 +219,13 @@ def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
     """T3: bounds of "NAME.normal_force" and "NAME.tangential_force" [stress × length] of contacts that are not tied.
 
     Those are left out of which no dual pair is found: the resultant of friction on a contact that ends where a support
-    holds its tangential displacement, or whose tangents turn back, and all where a contact has Tresca's law. Where the
-    norm for s is proved, those of the dual problems must be, too.
+    holds its tangential displacement, and all where a contact has Tresca's law. Where the norm for s is proved, those
+    of the dual problems must be, too.
     """
     stress, companion = errors.stress, errors.displacement
-    problem, known, found = stress.problem, stress.discretization, dict[str, Bounds]()
-    if not np.isfinite(errors.within) or any(bears_shear(each) and not has_coulomb(each) for each in problem.contacts):
-        return {}
-    state = companion.state
-    if state is None or 2 * state.contacts.count > MOST:
+    problem, known, state, found = stress.problem, stress.discretization, companion.state, dict[str, Bounds]()
+    bonded = any(bears_shear(each) and not has_coulomb(each) for each in problem.contacts)
+    if bonded or not np.isfinite(errors.within) or state is None or 2 * state.contacts.count > MOST:
         return {}
     defect, stopped = defect_bound(errors.residual, errors.defect, errors.norm.value), errors.norm.stopped
     if stopped is not None:
@@ -240,22 +236,18 @@ def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
     for cut in _CUTS:
         pairs = _Pairs(errors, defect, known, state, body, fields, changes, cut)
         for trace in body.contacts.traces:
-            targets = {"normal_force": (-1.0, 0.0)} if trace.contact.law != "tied" else {}
-            if trace.name in errors.shares and leads_one_way(problem.mesh.vertices, trace.edges):
-                targets["tangential_force"] = (0.0, 1.0)
-            for name, (a, b) in targets.items():
+            whole = np.stack([np.full(trace.count, -1.0), trace.senses])
+            one_way = trace.name in errors.shares and not np.ptp(trace.on_edges(*whole)[1], axis=1).any()
+            for half, counts in enumerate((trace.contact.law != "tied", one_way)):
                 goal = np.zeros((2, body.contacts.count))
-                goal[:, trace.here] = [[a], [b]]
-                bounds = pairs.bounds(goal)
+                goal[half, trace.here] = whole[half]
+                bounds = pairs.bounds(goal) if counts else None
                 if bounds is not None:
-                    lower, upper = found.get(f"{trace.name}.{name}", (-np.inf, np.inf))
-                    found[f"{trace.name}.{name}"] = Bounds(max(lower, bounds.lower), min(upper, bounds.upper))
-    return _within_the_law(found, body.contacts, errors)
-
-
-def _within_the_law(found: dict[str, Bounds], contacts: Contacts, errors: CoulombBounds) -> dict[str, Bounds]:
-    """The same no wider than the law allows: without tension, and with no more friction than its bound."""
-    unit = errors.displacement.scales.stress * errors.displacement.scales.length
+                    name = f"{trace.name}.{('normal_force', 'tangential_force')[half]}"
+                    lower, upper = found.get(name, (-np.inf, np.inf))
+                    found[name] = Bounds(max(lower, bounds.lower), min(upper, bounds.upper))
+    # no wider than the law allows: without tension, and with no more friction than its bound
+    unit, contacts = errors.displacement.scales.stress * errors.displacement.scales.length, body.contacts
     for trace in contacts.traces:
         across, along = f"{trace.name}.normal_force", f"{trace.name}.tangential_force"
         if across in found and trace.contact.law == "unilateral":

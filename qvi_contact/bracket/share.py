@@ -184,20 +184,20 @@ class SharedStress:
 
 def with_numbers(result: ContactResult) -> ContactResult:
     """The result with friction and cohesion as numbers where functions have one value on all of a contact."""
-    problem, changed = result.problem, dict[str, Contact]()
-    for contact in problem.contacts:
-        points = problem.mesh.points_along(problem.mesh.edges(contact.edges), SAMPLES)
-        for name in ("friction", "cohesion"):
-            field = getattr(contact, name)
-            if callable(field):
-                values = evaluate(f"Contact.{name}", field, *points)
-                if np.ptp(values) <= _SAME * np.abs(values).max():
-                    number: dict[str, Any] = {name: float(values.flat[0])}
-                    changed[contact.name] = replace(changed.get(contact.name, contact), **number)
-    if not changed:
+    problem = result.problem
+    if not any(callable(each.friction) or callable(each.cohesion) for each in problem.contacts):
         return result
-    constant = with_contacts(problem, lambda each: changed.get(each.name, each))
-    return ContactResult(replace(result.discretization, problem=constant), result.solution)
+
+    def constant(contact: Contact) -> Contact:
+        points, given = problem.mesh.points_along(problem.mesh.edges(contact.edges), SAMPLES), dict[str, Any]()
+        for name in ("friction", "cohesion"):
+            values = evaluate(f"Contact.{name}", getattr(contact, name), *points)
+            if np.ptp(values) <= _SAME * np.abs(values).max():
+                given[name] = float(values.flat[0])
+        return replace(contact, **given)
+
+    known = replace(result.discretization, problem=with_contacts(problem, constant))
+    return ContactResult(known, result.solution)
 
 
 def outside_scope(problem: ContactProblem) -> str:
@@ -281,10 +281,9 @@ def _raw(
         nearest = np.abs(np.arange(bound.shape[1])[:, None] - counts).argmin(axis=1)
         values[chosen] = values[chosen, counts[nearest]]
     values = np.where(given[:, None] == 0.0, values, given[:, None])
-    senses = np.sign(values[:, 0])
-    slips = (senses[:, None] * values).min(axis=1) >= 1.0 - _SLIPS
-    values = np.where(slips[:, None], senses[:, None], values)
-    weights, slipping = np.where(is_open[:, None], 0.0, bound), np.where(slips, senses, 0.0)
+    values = np.where(np.abs(values) >= 1.0 - _SLIPS, np.sign(values), values)
+    slips = np.abs(values.sum(axis=1)) == values.shape[1]
+    weights, slipping = np.where(is_open[:, None], 0.0, bound), np.where(slips, values[:, 0], 0.0)
     return Share(contact, values, weights, slipping, 1.0 - np.abs(values))
 
 

@@ -61,6 +61,7 @@ from qvi_contact.mesh.edges import Edges, centre_of, frames_along
 from qvi_contact.problem.conditions import DRIVES, SPRINGS, Contact, RigidPlate
 from qvi_contact.problem.fields import along_edges
 from qvi_contact.problem.problem import ContactProblem
+from qvi_contact.solution.contact_line import turning_senses
 from solvers import FrictionQVI, QVISolution, Status, solve_qvi
 from solvers.basics.linked import linked
 
@@ -108,6 +109,11 @@ class DisplacementContact:
     def here(self) -> slice:
         """Its coefficients among those of all contacts."""
         return slice(self.start, self.start + self.count)
+
+    @cached_property
+    def senses(self) -> FloatArray:
+        """±1 (n,), the sense in which c_T counts for the force, see `turning_senses`; 0 where edges do not agree."""
+        return np.sign(self.summed(self.turned * turning_senses(self.space.mesh.vertices, self.edges)[:, None]))
 
     def on_edges(self, normal: FloatArray, tangential: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coefficients (…, n) as those of each edge, (…, e, p + 1), tangential ones along the edge's own tangent."""

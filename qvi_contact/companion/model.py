@@ -30,7 +30,6 @@ from qvi_contact.errors import InputError
 from qvi_contact.problem.conditions import RigidMotion
 from qvi_contact.problem.material import is_strained
 from qvi_contact.problem.problem import ContactProblem
-from qvi_contact.solution.contact_line import turning_senses
 from qvi_contact.solution.result import plate_motions
 from qvi_contact.solution.stress import given_points, mean_at
 from solvers import Certificate, QVISolution, Status
@@ -60,6 +59,8 @@ class CompanionContact:
 
     name: str
     """Name of the contact."""
+    tangential_force: float
+    """∫ ± σ_T ds, force on the body along the contact, as that of `ContactLine` [stress × length]."""
     x: FloatArray
     y: FloatArray
     """The coefficients' own points, i/p along each edge [length], (n,) each."""
@@ -74,18 +75,11 @@ class CompanionContact:
     """g − v_N ≥ 0 [length], (n,)."""
     slip: FloatArray
     """v_T − w [length], (n,)."""
-    senses: FloatArray
-    """±1, in which sense a tangential stress counts for the force, see `turning_senses`, (n,)."""
 
     @property
     def normal_force(self) -> float:
         """−∫ σ_N ds, ≥ 0 if unilateral [stress × length]."""
         return -float(self.weights @ self.normal_stress)
-
-    @property
-    def tangential_force(self) -> float:
-        """∫ ± σ_T ds, force on the body along the contact, as that of `ContactLine` [stress × length]."""
-        return float(self.weights @ (self.senses * self.tangential_stress))
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,14 +225,13 @@ class CompanionResult(PicklesFields):
         fluid = np.where(state.live, state.contacts.fluid / state.contacts.weights, 0.0)
         normal = normal - fluid[: state.contacts.count]
         for trace in state.contacts.traces:
-            here, senses = trace.here, np.empty(trace.count)  # of the edge whose tangent a coefficient has
-            senses[trace.columns] = turning_senses(self.problem.mesh.vertices, trace.edges)[:, None]
             x, y = (self.problem.mesh.origin + scales.length * trace.places).T
-            stresses = (scales.stress * part[here] for part in (normal, tangential, state.bound))
-            moved = (scales.displacement * part[here] for part in (-self._beyond[0], self._beyond[1]))
-            parts = (x, y, trace.weights * scales.length, *stresses, *moved, senses)
+            stresses = (scales.stress * part[trace.here] for part in (normal, tangential, state.bound))
+            moved = (scales.displacement * part[trace.here] for part in (-self._beyond[0], self._beyond[1]))
+            parts = (x, y, trace.weights * scales.length, *stresses, *moved)
             order = np.lexsort(np.round(trace.places, _DIGITS).T[::-1])
-            found[trace.name] = CompanionContact(trace.name, *(part[order] for part in parts))
+            force = scales.stress * scales.length * float(trace.weights @ (trace.senses * tangential[trace.here]))
+            found[trace.name] = CompanionContact(trace.name, force, *(part[order] for part in parts))
         return MappingProxyType(found)
 
     @cached_property

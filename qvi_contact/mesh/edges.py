@@ -19,7 +19,7 @@ coordinates t, those of the straight triangle's point with the same r and τ, an
 of which one is negative beyond the chord.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import attrgetter
 from typing import Final, Self
@@ -291,7 +291,7 @@ class Edges:
     normal: FloatArray
     """Unit normal n, outward on the boundary, inside the body from the first cell to the other, shape (n, 2)."""
     tangent: FloatArray
-    """Unit tangent t: t_x > 0, or t_y > 0 where |t_x| ≤ 1e-5, whichever way the edge faces, shape (n, 2)."""
+    """Unit tangent t, (n, 2): t_x > 0, or t_y > 0 where |t_x| ≤ 1e-5, whichever way it faces, but see `led_around`."""
     length: FloatArray
     """Lengths, of arcs along them [length], shape (n,)."""
     bend: FloatArray
@@ -338,8 +338,6 @@ def edges_of(vertices: FloatArray, cells: IntArray, topology: Topology, bends: F
     along = vertices[second] - vertices[first]
     length = np.hypot(*along.T)
     tangent = along / length[:, None]
-    back = points_back(tangent)
-    tangent = np.where(back[:, None], -tangent, tangent)
     normal = outward_normals(vertices, cells, topology, numbers)
     beside = topology.cells[numbers]
     swapped = (beside[:, 1] >= 0) & points_back(normal[:, ::-1])
@@ -347,10 +345,22 @@ def edges_of(vertices: FloatArray, cells: IntArray, topology: Topology, bends: F
     beside = np.where(swapped[:, None], beside[:, ::-1], beside)
     bend = bends[numbers]
     if np.count_nonzero(bend):
-        bend = np.where(back[:, None], reversed_bends(bend), bend)
         length = length * stretches(bend)
-    ends = np.where(back, second, first), np.where(back, first, second)
-    return Edges(*ends, beside, normal, tangent, length, bend, numbers)
+    return _led_back(Edges(first, second, beside, normal, tangent, length, bend, numbers), points_back(tangent))
+
+
+def led_around(edges: Edges) -> Edges:
+    """Edges of a joint; if it closes with t clockwise from n, down where |t_x| ≤ 1e-5: one way around its block."""
+    closed = (np.unique([edges.first, edges.second], return_counts=True)[1] == 2).all()
+    return _led_back(edges, closed & (cross(edges.normal, edges.tangent) > 0.0))
+
+
+def _led_back(edges: Edges, back: BoolArray) -> Edges:
+    """Edges, of which some lead the other way."""
+    first, second = np.where(back, edges.second, edges.first), np.where(back, edges.first, edges.second)
+    tangent = np.where(back[:, None], -edges.tangent, edges.tangent)
+    bend = np.where(back[:, None], reversed_bends(edges.bend), edges.bend) if edges.curved else edges.bend
+    return replace(edges, first=first, second=second, tangent=tangent, bend=bend)
 
 
 def points_back(vectors: FloatArray) -> BoolArray:

@@ -22,6 +22,7 @@ from qvi_contact.mesh.edges import (
     chains,
     cross,
     edges_of,
+    led_around,
     points_along,
     reference_of,
     stretches,
@@ -329,6 +330,7 @@ class TriangleMesh(MeshParts, PicklesFields):
             outer = name in self.edge_names
             every, of_all = (self.boundary, self.topology.outer) if outer else (self.interior, self.topology.inner)
             edges = every.take(of_all.searchsorted(numbers))
+            edges = edges if outer else led_around(edges)
             read_only(*vars(edges).values())
             self._taken.setdefault(name, edges)
         return self._taken[name]

@@ -7,8 +7,9 @@ ones, or the normal and the tangential one.
 A `Contact` on a joint inside the body rules no boundary edge.
 
 Signs: n is the outward normal; the tangent t is the direction along the edge with t_x > 0, or t_y > 0 where |t_x| is at
-most 1e-5 (+x on horizontal edges, +y on vertical ones), whichever way the edge faces. σ_N = n·σn is negative under
-pressure, σ_T is the tangential component of the traction σn, u_N and u_T are the components of the displacement.
+most 1e-5 (+x on horizontal edges, +y on vertical ones), whichever way the edge faces. On joints around a block it is n
+turned clockwise, also on vertical edges: one offset all around turns the block. σ_N = n·σn is negative under pressure,
+σ_T is the tangential component of the traction σn, u_N and u_T are the components of the displacement.
 """
 
 from __future__ import annotations

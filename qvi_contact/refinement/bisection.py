@@ -39,6 +39,7 @@ from solvers.basics.progress import deadline
 from solvers.basics.status import Ending
 
 _BULK: Final = 0.6  # Dörfler's share of the difference that is marked
+_EQUAL: Final = 1e-3  # of a share: what mirrored triangles differ by, so that neither numbers nor rounding choose one
 
 
 class RefinementStatus(Ending):
@@ -127,12 +128,10 @@ class StopError(Exception):
 
 
 def bulk(parts: FloatArray, share: float = _BULK) -> BoolArray:
-    """The fewest entries that hold a share of the sum, Dörfler's by default."""
-    order: IntArray = np.argsort(-parts, kind="stable")
-    enough = int(np.searchsorted(np.cumsum(parts[order]), share * parts.sum() * (1.0 - 1e-12))) + 1
-    found = np.zeros(len(parts), dtype=bool)
-    found[order[:enough]] = True
-    return found
+    """The fewest entries that hold a share of the sum, Dörfler's by default, and those that equal the least one."""
+    largest = np.sort(parts)[::-1]
+    enough = int(np.searchsorted(np.cumsum(largest), share * parts.sum() * (1.0 - 1e-12)))
+    return np.asarray(parts >= (1.0 - _EQUAL) * largest[enough])
 
 
 _DEGREE: Final = 5  # where none is given

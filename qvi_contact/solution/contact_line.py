@@ -67,8 +67,8 @@ class ContactLine:
 
     On a joint u is the displacement of the lower or left block less that of the other one: the gap is how far the joint
     stands open, the slip how far that block has moved beyond the other along the tangent; tractions and forces are
-    those on the lower or left block. Along a closed joint the blocks change places where the tangent turns back: there
-    the tangential force is that on the block inside, clockwise; `ContactResult.resultant` has the whole force on it.
+    those on the lower or left block. Along a closed joint the blocks change places where the tangent turns back: shear
+    and slip are those of the block inside, clockwise, and `ContactResult.resultant` has the whole force on it.
     """
 
     name: str
@@ -86,7 +86,7 @@ class ContactLine:
     it."""
     tangential_stress: FloatArray
     """σ_T (m,) [stress], component of the traction on the body along the tangent: +x (horizontal contact) or +y
-    (vertical), t_x > 0 on slanted edges."""
+    (vertical), t_x > 0 on slanted edges; on closed joints −y (vertical)."""
     gap: FloatArray
     """g − u_N (m,) [length], ≥ 0 and zero in contact up to the mesh: the multipliers of rows obey the contact law
     exactly, the gap at points is that of a polynomial along each edge, and may dip below zero beside the end of a
@@ -441,8 +441,3 @@ def _turning_lines(
             steps = walk[:, None] * (ends[chosen, 1] - ends[chosen, 0])
             turning = float(cross(middles - np.average(middles, axis=0, weights=lengths), steps).sum())
             yield chosen, leads, steps.sum(axis=0) / lengths.sum(), turning / float(lengths.sum()) ** 2
-
-
-def leads_one_way(vertices: FloatArray, edges: Edges) -> bool:
-    """Whether the shear of all edges counts along their tangents, see `turning_senses`."""
-    return bool((turning_senses(vertices, edges) > 0.0).all())

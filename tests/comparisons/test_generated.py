@@ -70,6 +70,13 @@ def test_sides_of_polygons_that_move_press_on_the_obstacle_and_bent_gaps_are_par
         assert [x * x, y * y, xy * xy] == pytest.approx([4.0 * xx * c, 4.0 * yy * c, 4.0 * xx * yy], rel=1e-9)
 
 
+@pytest.mark.parametrize(("number", "width"), [(7, 0.11), (136, 0.55)])  # over the force
+def test_force_bounds_are_narrow_where_some_tractions_are_little_and_others_very_little(number, width):
+    problem, degree = bounds.stated("polygons", number)
+    lower, upper = solve(problem, degree=degree).bracket.forces["contact.normal_force"]
+    assert upper - lower < width * (lower + upper) / 2.0
+
+
 @pytest.mark.parametrize(("family", "number"), SAMPLE)
 def test_ends_in_an_answer_that_is_true_or_in_one_of_our_own_words(family, number):
     found = wild.solve_case({"family": family, "number": number})

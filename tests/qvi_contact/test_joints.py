@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from qvi_contact import InputError, TriangleMesh
+from qvi_contact.gallery import arc, fan
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, RigidPlate, Symmetry, Traction
 from qvi_contact.solution.contact_line import enclosed_beyond
 from tests.qvi_contact.builders import difference, solved, with_line
@@ -188,10 +189,15 @@ def test_a_joint_with_a_step_in_its_middle_acts_on_what_is_below_wherever_it_lie
         assert (enclosed_beyond(vertices, edges) == (abs(edges.normal[:, 0]) > 0.5)).all()
 
 
-def test_shear_on_a_closed_joint_counts_one_way_around():
-    """Though upright sides have other sides than lying ones: pure shear turns none."""
+def test_shear_and_slip_on_a_closed_joint_count_one_way_around():
+    """Though upright sides have other sides than lying ones: pure shear turns none, one offset strains none."""
     mesh = TriangleMesh.rectangle((4, 4)).with_joint("fit", lambda x, y: np.maximum(abs(x - 0.5), abs(y - 0.5)) == 0.25)
     sheared = [Displacement(side, x=lambda _, y: 1e-3 * y, y=0.0) for side in ("bottom", "right", "top", "left")]
     line = solved(ContactProblem(mesh, STEEL, [Contact.tied("fit"), *sheared])).contacts["fit"]
-    assert line.tangential_stress == pytest.approx(1e-3 * STEEL.young / 2.6)
+    assert line.tangential_stress * 2.6 / STEEL.young == pytest.approx(np.where(abs(line.y - 0.5) == 0.25, 1e-3, -1e-3))
     assert line.tangential_force == pytest.approx(0.0, abs=1e-9)
+    rings = [arc(radius, np.pi / 8.0 * np.arange(1.0, 17.0, 2.0)) for radius in (1.0, 2.0)]  # with two upright chords
+    mesh = fan(rings, closed=True, centre=(0.0, 0.0)).with_joint("fit", lambda x, y: abs(np.hypot(x, y) - 0.92) < 0.01)
+    conditions = Contact.tied("fit", offset=1e-3), Displacement("outer", x=0.0, y=0.0)
+    result = solved(ContactProblem(mesh.with_arc("fit", (0.0, 0.0), 1.0), STEEL, conditions))
+    assert result.bracket.forces == {"fit.tangential_force": pytest.approx((0.0, 0.0), abs=1e-8)}

@@ -9,7 +9,7 @@ from qvi_contact import InputError, RefinementStatus, RigidPlate, TriangleMesh, 
 from qvi_contact.basics import solving
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
-from qvi_contact.refinement import energies_between, places, reference_problem
+from qvi_contact.refinement import bulk, energies_between, places, reference_problem
 from solvers import Status
 from solvers.basics import Progress, report
 from tests.cases import refused_at
@@ -133,7 +133,7 @@ class TestReferenceSolution:
             assert np.abs(starts - 0.749).max() <= 2.0 / cells
 
     def test_slip_either_way_is_a_change(self):
-        """A block pressed on smooth ground spreads to both sides."""
+        """A block pressed on smooth ground spreads to both sides; its mirrored triangles are bisected together."""
         mesh = TriangleMesh.rectangle((4, 1), 4.0, 1.0, origin=(-2.0, 0.0))
         load = Traction("top", x=0.0, y=-10.0)
         problem = ContactProblem(mesh, Material(1e3, 0.3), [Contact("bottom", friction=1e-4), *FREE, load])
@@ -141,6 +141,7 @@ class TestReferenceSolution:
         assert (result.contacts["bottom"].state == 2).mean() > 0.9
         middle = problem.mesh.corners[places(result).cells].mean(axis=1)
         assert 0.0 < np.abs(middle[:, 0]).max() < 1.0
+        assert bulk(np.array([2.0, 1.0, 3.0, 1.0 - 1e-9, 0.1]), 0.8).tolist() == [True, True, True, True, False]
 
     def test_it_keeps_all_vertices_and_is_not_much_larger(self):
         problem = plate(0.2, (4, 4))

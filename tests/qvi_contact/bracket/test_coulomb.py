@@ -45,7 +45,7 @@ from qvi_contact.mesh import TriangleMesh
 from qvi_contact.refinement import bulk
 from qvi_contact.solution import ContactResult
 from tests.cases import examples
-from tests.qvi_contact.builders import bernstein, energy_apart, half_disc, holed, sheared_layer
+from tests.qvi_contact.builders import bernstein, energy_apart, half_disc, half_discs, holed, sheared_layer
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 FREE = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
@@ -146,11 +146,6 @@ class TestNorms:
         assert found.value == pytest.approx(0.2 * 3.75079, rel=1e-5)
         assert found.work(problem, shared(problem, 1.0), 0.1, 0.0) == pytest.approx(0.01 * found.value)
 
-    def test_what_is_no_number_proves_nothing(self, monkeypatch):
-        monkeypatch.setattr("qvi_contact.bracket.norms.rectangle_norm", lambda *_: np.nan)
-        found = friction_norm(problem := compressed_plate(0.2, (2, 2)), shared(problem, 1.0))
-        assert (found.proved, found.value > 0.0) == (False, True)
-
     @pytest.mark.parametrize(
         "problem",
         [compressed_plate(0.5, (3, 3), width=2.0),
@@ -184,7 +179,7 @@ class TestNorms:
         assert (share.steepest().max(axis=1) <= 1.4 * slopes.max(axis=1)).all()
         assert 0.0 < computed_norm(problem, {"plate": share}) < rectangle_norm(problem, {"plate": share})
 
-    def test_where_nothing_is_proved_it_is_computed(self):
+    def test_where_nothing_is_proved_it_is_computed(self, monkeypatch):
         """Of bodies that no proof is for, and of plates that a force drives, under friction or tied to the body."""
         plate, load = compressed_plate(0.2), {"plate": RigidPlate(force_y=-10.0, x=0.0, rotation=0.0)}
         left, bottom, right, contact = plate.conditions
@@ -194,6 +189,9 @@ class TestNorms:
             found = friction_norm(problem, shared(problem, 1.0))
             assert not found.proved
             assert 0.2 < found.value < most
+        monkeypatch.setattr("qvi_contact.bracket.norms.rectangle_norm", lambda *_: np.nan)  # which proves nothing
+        found = friction_norm(plate, shared(plate, 1.0))
+        assert (found.proved, found.value > 0.0) == (False, True)
 
     def test_where_no_proof_holds(self):
         """Two materials, springs, rough sides at a corner, a hole, a jump of friction at springs, uneven shares."""
@@ -229,9 +227,11 @@ class TestNorms:
         sides += [kind for end in ("left", "right") for kind in (Displacement(end, x=0.0), Traction(end, y=0.0))]
         problem = ContactProblem(mesh, Material(1.0, 0.3), [*feet, *sides])
         shares = {name: share for name, share in shared(problem, 1.0).items() if name != "seam"}
+        alone = friction_norm(half_disc(0.1), shared(half_disc(0.1), 1.0)).value  # whatever is beyond a joint
+        beside = friction_norm(discs := half_discs(0.1, below=300.0), shared(discs, 1.0))
         found = friction_norm(problem, shares)
-        assert found.proved
-        assert found.value == pytest.approx(0.52346, rel=1e-4)
+        assert (found.proved, beside.proved) == (True, True)
+        assert (found.value, beside.value) == (pytest.approx(0.52346, rel=1e-4), pytest.approx(alone, rel=1e-6))
 
 
 def quotient(problem, degree):
@@ -581,6 +581,9 @@ class TestFrictionAlone:
             found = solve(problem, degree=4)
             assert f"no part of '{name}' sticks that would hold it. Its errors are not bounded" in found.bracket.message
             assert found.uniqueness.apart == np.inf
+        pulled = [Contact("bottom", 0.2), Displacement("top", y=-0.01), Traction("top", x=0.0)]
+        pulled = replace(beside, conditions=[*pulled, Traction("right", 0.004, 0.0), Traction("left", 0.0, 0.0)])
+        assert "The result is not solved: inner infeasible" in solve(pulled, degree=3).bracket.message
         assert "Here it is 2.71." in solve(self.block(2.0, 0.5), degree=4).bracket.message
         even = replace(self.block(0.5, 0.0), material=Material(1.0, 0.0))  # what would stop it is a rigid motion
         assert solve(even, degree=4).bracket.coulomb.reach == np.inf
@@ -601,17 +604,19 @@ def test_a_block_that_slips_outwards_at_both_ends_or_sticks(friction):
 
 
 @pytest.mark.parametrize("problem", [pressed_block(0.2, (4, 2)), TestFrictionAlone.block(0.5, 0.1)])
-def test_a_tied_contact_holds_as_a_support_does_and_two_parts_of_a_contact_as_one(problem):
+def test_what_is_tied_holds_as_a_support_or_one_body_does_and_two_parts_of_a_contact_as_one(problem):
     """Displacements are the same where the parts meet."""
     base, top, *others = problem.conditions
     mesh = problem.mesh.with_edges("a", lambda x, y: (y == 0.0) & (x < 1.0))
     mesh = mesh.with_edges("b", lambda x, y: (y == 0.0) & (x > 1.0))
     parts = [replace(base, edges=name, name=name) for name in "ab"]
     tied = Contact.tied("top", gap=-0.1) if isinstance(top, Displacement) else top
-    listed = problem.conditions, [*parts, top, *others], [base, tied, *others]
-    found = [solve(replace(problem, mesh=mesh, conditions=each)).bracket.coulomb for each in listed]
-    one, two, tied = ((each.error, each.norm.value, each.reach) for each in found)
-    assert two == pytest.approx(one, rel=1e-4) == tied
+    mesh, bond = mesh.with_joint("bond", lambda _, y: y == 0.5), Contact.tied("bond")
+    listed = problem.conditions, [*parts, top, *others], [base, tied, *others], [*problem.conditions, bond]
+    found = [solve(replace(problem, mesh=mesh, conditions=each)).bracket for each in listed]
+    one, *more = ((each.coulomb.error, each.coulomb.norm.value, each.coulomb.reach) for each in found)
+    assert more == [pytest.approx(one, rel=1e-4)] * 3
+    assert (found[3].lower, found[3].upper) == pytest.approx((found[0].lower, found[0].upper), rel=1e-6)
     for name in ("bottom.normal_force", "bottom.tangential_force"):
         assert found[2].forces[name] == pytest.approx(found[0].forces[name], rel=1e-6, abs=1e-9)
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from qvi_contact import Contact, ContactProblem, Displacement, Material, Region, Traction, solve
-from qvi_contact.bracket import bodies_of, friction_norm
+from qvi_contact.bracket import bodies_of
 from qvi_contact.mesh import TriangleMesh
-from tests.qvi_contact.bracket.test_coulomb import FREE, shared
-from tests.qvi_contact.builders import area, energy_apart, half_disc, half_discs
+from tests.qvi_contact.bracket.test_coulomb import FREE
+from tests.qvi_contact.builders import area, energy_apart, half_discs
 
 
 @pytest.mark.parametrize("place", [{"name": "lower"}, {"y": (-1.0, 0.0)}])
@@ -21,25 +21,6 @@ def test_each_body_has_its_cells_conditions_and_material(place):
     assert names == {0: {"seam", "foot", "flank"}, 1: {"seam, beyond", "crown", "flank"}}
     young = {key: 1.0 / np.unique(body.problem.compliances[:, 0, 0]) for key, body in found.items()}
     assert young[1] / young[0] == pytest.approx(2.0)
-
-
-def test_a_tied_joint_beside_a_contact_that_slips_changes_no_bound():
-    """The bounds are those of the body in one piece."""
-    mesh = TriangleMesh.rectangle((2, 2), 2.0, 1.0)
-    held = [Contact("bottom", 0.3), Displacement("top", x=1e-2, y=-1e-3), *FREE]
-    whole = ContactProblem(mesh, Material(1e3, 0.3), held)
-    bonded = mesh.with_joint("bond", lambda x, y: (y == 0.5) & (x > -1.0))
-    parts = ContactProblem(bonded, whole.material, [*whole.conditions, Contact("bond", 0.0, law="tied")])
-    one, other = (solve(each, degree=4).bracket for each in (whole, parts))
-    assert (other.lower, other.upper) == pytest.approx((one.lower, one.upper), rel=1e-6)
-    assert other.coulomb.error == pytest.approx(one.coulomb.error, rel=1e-4)
-
-
-def test_the_norm_on_a_joint_is_the_larger_one_of_both_bodies():
-    """It is that of one half disc, which does not know the stiffness of the other."""
-    found, alone = (friction_norm(each, shared(each, 1.0)) for each in (half_discs(0.1, below=300.0), half_disc(0.1)))
-    assert found.proved
-    assert found.value == pytest.approx(alone.value, rel=1e-6)
 
 
 @pytest.mark.parametrize(("friction", "kind"), [(0.1, "guaranteed"), (0.3, "estimated")])
