@@ -256,6 +256,16 @@ def at_factor(given: Any, factor: Fraction) -> list[Fraction]:
     return [dead + factor * live for dead, live in zip(*given, strict=True)]
 
 
+def told(content: bytes) -> tuple[str, int]:
+    """What is printed of a file with this content, and the exit status: 1 if something does not hold, or is missing."""
+    try:
+        *proved, counted = check(parsed(content.decode()))
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+        named = "" if isinstance(error, ValueError) else f"it is no proof of format {FORMAT}: {type(error).__name__} "
+        return f"not proved: {named}{error}", 1
+    return "\n".join([*sentences(*proved), ", ".join(f"{count} {name}" for name, count in counted.items())]), 0
+
+
 def parsed(text: str) -> Any:
     """What a file says; `ValueError` if it says something twice."""
 
@@ -313,6 +323,7 @@ def rounded(value: Fraction, towards: str) -> Decimal:
 
 
 if __name__ == "__main__":
-    with open(sys.argv[1], encoding="utf-8") as file:
-        *proved, numbers = check(parsed(file.read()))
-    print("\n".join([*sentences(*proved), ", ".join(f"{count} {name}" for name, count in numbers.items())]))
+    with open(sys.argv[1], "rb") as file:
+        text, status = told(file.read())
+    print(text)
+    sys.exit(status)

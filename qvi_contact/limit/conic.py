@@ -22,7 +22,7 @@ from solvers.basics.types import load
 _TOLERANCE: Final = 1e-9  # of the solver
 _COARSER: Final = 1e-7  # gap of the solver in programs of more than so many blocks: bounds come from x in any case
 _LARGE: Final = 4000
-_REGULAR: Final = (1e-12, 1e-11, 1e-10)  # added to its matrices: in more, thin triangles are lost
+REGULAR: Final = (1e-12, 1e-11, 1e-10)  # added to its matrices: in more, thin triangles are lost
 _USUAL: Final = 1e-8  # by default; where stresses of rigid parts say nothing it does not solve with less
 _REFINED: Final = 30  # steps of its iterative refinement, at most
 _ROUNDED: Final = 1e-14  # of the largest column: columns that are nothing but rounding
@@ -32,7 +32,7 @@ HELD: Final = 1e-7  # violation, relative to what stands in the rows, that count
 ROUNDING: Final = 1e-11  # of sizes: violation that is not worth a second program
 _ROOM: Final = 1e-9  # of sizes: rows that no point is farther inside leave no room
 _ENOUGH: Final = 1e-3  # of sizes: the least solution of the equations, if it is farther inside, is a point inside
-FACES: Final = ((1e-6, 1e-3), (1e-5, 1e-3), (1e-7, 1e-3), (1e-6, 1e-2), (1e-5, 1e-2))
+FACES: Final = ((1e-7, 1e-3), (1e-6, 1e-3), (1e-5, 1e-3), (1e-6, 1e-2), (1e-5, 1e-2))
 """Room of a cone, of sizes, below which it has none, and angle to the ray that it is taken for then; tried in turn."""
 _SMALL: Final = 1e-5  # of room, what t may cost: or points inside are 1e6 times as large as others for nothing
 _TIP: Final = 1e-5  # of sizes: cones that are at their tips
@@ -87,7 +87,7 @@ class ConicProgram:
         b = np.concatenate([equations[1], inequalities[1], g])
         return cls(q, A, b, len(equations[1]), len(inequalities[1]), d, dependent)
 
-    def solve(self, regular: Sequence[float] = _REGULAR) -> Answer | str:
+    def solve(self, regular: Sequence[float] = REGULAR) -> Answer | str:
         """The solver's answer; or "infeasible", or "unbounded" where it has a certificate.
 
         Raises
@@ -152,7 +152,8 @@ class ConicProgram:
             return False
         x, violation = program.repaired(found.x)
         gained = -float(self.q @ x)  # 1, which the last inequality allows, if there is such a direction
-        return gained > max(0.5, HELD * float(np.abs(self.q) @ np.abs(x))) and violation * program.size(x) <= HELD
+        held = violation * program.size(x) <= HELD * float(np.abs(self.A[:, self.q != 0.0].data).max(initial=1.0))
+        return gained > max(0.5, HELD * float(np.abs(self.q) @ np.abs(x))) and held
 
     def on_faces(
         self, units: FloatArray, narrow_below: float, aside: float, known: FloatArray | None = None
@@ -163,7 +164,8 @@ class ConicProgram:
         finds to the root of what it is missed by only, and equations exactly. Points that keep them keep the cones.
         """
         x, room = self._rooms or (self.q, np.full(1, -np.inf))
-        if room.min() < -narrow_below:  # nothing that the solver says of room is to be believed
+        trusted = max(narrow_below, _NEAR / 10.0 * self.dependent)  # flows on faces are taken if they are better only
+        if room.min() < -trusted:  # nothing that the solver says of room is to be believed
             return None
         narrow = np.flatnonzero(room[self.linear :] < narrow_below)
         # of flows only: tractions in wedges may be huge, and leave room for all else to be missed
@@ -264,9 +266,10 @@ class ConicProgram:
             """What a point violates, in the size of x: larger ones miss no less."""
             return float(-self.margins(y).min(initial=0.0)) * self.size(y) / size
 
-        def worse(y: FloatArray) -> float:
-            """The same; of flows beside what they dissipate more: those inside may dissipate any amount."""
-            return off(y) / HELD + float(self.q @ y) / large if self.dependent else off(y)
+        def worse(y: FloatArray) -> tuple[bool, float]:
+            """The same; of flows that hold beside what they dissipate more: those inside may dissipate any amount."""
+            violated = off(y)
+            return violated > HELD, violated / HELD + float(self.q @ y) / large * self.dependent
 
         missed = off(x)
         if self.dependent and missed > ROUNDING and not (known and self._share(x, inside) < _LITTLE):
@@ -302,13 +305,12 @@ class ConicProgram:
             x, room = self.room()
             if room > 0.0 and self.margins(x).min(initial=1.0) > ROUNDING:
                 return x
-        found = self._rooms
-        return None if found is None else found[0]
+        return None if self._rooms is None else self._rooms[0]
 
     @cached_property
     def _rooms(self) -> tuple[FloatArray, FloatArray] | None:
         """A point as far inside all rows as can be, up to 1e-3, and how far inside each of them."""
-        found, n = self._roomy(each=True).solve(_REGULAR[::-1]), len(self.q)  # without interior, the most is best
+        found, n = self._roomy(each=True).solve(REGULAR[::-1]), len(self.q)  # without interior, the most is best
         return None if isinstance(found, str) else (self.projected(found.x[:n]), found.x[n:])
 
     def _roomy(self, *, each: bool) -> ConicProgram:

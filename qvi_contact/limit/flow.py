@@ -197,8 +197,10 @@ class FlowProgram:
         self._slopes = np.swapaxes(np.linalg.inv(corners)[..., :2, :], -1, -2)
         self._weights = np.repeat(self._areas.ravel() / self.cones.count, self.cones.count)
 
-    def solved(self, share: float = 0.0) -> Flow:
+    def solved(self, share: float = 0.0, *, known: bool = False) -> Flow:
         """The flow with the least bound that is found; `SolveError` if the one found breaks its conditions.
+
+        Infinity instead if a bound is `known`, of rigid blocks, or that there is none, since any multiple is carried.
 
         It goes a share of the way towards a flow inside all limits, as far as they leave room. Without such a share,
         strain of what has no tension that nothing can open otherwise is across an edge, by equations.
@@ -212,7 +214,7 @@ class FlowProgram:
         solve = cache(ConicProgram.solve)  # programs on faces may be equal
         found = solve(program)
         if isinstance(found, str):
-            return Flow(np.inf if found == INFEASIBLE else -np.inf)
+            return Flow(-np.inf if found == UNBOUNDED or every.falls() else np.inf)
 
         def raised(x: FloatArray) -> FloatArray:
             """The same with s of cones that no trace is tied to as large as need be, and no larger."""
@@ -245,17 +247,11 @@ class FlowProgram:
                 # all have one power
                 x, violation = (other, off) if off < violation + HELD * gained else (x, violation)
         power = float(live @ x[:n])
-        work = abs(power) / (float(np.abs(live) @ np.abs(x[:n])) or 1.0)
-        surplus = -float(every.q @ x) / (float(np.abs(every.q) @ np.abs(x)) or 1.0)
-        # a motion on which the others do too much work, and these loads none beside it
-        beyond = violation <= ROUNDING < surplus and work <= HELD * surplus
-        if beyond or not violation <= HELD or not power > 0.0:
-            strain, jumps = (np.abs(part).max(initial=0.0) for part in (every.blocks(start), self._slips.L @ start[:n]))
-            nearest = every.projected(np.zeros_like(start))
-            off = np.abs(every.A[: every.equal] @ nearest - every.b[: every.equal]).max()
-            if beyond or strain <= HELD * jumps or off > HELD:
-                # rigid blocks have a bound of their own, and what cannot move has none
-                return Flow(-np.inf if beyond else np.inf)
+        held = violation <= HELD and power > 0.0
+        beyond = not (held and every.q @ x >= 0.0) and any(each.falls() for each in (every, program))
+        if beyond or (known and not held):  # the others do too much work where these loads do none
+            return Flow(-np.inf if beyond else np.inf)
+        if not held:
             raise SolveError(
                 f"limit load: the velocities found break their conditions by {violation:.1e}: use another degree, or a "
                 "mesh that is less graded"

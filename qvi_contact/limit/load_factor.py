@@ -216,7 +216,7 @@ class LimitProblem:
             lower = _checked(carried, of_blocks, straight)
             return LimitLoad(lower, of_blocks, mechanism, carried.bound, carried.violation)
         program = self.flow
-        flow = program.solved()
+        flow = program.solved(known=of_blocks < np.inf or carried.factor == np.inf)
         upper = min(flow.bound, of_blocks)
         lower = _checked(carried, upper, straight)
         if np.isfinite(lower) and carried.stress is not None and flow.motion is not None:

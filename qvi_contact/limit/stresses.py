@@ -27,7 +27,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, joined
 from qvi_contact.element.triangle import exponents
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.limit.conic import FACES, HELD, ROUNDING, UNBOUNDED, Answer, ConicProgram
+from qvi_contact.limit.conic import FACES, HELD, REGULAR, ROUNDING, UNBOUNDED, Answer, ConicProgram
 from qvi_contact.limit.split import SAMPLES, coefficients_of, lattice, part_corners, sampled
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -317,8 +317,9 @@ class StressProgram:
             program, known, find = self.program(signs), None, cache(partial(self._of_program, share=share))
             with suppress(SolveError):
                 known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
-            first = self._of_program(program, share, known)
-            best = self._on_faces(program, first, find, FACES[0])
+            first = best = self._of_program(program, share, known)
+            for faces in FACES[:2]:  # the finer one, if rooms are known so well
+                best = self._on_faces(program, first, find, faces) if best is first else best
             if first.violation <= ROUNDING:  # and is only not known to be the most
                 best = max(first, best, key=lambda one: one.factor)
             for faces in FACES[1:]:
@@ -339,6 +340,8 @@ class StressProgram:
         """What is carried once cones without room are rays, from what was found of the program."""
         for _ in range(PASSES):
             doubt = abs(found.bound - found.factor) > max(_DROP * abs(found.factor), CERTIFIED)
+            if doubt and found.violation <= ROUNDING and np.isfinite(found.factor) and program.falls():
+                return Carried(np.inf)
             unsure = found.violation > ROUNDING or found.factor == -np.inf or doubt
             narrower = program.on_faces(self.cones.rays, *faces, found.unknowns) if unsure else None
             if narrower is None:
@@ -349,8 +352,10 @@ class StressProgram:
     def _of_program(self, program: ConicProgram, share: float, known: FloatArray | None = None) -> Carried:
         """What the first point shows that keeps a program but for rounding: one that is known, or of the solver."""
         best = Carried(-np.inf)
-        for each in (None, program.tightened(_TIGHTER), program):
-            answer = each.solve() if each else known
+        for each, *more in ((None,), (program.tightened(_TIGHTER),), (program,), (program, REGULAR[::-1])):
+            if more and np.isfinite(best.factor):
+                break
+            answer = each.solve(*more) if each else known
             if isinstance(answer, str) or answer is None:
                 if answer == UNBOUNDED:  # from any state that keeps the limits; the load itself may have none
                     return self._without_room(program, share, grows=True)
@@ -360,7 +365,7 @@ class StressProgram:
             carried = replace(carried, bound=-answer.least if isinstance(answer, Answer) else carried.factor)
             if np.isfinite(carried.factor) and carried.violation <= ROUNDING:
                 return carried
-            best = max(best, carried, key=lambda one: one.factor)
+            best = best if more else max(best, carried, key=lambda one: one.factor)
         return best if np.isfinite(best.factor) else self._without_room(program, share)
 
     def _held(self, program: ConicProgram, x: FloatArray, violation: float) -> Carried:

@@ -51,8 +51,7 @@ def test_force_of_a_plate_and_of_a_body_without_contact():
     """N from a plate, dragged by H: the limit of N is none, the least one is not asked for."""
     plate = RigidPlate(force_y=-20.0, force_x=1.0, moment=-21.0)
     contacts = [Contact("bottom", 0.3, name="base"), Contact("top", 0.0, law="tied", plate=plate, name="grip")]
-    sides = [Traction("left", 0.0, 0.0), Traction("right", 0.0, 0.0)]
-    problem = ContactProblem(MESHES["uniform"], STEEL, [*contacts, *sides])
+    problem = ContactProblem(MESHES["uniform"], STEEL, [*contacts, Traction("left", 0, 0), Traction("right", 0, 0)])
     assert limit_load_factor(problem, ["grip"]) == np.inf  # all grows together
     ground = solve(problem)
     assert ground.status is Status.SOLVED
@@ -125,13 +124,6 @@ def test_programs_of_many_blocks_are_sparse(linprog):
     assert (matrix := linprog.calls[0][1]).nnz < 4 * matrix.shape[0]
 
 
-def wedge():
-    """A triangle pressed between two obstacles, one of them aslant: its units come from a linear program."""
-    mesh = TriangleMesh.outline([Corner((0, 0), "base"), Corner((2, 0), "right"), Corner((1, 1.5), "left")], 0.8)
-    pressed = Traction("left", normal=-1.0, tangential=0.0)
-    return ContactProblem(mesh, Material(1e4, 0.3), [Contact("base", 0.3), Contact("right", 0.3, gap=-1e-3), pressed])
-
-
 def _raised(_):
     raise RuntimeError("broken")
 
@@ -155,5 +147,8 @@ def test_a_broken_answer_decides_nothing(linprog, change):
         with pytest.raises(SolveError):
             found(problem)
     assert solve(problem).status is Status.INFEASIBLE_ON_MESH
-    result = solve(wedge())
+    # a triangle pressed between two obstacles, one of them aslant: its units come from a linear program
+    mesh = TriangleMesh.outline([Corner((0, 0), "base"), Corner((2, 0), "right"), Corner((1, 1.5), "left")], 0.8)
+    wedge = [Contact("base", 0.3), Contact("right", 0.3, gap=-1e-3), Traction("left", normal=-1.0, tangential=0.0)]
+    result = solve(ContactProblem(mesh, Material(1e4, 0.3), wedge))
     assert (result.status, result.certificate.passed) == (Status.SOLVED, True)
