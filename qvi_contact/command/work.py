@@ -273,12 +273,14 @@ def check_proof(file: str) -> int:
     """Check a proof file."""
     from qvi_contact.limit import check_proof as proofs
 
+    remedy = "give a file written by qvi-contact limit --proof"
     try:
         with open_regular(file) as stream:
             said, status = proofs.told(stream.read())
     except (OSError, ValueError) as error:
-        remedy = "give a file written by qvi-contact limit --proof"
         raise InputError("file", file, f"cannot be read ({getattr(error, 'strerror', error)}): {remedy}") from error
+    if status == 2:
+        raise InputError("file", file, f"is {said}: {remedy}")
     click.echo(said)
     return status
 

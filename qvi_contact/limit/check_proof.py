@@ -257,13 +257,17 @@ def at_factor(given: Any, factor: Fraction) -> list[Fraction]:
 
 
 def told(content: bytes) -> tuple[str, int]:
-    """What is printed of a file with this content, and the exit status: 1 if something does not hold, or is missing."""
+    """What to say of a file of this content, and the exit status: 1 if something does not hold, 2 if it is no proof."""
     try:
         *proved, counted = check(parsed(content.decode()))
-    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
-        named = "" if isinstance(error, ValueError) else f"it is no proof of format {FORMAT}: {type(error).__name__} "
-        return f"not proved: {named}{error}", 1
-    return "\n".join([*sentences(*proved), ", ".join(f"{count} {name}" for name, count in counted.items())]), 0
+    except (
+        LookupError, TypeError, AttributeError, ArithmeticError, UnicodeError, RecursionError, json.JSONDecodeError,
+    ) as error:  # fmt: skip
+        return f"no proof file of format {FORMAT} ({type(error).__name__} {error})", 2
+    except ValueError as error:
+        return f"not proved: {error}", 1
+    checked = ", ".join(f"{count} {name}" for name, count in counted.items())
+    return "\n".join([*sentences(*proved), f"checked: {checked}"]), 0
 
 
 def parsed(text: str) -> Any:
@@ -325,5 +329,5 @@ def rounded(value: Fraction, towards: str) -> Decimal:
 if __name__ == "__main__":
     with open(sys.argv[1], "rb") as file:
         text, status = told(file.read())
-    print(text)
+    print(text, file=sys.stderr if status == 2 else sys.stdout)
     sys.exit(status)

@@ -235,11 +235,13 @@ def test_the_command_writes_and_checks_them(tmp_path, shell):
     assert (status, out[:10]) == (1, "not proved")
     assert "not a regular file" in shell("check-proof", os.devnull)[2]
     twice = '{"format": 2, "flow": 1, "flow": 2}', "an entry twice"
-    no_proof = ('{"degree": 4}', "KeyError 'format'"), ("[" * 100_000, "recursion"), ("", "Expecting value")
-    for other, said in [twice, ('{"format": 2}', "neither stresses nor velocities"), *no_proof]:
+    for other, said in [twice, ('{"format": 2}', "neither stresses nor velocities")]:
+        proof.write_text(other)
+        assert said in shell("check-proof", proof)[1]
+    for other, said in [('{"degree": 4}', "KeyError 'format'"), ("[" * 100_000, "recursion"), ("", "Expecting value")]:
         proof.write_text(other)
         status, out, err = shell("check-proof", proof)
-        assert (status, out[:10], out.count("\n"), err, said in out) == (1, "not proved", 1, "", True)
+        assert (status, out, err.count("\n"), said in err) == (2, "", 1, True)
 
 
 def block_on_the_ground(live, velocity, cohesion="1"):
