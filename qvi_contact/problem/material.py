@@ -234,16 +234,19 @@ class Region(Checked):
         """Numbers of the triangles of a mesh that lie in it, in ascending order."""
         if self.name is not None and self.x is self.y is None:
             return mesh.region(self.name)
-        if self.name is not None:
-            new_name(self.name, mesh.regions, "region")
         return triangles_in_box(mesh.vertices, mesh.cells, self.x, self.y)
 
 
 def cell_materials(mesh: TriangleMesh, regions: Sequence[Region]) -> IntArray:
-    """For each cell 0 for the body's own material, else 1 + the number of the last region it lies in; (cells,)."""
-    number = np.zeros(mesh.cell_count, dtype=np.int64)
+    """For each cell 0 for the body's own material, else 1 + the number of the last region it lies in; (cells,).
+
+    `InputError` if ranges cut triangles, or have a name that another region has.
+    """
+    number, taken = np.zeros(mesh.cell_count, dtype=np.int64), {*mesh.regions}
     for index, region in enumerate(regions):
         number[region.cells(mesh)] = 1 + index
+        if region.name is not None and not region.x is region.y is None:
+            taken.add(new_name(region.name, taken, "region"))
     return number
 
 
