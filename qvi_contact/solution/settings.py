@@ -25,7 +25,7 @@ class Settings(Method):
 
     All functions that solve take such settings, or their fields and options of the method as keyword arguments:
     ``solve(problem, degree=5)`` is ``solve(problem, Settings(degree=5))``, and ``solve(problem, settings, degree=5)``
-    changes one field.
+    changes one field. `qvi-contact keys solve` prints what those mean that problem files have too.
 
     Raises
     ------
