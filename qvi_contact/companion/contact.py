@@ -208,7 +208,8 @@ def _trace(
 ) -> DisplacementContact:  # fmt: skip
     """One contact, from the edges and coefficients of the body."""
     p, edges, joint = space.degree, problem.mesh.edges(contact.edges), contact in problem.joints
-    normal, tangent = (in_lines(vectors, ~edges.bent) for vectors in (edges.normal, edges.tangent))
+    places = np.stack([edges.first, edges.second], axis=1)
+    normal, tangent = (in_lines(vectors, places, ~edges.bent) for vectors in (edges.normal, edges.tangent))
     edges = replace(edges, normal=normal, tangent=tangent)
     near = space.along(edges)
     far = space.along(edges, other=True) if joint else near
@@ -216,7 +217,8 @@ def _trace(
     along = frames_along(edges, np.linspace(0.0, 1.0, p + 1))
     frames = [(sides[..., None] * vectors).reshape(-1, 2) for vectors in along]
     heading = np.zeros(near.shape, dtype=np.int64)  # numbers of directions, where edges meet
-    ends = in_lines(frames[0].reshape(*near.shape, 2)[:, [0, -1]].reshape(-1, 2), np.ones(2 * len(edges), dtype=bool))
+    places, ends = np.minimum(near, far)[:, [0, -1]], frames[0].reshape(*near.shape, 2)[:, [0, -1]]
+    ends = in_lines(ends.reshape(-1, 2), places.reshape(-1, 1), np.ones(places.size, dtype=bool))
     heading[:, [0, -1]] = np.unique(ends, axis=0, return_inverse=True)[1].reshape(-1, 2)
     # pairs (n, 3) of coefficients of the body, the smaller number first, with the number of a direction last: where the
     # normals of a joint turn back the sides of its edges change, normals that lead from the first of a pair do not

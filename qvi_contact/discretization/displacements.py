@@ -30,6 +30,7 @@ from typing import Final
 import numpy as np
 from numpy.polynomial.legendre import legder, legvander
 from scipy import sparse
+from scipy.sparse.linalg import lsqr
 
 from qvi_contact.basics.checks import BoolArray, Field, FloatArray, IntArray, evaluate, whole_number
 from qvi_contact.discretization.scaling import Scales, bounds
@@ -335,7 +336,7 @@ PARALLEL = 1e-8
 """Sine of the angle between two directions that is the rounding of coordinates."""
 
 ALIKE = 3e-5  # the same where coordinates were rounded to few digits, as in files of meshes
-ROUNDED = f"Edges whose directions differ by less than {ALIKE:.0e}, as those of rounded coordinates, count as parallel."
+ROUNDED = f"Edges that meet at an angle below {ALIKE:.0e}, as those of rounded coordinates, count as parallel."
 
 
 def edge_data(
@@ -357,14 +358,22 @@ def edge_data(
     return coefficients, float(misfit.max(initial=0.0))
 
 
-def in_lines(vectors: FloatArray, straight: BoolArray) -> FloatArray:
-    """Unit vectors (n, 2), those of `straight` edges parallel but for rounded coordinates as the first of them."""
-    found, left = vectors.copy(), straight.copy()
-    while left.any():
-        first = vectors[left.argmax()]
-        alike = left & (np.abs(cross(vectors, first)) <= ALIKE)
-        found[alike] = np.sign(vectors[alike] @ first)[:, None] * first
-        left &= ~alike
+def in_lines(vectors: FloatArray, places: IntArray, straight: BoolArray) -> FloatArray:
+    """Unit vectors (n, 2); of `straight` ones that meet in places (n, k), parallel ones as the first of their line.
+
+    Parallel but for rounded coordinates: none turns by more than `ALIKE`. What meets none of them stays as it is.
+    """
+    at = np.arange(len(places)).repeat(places.shape[1]), places.ravel()
+    touching = sparse.csr_array((np.ones(places.size), at), shape=(len(places), int(places.max(initial=0)) + 1))
+    one, other = np.asarray((touching @ touching.T).nonzero(), dtype=np.int64)
+    alike = straight[one] & straight[other] & (np.abs(cross(vectors[one], vectors[other])) <= ALIKE)
+    line, found, left = linked(one[alike], other[alike], len(places)), vectors.copy(), straight.nonzero()[0]
+    while len(left):
+        start, which = np.unique(line[left], return_index=True, return_inverse=True)[1:]
+        first = vectors[left[start]][which]
+        alike = np.abs(cross(vectors[left], first)) <= ALIKE
+        found[left[alike]] = (np.sign((vectors[left] * first).sum(axis=1))[:, None] * first)[alike]
+        left = left[~alike]
     return found
 
 
@@ -402,7 +411,7 @@ class PrescribedDisplacements:
 def supports(
     problem: ContactProblem, space: DisplacementSpace, scales: Scales, least: float = MISFIT
 ) -> PrescribedDisplacements:
-    """Prescribed displacements; where two disagree in a corner one of them.
+    """Prescribed displacements; where some disagree in a corner their mean, by least squares.
 
     They disagree if they differ by more than a share of their size. Directions along one line but for rounded
     coordinates count as one: each vertex of an oblique side would be held along it too, by neighbours that differ.
@@ -411,8 +420,17 @@ def supports(
     width = 2 * (p + 1)  # of rows: on the coefficients of an edge
     columns, entries = [np.empty((0, width), np.int64)], [np.empty((0, 1, width))]
     values, places = [np.empty(0)], [np.empty(0, np.int64)]  # of which coefficient alone they are; −1 inside arcs
-    lines = [np.empty(0, bool)]  # whether they are on straight edges
-    for given in problem.prescribed(Displacement):
+    conditions = problem.prescribed(Displacement)
+    stated, ends, bends = [np.empty((0, 2))], [np.empty((0, 2), np.int64)], [np.empty(0, bool)]
+    for given in conditions:
+        stated.append(given.direction)
+        ends.append(np.stack([given.edges.first, given.edges.second], axis=1))
+        bends.append(given.edges.bent & given.turns)
+    directions = in_lines(np.concatenate(stated), np.concatenate(ends), ~np.concatenate(bends))
+    if np.abs(directions - np.concatenate(stated)).max(initial=0.0) > PARALLEL:
+        reasons.append(ROUNDED)
+    parts = np.split(directions, np.cumsum([len(part) for part in stated[1:]]))
+    for given, direction, bent in zip(conditions, parts, bends[1:], strict=False):  # the last part is empty
         edges, numbers = given.edges, space.along(given.edges)
         data, misfit = edge_data(problem.mesh, edges, given.name, given.value, p, unit)
         if misfit > MISFIT * max(1.0, float(np.abs(data).max(initial=0.0))):
@@ -420,7 +438,7 @@ def supports(
                 f"{given.name} is not a polynomial of degree {p} on each edge. It is interpolated, with an "
                 f"error of up to {misfit * unit:.2g} [length]."
             )
-        bent, rows = edges.bent & given.turns, components_along(edges, given.direction, p, turns=given.turns)
+        rows = components_along(edges, direction, p, turns=given.turns)
         if bent.any():
             reasons.append(f"{given.name} holds on arcs as closely as polynomials of degree {p} follow its directions.")
         dofs = np.broadcast_to(2 * numbers[:, None, :, None] + np.arange(2), rows.shape)
@@ -428,16 +446,9 @@ def supports(
         entries.append(rows.reshape(-1, 1, width))
         values.append(data.ravel())
         places.append(np.where(np.outer(bent, np.arange(p + 1) % p > 0), -1, numbers).ravel())
-        lines.append(np.repeat(~bent, p + 1))
 
     C = Functionals(np.concatenate(columns), np.concatenate(entries), space.size)
     value, at = np.concatenate(values), np.concatenate(places)
-    alone = at >= 0
-    stated = C.values[alone].reshape(-1, p + 1, 2)
-    direction = in_lines(stated.sum(axis=1), np.concatenate(lines)[alone])
-    C.values[alone, 0] = (stated.any(axis=2, keepdims=True) * direction[:, None]).reshape(-1, width)
-    if np.abs(direction - stated.sum(axis=1)).max(initial=0.0) > PARALLEL:
-        reasons.append(ROUNDED)
     inside = np.isin(np.arange(space.size) // 2, at, invert=True)  # of arcs, what rows there are solved for
     solved = Elimination.of(C, inside.astype(np.int64), PARALLEL)
     particular, missed = solved.particular(value)
@@ -449,6 +460,9 @@ def supports(
             f"Prescribed displacements disagree at {corner}, by about {abs(missed[worst]) * unit:.3g} [length]. There "
             "stresses grow on finer meshes, and the energy of the body, without end. Let them agree."
         )
+        corners = C.take((at >= 0).nonzero()[0]).matrix()
+        value[at >= 0] = corners @ lsqr(corners, value[at >= 0], atol=1e-14, btol=1e-14, iter_lim=100)[0]
+        particular = solved.particular(value)[0]
     return PrescribedDisplacements(C, solved.basis, particular, (*reasons, *jumps), tuple(jumps))
 
 

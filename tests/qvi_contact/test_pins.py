@@ -52,7 +52,7 @@ def test_a_pin_that_is_moved_and_the_force_that_moves_it_so():
     assert (motion.x, motion.y, motion.rotation) == pytest.approx((0.5, 0.0, 0.0), abs=1e-7)
     assert difference(expected, result) < 1e-6
     assert result.contacts["hole"].gap == pytest.approx(expected.contacts["hole"].gap, abs=1e-6)
-    assert ["strains above" in remark for remark in result.remarks] == [True]  # E is 1
+    assert result.remarks == ()
     # both models enclose the work of the pin; that of displacements knows its motion, and its forces come to the same
     found = bracket(expected)
     assert found.lower <= found.upper < 1.03 * found.lower
