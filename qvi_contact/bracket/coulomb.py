@@ -200,7 +200,7 @@ def _opening(state: CompanionState) -> FloatArray:
 
 
 _FAR: Final = 1e6  # |R d_k| comes from squares: of a motion that far it is rounding, and the motion a rigid one
-_CUTS: Final = (1e-6, 3e-2, 0.3)
+_CUTS: Final = (1e-6, 3e-2, 0.1, 0.3)
 """Shares of the largest opening, slip, pressure or room below the bound of a contact that count as none.
 
 Any share gives bounds. A small one makes m large where edges at the end of stick are short: |ζ_T| grows there towards
@@ -236,14 +236,14 @@ def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
     for cut in _CUTS:
         pairs = _Pairs(errors, defect, known, state, body, fields, changes, cut)
         for trace in body.contacts.traces:
-            whole = np.stack([np.full(trace.count, -1.0), trace.senses])
-            one_way = trace.name in errors.shares and not np.ptp(trace.on_edges(*whole)[1], axis=1).any()
-            for half, counts in enumerate((trace.contact.law != "tied", one_way)):
-                goal = np.zeros((2, body.contacts.count))
+            whole = np.stack([np.full(trace.count, -1.0), trace.senses])  # a of the one force, b of the other
+            one_way = not np.ptp(trace.turned * trace.senses[trace.columns], axis=1).any()
+            asked = {"normal": trace.contact.law != "tied", "tangential": one_way and trace.name in errors.shares}
+            for half, direction in enumerate(asked):
+                goal, name = np.zeros((2, body.contacts.count)), f"{trace.name}.{direction}_force"
                 goal[half, trace.here] = whole[half]
-                bounds = pairs.bounds(goal) if counts else None
+                bounds = pairs.bounds(goal) if asked[direction] else None
                 if bounds is not None:
-                    name = f"{trace.name}.{('normal_force', 'tangential_force')[half]}"
                     lower, upper = found.get(name, (-np.inf, np.inf))
                     found[name] = Bounds(max(lower, bounds.lower), min(upper, bounds.upper))
     # no wider than the law allows: without tension, and with no more friction than its bound

@@ -26,6 +26,7 @@ from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import problem_from_toml
 from qvi_contact.files.problem_text import problem_to_toml, unread_toml
+from qvi_contact.mesh.edges import points_back
 from qvi_contact.solution.history import CONTINUES
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.settings import law_of_rows
@@ -206,8 +207,7 @@ def answer_arrays(result: ContactResult) -> dict[str, Any]:
     return {
         "degree": known.space.degree,
         "law_on": known.rule.law_on,
-        "centres": known.space.frames.centres,
-        "cuts": known.space.frames.on_cuts,
+        **_counted(known),
         "scales": np.array([known.scales.length, known.scales.stress, known.scales.compliance]),
         "loaded": known.scales.loaded,
         "reach": known.scales.reach,
@@ -304,19 +304,25 @@ def _discretization(archive: Archive, discretized: Callable[[Scales], Discretiza
     if not reach > 0.0:
         raise archive.refused("reach", "is not a positive number")
     fresh = discretized(Scales(length, stress, compliance, archive.number("loaded") != 0.0, reach))
-    none = np.empty(0, dtype=np.int64)  # files without these entries have unknowns of Φ itself, of one value
-    for name, own in (("centres", fresh.space.frames.centres), ("cuts", fresh.space.frames.on_cuts)):
-        if not np.array_equal(archive.integers(name) if name in archive.arrays else none, own):
+    for name, own in _counted(fresh).items():
+        if not np.array_equal(archive.integers(name) if name in archive.arrays else np.empty(0, dtype=np.int64), own):
             remedy = (
                 "counts from other vertices of this mesh than it does here: solve the problem anew, or take the "
                 "version of qvi-contact that wrote the file"
             )
-            raise archive.refused("z", remedy)
+            raise archive.refused("tangential_multiplier" if name == "led_back" else "z", remedy)
     counts = [len(rows.gap) for rows in fresh.contacts]
     slip = archive.floats("earlier_slip", size=sum(counts))
     if not (slip.any() or ("later" in archive.arrays and archive.number("later") != 0.0)):
         return fresh
     return fresh.with_data(fresh.problem, fresh.scales, np.split(slip, np.cumsum(counts)[:-1]))
+
+
+def _counted(known: Discretization) -> dict[str, IntArray]:
+    """From where unknowns and multipliers count; files without an entry have unknowns of Φ itself, none led back."""
+    tangents = [known.problem.mesh.edges(contact.edges).tangent for contact in known.problem.contacts]
+    back = np.flatnonzero(points_back(np.concatenate([np.empty((0, 2)), *tangents])))
+    return {"centres": known.space.frames.centres, "cuts": known.space.frames.on_cuts, "led_back": back}
 
 
 def _certificate(archive: Archive) -> Certificate:

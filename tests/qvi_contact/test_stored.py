@@ -300,15 +300,17 @@ class TestForged:
         assert "mesh" in fails(self.forged(tmp_path, entries, problem=text))
 
     def test_unknowns_are_read_from_where_they_count(self, tmp_path):
-        """Small cells in two places: read from elsewhere, unknowns load as solved, with other stresses."""
-        plate = compressed_plate(0.2, (2, 2))
-        problem = replace(plate, mesh=plate.mesh.graded([(1.0, 1.0), (0.5, 1.0)], 11))
+        """Small cells in two places, and a joint whose upright edges led up before."""
+        plate = compressed_plate(0.2, (4, 4))
+        mesh = plate.mesh.with_joint("fit", lambda x, y: np.maximum(abs(x - 0.5), abs(y - 0.5)) == 0.25)
+        mesh = mesh.graded([(1.0, 1.0), (0.5, 1.0)], 11)
+        problem = replace(plate, mesh=mesh, conditions=[*plate.conditions, Contact.tied("fit")])
         write_npz(tmp_path / "a.npz", solve(problem, degree=3, method="condensed"))
         entries = dict(Archive(tmp_path / "a.npz").arrays)
         assert len(entries["centres"]) == 2
         assert fails(tmp_path / "a.npz") == set()
-        one, none = entries | {"centres": entries["centres"][:1]}, {k: v for k, v in entries.items() if k != "centres"}
-        for wrong in (one, none):
+        none, old = ({k: v for k, v in entries.items() if k != name} for name in ("centres", "led_back"))
+        for wrong in (entries | {"centres": entries["centres"][:1]}, none, old):
             assert "counts from other vertices" in fails(stored(tmp_path / "b.npz", wrong))
 
     @settings(max_examples=10, deadline=None, derandomize=True)
