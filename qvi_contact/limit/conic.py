@@ -272,7 +272,7 @@ class ConicProgram:
             return float(-self.margins(y).min(initial=0.0)) * self.size(y) / size
 
         def worse(y: FloatArray) -> tuple[bool, float]:
-            """Whether that is no rounding; then that, and what flows dissipate: those inside may dissipate any amount."""
+            """Whether that is no rounding; then that, and what flows dissipate: those inside may dissipate much."""
             violated = off(y)
             return violated > HELD, violated / HELD + float(self.q @ y) / large * self.dependent
 
