@@ -6,6 +6,7 @@ min q·x   s.t.   s = b − A x:   s = 0 in the first rows,   s ≥ 0 in those a
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final, NamedTuple, TypeAlias
@@ -123,7 +124,7 @@ class ConicProgram:
         else:
             answer = min(stuck, key=lambda each: np.nan_to_num(each.r_prim, nan=np.inf))
         if str(answer.status).endswith("DualInfeasible"):
-            if self.falls():
+            if self.falls:
                 return UNBOUNDED
             settings.tol_infeas_abs = settings.tol_infeas_rel = _NEVER
             answer = clarabel.DefaultSolver(*data, settings).solve()
@@ -144,15 +145,19 @@ class ConicProgram:
         """The program in which −q·x is at most so much."""
         return self._extended(self.q, sparse.csr_array((len(self.b), 0)), -self.q[None], np.array([most]))
 
+    @cached_property
     def falls(self) -> bool:
-        """Whether there is a direction in which q·x falls for ever, and not by rounding only."""
+        """Whether there is a direction in which q·x falls for ever, and not by rounding only; no if none is found."""
         program = replace(self, b=np.zeros_like(self.b)).up_to(1.0)
-        found = program.solve()
+        found: Answer | str = INFEASIBLE
+        with suppress(SolveError):
+            found = program.solve()
         if isinstance(found, str):
             return False
         x, violation = program.repaired(found.x)
         gained = -float(self.q @ x)  # 1, which the last inequality allows, if there is such a direction
-        held = violation * program.size(x) <= HELD * float(np.abs(self.A[:, self.q != 0.0].data).max(initial=1.0))
+        seen = float(np.abs(self.A[:, self.q != 0.0].data).max(initial=1.0)) / max(1.0, float(np.abs(self.q).max()))
+        held = violation * program.size(x) <= HELD * seen  # beside what a gain of 1 puts into the rows, at least
         return gained > max(0.5, HELD * float(np.abs(self.q) @ np.abs(x))) and held
 
     def on_faces(
@@ -267,7 +272,7 @@ class ConicProgram:
             return float(-self.margins(y).min(initial=0.0)) * self.size(y) / size
 
         def worse(y: FloatArray) -> tuple[bool, float]:
-            """The same; of flows that hold beside what they dissipate more: those inside may dissipate any amount."""
+            """Whether that is no rounding; then that, and what flows dissipate: those inside may dissipate much."""
             violated = off(y)
             return violated > HELD, violated / HELD + float(self.q @ y) / large * self.dependent
 

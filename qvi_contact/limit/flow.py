@@ -214,7 +214,7 @@ class FlowProgram:
         solve = cache(ConicProgram.solve)  # programs on faces may be equal
         found = solve(program)
         if isinstance(found, str):
-            return Flow(-np.inf if found == UNBOUNDED or every.falls() else np.inf)
+            return Flow(-np.inf if found == UNBOUNDED or every.falls else np.inf)
 
         def raised(x: FloatArray) -> FloatArray:
             """The same with s of cones that no trace is tied to as large as need be, and no larger."""
@@ -248,7 +248,7 @@ class FlowProgram:
                 x, violation = (other, off) if off < violation + HELD * gained else (x, violation)
         power = float(live @ x[:n])
         held = violation <= HELD and power > 0.0
-        beyond = not (held and every.q @ x >= 0.0) and any(each.falls() for each in (every, program))
+        beyond = not (held and every.q @ x >= 0.0) and any(each.falls for each in (every, program))
         if beyond or (known and not held):  # the others do too much work where these loads do none
             return Flow(-np.inf if beyond else np.inf)
         if not held:

@@ -340,7 +340,7 @@ class StressProgram:
         """What is carried once cones without room are rays, from what was found of the program."""
         for _ in range(PASSES):
             doubt = abs(found.bound - found.factor) > max(_DROP * abs(found.factor), CERTIFIED)
-            if doubt and found.violation <= ROUNDING and np.isfinite(found.factor) and program.falls():
+            if doubt and found.violation <= ROUNDING and np.isfinite(found.factor) and program.falls:
                 return Carried(np.inf)
             unsure = found.violation > ROUNDING or found.factor == -np.inf or doubt
             narrower = program.on_faces(self.cones.rays, *faces, found.unknowns) if unsure else None
@@ -351,11 +351,11 @@ class StressProgram:
 
     def _of_program(self, program: ConicProgram, share: float, known: FloatArray | None = None) -> Carried:
         """What the first point shows that keeps a program but for rounding: one that is known, or of the solver."""
-        best = Carried(-np.inf)
-        for each, *more in ((None,), (program.tightened(_TIGHTER),), (program,), (program, REGULAR[::-1])):
-            if more and np.isfinite(best.factor):
+        best, tighter, last = Carried(-np.inf), program.tightened(_TIGHTER), REGULAR[::-1]
+        for each, regular in ((None, REGULAR), (tighter, REGULAR), (program, REGULAR), (program, last)):
+            if regular is last and np.isfinite(best.factor):
                 break
-            answer = each.solve(*more) if each else known
+            answer = each.solve(regular) if each else known
             if isinstance(answer, str) or answer is None:
                 if answer == UNBOUNDED:  # from any state that keeps the limits; the load itself may have none
                     return self._without_room(program, share, grows=True)
@@ -365,7 +365,7 @@ class StressProgram:
             carried = replace(carried, bound=-answer.least if isinstance(answer, Answer) else carried.factor)
             if np.isfinite(carried.factor) and carried.violation <= ROUNDING:
                 return carried
-            best = best if more else max(best, carried, key=lambda one: one.factor)
+            best = best if regular is last else max(best, carried, key=lambda one: one.factor)
         return best if np.isfinite(best.factor) else self._without_room(program, share)
 
     def _held(self, program: ConicProgram, x: FloatArray, violation: float) -> Carried:
@@ -392,7 +392,7 @@ class StressProgram:
                 answer = each.solve()
                 if not isinstance(answer, str):
                     carried = self._held(program, *each.repaired(answer.x, share))
-                if np.isfinite(carried.factor) and each in (modest, least) and (grows or program.falls()):
+                if np.isfinite(carried.factor) and each in (modest, least) and (grows or program.falls):
                     return Carried(np.inf)
             if np.isfinite(carried.factor):
                 break

@@ -83,6 +83,9 @@ def test_units_do_not_matter(unit):
     assert limit_load_factor(problem, ["top"]).lower == pytest.approx(1.4 * unit, rel=1e-6, abs=0.0)
     heavy = replace(problem, body_potential=lambda x, _: 0.1 * unit * np.sin(3e-3 * x))
     assert not limit_load_factor(heavy, ["top"]).collapse.guaranteed
+    cornered = [Contact("bottom", 0.0), Contact("right", 0.0), Traction("left", x=1, y=0), Traction("top", x=0, y=-1)]
+    pressed = replace(stretched(MohrCoulomb(1e7, 0.5)), conditions=cornered)  # loads are next to nothing
+    assert limit_load_factor(pressed, ["left", "top"], degree=3).upper == np.inf
 
 
 @pytest.mark.parametrize(("crushing", "weight", "exact"), [(3.0, 0.5, 2.019091), (3.0, 0.0, 2.4), (None, 0.5, np.inf)])
