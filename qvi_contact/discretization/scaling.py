@@ -77,11 +77,10 @@ class Scales:
         if is_strained(problem):
             x, y = np.moveaxis(problem.mesh.corners, -1, 0)
             sizes.append(float(np.abs(stress_at_rest(problem, np.arange(problem.mesh.cell_count), x, y)).max()))
-        loads, cohesions = (
-            [size for size in each if size * compliance > _NONE] for each in (sizes, _in_contacts(problem, "cohesion"))
-        )
-        at_rest = _AT_REST / compliance
-        return cls(length, max(loads, default=min(at_rest, max(cohesions, default=at_rest))), compliance, bool(loads))
+        loads = [size for size in sizes if size * compliance > _NONE]
+        cohesions = [each for each in _in_contacts(problem, "cohesion") if each * compliance > _NONE]
+        at_rest = min(_AT_REST / compliance, max(cohesions, default=np.inf))
+        return cls(length, max(loads, default=at_rest), compliance, bool(loads))
 
 
 def _sampled(
