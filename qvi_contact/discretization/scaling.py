@@ -78,9 +78,10 @@ class Scales:
             x, y = np.moveaxis(problem.mesh.corners, -1, 0)
             sizes.append(float(np.abs(stress_at_rest(problem, np.arange(problem.mesh.cell_count), x, y)).max()))
         loads = [size for size in sizes if size * compliance > _NONE]
+        if loads:
+            return cls(length, max(loads), compliance)
         cohesions = [each for each in _in_contacts(problem, "cohesion") if each * compliance > _NONE]
-        at_rest = min(_AT_REST / compliance, max(cohesions, default=np.inf))
-        return cls(length, max(loads, default=at_rest), compliance, bool(loads))
+        return cls(length, min(_AT_REST / compliance, max(cohesions, default=np.inf)), compliance, loaded=False)
 
 
 def _sampled(
