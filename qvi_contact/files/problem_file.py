@@ -30,7 +30,7 @@ from qvi_contact.mesh.selection import new_name
 from qvi_contact.mesh.triangles import TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
 from qvi_contact.problem.fields import BodyForces, Expression, PointData, Polynomial
-from qvi_contact.problem.material import Material, Region, cell_materials
+from qvi_contact.problem.material import Material, Region
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.settings import PARAMETERS, RefineOptions, SolveOptions
 from qvi_contact.units import Units
@@ -237,14 +237,14 @@ class Document:
         if self.body_forces:
             with schema.located("body_forces", ()):
                 forces = BodyForces(self.body_forces)
-        regions = []
+        regions = list[Region]()
         for index, table in enumerate(self.regions):
             with schema.located(f"regions[{index}]", schema.keys_of(Region)):
                 if table.name is None and table.x is None and table.y is None and "x" not in given["mesh"]:
                     remedy = "say which triangles are meant: name a region of the mesh, or give x and y"
                     raise InputError("name", None, remedy)
+                _ = table.cells(mesh, regions)
                 regions.append(replace(table, material=replace(table.material, plane=self.material.plane)))
-                _ = cell_materials(mesh, regions)
         placed = [(f"{kind}[{i}]", each) for kind in TABLES for i, each in enumerate(getattr(self, kind))]
         try:
             problem = ContactProblem(

@@ -230,23 +230,24 @@ class Region(Checked):
     temperature: Field | None = None
     """Rise of temperature here, instead of that of the body: `temperature = 60.0`."""
 
-    def cells(self, mesh: TriangleMesh) -> IntArray:
-        """Numbers of the triangles of a mesh that lie in it, in ascending order."""
+    def cells(self, mesh: TriangleMesh, before: Sequence[Region] = ()) -> IntArray:
+        """Numbers of the triangles of a mesh that lie in it, in ascending order.
+
+        `InputError` if ranges cut triangles, or have a name that the mesh, or a region before, has.
+        """
         if self.name is not None and self.x is self.y is None:
             return mesh.region(self.name)
-        return triangles_in_box(mesh.vertices, mesh.cells, self.x, self.y)
+        found = triangles_in_box(mesh.vertices, mesh.cells, self.x, self.y)
+        if self.name is not None:
+            new_name(self.name, {*mesh.regions, *(each.name for each in before if each.name)}, "region")
+        return found
 
 
 def cell_materials(mesh: TriangleMesh, regions: Sequence[Region]) -> IntArray:
-    """For each cell 0 for the body's own material, else 1 + the number of the last region it lies in; (cells,).
-
-    `InputError` if ranges cut triangles, or have a name that another region has.
-    """
-    number, taken = np.zeros(mesh.cell_count, dtype=np.int64), {*mesh.regions}
+    """For each cell 0 for the body's own material, else 1 + the number of the last region it lies in; (cells,)."""
+    number = np.zeros(mesh.cell_count, dtype=np.int64)
     for index, region in enumerate(regions):
-        number[region.cells(mesh)] = 1 + index
-        if region.name is not None and not region.x is region.y is None:
-            taken.add(new_name(region.name, taken, "region"))
+        number[region.cells(mesh, regions[:index])] = 1 + index
     return number
 
 
