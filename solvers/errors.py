@@ -4,7 +4,7 @@
 """
 
 import pickle
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, TypeVar
 
 _Value = TypeVar("_Value")
@@ -99,17 +99,16 @@ def nearest_first(name: object, known: Iterable[str], remedy: str) -> str:
     return remedy if near is None else f"did you mean {near!r}? Otherwise: {remedy}"
 
 
-def known_name(field: str, name: object, known: Mapping[str, Iterable[str]], otherwise: str = "") -> str:
+def known_name(field: str, name: object, known: Mapping[str, Collection[str]], otherwise: str = "") -> str:
     """The name if it is one of those known; else `UnknownNameError`, which lists all of them, the closest one first.
 
     They are known by what they are names of, in the plural: ``{"edge sets": ("top", "left")}``; `otherwise` is what
     else could be done, such as "add it by with_edges()".
     """
-    names = {kind: tuple(each) for kind, each in known.items()}
-    every = [one for each in names.values() for one in each]
-    if isinstance(name, str) and name in every:
+    if isinstance(name, str) and any(name in each for each in known.values()):
         return name
-    listed = " or of the ".join(f"{kind} ({', '.join(each) or 'there are none'})" for kind, each in names.items())
+    every = [one for each in known.values() for one in each]
+    listed = " or of the ".join(f"{kind} ({', '.join(each) or 'there are none'})" for kind, each in known.items())
     remedy = f"name one of the {listed}" + (f", or {otherwise}" if otherwise else "")
     raise UnknownNameError(field, name, nearest_first(name, every, remedy))
 

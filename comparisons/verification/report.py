@@ -43,7 +43,7 @@ _ROUNDING: Final = 1e-10  # errors below this are one and the same on all machin
 def choose(names: Sequence[str]) -> Chapters:
     """The chapters, or problems, of these names in the manual's order; all without names; `InputError` if unknown."""
     for name in names:
-        known_name("--only", name, {"chapters": CHAPTERS, "problems": chain(*CHAPTERS.values())})
+        known_name("--only", name, {"chapters": CHAPTERS, "problems": [*chain(*CHAPTERS.values())]})
     if not names:
         return CHAPTERS
     chosen = {

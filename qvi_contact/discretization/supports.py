@@ -183,12 +183,13 @@ class Supports(PicklesFields):
     def _walk(self) -> tuple[IntArray, IntArray, int]:
         """The order of the rows, when each vertex is met on the way, and the vertex of the gauge."""
         space, number = self.space, self._conditions.number
-        numbers = np.unique(number)
+        numbers = np.bincount(number).nonzero()[0]
         frames, lines = space.frames, space.mesh.topology.ends[numbers]
         small = space.sizes <= _ALIKE * space.sizes.min()  # without several centres, where cells are smallest
         on_lines = np.zeros_like(small)
         on_lines[lines] = True
-        gauge = int(np.argmax(small & on_lines if (small & on_lines).any() else small))
+        best = small & on_lines
+        gauge = int((best if best.any() else small).argmax())
         seeds = [gauge]
         if len(frames.centres):
             gauge, order = int(frames.centres[0]), np.argsort(np.round(np.log2(space.sizes)), kind="stable")

@@ -322,24 +322,17 @@ class Edges:
 _parts: Final = attrgetter(*Edges.__match_args__)
 
 
-def outward_normals(vertices: FloatArray, cells: IntArray, topology: Topology, edges: IntArray) -> FloatArray:
-    """Unit normals of edges that point out of the first triangle at each, shape (k, 2)."""
-    first, second = vertices[topology.ends[edges]].swapaxes(0, 1)
-    along = second - first
-    normal = along[:, ::-1] * TURNED / np.hypot(*along.T)[:, None]
-    inner = vertices.take(cells.take(topology.cells[edges, 0], axis=0), axis=0).sum(axis=1) / 3.0
-    inward = ((inner - first) * normal).sum(axis=1) > 0.0
-    return np.asarray(np.where(inward[:, None], -normal, normal))
-
-
 def edges_of(vertices: FloatArray, cells: IntArray, topology: Topology, bends: FloatArray, numbers: IntArray) -> Edges:
     """Edges of a topology by number (k,), which bend so (e, n), with the normals, tangents and cells of `Edges`."""
     first, second = topology.ends[numbers].T
-    along = vertices[second] - vertices[first]
+    start = vertices.take(first, axis=0)
+    along = vertices.take(second, axis=0) - start
     length = np.hypot(*along.T)
     tangent = along / length[:, None]
-    normal = outward_normals(vertices, cells, topology, numbers)
-    beside = topology.cells[numbers]
+    normal, beside = tangent[:, ::-1] * TURNED, topology.cells[numbers]
+    centre = vertices.take(cells.take(beside[:, 0], axis=0), axis=0).sum(axis=1) / 3.0
+    inward = ((centre - start) * normal).sum(axis=1) > 0.0
+    normal = np.where(inward[:, None], -normal, normal)  # out of the first triangle
     swapped = (beside[:, 1] >= 0) & points_back(normal[:, ::-1])
     normal = np.where(swapped[:, None], -normal, normal)
     beside = np.where(swapped[:, None], beside[:, ::-1], beside)

@@ -262,8 +262,8 @@ def _ruled(problem: ContactProblem, ruling: Sequence[_Ruling]) -> IntArray:
     mesh, boundary = problem.mesh, problem.mesh.boundary
     parallel = (np.abs(boundary.tangent).max(axis=1) == 1.0) & ~boundary.bent  # to an axis: x and y rule it
     normal = np.abs(boundary.normal).argmax(axis=1)
-    rows = dict(zip(_NAMES, (0 * normal, 0 * normal + 1, normal, 1 - normal), strict=True))
-    each = np.full((4, len(boundary)), -1)  # by the names; on slanted edges either two of them count
+    rows = np.array([0 * normal, 0 * normal + 1, normal, 1 - normal])  # by the names
+    each = np.full((4, len(boundary)), -1)  # on slanted edges either two of them count
 
     def middle(edge: int) -> str:
         return place_of(mesh.midpoints[boundary.number[edge]])
@@ -272,16 +272,18 @@ def _ruled(problem: ContactProblem, ruling: Sequence[_Ruling]) -> IntArray:
         what = f"{_NAMES[row]} component" if row >= len(CARTESIAN) else f"component {_NAMES[row]}"
         raise InputError("ContactProblem.conditions", name, f"{what} of the edge around {middle(edge)} {remedy}")
 
-    for number, condition, given, chosen in ruling:
-        for name in given or LOCAL:
-            row = np.where(parallel[chosen], rows[name][chosen], _NAMES.index(name))
-            taken = each[row, chosen]
-            if (taken >= 0).any():
-                at = int(np.argmax(taken >= 0))
-                earlier = problem.conditions[taken[at]]
-                remedy = f"already has the condition {type(earlier).__name__}({earlier.edges!r}): {_OVERLAP}"
-                refuse(condition.edges, int(row[at]), int(chosen[at]), remedy)
-            each[row, chosen] = number
+    parts = [(number, _NAMES.index(name), chosen) for number, _, given, chosen in ruling for name in given or LOCAL]
+    edges = np.concatenate([np.empty(0, dtype=np.int64), *(part[2] for part in parts)])
+    known = np.array([part[:2] for part in parts], dtype=np.int64).reshape(-1, 2)
+    numbers, named = known.repeat([len(part[2]) for part in parts], axis=0).T
+    row = np.where(parallel[edges], rows[named, edges], named)
+    each[row, edges] = numbers
+    if np.count_nonzero(each >= 0) < len(edges):
+        places = row * len(boundary) + edges
+        at = int(np.setdiff1d(np.arange(len(places)), np.unique(places, return_index=True)[1])[0])
+        earlier, later = (problem.conditions[numbers[k]] for k in (int(np.argmax(places == places[at])), at))
+        remedy = f"already has the condition {type(earlier).__name__}({earlier.edges!r}): {_OVERLAP}"
+        refuse(later.edges, int(row[at]), int(edges[at]), remedy)
     local = np.asarray((each[2:] >= 0).any(axis=0))
     both = np.flatnonzero(local & (each[:2] >= 0).any(axis=0))
     if len(both):
@@ -295,9 +297,9 @@ def _ruled(problem: ContactProblem, ruling: Sequence[_Ruling]) -> IntArray:
     owner = np.where(local, each[2:], each[:2])
     if (owner < 0).any():
         component, edge = np.argwhere(owner < 0)[0].tolist()
-        named = [name for name in mesh.edge_names if edge in mesh.edge_set(name)]
+        of_edge = [name for name in mesh.edge_names if edge in mesh.edge_set(name)]
         remedy = "has no condition; add a Traction (0 if it is free), Displacement, Symmetry or Contact"
-        refuse([*named, "an edge without a name"][0], component + 2 * int(local[edge]), edge, remedy)
+        refuse([*of_edge, "an edge without a name"][0], component + 2 * int(local[edge]), edge, remedy)
     owner.flags.writeable = False  # problems share it
     return owner
 

@@ -9,11 +9,12 @@ def lowest_linked(first: IntVector, second: IntVector, count: int) -> IntVector:
     """The lowest thing (count,) that each of so many is joined to by pairs, itself if it is."""
     least = np.arange(count)  # as far as is known
     while True:
-        pairs = np.sort(least[np.array([first.ravel(), second.ravel()])], axis=0)
-        low, high = pairs[:, pairs[0] < pairs[1]]
-        if not len(low):
+        one, other = least[first], least[second]
+        apart = one != other
+        if not np.count_nonzero(apart):
             return least
-        np.minimum.at(least, high, low)
+        one, other = one[apart], other[apart]
+        np.minimum.at(least, np.maximum(one, other), np.minimum(one, other))
         while (least[least] < least).any():
             least = least[least]
 

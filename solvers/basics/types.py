@@ -86,10 +86,11 @@ _MOST: Final = 4  # of one kind
 def read_only(*matrices: Any) -> None:
     """Arrays and sparse matrices that several problems share cannot be written to any more."""
     for matrix in matrices:
-        if not isinstance(matrix, np.ndarray):
+        if isinstance(matrix, np.ndarray):
+            matrix.flags.writeable = False
+        else:
             matrix.sum_duplicates()  # which sorts entries too: SciPy would do so in place when it likes
-        for part in (matrix,) if isinstance(matrix, np.ndarray) else (matrix.data, matrix.indices, matrix.indptr):
-            part.flags.writeable = False
+            read_only(matrix.data, matrix.indices, matrix.indptr)
 
 
 class Kept:

@@ -8,7 +8,7 @@ import pytest
 
 from qvi_contact import Contact, ContactProblem, InputError, Material, Region, Symmetry, Traction, solve
 from qvi_contact.gallery import compressed_plate, fan
-from qvi_contact.mesh import TriangleMesh, edges_on_segment, outward_normals
+from qvi_contact.mesh import TriangleMesh, edges_on_segment
 from tests.qvi_contact.builders import area, quarter
 from tests.qvi_contact.test_triangles import turned
 
@@ -44,7 +44,7 @@ class TestTopology:
     def test_normals_point_out_of_the_body(self):
         mesh = l_shape()
         for name, normal in (("bottom", (0, -1)), ("right", (1, 0)), ("top", (0, 1)), ("left", (-1, 0))):
-            found = outward_normals(mesh.vertices, mesh.cells, mesh.topology, mesh.numbers(name))
+            found = mesh.edges(name).normal
             assert found == pytest.approx(np.broadcast_to(normal, found.shape))
 
     def test_outlines_run_around_the_body_and_its_holes(self):
