@@ -60,7 +60,7 @@ nitpick_ignore_regex = [
     (r"py:class", r"qvi_contact\.(discretization|element|basics\.schema|files\.problem_file)\.(\w+\.)?\w+"),
     (
         r"py:class",
-        r"qvi_contact\.(problem\.problem\.Prescribed|problem\.conditions\.Pin|solution\.contact_line\.ContactPath)",
+        r"qvi_contact\.(problem\.problem\.Prescribed|problem\.conditions\.Pin|problem\.material\.YieldCone|solution\.contact_line\.ContactPath)",
     ),
     (r"py:class", r"qvi_contact\.companion\.((body|elasticity|space)\.\w+|model\.CompanionState)"),
     (

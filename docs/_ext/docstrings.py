@@ -8,7 +8,9 @@ import ast
 import inspect
 import re
 from collections.abc import Iterator, Sequence
+from importlib import import_module
 from itertools import pairwise
+from operator import attrgetter
 from typing import Any
 
 from docutils import nodes
@@ -17,6 +19,7 @@ from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
 
 _SECTION = re.compile(r"^[A-Z][A-Za-z ]+$")
+_PUBLIC = re.compile(r"```\{public\} (\S+)\n(.*?)```", re.DOTALL)
 _LISTS = ("Attributes", "Parameters", "Raises", "Returns", "Yields")
 _CODE = re.compile(r"(``.+?``|`[^`]+`|\*\*[^*\s][^*]*\*\*)")
 _ENTRY = re.compile(r"^(?P<name>\**[\w., ]+?) : (?P<kind>.+)$")
@@ -189,6 +192,22 @@ def _same_class(name: str, target: str) -> bool:
     return "." in target and last == target.rpartition(".")[2] and target.startswith(f"{package}.")
 
 
+def _listed(_app: Sphinx, _docname: str, source: list[str]) -> None:
+    """Blocks ``{public} module`` of names, documented with their members, and behind a + with inherited ones."""
+    source[0] = _PUBLIC.sub(_documented, source[0])
+
+
+def _documented(block: re.Match[str]) -> str:
+    """A block of names as directives of autodoc."""
+    module, lines = import_module(block[1]), ["```{eval-rst}"]
+    for name, inherited in re.findall(r"([\w.]+)(\+?)", block[2]):
+        found = attrgetter(name)(module)
+        kind = "class" if isinstance(found, type) else "function" if callable(found) else "data"
+        lines += [f".. auto{kind}:: {block[1]}.{name}", "   :members:"][: 1 + (kind == "class")]
+        lines += ["   :inherited-members:"] * bool(inherited)
+    return "\n".join([*lines, "```"])
+
+
 def _process(_app: Sphinx, _what: str, _name: str, _obj: Any, _options: Any, lines: list[str]) -> None:
     lines[:] = restructured(lines)
 
@@ -275,6 +294,7 @@ def _item(word: str, meaning: str) -> str:
 def setup(app: Sphinx) -> dict[str, Any]:
     """Sphinx's entry."""
     app.add_role("named", _named)
+    app.connect("source-read", _listed)
     app.connect("autodoc-process-docstring", _process)
     app.connect("autodoc-process-signature", _signature)
     app.connect("doctree-read", _short_types)
