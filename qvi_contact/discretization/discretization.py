@@ -148,7 +148,7 @@ class Discretization(PicklesFields):
         `InputError` if its mesh is another, but for the names of edge sets.
         """
         instance_of(ContactProblem, "problem", problem)
-        if problem.mesh is not self.problem.mesh and not problem.mesh.same_as(self.problem.mesh):
+        if not problem.mesh.same_as(self.problem.mesh):
             remedy = "it is on another mesh than the problem discretised before: give both the same mesh"
             raise InputError("ContactProblem.mesh", type(problem.mesh).__name__, remedy)
         vars(problem.mesh)["kept"] = self.problem.mesh.kept  # equal meshes have one

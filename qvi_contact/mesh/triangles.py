@@ -507,9 +507,10 @@ class TriangleMesh(MeshParts, PicklesFields):
 
     def same_as(self, other: TriangleMesh) -> bool:
         """Whether the other mesh has the same vertices and triangles, whatever its edge sets are called."""
-        parts = ("vertices", "cells", "bends")
-        alike = (np.array_equal(getattr(self, part), getattr(other, part)) for part in parts)
-        return isinstance(other, TriangleMesh) and all(alike)
+        if not isinstance(other, TriangleMesh):
+            return False
+        pairs = ((self.vertices, other.vertices), (self.cells, other.cells), (self.bends, other.bends))
+        return all(one is two or np.array_equal(one, two) for one, two in pairs)
 
     def parents(self, coarse: TriangleMesh) -> IntArray:
         """The triangle of a coarser mesh of the same body in which each triangle lies, shape (m,)."""

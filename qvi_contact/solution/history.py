@@ -304,7 +304,7 @@ def _surveyed(problems: Iterable[ContactProblem], kept: bool) -> tuple[Sequence[
     for number in range(len(steps)):
         problem = steps[number]
         instance_of(ContactProblem, f"problems[{number}]", problem, "give a ContactProblem for each load step")
-        if problem.mesh is not first.mesh and not problem.mesh.same_as(first.mesh):
+        if not problem.mesh.same_as(first.mesh):
             raise InputError(f"problems[{number}].mesh", problem.mesh, "give every load step the same mesh")
         kept_same = [  # slip is handed on point by point
             [(each.name, each.law, one.mesh.numbers(each.edges).tobytes()) for each in one.contacts]
