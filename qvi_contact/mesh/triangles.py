@@ -505,7 +505,7 @@ class TriangleMesh(MeshParts, PicklesFields):
         found[bent] = beyond_chords(self.corners[cells[bent]], self.sides[cells[bent]], found[bent])[0]
         return found
 
-    def same_as(self, other: TriangleMesh) -> bool:
+    def same_as(self, other: object) -> bool:
         """Whether the other mesh has the same vertices and triangles, whatever its edge sets are called."""
         if not isinstance(other, TriangleMesh):
             return False
