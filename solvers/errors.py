@@ -105,8 +105,9 @@ def known_name(field: str, name: object, known: Mapping[str, Collection[str]], o
     They are known by what they are names of, in the plural: ``{"edge sets": ("top", "left")}``; `otherwise` is what
     else could be done, such as "add it by with_edges()".
     """
-    if isinstance(name, str) and any(name in each for each in known.values()):
-        return name
+    for each in known.values():
+        if isinstance(name, str) and name in each:
+            return name
     every = [one for each in known.values() for one in each]
     listed = " or of the ".join(f"{kind} ({', '.join(each) or 'there are none'})" for kind, each in known.items())
     remedy = f"name one of the {listed}" + (f", or {otherwise}" if otherwise else "")

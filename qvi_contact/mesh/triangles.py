@@ -315,12 +315,12 @@ class TriangleMesh(MeshParts, PicklesFields):
     def edge_set(self, name: str) -> IntArray:
         """Indices into `boundary` of the edges called `name`; `InputError` lists the names there are."""
         known = known_name("edges", name, {"edge sets": self.edge_names}, "add it by with_edges()")
-        return self.topology.outer.searchsorted(self._numbers[known])
+        return self.topology.outer.searchsorted(self.edges(known).number)
 
     def joint_set(self, name: str) -> IntArray:
         """Indices into `interior` of the joint called `name`; `InputError` lists the names there are."""
         known = known_name("joint", name, {"joints": self.joint_names}, "add it by with_joint()")
-        return self.topology.inner.searchsorted(self._numbers[known])
+        return self.topology.inner.searchsorted(self.edges(known).number)
 
     def edges(self, name: str) -> Edges:
         """The edges called `name`, on the boundary or in a joint; read only, as all share them."""
