@@ -135,7 +135,7 @@ def hanging_vertices(
     lengths = np.hypot(*(second - first).T)
     if not lengths.all():  # others hold nothing
         outer, first, second, lengths = (each[lengths > 0.0] for each in (outer, first, second, lengths))
-    candidates = np.unique(topology.ends[outer])
+    candidates = np.bincount(topology.ends[outer].ravel()).nonzero()[0]
     end = 1e-6 if reach else -1e-6
     edge, vertex = in_circles(vertices[candidates], (first + second) / 2.0, lengths * (0.5 + end))
     if not len(edge):
