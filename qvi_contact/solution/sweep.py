@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, Final, overload
 import numpy as np
 
 from qvi_contact import __version__
-from qvi_contact.basics.checks import function_or_none, instance_of, one_of, real_array, true_or_false
+from qvi_contact.basics.checks import function_or_none, instance_of, names_among, one_of, real_array, true_or_false
 from qvi_contact.basics.schema import LARGEST
 from qvi_contact.basics.writing import given_path
 from qvi_contact.discretization.discretization import Discretization
@@ -42,7 +42,6 @@ from qvi_contact.units import Units
 from solvers import Status
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import frame, load, pandas
-from solvers.errors import known_name
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -340,10 +339,8 @@ class SweepTask:
             raise InputError("parameter", parameter, "the problem has no contact that could open or slip")
         elif names is None:
             chosen = tuple(known)
-        elif isinstance(names, str) or not isinstance(names, Sequence) or not names:
-            raise InputError("of", names, f"give a list of names out of {', '.join(known)}")
         else:
-            chosen = tuple(known_name("of", name, {what: known}) for name in names)
+            chosen = names_among("of", names, what, known)
         return cls(problem, parameter, chosen, settings, true_or_false("warm_start", warm) and settings.takes_state)
 
     def changed(self, value: float) -> ContactProblem:

@@ -46,7 +46,7 @@ from qvi_contact.element import hsieh_clough_tocher
 from qvi_contact.export import write_json, write_npz, write_vtu
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.gallery import compressed_plate, jointed_slope, masonry_wall, stick_slip_block
-from qvi_contact.plots import require_matplotlib
+from qvi_contact.plots import history_figure, limit_figure, problem_figure, require_matplotlib, result_figure
 from solvers import solve_qvi
 
 PLATE = compressed_plate(0.3, (2, 2))
@@ -133,6 +133,7 @@ def test_wrong_options_of_a_bracket_the_algebraic_solve_and_tables():
 def test_starts_that_cannot_be_are_refused_at_once(entry, tmp_path):
     for start in ("high", [1.0, np.nan], np.inf, 1j, ["x"], {}, Odd(), 10**400):
         refused(lambda value: ENTRIES[entry](tmp_path, initial=value), start, "initial")
+    refused(lambda value: ENTRIES[entry](tmp_path, method="condensed", inner=value), "qp:clarabel", "inner")
 
 
 @pytest.mark.parametrize(
@@ -252,10 +253,8 @@ REFUSALS = {
     "problem": lambda problem: step().discretization.with_data(problem),
     "dask": lambda address: solve_sweep(PLATE, "friction", [0.1], store="never", dask=address),
     "workers": lambda workers: solve_sweep(PLATE, "friction", [0.1], store="never", workers=workers),
-    "stress": principal_stresses,
-    "TOML": problem_from_toml,
+    "stress": principal_stresses, "TOML": problem_from_toml, "result": lambda result: write_json("never", result),
     "folder": lambda folder: problem_from_toml("", folder if not isinstance(folder, str) else 1),
-    "result": lambda result: write_json("never", result),
     "units of a file": lambda units: write_npz("never.npz", step(), units),
     "loads of a proof": lambda loads: limit_proof(PLATE, loads),
     "displacement": lambda displacement: loop_area(displacement, [0.0, 1.0]),
@@ -271,7 +270,9 @@ REFUSALS = {
     "points": lambda points: CUT.graded(points, 1), "points of places": CUT.locate,
     "depth": lambda depth: CUT.graded([[0.0, 0.0]], depth), "vertices": lambda vertices: CUT.fanned(vertices, 0.5),
     "marked": CUT.refined, "here": lambda where: CUT.with_region("here", where),
-    "x, y": lambda x: step().displacement(x, 0.5),
+    "x, y": lambda x: step().displacement(x, 0.5), "history": history_figure, "problem of a picture": problem_figure,
+    "result of a picture": result_figure, "panels": lambda names: result_figure(step(), panels=names),
+    "units of a picture": lambda units: result_figure(step(), units), "limit": lambda load: limit_figure(PLATE, load),
 }  # fmt: skip
 
 
