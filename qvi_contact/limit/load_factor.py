@@ -381,16 +381,17 @@ def _searched(
     from scipy.optimize import brentq  # slow to import, and solves do not need it
 
     spare(0.0, side)
-    while math.isinf((span := ends(side))[1] - span[0]):
-        u = span[0] + _STEP if math.isfinite(span[0]) else span[1] - _STEP
-        if abs(u) > _FARTHEST:
-            return span
-        spare(u, side)
     try:
+        while math.isinf((span := ends(side))[1] - span[0]):
+            u = span[0] + _STEP if math.isfinite(span[0]) else span[1] - _STEP
+            if abs(u) > _FARTHEST:
+                return span
+            spare(u, side)
         brentq(spare, *span, args=(side,), xtol=width)
-    except SolveError:  # rounding decides where the loads are all but at the limit: what is known is right
+    except SolveError:  # rounding decides where loads are all but at the limit, or far below: what is known is right
         holds, falls = ends(side)
-        if falls - holds > _CLOSE:
+        far_below = math.isfinite(holds) and math.isinf(falls) and not deadline.over
+        if falls - holds > _CLOSE and not far_below:
             raise
     return ends(side)
 

@@ -296,11 +296,6 @@ HUGE = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("entry", HUGE)
-def test_what_is_too_large_or_no_pair_is_refused_before_it_is_made(entry):
-    refused(lambda _: HUGE[entry](), None, entry.split(" of ")[0])
-
-
 VALUES = {
     "degree": (hsieh_clough_tocher, [2, 13, 4.0, True, "4"]),
     "marked": (CUT.refined, [[70], [-1], [0.5], [[0]], [True]]),
@@ -318,11 +313,12 @@ VALUES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("entry", VALUES)
+@pytest.mark.parametrize("entry", [*VALUES, *HUGE])
 def test_values_that_an_argument_cannot_have(entry):
-    use, values = VALUES[entry]
+    """What is too large, or no pair, is refused before it is made."""
+    use, values = VALUES.get(entry) or (lambda _: HUGE[entry](), [None])
     for value in values:
-        refused(use, value, entry)
+        refused(use, value, entry.split(" of ")[0])
 
 
 @pytest.mark.parametrize(
