@@ -19,7 +19,7 @@ from datetime import UTC, datetime
 from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Final, overload
 
 import numpy as np
 
@@ -89,6 +89,7 @@ class SweepRows(ABC):
 
     parameter: Parameter
     values: tuple[float, ...]
+    _unfinished: ClassVar[str] = f"time limit after {{}} of {{}} values. {Status.TIME_LIMIT.advice}"
 
     @abstractmethod
     def rows(self) -> Iterator[SweepRow]:
@@ -114,7 +115,7 @@ class SweepRows(ABC):
             others = f" ({failed - 1} more not solved)" if failed > 1 else ""
             return f"{self.parameter} = {first.value:g}: {first.message}{others}"
         if len(statuses) < planned:
-            return f"time limit after {len(statuses)} of {planned} values. {Status.TIME_LIMIT.advice}"
+            return self._unfinished.format(len(statuses), planned)
         return f"all {planned} values solved" if planned > 1 else "the value is solved"
 
     def to_frame(self, units: Units | None = None) -> DataFrame:
@@ -493,6 +494,7 @@ class StoredSweep(SweepRows):
     path: Path
     parameter: Parameter
     values: tuple[float, ...]
+    _unfinished = "{} of {} values are done: the run is at work, was stopped, or ran out of time; the same call goes on"
 
     def rows(self) -> Iterator[SweepRow]:
         """What is done, in the order of the values."""
