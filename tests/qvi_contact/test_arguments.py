@@ -257,8 +257,7 @@ REFUSALS = {
     "folder": lambda folder: problem_from_toml("", folder if not isinstance(folder, str) else 1),
     "units of a file": lambda units: write_npz("never.npz", step(), units),
     "loads of a proof": lambda loads: limit_proof(PLATE, loads),
-    "displacement": lambda displacement: loop_area(displacement, [0.0, 1.0]),
-    "force": lambda force: loop_area([0.0, 1.0], force),
+    "displacement": lambda loop: loop_area(loop, [0.0, 1.0]), "force": lambda loop: loop_area([0.0, 1.0], loop),
     "TriangleMesh.edge_sets": lambda sets: TriangleMesh(CUT.vertices, CUT.cells, sets),
     "TriangleMesh.regions": lambda sets: TriangleMesh(CUT.vertices, CUT.cells, {}, sets),
     "TriangleMesh.arcs": lambda arcs: TriangleMesh(CUT.vertices, CUT.cells, arcs=arcs),
@@ -273,6 +272,8 @@ REFUSALS = {
     "x, y": lambda x: step().displacement(x, 0.5), "history": history_figure, "problem of a picture": problem_figure,
     "result of a picture": result_figure, "panels": lambda names: result_figure(step(), panels=names),
     "units of a picture": lambda units: result_figure(step(), units), "limit": lambda load: limit_figure(PLATE, load),
+    "bracket": lambda bounds: write_vtu("never.vtu", step(), bracket=bounds),
+    "constants": lambda values: problem_from_toml(problem_to_toml(PLATE)).with_constants(values),
 }  # fmt: skip
 
 
@@ -314,8 +315,7 @@ VALUES = {
 
 
 @pytest.mark.parametrize("entry", [*VALUES, *HUGE])
-def test_values_that_an_argument_cannot_have(entry):
-    """What is too large, or no pair, is refused before it is made."""
+def test_values_that_an_argument_cannot_have_are_refused_before_anything_is_made(entry):
     use, values = VALUES.get(entry) or (lambda _: HUGE[entry](), [None])
     for value in values:
         refused(use, value, entry.split(" of ")[0])
