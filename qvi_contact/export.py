@@ -223,6 +223,7 @@ def write_vtu(
     number = samples.cells[samples.triangles[:, 0]]
     cell_data: _Data = {"material": (problem.cell_materials[number], ""), "cell": (number, "")}
     if bracket is not None:
+        instance_of(load("qvi_contact.bracket").Bracket, "bracket", bracket, "give result.bracket, or leave it out")
         mesh, companion = bracket.problem.mesh, bracket.companion
         if not mesh.same_as(problem.mesh):
             raise InputError("bracket", repr(mesh), "belongs to another mesh: give the one of this result")

@@ -1,6 +1,6 @@
 """Checks of numbers and of functions of position that users hand in."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -18,11 +18,12 @@ from solvers.basics.checks import (
     true_or_false,
     whole_number,
 )
+from solvers.errors import known_name
 
 __all__ = [
     "BoolArray", "Field", "FloatArray", "IntArray", "acts", "check_field", "evaluate", "finite_number", "fraction",
-    "function_or_none", "instance_of", "mapping", "one_of", "positive_number", "real_array", "true_or_false",
-    "whole_number",
+    "function_or_none", "instance_of", "mapping", "names_among", "one_of", "positive_number", "real_array",
+    "true_or_false", "whole_number",
 ]  # fmt: skip
 
 FloatArray: TypeAlias = NDArray[np.float64]
@@ -37,6 +38,13 @@ def instance_of(kind: type, name: str, value: object, remedy: str = "") -> None:
     """`InputError`, with a remedy of its own, unless the value is one of a class."""
     if not isinstance(value, kind):
         raise InputError(name, value, remedy or f"give a {kind.__name__}")
+
+
+def names_among(field: str, names: object, kind: str, known: Sequence[str], least: int = 1) -> tuple[str, ...]:
+    """The names in a list of `least` or more, each one of those `known`, which are of this kind, in the plural."""
+    if isinstance(names, str) or not isinstance(names, Sequence) or len(names) < least:
+        raise InputError(field, names, f"give a list of names out of {', '.join(known)}")
+    return tuple(known_name(field, name, {kind: known}) for name in names)
 
 
 def acts(field: Field) -> bool:

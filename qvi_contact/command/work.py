@@ -88,6 +88,8 @@ def solve(file: str, verbose: bool, as_json: bool, swept: tuple[str, ...], panel
         problem_file, plan = _asked(problem_file, swept)
         units = problem_file.units
         charts = _asked_panels(problem_file, panels)
+        if panels is not None and not {"plot", "report"} & targets.keys():
+            raise InputError("--panels", panels, "is for pictures: give --plot or --report too")
         if _check_asked(problem_file, plan, given) and plan is not None:
             stored = {name: given[name] for name in ("store", "workers", "dask") if given[name] is not None}
             sweep = _swept(problem_file, plan, options, verbose, **stored)

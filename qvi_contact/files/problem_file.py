@@ -18,7 +18,7 @@ from typing import Annotated, Any, Final, Literal
 import numpy as np
 
 from qvi_contact.basics import schema
-from qvi_contact.basics.checks import Field, evaluate
+from qvi_contact.basics.checks import Field, evaluate, mapping
 from qvi_contact.basics.writing import given_path
 from qvi_contact.discretization.loads import LOAD_POINTS
 from qvi_contact.element.edge import SAMPLES, gauss_legendre
@@ -375,7 +375,7 @@ class ProblemFile:
 
     def with_constants(self, changed: Mapping[str, float]) -> "ProblemFile":
         """The same file with other values of some of its constants, on the same mesh; `InputError` for other names."""
-        for name in changed:
+        for name in mapping("constants", changed, "values by name"):
             known_name("constants", name, {"constants": self.constants})
         found = _from_tables(self._reader.data, self._reader.folder, self.problem.mesh, {**self.constants, **changed})
         return replace(found, text=self.text)

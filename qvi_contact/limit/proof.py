@@ -380,7 +380,8 @@ def exceeded_by_blocks(stated: Statement, posed: LimitProblem) -> dict[str, Any]
     """The part of a proof that says what no stress carries, from velocities of rigid blocks."""
     mechanism = posed.of_blocks[1] if posed.names else find_mechanism(posed.problem)
     if mechanism is None:
-        raise SolveError("proof: no motion of rigid blocks bounds the loads")
+        remedy = "" if posed.names else ": name one or more to multiply"
+        raise SolveError(f"proof: no motion of rigid blocks bounds the loads{remedy}")
     keeps = np.zeros(len(mechanism.blocks), dtype=bool)
     space = Velocities(stated.problem, 1, ~keeps)
     places = zip(mechanism.blocks, part_corners(stated.mesh.corners).reshape(-1, 9, 2), strict=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray, evaluate, real_array
+from qvi_contact.basics.checks import FloatArray, evaluate, instance_of, names_among, real_array
 from qvi_contact.errors import InputError
 from qvi_contact.limit.load_factor import Collapse, LimitLoad
 from qvi_contact.mechanism import Mechanism
@@ -26,7 +26,6 @@ from qvi_contact.solution.history import History
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.units import Units
 from solvers import Status
-from solvers.errors import known_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,9 +59,10 @@ def result_figure(
     at beside each other. `InputError` if there is no contact of a name, or no such stress.
     """
     units = style.plain_units(units)
+    instance_of(ContactResult, "result", result, "give a ContactResult, such as solve returns, or one of the steps")
     names = [contact.name for contact in result.problem.contacts]
-    for name in panels or ():
-        known_name("panels", name, {"contacts": names})
+    if panels is not None:
+        panels = names_among("panels", panels, "contacts", names, least=0)
     if not result.has_state:
         said = result.message.removesuffix(result.solution.message).rstrip(": ")
         reason = f"{said or f'Not solved: {result.status.words}'}. {result.status.advice}"
@@ -175,6 +175,7 @@ def mesh_figure(mesh: TriangleMesh) -> "Figure":
 
 def problem_figure(problem: ContactProblem, units: Units | None = None) -> "Figure":
     """One picture of a problem: mesh, materials, conditions, loads, contacts, joints."""
+    instance_of(ContactProblem, "problem", problem, "give a ContactProblem, such as load_problem(FILE).problem")
     with style.settings():
         sides = np.ptp(problem.mesh.vertices, axis=0)
         scale = 6.0 / max(1.25 * sides[0], 1.5 * sides[1])  # what is around the body takes room too
@@ -192,6 +193,8 @@ def limit_figure(
     limit is what `limit_load_factor` has found. The problem's title and the answer, how much it carries, stand above.
     `InputError` if the limit load has no mechanism, since there is no upper limit, or no multiple at all.
     """
+    instance_of(ContactProblem, "problem", problem)
+    instance_of(LimitLoad, "limit", limit)
     motion = limit.mechanism or limit.collapse
     if motion is None:
         raise InputError("limit", repr(limit), "there is no mechanism to draw: no load is the largest one")
@@ -285,6 +288,7 @@ def history_figure(
 
     `InputError` if there is nothing to draw, or not a time for each step.
     """
+    instance_of(History, "history", history)
     units = style.plain_units(units)
     abscissa = None if times is None else real_array("times", times)
     forces: dict[str, list[tuple[float, float]]] = {}

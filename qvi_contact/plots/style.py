@@ -18,7 +18,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from qvi_contact.basics.checks import FloatArray
+from qvi_contact.basics.checks import FloatArray, instance_of
 from qvi_contact.basics.writing import check_suffix, replacing
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.edges import Edges, points_along
@@ -95,11 +95,13 @@ def save_figure(path: str | Path, figure: "Figure") -> None:
 
 def plain_text(text: str) -> str:
     """The text with its dollar signs escaped: matplotlib reads what stands between two of them as a formula."""
+    instance_of(str, "title", text, "give a text")
     return _DOLLAR.sub(r"\\$", text)
 
 
 def plain_units(units: Units | None) -> Units:
     """Units whose names are drawn as they are; those without names for None."""
+    Units.labels(units, {})  # refuses what are none
     given = units or Units()
     return Units(plain_text(given.length), plain_text(given.stress))
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, check_field, evaluate, finite_number, real_array
-from qvi_contact.basics.writing import given_path
+from qvi_contact.basics.writing import given_path, open_regular
 from qvi_contact.element.edge import EdgeQuadrature, adapted, constant
 from qvi_contact.errors import InputError
 from qvi_contact.mesh.curves import MeshParts
@@ -256,10 +256,12 @@ class PointData:
         Quadrilaterals are cut in two. `InputError` if meshio is missing, the file cannot be read, has no such cells and
         no triangles, or no such data with one number a point.
         """
-        path, printed = given_path("file", path), StringIO()
+        path, printed, meshio = given_path("file", path), StringIO(), load("meshio")
         try:
-            with redirect_stderr(printed):
-                read: Any = load("meshio").read(path)
+            with open_regular(path), redirect_stderr(printed):
+                read: Any = meshio.read(path)
+        except FileNotFoundError as error:
+            raise InputError("file", str(path), "there is no such file: correct its name or folder") from error
         except (Exception, SystemExit) as error:  # whatever a broken file makes a reader stumble over
             told = " ".join(f"{error} {printed.getvalue()}".split()) or type(error).__name__
             raise InputError("file", str(path), f"cannot be read ({told}): write the file again") from error

@@ -91,6 +91,8 @@ class Database:
     @contextmanager
     def opened(self, path: Path) -> Iterator[sqlite3.Connection]:
         """A connection to a file that is there, after a look whether it is sound, and of this kind and version."""
+        if not path.exists():
+            raise InputError("store", str(path), f"there is no such file: give {self.what}")
         with self.explained(path), self._connected(path) as connection:
             pages, application, schema = (
                 connection.execute(f"PRAGMA {name}").fetchone()[0]

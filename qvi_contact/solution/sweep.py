@@ -19,12 +19,12 @@ from datetime import UTC, datetime
 from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Final, overload
 
 import numpy as np
 
 from qvi_contact import __version__
-from qvi_contact.basics.checks import function_or_none, instance_of, one_of, real_array, true_or_false
+from qvi_contact.basics.checks import function_or_none, instance_of, names_among, one_of, real_array, true_or_false
 from qvi_contact.basics.schema import LARGEST
 from qvi_contact.basics.writing import given_path
 from qvi_contact.discretization.discretization import Discretization
@@ -42,7 +42,6 @@ from qvi_contact.units import Units
 from solvers import Status
 from solvers.basics.progress import Log, deadline
 from solvers.basics.types import frame, load, pandas
-from solvers.errors import known_name
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -90,6 +89,7 @@ class SweepRows(ABC):
 
     parameter: Parameter
     values: tuple[float, ...]
+    _unfinished: ClassVar[str] = f"time limit after {{}} of {{}} values. {Status.TIME_LIMIT.advice}"
 
     @abstractmethod
     def rows(self) -> Iterator[SweepRow]:
@@ -115,7 +115,7 @@ class SweepRows(ABC):
             others = f" ({failed - 1} more not solved)" if failed > 1 else ""
             return f"{self.parameter} = {first.value:g}: {first.message}{others}"
         if len(statuses) < planned:
-            return f"time limit after {len(statuses)} of {planned} values. {Status.TIME_LIMIT.advice}"
+            return self._unfinished.format(len(statuses), planned)
         return f"all {planned} values solved" if planned > 1 else "the value is solved"
 
     def to_frame(self, units: Units | None = None) -> DataFrame:
@@ -340,10 +340,8 @@ class SweepTask:
             raise InputError("parameter", parameter, "the problem has no contact that could open or slip")
         elif names is None:
             chosen = tuple(known)
-        elif isinstance(names, str) or not isinstance(names, Sequence) or not names:
-            raise InputError("of", names, f"give a list of names out of {', '.join(known)}")
         else:
-            chosen = tuple(known_name("of", name, {what: known}) for name in names)
+            chosen = names_among("of", names, what, known)
         return cls(problem, parameter, chosen, settings, true_or_false("warm_start", warm) and settings.takes_state)
 
     def changed(self, value: float) -> ContactProblem:
@@ -496,6 +494,7 @@ class StoredSweep(SweepRows):
     path: Path
     parameter: Parameter
     values: tuple[float, ...]
+    _unfinished = "{} of {} values are done: the run is at work, was stopped, or ran out of time; the same call goes on"
 
     def rows(self) -> Iterator[SweepRow]:
         """What is done, in the order of the values."""

@@ -46,7 +46,7 @@ from qvi_contact.element import hsieh_clough_tocher
 from qvi_contact.export import write_json, write_npz, write_vtu
 from qvi_contact.files import problem_from_toml, problem_to_toml
 from qvi_contact.gallery import compressed_plate, jointed_slope, masonry_wall, stick_slip_block
-from qvi_contact.plots import require_matplotlib
+from qvi_contact.plots import history_figure, limit_figure, problem_figure, require_matplotlib, result_figure
 from solvers import solve_qvi
 
 PLATE = compressed_plate(0.3, (2, 2))
@@ -133,6 +133,7 @@ def test_wrong_options_of_a_bracket_the_algebraic_solve_and_tables():
 def test_starts_that_cannot_be_are_refused_at_once(entry, tmp_path):
     for start in ("high", [1.0, np.nan], np.inf, 1j, ["x"], {}, Odd(), 10**400):
         refused(lambda value: ENTRIES[entry](tmp_path, initial=value), start, "initial")
+    refused(lambda value: ENTRIES[entry](tmp_path, method="condensed", inner=value), "qp:clarabel", "inner")
 
 
 @pytest.mark.parametrize(
@@ -252,14 +253,11 @@ REFUSALS = {
     "problem": lambda problem: step().discretization.with_data(problem),
     "dask": lambda address: solve_sweep(PLATE, "friction", [0.1], store="never", dask=address),
     "workers": lambda workers: solve_sweep(PLATE, "friction", [0.1], store="never", workers=workers),
-    "stress": principal_stresses,
-    "TOML": problem_from_toml,
+    "stress": principal_stresses, "TOML": problem_from_toml, "result": lambda result: write_json("never", result),
     "folder": lambda folder: problem_from_toml("", folder if not isinstance(folder, str) else 1),
-    "result": lambda result: write_json("never", result),
     "units of a file": lambda units: write_npz("never.npz", step(), units),
     "loads of a proof": lambda loads: limit_proof(PLATE, loads),
-    "displacement": lambda displacement: loop_area(displacement, [0.0, 1.0]),
-    "force": lambda force: loop_area([0.0, 1.0], force),
+    "displacement": lambda loop: loop_area(loop, [0.0, 1.0]), "force": lambda loop: loop_area([0.0, 1.0], loop),
     "TriangleMesh.edge_sets": lambda sets: TriangleMesh(CUT.vertices, CUT.cells, sets),
     "TriangleMesh.regions": lambda sets: TriangleMesh(CUT.vertices, CUT.cells, {}, sets),
     "TriangleMesh.arcs": lambda arcs: TriangleMesh(CUT.vertices, CUT.cells, arcs=arcs),
@@ -271,7 +269,11 @@ REFUSALS = {
     "points": lambda points: CUT.graded(points, 1), "points of places": CUT.locate,
     "depth": lambda depth: CUT.graded([[0.0, 0.0]], depth), "vertices": lambda vertices: CUT.fanned(vertices, 0.5),
     "marked": CUT.refined, "here": lambda where: CUT.with_region("here", where),
-    "x, y": lambda x: step().displacement(x, 0.5),
+    "x, y": lambda x: step().displacement(x, 0.5), "history": history_figure, "problem of a picture": problem_figure,
+    "result of a picture": result_figure, "panels": lambda names: result_figure(step(), panels=names),
+    "units of a picture": lambda units: result_figure(step(), units), "limit": lambda load: limit_figure(PLATE, load),
+    "bracket": lambda bounds: write_vtu("never.vtu", step(), bracket=bounds),
+    "constants": lambda values: problem_from_toml(problem_to_toml(PLATE)).with_constants(values),
 }  # fmt: skip
 
 
@@ -295,11 +297,6 @@ HUGE = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("entry", HUGE)
-def test_what_is_too_large_or_no_pair_is_refused_before_it_is_made(entry):
-    refused(lambda _: HUGE[entry](), None, entry.split(" of ")[0])
-
-
 VALUES = {
     "degree": (hsieh_clough_tocher, [2, 13, 4.0, True, "4"]),
     "marked": (CUT.refined, [[70], [-1], [0.5], [[0]], [True]]),
@@ -317,11 +314,11 @@ VALUES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("entry", VALUES)
-def test_values_that_an_argument_cannot_have(entry):
-    use, values = VALUES[entry]
+@pytest.mark.parametrize("entry", [*VALUES, *HUGE])
+def test_values_that_an_argument_cannot_have_are_refused_before_anything_is_made(entry):
+    use, values = VALUES.get(entry) or (lambda _: HUGE[entry](), [None])
     for value in values:
-        refused(use, value, entry)
+        refused(use, value, entry.split(" of ")[0])
 
 
 @pytest.mark.parametrize(

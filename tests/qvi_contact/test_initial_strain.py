@@ -260,17 +260,16 @@ def test_a_temperature_by_values_at_points(tmp_path, shell):
     assert problem.temperature(x, y) == pytest.approx(field(x, y))
     said = json.loads(shell("check", tmp_path / "problem.toml", "--json")[1])
     assert (said["temperature"], said["materials"][1]["temperature"]) == ("values at 24 points", 5.0)
-    (tmp_path / "wrong.toml").write_text(FILE.replace('"dT * x * t"', '{ file = "hot.vtu", data = "U" }'))
-    with pytest.raises(InputError, match=r"temperature\.data"):
-        load_problem(tmp_path / "wrong.toml")
+    for file, data, words in (("hot.vtu", "U", r"temperature\.data"), ("cold.vtu", "T", "no such file")):
+        (tmp_path / "wrong.toml").write_text(FILE.replace('"dT * x * t"', f'{{ file = "{file}", data = "{data}" }}'))
+        with pytest.raises(InputError, match=words):
+            load_problem(tmp_path / "wrong.toml")
     with pytest.raises(InputError, match="outside"):
         field(np.array([9.0]), np.array([0.0]))
     ring = quarter(2, 3, arcs=False)
     beside = PointData(ring, ring.vertices @ np.array([1.0, 2.0]))
-    angle = np.pi / 12.0
-    assert beside(2.0 * np.cos(angle), 2.0 * np.sin(angle)) == pytest.approx(
-        2.0 * (np.cos(angle) + 2.0 * np.sin(angle))
-    )
+    x, y = 2.0 * np.cos(np.pi / 12.0), 2.0 * np.sin(np.pi / 12.0)
+    assert beside(x, y) == pytest.approx(x + 2.0 * y)
 
 
 SOFT = Material(100.0, 0.0)

@@ -467,13 +467,16 @@ def test_a_program_that_the_simplex_method_cannot_begin_goes_to_the_other(pytest
     assert found.upper == pytest.approx(1.393, rel=1e-3)
 
 
-def test_a_factor_is_found_as_closely_as_rounding_allows():
-    """Next to μ W/H a program may have no answer. What is known then is within a millionth."""
+def test_a_factor_is_found_as_closely_as_rounding_allows(pytestconfig):
+    """Next to μ W/H a program may have no answer. What is known then is within a millionth, or far off."""
     sides = [Traction("left", x=0.37, y=0.0), *(Traction(side, x=0.0, y=0.0) for side in ("right", "top"))]
     conditions = [Contact("bottom", 0.5), *sides]
     pushed = ContactProblem(TriangleMesh.rectangle((8, 4), 2.0, 1.0), Material(1.0, 0.2), conditions, lambda _, y: y)
     found = strength_reduction_factor(pushed, accuracy=1e-12)
     assert [found.lower, found.upper] == pytest.approx([1.0 / 0.37] * 2, rel=2e-6)
+    upright = load_problem(pytestconfig.rootpath / "examples" / "dry_stone_wall.toml").problem
+    found = strength_reduction_factor(upright)
+    assert (found.lower > 900.0, found.upper) == (True, np.inf)
 
 
 def test_strength_that_is_not_enough_has_a_factor_below_one():
