@@ -40,6 +40,7 @@ _TIP: Final = 1e-5  # of sizes: cones that are at their tips
 _LITTLE: Final = 1e-5  # share of the way to it for which no second program is solved
 _NEAR: Final = 1e-3  # room that is enough in each row: more of it in some rows may leave none in others
 _TIGHTER: Final = 4.0  # times what an answer misses, which is asked for in a second program
+_APART: Final = 1e3  # times the least strength: those up to it count as equal
 _NEVER: Final = 1e-300  # what "unbounded" must reach once it was found to be rounding
 _LEAST_TIME: Final = 1.0  # seconds for one program, at least
 
@@ -48,6 +49,13 @@ UNBOUNDED: Final = "unbounded"
 
 Rows: TypeAlias = tuple[Any, FloatArray]
 """Sparse rows A and constants b of s = b − A x."""
+
+
+def over_least(*strengths: FloatArray) -> list[FloatArray]:
+    """Each strength over 1e3 times the least, and 1 up to there: what a row misses counts beside its own strength."""
+    every = np.concatenate(strengths)
+    least = every[every > 0.0].min(initial=np.inf)
+    return [np.maximum(each / (_APART * least), 1.0) for each in strengths]
 
 
 class Answer(NamedTuple):

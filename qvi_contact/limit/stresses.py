@@ -27,7 +27,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, joined
 from qvi_contact.element.triangle import exponents
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.limit.conic import FACES, HELD, REGULAR, ROUNDING, UNBOUNDED, Answer, ConicProgram
+from qvi_contact.limit.conic import FACES, HELD, REGULAR, ROUNDING, UNBOUNDED, Answer, ConicProgram, over_least
 from qvi_contact.limit.split import SAMPLES, coefficients_of, lattice, part_corners, sampled
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -489,7 +489,10 @@ class StressProgram:
         if cones.mean.any():
             parts.append((sparse.diags_array(-cones.mean) @ total, cones.mean * constant))
         q = np.append(np.zeros(S.shape[1] - 1), -1.0)
-        program = ConicProgram.of(q, self._equations, (H @ N, limit - H @ n), parts)
+        on_edges, in_cones = (sparse.diags_array(1.0 / each) for each in over_least(limit, limits))
+        edges = on_edges @ H @ N, np.asarray(on_edges @ (limit - H @ n))
+        parts = [(in_cones @ matrix, np.asarray(in_cones @ constant)) for matrix, constant in parts]
+        program = ConicProgram.of(q, self._equations, edges, parts)
         rows, all_stresses = (sparse.linalg.norm(matrix, axis=0) for matrix in (program.A, S))
         seen = np.append((rows > _LOST * all_stresses)[:-1], True)  # not rounding of stresses of rigid parts
         return replace(program, A=sparse.csr_array(program.A @ sparse.diags_array(seen.astype(float))))

@@ -319,6 +319,21 @@ def test_a_rigid_punch_by_force_is_two_plus_pi_at_most():
     assert found[0][1] < 5.6
 
 
+@pytest.mark.parametrize("apart", [1e8, 1e12])
+def test_strengths_far_apart_count_each_beside_its_own(apart):
+    """What the stronger one misses by rounding was more than the other one has: both sides were 0, or 6.2, or wrong."""
+    mesh = TriangleMesh.rectangle((2, 2)).with_region("part", lambda _, y: y > 0.5)
+    strong = Region(Material(10.0, 0.3, "strain", MohrCoulomb(apart, 0.4)), name="part")
+    limit = limit_load_factor(replace(stretched(Tresca(1.0), mesh=mesh), regions=[strong]), ["top"], degree=3)
+    assert limit.lower == pytest.approx(2.184675, rel=1e-6)
+    assert 2.184675 < limit.upper < 3.2
+    sheared = block(MohrCoulomb(500.0, 0.3), 0.0, 1.0)
+    glued = [Contact("bottom", 0.0, cohesion=1e3 * apart), *sheared.conditions[1:]]
+    limit = limit_load_factor(replace(sheared, conditions=glued), ["shear"], degree=3)
+    assert limit.lower == pytest.approx(477.96376, rel=1e-6)
+    assert limit.lower < limit.upper < 479.0
+
+
 def random_body(seed):
     """Blocks with random strengths, contacts, weight and thrust."""
     generator = np.random.default_rng(seed)
