@@ -166,7 +166,7 @@ class ConicProgram:
         gained = -float(self.q @ x)  # 1, which the last inequality allows, if there is such a direction
         seen = float(np.abs(self.A[:, self.q != 0.0].data).max(initial=1.0)) / max(1.0, float(np.abs(self.q).max()))
         held = violation * program.size(x) <= HELD * seen  # beside what a gain of 1 puts into the rows, at least
-        return gained > max(0.5, HELD * float(np.abs(self.q) @ np.abs(x))) and held
+        return gained > max(0.5, ROUNDING * float(np.abs(self.q) @ np.abs(x))) and held
 
     def on_faces(
         self, units: FloatArray, narrow_below: float, aside: float, known: FloatArray | None = None

@@ -293,6 +293,9 @@ def test_what_the_other_loads_break_carries_no_multiple():
     pressed += [Traction("top", y=-2.0), Traction("left", x=0.0), Traction("right", x=0.0)]
     problem = ContactProblem(problem.mesh, problem.material, pressed)
     assert limit_load_factor(problem, ["shear"]).upper == -np.inf
+    crushed = stretched(Tresca(1.0))  # by a millionth more than it carries
+    loads = [Traction("top", x=0.0, y=-2.0 - 2e-6), Traction("right", x=0.0, y=0.1), *crushed.conditions[2:]]
+    assert limit_load_factor(replace(crushed, conditions=loads), ["right"], degree=3).upper == -np.inf
     grid = TriangleMesh.rectangle((1, 2))
     r, a = (grid.vertices * [1.4, 1.8] + [0.9, 0.0]).T
     sets = {**grid.edge_sets, "roll": grid.edge_sets["left"][:1], "wall": grid.edge_sets["left"][1:]}
