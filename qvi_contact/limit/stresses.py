@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
+from itertools import islice
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -318,11 +319,14 @@ class StressProgram:
             with suppress(SolveError):
                 known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
             first = best = self._of_program(program, share, known)
-            for faces in FACES[:2]:  # the finer one, if rooms are known so well
-                best = self._on_faces(program, first, find, faces) if best is first else best
+            left = iter(FACES)
+            for faces in islice(left, 2):  # the finer one, if rooms are known so well
+                best = self._on_faces(program, first, find, faces)
+                if best is not first:
+                    break
             if first.violation <= ROUNDING:  # and is only not known to be the most
                 best = max(first, best, key=lambda one: one.factor)
-            for faces in FACES[1:]:
+            for faces in left:
                 least = first.factor - max(_DROP * abs(first.factor), CERTIFIED)
                 if best is first or best.factor >= least or deadline.over:
                     break
