@@ -277,9 +277,10 @@ def test_a_block_lifts_off_the_ground_but_does_not_sink_into_it(cohesion):
     [(("format",), 1, "write it once more"), (("strengths", 0, 0, 2), "-1", "negative γ²"),
      (("strengths", 0, 0, 0), float("nan"), "NaN"), (("contacts", 0, "cohesion"), "nan", "Fraction: 'nan'"),
      (("contacts", 0, "law"), "glued", "unknown law"), (("loads", 1, "along", 0, 0), [0, 0], "right angle"),
-     (("loads", 1, "along", 0, 0), [0, 0, 1], "right angle"), (("loads", 1, "along"), [], "right angle"),
+     (("loads", 1, "along", 0, 0), [0, 0, 1], "two coordinates"), (("loads", 1, "along"), [], "right angle"),
      (("strength_of",), [-1, 0], "negative number"), (("stress", "degree"), 10**30, "ordinates of its degree"),
-     (("strength_of",), [0], "as triangles"), (("loads", 1, "along", 0, 1, 0), ["0"] * 3, "not as many ordinates")],
+     (("strength_of",), [0], "as triangles"), (("vertices", 0), [0, 0, 0], "two coordinates"),
+     (("loads", 1, "along", 0, 1, 0), ["0"] * 3, "not as many ordinates")],
 )  # fmt: skip
 def test_what_is_no_statement_is_refused(place, value, told):
     proof = block_on_the_ground(1, [0, "1/1000"])
