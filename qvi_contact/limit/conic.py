@@ -41,6 +41,7 @@ _LITTLE: Final = 1e-5  # share of the way to it for which no second program is s
 _NEAR: Final = 1e-3  # room that is enough in each row: more of it in some rows may leave none in others
 _TIGHTER: Final = 4.0  # times what an answer misses, which is asked for in a second program
 _APART: Final = 1e3  # times the least strength: those up to it count as equal
+_ENDLESS: Final = 1e50  # points that are larger are directions, whose squares are numbers still
 _NEVER: Final = 1e-300  # what "unbounded" must reach once it was found to be rounding
 _LEAST_TIME: Final = 1.0  # seconds for one program, at least
 
@@ -136,7 +137,9 @@ class ConicProgram:
                 return UNBOUNDED
             settings.tol_infeas_abs = settings.tol_infeas_rel = _NEVER
             answer = clarabel.DefaultSolver(*data, settings).solve()
-        word, x = str(answer.status), unit * np.array(answer.x) / scale
+        word, found = str(answer.status), np.array(answer.x)
+        found *= min(1.0, _ENDLESS / float(np.abs(found).max(initial=1.0)))
+        x = unit * found / scale
         if word.endswith("PrimalInfeasible"):
             return INFEASIBLE
         if word == "MaxTime":
@@ -146,7 +149,7 @@ class ConicProgram:
                 f"limit load: the cone program was not solved ({word}): take other units, or a coarser mesh"
             )
         z = np.array(answer.z)  # which may be 1e15, beside which alone the rest is small
-        rest = float(np.linalg.norm(data[1] + A.T @ z)) * max(1.0, float(np.linalg.norm(answer.x)))
+        rest = float(np.linalg.norm(data[1] + A.T @ z)) * max(1.0, float(np.linalg.norm(found)))
         return Answer(x, size * z, -size * unit * (float(data[3] @ z) + rest))
 
     def up_to(self, most: float) -> ConicProgram:

@@ -1,6 +1,7 @@
 """Limit loads of bodies that yield, with their contacts, against closed forms and each other."""
 
 import json
+from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -9,6 +10,7 @@ import pytest
 
 from qvi_contact import (
     InputError,
+    SolveError,
     TriangleMesh,
     limit_load_factor,
     limit_proof,
@@ -61,19 +63,21 @@ def test_uniform_tension(strength, plane, exact):
     assert limit.lower <= limit.upper
 
 
-def test_a_solver_that_breaks_down_is_asked_again(monkeypatch):
-    """Clarabel may break down in its first step, with x = 0, for one size of its regularisation."""
+@pytest.mark.parametrize("x", [0.0, 1e200])
+def test_a_solver_that_breaks_down_is_asked_again(x, monkeypatch):
+    """Clarabel may break down in its first step, with x = 0, for one size of its regularisation; or run away."""
     clarabel = pytest.importorskip("clarabel")
     real = clarabel.DefaultSolver
 
     def fragile(P, q, A, b, cones, settings):
-        if settings.static_regularization_constant < 1e-11:
-            failed = SimpleNamespace(status="NumericalError", x=np.zeros(len(q)), z=np.zeros(len(b)))
+        if x or settings.static_regularization_constant < 1e-11:
+            failed = SimpleNamespace(status="NumericalError", x=np.full(len(q), x), z=np.zeros(len(b)), r_prim=1.0)
             return SimpleNamespace(solve=lambda: failed)
         return real(P, q, A, b, cones, settings)
 
     monkeypatch.setattr(clarabel, "DefaultSolver", fragile)
-    assert limit_load_factor(stretched(Tresca(0.7)), ["top"]).lower == pytest.approx(1.4, rel=1e-6)
+    with pytest.raises(SolveError, match="break their conditions") if x else nullcontext():
+        assert limit_load_factor(stretched(Tresca(0.7)), ["top"]).lower == pytest.approx(1.4, rel=1e-6)
 
 
 @pytest.mark.parametrize("unit", [1e6, 1e-10])
