@@ -27,18 +27,12 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 def heavy_wall(strength=None, low=0.0):
     """Two blocks with a joint under their weight, pushed from the left."""
     mesh = TriangleMesh.rectangle((2, 4), 1.0, 2.0, origin=(0.0, low))
-    return ContactProblem(
-        mesh.with_joint("joint", lambda _, y: np.abs(y - low - 1.0) < 1e-9),
-        Material(10.0, 0.2, "strain", strength),
-        [
-            Contact("bottom", 0.5),
-            Contact("joint", 0.4, cohesion=0.05),
-            Traction("top", x=0, y=-1.0),
-            Traction("left", x=1.0, y=0, name="push"),
-            Traction("right", normal=0, tangential=0),
-        ],
-        body_potential=lambda _, y: 0.8 * y,
-    )
+    mesh = mesh.with_joint("joint", lambda _, y: np.abs(y - low - 1.0) < 1e-9)
+    contacts = [Contact("bottom", 0.5), Contact("joint", 0.4, cohesion=0.05)]
+    loads = [Traction("top", x=0, y=-1.0), Traction("left", x=1.0, y=0, name="push")]
+    loads.append(Traction("right", normal=0, tangential=0))
+    material = Material(10.0, 0.2, "strain", strength)
+    return ContactProblem(mesh, material, [*contacts, *loads], body_potential=lambda _, y: 0.8 * y)
 
 
 def on(contact, strength=None):
@@ -109,9 +103,7 @@ def changed(proof, place, more="1/1000000000000000000000"):
     """The proof with one number changed by next to nothing."""
     broken = copy.deepcopy(proof)
     *path, last = place
-    part = broken
-    for key in path:
-        part = part[key]
+    part = reduce(getitem, path, broken)
     part[last] = str(Fraction(part[last]) + Fraction(more))
     return broken
 
@@ -194,12 +186,11 @@ def test_loads_that_cannot_be_carried():
 def test_a_factor_beyond_the_limit_has_no_proof():
     """The stresses of twice the factor break the law, though they are in equilibrium with the loads."""
     proof = limit_proof(stretched(Tresca(0.7)), ["top"])
-    doubled = copy.deepcopy(proof)
-    doubled["stress"]["factor"] = str(2 * Fraction(proof["stress"]["factor"]))
-    doubled["stress"]["ordinates"] = [[[str(2 * Fraction(c)) for c in stress] for stress in cell]
-                                      for cell in proof["stress"]["ordinates"]]  # fmt: skip
+    stress = proof["stress"]
+    stress["factor"] = str(2 * Fraction(stress["factor"]))
+    stress["ordinates"] = (2 * np.vectorize(Fraction)(stress["ordinates"])).tolist()
     with pytest.raises(ValueError, match="beyond its strength"):
-        check(doubled)
+        check(proof)
 
 
 def test_the_checker_runs_without_this_package(tmp_path):
