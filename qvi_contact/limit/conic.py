@@ -52,11 +52,9 @@ Rows: TypeAlias = tuple[Any, FloatArray]
 """Sparse rows A and constants b of s = b − A x."""
 
 
-def over_least(*strengths: FloatArray) -> list[FloatArray]:
-    """Each strength over 1e3 times the least, and 1 up to there: what a row misses counts beside its own strength."""
-    every = np.concatenate(strengths)
-    least = every[every > 0.0].min(initial=np.inf)
-    return [np.maximum(each / (_APART * least), 1.0) for each in strengths]
+def beside(strengths: FloatArray, least: float) -> FloatArray:
+    """What rows count for: strengths over 1e3 times the least of the body, and 1 up to there."""
+    return np.maximum(strengths / (_APART * least), 1.0)
 
 
 class Answer(NamedTuple):

@@ -28,7 +28,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, joined
 from qvi_contact.element.triangle import exponents
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.limit.conic import FACES, HELD, REGULAR, ROUNDING, UNBOUNDED, Answer, ConicProgram, over_least
+from qvi_contact.limit.conic import FACES, HELD, REGULAR, ROUNDING, UNBOUNDED, Answer, ConicProgram, beside
 from qvi_contact.limit.split import SAMPLES, coefficients_of, lattice, part_corners, sampled
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -153,6 +153,15 @@ def _affine(ends: FloatArray, degree: int) -> FloatArray:
     return np.asarray(ends[:, :1] + np.diff(ends, axis=1) * np.linspace(0.0, 1.0, degree + 1)).ravel()
 
 
+def _of_contacts(problem: ContactProblem) -> Iterator[float]:
+    """The largest cohesion and cap of each contact."""
+    for contact in problem.contacts:
+        places = problem.mesh.points_along(problem.mesh.edges(contact.edges), ALONG)
+        for name in ("cohesion", "shear_limit"):
+            if (field := getattr(contact, name)) is not None:
+                yield float(evaluate(f"Contact.{name}", field, *places, minimum=0.0).max())
+
+
 def _below(problem: ContactProblem, edges: Edges, name: str, field: Field) -> FloatArray:
     """End values (e, 2) ≥ 0 of affine functions not above a field: its chord, lowered, or its least value."""
     values = evaluate(name, field, *problem.mesh.points_along(edges, ALONG), minimum=0.0)
@@ -178,12 +187,14 @@ class YieldCones:
     pressure: FloatArray  # (r,) β and γ
     mean: FloatArray
     strong: BoolArray  # (cells,) triangles without a strength: they carry any stress, and move as rigid bodies
+    least: float  # of the largest values that strengths have in each material and on each contact; infinity for none
 
     @classmethod
     def of(cls, problem: ContactProblem, degree: int, *, above: bool) -> YieldCones:
         """Those of a problem for stresses of a degree, or `above`, for what flow dissipates."""
         count, number = len(exponents(degree)), problem.cell_materials
         found = [(np.zeros(0), np.zeros(0, dtype=bool), *np.zeros((3, 0)))]
+        strengths = list(_of_contacts(problem))
         for index, material in enumerate(problem.materials):
             cells = np.flatnonzero(number == index)
             if material.strength is None or not len(cells):
@@ -192,9 +203,11 @@ class YieldCones:
             for place, (cone, a, pressure) in enumerate(_limits(problem, cells, degree, material, above)):
                 parts = np.broadcast_arrays(at, place == 0, a, pressure, cone.mean)
                 found.append(tuple(part.ravel() for part in parts))
+                strengths.append(float(np.max(a)))
         coefficient, first, limit, pressure, mean = (np.concatenate(part) for part in zip(*found, strict=True))
         strong = np.array([material.strength is None for material in problem.materials])[number]
-        return cls(problem.mesh, degree, coefficient.astype(np.int64), first, limit, pressure, mean, strong)
+        least = min((each for each in strengths if each > 0.0), default=np.inf)
+        return cls(problem.mesh, degree, coefficient.astype(np.int64), first, limit, pressure, mean, strong, least)
 
     @property
     def count(self) -> int:
@@ -493,7 +506,8 @@ class StressProgram:
         if cones.mean.any():
             parts.append((sparse.diags_array(-cones.mean) @ total, cones.mean * constant))
         q = np.append(np.zeros(S.shape[1] - 1), -1.0)
-        on_edges, in_cones = (sparse.diags_array(1.0 / each) for each in over_least(limit, limits))
+        least = cones.least / self.low.scales.stress
+        on_edges, in_cones = (sparse.diags_array(1.0 / beside(each, least)) for each in (limit, limits))
         edges = on_edges @ H @ N, np.asarray(on_edges @ (limit - H @ n))
         parts = [(in_cones @ matrix, np.asarray(in_cones @ constant)) for matrix, constant in parts]
         program = ConicProgram.of(q, self._equations, edges, parts)

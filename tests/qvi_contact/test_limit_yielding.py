@@ -338,6 +338,9 @@ def test_strengths_far_apart_count_each_beside_its_own(apart):
     limit = limit_load_factor(replace(sheared, conditions=glued), ["shear"], degree=3)
     assert limit.lower == pytest.approx(477.96376, rel=1e-6)
     assert limit.lower < limit.upper < 479.0
+    fading = replace(stretched(Tresca(lambda _, y: 1.0 - y + 1.0 / apart)), body_potential=lambda _, y: -y)  # one
+    fading = replace(fading, conditions=[Traction("top", x=0.0, y=0.0), *fading.conditions[1:]])
+    assert limit_load_factor(fading, ["body"], degree=3).lower == pytest.approx(2.0, rel=1e-6)
 
 
 def random_body(seed):
