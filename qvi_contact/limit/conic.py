@@ -40,7 +40,7 @@ _TIP: Final = 1e-5  # of sizes: cones that are at their tips
 _LITTLE: Final = 1e-5  # share of the way to it for which no second program is solved
 _NEAR: Final = 1e-3  # room that is enough in each row: more of it in some rows may leave none in others
 _TIGHTER: Final = 4.0  # times what an answer misses, which is asked for in a second program
-_APART: Final = 1e3  # times the least strength: those up to it count as equal
+APART: Final = 1e3  # times the least strength: those up to it count as equal
 _ENDLESS: Final = 1e50  # points that are larger are directions, whose squares are numbers still
 _NEVER: Final = 1e-300  # what "unbounded" must reach once it was found to be rounding
 _LEAST_TIME: Final = 1.0  # seconds for one program, at least
@@ -52,9 +52,10 @@ Rows: TypeAlias = tuple[Any, FloatArray]
 """Sparse rows A and constants b of s = b − A x."""
 
 
-def beside(strengths: FloatArray, least: float) -> FloatArray:
-    """What rows count for: strengths over 1e3 times the least of the body, and 1 up to there."""
-    return np.maximum(strengths / (_APART * least), 1.0)
+def beside(strengths: FloatArray, least: float, share: float = 1.0) -> FloatArray:
+    """A share of strengths over the least of a body, where they are more than 1e3 times that; 1 where they are not."""
+    ratio = strengths / least
+    return np.where(ratio > APART, share * ratio, 1.0)
 
 
 class Answer(NamedTuple):

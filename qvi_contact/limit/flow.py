@@ -31,7 +31,7 @@ from qvi_contact.element.edge import product_integrals
 from qvi_contact.element.triangle import bernstein as bernstein_values
 from qvi_contact.element.triangle import gradient, quadrature
 from qvi_contact.errors import SolveError
-from qvi_contact.limit.conic import FACES, HELD, INFEASIBLE, ROUNDING, UNBOUNDED, ConicProgram, beside
+from qvi_contact.limit.conic import APART, FACES, HELD, INFEASIBLE, ROUNDING, UNBOUNDED, ConicProgram, beside
 from qvi_contact.limit.split import coefficients_of, lattice, nodes_along, numbered, part_corners
 from qvi_contact.limit.stresses import ALONG, PASSES, Carried, YieldCones, limited
 from qvi_contact.mechanism import RigidMotion
@@ -206,7 +206,7 @@ class FlowProgram:
         strain of what has no tension that nothing can open otherwise is across an edge, by equations.
         """
         n, cones = self.space.basis.shape[1], self.cones
-        (live, dead), of_cones = np.zeros((2, n)), beside(cones.limit, cones.least)
+        (live, dead), of_cones = np.zeros((2, n)), beside(cones.limit, cones.least, 1.0 / APART)
         for name, row in self._powers():
             (live if name in self.names else dead)[:] += row @ self.space.basis
         # velocities of size 1 have a power of the size 1
@@ -291,7 +291,8 @@ class FlowProgram:
         E = sparse.vstack([xx + yy - traces, sparse.csr_array(live[None]) @ Q, held @ Q, slips.E @ Q])
         e = np.zeros(E.shape[0])
         e[len(at)] = 1.0
-        of_slips, of_cones = (sparse.diags_array(beside(each, cones.least)) for each in (slips.strengths, cones.limit))
+        strengths = (beside(each, cones.least, 1.0 / APART) for each in (slips.strengths, cones.limit))
+        of_slips, of_cones = map(sparse.diags_array, strengths)  # in whole ones solvers lose digits
         L = of_slips @ (slips.L @ Q + slips.own @ Y)
         q = np.concatenate([-dead, cones.limit / self.scales.stress, np.zeros(ends[-2] - ends[2]), slips.costs])
         zeros = [(of_cones @ part, np.zeros(rows)) for part in parts]
