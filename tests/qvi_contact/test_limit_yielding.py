@@ -341,6 +341,13 @@ def test_strengths_far_apart_count_each_beside_its_own(apart):
     fading = replace(stretched(Tresca(lambda _, y: 1.0 - y + 1.0 / apart)), body_potential=lambda _, y: -y)  # one
     fading = replace(fading, conditions=[Traction("top", x=0.0, y=0.0), *fading.conditions[1:]])
     assert limit_load_factor(fading, ["body"], degree=3).lower == pytest.approx(2.0, rel=1e-6)
+    grid, dry = TriangleMesh.rectangle((3, 1)), Material(10.0, 0.3, strength=NoTension(1e8))
+    at = [(0, 0), (0.29, -0.02), (0.58, -0.04), (0.86, -0.06), (-0.08, 1.58), (0.24, 1.55), (0.56, 1.53), (0.89, 1.5)]
+    mesh = TriangleMesh(at, grid.cells, grid.edge_sets, {"part": [2, 4, 5]})
+    loads = [Traction("top", x=0.0, y=-0.4), Traction("left", x=0.08, y=0.0), Traction("right", x=0.0, y=0.0)]
+    leaning = [Displacement("bottom", x=0.0, y=0.0), *loads]
+    leaning = replace(stretched(Tresca(1.4), "stress", mesh), conditions=leaning, regions=[Region(dry, name="part")])
+    assert limit_load_factor(leaning, ["top"], degree=3).lower < 1e-6  # edges leave no room
 
 
 def random_body(seed):
