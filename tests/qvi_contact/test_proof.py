@@ -31,8 +31,7 @@ def heavy_wall(strength=None, low=0.0):
     contacts = [Contact("bottom", 0.5), Contact("joint", 0.4, cohesion=0.05)]
     loads = [Traction("top", x=0, y=-1.0), Traction("left", x=1.0, y=0, name="push")]
     loads.append(Traction("right", normal=0, tangential=0))
-    material = Material(10.0, 0.2, "strain", strength)
-    return ContactProblem(mesh, material, [*contacts, *loads], body_potential=lambda _, y: 0.8 * y)
+    return ContactProblem(mesh, Material(10.0, 0.2, "strain", strength), [*contacts, *loads], lambda _, y: 0.8 * y)
 
 
 def on(contact, strength=None):
@@ -101,8 +100,7 @@ def test_proofs_hold_and_lose_next_to_nothing(problem, load):
 
 def changed(proof, place, more="1/1000000000000000000000"):
     """The proof with one number changed by next to nothing."""
-    broken = copy.deepcopy(proof)
-    *path, last = place
+    broken, (*path, last) = copy.deepcopy(proof), place
     part = reduce(getitem, path, broken)
     part[last] = str(Fraction(part[last]) + Fraction(more))
     return broken
