@@ -190,7 +190,8 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         if proof is not None and not loads:
             return _without_loads(proof, problem_file, told, {"target": target, **targets}, as_json)
         named: list[Any] = list(loads) or [Missing()]
-        acts = report.act(problem, checked_loads(problem, named, "--load"))
+        if not report.act(problem, checked_loads(problem, named, "--load")):
+            raise InputError("--load", ", ".join(loads), f"is 0{_first_time(problem_file)}: name a load to multiply")
         if target is None:
             found = limit_load_factor(problem, loads=list(loads), verbose=verbose, **told)
         else:
@@ -199,7 +200,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
             found, problem = refinement.limit, refinement.problem
         proved = [] if proof is None else _write_proof(proof, problem, loads, told)
     said, units, missing = report.limit_lines(loads, found, refinement), problem_file.units, {}
-    remarks = _meant(problem_file, acts)
+    remarks = _meant(problem_file)
     said += remarks
     if found.mechanism is None and found.collapse is None:
         missing["plot"] = "there is no mechanism to draw in"
@@ -224,10 +225,14 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     return 2 if not complete else 1 if missed or found == -math.inf else 0
 
 
-def _meant(file: ProblemFile, acts: bool = True) -> list[str]:
-    """Which loads a limit analysis has had, if that is to be said: those of a history's first time, or none."""
-    when = f" at t = {file.times[0]:g}, the first time of the history" if file.times else ""
-    return [f"These loads are {'those' if acts else '0'}{when}."] if when or not acts else []
+def _first_time(file: ProblemFile) -> str:
+    """When the loads of a limit analysis act, where the file has a history."""
+    return f" at t = {file.times[0]:g}, the first time of the history" if file.times else ""
+
+
+def _meant(file: ProblemFile) -> list[str]:
+    """Which loads a limit analysis has had, if that is to be said."""
+    return [f"These loads are those{_first_time(file)}."] if file.times else []
 
 
 def _without_loads(

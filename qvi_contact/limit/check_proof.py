@@ -42,6 +42,9 @@ def check(proof: dict[str, Any]) -> tuple[Fraction | None, Fraction | float | No
     proof, counted = exact(proof), Counter[str]()
     names = [contact["name"] for contact in proof["contacts"]]
     demand(len({*names}) == len(names), "two contacts have one name")
+    vectors = [*proof["vertices"], *(d for load in proof["loads"] for d, _ in load["along"])]
+    vectors += [contact["pivot"] for contact in proof["contacts"]]
+    demand(all(len(each) == 2 for each in vectors), "a vertex, direction or pivot has not two coordinates")
     demand(all(gamma2 >= 0 for cones in proof["strengths"] for _, _, gamma2 in cones), "a strength has a negative γ²")
     lower = carried(proof, counted) if "stress" in proof else None
     upper = exceeded(proof, counted) if "flow" in proof else None

@@ -40,6 +40,8 @@ _TIP: Final = 1e-5  # of sizes: cones that are at their tips
 _LITTLE: Final = 1e-5  # share of the way to it for which no second program is solved
 _NEAR: Final = 1e-3  # room that is enough in each row: more of it in some rows may leave none in others
 _TIGHTER: Final = 4.0  # times what an answer misses, which is asked for in a second program
+APART: Final = 1e3  # times the least strength: those up to it count as equal
+_ENDLESS: Final = 1e50  # points that are larger are directions, whose squares are numbers still
 _NEVER: Final = 1e-300  # what "unbounded" must reach once it was found to be rounding
 _LEAST_TIME: Final = 1.0  # seconds for one program, at least
 
@@ -48,6 +50,12 @@ UNBOUNDED: Final = "unbounded"
 
 Rows: TypeAlias = tuple[Any, FloatArray]
 """Sparse rows A and constants b of s = b − A x."""
+
+
+def beside(strengths: FloatArray, least: float, share: float = 1.0) -> FloatArray:
+    """A share of strengths over the least of a body, where they are more than 1e3 times that; 1 where they are not."""
+    ratio = strengths / least
+    return np.where(ratio > APART, share * ratio, 1.0)
 
 
 class Answer(NamedTuple):
@@ -128,7 +136,9 @@ class ConicProgram:
                 return UNBOUNDED
             settings.tol_infeas_abs = settings.tol_infeas_rel = _NEVER
             answer = clarabel.DefaultSolver(*data, settings).solve()
-        word, x = str(answer.status), unit * np.array(answer.x) / scale
+        word, found = str(answer.status), np.array(answer.x)
+        found *= min(1.0, _ENDLESS / float(np.abs(found).max(initial=1.0)))
+        x = unit * found / scale
         if word.endswith("PrimalInfeasible"):
             return INFEASIBLE
         if word == "MaxTime":
@@ -138,7 +148,7 @@ class ConicProgram:
                 f"limit load: the cone program was not solved ({word}): take other units, or a coarser mesh"
             )
         z = np.array(answer.z)  # which may be 1e15, beside which alone the rest is small
-        rest = float(np.linalg.norm(data[1] + A.T @ z)) * max(1.0, float(np.linalg.norm(answer.x)))
+        rest = float(np.linalg.norm(data[1] + A.T @ z)) * max(1.0, float(np.linalg.norm(found)))
         return Answer(x, size * z, -size * unit * (float(data[3] @ z) + rest))
 
     def up_to(self, most: float) -> ConicProgram:
@@ -158,7 +168,7 @@ class ConicProgram:
         gained = -float(self.q @ x)  # 1, which the last inequality allows, if there is such a direction
         seen = float(np.abs(self.A[:, self.q != 0.0].data).max(initial=1.0)) / max(1.0, float(np.abs(self.q).max()))
         held = violation * program.size(x) <= HELD * seen  # beside what a gain of 1 puts into the rows, at least
-        return gained > max(0.5, HELD * float(np.abs(self.q) @ np.abs(x))) and held
+        return gained > max(0.5, ROUNDING * float(np.abs(self.q) @ np.abs(x))) and held
 
     def on_faces(
         self, units: FloatArray, narrow_below: float, aside: float, known: FloatArray | None = None

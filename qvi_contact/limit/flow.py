@@ -31,7 +31,7 @@ from qvi_contact.element.edge import product_integrals
 from qvi_contact.element.triangle import bernstein as bernstein_values
 from qvi_contact.element.triangle import gradient, quadrature
 from qvi_contact.errors import SolveError
-from qvi_contact.limit.conic import FACES, HELD, INFEASIBLE, ROUNDING, UNBOUNDED, ConicProgram
+from qvi_contact.limit.conic import APART, FACES, HELD, INFEASIBLE, ROUNDING, UNBOUNDED, ConicProgram, beside
 from qvi_contact.limit.split import coefficients_of, lattice, nodes_along, numbered, part_corners
 from qvi_contact.limit.stresses import ALONG, PASSES, Carried, YieldCones, limited
 from qvi_contact.mechanism import RigidMotion
@@ -206,7 +206,7 @@ class FlowProgram:
         strain of what has no tension that nothing can open otherwise is across an edge, by equations.
         """
         n, cones = self.space.basis.shape[1], self.cones
-        live, dead = np.zeros((2, n))
+        (live, dead), of_cones = np.zeros((2, n)), beside(cones.limit, cones.least, 1.0 / APART)
         for name, row in self._powers():
             (live if name in self.names else dead)[:] += row @ self.space.basis
         # velocities of size 1 have a power of the size 1
@@ -220,7 +220,7 @@ class FlowProgram:
             """The same with s of cones that no trace is tied to as large as need be, and no larger."""
             x, free = program.projected(x), np.flatnonzero(cones.pressure == 0.0)
             blocks = every.blocks(x)[free]
-            x[n + free] -= blocks[:, 0] - np.linalg.norm(blocks[:, 1:], axis=1)
+            x[n + free] -= (blocks[:, 0] - np.linalg.norm(blocks[:, 1:], axis=1)) / of_cones[free]
             return x
 
         start = raised(found.x)
@@ -257,7 +257,7 @@ class FlowProgram:
                 "mesh that is less graded"
             )
         x = x / power
-        s, r, *rho = np.split(every.blocks(x), [1, 3], axis=1)
+        s, r, *rho = np.split(every.blocks(x) / of_cones[:, None], [1, 3], axis=1)
         trace = cones.pressure * s[:, 0] + sum(cones.mean * part[:, 0] for part in rho if part.size)
         shares = np.column_stack([trace, r]) * (2.0 / self._weights[cones.coefficient, None])
         bound = max(float(every.q @ x), -float(dead @ x[:n]))  # dissipation is not negative but by rounding
@@ -291,9 +291,11 @@ class FlowProgram:
         E = sparse.vstack([xx + yy - traces, sparse.csr_array(live[None]) @ Q, held @ Q, slips.E @ Q])
         e = np.zeros(E.shape[0])
         e[len(at)] = 1.0
-        L = slips.L @ Q + slips.own @ Y
+        strengths = (beside(each, cones.least, 1.0 / APART) for each in (slips.strengths, cones.limit))
+        of_slips, of_cones = map(sparse.diags_array, strengths)  # in whole ones solvers lose digits
+        L = of_slips @ (slips.L @ Q + slips.own @ Y)
         q = np.concatenate([-dead, cones.limit / self.scales.stress, np.zeros(ends[-2] - ends[2]), slips.costs])
-        zeros = [(part, np.zeros(rows)) for part in parts]
+        zeros = [(of_cones @ part, np.zeros(rows)) for part in parts]
         return ConicProgram.of(q, (E, e), (L, np.zeros(L.shape[0])), zeros, dependent=True)
 
     @cached_property
@@ -381,9 +383,12 @@ class FlowProgram:
         dilates = sparse.csr_array(sparse.diags_array(mu, shape=(count, size)))[unilateral]
         own = sparse.vstack([-both, -both, -sparse.eye_array(size), dilates])
         equal = sparse.vstack([opening[~unilateral], slip[~unilateral & rough & ~capped]])
-        costs, at = np.append(weight * price, (weight * cap)[more]), np.append(np.arange(count), more)
+        prices, at = np.append(price, cap[more]), np.append(np.arange(count), more)
+        most = np.zeros(count)
+        np.maximum.at(most, at, prices)
+        strengths = np.concatenate([most, most, prices, np.zeros(unilateral.sum())])
         lengths = {contact.name: len(mesh.edges(contact.edges)) for contact in contacts}
-        return _Slips(lengths, opening, slip, L, own, equal, costs, at)
+        return _Slips(lengths, opening, slip, L, own, equal, strengths, weight[at] * prices, at)
 
     def _motion(self, x: FloatArray) -> BodyMotion:
         """In the form of a result."""
@@ -434,6 +439,7 @@ class _Slips(NamedTuple):
     L: Any
     own: Any
     E: Any
+    strengths: FloatArray  # of the rows of L, which these slips cost [stress]
     costs: FloatArray
     at: IntArray
 

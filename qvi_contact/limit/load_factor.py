@@ -65,7 +65,8 @@ class LimitLoad(float):
     bound: float
     """No multiple above this can be carried by this mesh: the dual bound of the multipliers found."""
     violation: float
-    """Largest violation of the contact laws and strengths at `lower`, relative to the largest limit of tractions."""
+    """Largest violation of the contact laws and strengths at `lower`, relative to the largest limit of tractions.
+    Strengths above 1e3 times the least one count beside their own."""
     collapse: Collapse | None = None
     """How a body that yields gives way; None if no part of it has a strength, or a side is not finite."""
 

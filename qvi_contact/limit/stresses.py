@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
+from itertools import islice
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -27,7 +28,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, joined
 from qvi_contact.element.triangle import exponents
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.limit.conic import FACES, HELD, REGULAR, ROUNDING, UNBOUNDED, Answer, ConicProgram
+from qvi_contact.limit.conic import FACES, HELD, REGULAR, ROUNDING, UNBOUNDED, Answer, ConicProgram, beside
 from qvi_contact.limit.split import SAMPLES, coefficients_of, lattice, part_corners, sampled
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -152,6 +153,15 @@ def _affine(ends: FloatArray, degree: int) -> FloatArray:
     return np.asarray(ends[:, :1] + np.diff(ends, axis=1) * np.linspace(0.0, 1.0, degree + 1)).ravel()
 
 
+def _of_contacts(problem: ContactProblem) -> Iterator[float]:
+    """The largest cohesion and cap of each contact."""
+    for contact in problem.contacts:
+        places = problem.mesh.points_along(problem.mesh.edges(contact.edges), ALONG)
+        for name in ("cohesion", "shear_limit"):
+            if (field := getattr(contact, name)) is not None:
+                yield float(evaluate(f"Contact.{name}", field, *places, minimum=0.0).max())
+
+
 def _below(problem: ContactProblem, edges: Edges, name: str, field: Field) -> FloatArray:
     """End values (e, 2) ≥ 0 of affine functions not above a field: its chord, lowered, or its least value."""
     values = evaluate(name, field, *problem.mesh.points_along(edges, ALONG), minimum=0.0)
@@ -177,12 +187,14 @@ class YieldCones:
     pressure: FloatArray  # (r,) β and γ
     mean: FloatArray
     strong: BoolArray  # (cells,) triangles without a strength: they carry any stress, and move as rigid bodies
+    least: float  # of the largest values that strengths have in each material and on each contact; infinity for none
 
     @classmethod
     def of(cls, problem: ContactProblem, degree: int, *, above: bool) -> YieldCones:
         """Those of a problem for stresses of a degree, or `above`, for what flow dissipates."""
         count, number = len(exponents(degree)), problem.cell_materials
         found = [(np.zeros(0), np.zeros(0, dtype=bool), *np.zeros((3, 0)))]
+        strengths = list(_of_contacts(problem))
         for index, material in enumerate(problem.materials):
             cells = np.flatnonzero(number == index)
             if material.strength is None or not len(cells):
@@ -191,9 +203,11 @@ class YieldCones:
             for place, (cone, a, pressure) in enumerate(_limits(problem, cells, degree, material, above)):
                 parts = np.broadcast_arrays(at, place == 0, a, pressure, cone.mean)
                 found.append(tuple(part.ravel() for part in parts))
+                strengths.append(float(np.max(a)))
         coefficient, first, limit, pressure, mean = (np.concatenate(part) for part in zip(*found, strict=True))
         strong = np.array([material.strength is None for material in problem.materials])[number]
-        return cls(problem.mesh, degree, coefficient.astype(np.int64), first, limit, pressure, mean, strong)
+        least = min((each for each in strengths if each > 0.0), default=np.inf)
+        return cls(problem.mesh, degree, coefficient.astype(np.int64), first, limit, pressure, mean, strong, least)
 
     @property
     def count(self) -> int:
@@ -318,11 +332,14 @@ class StressProgram:
             with suppress(SolveError):
                 known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
             first = best = self._of_program(program, share, known)
-            for faces in FACES[:2]:  # the finer one, if rooms are known so well
-                best = self._on_faces(program, first, find, faces) if best is first else best
+            left = iter(FACES)
+            for faces in islice(left, 2):  # the finer one, if rooms are known so well
+                best = self._on_faces(program, first, find, faces)
+                if best is not first:
+                    break
             if first.violation <= ROUNDING:  # and is only not known to be the most
                 best = max(first, best, key=lambda one: one.factor)
-            for faces in FACES[1:]:
+            for faces in left:
                 least = first.factor - max(_DROP * abs(first.factor), CERTIFIED)
                 if best is first or best.factor >= least or deadline.over:
                     break
@@ -489,7 +506,11 @@ class StressProgram:
         if cones.mean.any():
             parts.append((sparse.diags_array(-cones.mean) @ total, cones.mean * constant))
         q = np.append(np.zeros(S.shape[1] - 1), -1.0)
-        program = ConicProgram.of(q, self._equations, (H @ N, limit - H @ n), parts)
+        least = cones.least / self.low.scales.stress
+        on_edges, in_cones = (sparse.diags_array(1.0 / beside(each, least)) for each in (limit, limits))
+        edges = on_edges @ H @ N, np.asarray(on_edges @ (limit - H @ n))
+        parts = [(in_cones @ matrix, np.asarray(in_cones @ constant)) for matrix, constant in parts]
+        program = ConicProgram.of(q, self._equations, edges, parts)
         rows, all_stresses = (sparse.linalg.norm(matrix, axis=0) for matrix in (program.A, S))
         seen = np.append((rows > _LOST * all_stresses)[:-1], True)  # not rounding of stresses of rigid parts
         return replace(program, A=sparse.csr_array(program.A @ sparse.diags_array(seen.astype(float))))

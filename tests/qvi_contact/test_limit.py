@@ -13,19 +13,10 @@ from qvi_contact.mechanism import find_mechanism
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Traction
 from solvers import Status
 from tests.qvi_contact.builders import polygon, with_line
+from tests.qvi_contact.test_mechanism import STEEL, dragged
 
-STEEL = Material(1000.0, 0.3)
-SIDES = {"top": 1.0, "right": 1.0, "left": -1.0}
 MESHES = {"one cell": TriangleMesh.rectangle((1, 1), 2.0, 1.0), "uniform": TriangleMesh.rectangle((6, 4), 2.0, 1.0),
           "graded": TriangleMesh.rectangle((5, 5), 2.0, 1.0, grading=0.5)}  # fmt: skip
-
-
-def dragged(mesh, pressure, shear, contact, material=STEEL):
-    """A block under pressure p and uniform shear, with the complementary shear on its sides: σ_T = −T, σ_N = −p."""
-    given = [Traction("top", y=-pressure, name="pressure"), Traction("right", x=0.0, name="free")]
-    shears = ("top", {"x": shear}), ("right", {"y": shear}), ("left", {"y": -shear})
-    given += [Traction("left", x=0.0), *(Traction(side, name="shear", **along) for side, along in shears)]
-    return ContactProblem(mesh, material, [contact, *given])
 
 
 @pytest.mark.parametrize(
@@ -38,7 +29,7 @@ def test_the_weakest_joint_of_a_stack_decides(frictions, factor, name):
     mesh = with_line(with_line(mesh, "low", "horizontal", 0.25), "high", "horizontal", 0.75)
     contacts = [Contact(edges, mu) for edges, mu in zip(("bottom", "low", "high"), frictions, strict=True)]
     held, beyond = (
-        ContactProblem(mesh, STEEL, [*contacts, *dragged(mesh, 10.0, shear, contacts[0]).conditions[1:]])
+        ContactProblem(mesh, STEEL, [*contacts, *dragged(contacts[0], shear=shear).conditions[1:]])
         for shear in (1.0, 1.01 * factor)
     )
     assert limit_load_factor(held, ["shear"]) == pytest.approx(factor, rel=1e-6)
@@ -57,7 +48,7 @@ def test_force_of_a_plate_and_of_a_body_without_contact():
     assert ground.status is Status.SOLVED
     force = ground.resultant("base")
     assert (force.x, force.y) == pytest.approx((-1.0, 20.0), rel=1e-9)
-    conditions = [Displacement("bottom", 0.0, 0.0), *(Traction(side, 1.0, 1.0) for side in SIDES)]
+    conditions = [Displacement("bottom", 0.0, 0.0), *(Traction(side, 1.0, 1.0) for side in ("top", "right", "left"))]
     assert limit_load_factor(ContactProblem(MESHES["uniform"], STEEL, conditions), ["top"]) == np.inf
 
 
@@ -75,8 +66,9 @@ def test_cohesion_on_a_circle_carries_a_torque():
 
 def test_gap_material_and_offset_do_not_enter():
     here, there = Contact("bottom", 0.3), Contact("bottom", 0.3, gap=0.1, offset=-0.2)
-    given = (here,), (there, Material(1.0, 0.49, "strain"))
-    first, second = (limit_load_factor(dragged(MESHES["graded"], 10.0, 2.0, *each), ["shear"]) for each in given)
+    given = (here, STEEL), (there, Material(1.0, 0.49, "strain"))
+    problems = (dragged(contact, 10.0, 2.0, MESHES["graded"], material) for contact, material in given)
+    first, second = (limit_load_factor(problem, ["shear"]) for problem in problems)
     assert first == pytest.approx(second, rel=1e-9)
 
 
@@ -97,7 +89,7 @@ def linprog(monkeypatch):
 def test_the_linear_program_gets_what_is_left(linprog):
     """300 seconds at most, less with a limit; that there was too little time is not taken for a load."""
     linprog.change = lambda _: {"status": 1}
-    problem = dragged(TriangleMesh.rectangle((2, 2)), 10.0, 1.0, Contact("bottom", 0.5))
+    problem = dragged(Contact("bottom", 0.5), mesh=TriangleMesh.rectangle((2, 2)))
     for seconds in (None, 20.0):
         with pytest.raises(SolveError, match="time limit"):
             limit_load_factor(problem, ["shear"], time_limit=seconds)
@@ -107,7 +99,7 @@ def test_the_linear_program_gets_what_is_left(linprog):
 
 def test_growth_without_end_is_doubted(linprog):
     """HiGHS may say so of a mesh by rounding, and once more: then the mechanism is right."""
-    problem = dragged(MESHES["one cell"], 10.0, 4.0, Contact("bottom", 0.3))
+    problem = dragged(Contact("bottom", 0.3), 10.0, 4.0, MESHES["one cell"])
     assert limit_load_factor(problem, ["shear"]) == pytest.approx(0.75)
     last, linprog.calls[:] = len(linprog.calls), []
     linprog.change = lambda _: {"status": 3} if len(linprog.calls) == last else {}
@@ -142,7 +134,7 @@ BROKEN = {
 @pytest.mark.parametrize("change", BROKEN.values(), ids=BROKEN)
 def test_a_broken_answer_decides_nothing(linprog, change):
     """No limit load and no mechanism; a mesh has its own proof, and units that are sought in vain stay as they are."""
-    linprog.change, problem = change, dragged(MESHES["one cell"], 10.0, 4.0, Contact("bottom", 0.3))
+    linprog.change, problem = change, dragged(Contact("bottom", 0.3), 10.0, 4.0, MESHES["one cell"])
     for found in (find_mechanism, lambda each: limit_load_factor(each, ["shear"])):
         with pytest.raises(SolveError):
             found(problem)

@@ -1,6 +1,7 @@
 """Limit loads of bodies that yield, with their contacts, against closed forms and each other."""
 
 import json
+from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -9,6 +10,7 @@ import pytest
 
 from qvi_contact import (
     InputError,
+    SolveError,
     TriangleMesh,
     limit_load_factor,
     limit_proof,
@@ -61,19 +63,21 @@ def test_uniform_tension(strength, plane, exact):
     assert limit.lower <= limit.upper
 
 
-def test_a_solver_that_breaks_down_is_asked_again(monkeypatch):
-    """Clarabel may break down in its first step, with x = 0, for one size of its regularisation."""
+@pytest.mark.parametrize("x", [0.0, 1e200])
+def test_a_solver_that_breaks_down_is_asked_again(x, monkeypatch):
+    """Clarabel may break down in its first step, with x = 0, for one size of its regularisation; or run away."""
     clarabel = pytest.importorskip("clarabel")
     real = clarabel.DefaultSolver
 
     def fragile(P, q, A, b, cones, settings):
-        if settings.static_regularization_constant < 1e-11:
-            failed = SimpleNamespace(status="NumericalError", x=np.zeros(len(q)), z=np.zeros(len(b)))
+        if x or settings.static_regularization_constant < 1e-11:
+            failed = SimpleNamespace(status="NumericalError", x=np.full(len(q), x), z=np.zeros(len(b)), r_prim=1.0)
             return SimpleNamespace(solve=lambda: failed)
         return real(P, q, A, b, cones, settings)
 
     monkeypatch.setattr(clarabel, "DefaultSolver", fragile)
-    assert limit_load_factor(stretched(Tresca(0.7)), ["top"]).lower == pytest.approx(1.4, rel=1e-6)
+    with pytest.raises(SolveError, match="break their conditions") if x else nullcontext():
+        assert limit_load_factor(stretched(Tresca(0.7)), ["top"]).lower == pytest.approx(1.4, rel=1e-6)
 
 
 @pytest.mark.parametrize("unit", [1e6, 1e-10])
@@ -291,8 +295,10 @@ def test_what_the_other_loads_break_carries_no_multiple():
     problem = block(Tresca(0.9), 0.3, 2.0)
     pressed = [each for each in problem.conditions if each.name != "weight"]
     pressed += [Traction("top", y=-2.0), Traction("left", x=0.0), Traction("right", x=0.0)]
-    problem = ContactProblem(problem.mesh, problem.material, pressed)
-    assert limit_load_factor(problem, ["shear"]).upper == -np.inf
+    assert limit_load_factor(replace(problem, conditions=pressed), ["shear"]).upper == -np.inf
+    crushed = stretched(Tresca(1.0))  # by a millionth more than it carries
+    loads = [Traction("top", x=0.0, y=-2.0 - 2e-6), Traction("right", x=0.0, y=0.1), *crushed.conditions[2:]]
+    assert limit_load_factor(replace(crushed, conditions=loads), ["right"], degree=3).upper == -np.inf
     grid = TriangleMesh.rectangle((1, 2))
     r, a = (grid.vertices * [1.4, 1.8] + [0.9, 0.0]).T
     sets = {**grid.edge_sets, "roll": grid.edge_sets["left"][:1], "wall": grid.edge_sets["left"][1:]}
@@ -317,6 +323,31 @@ def test_a_rigid_punch_by_force_is_two_plus_pi_at_most():
         found.append((limit.lower, limit.upper))
     assert found[0][0] > 4.3
     assert found[0][1] < 5.6
+
+
+@pytest.mark.parametrize("apart", [1e8, 1e12])
+def test_strengths_far_apart_count_each_beside_its_own(apart):
+    """What the stronger one misses by rounding was more than the other one has: both sides were 0, or 6.2, or wrong."""
+    mesh = TriangleMesh.rectangle((2, 2)).with_region("part", lambda _, y: y > 0.5)
+    strong = Region(Material(10.0, 0.3, "strain", MohrCoulomb(apart, 0.4)), name="part")
+    limit = limit_load_factor(replace(stretched(Tresca(1.0), mesh=mesh), regions=[strong]), ["top"], degree=3)
+    assert limit.lower == pytest.approx(2.184675, rel=1e-6)
+    assert 2.184675 < limit.upper < 3.2
+    sheared = block(MohrCoulomb(500.0, 0.3), 0.0, 1.0)
+    glued = [Contact("bottom", 0.0, cohesion=1e3 * apart), *sheared.conditions[1:]]
+    limit = limit_load_factor(replace(sheared, conditions=glued), ["shear"], degree=3)
+    assert limit.lower == pytest.approx(477.96376, rel=1e-6)
+    assert limit.lower < limit.upper < 479.0
+    fading = replace(stretched(Tresca(lambda _, y: 1.0 - y + 1.0 / apart)), body_potential=lambda _, y: -y)  # one
+    fading = replace(fading, conditions=[Traction("top", x=0.0, y=0.0), *fading.conditions[1:]])
+    assert limit_load_factor(fading, ["body"], degree=3).lower == pytest.approx(2.0, rel=1e-6)
+    grid, dry = TriangleMesh.rectangle((3, 1)), Material(10.0, 0.3, strength=NoTension(1e8))
+    at = [(0, 0), (0.29, -0.02), (0.58, -0.04), (0.86, -0.06), (-0.08, 1.58), (0.24, 1.55), (0.56, 1.53), (0.89, 1.5)]
+    mesh = TriangleMesh(at, grid.cells, grid.edge_sets, {"part": [2, 4, 5]})
+    loads = [Traction("top", x=0.0, y=-0.4), Traction("left", x=0.08, y=0.0), Traction("right", x=0.0, y=0.0)]
+    leaning = [Displacement("bottom", x=0.0, y=0.0), *loads]
+    leaning = replace(stretched(Tresca(1.4), "stress", mesh), conditions=leaning, regions=[Region(dry, name="part")])
+    assert limit_load_factor(leaning, ["top"], degree=3).lower < 1e-6  # edges leave no room
 
 
 def random_body(seed):

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from qvi_contact import TriangleMesh, limit_load_factor, solve
 from qvi_contact.gallery import jointed_slope, loaded_pin
+from qvi_contact.limit import multiplied
 from qvi_contact.mechanism import Rigid, find_mechanism, mechanism, upper_bound
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, RigidPlate, Symmetry, Traction
 from solvers import Status
@@ -35,6 +36,7 @@ WALLS = {
     "far away": TriangleMesh.rectangle((4, 8), 1.0, 4.0, origin=(1e4, -1e4)),
     "bisected": TriangleMesh.rectangle((1, 2), 1.0, 4.0).graded([[1.0, 0.0]], 20),
 }
+LYING = TriangleMesh.rectangle((3, 2), 2.0, 1.0)
 
 
 class TestTippingWall:
@@ -79,14 +81,13 @@ def test_what_tips_whatever_the_friction_is_not_said_to_slide():
     assert ("tips" in message, "else takes up, however small" in message) == (True, True)
 
 
-def dragged(contact, pressure=10.0):
-    """Pressure on a block 2 × 1 and uniform shear with its complement, whose multiple is the mean shear on the base."""
-    mesh = TriangleMesh.rectangle((3, 2), 2.0, 1.0)
+def dragged(contact, pressure=10.0, shear=1.0, mesh=LYING, material=STEEL):
+    """A block under a pressure and uniform shear, with the complementary shear on its sides: σ_T = −T, σ_N = −p."""
     weight = (lambda x, _: -pressure(x)) if callable(pressure) else -pressure
-    top = [Traction("top", y=weight), Traction("top", x=1.0, name="shear")]
-    sides = [Traction("right", x=0.0), Traction("right", y=1.0, name="shear")]
-    sides += [Traction("left", x=0.0), Traction("left", y=-1.0, name="shear")]
-    return ContactProblem(mesh, STEEL, [contact, *top, *sides])
+    given = [Traction("top", y=weight), *(Traction(side, x=0.0) for side in ("left", "right"))]
+    shears = ("top", {"x": shear}), ("right", {"y": shear}), ("left", {"y": -shear})
+    given += [Traction(side, name="shear", **along) for side, along in shears]
+    return ContactProblem(mesh, material, [contact, *given])
 
 
 class TestLaws:
@@ -151,10 +152,9 @@ class TestSupportsAndPlates:
 
     def test_symmetry_guides(self):
         """Lifted at its weight; sideways the line of symmetry holds."""
-        mesh = TriangleMesh.rectangle((3, 2), 2.0, 1.0)
         loads = [Traction("top", x=0.0, y=1.0, name="crane"), Traction("right", -50.0, 0.0, name="side")]
         conditions = [Contact("bottom", 0.0, name="floor"), Symmetry("left"), *loads]
-        problem = ContactProblem(mesh, STEEL, conditions, body_potential=lambda _, y: 7.0 * y)
+        problem = ContactProblem(LYING, STEEL, conditions, body_potential=lambda _, y: 7.0 * y)
         assert upper_bound(problem, ["crane"])[0] == pytest.approx(7.0, rel=EXACT)
         assert upper_bound(problem, ["side"]) == (np.inf, None)
         pulled = replace(problem, conditions=[*conditions[:-1], Traction("right", 1.0, 0.0, name="side")])
@@ -203,18 +203,10 @@ def test_no_mesh_carries_more_than_the_mechanism_allows(problem, degree):
     again = upper_bound(problem, ["push", "pull"])[0]
     assert again == pytest.approx(limit.upper, rel=EXACT, abs=EXACT)
     if np.isfinite(limit.upper) and limit.upper > 1e-3:
-        loads = [multiplied(problem, share * limit.upper) for share in (0.999, 1.001)]
-        below, above = (find_mechanism(replace(problem, conditions=conditions)) for conditions in loads)
+        loads = (multiplied(problem, ["push", "pull"], share * limit.upper) for share in (0.999, 1.001))
+        below, above = map(find_mechanism, loads)
         assert below is None or limit.lower == -np.inf
         assert above is not None
-
-
-def multiplied(problem, factor):
-    """The conditions with "push" and "pull" times a factor."""
-    return [
-        replace(c, x=factor * c.x, y=factor * c.y) if getattr(c, "name", "") in ("push", "pull") else c
-        for c in problem.conditions
-    ]
 
 
 class TestJumpsInsideEdges:
