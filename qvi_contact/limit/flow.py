@@ -184,9 +184,8 @@ class Velocities:
 class FlowProgram:
     """The program of a problem; stresses over S, lengths over that of the mesh."""
 
-    def __init__(self, problem: ContactProblem, names: Sequence[str], degree: int, scales: Scales) -> None:
-        self.problem, self.names, self.scales, self.k = problem, tuple(names), scales, degree
-        self.cones = YieldCones.of(problem, degree, above=True)
+    def __init__(self, problem: ContactProblem, names: Sequence[str], cones: YieldCones, scales: Scales) -> None:
+        self.problem, self.names, self.scales, self.k, self.cones = problem, tuple(names), scales, cones.degree, cones
         self.space = Velocities(problem, self.k + 1, self.cones.strong)
         mesh = problem.mesh
         parts = part_corners((mesh.corners - mesh.origin) / mesh.length)
@@ -376,17 +375,18 @@ class FlowProgram:
         unilateral, rough, capped, count = one_sided > 0.0, mu > 0.0, np.isfinite(cap), len(mu)
         more = np.flatnonzero(unilateral & rough & capped)
         price = np.where(~unilateral & rough & capped, cap, np.minimum(c, cap))  # these carry any shear up to the cap
-        every = sparse.eye_array(count, format="csr")
-        both = sparse.hstack([every, every[:, more]])
-        size = both.shape[1]
-        L = sparse.vstack([slip, -slip, sparse.csr_array((size, slip.shape[1])), -opening[unilateral]])
-        dilates = sparse.csr_array(sparse.diags_array(mu, shape=(count, size)))[unilateral]
-        own = sparse.vstack([-both, -both, -sparse.eye_array(size), dilates])
-        equal = sparse.vstack([opening[~unilateral], slip[~unilateral & rough & ~capped]])
         prices, at = np.append(price, cap[more]), np.append(np.arange(count), more)
+        paid = np.flatnonzero(prices <= self.cones.most)
+        prices, at = prices[paid], at[paid]
+        both, slides = sparse.eye_array(count, format="csr")[at].T.tocsr(), np.isin(np.arange(count), at)
+        size, sticks = len(at), ~slides | (~unilateral & rough & ~capped)
+        L = sparse.vstack([slip[slides], -slip[slides], sparse.csr_array((size, slip.shape[1])), -opening[unilateral]])
+        dilates = (both @ sparse.diags_array(np.where(paid < count, mu[at], 0.0))).tocsr()[unilateral]
+        own = sparse.vstack([-both[slides], -both[slides], -sparse.eye_array(size), dilates])
+        equal = sparse.vstack([opening[~unilateral], slip[sticks]])
         most = np.zeros(count)
         np.maximum.at(most, at, prices)
-        strengths = np.concatenate([most, most, prices, np.zeros(unilateral.sum())])
+        strengths = np.concatenate([most[slides], most[slides], prices, np.zeros(unilateral.sum())])
         lengths = {contact.name: len(mesh.edges(contact.edges)) for contact in contacts}
         return _Slips(lengths, opening, slip, L, own, equal, strengths, weight[at] * prices, at)
 

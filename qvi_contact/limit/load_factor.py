@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
@@ -15,9 +16,10 @@ from qvi_contact.basics.checks import FloatArray, instance_of, names_among, posi
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
-from qvi_contact.limit.flow import BodyMotion, FlowProgram
+from qvi_contact.limit.conic import APART
+from qvi_contact.limit.flow import BodyMotion, Flow, FlowProgram
 from qvi_contact.limit.split import coefficients_of
-from qvi_contact.limit.stresses import CERTIFIED, WIDER, Carried, StressProgram
+from qvi_contact.limit.stresses import CERTIFIED, WIDER, Carried, StressProgram, YieldCones
 from qvi_contact.mechanism import Mechanism, upper_bound
 from qvi_contact.mechanism.bodies import BODY, FLUID
 from qvi_contact.problem.conditions import DRIVES, SHEAR_LAW, Condition, Contact, Traction, components
@@ -38,6 +40,8 @@ _FARTHEST: Final = math.log(1e4)  # factors of strength beyond count as infinite
 _STEP: Final = math.log(2.0)  # between the first of them that are tried
 _MOST: Final = 1e6  # shares of loads beyond, or below the inverse, count as so much
 _LEAST: Final = 1e-15
+_DRY: Final = 1e5  # times the least strength, in place of `APART`: flows of what has no tension take longer
+_SPARED: Final = 1e2  # times the least strength: stresses up to it are far from those above `APART` times that
 _CLOSE: Final = 1e-6  # logarithm of the width of a bisection that may end there, however little is asked for
 
 
@@ -190,10 +194,28 @@ class LimitProblem:
         """The program from below."""
         return StressProgram(self.low, self.high)
 
-    @property
-    def flow(self) -> FlowProgram:
-        """The program from above of a body that yields."""
-        return FlowProgram(self.problem, self.names, self.low.space.element.traction_degree, self.low.scales)
+    @cached_property
+    def flows(self) -> list[FlowProgram]:
+        """Programs from above of a body that yields: one that leaves alone what is far stronger, and that of all."""
+        every = YieldCones.of(self.problem, self.low.space.element.traction_degree, above=True)
+        apart = every.most > (APART if every.limit.all() else _DRY) * every.least
+        several = [every.nearer(), every] if apart else [every]
+        return [FlowProgram(self.problem, self.names, cones, self.low.scales) for cones in several]
+
+    def _flow(self, *, known: bool) -> tuple[Flow, FlowProgram]:
+        """The flow with the least bound, and its program; that of all only if what is far stronger may yield."""
+        *nearer, every = self.flows
+        found = list[tuple[Flow, FlowProgram]]()
+        for program in nearer:
+            with suppress(SolveError):  # that of all says why
+                found.append((program.solved(known=True), program))
+        stress, cones = self.carried.stress, every.cones
+        spared = stress is not None and float(np.abs(stress).max()) * self.low.scales.stress < _SPARED * cones.least
+        spared &= bool(cones.limit.all())  # flows of what has no tension may be found the worse for it
+        if any(flow.bound == -np.inf or (spared and flow.bound < np.inf) for flow, _ in found):
+            return found[0]
+        known |= any(flow.bound < np.inf for flow, _ in found)
+        return min([*found, (every.solved(known=known), every)], key=lambda each: each[0].bound)
 
     @cached_property
     def of_blocks(self) -> tuple[float, Mechanism | None]:
@@ -215,8 +237,7 @@ class LimitProblem:
         if of_blocks == -np.inf or not self.problem.yields:
             lower = _checked(carried, of_blocks, straight)
             return LimitLoad(lower, of_blocks, mechanism, carried.bound, carried.violation)
-        program = self.flow
-        flow = program.solved(known=of_blocks < np.inf or carried.factor == np.inf)
+        flow, program = self._flow(known=of_blocks < np.inf or carried.factor == np.inf)
         upper = min(flow.bound, of_blocks)
         lower = _checked(carried, upper, straight)
         if np.isfinite(lower) and carried.stress is not None and flow.motion is not None:

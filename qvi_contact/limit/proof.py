@@ -104,7 +104,7 @@ def limit_proof(
         stated = Statement(problem, posed.names, posed.low.space.element.traction_degree)
         ways: dict[Callable[[], dict[str, Any]], str] = {lambda: exceeded_by_blocks(stated, posed): "upper"}
         if posed.names and problem.yields:
-            ways = {lambda: exceeded(stated, posed.flow): "upper", **ways}
+            ways = {partial(exceeded, stated, program): "upper" for program in posed.flows} | ways
         if posed.names:
             ways = {lambda: carried(stated, posed.stresses): "lower", **ways}
         about, found = _written(stated.about), dict[str, tuple[Any, dict[str, Any]]]()

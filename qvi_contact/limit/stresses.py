@@ -28,7 +28,7 @@ from qvi_contact.discretization.discretization import Discretization
 from qvi_contact.discretization.loads import ContactRows, joined
 from qvi_contact.element.triangle import exponents
 from qvi_contact.errors import InputError, SolveError
-from qvi_contact.limit.conic import FACES, HELD, REGULAR, ROUNDING, UNBOUNDED, Answer, ConicProgram, beside
+from qvi_contact.limit.conic import APART, FACES, HELD, REGULAR, ROUNDING, UNBOUNDED, Answer, ConicProgram, beside
 from qvi_contact.limit.split import SAMPLES, coefficients_of, lattice, part_corners, sampled
 from qvi_contact.mesh.edges import Edges
 from qvi_contact.mesh.triangles import TriangleMesh
@@ -188,6 +188,7 @@ class YieldCones:
     mean: FloatArray
     strong: BoolArray  # (cells,) triangles without a strength: they carry any stress, and move as rigid bodies
     least: float  # of the largest values that strengths have in each material and on each contact; infinity for none
+    most: float  # of them; what is larger does not give way
 
     @classmethod
     def of(cls, problem: ContactProblem, degree: int, *, above: bool) -> YieldCones:
@@ -207,7 +208,19 @@ class YieldCones:
         coefficient, first, limit, pressure, mean = (np.concatenate(part) for part in zip(*found, strict=True))
         strong = np.array([material.strength is None for material in problem.materials])[number]
         least = min((each for each in strengths if each > 0.0), default=np.inf)
-        return cls(problem.mesh, degree, coefficient.astype(np.int64), first, limit, pressure, mean, strong, least)
+        of_rows = coefficient.astype(np.int64), first, limit, pressure, mean
+        return cls(problem.mesh, degree, *of_rows, strong, least, max(strengths, default=0.0))
+
+    def nearer(self) -> YieldCones:
+        """Without those above 1e3 times the least, for flows that leave them alone; what has no other one is rigid."""
+        most = APART * self.least
+        kept = self.limit <= most
+        strong = self.strong | (np.bincount(self.cell[kept], minlength=len(self.strong)) == 0)
+        kept |= ~(strong[self.cell] | np.isin(self.coefficient, self.coefficient[kept]))  # or nothing would limit these
+        names = ("coefficient", "limit", "pressure", "mean")
+        parts = {name: getattr(self, name)[kept] for name in names}
+        first = np.isin(np.arange(kept.sum()), np.unique(parts["coefficient"], return_index=True)[1])
+        return replace(self, strong=strong, first=first, most=most, **parts)
 
     @property
     def count(self) -> int:
