@@ -421,6 +421,9 @@ def _flow(
             others = [[strain if n == m else zero for n in range(1, len(laws))] for m in range(len(laws))]
             if number in shares:
                 others.append([[Fraction(x) for x in share] for share in shares[number].tolist()])
+            if len(laws) == 2:  # what opening lacks by rounding, another law crushes
+                lacking = laws[0][1] * Fraction(math.hypot(*strain[1:]) * (1.0 + 1e-15)) - strain[0]
+                others.append([[-lacking, ZERO, ZERO]])
             choices = [_shared(laws, strain, each) for each in others]
             own.append(min(choices, key=partial(_cost, laws, strain), default=[]))
         rates.append(own)
