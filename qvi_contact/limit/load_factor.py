@@ -40,8 +40,8 @@ _FARTHEST: Final = math.log(1e4)  # factors of strength beyond count as infinite
 _STEP: Final = math.log(2.0)  # between the first of them that are tried
 _MOST: Final = 1e6  # shares of loads beyond, or below the inverse, count as so much
 _LEAST: Final = 1e-15
-_DRY: Final = 1e5  # times the least strength, in place of `APART`: flows of what has no tension take longer
-_SPARED: Final = 1e2  # times the least strength: stresses up to it are far from those above `APART` times that
+_SPARED: Final = 3e1  # times the least strength: stresses up to it leave strengths that are so much larger alone
+_FAR: Final = 1e5
 _CLOSE: Final = 1e-6  # logarithm of the width of a bisection that may end there, however little is asked for
 
 
@@ -198,20 +198,19 @@ class LimitProblem:
     def flows(self) -> list[FlowProgram]:
         """Programs from above of a body that yields: one that leaves alone what is far stronger, and that of all."""
         every = YieldCones.of(self.problem, self.low.space.element.traction_degree, above=True)
-        apart = every.most > (APART if every.limit.all() else _DRY) * every.least
-        several = [every.nearer(), every] if apart else [every]
+        several = [every.nearer(), every] if every.most > APART * every.least else [every]
         return [FlowProgram(self.problem, self.names, cones, self.low.scales) for cones in several]
 
     def _flow(self, *, known: bool) -> tuple[Flow, FlowProgram]:
-        """The flow with the least bound, and its program; that of all only if what is far stronger may yield."""
+        """The flow with the least bound, and its program; that of all only if what is far stronger may help."""
         *nearer, every = self.flows
         found = list[tuple[Flow, FlowProgram]]()
         for program in nearer:
             with suppress(SolveError):  # that of all says why
                 found.append((program.solved(known=True), program))
-        stress, cones = self.carried.stress, every.cones
+        cones, stress = every.cones, self.carried.stress
         spared = stress is not None and float(np.abs(stress).max()) * self.low.scales.stress < _SPARED * cones.least
-        spared &= bool(cones.limit.all())  # flows of what has no tension may be found the worse for it
+        spared &= cones.most > _FAR * cones.least
         if any(flow.bound == -np.inf or (spared and flow.bound < np.inf) for flow, _ in found):
             return found[0]
         known |= any(flow.bound < np.inf for flow, _ in found)
