@@ -332,6 +332,12 @@ def test_strengths_far_apart_count_each_beside_its_own(apart):
     strong = Region(Material(10.0, 0.3, "strain", MohrCoulomb(apart, 0.4)), name="part")
     limit = limit_load_factor(replace(stretched(Tresca(1.0), mesh=mesh), regions=[strong]), ["top"], degree=3)
     assert (limit.lower, limit.upper) == (pytest.approx(2.184675, rel=1e-6), pytest.approx(3.0461482, rel=1e-7))
+    held, sides = [Displacement("bottom", x=0.0, y=0.0), Traction("top", x=0.1, y=-1.0)], {"left": 0.3, "right": 0.0}
+    held += [Traction(side, x=x, y=0.0) for side, x in sides.items()]
+    masonry, weak = Material(10.0, 0.3, "strain", NoTension(1e8)), Material(10.0, 0.3, "strain", Tresca(1.0))
+    dry = ContactProblem(mesh, masonry, held, regions=[Region(weak, name="part")])
+    assert limit_load_factor(dry, ["top"], degree=3).upper == pytest.approx(1.95, rel=1e-2)
+    assert check(json.loads(json.dumps(limit_proof(dry, ["top"], degree=3))))[1] < 2.1
     sheared = block(MohrCoulomb(500.0, 0.3), 0.0, 1.0)
     glued = [Contact("bottom", 0.0, cohesion=1e3 * apart), *sheared.conditions[1:]]
     limit = limit_load_factor(replace(sheared, conditions=glued), ["shear"], degree=3)
