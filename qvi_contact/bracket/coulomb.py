@@ -49,7 +49,7 @@ class CoulombBounds:
 
         |σ − τ| ≤ F + |η|,    |u − v| ≤ F.
 
-    Where friction alone holds a body along its contacts that is so for solutions with |σ − τ| ≤ `reach` |τ + η| only.
+    Where contacts alone hold a body that is so for solutions with |σ − τ| ≤ `reach` |τ + η| only.
     """
 
     shares: Mapping[str, Share]
@@ -131,7 +131,7 @@ class CoulombBounds:
             return f"No bound under friction. {self.norm.reason}"
         near = ""
         if np.isfinite(self.reach):
-            near = f"It holds for solutions within {100.0 * self.reach:.3g} %, as friction alone holds a body."
+            near = f"It holds for solutions within {100.0 * self.reach:.3g} %, as contacts alone hold a body."
         return " ".join(filter(None, [bound, near, *self.reasons, *self.places[:1]]))
 
 
@@ -166,7 +166,7 @@ def coulomb_bounds(
     inside = fields.bulk(companion)
     inside += by_cell(problem, {name: part.springs for name, part in edges.items()})
     missed = {name: np.maximum(part.contact, 0.0) + np.maximum(part.friction, 0.0) for name, part in edges.items()}
-    norm = friction_norm(problem, shares, unit)
+    norm = friction_norm(problem, shares, unit, _pressures(companion.state, known, own))
     residual = float(np.sqrt(2.0 * inside.sum()))
     arcs = [lines.take(lines.bent).length for lines in (problem.mesh.boundary, problem.mesh.interior) if lines.curved]
     if arcs:  # an estimate of the energy norm of what is left there: a traction k on an edge h has k h √c
@@ -178,13 +178,27 @@ def coulomb_bounds(
     size = float(np.sqrt(2.0 * fields.energy))
     if norm.stopped is not None and norm.stopped.reach <= error < np.inf:
         near, apart = (100.0 * value / size for value in (norm.stopped.reach, error))
-        what = f"the part that sticks holds it only if the error is below {near:.2g} %, and the bound is {apart:.2g} %"
+        what = (
+            f"what sticks or presses holds it only if the error is below {near:.2g} %, and the bound is {apart:.2g} %"
+        )
         norm, error = replace(norm, reason=UNHELD.format(what)), np.inf
     if s < LARGEST:
         cells = 2.0 * amplification(s) ** 2 * inside + by_cell(problem, missed) / coercivity(s)
     why = reasons if norm.proved else (*reasons, norm.reason)
     parts = (norm, residual, defect, error, moved, size, cells, why, stress.places)
     return CoulombBounds(shares, *parts, result, companion)
+
+
+def _pressures(state: CompanionState, known: Discretization, own: EdgeTractions) -> dict[str, FloatArray]:
+    """The `pressures` of `friction_norm`, in the unit of stress."""
+    opening, found = np.abs(state.c - state.contacts.obstacle), dict[str, FloatArray]()
+    least = _ROUNDING * max(1.0, float(np.abs(state.c).max(initial=0.0)))
+    for trace, rows in zip(state.contacts.traces, known.contacts, strict=True):
+        if trace.contact.law == "unilateral":
+            touches: BoolArray = np.asarray((opening[trace.start + trace.columns] <= least).all(axis=1))
+            pressure = np.where(touches[:, None], np.maximum(-own.normal[rows.edges], 0.0), 0.0)
+            found[trace.name] = known.scales.stress * pressure
+    return found
 
 
 def _either_way(state: CompanionState) -> FloatArray:

@@ -34,7 +34,7 @@ class Uniqueness:
 
     `apart` is the largest distance of two solutions in the energy norm of stresses, over that of the computed stress: 0
     where there is one only, infinite where nothing is known. `certainty` says whether that is proved, `message` how
-    near to the computed one these solutions are where friction alone holds a body.
+    near to the computed one these solutions are where contacts alone hold a body.
     """
 
     apart: float

@@ -572,17 +572,32 @@ class TestFrictionAlone:
             within * most / (stopped.masses[0] - within * most), rel=1e-9
         )
 
+    @pytest.mark.parametrize(
+        ("law", "ratio"),
+        [({}, 2.0), ({"plate": RigidPlate(moment=0.0, x=0.0, y=0.0, pivot=(2.0, 0.7))}, 2.0), ({"friction": 0.1}, 2.5)],
+    )
+    def test_pressure_stops_what_slips(self, law, ratio):
+        """A block that the ground drags against a wall, against a plate that turns, or up along a rough wall."""
+        mesh = self.block(0.3, 0.0).mesh.with_edges("wall", lambda x, y: (x == 2.0) & (y > 0.5))
+        mesh = mesh.with_edges("foot", lambda x, y: (x == 2.0) & (y < 0.5))
+        contacts = [Contact("bottom", 0.15, offset=9.0), Contact("wall", **{"friction": 0.0, **law})]
+        loads = [FREE[0], Traction("foot", 0.0, 0.0), Traction("top", 0.1, -1.0)]
+        problem = ContactProblem(mesh, Material(1.0, 0.3), [*contacts, *loads])
+        result, fine = solve(problem, degree=4), solve(replace(problem, mesh=mesh.refined()), degree=6)
+        found = result.bracket.coulomb
+        assert 1.0 <= found.error / energy_apart(result, fine) < ratio
+        assert found.reach > 0.2
+        force = found.forces["wall.normal_force"]
+        assert force.lower < fine.contacts["wall"].normal_force < force.upper
+
     def test_where_nothing_sticks(self):
-        """A force that friction can just bear, and a wall along which a body slips: messages say what is missing."""
-        wall = [Contact("bottom", 0.8), Contact("right", 0.1), Traction("top", 0.0, -1.0)]
-        wall += [Displacement("left", x=0.0), Traction("left", y=0.0)]
-        beside = ContactProblem(TriangleMesh.rectangle((2, 2)), Material(1.0, 0.3), wall)
-        for problem, name in ((self.block(0.2, 0.2), "bottom"), (beside, "right")):
-            found = solve(problem, degree=4)
-            assert f"no part of '{name}' sticks that would hold it. Its errors are not bounded" in found.bracket.message
-            assert found.uniqueness.apart == np.inf
+        """A force that friction can just bear: the message says what is missing."""
+        found = solve(self.block(0.2, 0.2), degree=4)
+        assert "no part of 'bottom' sticks that would hold it, nor does pressure. Its errors" in found.bracket.message
+        assert found.uniqueness.apart == np.inf
         pulled = [Contact("bottom", 0.2), Displacement("top", y=-0.01), Traction("top", x=0.0)]
-        pulled = replace(beside, conditions=[*pulled, Traction("right", 0.004, 0.0), Traction("left", 0.0, 0.0)])
+        pulled += [Traction("right", 0.004, 0.0), FREE[0]]
+        pulled = ContactProblem(TriangleMesh.rectangle((2, 2)), Material(1.0, 0.3), pulled)
         assert "The result is not solved: inner infeasible" in solve(pulled, degree=3).bracket.message
         assert "Here it is 2.71." in solve(self.block(2.0, 0.5), degree=4).bracket.message
         even = replace(self.block(0.5, 0.0), material=Material(1.0, 0.0))  # what would stop it is a rigid motion
