@@ -159,7 +159,9 @@ def coulomb_bounds(
         return f"No admissible displacement was found: {companion.message}"
     if companion.state.contradiction:
         return companion.state.contradiction
-    if (_opening(companion.state) < -_ROUNDING * max(1.0, float(np.abs(companion.state.c).max(initial=0.0)))).any():
+    if (
+        _opening(companion.state, shares) < -_ROUNDING * max(1.0, float(np.abs(companion.state.c).max(initial=0.0)))
+    ).any():
         return TOO_NEAR
     fields, before = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
     edges, slack = edge_parts(fields, known, own, own.bound, companion)
@@ -197,20 +199,24 @@ def _pressures(state: CompanionState, known: Discretization, own: EdgeTractions)
         if trace.contact.law == "unilateral":
             touches: BoolArray = np.asarray((opening[trace.start + trace.columns] <= least).all(axis=1))
             pressure = np.where(touches[:, None], np.maximum(-own.normal[rows.edges], 0.0), 0.0)
-            found[trace.name] = known.scales.stress * pressure
+            found[trace.name] = pressure
     return found
 
 
-def _either_way(state: CompanionState) -> FloatArray:
-    """3 μ at coefficients (n,) where v may slip either way with friction, far from the obstacle, else 0."""
-    mu = [np.full(each.count, each.contact.friction, dtype=np.float64) for each in state.contacts.traces]
-    return np.where(np.isnan(state.contacts.slipping), AWAY * np.concatenate(mu), 0.0)
+def _either_way(state: CompanionState, shares: Mapping[str, Share]) -> FloatArray:
+    """3 μ at coefficients (n,) of edges far from the obstacle, where v may slip either way with friction, else 0."""
+    found = np.zeros(state.contacts.count)
+    for trace in state.contacts.traces:
+        if trace.name in shares:
+            share = shares[trace.name]
+            found[trace.start + trace.columns[np.isnan(share.slipping)]] = AWAY * share.friction
+    return found
 
 
-def _opening(state: CompanionState) -> FloatArray:
+def _opening(state: CompanionState, shares: Mapping[str, Share]) -> FloatArray:
     """What Σ has of g − v_N at coefficients (n,), dimensionless: less 3 μ |v_T − w| where v may slip either way."""
     across, along = (state.c - state.contacts.obstacle).reshape(2, -1)
-    return np.asarray(-across - _either_way(state) * np.abs(along))
+    return np.asarray(-across - _either_way(state, shares) * np.abs(along))
 
 
 _FAR: Final = 1e6  # |R d_k| comes from squares: of a motion that far it is rounding, and the motion a rigid one
@@ -332,7 +338,7 @@ class _Pairs:
     @cached_property
     def _zones(self) -> _Zones:
         state, unit, own = self.state, self.known.scales.stress, EdgeTractions.of(self.known, self.errors.stress.dofs)
-        n, left, either = state.contacts.count, _opening(state), _either_way(state) > 0.0
+        n, left, free = state.contacts.count, _opening(state, self.errors.shares), np.isnan(state.contacts.slipping)
         moved, beyond = state.c.reshape(2, n), (state.c - state.contacts.obstacle).reshape(2, n)
         pressure, room = np.empty_like(own.normal), np.full_like(own.normal, np.inf)
         away, held = np.full((2, n), np.inf), np.zeros((2, n), dtype=bool)
@@ -359,7 +365,7 @@ class _Pairs:
             for half, part in enumerate(parts):
                 away[half, here] = shown(part, moved[:, here], least)
                 if half:
-                    away[half, here][either[here]] = np.inf
+                    away[half, here][free[here]] = np.inf
                 held[half, on_edges[(away[half, on_edges] == 0.0).any(axis=1)]] = True
         loose, sliding = (np.asarray(part.any(axis=1)) for part in (pressure == 0.0, (room == 0.0) | np.isinf(room)))
         opening, slip = self.errors.displacement.scales.displacement * away
@@ -443,7 +449,8 @@ class _Pairs:
         """The largest of m₁ to m₄; None if there is none."""
         qvi, zones, scales, found = self.known.qvi, self._zones, self.known.scales, 0.0
         across, slip = c - goal
-        pushed = np.abs(across + self._turned * slip) + _either_way(self.state) * np.abs(slip)
+        either = _either_way(self.state, self.errors.shares)
+        pushed = np.where(either > 0.0, np.abs(across) + either * np.abs(slip), np.abs(across + self._turned * slip))
         moved = (scales.displacement * part for part in (pushed, slip))
         normal, shear = (scales.stress * (rows @ change).reshape(zones.room.shape) for rows in (qvi.N, qvi.T))
         units = np.repeat([scales.displacement, max(float(np.abs(normal).max()), _FAINT * scales.stress)], 2)
