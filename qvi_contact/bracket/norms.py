@@ -342,10 +342,7 @@ def friction_norm(
     if np.isnan(value):
         return FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
     if value >= LARGEST:
-        reason = (
-            f"The bounds need a norm of the friction operator below 2. Here it is {value:.3g}. Take the estimate of "
-            "`refine`, which needs none."
-        )
+        reason = f"The bounds need a norm of the friction operator below 2. Here it is {value:.3g}."
     return FrictionNorm(value, False, reason, stopped)
 
 
