@@ -85,12 +85,15 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
     and along one whole side at right angles to these v_a = 0. θ is ±μ s on the contacts, and linear along b, see (D29).
     """
     mesh, boundary, ratio = problem.mesh, problem.mesh.boundary, one_ratio(problem)
-    corners, directions = mesh.vertices[np.unique(mesh.cells)], held_directions(problem)
-    low, high, axis = corners.min(axis=0), corners.max(axis=0), np.argmax(np.abs(boundary.normal), axis=1)
-    every = np.arange(len(axis))
-    end, ends = boundary.normal[every, axis] > 0.0, mesh.vertices[np.stack([boundary.first, boundary.second], axis=1)]
+    first = mesh.edges(next(filter(has_coulomb, problem.contacts)).edges)
+    turn = np.column_stack([first.tangent[0], first.normal[0]])  # to axes along a contact and across it
+    normals, directions = boundary.normal @ turn, [each @ turn for each in held_directions(problem)]
+    vertices, along = mesh.vertices @ turn, boundary.tangent @ turn[:, 0]
+    corners, axis = vertices[np.unique(mesh.cells)], np.argmax(np.abs(normals), axis=1)
+    low, high, every = corners.min(axis=0), corners.max(axis=0), np.arange(len(axis))
+    end, ends = normals[every, axis] > 0.0, vertices[np.stack([boundary.first, boundary.second], axis=1)]
     away = np.abs(ends.mean(axis=1) - np.where(end[:, None], high, low))[every, axis]
-    vectors = np.concatenate([boundary.normal, *directions])
+    vectors = np.concatenate([normals, *directions])
     slanted = not np.allclose(np.abs(vectors).max(axis=1), 1.0, rtol=0.0, atol=_PLACE)
     if ratio is None or slanted or away.max() > _PLACE * (high - low).max():
         return np.inf
@@ -106,7 +109,7 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
             rubs[index], steps[index] = True, share.friction * share.steepest()
         elif contact.law != "tied":
             pressed[index], rough[index] = True, bears_shear(contact)
-    if len(set(axis[rubs])) != 1:
+    if len(set(axis[rubs])) != 1 or (along[rubs] < 0.0).any():
         return np.inf
     b = int(axis[rubs][0])
     a, extent = 1 - b, high - low
