@@ -3,33 +3,36 @@
 R takes displacements v of W, which vanish where displacements are prescribed, to W. On contacts with Coulomb friction
 (Rv)_N = μ s v_T, s the share, and (Rv)_T = 0. On the others it has no normal part, and no tangential part where they
 bear shear. Any such R with RR = 0 serves: on rectangles Rv = θ v_a e_b, on star-shaped bodies Rv = η v_t n, whose norms
-are proved; elsewhere that of finite elements with the least energy, without the motions that friction alone stops.
+are proved; elsewhere that of finite elements with the least energy, without the motions that contacts alone stop.
 
 In `docs/theory.md`: (D26), (D28), (D29), (D30), (D32), (D39).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Final
+from types import MappingProxyType
+from typing import Final, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg import eigh, null_space, orth, qr
+from scipy.linalg import eigh, orth, qr
 from scipy.sparse.linalg import spsolve
 
 from qvi_contact.basics.checks import BoolArray, FloatArray
 from qvi_contact.bracket.share import Share, bodies_of, held_directions, shares_on, spans
 from qvi_contact.companion.body import Elasticity
 from qvi_contact.companion.contact import DisplacementContact
-from qvi_contact.companion.model import MOST, SINGULAR, BodyAtRest, solutions
+from qvi_contact.companion.model import MOST, SINGULAR, BodyAtRest, least_energy, solutions
 from qvi_contact.discretization.displacements import PARALLEL, DisplacementSpace, reference_matrices, triangle
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element.edge import bernstein_basis, bernstein_from_values, lobatto_points, product_integrals
 from qvi_contact.errors import InputError
+from qvi_contact.mechanism.bodies import blocks_of_cells
+from qvi_contact.mechanism.mechanism import null_space
 from qvi_contact.problem.conditions import bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 
@@ -82,12 +85,15 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
     and along one whole side at right angles to these v_a = 0. θ is ±μ s on the contacts, and linear along b, see (D29).
     """
     mesh, boundary, ratio = problem.mesh, problem.mesh.boundary, one_ratio(problem)
-    corners, directions = mesh.vertices[np.unique(mesh.cells)], held_directions(problem)
-    low, high, axis = corners.min(axis=0), corners.max(axis=0), np.argmax(np.abs(boundary.normal), axis=1)
-    every = np.arange(len(axis))
-    end, ends = boundary.normal[every, axis] > 0.0, mesh.vertices[np.stack([boundary.first, boundary.second], axis=1)]
+    first = mesh.edges(next(filter(has_coulomb, problem.contacts)).edges)
+    turn = np.column_stack([first.tangent[0], first.normal[0]])  # to axes along a contact and across it
+    normals, directions = boundary.normal @ turn, [each @ turn for each in held_directions(problem)]
+    vertices, along = mesh.vertices @ turn, boundary.tangent @ turn[:, 0]
+    corners, axis = vertices[np.unique(mesh.cells)], np.argmax(np.abs(normals), axis=1)
+    low, high, every = corners.min(axis=0), corners.max(axis=0), np.arange(len(axis))
+    end, ends = normals[every, axis] > 0.0, vertices[np.stack([boundary.first, boundary.second], axis=1)]
     away = np.abs(ends.mean(axis=1) - np.where(end[:, None], high, low))[every, axis]
-    vectors = np.concatenate([boundary.normal, *directions])
+    vectors = np.concatenate([normals, *directions])
     slanted = not np.allclose(np.abs(vectors).max(axis=1), 1.0, rtol=0.0, atol=_PLACE)
     if ratio is None or slanted or away.max() > _PLACE * (high - low).max():
         return np.inf
@@ -103,7 +109,7 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
             rubs[index], steps[index] = True, share.friction * share.steepest()
         elif contact.law != "tied":
             pressed[index], rough[index] = True, bears_shear(contact)
-    if len(set(axis[rubs])) != 1:
+    if len(set(axis[rubs])) != 1 or (along[rubs] < 0.0).any():
         return np.inf
     b = int(axis[rubs][0])
     a, extent = 1 - b, high - low
@@ -253,8 +259,8 @@ LARGEST: Final = 2.0
 """The norm s from which on nothing is bounded."""
 
 UNHELD: Final = (
-    "Friction alone holds a body along its contacts, and {}. Its errors are not bounded: hold the body along a "
-    "contact if there is a support in reality."
+    "Contacts alone hold a body, and {}. Its errors are not bounded: refine the mesh, or hold the body along a contact "
+    "if there is a support in reality."
 )
 _DEGREE: Final = 3  # of displacements by which a norm is computed
 _USEFUL: Final = 1.6  # norm up to which proved bounds are not many times as large as errors
@@ -262,7 +268,8 @@ _MOTIONS: Final = 3  # up to which every sense of each has a norm of its own
 _PARTS: Final = (1.0, 0.5, 0.25, 0.125)  # of the friction that is left which are tried: the norm grows with it,
 _NEARLY: Final = 0.75  # share of the largest reach that is enough
 _ALIKE: Final = 1e-6  # of a motion's largest slip: edges that it moves alike
-_STOPS: Final = 1e-6  # of the largest friction times slip: what stops a motion
+_STOPS: Final = 1e-6  # of the largest friction times slip, or pressure times opening: what stops a motion
+_PIECES: Final = (1, 2, 3)  # into which contacts that press are cut
 
 
 def coercivity(s: float) -> float:
@@ -292,7 +299,7 @@ def defect_bound(residual: float, defect: float, s: float) -> float:
 class FrictionNorm:
     """A number that |R| does not exceed, infinite where there is none.
 
-    Unless it is `proved`, finite elements found it, on one mesh; `reason` says so in words. Where friction alone stops
+    Unless it is `proved`, finite elements found it, on one mesh; `reason` says so in words. Where contacts alone stop
     motions (`stopped`), R acts on displacements without them.
     """
 
@@ -314,17 +321,23 @@ class FrictionNorm:
         return computed_norm(problem, shares, self.stopped) * error**2 + moved
 
 
-def friction_norm(problem: ContactProblem, shares: Mapping[str, Share], unit: float = 1.0) -> FrictionNorm:
+def friction_norm(
+    problem: ContactProblem,
+    shares: Mapping[str, Share],
+    unit: float = 1.0,
+    pressures: Mapping[str, FloatArray] = MappingProxyType({}),
+) -> FrictionNorm:
     """The least proved norm where there is one below 1.6, else that of finite elements; nothing is proved with arcs.
 
-    Of several bodies it is the largest of the norms that each has alone. Weights of shares have the unit [stress].
+    Of several bodies it is the largest of the norms that each has alone. Weights of shares have the unit [stress], as
+    have `pressures`: by contact that may open |τ_N| (edges, q) where v touches the obstacle on the whole edge, else 0.
     """
     value = proved_norm(problem, shares)
     if value < _USEFUL:
         return FrictionNorm(value, True, f"The norm of the friction operator is at most {value:.4g}.")
     value, stopped = computed_norm(problem, shares), None
     if value == np.inf:
-        found = _ENERGIES[problem].stopped(problem, shares, unit)
+        found = _ENERGIES[problem].stopped(problem, shares, pressures, unit)
         if isinstance(found, str):
             return FrictionNorm(np.inf, False, UNHELD.format(found))
         value, stopped = found.norm, found
@@ -347,26 +360,27 @@ def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], stopped:
     known = _ENERGIES[problem]
     if not len(known.below):
         return float("nan") if known.slips.any() else 0.0
-    if stopped is None and known.unstrained.shape[1]:
+    if stopped is None and np.abs(known.slipped).max(initial=0.0) > _ALIKE:
         return float("inf")
-    return known.norm(known.image(shares), known.attained if stopped is None else stopped.others)
+    known = known if stopped is None else stopped.energies
+    return known.norm(known.image(shares))
 
 
 @dataclass(frozen=True, eq=False)
 class Stopped:
-    """Motions d_k without strain that friction alone stops, 1 ≤ k ≤ j.
+    """Motions d_k without strain that contacts alone stop, 1 ≤ k ≤ j.
 
-    Each moves one group of edges by the slip 1, the others of the j groups not at all. With a part ω of the friction
-    that is left where contacts stick, t_k is the mean of the slip of e = u − v over its group with the weight ω. (D39)
-    holds for every solution with |σ − τ| < `reach`, and R for s + ω/B, with the senses of the t_k, in place of s.
+    Each moves one group of edges by 1 in the mean, the others of the j groups not at all. A group is stopped by a part
+    ω of the friction that is left where contacts stick, or by the pressure ω of contacts that may open; t_k is the mean
+    over it, with the weight ω, of the slip of e = u − v, or of −e_N. (D39) holds for every solution with |σ − τ| <
+    `reach`, and R for s + ω/B, with the senses of the t_k, in place of s.
     """
 
     norm: float  # the largest norm of such R on displacements with means 0, for all senses
-    others: FloatArray  # (n, n − j): basis of the slips with means 0
     motions: FloatArray  # (n, j): slips d_k
     masses: FloatArray  # (j,): M_k = ∫ ω ds over the group [energy per unit of displacement]
     images: FloatArray  # (j,): the largest |R d_k| for all senses [√energy per unit of displacement]
-    energies: _Energies
+    energies: _Energies  # of displacements with means 0
     energy: float
 
     @property
@@ -380,6 +394,19 @@ class Stopped:
         return float(error * defect * (sizes / (self.masses - error * self.images)).max())
 
 
+class _Group(NamedTuple):
+    """A group of edges: the functional ∫ ω e ds of w (k,), ∫ ω ds, and what is stopped how.
+
+    `ways` are ±1 on edges whose friction stops by contact, else 0, and empty where pressure does; `rough` says whether
+    that is pressure of a contact with friction.
+    """
+
+    row: FloatArray
+    mass: float
+    ways: Mapping[str, FloatArray]
+    rough: bool
+
+
 @dataclass(frozen=True, eq=False)
 class _Energies:
     """Least energies of displacements by what they are on contacts with Coulomb friction."""
@@ -388,36 +415,50 @@ class _Energies:
     # slips, presses, (n,) each: coefficients along and across contacts with Coulomb friction that can change
     slips: BoolArray
     presses: BoolArray
+    B: FloatArray  # (2 n, k): coefficients from w_Γ
+    held: FloatArray  # (h, k): rows that vanish, of what is tied or keeps its distance
+    stiffness: FloatArray  # (k, k): S
+    motions: FloatArray  # (k, j): w without energy, with the largest coefficient 1
     # below, part: energies of given slips, and of given normal parts without tangential ones; empty where they are too
     # many
     below: FloatArray
     part: FloatArray
     attained: FloatArray  # basis of the slips of displacements: where contacts meet they are the same, or tied to 0
-    unstrained: FloatArray  # basis of those without energy
 
     @classmethod
     def of(cls, problem: ContactProblem) -> _Energies:
         """By displacements on the mesh."""
         known = BodyAtRest.of(problem, _DEGREE)
-        n, traces, none = known.contacts.count, known.contacts.traces, np.zeros((0, 0))
+        n, B, traces, none = known.contacts.count, known.B, known.contacts.traces, np.zeros((0, 0))
         coulomb, tied, rough = known.contacts.where(has_coulomb), known.contacts.tied, known.contacts.where(bears_shear)
-        slips, presses, nowhere = coulomb & known.live[n:], coulomb & known.live[:n], np.zeros(n, dtype=bool)
+        slips, presses = coulomb & known.live[n:], coulomb & known.live[:n]
+        held = B[np.append(known.contacts.bilateral, tied) & known.live]
+        motions = known.body.R / max(float(np.abs(B @ known.body.R).max(initial=0.0)), _ALIKE)
+        motions = motions @ null_space(held @ motions, _ALIKE)
+        found = cls(traces, slips, presses, B, held, known.body.S, motions, none, none, none)
         if len(known.live) > MOST:
-            return cls(traces, slips, presses, none, none, none, none)
-        below = known.least_energy(np.concatenate([nowhere, slips]), np.concatenate([tied, tied]))
-        part = known.least_energy(np.concatenate([presses, nowhere]), np.concatenate([~presses, rough | tied]))
-        moved = known.B[np.concatenate([nowhere, slips])] @ solutions(known.B[np.tile(tied, 2) & known.live])[1]
-        attained = orth(moved, SINGULAR)
-        values, vectors = np.linalg.eigh(attained.T @ below @ attained)
-        unstrained = attained @ vectors[:, values <= SINGULAR * values[-1:]]
-        return cls(traces, slips, presses, below, part, attained, unstrained)
+            return found
+        part = least_energy(known.body.S, B[:n][presses], B[np.append(~presses, rough | tied) & known.live])
+        return replace(found, part=part).without(held[:0])
 
-    def norm(self, image: FloatArray, basis: FloatArray) -> float:
-        """The norm on slips with a basis of what turns slips into normal parts."""
+    def without(self, rows: FloatArray) -> _Energies:
+        """The same of displacements on which functionals (r, k) vanish, too."""
+        zero, slips = np.vstack([self.held, rows]), self.B[len(self.slips) :][self.slips]
+        attained = orth(slips @ solutions(zero)[1], SINGULAR)
+        return replace(self, below=least_energy(self.stiffness, slips, zero), attained=attained)
+
+    @property
+    def slipped(self) -> FloatArray:
+        """Slips of the motions without energy (n, j)."""
+        return np.asarray(np.where(self.slips[:, None], self.B[len(self.slips) :] @ self.motions, 0.0))
+
+    def norm(self, image: FloatArray) -> float:
+        """The norm of what turns slips into normal parts."""
         if not image.any():
             return 0.0
-        turned = image @ basis
-        largest = eigh(turned.T @ self.part @ turned, basis.T @ self.below @ basis, eigvals_only=True)[-1]
+        turned = image @ self.attained
+        below = self.attained.T @ self.below @ self.attained
+        largest = eigh(turned.T @ self.part @ turned, below, eigvals_only=True)[-1]
         return float(np.sqrt(max(float(largest), 0.0)))
 
     def sizes(self, slips: FloatArray, shares: Mapping[str, Share]) -> FloatArray:
@@ -438,78 +479,118 @@ class _Energies:
                 turned[columns[:, :, None], columns[:, None, :]] = blocks
         return turned[np.ix_(self.presses, self.slips)]
 
-    def stopped(self, problem: ContactProblem, shares: Mapping[str, Share], unit: float) -> Stopped | str:
-        """What stops the motions without strain, or why nothing does. Weights of shares have the unit [stress]."""
-        scales, count, moved = Scales.of(problem), self.unstrained.shape[1], np.zeros((len(self.slips), 1))
-        motions = self.unstrained / np.abs(self.unstrained).max()
-        moved[self.slips] = np.abs(motions).max(axis=1, keepdims=True)
-        moving = [each for each in self.traces if each.name in shares and moved[each.here].max() > _ALIKE]
-        curved = [repr(trace.name) for trace in moving if trace.edges.curved]
-        if curved:
-            return f"it touches along the arcs of {' and '.join(curved)}"
-        keys, means, ways = self._groups(motions, shares, unit / scales.stress)
-        masses = (means * (motions @ keys.T).T).sum(axis=1) / np.maximum((keys**2).sum(axis=1), _ALIKE**2)
-        _, size, order = qr((masses[:, None] * keys).T, pivoting=True)
-        if len(keys) < count or not abs(size[count - 1, count - 1]) > _STOPS * abs(size[0, 0]):
-            bears = {name: bool((share.room * share.weights).any()) for name, share in shares.items()}
-            names = [repr(each.name) for each in moving if not bears[each.name]] or [repr(each.name) for each in moving]
-            return f"no part of {' and '.join(names)} sticks that would hold it"
-        chosen = order[:count]
-        means, d = means[chosen], motions @ np.linalg.inv(keys[chosen])
-        masses, image = np.diag(means @ d), self.image(shares)
-        others = self.attained @ null_space(means @ self.attained)
+    def stopped(
+        self, problem: ContactProblem, shares: Mapping[str, Share], pressures: Mapping[str, FloatArray], unit: float
+    ) -> Stopped | str:
+        """What stops the motions without strain, or why nothing does. Weights and pressures have the unit [stress].
+
+        Friction alone, else pressure too, of contacts cut into as many pieces as make the reach large.
+        """
+        scales, moved = Scales.of(problem), np.abs(self.slipped).max(axis=1)
+        unit /= scales.stress
+        friction = list(self._by_friction(shares, unit))
+        found = self._stopped(shares, friction, scales.energy)
+        if found is None:
+            cut = (self._by_pressure(problem, pressures, pieces, unit) for pieces in _PIECES)
+            tried = [self._stopped(shares, [*friction, *each], scales.energy) for each in cut]
+            found = max(filter(None, tried), key=lambda each: each.reach, default=None)
+        if found is None:
+            moving = [each.name for each in self.traces if each.name in shares and moved[each.here].max() > _ALIKE]
+            loose = [name for name in moving if not (shares[name].room * shares[name].weights).any()]
+            names = " and ".join(map(repr, loose or moving))
+            return f"no part of {names} sticks that would hold it, nor does pressure"
+        return found
+
+    def _stopped(self, shares: Mapping[str, Share], groups: Sequence[_Group], energy: float) -> Stopped | None:
+        """What some of the groups stop, if they stop all."""
+        if not groups:
+            return None
+        slipped, moves = self.slipped[self.slips], np.array([each.row for each in groups]) @ self.motions
+        _, size, order = qr(moves.T, pivoting=True)
+        most = float(np.abs(size[0, 0]))
+        chosen = order[: int((np.abs(np.diag(size)) > _STOPS * most).sum())]
+        if np.abs(slipped @ null_space(moves[chosen] / most, _STOPS)).max(initial=0.0) > _ALIKE:
+            return None
+        image, kept = self.image(shares), [groups[k] for k in chosen]
+        masses = np.array([each.mass for each in kept])
+        d = slipped @ np.linalg.pinv(moves[chosen] / masses[:, None])
         turned = []  # what friction left on each group turns into
-        for k in chosen:
-            left = {name: replace(share, values=ways[name][k, :, None] * share.room) for name, share in shares.items()}
-            turned.append(self.image(left))
+        for each in kept:
+            left = {name: way[:, None] * shares[name].room for name, way in each.ways.items()}
+            turned.append(self.image({name: replace(shares[name], values=own) for name, own in left.items()}))
+        sticks = np.array([bool(each.ways) for each in kept])
 
         def sizes(part: float) -> FloatArray:
             """The larger |R d_k| of both senses of d_k, dimensionless: the other groups it does not move."""
-            both = ((image + sense * part * own) @ d[:, k] for k, own in enumerate(turned) for sense in (1.0, -1.0))
-            found = np.array([np.sqrt(max(v @ self.part @ v, 0.0)) for v in both])
+            both = [(image + sense * part * own) @ d[:, k] for k, own in enumerate(turned) for sense in (1.0, -1.0)]
+            found = np.sqrt(np.maximum((np.array(both) @ self.part * both).sum(axis=1), 0.0))
             return np.asarray(np.maximum(found[::2], found[1::2]))
 
-        reaches = {part: float((part * masses / np.maximum(sizes(part), 1e-300)).min()) for part in _PARTS}
+        weighed = {part: np.where(sticks, part, 1.0) * masses for part in _PARTS}
+        reaches = {part: float((own / np.maximum(sizes(part), 1e-300)).min()) for part, own in weighed.items()}
         part = min(part for part in _PARTS if reaches[part] >= _NEARLY * max(reaches.values()))
-        if count <= _MOTIONS:
-            senses = product((part, -part), repeat=count)
-            norm = max(self.norm(image + np.tensordot(each, turned, axes=1), others) for each in senses)
+        others = self.without(np.array([each.row / np.abs(each.row).max() for each in kept]))
+        ways = [own for own, each in zip(turned, kept, strict=True) if each.ways]
+        if len(ways) <= _MOTIONS:
+            senses = product((part, -part), repeat=len(ways))
+            norm = max(others.norm(image + np.tensordot(each, ways, axes=1) if ways else image) for each in senses)
         else:  # |Σ ± R_k v| ≤ √j (Σ |R_k v|²)^½
-            work = sum(own.T @ self.part @ own for own in turned)
-            largest = eigh(others.T @ work @ others, others.T @ self.below @ others, eigvals_only=True)[-1]
-            norm = self.norm(image, others) + part * float(np.sqrt(count * largest))
-        energy = scales.energy
-        return Stopped(norm, others, d, part * energy * masses, np.sqrt(energy) * sizes(part), self, energy)
+            basis, work = others.attained, sum(own.T @ self.part @ own for own in ways)
+            largest = eigh(basis.T @ work @ basis, basis.T @ others.below @ basis, eigvals_only=True)[-1]
+            norm = others.norm(image) + part * float(np.sqrt(len(ways) * largest))
+        images = np.sqrt(energy) * sizes(part)
+        rough = np.array([each.rough for each in kept])
+        if images[rough].max(initial=0.0) > _STOPS * images.max():
+            norm *= 2.0  # RR = 0 does not hold any more: a(e, Re) ≤ r |e|², not half of it
+        return Stopped(norm, d, energy * weighed[part], images, others, energy)
 
-    def _groups(
-        self, motions: FloatArray, shares: Mapping[str, Share], unit: float
-    ) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-        """Groups of edges that motions (n, j) move alike, or against each other.
-
-        What these do to each group (g, j), the functionals ∫ ± ω x_T ds (g, n), and ±1 on its edges by contact, else 0.
-        """
-        traces = [each for each in self.traces if each.name in shares]
-        keys, means = list[FloatArray](), list[FloatArray]()
-        moved = np.zeros((len(self.slips), motions.shape[1]))
-        moved[self.slips] = motions
+    def _by_friction(self, shares: Mapping[str, Share], unit: float) -> Iterator[_Group]:
+        """Straight edges that motions without strain move alike, or against each other, stopped where they stick."""
+        traces = [each for each in self.traces if each.name in shares and not each.edges.curved]
+        keys, means, masses = list[FloatArray](), list[FloatArray](), list[FloatArray]()
         for trace in traces:
             share, columns = shares[trace.name], trace.start + trace.columns
             products = product_integrals(share.values.shape[1] - 1, columns.shape[1] - 1)
-            works = unit * trace.lengths[:, None] * trace.turned * (share.room * share.weights @ products)
+            weights = unit * trace.lengths[:, None] * (share.room * share.weights @ products)
             own = np.zeros((len(columns), len(self.slips)))  # ∫ ω x_T ds on each edge
-            np.add.at(own, (np.arange(len(columns))[:, None], columns), works)
-            means.append(own[:, self.slips])
-            keys.append((trace.turned[..., None] * moved[columns]).mean(axis=1))
-        every = np.concatenate(keys)
+            np.add.at(own, (np.arange(len(columns))[:, None], columns), trace.turned * weights)
+            means.append(own @ self.B[len(self.slips) :])
+            masses.append(weights.sum(axis=1))
+            keys.append((trace.turned[..., None] * self.slipped[columns]).mean(axis=1))
+        if not traces:
+            return
+        every, row, mass = (np.concatenate(parts) for parts in (keys, means, masses))
         every[np.abs(every) < _ALIKE] = 0.0  # what a motion does not move is rounding
         alike, against = (np.abs(every[:, None] - way * every).max(axis=2) < _ALIKE for way in (1.0, -1.0))
         first = (alike | against).argmax(axis=1)  # of its group
         ways = np.where(np.take_along_axis(alike, first[:, None], axis=1)[:, 0], 1.0, -1.0)
-        groups = np.unique(first)
-        ways = np.where(first == groups[:, None], ways, 0.0)
         ends = np.cumsum([len(part) for part in keys])[:-1]
-        by_name = {trace.name: part for trace, part in zip(traces, np.split(ways, ends, axis=1), strict=True)}
-        return every[groups], ways @ np.concatenate(means), by_name
+        for group in np.unique(first[(mass > 0.0) & every.any(axis=1)]):
+            way = np.where(first == group, ways, 0.0)
+            by_name = {trace.name: part for trace, part in zip(traces, np.split(way, ends), strict=True)}
+            yield _Group(way @ row, float(np.abs(way) @ mass), by_name, rough=False)
+
+    def _by_pressure(
+        self, problem: ContactProblem, pressures: Mapping[str, FloatArray], pieces: int, unit: float
+    ) -> Iterator[_Group]:
+        """What presses a body, by contact and by the body beyond it, cut along its line into pieces that bear alike."""
+        body = np.append(blocks_of_cells(problem), -1)
+        for trace in (each for each in self.traces if each.name in pressures):
+            pressure, columns = pressures[trace.name], trace.start + trace.columns
+            products = product_integrals(pressure.shape[1] - 1, columns.shape[1] - 1)
+            weights = unit * trace.lengths[:, None] * (pressure @ products)
+            middle, force = trace.places[trace.columns].mean(axis=1), weights.sum(axis=1)
+            beside = np.unique(np.sort(body[trace.edges.cells], axis=1), axis=0, return_inverse=True)[1].ravel()
+            for pair in np.unique(beside[force > 0.0]):
+                edges = np.flatnonzero((beside == pair) & (force > 0.0))
+                away = middle[edges] - np.average(middle[edges], axis=0, weights=force[edges])
+                edges = edges[np.argsort(away @ np.linalg.eigh((away * force[edges, None]).T @ away)[1][:, -1])]
+                before = np.cumsum(force[edges]) - force[edges] / 2.0
+                for here in (edges[pieces * before // force[edges].sum() == piece] for piece in range(pieces)):
+                    own = np.zeros(len(self.slips))
+                    np.add.at(own, columns[here], -weights[here])
+                    if len(here):
+                        yield _Group(own @ self.B[: len(own)], force[here].sum(), {}, has_coulomb(trace.contact))
 
 
 _ENERGIES: WeakKeyDictionary[ContactProblem, _Energies] = WeakKeyDictionary()

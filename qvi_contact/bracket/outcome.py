@@ -34,7 +34,7 @@ class Uniqueness:
 
     `apart` is the largest distance of two solutions in the energy norm of stresses, over that of the computed stress: 0
     where there is one only, infinite where nothing is known. `certainty` says whether that is proved, `message` how
-    near to the computed one these solutions are where friction alone holds a body.
+    near to the computed one these solutions are where contacts alone hold a body.
     """
 
     apart: float
@@ -176,7 +176,9 @@ class Bracket:
             error = f", stresses within {100 * self.relative_error:.2g} % of their energy norm"
         text = f"{what} {self.kind.value}: {bounds}{error}."
         why = "" if self.coulomb is None else self.coulomb.message
-        said = dict.fromkeys((text, *map(units.filled, (*self.reasons, self.coulomb_reason, why))))
+        remedy = "`refine` estimates errors all the same."
+        last = "" if self.kind is BracketKind.PROBLEM else remedy
+        said = dict.fromkeys((text, *map(units.filled, (*self.reasons, self.coulomb_reason, why)), last))
         return " ".join(filter(None, said))
 
 

@@ -125,12 +125,16 @@ class DisplacementContact:
         return np.asarray(found, dtype=np.float64)
 
     def slipping_on(self, edges: FloatArray) -> FloatArray:
-        """`Contacts.slipping` (n,) from what each edge says (e,), along its own tangent; 0 where edges do not agree."""
-        here = np.where(np.isnan(edges)[:, None], np.inf, self.turned * edges[:, None])
+        """`Contacts.slipping` (n,) from what each edge says (e,), along its own tangent; 0 where edges do not agree.
+
+        What is free on one edge is as the other one says.
+        """
+        told = ~np.isnan(edges)
+        columns, here = self.columns[told], (self.turned * edges[:, None])[told]
         least, most = np.full(self.count, np.inf), np.full(self.count, -np.inf)
-        np.minimum.at(least, self.columns, here)
-        np.maximum.at(most, self.columns, here)
-        return np.where(least == most, np.where(np.isinf(least), np.nan, least), 0.0)
+        np.minimum.at(least, columns, here)
+        np.maximum.at(most, columns, here)
+        return np.where(least > most, np.nan, np.where(least == most, least, 0.0))
 
     def law(self, reasons: list[str]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """μ_i, c_i and the cap (n,); c_i is the whole bound, and μ_i zero, where the bound is given."""
