@@ -192,8 +192,6 @@ class Anderson:
         self._arguments.append(s)
         self._residuals.append(residual)
         damped: Vector = np.maximum(s + self.mixing * residual, 0.0)
-        if len(self._residuals) == 1:
-            return damped
         residuals = np.array(self._residuals)
         differences = self._root * (residuals[:-1] - residual)
         alpha = np.linalg.lstsq(differences.T, -self._root * residual, rcond=_CONDITION)[0]

@@ -470,8 +470,6 @@ def _determined(B: FloatArray, contacts: Contacts) -> IntArray:
 
 def groups(B: sparse.csr_array) -> list[IntArray]:
     """Rows that hang together over columns, two or more of them, in ascending order."""
-    if not B.nnz:
-        return []
     row, column = (np.asarray(part, dtype=np.int64) for part in B.nonzero())
     group = linked(row, column + B.shape[0], sum(B.shape))[: B.shape[0]]  # columns come after the rows
     order = np.argsort(group, kind="stable")
