@@ -463,24 +463,16 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
 def _determined(B: FloatArray, contacts: Contacts) -> IntArray:
     """Rows that follow from others: what is tied comes first, then what must not pass an obstacle, then friction."""
     found, rank = list[int](), np.where(np.tile(contacts.tied, 2), 0, np.repeat([1, 2], contacts.count))
-    for rows in groups(sparse.csr_array(B)):
+    row, column = B.nonzero()
+    group = linked(row, column + len(B), sum(B.shape))[: len(B)]  # rows that hang together over columns
+    order = np.argsort(group, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
         ordered = rows[np.argsort(rank[rows], kind="stable")]
         part = B[ordered]
         part = part[:, part.any(axis=0)]
         _, others = independent_rows(part, np.full(len(part), _DEPENDENT))
         found += ordered[list(others)].tolist()
     return np.array(found, dtype=np.int64)
-
-
-def groups(B: sparse.csr_array) -> list[IntArray]:
-    """Rows that hang together over columns, two or more of them, in ascending order."""
-    if not B.nnz:
-        return []
-    row, column = (np.asarray(part, dtype=np.int64) for part in B.nonzero())
-    group = linked(row, column + B.shape[0], sum(B.shape))[: B.shape[0]]  # columns come after the rows
-    order = np.argsort(group, kind="stable")
-    parts = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
-    return [part for part in parts if len(part) > 1]
 
 
 @dataclass(frozen=True, eq=False)

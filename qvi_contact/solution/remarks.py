@@ -315,8 +315,6 @@ def free_motions(result: ContactResult) -> FreeMotions | None:
 
 def _still(motions: FloatArray, rows: FloatArray, least: float) -> FloatArray:
     """The part of the space of orthonormal motions (n, d) on which rows (m, n) are nothing."""
-    if not motions.shape[1]:
-        return motions
     return np.asarray(motions @ null_space(rows @ motions, least))
 
 
