@@ -28,7 +28,6 @@ from qvi_contact.command import report
 from qvi_contact.command.cli import TARGETS
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import ELEMENT_OPTIONS, ProblemFile, SweepPlan, load_problem
-from qvi_contact.problem.conditions import has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.solution.settings import PARAMETERS, RefineOptions, Settings
@@ -199,8 +198,9 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         proved = [] if proof is None else _write_proof(proof, problem, loads, told)
     said, units, missing = report.limit_lines(loads, found, refinement), problem_file.units, {}
     remarks = _meant(problem_file, acts)
-    if acts and found.upper == math.inf and any(map(has_coulomb, problem.contacts)):
-        remarks.append("Under Coulomb friction the body may slide all the same: check a load by qvi-contact solve.")
+    if acts and found.upper == math.inf:
+        but = "Smaller multiples, also 1, may be too small, and under Coulomb friction the body may slide at any"
+        remarks.append(f"{but}: check a load by qvi-contact solve.")
     said += remarks
     if found.mechanism is None and found.collapse is None:
         missing["plot"] = "there is no mechanism to draw in"
