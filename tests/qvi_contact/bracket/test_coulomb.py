@@ -582,8 +582,9 @@ class TestFrictionAlone:
             assert f"no part of '{name}' sticks that would hold it. Its errors are not bounded" in found.bracket.message
             assert found.uniqueness.apart == np.inf
         pulled = [Contact("bottom", 0.2), Displacement("top", y=-0.01), Traction("top", x=0.0)]
-        pulled = replace(beside, conditions=[*pulled, Traction("right", 0.004, 0.0), Traction("left", 0.0, 0.0)])
-        assert "The result is not solved: inner infeasible" in solve(pulled, degree=3).bracket.message
+        pulled += [Traction("right", 0.004, 0.0), Traction("left", 0.0, 0.0)]
+        words = solve(replace(beside, conditions=pulled), degree=3).bracket.message.partition("no bound of the energy.")
+        assert words[2].endswith("The result is not solved: inner infeasible.")
         assert "Here it is 2.71." in solve(self.block(2.0, 0.5), degree=4).bracket.message
         even = replace(self.block(0.5, 0.0), material=Material(1.0, 0.0))  # what would stop it is a rigid motion
         assert solve(even, degree=4).bracket.coulomb.reach == np.inf
