@@ -372,7 +372,7 @@ class Stopped:
     @property
     def reach(self) -> float:
         """S* = min M_k/|R d_k| [√energy]."""
-        return float((self.masses / np.maximum(self.images, 1e-300)).min())
+        return float((self.masses / np.maximum(self.images, 1e-200 * self.masses)).min())
 
     def work(self, shares: Mapping[str, Share], error: float, defect: float) -> float:
         """No less than ∫ (σ − τ) : ε(Σ t_k R d_k) for the R of other shares, by F and δ + ρ²/(4α)."""
@@ -469,7 +469,7 @@ class _Energies:
             found = np.array([np.sqrt(max(v @ self.part @ v, 0.0)) for v in both])
             return np.asarray(np.maximum(found[::2], found[1::2]))
 
-        reaches = {part: float((part * masses / np.maximum(sizes(part), 1e-300)).min()) for part in _PARTS}
+        reaches = {part: float((part * masses / np.maximum(sizes(part), 1e-200 * masses)).min()) for part in _PARTS}
         part = min(part for part in _PARTS if reaches[part] >= _NEARLY * max(reaches.values()))
         if count <= _MOTIONS:
             senses = product((part, -part), repeat=count)
