@@ -386,7 +386,7 @@ class Stopped:
     @property
     def reach(self) -> float:
         """S* = min M_k/|R d_k| [√energy]."""
-        return float((self.masses / np.maximum(self.images, 1e-300)).min())
+        return float((self.masses / np.maximum(self.images, 1e-200 * self.masses)).min())
 
     def work(self, shares: Mapping[str, Share], error: float, defect: float) -> float:
         """No less than ∫ (σ − τ) : ε(Σ t_k R d_k) for the R of other shares, by F and δ + ρ²/(4α)."""
@@ -527,7 +527,8 @@ class _Energies:
             return np.asarray(np.maximum(found[::2], found[1::2]))
 
         weighed = {part: np.where(sticks, part, 1.0) * masses for part in _PARTS}
-        reaches = {part: float((own / np.maximum(sizes(part), 1e-300)).min()) for part, own in weighed.items()}
+        least = 1e-200 * masses.max()  # so that no quotient overflows
+        reaches = {part: float((own / np.maximum(sizes(part), least)).min()) for part, own in weighed.items()}
         part = min(part for part in _PARTS if reaches[part] >= _NEARLY * max(reaches.values()))
         others = self.without(np.array([each.row / np.abs(each.row).max() for each in kept]))
         ways = [own for own, each in zip(turned, kept, strict=True) if each.ways]

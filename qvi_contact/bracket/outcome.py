@@ -171,6 +171,8 @@ class Bracket:
             bounds = f"energy below {self.upper:.9g} {units.energy}, no lower bound"
         if not np.isfinite(self.upper):
             bounds = f"energy above {self.lower:.9g} {units.energy}, no upper bound"
+        if not np.isfinite([self.lower, self.upper]).any():
+            bounds = "no bound of the energy"
         error = ", a duality gap larger than the strain energy" if self.strain < self.gap < np.inf else ""
         if self.relative_error <= 1.0:
             error = f", stresses within {100 * self.relative_error:.2g} % of their energy norm"

@@ -542,8 +542,7 @@ class TestFrictionAlone:
 
     @pytest.mark.parametrize(("problem", "reach"), [(block(0.5, 0.1), 0.8), (block(0.3, 0.2), 0.2), (plate(0.4), 0.4)])
     def test_errors_and_forces_of_a_higher_degree_are_within(self, problem, reach):
-        result = solve(problem, degree=4)
-        fine = solve(problem, degree=6)
+        result, fine = solve(problem, degree=4), solve(problem, degree=6)
         found = result.bracket.coulomb
         assert 1.0 <= found.error / energy_apart(result, fine) < 2.5
         assert reach < found.reach < 4.0 * reach
@@ -559,8 +558,7 @@ class TestFrictionAlone:
         stopped, (share,) = found.norm.stopped, found.shares.values()
         np.testing.assert_array_equal(share.room, 1.0 - np.abs(share.values))
         t, weights = gauss_legendre(8)
-        shapes = bernstein(2, t)
-        room = (share.room * share.weights) @ shapes.T  # m B(τ) of all edges, in the unit of the weights
+        room = (share.room * share.weights) @ bernstein(2, t).T  # m B(τ) of all edges, in the unit of the weights
         unit, length = found.stress.discretization.scales, problem.mesh.edges("bottom").length[0]
         parts = stopped.masses[0] / ((room @ weights).sum() * length * unit.stress * unit.displacement)
         assert np.isclose(parts, [1.0, 0.5, 0.25, 0.125], rtol=1e-9).any()
@@ -602,10 +600,12 @@ class TestFrictionAlone:
         pulled = [Contact("bottom", 0.2), Displacement("top", y=-0.01), Traction("top", x=0.0)]
         pulled += [Traction("right", 0.004, 0.0), FREE[0]]
         pulled = ContactProblem(TriangleMesh.rectangle((2, 2)), Material(1.0, 0.3), pulled)
-        assert "The result is not solved: inner infeasible" in solve(pulled, degree=3).bracket.message
+        words = solve(pulled, degree=3).bracket.message.partition("no bound of the energy.")
+        assert words[2].endswith("The result is not solved: inner infeasible.")
         assert "Here it is 2.71." in solve(self.block(2.0, 0.5), degree=4).bracket.message
         even = replace(self.block(0.5, 0.0), material=Material(1.0, 0.0))  # what would stop it is a rigid motion
-        assert solve(even, degree=4).bracket.coulomb.reach == np.inf
+        glued = replace(even, conditions=[Contact("bottom", 0.5, cohesion=1e30), *even.conditions[1:]])
+        assert [solve(each, degree=4).bracket.coulomb.reach for each in (even, glued)] == [np.inf, np.inf]
 
 
 @pytest.mark.parametrize("friction", [0.1, 0.8])
