@@ -93,11 +93,11 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
     low, high, every = corners.min(axis=0), corners.max(axis=0), np.arange(len(axis))
     end, ends = normals[every, axis] > 0.0, vertices[np.stack([boundary.first, boundary.second], axis=1)]
     away = np.abs(ends.mean(axis=1) - np.where(end[:, None], high, low))[every, axis]
-    vectors = np.concatenate([normals, *directions])
+    held = np.array([[spans(each, unit) for unit in np.eye(2)] for each in directions])
+    vectors = np.concatenate([normals, *(directions[edge] for edge in np.flatnonzero(~held.all(axis=1)))])
     slanted = not np.allclose(np.abs(vectors).max(axis=1), 1.0, rtol=0.0, atol=_PLACE)
     if ratio is None or slanted or away.max() > _PLACE * (high - low).max():
         return np.inf
-    held = np.array([[spans(each, unit) for unit in np.eye(2)] for each in directions])
     pressed, rough, rubs = np.zeros((3, len(boundary)), dtype=bool)  # where (Rv)_N = 0, (Rv)_T = 0, and with friction
     theta, steps = np.zeros((len(axis), 3)), np.zeros((len(axis), 16))  # at both ends and at most; see `Share.steepest`
     for contact in problem.contacts:
