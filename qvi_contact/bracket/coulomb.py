@@ -116,8 +116,7 @@ class CoulombBounds:
     def reach(self) -> float:
         """How far from τ solutions are of which the bounds hold, over |τ + η|; infinite where they hold for all."""
         stopped = self.norm.stopped
-        near = np.inf if stopped is None else self._relative(max(stopped.reach - self.moved, 0.0))
-        return np.inf if near >= _FAR else near
+        return np.inf if stopped is None else self._relative(max(stopped.reach - self.moved, 0.0))
 
     def _relative(self, error: float) -> float:
         return error / self.size if self.size > 0.0 else float("inf") if error > 0.0 else 0.0
@@ -159,16 +158,16 @@ def coulomb_bounds(
         return f"No admissible displacement was found: {companion.message}"
     if companion.state.contradiction:
         return companion.state.contradiction
-    if (
-        _opening(companion.state, shares) < -_ROUNDING * max(1.0, float(np.abs(companion.state.c).max(initial=0.0)))
-    ).any():
+    state = companion.state
+    rounding = _ROUNDING * max(1.0, float(np.abs(state.c).max(initial=0.0)))
+    if (_opening(state, shares) < -rounding).any():
         return TOO_NEAR
     fields, before = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
     edges, slack = edge_parts(fields, known, own, own.bound, companion)
     inside = fields.bulk(companion)
     inside += by_cell(problem, {name: part.springs for name, part in edges.items()})
     missed = {name: np.maximum(part.contact, 0.0) + np.maximum(part.friction, 0.0) for name, part in edges.items()}
-    norm = friction_norm(problem, shares, unit, _pressures(companion.state, known, own))
+    norm = friction_norm(problem, shares, unit, _pressures(state, own, known, rounding))
     residual = float(np.sqrt(2.0 * inside.sum()))
     arcs = [lines.take(lines.bent).length for lines in (problem.mesh.boundary, problem.mesh.interior) if lines.curved]
     if arcs:  # an estimate of the energy norm of what is left there: a traction k on an edge h has k h √c
@@ -191,15 +190,15 @@ def coulomb_bounds(
     return CoulombBounds(shares, *parts, result, companion)
 
 
-def _pressures(state: CompanionState, known: Discretization, own: EdgeTractions) -> dict[str, FloatArray]:
+def _pressures(
+    state: CompanionState, own: EdgeTractions, known: Discretization, rounding: float
+) -> dict[str, FloatArray]:
     """The `pressures` of `friction_norm`, in the unit of stress."""
-    opening, found = np.abs(state.c - state.contacts.obstacle), dict[str, FloatArray]()
-    least = _ROUNDING * max(1.0, float(np.abs(state.c).max(initial=0.0)))
+    found, away = dict[str, FloatArray](), np.abs(state.c - state.contacts.obstacle)
     for trace, rows in zip(state.contacts.traces, known.contacts, strict=True):
         if trace.contact.law == "unilateral":
-            touches: BoolArray = np.asarray((opening[trace.start + trace.columns] <= least).all(axis=1))
-            pressure = np.where(touches[:, None], np.maximum(-own.normal[rows.edges], 0.0), 0.0)
-            found[trace.name] = pressure
+            touches = away[trace.start + trace.columns].max(axis=1, keepdims=True) <= rounding
+            found[trace.name] = np.where(touches, np.maximum(-own.normal[rows.edges], 0.0), 0.0)
     return found
 
 
@@ -219,7 +218,6 @@ def _opening(state: CompanionState, shares: Mapping[str, Share]) -> FloatArray:
     return np.asarray(-across - _either_way(state, shares) * np.abs(along))
 
 
-_FAR: Final = 1e6  # |R d_k| comes from squares: of a motion that far it is rounding, and the motion a rigid one
 _CUTS: Final = (1e-6, 3e-2, 0.1, 0.3)
 """Shares of the largest opening, slip, pressure or room below the bound of a contact that count as none.
 

@@ -22,7 +22,7 @@ from scipy import sparse
 from scipy.linalg import eigh, orth, qr
 from scipy.sparse.linalg import spsolve
 
-from qvi_contact.basics.checks import BoolArray, FloatArray
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.bracket.share import Share, bodies_of, held_directions, shares_on, spans
 from qvi_contact.companion.body import Elasticity
 from qvi_contact.companion.contact import DisplacementContact
@@ -31,7 +31,6 @@ from qvi_contact.discretization.displacements import PARALLEL, DisplacementSpace
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element.edge import bernstein_basis, bernstein_from_values, lobatto_points, product_integrals
 from qvi_contact.errors import InputError
-from qvi_contact.mechanism.bodies import blocks_of_cells
 from qvi_contact.mechanism.mechanism import null_space
 from qvi_contact.problem.conditions import bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
@@ -269,6 +268,7 @@ _PARTS: Final = (1.0, 0.5, 0.25, 0.125)  # of the friction that is left which ar
 _NEARLY: Final = 0.75  # share of the largest reach that is enough
 _ALIKE: Final = 1e-6  # of a motion's largest slip: edges that it moves alike
 _STOPS: Final = 1e-6  # of the largest friction times slip, or pressure times opening: what stops a motion
+_RIGID: Final = 1e-10  # of the energy of its coefficients one by one: what strains a body no more does not
 _PIECES: Final = (1, 2, 3)  # into which contacts that press are cut
 
 
@@ -337,7 +337,7 @@ def friction_norm(
         return FrictionNorm(value, True, f"The norm of the friction operator is at most {value:.4g}.")
     value, stopped = computed_norm(problem, shares), None
     if value == np.inf:
-        found = _ENERGIES[problem].stopped(problem, shares, pressures, unit)
+        found = _ENERGIES[problem].stopped(shares, pressures, unit)
         if isinstance(found, str):
             return FrictionNorm(np.inf, False, UNHELD.format(found))
         value, stopped = found.norm, found
@@ -357,13 +357,11 @@ def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], stopped:
     """
     if problem not in _ENERGIES:
         _ENERGIES[problem] = _Energies.of(problem)
-    known = _ENERGIES[problem]
-    if not len(known.below):
-        return float("nan") if known.slips.any() else 0.0
-    if stopped is None and np.abs(known.slipped).max(initial=0.0) > _ALIKE:
-        return float("inf")
-    known = known if stopped is None else stopped.energies
-    return known.norm(known.image(shares))
+    known = _ENERGIES[problem] if stopped is None else stopped.energies
+    if not len(known.part):
+        return np.nan if known.slips.any() else 0.0
+    held = stopped is not None or np.abs(known.slips @ known.motions).max(initial=0.0) <= _ALIKE
+    return known.norm(known.image(shares)) if held else np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -376,99 +374,86 @@ class Stopped:
     `reach`, and R for s + ω/B, with the senses of the t_k, in place of s.
     """
 
-    norm: float  # the largest norm of such R on displacements with means 0, for all senses
     motions: FloatArray  # (n, j): slips d_k
     masses: FloatArray  # (j,): M_k = ∫ ω ds over the group [energy per unit of displacement]
     images: FloatArray  # (j,): the largest |R d_k| for all senses [√energy per unit of displacement]
     energies: _Energies  # of displacements with means 0
-    energy: float
+    norm: float = np.inf  # the largest norm of such R on these, for all senses
 
     @property
     def reach(self) -> float:
-        """S* = min M_k/|R d_k| [√energy]."""
-        return float((self.masses / np.maximum(self.images, 1e-200 * self.masses)).min())
+        """S* = min M_k/|R d_k| [√energy], infinite where all R d_k are rigid motions."""
+        strained = self.images > 0.0
+        return float((self.masses[strained] / self.images[strained]).min(initial=np.inf))
 
     def work(self, shares: Mapping[str, Share], error: float, defect: float) -> float:
         """No less than ∫ (σ − τ) : ε(Σ t_k R d_k) for the R of other shares, by F and δ + ρ²/(4α)."""
-        sizes = self.energies.sizes(self.motions, shares) * np.sqrt(self.energy)
+        sizes = self.energies.sizes(self.energies.image(shares) @ self.motions)
         return float(error * defect * (sizes / (self.masses - error * self.images)).max())
 
 
 class _Group(NamedTuple):
-    """A group of edges: the functional ∫ ω e ds of w (k,), ∫ ω ds, and what is stopped how.
+    """A group of edges, which friction stops or pressure does."""
 
-    `ways` are ±1 on edges whose friction stops by contact, else 0, and empty where pressure does; `rough` says whether
-    that is pressure of a contact with friction.
-    """
-
-    row: FloatArray
-    mass: float
-    ways: Mapping[str, FloatArray]
-    rough: bool
+    row: FloatArray  # ∫ ω e_T ds, or of −e_N, of w (k,)
+    mass: float  # ∫ ω ds
+    left: Mapping[str, Share]  # by contact what friction has left, ± on edges that slip alike or against each other
+    rough: bool = False  # pressure of a contact with friction
 
 
 @dataclass(frozen=True, eq=False)
 class _Energies:
-    """Least energies of displacements by what they are on contacts with Coulomb friction."""
+    """Least energies of displacements by what they are on contacts with Coulomb friction, of all n coefficients."""
 
-    traces: tuple[DisplacementContact, ...]  # the contacts, n coefficients
-    # slips, presses, (n,) each: coefficients along and across contacts with Coulomb friction that can change
-    slips: BoolArray
-    presses: BoolArray
-    B: FloatArray  # (2 n, k): coefficients from w_Γ
+    traces: tuple[DisplacementContact, ...]
+    scales: Scales
+    B: FloatArray  # (2, n, k): coefficients across and along, from w_Γ
+    slips: FloatArray  # (n, k): those along contacts with Coulomb friction, 0 on others
     held: FloatArray  # (h, k): rows that vanish, of what is tied or keeps its distance
     stiffness: FloatArray  # (k, k): S
     motions: FloatArray  # (k, j): w without energy, with the largest coefficient 1
-    # below, part: energies of given slips, and of given normal parts without tangential ones; empty where they are too
-    # many
-    below: FloatArray
+    # (n, n): energies of given normal parts without tangential ones; empty where n is too large, as the others
     part: FloatArray
-    attained: FloatArray  # basis of the slips of displacements: where contacts meet they are the same, or tied to 0
+    attained: FloatArray  # (n, a): basis of the slips of displacements: where contacts meet they are the same, or 0
+    below: FloatArray  # (a, a): energies of given slips in that basis
 
     @classmethod
     def of(cls, problem: ContactProblem) -> _Energies:
         """By displacements on the mesh."""
-        known = BodyAtRest.of(problem, _DEGREE)
-        n, B, traces, none = known.contacts.count, known.B, known.contacts.traces, np.zeros((0, 0))
-        coulomb, tied, rough = known.contacts.where(has_coulomb), known.contacts.tied, known.contacts.where(bears_shear)
-        slips, presses = coulomb & known.live[n:], coulomb & known.live[:n]
-        held = B[np.append(known.contacts.bilateral, tied) & known.live]
-        motions = known.body.R / max(float(np.abs(B @ known.body.R).max(initial=0.0)), _ALIKE)
+        known, none = BodyAtRest.of(problem, _DEGREE), np.zeros((0, 0))
+        contacts, B = known.contacts, known.B.reshape(2, known.contacts.count, -1)
+        coulomb, tied, rough = contacts.where(has_coulomb), contacts.tied, contacts.where(bears_shear)
+        held = known.B[np.append(contacts.bilateral, tied)]
+        motions = known.body.R / max(float(np.abs(known.B @ known.body.R).max(initial=0.0)), _ALIKE)
         motions = motions @ null_space(held @ motions, _ALIKE)
-        found = cls(traces, slips, presses, B, held, known.body.S, motions, none, none, none)
+        presses, slips = coulomb[:, None] * B
+        parts = contacts.traces, Scales.of(problem), B, slips, held, known.body.S, motions
         if len(known.live) > MOST:
-            return found
-        part = least_energy(known.body.S, B[:n][presses], B[np.append(~presses, rough | tied) & known.live])
-        return replace(found, part=part).without(held[:0])
+            return cls(*parts, none, none, none)
+        part = least_energy(known.body.S, presses, known.B[np.append(~coulomb, rough | tied)])
+        return cls(*parts, part, none, none).without(held[:0])
 
     def without(self, rows: FloatArray) -> _Energies:
         """The same of displacements on which functionals (r, k) vanish, too."""
-        zero, slips = np.vstack([self.held, rows]), self.B[len(self.slips) :][self.slips]
-        attained = orth(slips @ solutions(zero)[1], SINGULAR)
-        return replace(self, below=least_energy(self.stiffness, slips, zero), attained=attained)
+        zero = np.vstack([self.held, rows])
+        attained = orth(self.slips @ solutions(zero)[1], SINGULAR)
+        return replace(self, below=least_energy(self.stiffness, attained.T @ self.slips, zero), attained=attained)
 
-    @property
-    def slipped(self) -> FloatArray:
-        """Slips of the motions without energy (n, j)."""
-        return np.asarray(np.where(self.slips[:, None], self.B[len(self.slips) :] @ self.motions, 0.0))
+    def norm(self, *images: FloatArray) -> float:
+        """The norm of what turns slips into normal parts, several counted as legs of one."""
+        turned = (each @ self.attained for each in images if each.any())
+        work = sum((each.T @ self.part @ each for each in turned), np.zeros_like(self.below))
+        return float(np.sqrt(max(float(eigh(work, self.below, eigvals_only=True)[-1]), 0.0))) if work.any() else 0.0
 
-    def norm(self, image: FloatArray) -> float:
-        """The norm of what turns slips into normal parts."""
-        if not image.any():
-            return 0.0
-        turned = image @ self.attained
-        below = self.attained.T @ self.below @ self.attained
-        largest = eigh(turned.T @ self.part @ turned, below, eigvals_only=True)[-1]
-        return float(np.sqrt(max(float(largest), 0.0)))
-
-    def sizes(self, slips: FloatArray, shares: Mapping[str, Share]) -> FloatArray:
-        """|Rv| of slips (n, j), dimensionless."""
-        images = self.image(shares) @ slips
-        return np.asarray(np.sqrt(np.maximum((images * (self.part @ images)).sum(axis=0), 0.0)))
+    def sizes(self, normal: FloatArray) -> FloatArray:
+        """|v| (j,) of normal parts (n, j) [√energy per unit of displacement]; 0 of rigid motions, but for rounding."""
+        squares = (normal * (self.part @ normal)).sum(axis=0)
+        strained = squares > _RIGID * (np.diag(self.part) @ normal**2)
+        return np.sqrt(self.scales.energy * np.where(strained, squares, 0.0))
 
     def image(self, shares: Mapping[str, Share]) -> FloatArray:
         """Normal parts from slips, μ s x."""
-        turned = np.zeros((len(self.slips),) * 2)
+        turned = np.zeros_like(self.part)
         for trace in self.traces:
             if trace.name in shares:
                 share, p = shares[trace.name], trace.columns.shape[1] - 1
@@ -477,121 +462,99 @@ class _Energies:
                 blocks = np.einsum("ij,ej,jk,ek->eik", back, factors, bernstein_basis(p, nodes), trace.turned)
                 columns = trace.start + trace.columns
                 turned[columns[:, :, None], columns[:, None, :]] = blocks
-        return turned[np.ix_(self.presses, self.slips)]
+        return turned
 
-    def stopped(
-        self, problem: ContactProblem, shares: Mapping[str, Share], pressures: Mapping[str, FloatArray], unit: float
-    ) -> Stopped | str:
+    def stopped(self, shares: Mapping[str, Share], pressures: Mapping[str, FloatArray], unit: float) -> Stopped | str:
         """What stops the motions without strain, or why nothing does. Weights and pressures have the unit [stress].
 
         Friction alone, else pressure too, of contacts cut into as many pieces as make the reach large.
         """
-        scales, moved = Scales.of(problem), np.abs(self.slipped).max(axis=1)
-        unit /= scales.stress
-        friction = list(self._by_friction(shares, unit))
-        found = self._stopped(shares, friction, scales.energy)
+        friction, unit = list(self._by_friction(shares)), self.scales.energy * unit / self.scales.stress
+        found = self._stopped(shares, friction, unit)
         if found is None:
-            cut = (self._by_pressure(problem, pressures, pieces, unit) for pieces in _PIECES)
-            tried = [self._stopped(shares, [*friction, *each], scales.energy) for each in cut]
+            cut = (self._by_pressure(pressures, pieces) for pieces in _PIECES)
+            tried = [self._stopped(shares, [*friction, *each], unit) for each in cut]
             found = max(filter(None, tried), key=lambda each: each.reach, default=None)
         if found is None:
+            moved = np.abs(self.slips @ self.motions).max(axis=1)
             moving = [each.name for each in self.traces if each.name in shares and moved[each.here].max() > _ALIKE]
             loose = [name for name in moving if not (shares[name].room * shares[name].weights).any()]
             names = " and ".join(map(repr, loose or moving))
             return f"no part of {names} sticks that would hold it, nor does pressure"
         return found
 
-    def _stopped(self, shares: Mapping[str, Share], groups: Sequence[_Group], energy: float) -> Stopped | None:
-        """What some of the groups stop, if they stop all."""
+    def _stopped(self, shares: Mapping[str, Share], groups: Sequence[_Group], unit: float) -> Stopped | None:
+        """What some of the groups stop, if they stop all; masses have the unit [energy per unit of displacement]."""
         if not groups:
             return None
-        slipped, moves = self.slipped[self.slips], np.array([each.row for each in groups]) @ self.motions
-        _, size, order = qr(moves.T, pivoting=True)
+        rows, slipped = np.array([each.row for each in groups]), self.slips @ self.motions
+        _, size, order = qr((rows @ self.motions).T, pivoting=True)
         most = float(np.abs(size[0, 0]))
         chosen = order[: int((np.abs(np.diag(size)) > _STOPS * most).sum())]
-        if np.abs(slipped @ null_space(moves[chosen] / most, _STOPS)).max(initial=0.0) > _ALIKE:
+        rows, kept = rows[chosen], [groups[k] for k in chosen]
+        if np.abs(slipped @ null_space(rows @ self.motions / most, _STOPS)).max(initial=0.0) > _ALIKE:
             return None
-        image, kept = self.image(shares), [groups[k] for k in chosen]
-        masses = np.array([each.mass for each in kept])
-        d = slipped @ np.linalg.pinv(moves[chosen] / masses[:, None])
-        turned = []  # what friction left on each group turns into
-        for each in kept:
-            left = {name: way[:, None] * shares[name].room for name, way in each.ways.items()}
-            turned.append(self.image({name: replace(shares[name], values=own) for name, own in left.items()}))
-        sticks = np.array([bool(each.ways) for each in kept])
-
-        def sizes(part: float) -> FloatArray:
-            """The larger |R d_k| of both senses of d_k, dimensionless: the other groups it does not move."""
-            both = [(image + sense * part * own) @ d[:, k] for k, own in enumerate(turned) for sense in (1.0, -1.0)]
-            found = np.sqrt(np.maximum((np.array(both) @ self.part * both).sum(axis=1), 0.0))
-            return np.asarray(np.maximum(found[::2], found[1::2]))
-
-        weighed = {part: np.where(sticks, part, 1.0) * masses for part in _PARTS}
-        least = 1e-200 * masses.max()  # so that no quotient overflows
-        reaches = {part: float((own / np.maximum(sizes(part), least)).min()) for part, own in weighed.items()}
-        part = min(part for part in _PARTS if reaches[part] >= _NEARLY * max(reaches.values()))
-        others = self.without(np.array([each.row / np.abs(each.row).max() for each in kept]))
-        ways = [own for own, each in zip(turned, kept, strict=True) if each.ways]
+        masses, sticks = np.array([each.mass for each in kept]), np.array([bool(each.left) for each in kept])
+        d = slipped @ np.linalg.pinv(rows / masses[:, None] @ self.motions)
+        image, turned = self.image(shares), [self.image(each.left) for each in kept]
+        others = self.without(rows / np.abs(rows).max(axis=1, keepdims=True))
+        tried = list[Stopped]()
+        for part in _PARTS:  # the larger |R d_k| of both senses of d_k: the other groups it does not move
+            both = [(image + sense * own) @ d[:, k] for sense in (part, -part) for k, own in enumerate(turned)]
+            images = self.sizes(np.transpose(both)).reshape(2, -1).max(axis=0)
+            tried.append(Stopped(d, unit * np.where(sticks, part, 1.0) * masses, images, others))
+        least = _NEARLY * max(each.reach for each in tried)
+        part, found = [each for each in zip(_PARTS, tried, strict=True) if each[1].reach >= least][-1]
+        ways = [part * own for own, each in zip(turned, kept, strict=True) if each.left]
         if len(ways) <= _MOTIONS:
-            senses = product((part, -part), repeat=len(ways))
-            norm = max(others.norm(image + np.tensordot(each, ways, axes=1) if ways else image) for each in senses)
+            senses = np.array(list(product((1.0, -1.0), repeat=len(ways))))
+            norm = max(others.norm(image + sum(map(np.multiply, each, ways))) for each in senses)
         else:  # |Σ ± R_k v| ≤ √j (Σ |R_k v|²)^½
-            basis, work = others.attained, sum(own.T @ self.part @ own for own in ways)
-            largest = eigh(basis.T @ work @ basis, basis.T @ others.below @ basis, eigvals_only=True)[-1]
-            norm = others.norm(image) + part * float(np.sqrt(len(ways) * largest))
-        images = np.sqrt(energy) * sizes(part)
-        rough = np.array([each.rough for each in kept])
-        if images[rough].max(initial=0.0) > _STOPS * images.max():
-            norm *= 2.0  # RR = 0 does not hold any more: a(e, Re) ≤ r |e|², not half of it
-        return Stopped(norm, d, energy * weighed[part], images, others, energy)
+            norm = others.norm(image) + float(np.sqrt(len(ways))) * others.norm(*ways)
+        # where RR = 0 does not hold, a(e, Re) ≤ r |e|², not half of it
+        return replace(found, norm=2.0 * norm if found.images[[each.rough for each in kept]].any() else norm)
 
-    def _by_friction(self, shares: Mapping[str, Share], unit: float) -> Iterator[_Group]:
+    def _works(self, trace: DisplacementContact, bound: FloatArray, along: int) -> tuple[FloatArray, FloatArray]:
+        """∫ ω e_N ds of w on edges (e, k), or ∫ ω e_T ds `along` them, and ∫ ω ds (e,), by coefficients of ω (e, q)."""
+        columns = trace.start + trace.columns
+        weights = trace.lengths[:, None] * (bound @ product_integrals(bound.shape[1] - 1, columns.shape[1] - 1))
+        own = trace.turned * weights if along else weights
+        return np.einsum("ej,ejk->ek", own, self.B[along, columns]), weights.sum(axis=1)
+
+    def _by_friction(self, shares: Mapping[str, Share]) -> Iterator[_Group]:
         """Straight edges that motions without strain move alike, or against each other, stopped where they stick."""
-        traces = [each for each in self.traces if each.name in shares and not each.edges.curved]
-        keys, means, masses = list[FloatArray](), list[FloatArray](), list[FloatArray]()
-        for trace in traces:
-            share, columns = shares[trace.name], trace.start + trace.columns
-            products = product_integrals(share.values.shape[1] - 1, columns.shape[1] - 1)
-            weights = unit * trace.lengths[:, None] * (share.room * share.weights @ products)
-            own = np.zeros((len(columns), len(self.slips)))  # ∫ ω x_T ds on each edge
-            np.add.at(own, (np.arange(len(columns))[:, None], columns), trace.turned * weights)
-            means.append(own @ self.B[len(self.slips) :])
-            masses.append(weights.sum(axis=1))
-            keys.append((trace.turned[..., None] * self.slipped[columns]).mean(axis=1))
-        if not traces:
+        own = {each.name: each for each in self.traces if each.name in shares and not each.edges.curved}
+        slipped, parts = self.slips @ self.motions, list[tuple[FloatArray, ...]]()
+        for name, trace in own.items():
+            moved = (trace.turned[..., None] * slipped[trace.start + trace.columns]).mean(axis=1)
+            parts.append((moved, *self._works(trace, shares[name].room * shares[name].weights, 1)))
+        if not parts:
             return
-        every, row, mass = (np.concatenate(parts) for parts in (keys, means, masses))
+        every, row, mass = (np.concatenate(each) for each in zip(*parts, strict=True))
         every[np.abs(every) < _ALIKE] = 0.0  # what a motion does not move is rounding
-        alike, against = (np.abs(every[:, None] - way * every).max(axis=2) < _ALIKE for way in (1.0, -1.0))
-        first = (alike | against).argmax(axis=1)  # of its group
-        ways = np.where(np.take_along_axis(alike, first[:, None], axis=1)[:, 0], 1.0, -1.0)
-        ends = np.cumsum([len(part) for part in keys])[:-1]
-        for group in np.unique(first[(mass > 0.0) & every.any(axis=1)]):
-            way = np.where(first == group, ways, 0.0)
-            by_name = {trace.name: part for trace, part in zip(traces, np.split(way, ends), strict=True)}
-            yield _Group(way @ row, float(np.abs(way) @ mass), by_name, rough=False)
+        ways = np.sign(np.take_along_axis(every, (every != 0.0).argmax(axis=1)[:, None], axis=1))  # 0 where all rests
+        first = (np.abs(ways[:, None] * every[:, None] - ways * every).max(axis=2) < _ALIKE).argmax(axis=1)
+        ends = np.cumsum([len(each) for each, *_ in parts])[:-1]
+        for group in np.unique(first[(mass > 0.0) & ways.any(axis=1)]):
+            way = np.where(first == group, ways.T, 0.0)[0]
+            on = zip(own, np.split(way[:, None], ends), strict=True)
+            left = {name: replace(shares[name], values=part * shares[name].room) for name, part in on}
+            yield _Group(way @ row, float(np.abs(way) @ mass), left)
 
-    def _by_pressure(
-        self, problem: ContactProblem, pressures: Mapping[str, FloatArray], pieces: int, unit: float
-    ) -> Iterator[_Group]:
+    def _by_pressure(self, pressures: Mapping[str, FloatArray], pieces: int) -> Iterator[_Group]:
         """What presses a body, by contact and by the body beyond it, cut along its line into pieces that bear alike."""
-        body = np.append(blocks_of_cells(problem), -1)
         for trace in (each for each in self.traces if each.name in pressures):
-            pressure, columns = pressures[trace.name], trace.start + trace.columns
-            products = product_integrals(pressure.shape[1] - 1, columns.shape[1] - 1)
-            weights = unit * trace.lengths[:, None] * (pressure @ products)
-            middle, force = trace.places[trace.columns].mean(axis=1), weights.sum(axis=1)
+            row, force = self._works(trace, pressures[trace.name], 0)
+            middle, body = trace.places[trace.columns].mean(axis=1), np.append(trace.space.block, -1)
             beside = np.unique(np.sort(body[trace.edges.cells], axis=1), axis=0, return_inverse=True)[1].ravel()
             for pair in np.unique(beside[force > 0.0]):
                 edges = np.flatnonzero((beside == pair) & (force > 0.0))
-                away = middle[edges] - np.average(middle[edges], axis=0, weights=force[edges])
-                edges = edges[np.argsort(away @ np.linalg.eigh((away * force[edges, None]).T @ away)[1][:, -1])]
+                axes = np.linalg.svd(middle[edges] - middle[edges].mean(axis=0), full_matrices=False)[2]
+                edges = edges[np.argsort(middle[edges] @ axes[0])]
                 before = np.cumsum(force[edges]) - force[edges] / 2.0
                 for here in (edges[pieces * before // force[edges].sum() == piece] for piece in range(pieces)):
-                    own = np.zeros(len(self.slips))
-                    np.add.at(own, columns[here], -weights[here])
                     if len(here):
-                        yield _Group(own @ self.B[: len(own)], force[here].sum(), {}, has_coulomb(trace.contact))
+                        yield _Group(-row[here].sum(axis=0), force[here].sum(), {}, has_coulomb(trace.contact))
 
 
 _ENERGIES: WeakKeyDictionary[ContactProblem, _Energies] = WeakKeyDictionary()
