@@ -203,8 +203,8 @@ def _documented(block: re.Match[str]) -> str:
     for name, inherited in re.findall(r"([\w.]+)(\+?)", block[2]):
         found = attrgetter(name)(module)
         kind = "class" if isinstance(found, type) else "function" if callable(found) else "data"
-        lines += [f".. auto{kind}:: {block[1]}.{name}", "   :members:"][: 1 + (kind == "class")]
-        lines += ["   :inherited-members:"] * bool(inherited)
+        lines += [f".. auto{kind}:: {block[1]}.{name}"]
+        lines += ["   :members:"] * (kind == "class") + ["   :inherited-members:"] * bool(inherited)
     return "\n".join([*lines, "```"])
 
 

@@ -178,8 +178,8 @@ class Bracket:
             error = f", stresses within {100 * self.relative_error:.2g} % of their energy norm"
         text = f"{what} {self.kind.value}: {bounds}{error}."
         why = "" if self.coulomb is None else self.coulomb.message
-        remedy = "`refine` estimates errors all the same."
-        last = "" if self.kind is BracketKind.PROBLEM else remedy
+        some = self.kind is not BracketKind.PROBLEM and np.isfinite([self.lower, self.upper]).any()  # it is solved
+        last = "`refine` estimates errors all the same." if some else ""
         said = dict.fromkeys((text, *map(units.filled, (*self.reasons, self.coulomb_reason, why)), last))
         return " ".join(filter(None, said))
 

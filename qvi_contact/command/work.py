@@ -202,7 +202,7 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     said, units, missing = report.limit_lines(loads, found, refinement), problem_file.units, {}
     remarks = _meant(problem_file)
     if found.upper == math.inf:
-        but = "Smaller multiples, also 1, may be too small, and under Coulomb friction the body may slide at any"
+        but = "Smaller multiples, also 1, may be too small to hold the body. Under Coulomb friction it may slide at any"
         remarks.append(f"{but}: check a load by qvi-contact solve.")
     said += remarks
     if found.mechanism is None and found.collapse is None:
