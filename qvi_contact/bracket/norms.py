@@ -116,34 +116,28 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
     beside = axis == a
     if not any(mirrors[a]) or not (held[:, a] | ~(held[:, b] | rough))[beside].all():
         return np.inf
-    demanded, profiles = (axis == b) & (rubs | ((held[:, b] | pressed) & ~held[:, a])), []
-    for side in (False, True):
+    demanded = (axis == b) & (rubs | ((held[:, b] | pressed) & ~held[:, a]))
+    rests, largest, rotations = np.array([low[a], high[a]])[mirrors[a]], list[float](), list[FloatArray]()
+    for side in {*end[demanded].tolist()}:
         chosen = np.flatnonzero(demanded & (end == side))
         chosen = chosen[np.argsort(ends[chosen, :, a].min(axis=1))]
-        if len(chosen):
-            profiles.append(_profile(np.sort(ends[chosen, :, a], axis=1), theta[chosen], steps[chosen]))
-    largest = [float(theta[demanded & (end == side), 2].max(initial=0.0)) for side in (False, True)]
-    steep = 0.0 if len(profiles) == 1 else sum(largest) / extent[b]
+        rotations.append(_rotation(np.sort(ends[chosen, :, a], axis=1), theta[chosen], steps[chosen], rests))
+        largest.append(float(theta[chosen, 2].max()))
+    steep = 0.0 if len(largest) == 1 else sum(largest) / extent[b]
     shape = (extent[b] if any(mirrors[b]) else extent[b] / 2.0) / extent[a]
     shape = max(shape, 1.0 / shape) if any(mirrors[b]) else shape
     # the mirrored rectangle is cut across where the rotation is odd, so that its mean over each part is zero
     ratios = [min(shape / n, n / shape) for n in (max(int(shape), 1), int(shape) + 1)]
     inf_sup = float(np.sin(0.5 * np.arctan(max(ratios))))
-
-    # H with ‖θ′ v‖ ≤ H ‖v′‖ for all v of a side with v = 0 at a place: v² ≤ |a − place| ‖v′‖²
-    H = min(
-        max(
-            float(np.sqrt((d**2 * np.abs((start + stop) / 2.0 - place) * (stop - start)).sum()))
-            for start, stop, d in profiles
-        )
-        for place, mirror in zip((low[a], high[a]), mirrors[a], strict=True)
-        if mirror
-    )
+    H = float(np.max(rotations, axis=0).min())
     return rectangle_constant(ratio, inf_sup, max(largest), steep * 2.0 * extent[a] / np.pi, H)
 
 
-def _profile(places: FloatArray, theta: FloatArray, steps: FloatArray) -> FloatArray:
-    """Parts (start, stop, steepest) of θ along one side, by its edges in order, linear between them."""
+def _rotation(places: FloatArray, theta: FloatArray, steps: FloatArray, rests: FloatArray) -> FloatArray:
+    """H with ‖θ′ v‖ ≤ H ‖v′‖ for all v of a side that vanish at a place of `rests`: v² ≤ |a − place| ‖v′‖².
+
+    θ is given by the side's edges in order, and linear between them.
+    """
     between = np.stack([places[:-1, 1], places[1:, 0], np.abs(theta[1:, 0] - theta[:-1, 1])])
     apart = between[1] > between[0]
     steps[1:][~apart & (between[2] > _PLACE)] = np.inf  # a jump, which springs across a contact allow
@@ -151,7 +145,9 @@ def _profile(places: FloatArray, theta: FloatArray, steps: FloatArray) -> FloatA
     parts = np.stack([grid[:-1], grid[1:], steps.T / np.diff(grid, axis=0)]).reshape(3, -1)
     between = between[:, apart]
     between[2] /= between[1] - between[0]
-    return np.concatenate([parts, between], axis=1)
+    start, stop, d = np.concatenate([parts, between], axis=1)
+    squares = d**2 * np.abs((start + stop) / 2.0 - rests[:, None]) * (stop - start)
+    return np.asarray(np.sqrt(squares.sum(axis=1)))
 
 
 def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: float, turned: float = 0.0) -> float:
