@@ -245,7 +245,8 @@ def _rewritten(text: str, head: str) -> str:
 def _short_types(_app: Sphinx, document: nodes.document) -> None:
     """The same for the types of attributes and properties."""
     for annotation in document.findall(desc_annotation):
-        text = annotation.astext()
+        words = annotation.findall(nodes.Text)  # a name comes twice, as it is shown and as it would be without a link
+        text = "".join(word for word in words if word.parent.get("condition") != "*")
         short = _SHOWN_ARRAY.sub("Array", _ALIAS.sub(r"\1", text))
         short = _rewritten(_rewritten(short, "Annotated["), "float | Callable[")
         if short != text:
