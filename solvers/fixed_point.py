@@ -192,8 +192,6 @@ class Anderson:
         self._arguments.append(s)
         self._residuals.append(residual)
         damped: Vector = np.maximum(s + self.mixing * residual, 0.0)
-        if len(self._residuals) == 1:
-            return damped
         residuals = np.array(self._residuals)
         differences = self._root * (residuals[:-1] - residual)
         alpha = np.linalg.lstsq(differences.T, -self._root * residual, rcond=_CONDITION)[0]
@@ -348,19 +346,10 @@ class _Loop:
         return True
 
     def _recover(self, result: InnerSolution) -> None:
-        """If the load can be carried at all restart, then return towards the last feasible s.
-
-        Starts are the pressure without friction, where that exists, then that of an admissible traction.
-        """
-        qvi, form = self.qvi, self.form
+        """Start from an admissible traction, if there is one, then return towards the last feasible s."""
         self.recoveries += 1
-        if self.recoveries == 1 and self.feasible is None:
-            smooth = self._solve_inner(np.zeros(qvi.m))
-            if _is_usable(smooth):
-                self.s = qvi.pressure(form.expand(smooth).z)
-                return
         if self.feasibility is None:
-            self.feasibility = check_feasibility(qvi)
+            self.feasibility = check_feasibility(self.qvi)
         start = self.feasibility.z  # None unless the load can be carried
         self.refuted = result if result.status is Status.INFEASIBLE else self.refuted
         curable = result.status in (Status.INFEASIBLE, Status.BACKEND_FAILED) and self.recoveries <= _RECOVERIES
@@ -369,7 +358,7 @@ class _Loop:
             told = self.refuted or result
             self.reason, self.message = told.status, f"inner problem: {told.message}"
         elif self.feasible is None:
-            self.s = self.feasible = np.abs(qvi.normal(start))
+            self.s = self.feasible = np.abs(self.qvi.normal(start))
         else:
             self.s = 0.5 * (self.s + self.feasible)
             self.nearer += 1

@@ -179,10 +179,9 @@ def test_measures_of_the_certificate_are_those_of_the_code():
 def test_reference_has_every_public_name(package):
     """Constants aside; a thing that two packages offer needs one place."""
     pages = "".join(text(page) for page in (DOCS / "api").glob("*.md"))
-    paths = re.findall(r"auto\w+:: (\S+)", pages)
-    for home, names in re.findall(r"```\{public\} (\S+)\n(.*?)```", pages, re.DOTALL):
-        paths += [f"{home}.{name}" for name in re.findall(r"[\w.]+", names)]
-    listed = [named(path) for path in paths]
+    blocks = re.findall(r"```\{public\} (\S+)\n(.*?)```", pages, re.DOTALL)
+    paths = [f"{home}.{name}" for home, names in blocks for name in re.findall(r"[\w.]+", names)]
+    listed = [named(path) for path in (*paths, *re.findall(r"auto\w+:: (\S+)", pages))]
     module = import_module(package)
     missing = [name for name in module.__all__ if not any(getattr(module, name) is found for found in listed)]
     assert [name for name in missing if not name.isupper() and name not in INTERNAL] == []

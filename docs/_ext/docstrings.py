@@ -203,8 +203,8 @@ def _documented(block: re.Match[str]) -> str:
     for name, inherited in re.findall(r"([\w.]+)(\+?)", block[2]):
         found = attrgetter(name)(module)
         kind = "class" if isinstance(found, type) else "function" if callable(found) else "data"
-        lines += [f".. auto{kind}:: {block[1]}.{name}", "   :members:"][: 1 + (kind == "class")]
-        lines += ["   :inherited-members:"] * bool(inherited)
+        lines += [f".. auto{kind}:: {block[1]}.{name}"]
+        lines += ["   :members:"] * (kind == "class") + ["   :inherited-members:"] * bool(inherited)
     return "\n".join([*lines, "```"])
 
 
@@ -245,7 +245,8 @@ def _rewritten(text: str, head: str) -> str:
 def _short_types(_app: Sphinx, document: nodes.document) -> None:
     """The same for the types of attributes and properties."""
     for annotation in document.findall(desc_annotation):
-        text = annotation.astext()
+        words = annotation.findall(nodes.Text)  # a name comes twice, as it is shown and as it would be without a link
+        text = "".join(word for word in words if word.parent.get("condition") != "*")
         short = _SHOWN_ARRAY.sub("Array", _ALIAS.sub(r"\1", text))
         short = _rewritten(_rewritten(short, "Annotated["), "float | Callable[")
         if short != text:

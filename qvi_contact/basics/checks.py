@@ -57,6 +57,8 @@ def check_field(field: str, value: Any, *, minimum: float | None = None) -> Fiel
     if callable(value):
         found: Field = value
         return found
+    if isinstance(value, str):  # as in files
+        raise InputError(field, value, f"give a number, or a function of (x, y), such as Expression({value!r})")
     number = finite_number(field, value)
     if minimum is not None and number < minimum:
         raise InputError(field, value, f"give a number of at least {minimum:g}")

@@ -312,7 +312,7 @@ def bracket(
                 bounds = f"The norm of friction was not computed: {error or 'out of memory'}."
         why_none = bounds if isinstance(bounds, str) else "" if math.isfinite(bounds.within) else bounds.message
         if why_none and not result.certificate.passed:
-            bounds = f"{why_none} The result is not solved: {result.message}"
+            bounds = f"The result is not solved: {result.status.words}."
         found = replace(found, coulomb_reason=bounds) if isinstance(bounds, str) else replace(found, coulomb=bounds)
         bounded = math.isfinite(found.gap)
         log.end("bounded" if bounded else "no bound", found.message, {}, bounded)

@@ -49,7 +49,7 @@ class CoulombBounds:
 
         |σ − τ| ≤ F + |η|,    |u − v| ≤ F.
 
-    Where friction alone holds a body along its contacts that is so for solutions with |σ − τ| ≤ `reach` |τ + η| only.
+    Where contacts alone hold a body that is so for solutions with |σ − τ| ≤ `reach` |τ + η| only.
     """
 
     shares: Mapping[str, Share]
@@ -116,8 +116,7 @@ class CoulombBounds:
     def reach(self) -> float:
         """How far from τ solutions are of which the bounds hold, over |τ + η|; infinite where they hold for all."""
         stopped = self.norm.stopped
-        near = np.inf if stopped is None else self._relative(max(stopped.reach - self.moved, 0.0))
-        return np.inf if near >= _FAR else near
+        return np.inf if stopped is None else self._relative(max(stopped.reach - self.moved, 0.0))
 
     def _relative(self, error: float) -> float:
         return error / self.size if self.size > 0.0 else float("inf") if error > 0.0 else 0.0
@@ -131,7 +130,7 @@ class CoulombBounds:
             return f"No bound under friction. {self.norm.reason}"
         near = ""
         if np.isfinite(self.reach):
-            near = f"It holds for solutions within {100.0 * self.reach:.3g} %, as friction alone holds a body."
+            near = f"It holds for solutions within {100.0 * self.reach:.3g} %, as contacts alone hold a body."
         return " ".join(filter(None, [bound, near, *self.reasons, *self.places[:1]]))
 
 
@@ -159,14 +158,16 @@ def coulomb_bounds(
         return f"No admissible displacement was found: {companion.message}"
     if companion.state.contradiction:
         return companion.state.contradiction
-    if (_opening(companion.state) < -_ROUNDING * max(1.0, float(np.abs(companion.state.c).max(initial=0.0)))).any():
+    state = companion.state
+    rounding = _ROUNDING * max(1.0, float(np.abs(state.c).max(initial=0.0)))
+    if (_opening(state, shares) < -rounding).any():
         return TOO_NEAR
     fields, before = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
     edges, slack = edge_parts(fields, known, own, own.bound, companion)
     inside = fields.bulk(companion)
     inside += by_cell(problem, {name: part.springs for name, part in edges.items()})
     missed = {name: np.maximum(part.contact, 0.0) + np.maximum(part.friction, 0.0) for name, part in edges.items()}
-    norm = friction_norm(problem, shares, unit)
+    norm = friction_norm(problem, shares, unit, _pressures(state, own, known, rounding))
     residual = float(np.sqrt(2.0 * inside.sum()))
     arcs = [lines.take(lines.bent).length for lines in (problem.mesh.boundary, problem.mesh.interior) if lines.curved]
     if arcs:  # an estimate of the energy norm of what is left there: a traction k on an edge h has k h √c
@@ -178,7 +179,9 @@ def coulomb_bounds(
     size = float(np.sqrt(2.0 * fields.energy))
     if norm.stopped is not None and norm.stopped.reach <= error < np.inf:
         near, apart = (100.0 * value / size for value in (norm.stopped.reach, error))
-        what = f"the part that sticks holds it only if the error is below {near:.2g} %, and the bound is {apart:.2g} %"
+        what = (
+            f"what sticks or presses holds it only if the error is below {near:.2g} %, and the bound is {apart:.2g} %"
+        )
         norm, error = replace(norm, reason=UNHELD.format(what)), np.inf
     if s < LARGEST:
         cells = 2.0 * amplification(s) ** 2 * inside + by_cell(problem, missed) / coercivity(s)
@@ -187,19 +190,34 @@ def coulomb_bounds(
     return CoulombBounds(shares, *parts, result, companion)
 
 
-def _either_way(state: CompanionState) -> FloatArray:
-    """3 μ at coefficients (n,) where v may slip either way with friction, far from the obstacle, else 0."""
-    mu = [np.full(each.count, each.contact.friction, dtype=np.float64) for each in state.contacts.traces]
-    return np.where(np.isnan(state.contacts.slipping), AWAY * np.concatenate(mu), 0.0)
+def _pressures(
+    state: CompanionState, own: EdgeTractions, known: Discretization, rounding: float
+) -> dict[str, FloatArray]:
+    """The `pressures` of `friction_norm`, in the unit of stress."""
+    found, away = dict[str, FloatArray](), np.abs(state.c - state.contacts.obstacle)
+    for trace, rows in zip(state.contacts.traces, known.contacts, strict=True):
+        if trace.contact.law == "unilateral":
+            touches = away[trace.start + trace.columns].max(axis=1, keepdims=True) <= rounding
+            found[trace.name] = np.where(touches, np.maximum(-own.normal[rows.edges], 0.0), 0.0)
+    return found
 
 
-def _opening(state: CompanionState) -> FloatArray:
+def _either_way(state: CompanionState, shares: Mapping[str, Share]) -> FloatArray:
+    """3 μ at coefficients (n,) of edges far from the obstacle, where v may slip either way with friction, else 0."""
+    found = np.zeros(state.contacts.count)
+    for trace in state.contacts.traces:
+        if trace.name in shares:
+            share = shares[trace.name]
+            found[trace.start + trace.columns[np.isnan(share.slipping)]] = AWAY * share.friction
+    return found
+
+
+def _opening(state: CompanionState, shares: Mapping[str, Share]) -> FloatArray:
     """What Σ has of g − v_N at coefficients (n,), dimensionless: less 3 μ |v_T − w| where v may slip either way."""
     across, along = (state.c - state.contacts.obstacle).reshape(2, -1)
-    return np.asarray(-across - _either_way(state) * np.abs(along))
+    return np.asarray(-across - _either_way(state, shares) * np.abs(along))
 
 
-_FAR: Final = 1e6  # |R d_k| comes from squares: of a motion that far it is rounding, and the motion a rigid one
 _CUTS: Final = (1e-6, 3e-2, 0.1, 0.3)
 """Shares of the largest opening, slip, pressure or room below the bound of a contact that count as none.
 
@@ -318,7 +336,7 @@ class _Pairs:
     @cached_property
     def _zones(self) -> _Zones:
         state, unit, own = self.state, self.known.scales.stress, EdgeTractions.of(self.known, self.errors.stress.dofs)
-        n, left, either = state.contacts.count, _opening(state), _either_way(state) > 0.0
+        n, left, free = state.contacts.count, _opening(state, self.errors.shares), np.isnan(state.contacts.slipping)
         moved, beyond = state.c.reshape(2, n), (state.c - state.contacts.obstacle).reshape(2, n)
         pressure, room = np.empty_like(own.normal), np.full_like(own.normal, np.inf)
         away, held = np.full((2, n), np.inf), np.zeros((2, n), dtype=bool)
@@ -345,7 +363,7 @@ class _Pairs:
             for half, part in enumerate(parts):
                 away[half, here] = shown(part, moved[:, here], least)
                 if half:
-                    away[half, here][either[here]] = np.inf
+                    away[half, here][free[here]] = np.inf
                 held[half, on_edges[(away[half, on_edges] == 0.0).any(axis=1)]] = True
         loose, sliding = (np.asarray(part.any(axis=1)) for part in (pressure == 0.0, (room == 0.0) | np.isinf(room)))
         opening, slip = self.errors.displacement.scales.displacement * away
@@ -429,7 +447,8 @@ class _Pairs:
         """The largest of m₁ to m₄; None if there is none."""
         qvi, zones, scales, found = self.known.qvi, self._zones, self.known.scales, 0.0
         across, slip = c - goal
-        pushed = np.abs(across + self._turned * slip) + _either_way(self.state) * np.abs(slip)
+        either = _either_way(self.state, self.errors.shares)
+        pushed = np.where(either > 0.0, np.abs(across) + either * np.abs(slip), np.abs(across + self._turned * slip))
         moved = (scales.displacement * part for part in (pushed, slip))
         normal, shear = (scales.stress * (rows @ change).reshape(zones.room.shape) for rows in (qvi.N, qvi.T))
         units = np.repeat([scales.displacement, max(float(np.abs(normal).max()), _FAINT * scales.stress)], 2)

@@ -3,33 +3,35 @@
 R takes displacements v of W, which vanish where displacements are prescribed, to W. On contacts with Coulomb friction
 (Rv)_N = μ s v_T, s the share, and (Rv)_T = 0. On the others it has no normal part, and no tangential part where they
 bear shear. Any such R with RR = 0 serves: on rectangles Rv = θ v_a e_b, on star-shaped bodies Rv = η v_t n, whose norms
-are proved; elsewhere that of finite elements with the least energy, without the motions that friction alone stops.
+are proved; elsewhere that of finite elements with the least energy, without the motions that contacts alone stop.
 
 In `docs/theory.md`: (D26), (D28), (D29), (D30), (D32), (D39).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Final
+from types import MappingProxyType
+from typing import Final, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg import eigh, null_space, orth, qr
+from scipy.linalg import eigh, orth, qr
 from scipy.sparse.linalg import spsolve
 
-from qvi_contact.basics.checks import BoolArray, FloatArray
+from qvi_contact.basics.checks import FloatArray
 from qvi_contact.bracket.share import Share, bodies_of, held_directions, shares_on, spans
 from qvi_contact.companion.body import Elasticity
 from qvi_contact.companion.contact import DisplacementContact
-from qvi_contact.companion.model import MOST, SINGULAR, BodyAtRest, solutions
+from qvi_contact.companion.model import MOST, SINGULAR, BodyAtRest, least_energy, solutions
 from qvi_contact.discretization.displacements import PARALLEL, DisplacementSpace, reference_matrices, triangle
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.element.edge import bernstein_basis, bernstein_from_values, lobatto_points, product_integrals
 from qvi_contact.errors import InputError
+from qvi_contact.mechanism.mechanism import null_space
 from qvi_contact.problem.conditions import bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 
@@ -82,16 +84,19 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
     and along one whole side at right angles to these v_a = 0. θ is ±μ s on the contacts, and linear along b, see (D29).
     """
     mesh, boundary, ratio = problem.mesh, problem.mesh.boundary, one_ratio(problem)
-    corners, directions = mesh.vertices[np.unique(mesh.cells)], held_directions(problem)
-    low, high, axis = corners.min(axis=0), corners.max(axis=0), np.argmax(np.abs(boundary.normal), axis=1)
-    every = np.arange(len(axis))
-    end, ends = boundary.normal[every, axis] > 0.0, mesh.vertices[np.stack([boundary.first, boundary.second], axis=1)]
+    first = mesh.edges(next(filter(has_coulomb, problem.contacts)).edges)
+    turn = np.column_stack([first.tangent[0], first.normal[0]])  # to axes along a contact and across it
+    normals, directions = boundary.normal @ turn, [each @ turn for each in held_directions(problem)]
+    vertices, along = mesh.vertices @ turn, boundary.tangent @ turn[:, 0]
+    corners, axis = vertices[np.unique(mesh.cells)], np.argmax(np.abs(normals), axis=1)
+    low, high, every = corners.min(axis=0), corners.max(axis=0), np.arange(len(axis))
+    end, ends = normals[every, axis] > 0.0, vertices[np.stack([boundary.first, boundary.second], axis=1)]
     away = np.abs(ends.mean(axis=1) - np.where(end[:, None], high, low))[every, axis]
-    vectors = np.concatenate([boundary.normal, *directions])
+    held = np.array([[spans(each, unit) for unit in np.eye(2)] for each in directions])
+    vectors = np.concatenate([normals, *(directions[edge] for edge in np.flatnonzero(~held.all(axis=1)))])
     slanted = not np.allclose(np.abs(vectors).max(axis=1), 1.0, rtol=0.0, atol=_PLACE)
     if ratio is None or slanted or away.max() > _PLACE * (high - low).max():
         return np.inf
-    held = np.array([[spans(each, unit) for unit in np.eye(2)] for each in directions])
     pressed, rough, rubs = np.zeros((3, len(boundary)), dtype=bool)  # where (Rv)_N = 0, (Rv)_T = 0, and with friction
     theta, steps = np.zeros((len(axis), 3)), np.zeros((len(axis), 16))  # at both ends and at most; see `Share.steepest`
     for contact in problem.contacts:
@@ -103,7 +108,7 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
             rubs[index], steps[index] = True, share.friction * share.steepest()
         elif contact.law != "tied":
             pressed[index], rough[index] = True, bears_shear(contact)
-    if len(set(axis[rubs])) != 1:
+    if len(set(axis[rubs])) != 1 or (along[rubs] < 0.0).any():
         return np.inf
     b = int(axis[rubs][0])
     a, extent = 1 - b, high - low
@@ -111,34 +116,28 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
     beside = axis == a
     if not any(mirrors[a]) or not (held[:, a] | ~(held[:, b] | rough))[beside].all():
         return np.inf
-    demanded, profiles = (axis == b) & (rubs | ((held[:, b] | pressed) & ~held[:, a])), []
-    for side in (False, True):
+    demanded = (axis == b) & (rubs | ((held[:, b] | pressed) & ~held[:, a]))
+    rests, largest, rotations = np.array([low[a], high[a]])[mirrors[a]], list[float](), list[FloatArray]()
+    for side in {*end[demanded].tolist()}:
         chosen = np.flatnonzero(demanded & (end == side))
         chosen = chosen[np.argsort(ends[chosen, :, a].min(axis=1))]
-        if len(chosen):
-            profiles.append(_profile(np.sort(ends[chosen, :, a], axis=1), theta[chosen], steps[chosen]))
-    largest = [float(theta[demanded & (end == side), 2].max(initial=0.0)) for side in (False, True)]
-    steep = 0.0 if len(profiles) == 1 else sum(largest) / extent[b]
+        rotations.append(_rotation(np.sort(ends[chosen, :, a], axis=1), theta[chosen], steps[chosen], rests))
+        largest.append(float(theta[chosen, 2].max()))
+    steep = 0.0 if len(largest) == 1 else sum(largest) / extent[b]
     shape = (extent[b] if any(mirrors[b]) else extent[b] / 2.0) / extent[a]
     shape = max(shape, 1.0 / shape) if any(mirrors[b]) else shape
     # the mirrored rectangle is cut across where the rotation is odd, so that its mean over each part is zero
     ratios = [min(shape / n, n / shape) for n in (max(int(shape), 1), int(shape) + 1)]
     inf_sup = float(np.sin(0.5 * np.arctan(max(ratios))))
-
-    # H with ‖θ′ v‖ ≤ H ‖v′‖ for all v of a side with v = 0 at a place: v² ≤ |a − place| ‖v′‖²
-    H = min(
-        max(
-            float(np.sqrt((d**2 * np.abs((start + stop) / 2.0 - place) * (stop - start)).sum()))
-            for start, stop, d in profiles
-        )
-        for place, mirror in zip((low[a], high[a]), mirrors[a], strict=True)
-        if mirror
-    )
+    H = float(np.max(rotations, axis=0).min())
     return rectangle_constant(ratio, inf_sup, max(largest), steep * 2.0 * extent[a] / np.pi, H)
 
 
-def _profile(places: FloatArray, theta: FloatArray, steps: FloatArray) -> FloatArray:
-    """Parts (start, stop, steepest) of θ along one side, by its edges in order, linear between them."""
+def _rotation(places: FloatArray, theta: FloatArray, steps: FloatArray, rests: FloatArray) -> FloatArray:
+    """H with ‖θ′ v‖ ≤ H ‖v′‖ for all v of a side that vanish at a place of `rests`: v² ≤ |a − place| ‖v′‖².
+
+    θ is given by the side's edges in order, and linear between them.
+    """
     between = np.stack([places[:-1, 1], places[1:, 0], np.abs(theta[1:, 0] - theta[:-1, 1])])
     apart = between[1] > between[0]
     steps[1:][~apart & (between[2] > _PLACE)] = np.inf  # a jump, which springs across a contact allow
@@ -146,7 +145,9 @@ def _profile(places: FloatArray, theta: FloatArray, steps: FloatArray) -> FloatA
     parts = np.stack([grid[:-1], grid[1:], steps.T / np.diff(grid, axis=0)]).reshape(3, -1)
     between = between[:, apart]
     between[2] /= between[1] - between[0]
-    return np.concatenate([parts, between], axis=1)
+    start, stop, d = np.concatenate([parts, between], axis=1)
+    squares = d**2 * np.abs((start + stop) / 2.0 - rests[:, None]) * (stop - start)
+    return np.asarray(np.sqrt(squares.sum(axis=1)))
 
 
 def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: float, turned: float = 0.0) -> float:
@@ -253,8 +254,8 @@ LARGEST: Final = 2.0
 """The norm s from which on nothing is bounded."""
 
 UNHELD: Final = (
-    "Friction alone holds a body along its contacts, and {}. Its errors are not bounded: hold the body along a "
-    "contact if there is a support in reality."
+    "Contacts alone hold a body, and {}. Its errors are not bounded: refine the mesh, or hold the body along a contact "
+    "if there is a support in reality."
 )
 _DEGREE: Final = 3  # of displacements by which a norm is computed
 _USEFUL: Final = 1.6  # norm up to which proved bounds are not many times as large as errors
@@ -262,7 +263,9 @@ _MOTIONS: Final = 3  # up to which every sense of each has a norm of its own
 _PARTS: Final = (1.0, 0.5, 0.25, 0.125)  # of the friction that is left which are tried: the norm grows with it,
 _NEARLY: Final = 0.75  # share of the largest reach that is enough
 _ALIKE: Final = 1e-6  # of a motion's largest slip: edges that it moves alike
-_STOPS: Final = 1e-6  # of the largest friction times slip: what stops a motion
+_STOPS: Final = 1e-6  # of the largest friction times slip, or pressure times opening: what stops a motion
+_RIGID: Final = 1e-10  # of the energy of its coefficients one by one: what strains a body no more does not
+_PIECES: Final = (1, 2, 3)  # into which contacts that press are cut
 
 
 def coercivity(s: float) -> float:
@@ -292,7 +295,7 @@ def defect_bound(residual: float, defect: float, s: float) -> float:
 class FrictionNorm:
     """A number that |R| does not exceed, infinite where there is none.
 
-    Unless it is `proved`, finite elements found it, on one mesh; `reason` says so in words. Where friction alone stops
+    Unless it is `proved`, finite elements found it, on one mesh; `reason` says so in words. Where contacts alone stop
     motions (`stopped`), R acts on displacements without them.
     """
 
@@ -314,17 +317,23 @@ class FrictionNorm:
         return computed_norm(problem, shares, self.stopped) * error**2 + moved
 
 
-def friction_norm(problem: ContactProblem, shares: Mapping[str, Share], unit: float = 1.0) -> FrictionNorm:
+def friction_norm(
+    problem: ContactProblem,
+    shares: Mapping[str, Share],
+    unit: float = 1.0,
+    pressures: Mapping[str, FloatArray] = MappingProxyType({}),
+) -> FrictionNorm:
     """The least proved norm where there is one below 1.6, else that of finite elements; nothing is proved with arcs.
 
-    Of several bodies it is the largest of the norms that each has alone. Weights of shares have the unit [stress].
+    Of several bodies it is the largest of the norms that each has alone. Weights of shares have the unit [stress], as
+    have `pressures`: by contact that may open |τ_N| (edges, q) where v touches the obstacle on the whole edge, else 0.
     """
     value = proved_norm(problem, shares)
     if value < _USEFUL:
         return FrictionNorm(value, True, f"The norm of the friction operator is at most {value:.4g}.")
     value, stopped = computed_norm(problem, shares), None
     if value == np.inf:
-        found = _ENERGIES[problem].stopped(problem, shares, unit)
+        found = _ENERGIES[problem].stopped(shares, pressures, unit)
         if isinstance(found, str):
             return FrictionNorm(np.inf, False, UNHELD.format(found))
         value, stopped = found.norm, found
@@ -344,90 +353,103 @@ def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], stopped:
     """
     if problem not in _ENERGIES:
         _ENERGIES[problem] = _Energies.of(problem)
-    known = _ENERGIES[problem]
-    if not len(known.below):
-        return float("nan") if known.slips.any() else 0.0
-    if stopped is None and known.unstrained.shape[1]:
-        return float("inf")
-    return known.norm(known.image(shares), known.attained if stopped is None else stopped.others)
+    known = _ENERGIES[problem] if stopped is None else stopped.energies
+    if not len(known.part):
+        return np.nan if known.slips.any() else 0.0
+    held = stopped is not None or np.abs(known.slips @ known.motions).max(initial=0.0) <= _ALIKE
+    return known.norm(known.image(shares)) if held else np.inf
 
 
 @dataclass(frozen=True, eq=False)
 class Stopped:
-    """Motions d_k without strain that friction alone stops, 1 ≤ k ≤ j.
+    """Motions d_k without strain that contacts alone stop, 1 ≤ k ≤ j.
 
-    Each moves one group of edges by the slip 1, the others of the j groups not at all. With a part ω of the friction
-    that is left where contacts stick, t_k is the mean of the slip of e = u − v over its group with the weight ω. (D39)
-    holds for every solution with |σ − τ| < `reach`, and R for s + ω/B, with the senses of the t_k, in place of s.
+    Each moves one group of edges by 1 in the mean, the others of the j groups not at all. A group is stopped by a part
+    ω of the friction that is left where contacts stick, or by the pressure ω of contacts that may open; t_k is the mean
+    over it, with the weight ω, of the slip of e = u − v, or of −e_N. (D39) holds for every solution with |σ − τ| <
+    `reach`, and R for s + ω/B, with the senses of the t_k, in place of s.
     """
 
-    norm: float  # the largest norm of such R on displacements with means 0, for all senses
-    others: FloatArray  # (n, n − j): basis of the slips with means 0
     motions: FloatArray  # (n, j): slips d_k
     masses: FloatArray  # (j,): M_k = ∫ ω ds over the group [energy per unit of displacement]
     images: FloatArray  # (j,): the largest |R d_k| for all senses [√energy per unit of displacement]
-    energies: _Energies
-    energy: float
+    energies: _Energies  # of displacements with means 0
+    norm: float = np.inf  # the largest norm of such R on these, for all senses
 
     @property
     def reach(self) -> float:
-        """S* = min M_k/|R d_k| [√energy]."""
-        return float((self.masses / np.maximum(self.images, 1e-300)).min())
+        """S* = min M_k/|R d_k| [√energy], infinite where all R d_k are rigid motions."""
+        strained = self.images > 0.0
+        return float((self.masses[strained] / self.images[strained]).min(initial=np.inf))
 
     def work(self, shares: Mapping[str, Share], error: float, defect: float) -> float:
         """No less than ∫ (σ − τ) : ε(Σ t_k R d_k) for the R of other shares, by F and δ + ρ²/(4α)."""
-        sizes = self.energies.sizes(self.motions, shares) * np.sqrt(self.energy)
+        sizes = self.energies.sizes(self.energies.image(shares) @ self.motions)
         return float(error * defect * (sizes / (self.masses - error * self.images)).max())
+
+
+class _Group(NamedTuple):
+    """A group of edges, which friction stops or pressure does."""
+
+    row: FloatArray  # ∫ ω e_T ds, or of −e_N, of w (k,)
+    mass: float  # ∫ ω ds
+    left: Mapping[str, Share]  # by contact what friction has left, ± on edges that slip alike or against each other
+    rough: bool = False  # pressure of a contact with friction
 
 
 @dataclass(frozen=True, eq=False)
 class _Energies:
-    """Least energies of displacements by what they are on contacts with Coulomb friction."""
+    """Least energies of displacements by what they are on contacts with Coulomb friction, of all n coefficients."""
 
-    traces: tuple[DisplacementContact, ...]  # the contacts, n coefficients
-    # slips, presses, (n,) each: coefficients along and across contacts with Coulomb friction that can change
-    slips: BoolArray
-    presses: BoolArray
-    # below, part: energies of given slips, and of given normal parts without tangential ones; empty where they are too
-    # many
-    below: FloatArray
+    traces: tuple[DisplacementContact, ...]
+    scales: Scales
+    B: FloatArray  # (2, n, k): coefficients across and along, from w_Γ
+    slips: FloatArray  # (n, k): those along contacts with Coulomb friction, 0 on others
+    held: FloatArray  # (h, k): rows that vanish, of what is tied or keeps its distance
+    stiffness: FloatArray  # (k, k): S
+    motions: FloatArray  # (k, j): w without energy, with the largest coefficient 1
+    # (n, n): energies of given normal parts without tangential ones; empty where n is too large, as the others
     part: FloatArray
-    attained: FloatArray  # basis of the slips of displacements: where contacts meet they are the same, or tied to 0
-    unstrained: FloatArray  # basis of those without energy
+    attained: FloatArray  # (n, a): basis of the slips of displacements: where contacts meet they are the same, or 0
+    below: FloatArray  # (a, a): energies of given slips in that basis
 
     @classmethod
     def of(cls, problem: ContactProblem) -> _Energies:
         """By displacements on the mesh."""
-        known = BodyAtRest.of(problem, _DEGREE)
-        n, traces, none = known.contacts.count, known.contacts.traces, np.zeros((0, 0))
-        coulomb, tied, rough = known.contacts.where(has_coulomb), known.contacts.tied, known.contacts.where(bears_shear)
-        slips, presses, nowhere = coulomb & known.live[n:], coulomb & known.live[:n], np.zeros(n, dtype=bool)
+        known, none = BodyAtRest.of(problem, _DEGREE), np.zeros((0, 0))
+        contacts, B = known.contacts, known.B.reshape(2, known.contacts.count, -1)
+        coulomb, tied, rough = contacts.where(has_coulomb), contacts.tied, contacts.where(bears_shear)
+        held = known.B[np.append(contacts.bilateral, tied)]
+        motions = known.body.R / max(float(np.abs(known.B @ known.body.R).max(initial=0.0)), _ALIKE)
+        motions = motions @ null_space(held @ motions, _ALIKE)
+        presses, slips = coulomb[:, None] * B
+        parts = contacts.traces, Scales.of(problem), B, slips, held, known.body.S, motions
         if len(known.live) > MOST:
-            return cls(traces, slips, presses, none, none, none, none)
-        below = known.least_energy(np.concatenate([nowhere, slips]), np.concatenate([tied, tied]))
-        part = known.least_energy(np.concatenate([presses, nowhere]), np.concatenate([~presses, rough | tied]))
-        moved = known.B[np.concatenate([nowhere, slips])] @ solutions(known.B[np.tile(tied, 2) & known.live])[1]
-        attained = orth(moved, SINGULAR)
-        values, vectors = np.linalg.eigh(attained.T @ below @ attained)
-        unstrained = attained @ vectors[:, values <= SINGULAR * values[-1:]]
-        return cls(traces, slips, presses, below, part, attained, unstrained)
+            return cls(*parts, none, none, none)
+        part = least_energy(known.body.S, presses, known.B[np.append(~coulomb, rough | tied)])
+        return cls(*parts, part, none, none).without(held[:0])
 
-    def norm(self, image: FloatArray, basis: FloatArray) -> float:
-        """The norm on slips with a basis of what turns slips into normal parts."""
-        if not image.any():
-            return 0.0
-        turned = image @ basis
-        largest = eigh(turned.T @ self.part @ turned, basis.T @ self.below @ basis, eigvals_only=True)[-1]
-        return float(np.sqrt(max(float(largest), 0.0)))
+    def without(self, rows: FloatArray) -> _Energies:
+        """The same of displacements on which functionals (r, k) vanish, too."""
+        zero = np.vstack([self.held, rows])
+        attained = orth(self.slips @ solutions(zero)[1], SINGULAR)
+        return replace(self, below=least_energy(self.stiffness, attained.T @ self.slips, zero), attained=attained)
 
-    def sizes(self, slips: FloatArray, shares: Mapping[str, Share]) -> FloatArray:
-        """|Rv| of slips (n, j), dimensionless."""
-        images = self.image(shares) @ slips
-        return np.asarray(np.sqrt(np.maximum((images * (self.part @ images)).sum(axis=0), 0.0)))
+    def norm(self, *images: FloatArray) -> float:
+        """The norm of what turns slips into normal parts, several counted as legs of one."""
+        turned = (each @ self.attained for each in images if each.any())
+        work = sum((each.T @ self.part @ each for each in turned), np.zeros_like(self.below))
+        return float(np.sqrt(max(float(eigh(work, self.below, eigvals_only=True)[-1]), 0.0))) if work.any() else 0.0
+
+    def sizes(self, normal: FloatArray) -> FloatArray:
+        """|v| (j,) of normal parts (n, j) [√energy per unit of displacement]; 0 of rigid motions, but for rounding."""
+        squares = (normal * (self.part @ normal)).sum(axis=0)
+        strained = squares > _RIGID * (np.diag(self.part) @ normal**2)
+        return np.sqrt(self.scales.energy * np.where(strained, squares, 0.0))
 
     def image(self, shares: Mapping[str, Share]) -> FloatArray:
         """Normal parts from slips, μ s x."""
-        turned = np.zeros((len(self.slips),) * 2)
+        turned = np.zeros_like(self.part)
         for trace in self.traces:
             if trace.name in shares:
                 share, p = shares[trace.name], trace.columns.shape[1] - 1
@@ -436,80 +458,99 @@ class _Energies:
                 blocks = np.einsum("ij,ej,jk,ek->eik", back, factors, bernstein_basis(p, nodes), trace.turned)
                 columns = trace.start + trace.columns
                 turned[columns[:, :, None], columns[:, None, :]] = blocks
-        return turned[np.ix_(self.presses, self.slips)]
+        return turned
 
-    def stopped(self, problem: ContactProblem, shares: Mapping[str, Share], unit: float) -> Stopped | str:
-        """What stops the motions without strain, or why nothing does. Weights of shares have the unit [stress]."""
-        scales, count, moved = Scales.of(problem), self.unstrained.shape[1], np.zeros((len(self.slips), 1))
-        motions = self.unstrained / np.abs(self.unstrained).max()
-        moved[self.slips] = np.abs(motions).max(axis=1, keepdims=True)
-        moving = [each for each in self.traces if each.name in shares and moved[each.here].max() > _ALIKE]
-        curved = [repr(trace.name) for trace in moving if trace.edges.curved]
-        if curved:
-            return f"it touches along the arcs of {' and '.join(curved)}"
-        keys, means, ways = self._groups(motions, shares, unit / scales.stress)
-        masses = (means * (motions @ keys.T).T).sum(axis=1) / np.maximum((keys**2).sum(axis=1), _ALIKE**2)
-        _, size, order = qr((masses[:, None] * keys).T, pivoting=True)
-        if len(keys) < count or not abs(size[count - 1, count - 1]) > _STOPS * abs(size[0, 0]):
-            bears = {name: bool((share.room * share.weights).any()) for name, share in shares.items()}
-            names = [repr(each.name) for each in moving if not bears[each.name]] or [repr(each.name) for each in moving]
-            return f"no part of {' and '.join(names)} sticks that would hold it"
-        chosen = order[:count]
-        means, d = means[chosen], motions @ np.linalg.inv(keys[chosen])
-        masses, image = np.diag(means @ d), self.image(shares)
-        others = self.attained @ null_space(means @ self.attained)
-        turned = []  # what friction left on each group turns into
-        for k in chosen:
-            left = {name: replace(share, values=ways[name][k, :, None] * share.room) for name, share in shares.items()}
-            turned.append(self.image(left))
+    def stopped(self, shares: Mapping[str, Share], pressures: Mapping[str, FloatArray], unit: float) -> Stopped | str:
+        """What stops the motions without strain, or why nothing does. Weights and pressures have the unit [stress].
 
-        def sizes(part: float) -> FloatArray:
-            """The larger |R d_k| of both senses of d_k, dimensionless: the other groups it does not move."""
-            both = ((image + sense * part * own) @ d[:, k] for k, own in enumerate(turned) for sense in (1.0, -1.0))
-            found = np.array([np.sqrt(max(v @ self.part @ v, 0.0)) for v in both])
-            return np.asarray(np.maximum(found[::2], found[1::2]))
-
-        reaches = {part: float((part * masses / np.maximum(sizes(part), 1e-300)).min()) for part in _PARTS}
-        part = min(part for part in _PARTS if reaches[part] >= _NEARLY * max(reaches.values()))
-        if count <= _MOTIONS:
-            senses = product((part, -part), repeat=count)
-            norm = max(self.norm(image + np.tensordot(each, turned, axes=1), others) for each in senses)
-        else:  # |Σ ± R_k v| ≤ √j (Σ |R_k v|²)^½
-            work = sum(own.T @ self.part @ own for own in turned)
-            largest = eigh(others.T @ work @ others, others.T @ self.below @ others, eigvals_only=True)[-1]
-            norm = self.norm(image, others) + part * float(np.sqrt(count * largest))
-        energy = scales.energy
-        return Stopped(norm, others, d, part * energy * masses, np.sqrt(energy) * sizes(part), self, energy)
-
-    def _groups(
-        self, motions: FloatArray, shares: Mapping[str, Share], unit: float
-    ) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-        """Groups of edges that motions (n, j) move alike, or against each other.
-
-        What these do to each group (g, j), the functionals ∫ ± ω x_T ds (g, n), and ±1 on its edges by contact, else 0.
+        Friction alone, else pressure too, of contacts cut into as many pieces as make the reach large.
         """
-        traces = [each for each in self.traces if each.name in shares]
-        keys, means = list[FloatArray](), list[FloatArray]()
-        moved = np.zeros((len(self.slips), motions.shape[1]))
-        moved[self.slips] = motions
-        for trace in traces:
-            share, columns = shares[trace.name], trace.start + trace.columns
-            products = product_integrals(share.values.shape[1] - 1, columns.shape[1] - 1)
-            works = unit * trace.lengths[:, None] * trace.turned * (share.room * share.weights @ products)
-            own = np.zeros((len(columns), len(self.slips)))  # ∫ ω x_T ds on each edge
-            np.add.at(own, (np.arange(len(columns))[:, None], columns), works)
-            means.append(own[:, self.slips])
-            keys.append((trace.turned[..., None] * moved[columns]).mean(axis=1))
-        every = np.concatenate(keys)
+        friction, unit = list(self._by_friction(shares)), self.scales.energy * unit / self.scales.stress
+        found = self._stopped(shares, friction, unit)
+        if found is None:
+            cut = (self._by_pressure(pressures, pieces) for pieces in _PIECES)
+            tried = [self._stopped(shares, [*friction, *each], unit) for each in cut]
+            found = max(filter(None, tried), key=lambda each: each.reach, default=None)
+        if found is None:
+            moved = np.abs(self.slips @ self.motions).max(axis=1)
+            moving = [each.name for each in self.traces if each.name in shares and moved[each.here].max() > _ALIKE]
+            loose = [name for name in moving if not (shares[name].room * shares[name].weights).any()]
+            names = " and ".join(map(repr, loose or moving))
+            return f"no part of {names} sticks that would hold it, nor does pressure"
+        return found
+
+    def _stopped(self, shares: Mapping[str, Share], groups: Sequence[_Group], unit: float) -> Stopped | None:
+        """What some of the groups stop, if they stop all; masses have the unit [energy per unit of displacement]."""
+        if not groups:
+            return None
+        rows, slipped = np.array([each.row for each in groups]), self.slips @ self.motions
+        _, size, order = qr((rows @ self.motions).T, pivoting=True)
+        most = float(np.abs(size[0, 0]))
+        chosen = order[: int((np.abs(np.diag(size)) > _STOPS * most).sum())]
+        rows, kept = rows[chosen], [groups[k] for k in chosen]
+        if np.abs(slipped @ null_space(rows @ self.motions / most, _STOPS)).max(initial=0.0) > _ALIKE:
+            return None
+        masses, sticks = np.array([each.mass for each in kept]), np.array([bool(each.left) for each in kept])
+        d = slipped @ np.linalg.pinv(rows / masses[:, None] @ self.motions)
+        image, turned = self.image(shares), [self.image(each.left) for each in kept]
+        others = self.without(rows / np.abs(rows).max(axis=1, keepdims=True))
+        tried = list[Stopped]()
+        for part in _PARTS:  # the larger |R d_k| of both senses of d_k: the other groups it does not move
+            both = [(image + sense * own) @ d[:, k] for sense in (part, -part) for k, own in enumerate(turned)]
+            images = self.sizes(np.transpose(both)).reshape(2, -1).max(axis=0)
+            tried.append(Stopped(d, unit * np.where(sticks, part, 1.0) * masses, images, others))
+        least = _NEARLY * max(each.reach for each in tried)
+        part, found = [each for each in zip(_PARTS, tried, strict=True) if each[1].reach >= least][-1]
+        ways = [part * own for own, each in zip(turned, kept, strict=True) if each.left]
+        if len(ways) <= _MOTIONS:
+            senses = np.array(list(product((1.0, -1.0), repeat=len(ways))))
+            norm = max(others.norm(image + sum(map(np.multiply, each, ways))) for each in senses)
+        else:  # |Σ ± R_k v| ≤ √j (Σ |R_k v|²)^½
+            norm = others.norm(image) + float(np.sqrt(len(ways))) * others.norm(*ways)
+        # where RR = 0 does not hold, a(e, Re) ≤ r |e|², not half of it
+        return replace(found, norm=2.0 * norm if found.images[[each.rough for each in kept]].any() else norm)
+
+    def _works(self, trace: DisplacementContact, bound: FloatArray, along: int) -> tuple[FloatArray, FloatArray]:
+        """∫ ω e_N ds of w on edges (e, k), or ∫ ω e_T ds `along` them, and ∫ ω ds (e,), by coefficients of ω (e, q)."""
+        columns = trace.start + trace.columns
+        weights = trace.lengths[:, None] * (bound @ product_integrals(bound.shape[1] - 1, columns.shape[1] - 1))
+        own = trace.turned * weights if along else weights
+        return np.einsum("ej,ejk->ek", own, self.B[along, columns]), weights.sum(axis=1)
+
+    def _by_friction(self, shares: Mapping[str, Share]) -> Iterator[_Group]:
+        """Straight edges that motions without strain move alike, or against each other, stopped where they stick."""
+        own = {each.name: each for each in self.traces if each.name in shares and not each.edges.curved}
+        slipped, parts = self.slips @ self.motions, list[tuple[FloatArray, ...]]()
+        for name, trace in own.items():
+            moved = (trace.turned[..., None] * slipped[trace.start + trace.columns]).mean(axis=1)
+            parts.append((moved, *self._works(trace, shares[name].room * shares[name].weights, 1)))
+        if not parts:
+            return
+        every, row, mass = (np.concatenate(each) for each in zip(*parts, strict=True))
         every[np.abs(every) < _ALIKE] = 0.0  # what a motion does not move is rounding
-        alike, against = (np.abs(every[:, None] - way * every).max(axis=2) < _ALIKE for way in (1.0, -1.0))
-        first = (alike | against).argmax(axis=1)  # of its group
-        ways = np.where(np.take_along_axis(alike, first[:, None], axis=1)[:, 0], 1.0, -1.0)
-        groups = np.unique(first)
-        ways = np.where(first == groups[:, None], ways, 0.0)
-        ends = np.cumsum([len(part) for part in keys])[:-1]
-        by_name = {trace.name: part for trace, part in zip(traces, np.split(ways, ends, axis=1), strict=True)}
-        return every[groups], ways @ np.concatenate(means), by_name
+        ways = np.sign(np.take_along_axis(every, (every != 0.0).argmax(axis=1)[:, None], axis=1))  # 0 where all rests
+        first = (np.abs(ways[:, None] * every[:, None] - ways * every).max(axis=2) < _ALIKE).argmax(axis=1)
+        ends = np.cumsum([len(each) for each, *_ in parts])[:-1]
+        for group in np.unique(first[(mass > 0.0) & ways.any(axis=1)]):
+            way = np.where(first == group, ways.T, 0.0)[0]
+            on = zip(own, np.split(way[:, None], ends), strict=True)
+            left = {name: replace(shares[name], values=part * shares[name].room) for name, part in on}
+            yield _Group(way @ row, float(np.abs(way) @ mass), left)
+
+    def _by_pressure(self, pressures: Mapping[str, FloatArray], pieces: int) -> Iterator[_Group]:
+        """What presses a body, by contact and by the body beyond it, cut along its line into pieces that bear alike."""
+        for trace in (each for each in self.traces if each.name in pressures):
+            row, force = self._works(trace, pressures[trace.name], 0)
+            middle, body = trace.places[trace.columns].mean(axis=1), np.append(trace.space.block, -1)
+            beside = np.unique(np.sort(body[trace.edges.cells], axis=1), axis=0, return_inverse=True)[1].ravel()
+            for pair in np.unique(beside[force > 0.0]):
+                edges = np.flatnonzero((beside == pair) & (force > 0.0))
+                axes = np.linalg.svd(middle[edges] - middle[edges].mean(axis=0), full_matrices=False)[2]
+                edges = edges[np.argsort(middle[edges] @ axes[0])]
+                before = np.cumsum(force[edges]) - force[edges] / 2.0
+                for here in (edges[pieces * before // force[edges].sum() == piece] for piece in range(pieces)):
+                    if len(here):
+                        yield _Group(-row[here].sum(axis=0), force[here].sum(), {}, has_coulomb(trace.contact))
 
 
 _ENERGIES: WeakKeyDictionary[ContactProblem, _Energies] = WeakKeyDictionary()

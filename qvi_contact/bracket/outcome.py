@@ -34,7 +34,7 @@ class Uniqueness:
 
     `apart` is the largest distance of two solutions in the energy norm of stresses, over that of the computed stress: 0
     where there is one only, infinite where nothing is known. `certainty` says whether that is proved, `message` how
-    near to the computed one these solutions are where friction alone holds a body.
+    near to the computed one these solutions are where contacts alone hold a body.
     """
 
     apart: float
@@ -171,12 +171,16 @@ class Bracket:
             bounds = f"energy below {self.upper:.9g} {units.energy}, no lower bound"
         if not np.isfinite(self.upper):
             bounds = f"energy above {self.lower:.9g} {units.energy}, no upper bound"
+        if not np.isfinite([self.lower, self.upper]).any():
+            bounds = "no bound of the energy"
         error = ", a duality gap larger than the strain energy" if self.strain < self.gap < np.inf else ""
         if self.relative_error <= 1.0:
             error = f", stresses within {100 * self.relative_error:.2g} % of their energy norm"
         text = f"{what} {self.kind.value}: {bounds}{error}."
         why = "" if self.coulomb is None else self.coulomb.message
-        said = dict.fromkeys((text, *map(units.filled, (*self.reasons, self.coulomb_reason, why))))
+        some = self.kind is not BracketKind.PROBLEM and np.isfinite([self.lower, self.upper]).any()  # it is solved
+        last = "`refine` estimates errors all the same." if some else ""
+        said = dict.fromkeys((text, *map(units.filled, (*self.reasons, self.coulomb_reason, why)), last))
         return " ".join(filter(None, said))
 
 

@@ -124,7 +124,7 @@ class Share:
         """Values of s at points t (k,) of the edges, 0 to 1 along the tangent, (edges, k)."""
         shapes = bernstein_basis(self.values.shape[1] - 1, t)
         least = 1e-30 * max(float(self.weights.max(initial=0.0)), 1e-270)
-        weights = np.maximum(self.weights, least)  # an open edge has the mean of the s_i, which are one number there
+        weights = np.maximum(self.weights, least)  # of an open edge all alike
         return np.asarray((self.values * weights) @ shapes.T / (weights @ shapes.T))
 
     def steepest(self) -> FloatArray:
@@ -135,7 +135,8 @@ class Share:
         of ω_{i+1}/ω_i: de Casteljau's last step has s' = n w₀ w₁/w² (p₁ − p₀), w between w₀ and w₁.
         """
         n = self.values.shape[1] - 1
-        parts = np.stack([self.values * self.weights, self.weights])[:, :, None]  # (2, edges, parts, n + 1)
+        weights = np.where(self.weights.any(axis=1, keepdims=True), self.weights, 1.0)
+        parts = np.stack([self.values * weights, weights])[:, :, None]  # (2, edges, parts, n + 1)
         left = np.array([[comb(i, j) / 2.0**i for j in range(n + 1)] for i in range(n + 1)])
         for _ in range(4):
             halves = np.stack([parts @ left.T, parts @ left[::-1, ::-1].T], axis=3)
@@ -250,17 +251,31 @@ def with_shares(result: ContactResult, tolerance: float, *, far: bool = True) ->
             parts = own.bound[rows.edges], own.shear[rows.edges], slip, senses[contact.name]
             found[contact.name] = _raw(contact, *parts, least)
     shares, places = joined(known.problem, found, _vanishing(known.problem), senses)
-    for name, share in shares.items():
-        if far and not share.contact.cohesion:
-            line, least = result.contacts[name], _FAR * AWAY * share.friction
-            away = (line.gap > least * np.abs(line.slip)).reshape(share.slipping.size, -1).all(axis=1)
-            away &= ~share.weights.any(axis=1)
-            # a near edge that slips must not end beside one that slips either way
-            away &= (share.slipping == 0.0) | (share.slipping[~away] == 0.0).all()
-            if (share.slipping[away] == 0.0).any():
-                shares[name] = replace(share, slipping=np.where(away, np.nan, share.slipping))
+    if far:
+        shares = {name: _free_far_away(result, share) for name, share in shares.items()}
     moved = _moved(result, shares)
     return moved if isinstance(moved, str) else SharedStress(*moved, places, result)
+
+
+def _free_far_away(result: ContactResult, share: Share) -> Share:
+    """The same where displacements may slip either way far from the obstacle, and s is 0 there but beside other edges.
+
+    Not where all slips one way on straight edges: there a norm may be proved.
+    """
+    line, edges = result.contacts[share.contact.name], result.problem.mesh.edges(share.contact.edges)
+    least = _FAR * AWAY * share.friction
+    near = (line.gap <= least * np.abs(line.slip)).reshape(len(edges), -1)
+    away: BoolArray = np.asarray(~np.hstack([near, share.weights > 0.0]).any(axis=1))
+    if share.contact.cohesion or not (edges.curved or (share.slipping[away] == 0.0).any()):
+        return share
+    shares = [result.problem.mesh.edges(each.edges) for each in filter(has_coulomb, result.problem.contacts)]
+    met = np.bincount(np.concatenate([ends for each in shares for ends in (each.first, each.second)]))
+    among = np.bincount(np.concatenate([edges.first[away], edges.second[away]]), minlength=len(met))
+    kept = np.zeros_like(share.values)
+    kept[:, 0], kept[:, -1] = (met[ends] > among[ends] for ends in (edges.first, edges.second))
+    kept = np.where(away[:, None], kept, 1.0)
+    slipping = np.where(away, np.nan, share.slipping)
+    return replace(share, values=kept * share.values, slipping=slipping, room=kept * share.room)
 
 
 def _raw(

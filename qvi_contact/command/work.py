@@ -201,6 +201,9 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
         proved = [] if proof is None else _write_proof(proof, problem, loads, told)
     said, units, missing = report.limit_lines(loads, found, refinement), problem_file.units, {}
     remarks = _meant(problem_file)
+    if found.upper == math.inf:
+        but = "Smaller multiples, also 1, may be too small to hold the body. Under Coulomb friction it may slide at any"
+        remarks.append(f"{but}: check a load by qvi-contact solve.")
     said += remarks
     if found.mechanism is None and found.collapse is None:
         missing["plot"] = "there is no mechanism to draw in"

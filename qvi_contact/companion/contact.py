@@ -125,12 +125,16 @@ class DisplacementContact:
         return np.asarray(found, dtype=np.float64)
 
     def slipping_on(self, edges: FloatArray) -> FloatArray:
-        """`Contacts.slipping` (n,) from what each edge says (e,), along its own tangent; 0 where edges do not agree."""
-        here = np.where(np.isnan(edges)[:, None], np.inf, self.turned * edges[:, None])
+        """`Contacts.slipping` (n,) from what each edge says (e,), along its own tangent; 0 where edges do not agree.
+
+        What is free on one edge is as the other one says.
+        """
+        told = ~np.isnan(edges)
+        columns, here = self.columns[told], (self.turned * edges[:, None])[told]
         least, most = np.full(self.count, np.inf), np.full(self.count, -np.inf)
-        np.minimum.at(least, self.columns, here)
-        np.maximum.at(most, self.columns, here)
-        return np.where(least == most, np.where(np.isinf(least), np.nan, least), 0.0)
+        np.minimum.at(least, columns, here)
+        np.maximum.at(most, columns, here)
+        return np.where(least > most, np.nan, np.where(least == most, least, 0.0))
 
     def law(self, reasons: list[str]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """μ_i, c_i and the cap (n,); c_i is the whole bound, and μ_i zero, where the bound is given."""
@@ -459,24 +463,16 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
 def _determined(B: FloatArray, contacts: Contacts) -> IntArray:
     """Rows that follow from others: what is tied comes first, then what must not pass an obstacle, then friction."""
     found, rank = list[int](), np.where(np.tile(contacts.tied, 2), 0, np.repeat([1, 2], contacts.count))
-    for rows in groups(sparse.csr_array(B)):
+    row, column = B.nonzero()
+    group = linked(row, column + len(B), sum(B.shape))[: len(B)]  # rows that hang together over columns
+    order = np.argsort(group, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
         ordered = rows[np.argsort(rank[rows], kind="stable")]
         part = B[ordered]
         part = part[:, part.any(axis=0)]
         _, others = independent_rows(part, np.full(len(part), _DEPENDENT))
         found += ordered[list(others)].tolist()
     return np.array(found, dtype=np.int64)
-
-
-def groups(B: sparse.csr_array) -> list[IntArray]:
-    """Rows that hang together over columns, two or more of them, in ascending order."""
-    if not B.nnz:
-        return []
-    row, column = (np.asarray(part, dtype=np.int64) for part in B.nonzero())
-    group = linked(row, column + B.shape[0], sum(B.shape))[: B.shape[0]]  # columns come after the rows
-    order = np.argsort(group, kind="stable")
-    parts = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
-    return [part for part in parts if len(part) > 1]
 
 
 @dataclass(frozen=True, eq=False)

@@ -420,19 +420,18 @@ class BodyAtRest:
         B[~live] = 0.0
         return cls(contacts, body, B, np.asarray(live))
 
-    def least_energy(self, given: BoolArray, zero: BoolArray) -> FloatArray:
-        """E with E x·x = min a(v, v) over v whose coefficients are x where `given`, and 0 where `zero`."""
-        rows = np.vstack([self.B[given], self.B[zero & self.live]])
-        particular, free = solutions(rows)
-        count = int(given.sum())
-        P, S = particular[:, :count], self.body.S
-        found, left = P.T @ S @ P, free.T @ S @ free
-        if len(left):  # without rigid motions, which make it singular
-            values, vectors = np.linalg.eigh((left + left.T) / 2.0)
-            kept = values > SINGULAR * values[-1]
-            cross = vectors[:, kept].T @ (free.T @ S @ P)
-            found = found - cross.T @ (cross / values[kept, None])
-        return np.asarray((found + found.T) / 2.0)
+
+def least_energy(stiffness: FloatArray, given: FloatArray, zero: FloatArray) -> FloatArray:
+    """E with E x·x = min S w·w over w (k,) with given · w = x and zero · w = 0, S (k, k) the stiffness."""
+    particular, free = solutions(np.vstack([given, zero]))
+    P = particular[:, : len(given)]
+    found, left = P.T @ stiffness @ P, free.T @ stiffness @ free
+    if len(left):  # without rigid motions, which make it singular
+        values, vectors = np.linalg.eigh((left + left.T) / 2.0)
+        kept = values > SINGULAR * values[-1]
+        cross = vectors[:, kept].T @ (free.T @ stiffness @ P)
+        found = found - cross.T @ (cross / values[kept, None])
+    return np.asarray((found + found.T) / 2.0)
 
 
 def solutions(rows: FloatArray) -> tuple[FloatArray, FloatArray]:

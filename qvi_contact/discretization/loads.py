@@ -159,13 +159,15 @@ def scaled_stress_at_rest(problem: ContactProblem, scales: Scales, cells: IntArr
 def is_polynomial(problem: ContactProblem, edges: Edges, name: str, field: Field, most: int) -> bool:
     """Whether a field is a polynomial of that degree along each edge, as far as many points show."""
     values = evaluate(name, field, *problem.mesh.points_along(edges, SAMPLES))
-    return spanned(values, legendre_basis(most, SAMPLES))
+    # a body potential may be zero along an edge but for rounding
+    every = evaluate(name, field, *problem.mesh.vertices.T) if field is problem.body_potential else values
+    return spanned(values, legendre_basis(most, SAMPLES), float(np.abs(every).max()))
 
 
-def spanned(values: FloatArray, functions: FloatArray) -> bool:
-    """Whether rows of values (n, k) are combinations of the columns of functions (k, c)."""
+def spanned(values: FloatArray, functions: FloatArray, size: float = 0.0) -> bool:
+    """Whether rows of values (n, k) are combinations of functions (k, c), up to rounding of them and of a `size`."""
     basis = np.linalg.qr(functions)[0]
-    return bool(np.abs(values - values @ basis @ basis.T).max() <= _ROUNDING * np.abs(values).max())
+    return bool(np.abs(values - values @ basis @ basis.T).max() <= _ROUNDING * max(size, np.abs(values).max()))
 
 
 class Limits(NamedTuple):

@@ -143,13 +143,17 @@ def plate_rows(
 
 def independent_rows(A: FloatArray, least: FloatArray) -> tuple[list[int], dict[int, FloatArray]]:
     """Rows (r, n) of which those before leave more than a length `least` (r,), and the others as their combinations."""
-    kept, combinations = list[int](), dict[int, FloatArray]()
+    kept, combinations, basis = list[int](), dict[int, FloatArray](), np.zeros_like(A)
     for index, row in enumerate(A):
-        combination = np.linalg.lstsq(A[kept].T, row, rcond=None)[0] if kept else np.zeros(0)
-        if np.linalg.norm(row - combination @ A[kept]) > least[index]:
+        before, rest = basis[: len(kept)], row
+        for _ in range(2):  # once more for rounding
+            rest = rest - (before @ rest) @ before
+        size = np.linalg.norm(rest)
+        if size > least[index]:
+            basis[len(kept)] = rest / size
             kept.append(index)
         else:
-            combinations[index] = combination
+            combinations[index] = np.linalg.lstsq(A[kept].T, row, rcond=None)[0] if kept else np.zeros(0)
     return kept, combinations
 
 

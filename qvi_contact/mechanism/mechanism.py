@@ -191,7 +191,8 @@ class Rigid:
             ends = (edges.first, edges.second)
             rows += [bodies.rows(block, vertices[end], along[:, k]) for k, end in enumerate(ends)]
         self.held = np.concatenate([*rows, *(line.fixed_rows(bodies) for line in self.lines)])
-        self.free = _null_space(self.held, float(np.abs(vertices).max() / bodies.size.min()))
+        shift = float(np.abs(vertices).max() / bodies.size.min())  # what may be rounding of coordinates is a row
+        self.free = null_space(self.held, 64.0 * np.finfo(float).eps * (1.0 + shift) * np.sqrt(len(self.held)))
 
     @cached_property
     def works(self) -> dict[str, Work]:
@@ -389,16 +390,6 @@ class _Program:
         if not answer.solved:
             raise SolveError(f"mechanism: the linear program was not solved ({answer.message})")
         return np.asarray(self._basis @ answer.x[: self._motions]), float(objective @ answer.x)
-
-
-def _null_space(rows: FloatArray, shift: float) -> FloatArray:
-    """Orthonormal columns of the motions that no row forbids; what may be rounding of coordinates is a row."""
-    touched = np.flatnonzero(rows.any(axis=0))
-    others = np.delete(np.eye(rows.shape[1]), touched, axis=1)
-    if not len(touched):
-        return others
-    part = null_space(rows[:, touched], 64.0 * np.finfo(float).eps * (1.0 + shift) * np.sqrt(len(rows)))
-    return np.column_stack([others, np.eye(rows.shape[1])[:, touched] @ part])
 
 
 def null_space(rows: FloatArray, least: float) -> FloatArray:

@@ -342,10 +342,14 @@ def edges_of(vertices: FloatArray, cells: IntArray, topology: Topology, bends: F
     return _led_back(Edges(first, second, beside, normal, tangent, length, bend, numbers), points_back(tangent))
 
 
+def closes(edges: Edges) -> bool:
+    """Whether they make up closed lines."""
+    return bool((np.unique([edges.first, edges.second], return_counts=True)[1] == 2).all())
+
+
 def led_around(edges: Edges) -> Edges:
     """Edges of a joint; if it closes with t clockwise from n, down where |t_x| ≤ 1e-5: one way around its block."""
-    closed = (np.unique([edges.first, edges.second], return_counts=True)[1] == 2).all()
-    return _led_back(edges, closed & (cross(edges.normal, edges.tangent) > 0.0))
+    return _led_back(edges, closes(edges) & (cross(edges.normal, edges.tangent) > 0.0))
 
 
 def _led_back(edges: Edges, back: BoolArray) -> Edges:

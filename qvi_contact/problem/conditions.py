@@ -82,7 +82,8 @@ class Traction(_ByComponents):
     """What a limit analysis calls this load; the edge set's name by default: `name = "thrust"`."""
     normal: Field | None = field(default=None, kw_only=True)
     tangential: Field | None = field(default=None, kw_only=True)
-    """Component σ_N or σ_T instead [stress], where a pressure p is normal = −p: `normal = -10.0`."""
+    """Component σ_N or σ_T instead [stress], where a pressure p is normal = −p, and the tangent leads to the right, or
+    up on vertical edges, also around a hole: `normal = -10.0`."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ class Displacement(_ByComponents):
     `x = "-1e-3 * t"`."""
     normal: Field | None = field(default=None, kw_only=True)
     tangential: Field | None = field(default=None, kw_only=True)
-    """Component u_N or u_T instead [length]: `normal = 0.0`."""
+    """Component u_N or u_T instead [length], with the tangent as that of tractions: `normal = 0.0`."""
 
 
 @dataclass(frozen=True)
@@ -242,7 +243,9 @@ class Contact(Checked):
     """Position g of the obstacle along the outward normal [length]: positive where it stands away from the body,
     negative where a rigid plate is pushed into it: `gap = -1e-3`."""
     offset: Field = field(default=0.0, metadata=key(symbol="offset", unit="length"))
-    """Tangential displacement w of the obstacle along the tangent [length]: `offset = "1e-3 * sin(t)"`."""
+    """Tangential displacement w of the obstacle [length], to the right, or up on vertical edges. On joints how far
+    what is below or left moves beyond the rest; around a closed joint what is inside, clockwise:
+    `offset = "1e-3 * sin(t)"`."""
     name: Name = field(default="", metadata=key(like="edges"))
     """Key of this contact in the result; the edge set's name by default: `name = "base"`."""
     cohesion: Field = field(default=0.0, metadata=key(kind=Varying(0.0), tied=False, symbol="c", unit="stress"))

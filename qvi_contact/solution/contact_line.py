@@ -141,7 +141,8 @@ class ContactLine:
         The sign is + where tangents lead one way along the contact, as on a straight one: then it is the force along
         the tangent. Where they turn back, as in a round bore, it is that of the sense counterclockwise around the
         middle of the contact: on a full circle of the radius r the shear has the moment r T about its centre. On a line
-        that leads on nevertheless, as a base with a step, it is that of the sense from end to end.
+        that leads on nevertheless, as a base with a step, it is that of the sense from end to end. Around a closed
+        joint it is the force on what is inside, clockwise.
         """
         return float(self.weights @ self.counted_shear)
 

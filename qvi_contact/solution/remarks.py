@@ -14,7 +14,7 @@ from qvi_contact.basics.checks import FloatArray
 from qvi_contact.discretization.loads import joined, physical
 from qvi_contact.mechanism.bodies import Bodies
 from qvi_contact.mechanism.mechanism import Rigid, null_space
-from qvi_contact.mesh.edges import edge_ends
+from qvi_contact.mesh.edges import closes, edge_ends
 from qvi_contact.problem.conditions import DRIVES, Contact, Displacement, Symmetry, has_coulomb
 from qvi_contact.problem.problem import ContactProblem, with_contacts
 from qvi_contact.solution.contact_line import ContactState
@@ -48,11 +48,14 @@ def _turning_plates(result: ContactResult) -> Iterator[str]:
     if result.status is not Status.SOLVED and not result.status.impossible:
         for contact, known in zip(result.problem.contacts, result.discretization.contacts, strict=True):
             turns = np.ptp(known.points.normals, axis=0).max() > _MOVES  # else pressure alone carries the moment
-            if turns and contact.plate is not None and contact.plate.moment is not None and has_coulomb(contact):
+            driven = turns and contact.plate is not None and contact.plate.moment is not None
+            inside = contact in result.problem.joints and closes(result.problem.mesh.edges(contact.edges))
+            if (driven or inside) and has_coulomb(contact):
                 yield (
-                    f"The plate or pin at {contact.name!r} may slip round under its moment. Nothing proves it, as "
-                    "equilibrium alone would allow a larger pressure, and more friction with it. Give the rotation "
-                    "instead of the moment: the moment of the result is then what friction carries."
+                    f"{'What is inside' if inside else 'The plate or pin at'} {contact.name!r} may slip round under "
+                    "its moment. Nothing proves it, as equilibrium alone would allow a larger pressure, and more "
+                    "friction with it. Give a rotation or displacements instead of the moment: the moment of the "
+                    "result is then what friction carries."
                 )
 
 
@@ -315,8 +318,6 @@ def free_motions(result: ContactResult) -> FreeMotions | None:
 
 def _still(motions: FloatArray, rows: FloatArray, least: float) -> FloatArray:
     """The part of the space of orthonormal motions (n, d) on which rows (m, n) are nothing."""
-    if not motions.shape[1]:
-        return motions
     return np.asarray(motions @ null_space(rows @ motions, least))
 
 

@@ -494,7 +494,7 @@ class StoredSweep(SweepRows):
     path: Path
     parameter: Parameter
     values: tuple[float, ...]
-    _unfinished = "{} of {} values are done: the run is at work, was stopped, or ran out of time; the same call goes on"
+    _unfinished = "{} of {} values are done: a run works, was stopped, or reached its time limit. The same call goes on"
 
     def rows(self) -> Iterator[SweepRow]:
         """What is done, in the order of the values."""

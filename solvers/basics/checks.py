@@ -1,6 +1,6 @@
 """Checks of what callers hand in: numbers, arrays of real numbers, one of some words."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -45,12 +45,10 @@ def whole_number(field: str, value: object, largest: int = 2**31 - 1) -> int:
     return int(value)  # type: ignore[call-overload,no-any-return]
 
 
-def one_of(field: str, value: object, choices: Iterable[str], remedy: str = "") -> str:
-    """The value if it is one of the choices; else `InputError`, whose remedy lists them unless another is given."""
-    known = tuple(choices)
-    if not isinstance(value, str) or value not in known:
-        raise InputError(field, value, remedy or f"give one of {', '.join(known)}")
-    return value
+def one_of(field: str, value: object, choices: Sequence[str]) -> None:
+    """Say that `field` must be one of the choices, and which there are."""
+    if not isinstance(value, str) or value not in choices:
+        raise InputError(field, value, f"give one of {', '.join(choices)}")
 
 
 def mapping(field: str, value: object, what: str, *, optional: bool = False) -> Mapping[Any, Any]:

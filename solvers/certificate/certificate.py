@@ -265,7 +265,7 @@ class Certificate:
     tolerance: float
     """The tolerance asked for."""
     scales: Mapping[str, float] = field(default_factory=dict)
-    """The scales "stress", "displacement", "energy" and "body_energy", and "rounding" where that counted."""
+    """Dimensionless "stress", "displacement", "energy" and "body_energy", and "rounding" where that counted."""
     signed: Mapping[str, float] = field(default_factory=dict)
     """Name → the same value with its sign, where that means something: "energy_gap" and "bipotential"."""
 

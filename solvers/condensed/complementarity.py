@@ -27,6 +27,7 @@ from solvers.inequality.rows import Rows, are_few, dense, echelon, largest, scal
 
 _EPSILON = float(np.finfo(np.float64).eps)
 _TERMS = 16.0  # roundings of the size of a sum's terms that count as none
+_FILLED = 0.1  # share of rows without zeros from which sparse products take longer than dense ones
 _FIRST = 1e-3  # the same of the stress at the start, before the first correction
 
 
@@ -350,7 +351,7 @@ class Equations:
         tail = np.zeros((rank, len(rest)))
         if rank:
             tail[:, np.searchsorted(self.free, rest)] = -solve_triangular(self._R, R[:rank, rank:])
-        if are_few(size, len(rest)):
+        if are_few(size, len(rest)) or rank > _FILLED * size:
             self.map: Rows = np.zeros((size, len(rest)))
             self.map[self.free, columns] = 1.0
             self.map[self._pivots] = tail

@@ -13,7 +13,7 @@ from qvi_contact import InputError, refine, solve, solve_history, solve_sweep
 from qvi_contact.bracket import bracket
 from qvi_contact.companion import solve_companion
 from qvi_contact.discretization import Scales, pins
-from qvi_contact.gallery import arc, fan
+from qvi_contact.gallery import arc, fan, press_fit_torque
 from qvi_contact.mechanism import find_mechanism
 from qvi_contact.mesh import TriangleMesh, cross
 from qvi_contact.plots import history_figure
@@ -210,12 +210,12 @@ def test_the_loop_of_a_pin_is_that_of_the_motion_that_does_the_work():
 
 
 def test_only_what_is_round_may_slip_round():
-    """A solve that ends too early says so of a pin that a moment turns, not of a straight plate."""
+    """A solve that ends too early says so of a pin that a moment turns, and of a shaft, not of a straight plate."""
     pin = pinned(Contact.pin("hole", 0.3, (0.0, 0.0), 1.02, x=0.0, y=0.0, moment=1e-3), mesh=ROUND)
     free = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
     plate = Contact("top", 0.3, plate=RigidPlate(force_x=0.1, force_y=-1.0, moment=0.0, pivot=(0.5, 1.0)))
     block = ContactProblem(TriangleMesh.rectangle((2, 2)), Material(1.0, 0.3), [Contact("bottom", 0.3), plate, *free])
-    for problem, said in ((pin, True), (block, False)):
+    for problem, said in ((pin, True), (press_fit_torque(0.2, 1.0), True), (block, False)):
         result = solve(problem, method="condensed", max_iterations=1)
         assert any("slip round" in remark for remark in result.remarks) == said
 

@@ -54,13 +54,13 @@ def test_numbers_of_any_kind_are_floats(kind):
     assert (material.compliance == Material(3.0, float(material.poisson)).compliance).all()
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, "2*y"])
 @pytest.mark.parametrize(
     ("kind", "name"),
     [(Contact, "friction"), (Contact, "gap"), (Contact, "offset"), (Traction, "x"), (Displacement, "y")],
 )
-def test_what_is_not_finite_is_refused(kind, name, value):
-    with refused_at(f"{kind.__name__}.{name}"):
+def test_what_is_not_finite_or_a_text_is_refused(kind, name, value):
+    with refused_at(f"{kind.__name__}.{name}", r"finite|such as Expression\('2\*y'\)"):
         kind("top", **({"friction": 0.1} if kind is Contact else {}) | {name: value})
 
 

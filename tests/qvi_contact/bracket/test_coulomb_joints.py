@@ -8,7 +8,7 @@ import pytest
 from qvi_contact import Contact, ContactProblem, Displacement, Material, Region, Traction, solve
 from qvi_contact.bracket import bodies_of
 from qvi_contact.mesh import TriangleMesh
-from tests.qvi_contact.bracket.test_coulomb import FREE
+from tests.qvi_contact.bracket.test_coulomb import FREE, bounds_met
 from tests.qvi_contact.builders import area, energy_apart, half_discs
 
 
@@ -29,10 +29,9 @@ def test_true_errors_and_forces(friction, kind):
     problem = half_discs(friction, below=500.0)
     problem = replace(problem, mesh=problem.mesh.refined(np.ones(problem.mesh.cell_count, dtype=bool)))
     result, fine = (solve(problem, degree=degree) for degree in (3, 5))
-    found = result.bracket.coulomb
+    found = bounds_met(result, fine, 4.0)
     assert found.kind == kind
     assert (found.shares["seam"].slipping == -1.0).all()
-    assert 1.0 <= found.error / energy_apart(result, fine) < 4.0
     for name in ("normal_force", "tangential_force"):
         both = [each.bracket.coulomb.forces[f"seam.{name}"] for each in (result, fine)]
         assert both[0].lower < getattr(fine.contacts["seam"], name) < both[0].upper
