@@ -40,8 +40,8 @@ _FARTHEST: Final = math.log(1e4)  # factors of strength beyond count as infinite
 _STEP: Final = math.log(2.0)  # between the first of them that are tried
 _MOST: Final = 1e6  # shares of loads beyond, or below the inverse, count as so much
 _LEAST: Final = 1e-15
-_SPARED: Final = 3e1  # times the least strength: stresses up to it leave strengths that are so much larger alone
-_FAR: Final = 1e5
+_FAR: Final = 1e5  # times the least strength: what is larger does not help flows where stresses from below are small,
+_SPARED: Final = 3e1  # up to so many times the least
 _CLOSE: Final = 1e-6  # logarithm of the width of a bisection that may end there, however little is asked for
 
 
