@@ -225,9 +225,10 @@ class Settings:
         checked_limit(self.time_limit)
         Request.checked(self.factorisation, self.threads)
         kind, given = OPTIONS[self.chosen], dict(self.options)
-        for name, taken in (("initial", self.takes_state), ("inner", self.chosen == "fixed-point")):
-            if not taken and getattr(self, name) is not None:
-                given[name] = getattr(self, name)  # is refused; others are checked with the problem
+        if self.initial is not None and not self.takes_state:
+            given["initial"] = self.initial  # is refused; others are checked with the problem
+        if self.inner is not None and self.chosen != "fixed-point":
+            given["inner"] = self.inner
         names = list(kind.__dataclass_fields__)
         for name, value in given.items():
             if name not in names:
@@ -258,6 +259,8 @@ class Settings:
             return self.method
         if self.inner is not None:
             return "fixed-point"
+        if not self.options:
+            return METHODS[0]
         given = set(self.options)
         return max(OPTIONS, key=lambda method: len(given & OPTIONS[method].__dataclass_fields__.keys()))
 
