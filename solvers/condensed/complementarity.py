@@ -27,8 +27,8 @@ from solvers.inequality.rows import Rows, are_few, dense, echelon, largest, scal
 
 _EPSILON = float(np.finfo(np.float64).eps)
 _TERMS = 16.0  # roundings of the size of a sum's terms that count as none
-_FILLED = 0.1  # share of rows without zeros from which sparse products take longer than dense ones
 _FIRST = 1e-3  # the same of the stress at the start, before the first correction
+_FILLED = 0.1  # share of rows without zeros from which sparse products take longer than dense ones
 
 
 class Complementarity:
