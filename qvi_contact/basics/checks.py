@@ -43,7 +43,7 @@ def instance_of(kind: type, name: str, value: object, remedy: str = "") -> None:
 def names_among(field: str, names: object, kind: str, known: Sequence[str], least: int = 1) -> tuple[str, ...]:
     """The names in a list of `least` or more, each one of those `known`, which are of this kind, in the plural."""
     if isinstance(names, str) or not isinstance(names, Sequence) or len(names) < least:
-        raise InputError(field, names, f"give a list of names out of {', '.join(known)}")
+        raise InputError(field, names, f"give a list of {kind}: {', '.join(known) or 'there are none'}")
     return tuple(known_name(field, name, {kind: known}) for name in names)
 
 

@@ -454,7 +454,7 @@ def _checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
     taken = {identity(source): "the problem file"}
     for option, path in given.items():
         name = _option_name(option)
-        if not path or os.path.isdir(path):  # Path's raises for names that no file can have
+        if path in ("", "-") or os.path.isdir(path):  # Path's raises for names that no file can have
             raise InputError(name, path, "give the name of a file")
         for each in _files_of(option, path):
             check_writable(each, name)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from qvi_contact import __version__
-from qvi_contact.basics.checks import FloatArray, instance_of, names_among, positive_number
+from qvi_contact.basics.checks import FloatArray, acts, instance_of, names_among, positive_number
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
@@ -280,7 +280,8 @@ def _checked(carried: Carried, upper: float, straight: bool) -> float:
 
 def loads_of(problem: ContactProblem) -> list[str]:
     """The names of loads that can be multiplied."""
-    known = list(dict.fromkeys([BODY, *problem.body_forces]))
+    forces = problem.body_forces
+    known = [BODY, *forces] if any(map(acts, forces.values())) else []
     known += [condition.name for condition in problem.conditions if isinstance(condition, Traction)]
     known += [contact.name for contact in problem.contacts if contact.plate is not None and contact.plate.driven]
     return list(dict.fromkeys(known))

@@ -335,7 +335,7 @@ class SweepTask:
         what = "contacts" if every else "contacts that could open or slip"
         if parameter == "load":
             limit = load("qvi_contact.limit.load_factor")  # which commands that solve once need not load
-            chosen = tuple(limit.loads_of(problem)) if names is None else limit.checked_loads(problem, names, "of")
+            chosen = limit.checked_loads(problem, limit.loads_of(problem) if names is None else names, "of")
         elif not known:
             raise InputError("parameter", parameter, "the problem has no contact that could open or slip")
         elif names is None:

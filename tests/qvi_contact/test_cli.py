@@ -161,7 +161,7 @@ def test_options_that_mean_nothing_list_what_there_is(shell, plate, option, valu
 @pytest.mark.parametrize(
     ("options", "words"),
     [(["--plot", "a.jpeg"], ".png"),
-     (["--plot", "missing/a.png"], "cannot be written"), (["--vtk", ""], "name of a file"),
+     (["--plot", "missing/a.png"], "cannot be written"), (["--vtk", ""], "name of a file"), (["--npz", "-"], "name of"),
      (["--vtk", "a.vtk"], "ends in .vtu"), (["--npz", "."], "name of a file"),
      (["--save-json", "plate.toml"], "the problem file"),
      (["--save-json", "soft.json"], "the problem file"),

@@ -121,7 +121,7 @@ def test_the_time_limit_keeps_what_was_done(clock):
      ("gap", [np.nan], None, "values"), ("gap", 1.0, None, "values"), ("gap", "0.1", None, "values"),
      ("friction", [0.1, 1e100], None, "values"), ("load", [-1e160], None, "values"),
      ("friction", [0.1], ["base"], "of"), ("friction", [0.1], "plate", "of"), ("load", [1.0], ["base"], "of"),
-     ("load", [1.0], [], "of")],
+     ("load", [1.0], [], "of"), ("load", [1.0], ["body"], "of")],
 )  # fmt: skip
 def test_bad_sweeps_are_refused(parameter, values, of, field):
     with refused_at(field):
