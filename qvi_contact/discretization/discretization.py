@@ -1,6 +1,6 @@
-"""From the contact problem (D1) to the algebraic quasi-variational inequality (D2).
+"""From the contact problem to the algebraic quasi-variational inequality; problems on one mesh share matrices.
 
-Problems on one mesh share their matrices, and the factorisation of K. In `docs/theory.md`: (D1), (D2).
+In `docs/theory.md`: (D1), (D2).
 """
 
 from __future__ import annotations

@@ -128,9 +128,7 @@ class Database:
         try:
             yield
         except sqlite3.Error as error:
-            code = (
-                getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF
-            )  # the primary code, without the extended part
+            code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF  # the primary code
             known = {**_REMEDIES, sqlite3.SQLITE_NOTADB: self._not_one}
             raise InputError("store", str(path), known.get(code, f"SQLite says: {error}")) from error
 

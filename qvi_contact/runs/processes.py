@@ -369,7 +369,7 @@ def _unpacking() -> Callable[[bytes], Outcome]:
 
 
 _HELD: Final[dict[str, tuple[dict[int, tuple[Lock, Process]], Event]]] = {}
-"""In a Dask worker: run → its processes by thread, with a lock each; and whether the run is over and takes no orders."""
+"""In a Dask worker: run → its processes by thread, with locks; and whether the run is over, and refuses orders."""
 
 
 def do_there(run: str, job: bytes, limits: Limits, order: object) -> Outcome:
