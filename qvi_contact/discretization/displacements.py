@@ -240,12 +240,12 @@ class DisplacementSpace:
 
     def inverse_jacobians(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """∂t_a/∂x_b as [cell, point, a, b]; with one point for all points if no cell has arcs."""
-        found = self.slopes[cells][:, None]
+        inverses = self.slopes[cells][:, None]
         at, which = self.curved.among(cells, len(self.table))
         if len(at):
-            found = np.repeat(found, np.shape(t)[-2], axis=1)
-            found[at] = np.linalg.inv(self.curved.mapped(which, t if np.ndim(t) == 2 else t[at])[1])
-        return np.asarray(found)
+            inverses = np.repeat(inverses, np.shape(t)[-2], axis=1)
+            inverses[at] = np.linalg.inv(self.curved.mapped(which, t if np.ndim(t) == 2 else t[at])[1])
+        return np.asarray(inverses)
 
     @cached_property
     def areas(self) -> FloatArray:
@@ -263,43 +263,43 @@ class DisplacementSpace:
 
     def points(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """Coordinates of reference points (k, 2), or (cells, k, 2), in cells, shape (cells, k, 2)."""
-        found = np.asarray(self.origins[cells][:, None] + t @ self.frames[cells].swapaxes(1, 2))
+        points = np.asarray(self.origins[cells][:, None] + t @ self.frames[cells].swapaxes(1, 2))
         if len(self.curved.numbers):
             at, which = self.curved.among(cells, len(self.table))
-            found[at] = self.curved.mapped(which, t if np.ndim(t) == 2 else t[at])[0]
-        return found
+            points[at] = self.curved.mapped(which, t if np.ndim(t) == 2 else t[at])[0]
+        return points
 
     def own(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """Reference points of this space from those of the mesh, (k, 2) or (cells, k, 2): cells with arcs differ."""
         at, which = self.curved.among(cells, len(self.table))
         if not len(at):
             return t
-        found = np.array(np.broadcast_to(t, (len(np.arange(len(self.table))[cells]), *np.shape(t)[-2:])))
-        placed = self.mesh.placed(self.curved.numbers[which], barycentric(found[at]))
-        found[at] = self.curved.reference(which, placed @ self.curved.corners[which])
-        return found
+        reference = np.array(np.broadcast_to(t, (len(np.arange(len(self.table))[cells]), *np.shape(t)[-2:])))
+        placed = self.mesh.placed(self.curved.numbers[which], barycentric(reference[at]))
+        reference[at] = self.curved.reference(which, placed @ self.curved.corners[which])
+        return reference
 
     def measures(self, t: FloatArray, weights: FloatArray) -> FloatArray:
         """Quadrature weights (cells, q) from weights (q,) at points t (q, 2) of the reference cell."""
-        found = self.areas[:, None] * weights
+        measures = self.areas[:, None] * weights
         if len(self.curved.numbers):
             curved = np.arange(len(self.curved.numbers))
-            found[self.curved.numbers] = np.abs(np.linalg.det(self.curved.mapped(curved, t)[1])) * weights
-        return np.asarray(found)
+            measures[self.curved.numbers] = np.abs(np.linalg.det(self.curved.mapped(curved, t)[1])) * weights
+        return np.asarray(measures)
 
     @cached_property
     def places(self) -> FloatArray:
         """The point (size / 2, 2) of each coefficient: coefficients of a linear function are its values there."""
-        found = np.empty((self.size // 2, 2))
-        found[self.table] = self.points(slice(None), self.cell.places)
-        return found
+        places = np.empty((self.size // 2, 2))
+        places[self.table] = self.points(slice(None), self.cell.places)
+        return places
 
     @cached_property
     def owner(self) -> IntArray:
         """Block of each coefficient (size / 2,)."""
-        found = np.empty(self.size // 2, dtype=np.int64)
-        found[self.table] = self.block[:, None]
-        return found
+        owner = np.empty(self.size // 2, dtype=np.int64)
+        owner[self.table] = self.block[:, None]
+        return owner
 
     def along(self, edges: Edges, *, other: bool = False) -> IntArray:
         """Coefficients on edges (e, p + 1), along the tangent; with `other` of the second cell at an inner edge."""
@@ -308,9 +308,9 @@ class DisplacementSpace:
     @cached_property
     def positions(self) -> FloatArray:
         """The coefficients (size / 2, 2) of the function x: coefficients of affine functions are their values there."""
-        found, bent = self.places.copy(), self.table[self.curved.numbers]
-        found[bent] = np.linalg.inv(self.cell.values(self.cell.places)) @ found[bent]  # here x is not linear in λ
-        return found
+        positions, bent = self.places.copy(), self.table[self.curved.numbers]
+        positions[bent] = np.linalg.inv(self.cell.values(self.cell.places)) @ positions[bent]  # x is not linear in λ
+        return positions
 
     def rigid(self) -> FloatArray:
         """Rigid motions of every block, (size, 3 blocks): translations along x and y, rotation about its middle."""

@@ -383,7 +383,7 @@ def _between(ends: FloatArray, t: FloatArray) -> FloatArray:
 
 def lines(problem: ContactProblem, bodies: Bodies) -> tuple[Line, ...]:
     """The lines of all contacts; a joint inside one block separates no bodies, and has no line."""
-    vertices, found = problem.mesh.vertices, list[Line]()
+    vertices, all_lines = problem.mesh.vertices, list[Line]()
     for contact in problem.contacts:
         edges = problem.mesh.edges(contact.edges)
         first, second = bodies.beside(edges, contact)
@@ -391,11 +391,11 @@ def lines(problem: ContactProblem, bodies: Bodies) -> tuple[Line, ...]:
             chosen = edges.take((first == one) & (second == other) & (one != other))
             straight, arcs = chosen.take(~chosen.bent), chosen.take(chosen.bent)
             for group in _straight(vertices, straight):
-                found.append(Line.of(contact, (one, other), *_chord(vertices, straight.take(group)), arc=False))
+                all_lines.append(Line.of(contact, (one, other), *_chord(vertices, straight.take(group)), arc=False))
             for number in range(len(arcs)):
                 for piece in _pieces(vertices, arcs.take(np.array([number]))):
-                    found.append(Line.of(contact, (one, other), *piece, arc=True))
-    return tuple(found)
+                    all_lines.append(Line.of(contact, (one, other), *piece, arc=True))
+    return tuple(all_lines)
 
 
 def _pieces(vertices: FloatArray, arc: Edges) -> Iterator[tuple[Frame, FloatArray]]:

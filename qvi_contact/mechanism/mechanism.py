@@ -114,11 +114,10 @@ class Mechanism(PicklesFields):
     def overload(self) -> float:
         """Driving work over resisting work; infinity if nothing resists.
 
-        Above 1 the loads cannot be carried: all driving loads would have to be smaller by this factor, with the other
-        loads unchanged. A load drives if the work under its name is positive. So parts of one load, such as the shear
-        on two ends that forms a couple, should have one name: otherwise the gain of one part and the loss of another
-        are in both works, and the factor is nearer to 1. It is not the inverse of `limit_load_factor`, where the user
-        chooses the loads that are multiplied.
+        Above 1 the loads cannot be carried: all driving loads would have to be smaller by this factor, with the others
+        unchanged. A load drives if the work under its name is positive. Parts of one load, such as the shear on two
+        ends that forms a couple, should have one name: with two names the factor is nearer to 1. The factor is not the
+        inverse of `limit_load_factor`, where the user chooses the loads that are multiplied.
         """
         return self.driving / self.resisting if self.resisting > _CERTAIN * self.driving else math.inf
 
@@ -169,10 +168,8 @@ def upper_bound(problem: ContactProblem, loads: Sequence[str]) -> tuple[float, M
     if mechanism is None:
         return math.inf, None
     if mechanism.violation > _CERTAIN:
-        raise SolveError(
-            f"limit load: the mechanism violates a contact law by {mechanism.violation:.1e}: leave out "
-            "tiny blocks or edges"
-        )
+        reason = f"the mechanism violates a contact law by {mechanism.violation:.1e}"
+        raise SolveError(f"limit load: {reason}: leave out tiny blocks or edges")
     resisting = mechanism.resistance - sum(mechanism.works[name] for name in others)
     return resisting / sum(mechanism.works[name] for name in named), mechanism
 
@@ -211,9 +208,8 @@ class Rigid:
     def proving(self, names: Sequence[str], idle: Sequence[str] = ()) -> Mechanism | None:
         """The motion with the largest ratio of driving to resisting work of the named loads, if it is a proof.
 
-        It is a proof if the net work exceeds rounding, and the work of contact forces far above the loads on the
-        violated conditions. The `idle` loads, which one factor multiplies, together do no work on the motion, and are
-        left out.
+        A proof has more net work than rounding, and contact forces far above the loads on violated conditions, can
+        explain. The `idle` loads, which one factor multiplies, together do no work on the motion, and are left out.
         """
         unit, together = self._size(names), self._size(idle)
         if not self.free.shape[1] or unit == 0.0:
@@ -230,18 +226,18 @@ class Rigid:
             limits = np.append(np.zeros(matrix.shape[0] - 1), 1.0)
             return program.solved(np.append(cost - works.sum(axis=0), 0.0 * sizes), matrix, limits, idle_work)
 
-        def proves(found: Mechanism) -> bool:
-            rounding = _CERTAIN * (found.driving + found.resisting) + _REACH * found.violation * self._size(self.works)
-            return found.driving - found.resisting > rounding
+        def proves(proof: Mechanism) -> bool:
+            rounding = _CERTAIN * (proof.driving + proof.resisting) + _REACH * proof.violation * self._size(self.works)
+            return proof.driving - proof.resisting > rounding
 
-        found = self._settled(optimum, names)
-        if (found is None or not proves(found)) and not idle and any(e.capped and not e.arc for e in self.lines):
+        motion = self._settled(optimum, names)
+        if (motion is None or not proves(motion)) and not idle and any(e.capped and not e.arc for e in self.lines):
             # Places on lines with a cap are added around a motion. If none is found without them, this is a first one.
-            found = self.dearest(names, [])
-        if found is None or not proves(found):
+            motion = self.dearest(names, [])
+        if motion is None or not proves(motion):
             return None
-        moved = found.contacts.values()
-        if np.isinf(found.overload) and any(each.slides for each in moved) and any(each.opens for each in moved):
+        moved = motion.contacts.values()
+        if np.isinf(motion.overload) and any(each.slides for each in moved) and any(each.opens for each in moved):
             # If nothing resists, many motions prove it. One without slip shows that friction is not the reason.
             answer = None
             with suppress(SolveError):  # the first motion is a proof already
@@ -250,7 +246,7 @@ class Rigid:
                 tipped = self._mechanism(answer[0], names)
                 if proves(tipped) and np.isinf(tipped.overload):
                     return tipped
-        return found
+        return motion
 
     def dearest(self, names: Sequence[str], others: Sequence[str]) -> Mechanism | None:
         """The motion of least R − L(others) for a given work of the named loads; None if they cannot do work.
@@ -262,10 +258,10 @@ class Rigid:
         if not self.free.shape[1] or unit == 0.0:
             return None
         row, start = self._row(names, unit), _Program(self, self.lines)
-        found = start.solved(-start.on_unknowns(row), start.rows, farthest=1.0)
-        if found is None or -found[1] <= _LEAST:
+        optimum = start.solved(-start.on_unknowns(row), start.rows, farthest=1.0)
+        if optimum is None or -optimum[1] <= _LEAST:
             return None
-        row, other = row / -found[1], self._row(others, size)
+        row, other = row / -optimum[1], self._row(others, size)
         return self._settled(lambda program: program.solved(
             program.cost / size - program.on_unknowns(other), program.rows, 0.0, row, 1.0
         ), [*names, *others])  # fmt: skip
@@ -279,10 +275,10 @@ class Rigid:
         """
         chosen, before, settled = self.lines, np.inf, 0
         for _ in range(_ROUNDS):
-            found = solve(_Program(self, chosen))
-            if found is None or not any(line.capped for line in chosen):
+            optimum = solve(_Program(self, chosen))
+            if optimum is None or not any(line.capped for line in chosen):
                 break
-            motion, value = found
+            motion, value = optimum
             settled = 0 if before - value > _SETTLED * abs(value) else settled + 1
             if settled == 2:
                 break
@@ -290,7 +286,7 @@ class Rigid:
             if finer == chosen:  # no line has new places
                 break
             chosen = finer
-        return None if found is None or not found[0].any() else self._mechanism(found[0], names)
+        return None if optimum is None or not optimum[0].any() else self._mechanism(optimum[0], names)
 
     def _mechanism(self, v: FloatArray, names: Iterable[str]) -> Mechanism:
         """The mechanism of motions v (3 k,), scaled to the largest displacement 1."""
@@ -311,17 +307,14 @@ class Rigid:
         moved = np.column_stack([v.reshape(-1, 3) * scale, bodies.centre]).tolist()
         motions = tuple(RigidMotion(a, b, rotation, (at_x, at_y)) for a, b, rotation, at_x, at_y in moved)
         plates = dict(zip(bodies.plates, motions[bodies.blocks :], strict=True))
-        found = {name: float(self.works[name].row @ v) for name in names}
+        by_load = {name: float(self.works[name].row @ v) for name in names}
         contacts = {name: ContactMotion(opening[name], slip[name]) for name in opening}
         return Mechanism(
-            bodies.of_cells,
-            motions[: bodies.blocks],
+            bodies.of_cells, motions[: bodies.blocks],
             MappingProxyType(Named("plates", "contacts with a plate or pin", plates)),
-            MappingProxyType(Named("works", "loads", found)),
-            sum(line.resistance(bodies, v) for line in self.lines),
-            MappingProxyType(Named("contacts", "contacts", contacts)),
-            float(max(violations)),
-        )
+            MappingProxyType(Named("works", "loads", by_load)), sum(line.resistance(bodies, v) for line in self.lines),
+            MappingProxyType(Named("contacts", "contacts", contacts)), float(max(violations)),
+        )  # fmt: skip
 
 
 class _Program:

@@ -169,11 +169,11 @@ class History:
     def _of_support(self, name: str) -> tuple[FloatArray, FloatArray]:
         """The loop of an edge set with a prescribed displacement: the component along the tangent if it moves."""
         steps = [_of_support(step, name) for step in self._states]
-        always = [component for component in steps[0] if all(component in each for each in steps)]
-        found = [np.array([each[component] for each in steps]).T for component in always]
-        if not found:
+        components = [component for component in steps[0] if all(component in each for each in steps)]
+        loops = [np.array([each[component] for each in steps]).T for component in components]
+        if not loops:
             raise InputError("name", name, "name a contact, or an edge set with a prescribed displacement")
-        displacement, force = next((loop for loop in found if np.ptp(loop[0]) > 0.0), found[0])
+        displacement, force = next((loop for loop in loops if np.ptp(loop[0]) > 0.0), loops[0])
         return displacement, force
 
     @property
@@ -354,12 +354,12 @@ def _at_rest(result: ContactResult, before: ContactResult | None) -> ContactResu
 
 def _places(result: ContactResult) -> FloatArray:
     """u_N and u_T (2, m) at the points of all contacts but tied ones, relative to driven plates, dimensionless."""
-    unit, found = result.discretization.scales.displacement, [np.zeros((2, 0))]
+    unit, displacements = result.discretization.scales.displacement, [np.zeros((2, 0))]
     for rows in result.discretization.contacts:
         if rows.law != "tied":
             line, (gap, offset) = result.contacts[rows.name], rows.obstacle
-            found.append(np.stack([gap - line.gap / unit, offset + line.slip / unit]))
-    return np.concatenate(found, axis=1)
+            displacements.append(np.stack([gap - line.gap / unit, offset + line.slip / unit]))
+    return np.concatenate(displacements, axis=1)
 
 
 def _slip_after(result: ContactResult) -> list[FloatArray]:
@@ -407,12 +407,12 @@ def _of_support(step: ContactResult, name: str) -> dict[str, tuple[float, float]
     problem, known, edges = step.problem, step.discretization, step.problem.mesh.edges(name)
     points = EdgePoints(known.space, edges, LOAD_POINTS).for_resultants()
     acting, weights = traction(known, step.dofs, points).T, known.scales.length * points.weights
-    found = list[tuple[float, str, tuple[float, float]]]()  # (order, component, (mean, force))
+    pairs = list[tuple[float, str, tuple[float, float]]]()  # (order, component, (mean, force))
     for given in problem.prescribed(Displacement):
         if isinstance(given.condition, Displacement) and given.condition.edges == name:
             means = along_edges(problem.mesh, edges, given.name, given.value).coefficients(0)[:, 0]
             mean = float(edges.length @ means / edges.length.sum())
             force = float(weights @ (acting * points.vectors(given.direction, given.turns)).sum(axis=1))
             component = given.name.partition(".")[2]
-            found.append((-abs(float(given.direction[0] @ edges.tangent[0])), component, (mean, force)))
-    return {component: pair for _, component, pair in sorted(found, key=lambda each: each[0])}
+            pairs.append((-abs(float(given.direction[0] @ edges.tangent[0])), component, (mean, force)))
+    return {component: pair for _, component, pair in sorted(pairs, key=lambda each: each[0])}

@@ -229,15 +229,15 @@ def undetermined_motions(result: ContactResult) -> tuple[UndeterminedMotion, ...
     along = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
     moved = [bodies.rows(np.full(3, body), at, along) @ motions for body in range(len(bodies))]
     moving = [body for body, each in enumerate(moved) if np.abs(each).max(initial=0.0) > _MOVES]
-    found = []
+    undetermined = []
     while moving:  # bodies with the same motion are listed together
         first, least = moving[0], _MOVES * np.abs(moved[moving[0]]).max()
         alike = [body for body in moving if np.abs(moved[body] - moved[first]).max() <= least]
         moving = [body for body in moving if body not in alike]
         own, names = motions[3 * first : 3 * first + 3], tuple(_name(result.problem, bodies, body) for body in alike)
         count, words = int(np.linalg.matrix_rank(own, tol=_MOVES)), motions_in_words(own, bodies, first)
-        found.append(UndeterminedMotion(names, count, words, max(alike) >= bodies.blocks))
-    return tuple(found)
+        undetermined.append(UndeterminedMotion(names, count, words, max(alike) >= bodies.blocks))
+    return tuple(undetermined)
 
 
 def largest_counted(result: ContactResult) -> float | None:

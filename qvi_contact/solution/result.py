@@ -93,15 +93,15 @@ class Energies:
     the corner: this number is uncertain by a part of the loss on the last edge."""
 
 
-def plate_motions(problem: ContactProblem, found: Mapping[str, Mapping[str, float]]) -> Mapping[str, RigidMotion]:
-    """Motions of plates about their pivots: the given components plus the `found` ones, by contact and component.
+def plate_motions(problem: ContactProblem, computed: Mapping[str, Mapping[str, float]]) -> Mapping[str, RigidMotion]:
+    """Motions of plates about their pivots: the given components plus the `computed` ones, by contact and component.
 
-    Components driven by force were found about the point that arms count from, see `RigidPlate.reference`.
+    Components driven by force were computed about the point that arms count from, see `RigidPlate.reference`.
     """
     motions = {}
     for contact in problem.contacts:
         if (plate := contact.plate) is not None:
-            x, y, turn = (found.get(contact.name, {}).get(name, 0.0) for name in DRIVES)
+            x, y, turn = (computed.get(contact.name, {}).get(name, 0.0) for name in DRIVES)
             reference = plate.reference(*centre_of(problem.mesh.vertices, problem.mesh.edges(contact.edges)))
             x, y = RigidMotion(x, y, turn, reference).at(np.array(plate.pivot)).tolist()
             given = plate.x or 0.0, plate.y or 0.0, plate.rotation or 0.0
@@ -134,8 +134,8 @@ class ContactResult(PicklesFields):
     def __getattr__(self, name: str) -> Any:
         if name not in _ABOVE:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        found = self.__dict__[name] = getattr(load(_ABOVE[name]), name)(self)
-        return found
+        value = self.__dict__[name] = getattr(load(_ABOVE[name]), name)(self)
+        return value
 
     def __repr__(self) -> str:
         if not self.has_state:

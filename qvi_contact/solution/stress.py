@@ -79,9 +79,9 @@ def mean_at(
     count = np.bincount(point, minlength=len(places))
     if (count == 0).any():
         raise InputError(name, tuple(places[np.argmin(count)].tolist()), "give points inside the body")
-    found = values(cell, mesh.reference(cell, places[point])[:, None])
-    total = np.column_stack([np.bincount(point, part, len(places)) for part in found.T])
-    return np.asarray(total / count[:, None]).reshape(*x.shape, found.shape[1])
+    in_cells = values(cell, mesh.reference(cell, places[point])[:, None])
+    total = np.column_stack([np.bincount(point, part, len(places)) for part in in_cells.T])
+    return np.asarray(total / count[:, None]).reshape(*x.shape, in_cells.shape[1])
 
 
 def cell_stresses(
@@ -165,21 +165,21 @@ def sample_body(result: ContactResult, parts: int = 0, divisions: int | None = N
     mesh, discretization = result.problem.mesh, result.discretization
     sizes = np.ptp(mesh.vertices[mesh.cells], axis=1).max(axis=1)
     wanted = np.clip(parts * sizes / mesh.length, 1.0, _MOST_DIVISIONS)
-    each = (2.0 ** np.round(np.log2(wanted))).astype(np.int64)  # powers of two make few groups of cells
-    each = each if divisions is None else np.full(len(sizes), divisions)
+    division_of = (2.0 ** np.round(np.log2(wanted))).astype(np.int64)  # powers of two make few groups of cells
+    division_of = division_of if divisions is None else np.full(len(sizes), divisions)
     coefficients = discretization.coefficients(result.dofs)
-    found: list[tuple[FloatArray, IntArray, FloatArray, FloatArray]] = []
+    samples: list[tuple[FloatArray, IntArray, FloatArray, FloatArray]] = []
     triangles, count = [np.empty((0, 3), dtype=np.int64)], 0
-    for division in np.unique(each).tolist():
+    for division in np.unique(division_of).tolist():
         t, split = discretization.space.lattice(division)
-        chosen = np.flatnonzero(each == division)
-        for cells in (chosen[start : start + _CHUNK] for start in range(0, len(chosen), _CHUNK)):
+        cells_of = np.flatnonzero(division_of == division)
+        for cells in (cells_of[start : start + _CHUNK] for start in range(0, len(cells_of), _CHUNK)):
             points, stress = stress_in_cells(discretization, coefficients, cells, t)
             reference = np.tile(t, (len(cells), 1))
-            found.append((points.reshape(-1, 2), np.repeat(cells, len(t)), reference, stress.reshape(-1, 3)))
+            samples.append((points.reshape(-1, 2), np.repeat(cells, len(t)), reference, stress.reshape(-1, 3)))
             triangles.append((count + len(t) * np.arange(len(cells))[:, None, None] + split).reshape(-1, 3))
             count += len(cells) * len(t)
-    points, numbers, references, stresses = (np.concatenate(chunks) for chunks in zip(*found, strict=True))
+    points, numbers, references, stresses = (np.concatenate(chunks) for chunks in zip(*samples, strict=True))
     x, y = physical(result.problem, discretization.scales, points)
     stresses *= discretization.scales.stress
     along_z = stress_along_z(result.problem, numbers, x, y, stresses)
