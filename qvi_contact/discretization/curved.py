@@ -14,13 +14,13 @@ with the middle x_m of the chord. The other coefficients are those of Φ itself.
 
 A triangle with arcs has the polynomials of the straight triangle, in physical coordinates. The degrees of freedom on a
 side that is an arc are the coefficients above; on other sides they are the usual ones. So a neighbour across a straight
-side sees no difference, and Φ stays C1. Let c be the factors of the reference functions, c_s those of corners and
-edges, u the degrees of freedom of the triangle and v the interior ones. Then
+side sees no difference, and Φ stays C1. With c the factors of the reference functions, c_s those of corners and edges,
+u the triangle's own degrees of freedom and v the interior ones,
 
     G c_s = H u − A_v v.
 
-In rows of straight sides and corners G is the identity, H the transformation of the straight triangle, and A_v is zero.
-In rows of arcs G and A_v are the traction coefficients A of the reference functions, and H is the identity.
+In rows of corners and straight sides, G = I, A_v = 0, and H is the transformation of the straight triangle. In rows of
+arcs, G and A_v are the traction coefficients A of the reference functions, and H = I.
 """
 
 from dataclasses import dataclass
@@ -41,8 +41,7 @@ _ALONG_ARCS: Final = 8  # Gauss points along an arc, less the degree and the num
 def resultant_shapes(bend: FloatArray, t: FloatArray) -> FloatArray:
     """Factors (n, q, 3, 2) of Φ_ττ and Φ_τμ in the force along the chord, across it, and in the moment.
 
-    They are integrands at shares t (n, q) of the length of n arcs with bends (n, k), see `mesh.edges`; chords have
-    length 1.
+    They are integrands at shares t (n, q) of the lengths of arcs with bends (n, k), see `mesh.edges`, on unit chords.
     """
     cosine, sine = np.cos(angles(bend, t)), np.sin(angles(bend, t))
     frame = np.array([[cosine, -sine], [sine, cosine]]).transpose(2, 3, 0, 1)  # (n, q, component, τ or μ)

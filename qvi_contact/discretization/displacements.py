@@ -381,8 +381,7 @@ def in_lines(vectors: FloatArray, places: IntArray, straight: BoolArray) -> Floa
 def components_along(edges: Edges, directions: FloatArray, degree: int, *, turns: bool = True) -> FloatArray:
     """Matrices (e, p + 1, p + 1, 2) from coefficients of v on edges to those of d·v, for directions d of chords (e, 2).
 
-    Each coefficient of d·v is d·(coefficient of v). Inside arcs along which d turns it is that of the polynomial which
-    equals d(t)·v(t) at Lobatto points.
+    Coefficients of d·v are d·(coefficients of v); inside arcs with turning d they interpolate d·v at Lobatto points.
     """
     vectors = vectors_along(edges, directions, np.linspace(0.0, 1.0, degree + 1), turns=turns)
     rows, bent = np.eye(degree + 1)[:, :, None] * vectors[:, :, None], edges.bent & turns
@@ -416,14 +415,12 @@ def supports(
     """Prescribed displacements; where the data disagree in a corner, their mean by least squares.
 
     Data disagree if they differ by more than `least` times their size. Edges of one line, bent by rounded coordinates,
-    count as parallel: otherwise two slightly different normals would hold each vertex of an oblique side in both
-    directions.
+    count as parallel: two slightly different normals would hold the vertices of an oblique side in both directions.
     """
     p, unit, reasons, jumps = space.degree, scales.displacement, list[str](), list[str]()
     width = 2 * (p + 1)  # entries of a row: the coefficients on an edge
     columns, entries = [np.empty((0, width), np.int64)], [np.empty((0, 1, width))]
     values, places = [np.empty(0)], [np.empty(0, np.int64)]  # d, and the coefficient of each row; −1 inside arcs
-    # one direction for all edges of a line
     conditions = problem.prescribed(Displacement)
     original, ends, bends = [np.empty((0, 2))], [np.empty((0, 2), np.int64)], [np.empty(0, bool)]
     for given in conditions:
@@ -454,7 +451,7 @@ def supports(
 
     C = Functionals(np.concatenate(columns), np.concatenate(entries), space.size)
     value, at = np.concatenate(values), np.concatenate(places)
-    # solved; degrees of freedom inside arcs, which no single coefficient's row has, are preferred as pivots
+    # degrees of freedom inside arcs, which have no row of their own, are preferred as pivots
     inside = np.isin(np.arange(space.size) // 2, at, invert=True)
     solved = Elimination.of(C, inside.astype(np.int64), PARALLEL)
     particular, jump = solved.particular(value)
@@ -475,10 +472,9 @@ def supports(
 def corners_that_jump(
     problem: ContactProblem, space: DisplacementSpace, scales: Scales, held: PrescribedDisplacements, least: float
 ) -> tuple[str, ...]:
-    """A sentence for each contact with a vertex that supports move beyond its obstacle, by more than `least`.
+    """A sentence for each contact with a vertex that supports move beyond its obstacle by more than a share `least`.
 
-    `least` is relative to the displacements; a tied contact has bounds along tangents too. The space has degree 1.
-    Joints, springs, and plates driven by force are left out, as they give way.
+    The space has degree 1. Joints, springs, and plates driven by force are left out, as they give way.
     """
     sentences, ends = list[str](), np.array([0.0, 1.0])
     for direction, values, both, edges, contact in bounds(problem):

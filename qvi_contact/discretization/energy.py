@@ -20,7 +20,7 @@ u_T + σ_T/k_T, and the springs add the energy
 
     ½ ∫ σ_N'²/k_N + σ_T²/k_T ds = ½ |S u + s|²
 
-with a row of S (another S than above) for each Gauss point of the edges and component, over all u of Φ.
+with a row of this S for each Gauss point of the edges and component, over all u of Φ.
 
 In `docs/theory.md`: (D35).
 """
@@ -132,8 +132,7 @@ class BodyStiffness(PicklesFields):
     def roots(self) -> FloatArray:
         """U (cells, k, k) on the differences w, so that ½ |U w|² is the least energy of each triangle over v.
 
-        R of `_triangular` has the interior degrees of freedom v first, so its last block is U on the reference
-        triangle's degrees of freedom; the transformation from w to these is multiplied in.
+        As R of `_triangular` has v first, its last block is U in the reference triangle; w is transformed to that.
         """
         element = self.supports.space.element
         roots = np.empty((len(self.supports.space.triangles), element.shared - _AFFINE, element.shared - _AFFINE))
@@ -156,10 +155,7 @@ class BodyStiffness(PicklesFields):
         return inner
 
     def _triangular(self) -> Iterator[tuple[slice | IntArray, FloatArray]]:
-        """Cells and their upper triangular R, with RᵀR the energies of (v, w), by blocks of cells.
-
-        All triangles come first, as if they were straight. Triangles with arcs come again, and replace the first R.
-        """
+        """Blocks of cells with R, upper triangular, where RᵀR are the energies of (v, w); cells with arcs come again."""
         space, element = self.supports.space, self.supports.space.element
         step = max(1, _BLOCK // element.dimension**2)
         for start in range(0, len(space.triangles), step):

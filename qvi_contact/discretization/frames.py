@@ -5,20 +5,19 @@ freedom and of the affine functions f, the *frames* of the corner,
 
     Φ(x_v) = own degree of freedom + Σ a_f(x_v),     a_f(x) = a + (x − x_f)·b,     and likewise ∇Φ with b.
 
-A frame has three degrees of freedom (a, b). Stresses in a triangle, and tractions on an edge, depend on differences
-between corners only. So a frame that all corners of a triangle or edge have in common drops out. There are two kinds.
+A frame has three degrees of freedom (a, b). Stresses and tractions depend on differences between corners only. So a
+frame that all corners of a triangle, or both ends of an edge, have in common drops out. There are two kinds.
 
 **Centres** save digits. Stresses are second differences of Φ. If Φ and ∇Φ vanish at a point at a distance r, a cell of
 size h computes its stresses from numbers that are (r/h)² times as large, and loses that factor to rounding. So every
-vertex belongs to a *centre* c. The centre is a vertex. Its frame has x_f = x_c, a = Φ(x_c) and b = ∇Φ(x_c): these are
-the centre's own degrees of freedom. If one centre is enough, the gauge makes them zero, and there is no frame. Centres
-are chosen one after the other, each where r/h is largest, until it is small everywhere.
+vertex belongs to a *centre* c, a vertex with the frame x_f = x_c, a = Φ(x_c), b = ∇Φ(x_c): the centre's own degrees of
+freedom. If one centre is enough, the gauge makes these zero, and there is no frame. Centres are chosen one after the
+other, each where r/h is largest, until it is small everywhere.
 
 **Cuts** are lines across which Φ jumps, so that holes may carry forces. Along a closed path around a hole whose
 tractions have the resultant (F_x, F_y), φ included, ∇Φ grows by (−F_y, F_x), with the sign of the sense of the path,
 and Φ by a term of the moment. So Φ is multivalued. The body is cut along edges of the mesh, from every hole to the
-outside or to another hole. On the cut of the hole k, Φ⁻ belongs to the right side, and the corners of all triangles on
-the left side have
+outside or to another hole. On the cut of the hole k, corners of triangles on its right have Φ⁻, and on its left
 
     Φ⁺ = Φ⁻ + a_k + (x − x_k)·b_k,     ∇Φ⁺ = ∇Φ⁻ + b_k
 
@@ -43,8 +42,7 @@ from solvers.basics.linked import linked
 _FAR: Final = 500.5  # largest distance to the centre over size of cells, r/h; the relative error of stresses is ε r²/h²
 _ALIKE: Final = 1.47  # vertices with r/h within this factor of the largest are equal candidates for a centre
 _NEARER: Final = 1.0 - 1e-9  # factor by which a distance to a new centre must be less than to the old one
-# These are no ratios of lengths in regular meshes, so that rounding does not choose the centres: stored results, which
-# hold degrees of freedom, depend on them.
+# Regular meshes have no such ratios of lengths: so rounding never chooses the centres, which stored results depend on.
 
 
 @dataclass(frozen=True, eq=False)

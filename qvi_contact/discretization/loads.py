@@ -174,9 +174,8 @@ class Limits(NamedTuple):
     """Data of the bound min(c + μ|σ_N|, t_max) of |σ_T|, at the points or for the rows of a contact."""
 
     friction: FloatArray  # (m,): μ
-    # (m,): c and t_max, dimensionless; infinity where there is no limit
-    cohesion: FloatArray
-    cap: FloatArray
+    cohesion: FloatArray  # (m,): c, dimensionless
+    cap: FloatArray  # (m,): t_max, dimensionless; infinity without a cap
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,12 +190,9 @@ class ContactRows:
     points: EdgePoints  # the m Gauss points, as many as rows, where results are given
     row_limits: Limits
     limits: Limits  # at the points
-    # (m,): obstacle position g and tangential offset w; where the law holds on edges they are those of
-    # `EdgePoints.nearest`, on which tractions do the same work
-    gap: FloatArray
-    offset: FloatArray
-    # (m,): pressure p_w of a fluid in the contact, by `EdgePoints.nearest`: every edge keeps its resultant force and
-    # moment; the law bounds σ_N' = σ_N + p_w
+    gap: FloatArray  # (m,): position g of the obstacle; projected by `EdgePoints.nearest` if the law holds on edges
+    offset: FloatArray  # (m,): tangential offset w of the obstacle, likewise
+    # (m,): projected pressure p_w of a fluid, with the right force and moment on every edge; σ_N' = σ_N + p_w
     pore_pressure: FloatArray
     pore_misfit: float  # largest difference of that polynomial from p_w
     motion: FloatArray  # (2, m): given displacement of a rigid plate along n and t

@@ -60,16 +60,14 @@ class EdgeRule:
     """The rows ρ (q,) of (D2) on an edge, and their tractions V ρ at q Gauss points, where results are given."""
 
     law_on: LawOn
-    # (q,): Gauss points on [0, 1], and weights of sum 1
-    points: FloatArray
-    weights: FloatArray
+    points: FloatArray  # (q,): Gauss points on [0, 1]
+    weights: FloatArray  # (q,): their weights, of sum 1
     # (q,): where friction, cohesion and cap of the rows are evaluated, and the weights W of the rows over the edge's
     # length: points and weights for Gauss rows; i/(q − 1) and 1/q for Bernstein coefficients
     places: FloatArray
     shares: FloatArray
-    # (q, q): V and V⁻¹; the identity for Gauss rows
-    to_points: FloatArray
-    from_points: FloatArray
+    to_points: FloatArray  # (q, q): V; the identity for Gauss rows
+    from_points: FloatArray  # (q, q): V⁻¹
 
     @property
     def count(self) -> int:

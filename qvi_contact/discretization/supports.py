@@ -5,9 +5,9 @@ of Φ_tm obey
 
     ∇Φ_b − ∇Φ_a = h (N₀ t + Q₀ m),   Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2 = −h² N₁/6
 
-These two equations are the resultant force and moment of the edge. A prescribed traction vector fixes both, and the
-coefficients N_2 …, Q_1 … directly. If only one component d·σn is given, its coefficients combine those of σ_N = Φ_tt
-and σ_T = −(n·m) Φ_tm. Since σ_T may jump at vertices, corners where two edges meet need no special treatment.
+These are the edge's resultant force and moment. A prescribed traction vector fixes both, and N_2 …, Q_1 … directly.
+If only one component d·σn is given, its coefficients combine those of σ_N = Φ_tt and σ_T = −(n·m) Φ_tm. Since σ_T may
+jump at vertices, corners where two edges meet need no special treatment.
 
 Together the conditions are rows C u = d. C, and the basis B of the solutions u = B z + u₀(d), depend on where which
 components are prescribed, not on their values, which enter d only.
@@ -69,11 +69,9 @@ class Supports(PicklesFields):
     """
 
     space: StressSpace
-    # the prescribed components without values: the edge numbers (k,), twice for two components, the directions (k, 2),
-    # and whether these turn along arcs (k,), see `Prescribed`
-    number: IntArray
-    direction: FloatArray
-    turns: BoolArray
+    number: IntArray  # (k,): the edge of each prescribed component; twice for two components
+    direction: FloatArray  # (k, 2): its direction
+    turns: BoolArray  # (k,): whether the direction turns along arcs, see `Prescribed`
 
     @classmethod
     def on(cls, space: StressSpace, given: Sequence[Prescribed], kept: Kept) -> Supports:
@@ -125,7 +123,6 @@ class Supports(PicklesFields):
         """
         space, degree = self.space, self.space.degree - 2
         number, direction, turns = self.number, self.direction, self.turns
-
         # pairs (one, other) of components on one edge, and single components
         order = np.argsort(number, kind="stable")
         pairs = (number[order][1:] == number[order][:-1]).nonzero()[0]
@@ -134,7 +131,6 @@ class Supports(PicklesFields):
         is_single[pairs] = is_single[pairs + 1] = False
         single = order[is_single]
         both, alone = _edges_of(space, number[one]), _edges_of(space, number[single])
-
         # rows of single components: the shares d·n and d·t of the coefficients of σ_N and σ_T
         scale = np.ones((len(single), degree + 1))
         scale[:, 0] = h = space.lengths(alone)
