@@ -155,7 +155,7 @@ class BodyStiffness(PicklesFields):
         return inner
 
     def _triangular(self) -> Iterator[tuple[slice | IntArray, FloatArray]]:
-        """Blocks of cells with R, upper triangular, where RᵀR are the energies of (v, w); cells with arcs come again."""
+        """Blocks of cells with R, upper triangular, RᵀR the energies of (v, w); cells with arcs come a second time."""
         space, element = self.supports.space, self.supports.space.element
         step = max(1, _BLOCK // element.dimension**2)
         for start in range(0, len(space.triangles), step):

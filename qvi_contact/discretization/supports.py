@@ -9,8 +9,8 @@ These are the edge's resultant force and moment. A prescribed traction vector fi
 If only one component d·σn is given, its coefficients combine those of σ_N = Φ_tt and σ_T = −(n·m) Φ_tm. Since σ_T may
 jump at vertices, corners where two edges meet need no special treatment.
 
-Together the conditions are rows C u = d. C, and the basis B of the solutions u = B z + u₀(d), depend on where which
-components are prescribed, not on their values, which enter d only.
+Together the conditions are rows C u = d. C, and the basis B of the solutions u = B z + u₀(d), depend on the edges and
+directions of the prescribed components. Their values enter d only.
 
 The rows are solved one after the other. A row is first written in the degrees of freedom that are still free, and then
 solved for one of them, its pivot. The order of the rows decides how many other degrees of freedom a pivot depends on.
@@ -97,9 +97,9 @@ class Supports(PicklesFields):
         return self.space.degree + _POINTS
 
     def particular(self, given: Sequence[EdgeQuadrature]) -> tuple[FloatArray, float]:
-        """u₀ (N,), zero at the unknowns, for data of `loads.traction_data`, and the force out of balance.
+        """u₀ (N,), zero at the unknowns, for the data, and the force (or moment over the length) out of balance.
 
-        The force, or moment over the length of the body, is zero where it is within rounding. No data are zeros.
+        `given` is that of `loads.traction_data`, or empty for zero tractions. An imbalance within rounding counts as 0.
         """
         if not any(part.values.any() for part in given):
             return np.zeros(self.space.size), 0.0

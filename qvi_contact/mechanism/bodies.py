@@ -350,10 +350,7 @@ class Line:
         return np.asarray(np.maximum(sums, 0.0))
 
     def _integrated(self, pieces: FloatArray, *, saved: bool) -> tuple[FloatArray, FloatArray, float]:
-        """Integral of π/|[v]_T| at a = 0, or of (t_max − c)⁺ if `saved`, over pieces (n, 2) of positions s.
-
-        Returned are the weighted values (k, q) at Gauss points, their positions s (k, q), and a bound of the error.
-        """
+        """Weighted values (k, q) of π/|[v]_T| at a = 0, or of (t_max − c)⁺, in pieces (n, 2); positions s; error."""
         contact = self.contact
 
         def values(piece: IntArray, t: FloatArray) -> FloatArray:

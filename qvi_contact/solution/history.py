@@ -118,10 +118,9 @@ class History:
     def friction_work(self) -> FloatArray:
         """Energy lost in friction by the trapezoidal rule, −∫ ½(σ_T,k + σ_T,k−1)(s_k − s_{k−1}) ds, shape (steps,).
 
-        As long as no point opens or closes, this is the loss in the balance of energy between two steps: over a closed
-        cycle it equals the work of obstacles and supports, the area of their loops [stress × length²]. It tends to
-        `dissipated` as the steps shrink, and equals it if |σ_T| is at its bound at both ends of every step in which a
-        point slips.
+        While no point opens or closes, this is the loss in the balance of energy between two steps: over a closed cycle
+        it equals the work of obstacles and supports, the area of their loops [stress × length²]. It tends to
+        `dissipated` as steps shrink, and equals it if friction is at its bound at both ends of every step with slip.
         """
         pairs = zip(self._states, [None, *self._states], strict=False)
         return np.array([0.5 * (_friction_work(now, now) + _friction_work(now, last)) for now, last in pairs])
@@ -131,11 +130,10 @@ class History:
 
         `name` is that of a contact, or of an edge set with a prescribed displacement. The obstacle of a contact moves
         along the tangent by its mean offset, and by the motion of its plate at the contact's centre. An edge set moves
-        along the tangent, or along x or y if nothing moves along the tangent. Along an arc the tangent turns, and the
+        along the tangent, or along x or y if nothing moves along the tangent. On an arc the tangent turns, and the
         force is the sum of its components along the motion. A plate that also moves normally or turns does more work
         than this loop shows. For a plate on edges that face several ways, such as a pin, the loop is that of the
-        component x, y or rotation with the most work, with the moment about the pivot for a rotation [rad],
-        [stress × length²].
+        component x, y or rotation with the most work; rotation and moment are [rad] and [stress × length²].
 
         `InputError` if there is no such contact or edge set, or if the obstacle is at rest while displacements
         prescribed elsewhere move the body: the error lists the edge sets to name instead.

@@ -138,8 +138,7 @@ def _about_contacts(result: ContactResult) -> Iterator[str]:
         line, edges = result.contacts[rows.name], rows.points.edges
         touching = (line.state != ContactState.OPEN).reshape(len(edges), -1)
         held = edges.take(touching.any(axis=1) & edges.bent)
-        # a zone that meets a line of symmetry is twice as long
-        count = len(held) * (2 if np.isin(edge_ends(held), mirrored).any() else 1)
+        count = len(held) * (2 if np.isin(edge_ends(held), mirrored).any() else 1)  # the mirrored half counts too
         if not touching.all() and 0 < count < _EDGES_IN_CONTACT:
             x, y = (part[touching.ravel()].mean() for part in (line.x, line.y))
             yield (

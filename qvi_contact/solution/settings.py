@@ -42,10 +42,10 @@ class Settings(Method):
     """Where the contact law holds: on whole edges, or at points. edges by default; points where friction varies along
     an edge, on bilateral contacts with friction, and for uzawa: `law_on = "points"`."""
     initial: Any = None
-    """An earlier result to start from, such as that of a smaller load. On the same mesh and element the condensed method
-    starts from its state, if two iterations show that the state is near. On the same contact points the fixed point
-    starts from its pressure. The fixed point also takes an array of pressures at all contact points [stress], effective
-    where a fluid presses; negative values count as zero. This setting does not choose the method."""
+    """An earlier result to start from, such as that of a smaller load. On the same mesh and element the condensed
+    method starts from its state, if two iterations show that it is near. On the same contact points the fixed point
+    starts from its pressure. The fixed point also accepts an array of pressures at all contact points [stress],
+    effective where a fluid presses; negative values count as zero. This setting does not choose the method."""
 
     def __post_init__(self) -> None:
         if isinstance(self.options, Mapping):
@@ -109,7 +109,7 @@ class SolveOptions:
 
     @staticmethod
     def given(data: Any) -> Any:
-        """The options of a file; keys of version 0.1 are translated: `contact_rows`, and `element`, now a single one."""
+        """The options of a file, with the keys `contact_rows` and `element` of version 0.1 translated."""
         if not isinstance(data, dict):
             return data
         if data.get("element", "hct") != "hct":
