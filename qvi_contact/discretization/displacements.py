@@ -365,8 +365,8 @@ def in_lines(vectors: FloatArray, places: IntArray, straight: BoolArray) -> Floa
     get the vector of the line's first edge, with their own sign. No vector turns by more than `ALIKE`.
     """
     at = np.arange(len(places)).repeat(places.shape[1]), places.ravel()
-    touching = sparse.csr_array((np.ones(places.size), at), shape=(len(places), int(places.max(initial=0)) + 1))
-    one, other = np.asarray((touching @ touching.T).nonzero(), dtype=np.int64)
+    incidence = sparse.csr_array((np.ones(places.size), at), shape=(len(places), int(places.max(initial=0)) + 1))
+    one, other = np.asarray((incidence @ incidence.T).nonzero(), dtype=np.int64)
     alike = straight[one] & straight[other] & (np.abs(cross(vectors[one], vectors[other])) <= ALIKE)
     line, aligned, rest = linked(one[alike], other[alike], len(places)), vectors.copy(), straight.nonzero()[0]
     while len(rest):  # a line that bends by more in sum than `ALIKE` is taken in parts
@@ -470,22 +470,22 @@ def supports(
 
 
 def corners_that_jump(
-    problem: ContactProblem, space: DisplacementSpace, scales: Scales, held: PrescribedDisplacements, least: float
+    problem: ContactProblem, space: DisplacementSpace, scales: Scales, prescribed: PrescribedDisplacements, least: float
 ) -> tuple[str, ...]:
     """A sentence for each contact with a vertex that supports move beyond its obstacle by more than a share `least`.
 
     The space has degree 1. Joints, springs, and plates driven by force are left out, as they give way.
     """
     sentences, ends = list[str](), np.array([0.0, 1.0])
-    for direction, values, both, edges, contact in bounds(problem):
+    for direction, values, is_equation, edges, contact in bounds(problem):
         if contact is None:
             continue
         (x, y), dofs = problem.mesh.points_along(edges, ends), 2 * space.along(edges)[..., None] + np.arange(2)
         d, limit = vectors_along(edges, direction, ends), values[:, [0, -1]].ravel()
         rows = spread(np.arange(x.size)[:, None], dofs.reshape(-1, 2), d.reshape(-1, 1, 2), space.size)[: x.size]
-        excess = scales.displacement * (rows @ held.particular) - limit
-        excess = np.abs(excess) if both else np.maximum(excess, 0.0)
-        excess[abs(rows @ held.basis.matrix).sum(axis=1) > ALIKE] = 0.0  # vertices that supports leave free along d
+        excess = scales.displacement * (rows @ prescribed.particular) - limit
+        excess = np.abs(excess) if is_equation else np.maximum(excess, 0.0)
+        excess[abs(rows @ prescribed.basis.matrix).sum(axis=1) > ALIKE] = 0.0  # where supports leave d·v free
         worst = int(np.argmax(excess))
         if excess[worst] > least * max(scales.displacement, float(np.abs(limit).max())):
             sentences.append(

@@ -243,8 +243,8 @@ def contact_rows(
         x, y = physical(problem, scales, points.coordinates)
         motion = np.zeros((2, len(x)))
         if contact.plate is not None:
-            moved = contact.plate.displacement(x, y).T / scales.displacement
-            motion = np.stack([(moved * axis).sum(axis=1) for axis in (points.normals, points.tangents)])
+            displacement = contact.plate.displacement(x, y).T / scales.displacement
+            motion = np.stack([(displacement * axis).sum(axis=1) for axis in (points.normals, points.tangents)])
         pressure, misfit = np.zeros(len(x)), 0.0
         if contact.has_fluid:
             given = ("Contact.pore_pressure", contact.pore_pressure, max(LOAD_POINTS, points.count + 2))

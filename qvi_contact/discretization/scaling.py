@@ -162,8 +162,8 @@ def bounds(problem: ContactProblem) -> Iterator[tuple[FloatArray, FloatArray, bo
                 d, chosen = direction[fixed], edges.take(fixed)
                 values = _sampled(problem, chosen, f"Contact.{name}", getattr(contact, name))
                 if plate is not None:
-                    moved = np.moveaxis(plate.displacement(*problem.mesh.points_along(chosen, PLACES)), 0, -1)
-                    values = values + (moved * vectors_along(chosen, d, PLACES)).sum(axis=2)
+                    motion = np.moveaxis(plate.displacement(*problem.mesh.points_along(chosen, PLACES)), 0, -1)
+                    values = values + (motion * vectors_along(chosen, d, PLACES)).sum(axis=2)
                 rigid = getattr(contact, spring) is None and not (plate is not None and plate.driven)
-                both = name == "offset" or contact.law != "unilateral"
-                yield d, values, both, chosen, contact if rigid else None
+                is_equation = name == "offset" or contact.law != "unilateral"
+                yield d, values, is_equation, chosen, contact if rigid else None

@@ -327,10 +327,10 @@ class StressSpace(PicklesFields):
 
         The sign is −1 where the tangent runs from the larger vertex number to the smaller; odd coefficients change.
         """
-        own = 3 * len(self.vertices) + self.element.on_edge * edges.number[:, None]
+        first_on_edge = 3 * len(self.vertices) + self.element.on_edge * edges.number[:, None]
         ends = [3 * ends[:, None] + _THREE for ends in (edges.first, edges.second)]
         sign = np.where(edges.first < edges.second, 1.0, -1.0)
-        return np.concatenate([*ends, own + np.arange(self.element.on_edge)], axis=1), sign
+        return np.concatenate([*ends, first_on_edge + np.arange(self.element.on_edge)], axis=1), sign
 
     def _scaled(self, edges: Edges, columns: IntArray, values: FloatArray) -> Functionals:
         """Functionals of the degrees of freedom from those of unscaled Φ, ∇Φ, N_k, Q_k, with the frames' part."""

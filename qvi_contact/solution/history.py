@@ -67,8 +67,8 @@ class History:
     @cached_property
     def statuses(self) -> tuple[Status, ...]:
         """The status of each step done."""
-        known = getattr(self.steps, "statuses", None)  # a store has them without reading results
-        return tuple(known or (step.status for step in self.steps))
+        stored = getattr(self.steps, "statuses", None)  # a store has them without reading results
+        return tuple(stored or (step.status for step in self.steps))
 
     @property
     def status(self) -> Status:
@@ -298,7 +298,7 @@ def _surveyed(problems: Iterable[ContactProblem], kept: bool) -> tuple[Sequence[
     steps = list(problems) if kept or not isinstance(problems, Sequence) else problems
     if not len(steps):
         raise InputError("problems", problems, remedy)
-    first, vary, known = steps[0], False, list[Scales]()
+    first, law_varies, all_scales = steps[0], False, list[Scales]()
     for number in range(len(steps)):
         problem = steps[number]
         instance_of(ContactProblem, f"problems[{number}]", problem, "give a ContactProblem for each load step")
@@ -311,9 +311,9 @@ def _surveyed(problems: Iterable[ContactProblem], kept: bool) -> tuple[Sequence[
         if contacts[0] != contacts[1]:
             names = [contact.name for contact in problem.contacts]
             raise InputError(f"problems[{number}].conditions", names, "give every load step the same contacts")
-        known.append(Scales.of(problem))
-        vary = vary or laws_vary(problem)
-    return steps, max(known, key=lambda scales: (scales.loaded, scales.stress)), vary
+        all_scales.append(Scales.of(problem))
+        law_varies = law_varies or laws_vary(problem)
+    return steps, max(all_scales, key=lambda scales: (scales.loaded, scales.stress)), law_varies
 
 
 def _at_rest(result: ContactResult, before: ContactResult | None) -> ContactResult:
@@ -345,8 +345,8 @@ def _at_rest(result: ContactResult, before: ContactResult | None) -> ContactResu
     stationarity = qvi.gradient(solution.z) + qvi.N.T @ m_N + qvi.T.T @ m_T
     nu = np.linalg.lstsq(qvi.A.T.toarray(), -stationarity, rcond=None)[0]  # motions of driven plates
     certificate = certify(qvi, solution.z, m_N, m_T, nu, solution.certificate.tolerance)
-    known = {"normal_multiplier": m_N, "tangential_multiplier": m_T, "equality_multiplier": nu}
-    at_rest = replace(solution, **known, certificate=certificate)
+    multipliers = {"normal_multiplier": m_N, "tangential_multiplier": m_T, "equality_multiplier": nu}
+    at_rest = replace(solution, **multipliers, certificate=certificate)
     return ContactResult(result.discretization, at_rest) if certificate.passed else result
 
 
@@ -402,15 +402,15 @@ def _of_support(step: ContactResult, name: str) -> dict[str, tuple[float, float]
 
     Components nearest to the first edge's tangent come first. Normal and tangential components turn with the edges.
     """
-    problem, known, edges = step.problem, step.discretization, step.problem.mesh.edges(name)
-    points = EdgePoints(known.space, edges, LOAD_POINTS).for_resultants()
-    acting, weights = traction(known, step.dofs, points).T, known.scales.length * points.weights
+    problem, discretization, edges = step.problem, step.discretization, step.problem.mesh.edges(name)
+    points = EdgePoints(discretization.space, edges, LOAD_POINTS).for_resultants()
+    tractions, weights = traction(discretization, step.dofs, points).T, discretization.scales.length * points.weights
     pairs = list[tuple[float, str, tuple[float, float]]]()  # (order, component, (mean, force))
     for given in problem.prescribed(Displacement):
         if isinstance(given.condition, Displacement) and given.condition.edges == name:
             means = along_edges(problem.mesh, edges, given.name, given.value).coefficients(0)[:, 0]
             mean = float(edges.length @ means / edges.length.sum())
-            force = float(weights @ (acting * points.vectors(given.direction, given.turns)).sum(axis=1))
+            force = float(weights @ (tractions * points.vectors(given.direction, given.turns)).sum(axis=1))
             component = given.name.partition(".")[2]
             pairs.append((-abs(float(given.direction[0] @ edges.tangent[0])), component, (mean, force)))
     return {component: pair for _, component, pair in sorted(pairs, key=lambda each: each[0])}

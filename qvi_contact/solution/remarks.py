@@ -136,11 +136,11 @@ def _about_contacts(result: ContactResult) -> Iterator[str]:
     mirrored = np.concatenate([np.empty(0, dtype=np.int64), *map(edge_ends, mirrors)])
     for rows in result.discretization.contacts:
         line, edges = result.contacts[rows.name], rows.points.edges
-        touching = (line.state != ContactState.OPEN).reshape(len(edges), -1)
-        held = edges.take(touching.any(axis=1) & edges.bent)
-        count = len(held) * (2 if np.isin(edge_ends(held), mirrored).any() else 1)  # the mirrored half counts too
-        if not touching.all() and 0 < count < _EDGES_IN_CONTACT:
-            x, y = (part[touching.ravel()].mean() for part in (line.x, line.y))
+        touches = (line.state != ContactState.OPEN).reshape(len(edges), -1)
+        in_contact = edges.take(touches.any(axis=1) & edges.bent)
+        count = len(in_contact) * (2 if np.isin(edge_ends(in_contact), mirrored).any() else 1)  # with the mirrored half
+        if not touches.all() and 0 < count < _EDGES_IN_CONTACT:
+            x, y = (part[touches.ravel()].mean() for part in (line.x, line.y))
             yield (
                 f"Contact {rows.name!r} touches around ({x:.6g}, {y:.6g}) on fewer than {_EDGES_IN_CONTACT} edges of "
                 f"its arc ({count}). The pressure there is not resolved. Refine the mesh there until "
@@ -225,17 +225,17 @@ def undetermined_motions(result: ContactResult) -> tuple[UndeterminedMotion, ...
             motions = motions @ null_space(closed[answer.x[d:] < 0.5], _MOVES)
     # three components of velocity at two fixed points determine each body's motion
     at = bodies.centre[0] + bodies.size[0] * np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]])
-    along = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
-    moved = [bodies.rows(np.full(3, body), at, along) @ motions for body in range(len(bodies))]
-    moving = [body for body, each in enumerate(moved) if np.abs(each).max(initial=0.0) > _MOVES]
+    directions = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
+    velocities = [bodies.rows(np.full(3, body), at, directions) @ motions for body in range(len(bodies))]
+    moving = [body for body, each in enumerate(velocities) if np.abs(each).max(initial=0.0) > _MOVES]
     undetermined = []
     while moving:  # bodies with the same motion are listed together
-        first, least = moving[0], _MOVES * np.abs(moved[moving[0]]).max()
-        alike = [body for body in moving if np.abs(moved[body] - moved[first]).max() <= least]
-        moving = [body for body in moving if body not in alike]
-        own, names = motions[3 * first : 3 * first + 3], tuple(_name(result.problem, bodies, body) for body in alike)
-        count, words = int(np.linalg.matrix_rank(own, tol=_MOVES)), motions_in_words(own, bodies, first)
-        undetermined.append(UndeterminedMotion(names, count, words, max(alike) >= bodies.blocks))
+        first, least = moving[0], _MOVES * np.abs(velocities[moving[0]]).max()
+        same = [body for body in moving if np.abs(velocities[body] - velocities[first]).max() <= least]
+        moving = [body for body in moving if body not in same]
+        of_body, names = motions[3 * first : 3 * first + 3], tuple(_name(result.problem, bodies, body) for body in same)
+        count, words = int(np.linalg.matrix_rank(of_body, tol=_MOVES)), motions_in_words(of_body, bodies, first)
+        undetermined.append(UndeterminedMotion(names, count, words, max(same) >= bodies.blocks))
     return tuple(undetermined)
 
 
@@ -282,32 +282,32 @@ def free_motions(result: ContactResult) -> FreeMotions | None:
     discretization, qvi, size = result.discretization, solution.problem, result.certificate.scales.get("stress", 1.0)
     unit, rule = size * discretization.scales.stress, discretization.rule
     # [v] at the points of contacts, and the weights of M(v)
-    parts, holding, weights = [np.zeros((2, 0, 3 * len(bodies)))], [np.zeros((2, 0))], list[FloatArray]()
-    for contact, known in zip(problem.contacts, discretization.contacts, strict=True):
+    jumps, resistance, weights = [np.zeros((2, 0, 3 * len(bodies)))], [np.zeros((2, 0))], list[FloatArray]()
+    for contact, rows_of in zip(problem.contacts, discretization.contacts, strict=True):
         if contact.law == "tied":  # already in the motions allowed above
             continue
-        line, points, edges = result.contacts[contact.name], known.points, known.points.edges
+        line, points, edges = result.contacts[contact.name], rows_of.points, rows_of.points.edges
         places, pair = np.column_stack([line.x, line.y]), bodies.beside(edges, contact)
         first, second = (np.repeat(body, points.count) for body in pair)
         axes = (points.normals, points.tangents)
-        parts.append(np.stack([bodies.rows(first, places, d) - bodies.rows(second, places, d) for d in axes]))
+        jumps.append(np.stack([bodies.rows(first, places, d) - bodies.rows(second, places, d) for d in axes]))
         slack = line.friction_bound - np.abs(line.tangential_stress)
         # on an edge that sticks in part every point may have slipped, while its shear is below the bound
         sticks = (line.state == ContactState.STICK) | (slack > _SLACK * unit)
         presses = np.where(line.state == ContactState.OPEN, 0.0, -line.effective_normal_stress)
-        holding.append(line.weights * np.maximum([presses, np.where(sticks, slack, 0.0)], 0.0))
+        resistance.append(line.weights * np.maximum([presses, np.where(sticks, slack, 0.0)], 0.0))
         weights.append(points.weights)
-    rows = np.concatenate(parts, axis=1).reshape(2 * qvi.m, 3 * len(bodies))
+    rows = np.concatenate(jumps, axis=1).reshape(2 * qvi.m, 3 * len(bodies))
     length = sum(float(line.weights.sum()) for line in result.contacts.values())
-    held = sparse.csr_array(np.sqrt(np.concatenate(holding, axis=1).ravel() / (unit * length))[:, None] * rows)
+    M_root = sparse.csr_array(np.sqrt(np.concatenate(resistance, axis=1).ravel() / (unit * length))[:, None] * rows)
     # the motions with M(v) = 0; if touching bodies move together without [v], the largest of them is kept at rest
-    M, motions = np.linalg.eigh(free.T @ (held.T @ held).toarray() @ free)
+    M, motions = np.linalg.eigh(free.T @ (M_root.T @ M_root).toarray() @ free)
     free = free @ motions[:, M <= _HELD]
-    together = _still(free, rows, _MOVES)
+    common = _still(free, rows, _MOVES)
     for body in np.argsort(-bodies.size, kind="stable").tolist():
-        own = np.eye(3 * len(bodies))[3 * body : 3 * body + 3]
-        if np.abs(own @ together).max(initial=0.0) > _MOVES:
-            free, together = _still(free, own, _MOVES), _still(together, own, _MOVES)
+        of_body = np.eye(3 * len(bodies))[3 * body : 3 * body + 3]
+        if np.abs(of_body @ common).max(initial=0.0) > _MOVES:
+            free, common = _still(free, of_body, _MOVES), _still(common, of_body, _MOVES)
     # changes of the multipliers of rows, by the works of the motions, and the limits of their signs
     d = free.shape[1]
     speeds, by_edges = (rows @ free).reshape(2, qvi.m, d), (2, qvi.m // rule.count, rule.count, d)
@@ -326,9 +326,9 @@ def _still(motions: FloatArray, rows: FloatArray, least: float) -> FloatArray:
     return np.asarray(motions @ null_space(rows @ motions, least))
 
 
-def motions_in_words(own: FloatArray, bodies: Bodies, body: int) -> str:
+def motions_in_words(motions: FloatArray, bodies: Bodies, body: int) -> str:
     """The motions (3, d) of a body in words; the rows are translations of its centre, and rotation times its size."""
-    basis, values, _ = np.linalg.svd(own, full_matrices=False)
+    basis, values, _ = np.linalg.svd(motions, full_matrices=False)
     basis = basis[:, values > _MOVES]
     moves = _still(basis, np.array([[0.0, 0.0, 1.0]]), _MOVES)
     if not moves.shape[1]:
