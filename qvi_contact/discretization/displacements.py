@@ -448,7 +448,6 @@ def supports(
         entries.append(rows.reshape(-1, 1, width))
         values.append(data.ravel())
         places.append(np.where(np.outer(bent, np.arange(p + 1) % p > 0), -1, numbers).ravel())
-
     C = Functionals(np.concatenate(columns), np.concatenate(entries), space.size)
     value, at = np.concatenate(values), np.concatenate(places)
     # degrees of freedom inside arcs, which have no row of their own, are preferred as pivots

@@ -277,9 +277,8 @@ def laws_vary(problem: ContactProblem) -> bool:
     """Whether Bernstein coefficients cannot represent the law of some contact.
 
     They represent μ|σ_N| exactly if μ is constant and σ_N has one sign, and c and t_max if these are affine along each
-    edge. Otherwise the law would not hold on whole edges, and not to the order of the element. So the answer is yes for
-    a bilateral contact with friction, whose σ_N has either sign, and where samples show that μ varies along an edge, or
-    that c or t_max is not affine. The samples include the ends, where a jump between two edges shows.
+    edge. Otherwise the law would not hold on whole edges, nor to the order of the element. So the answer is yes for a
+    bilateral contact with friction, whose σ_N has either sign, and where samples show another μ, c or t_max.
     """
     for contact in problem.contacts:
         if contact.law == "bilateral" and has_coulomb(contact):

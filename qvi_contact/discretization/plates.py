@@ -143,10 +143,7 @@ def plate_rows(
 
 
 def independent_rows(A: FloatArray, least: FloatArray) -> tuple[list[int], dict[int, FloatArray]]:
-    """Independent rows of A (r, n), and each dependent row as a combination of the independent rows before it.
-
-    A row is independent if its part orthogonal to the rows before it (Gram-Schmidt) is longer than `least` (r,).
-    """
+    """Rows of A (r, n) with a part orthogonal to earlier rows above `least` (r,), and the others as combinations."""
     kept, combinations, basis = list[int](), dict[int, FloatArray](), np.zeros_like(A)
     for index, row in enumerate(A):
         before, rest = basis[: len(kept)], row

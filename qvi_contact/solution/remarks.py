@@ -45,6 +45,7 @@ def remarks(result: ContactResult) -> tuple[str, ...]:
 
 
 def _turning_plates(result: ContactResult) -> Iterator[str]:
+    """Sentences about plates and inner blocks under a moment that may slip round, where the solve has failed."""
     if result.status is not Status.SOLVED and not result.status.impossible:
         for contact, rows in zip(result.problem.contacts, result.discretization.contacts, strict=True):
             turns = np.ptp(rows.points.normals, axis=0).max() > _MOVES  # on a straight line pressure carries the moment
@@ -223,7 +224,6 @@ def undetermined_motions(result: ContactResult) -> tuple[UndeterminedMotion, ...
         answer = solved(cost, A_ub=np.column_stack([closed, np.eye(r)]), b_ub=np.zeros(r), bounds=bounds)
         if answer.solved:
             motions = motions @ null_space(closed[answer.x[d:] < 0.5], _MOVES)
-    # three components of velocity at two fixed points determine each body's motion
     at = bodies.centre[0] + bodies.size[0] * np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]])
     directions = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
     velocities = [bodies.rows(np.full(3, body), at, directions) @ motions for body in range(len(bodies))]
@@ -267,8 +267,7 @@ def free_motions(result: ContactResult) -> FreeMotions | None:
 
         return Rigid(with_contacts(problem, smooth)).free
 
-    # motions that supports, plates, and contacts without opening or slip allow
-
+    # all motions that supports, plates, and contacts that cannot open or slip allow; they depend on these data only
     lines = [(each.law, mesh.numbers(each.edges).tobytes()) for each in problem.contacts]
     plates = [
         (each.name, each.plate.pivot, *(getattr(each.plate, name) is None for name in DRIVES))
