@@ -189,7 +189,7 @@ class Rigid:
             ends = (edges.first, edges.second)
             rows += [bodies.rows(block, vertices[end], along[:, k]) for k, end in enumerate(ends)]
         self.held = np.concatenate([*rows, *(line.fixed_rows(bodies) for line in self.lines)])
-        shift = float(np.abs(vertices).max() / bodies.size.min())  # rounding of coordinates over the smallest body, / ε
+        shift = float(np.abs(vertices).max() / bodies.size.min())  # factor of rounding of coordinates in rows
         self.free = null_space(self.held, 64.0 * np.finfo(float).eps * (1.0 + shift) * np.sqrt(len(self.held)))
 
     @cached_property

@@ -117,7 +117,7 @@ class Process:
         self._lifeline: int | None = None
         self._about: Any = None
         self._loaded = self._proven = False  # whether this process, or any process before, has loaded the job
-        self._killed = False  # whether a process was killed before; the first time need not be the job's fault
+        self._killed = False  # whether a process has ended before; a first kill need not be the job's fault
         self._began = self._used = 0.0
 
     def give(self, order: object) -> None:

@@ -282,10 +282,10 @@ def free_motions(result: ContactResult) -> FreeMotions | None:
     unit, rule = size * discretization.scales.stress, discretization.rule
     # [v] at the points of contacts, and the weights of M(v)
     jumps, resistance, weights = [np.zeros((2, 0, 3 * len(bodies)))], [np.zeros((2, 0))], list[FloatArray]()
-    for contact, rows_of in zip(problem.contacts, discretization.contacts, strict=True):
+    for contact, contact_rows in zip(problem.contacts, discretization.contacts, strict=True):
         if contact.law == "tied":  # already in the motions allowed above
             continue
-        line, points, edges = result.contacts[contact.name], rows_of.points, rows_of.points.edges
+        line, points, edges = result.contacts[contact.name], contact_rows.points, contact_rows.points.edges
         places, pair = np.column_stack([line.x, line.y]), bodies.beside(edges, contact)
         first, second = (np.repeat(body, points.count) for body in pair)
         axes = (points.normals, points.tangents)
