@@ -460,7 +460,7 @@ def supports(
         corner = place_of(problem.mesh.origin + scales.length * space.places[at[number]])
         jumps.append(
             f"Prescribed displacements disagree at {corner}, by about {abs(jump[worst]) * unit:.3g} [length]. There "
-            "stresses grow on finer meshes, and the energy of the body, without end. Let them agree."
+            "stresses and energy grow without limit on finer meshes. Prescribe the same displacement on both sides."
         )
         corners = C.take((at >= 0).nonzero()[0]).matrix()
         value[at >= 0] = corners @ lsqr(corners, value[at >= 0], atol=1e-14, btol=1e-14, iter_lim=100)[0]
@@ -489,8 +489,7 @@ def corners_that_jump(
         if excess[worst] > least * max(scales.displacement, float(np.abs(limit).max())):
             sentences.append(
                 f"At {place_of((x.flat[worst], y.flat[worst]))} a support and the obstacle of {contact.name!r} "
-                f"demand displacements that differ by {excess[worst]:.3g} [length]. There stresses grow on finer "
-                "meshes, and the forces on both, without end. Let them agree, or let some of the side between them "
-                "be free."
+                f"demand displacements that differ by {excess[worst]:.3g} [length]. There stresses and forces grow "
+                "without limit on finer meshes. Make the displacements agree, or leave a free side between them."
             )
     return tuple(sentences)

@@ -106,7 +106,7 @@ class Database:
                 for statement in self.tables:
                     known.execute(statement)
                 if _statements(connection) != _statements(known):  # a view in place of a table could run for ever
-                    raise InputError("store", str(path), "has other tables than it was made with: give another file")
+                    raise InputError("store", str(path), "its tables were changed after it was made: give another file")
             if connection.execute("PRAGMA quick_check(1)").fetchone() != ("ok",):
                 raise self.damaged(path)
             yield connection

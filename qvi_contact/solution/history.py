@@ -153,7 +153,7 @@ class History:
             return "along", *self._of_support(name)
         steps = [_of_obstacle(step, name) for step in self._states]
         if any(each.keys() != steps[0].keys() for each in steps):
-            raise InputError("name", name, "its plate is there in some steps only: give it in all of them, or in none")
+            raise InputError("name", name, "has a plate in some steps only: give the plate in all steps, or in none")
         pairs = np.array([list(each.values()) for each in steps]).transpose(1, 2, 0)
         most = int(np.argmax(np.ptp(pairs[:, 0], axis=1) * np.abs(pairs[:, 1]).max(axis=1)))
         displacement, force = pairs[most]

@@ -53,10 +53,10 @@ def _turning_plates(result: ContactResult) -> Iterator[str]:
             inside = contact in result.problem.joints and closes(result.problem.mesh.edges(contact.edges))
             if (driven or inside) and has_coulomb(contact):
                 yield (
-                    f"{'What is inside' if inside else 'The plate or pin at'} {contact.name!r} may slip round under "
-                    "its moment. Nothing proves it, as equilibrium alone would allow a larger pressure, and more "
-                    "friction with it. Give a rotation or displacements instead of the moment: the moment of the "
-                    "result is then what friction carries."
+                    f"{'The block inside' if inside else 'The plate or pin at'} {contact.name!r} may slip round under "
+                    "its moment. This has no proof, as equilibrium alone would allow a larger pressure, and with it "
+                    "more friction. Give a rotation or displacements instead of the moment: the moment of the result is "
+                    "then what friction carries."
                 )
 
 
@@ -131,7 +131,7 @@ def _about_contacts(result: ContactResult) -> Iterator[str]:
             yield (
                 f"The elastic stress exceeds the strength of the material by up to {largest:.3g} [stress], most around "
                 f"({x[at]:.6g}, {y[at]:.6g}), and in {share:.0f} % of the triangles. There the body yields, which is "
-                "not computed. What it carries at most is found by limit_load_factor, or by 'qvi-contact limit'."
+                "not computed. limit_load_factor, or 'qvi-contact limit', finds the largest load that it carries."
             )
     mirrors = [problem.mesh.edges(each.edges) for each in problem.conditions if isinstance(each, Symmetry)]
     mirrored = np.concatenate([np.empty(0, dtype=np.int64), *map(edge_ends, mirrors)])
