@@ -55,7 +55,7 @@ def _turning_plates(result: ContactResult) -> Iterator[str]:
                 yield (
                     f"{'The block inside' if inside else 'The plate or pin at'} {contact.name!r} may slip round under "
                     "its moment. This has no proof, as equilibrium alone would allow a larger pressure, and with it "
-                    "more friction. Give a rotation or displacements instead of the moment: the moment of the result is "
+                    "more friction. Give a rotation or displacements instead of the moment: the resulting moment is "
                     "then what friction carries."
                 )
 
