@@ -176,13 +176,14 @@ class CurvedCells:
         corners, places = self.corners[which], barycentric(np.broadcast_to(t, (len(which), *np.shape(t)[-2:])))
         points = places @ corners
         slopes = np.repeat((corners.swapaxes(1, 2) @ _SLOPES)[:, None], places.shape[1], axis=1)
+        # each arc adds λ_a λ_b q to x, and the derivative of this product to the slopes
         for s, (a, b) in enumerate(EDGES):
             bent = np.flatnonzero(self.bends[which, s].any(axis=1))  # most of these cells have one arc
             first, second, q = places[bent, :, a, None], places[bent, :, b, None], self._bulges[s, which[bent]]
-            value, steep = (legvander((second - first)[..., 0], c.shape[1] - 1) @ c for c in (q, legder(q, axis=1)))
+            value, dq = (legvander((second - first)[..., 0], c.shape[1] - 1) @ c for c in (q, legder(q, axis=1)))
             points[bent] += first * second * value
             slopes[bent] += value[..., None] * (first * _SLOPES[b] + second * _SLOPES[a])[..., None, :]
-            slopes[bent] += (first * second * steep)[..., None] * (_SLOPES[b] - _SLOPES[a])
+            slopes[bent] += (first * second * dq)[..., None] * (_SLOPES[b] - _SLOPES[a])
         return points, slopes
 
     def reference(self, which: IntArray, points: FloatArray) -> FloatArray:

@@ -347,12 +347,12 @@ class SweepTask:
             problem: ContactProblem = load("qvi_contact.limit.load_factor").multiplied(self.problem, self.names, value)
             return problem
 
-        def changed(contact: Contact) -> Contact:
+        def with_value(contact: Contact) -> Contact:
             given = 0.0 if self.parameter == "friction" else getattr(contact, self.parameter)
             new: Any = {self.parameter: plus(given, value)}
             return replace(contact, **new) if contact.name in self.names else contact
 
-        return with_contacts(self.problem, changed)
+        return with_contacts(self.problem, with_value)
 
     def results(
         self, planned: Iterable[tuple[int, float]], at_least: int = 0
