@@ -1,26 +1,26 @@
 """Edges that are arcs, and the triangles beside them: tractions, functions, and energies integrated up to the arcs.
 
-On an arc from a to b, of length ℓ and with a tangent τ that turns, the traction is that of ∇Φ along it,
+On an arc from a to b, of length ℓ and with the turning tangent τ, the traction follows from the change of ∇Φ,
 
     d∇Φ/ds = Φ_ττ τ + Φ_τμ μ,   σ_N = Φ_ττ,   σ_T = −(n·μ) Φ_τμ,   μ = (−τ_y, τ_x)
 
-and N_k, Q_k are coefficients of Legendre of Φ_ττ and Φ_τμ over the arc's length, as on straight edges: a constant
-pressure has one coefficient. N_0, Q_0 and N_1 follow from the corners, so that the polynomials of all coefficients have
-the resultant force and moment that ∇Φ and Φ have there,
+N_k, Q_k are the Legendre coefficients of Φ_ττ and Φ_τμ over the arc's length, as on straight edges: a constant
+pressure has one coefficient. N_0, Q_0 and N_1 are set so that the polynomials have the resultant force and moment that
+follow from ∇Φ and Φ in the corners,
 
     ℓ ∫ (N τ + Q μ) dt = ∇Φ_b − ∇Φ_a,   ℓ ∫ (N τ + Q μ)·(x_m − x) dt = Φ_b − Φ_a − (b − a)·(∇Φ_a + ∇Φ_b)/2
 
 with the middle x_m of the chord. The other coefficients are those of Φ itself.
 
-The functions of a triangle are the polynomials of the straight one, in physical coordinates. On a side that is an arc,
-degrees of freedom are these coefficients; on the others what they are everywhere. So a neighbour across a straight side
-is not touched, and Φ stays C1. With c the factors of the reference functions, c_s of those of corners and edges, u the
-triangle's own degrees of freedom and v the interior ones,
+A triangle with arcs has the polynomials of the straight triangle, in physical coordinates. The degrees of freedom on a
+side that is an arc are the coefficients above; on other sides they are the usual ones. So a neighbour across a straight
+side sees no difference, and Φ stays C1. With c the factors of the reference functions, c_s those of corners and edges,
+u the triangle's own degrees of freedom and v the interior ones,
 
-    G c_s = H u − A_v v
+    G c_s = H u − A_v v.
 
-where rows of G and H are those of the identity and of the transformation of the straight triangle, and on arcs the
-coefficients A of the reference functions' tractions, and of the identity.
+In rows of corners and straight sides, G = I, A_v = 0, and H is the transformation of the straight triangle. In rows of
+arcs, G and A_v are the traction coefficients A of the reference functions, and H = I.
 """
 
 from dataclasses import dataclass
@@ -35,13 +35,13 @@ from qvi_contact.element.hsieh_clough_tocher import HsiehCloughTocher, complianc
 from qvi_contact.element.triangle import EDGES, AffineTriangles
 from qvi_contact.mesh.edges import angles, arc_offsets, beyond_chords, stretches, turned
 
-_ALONG_ARCS: Final = 8  # Gauss points beside the degree and the coefficients of bends
+_ALONG_ARCS: Final = 8  # Gauss points along an arc, less the degree and the number of coefficients of its bend
 
 
 def resultant_shapes(bend: FloatArray, t: FloatArray) -> FloatArray:
-    """What Φ_ττ and Φ_τμ contribute to the force, along chord and its normal, and to the moment, (n, q, 3, 2).
+    """Factors (n, q, 3, 2) of Φ_ττ and Φ_τμ in the force along the chord, across it, and in the moment.
 
-    Integrands of n arcs on chords of length 1 that bend (n, k) as in `mesh.edges`, at shares t (n, q) of their lengths.
+    They are integrands at shares t (n, q) of the lengths of arcs with bends (n, k), see `mesh.edges`, on unit chords.
     """
     cosine, sine = np.cos(angles(bend, t)), np.sin(angles(bend, t))
     frame = np.array([[cosine, -sine], [sine, cosine]]).transpose(2, 3, 0, 1)  # (n, q, component, τ or μ)
@@ -51,37 +51,37 @@ def resultant_shapes(bend: FloatArray, t: FloatArray) -> FloatArray:
 
 
 def from_corners(bend: FloatArray, degree: int) -> FloatArray:
-    """All coefficients of Legendre (N_0 … N_d, Q_0 … Q_d) of such arcs up to the degree d, (n, 2d + 2, 2d + 2).
+    """Matrices (n, 2d + 2, 2d + 2) to N_0 … N_d, Q_0 … Q_d of n arcs with bends (n, k) and chords of length 1.
 
-    From the force along the chord and its normal, the moment, N_2 … N_d, Q_1 … Q_d.
+    They act on the force along the chord, the force across it, the moment, N_2 … N_d and Q_1 … Q_d.
     """
     t, w = gauss_legendre(degree + _ALONG_ARCS + bend.shape[1])
     values = legendre_basis(degree, t) * w[:, None]
     shapes = resultant_shapes(bend, np.tile(t, (len(bend), 1)))
     sums = np.einsum("nqrf,qk->nrfk", shapes, values).reshape(len(bend), 3, -1)
-    solved = np.array([0, 1, degree + 1])  # where N_0, N_1 and Q_0 stand among all, and where the others do
+    solved = np.array([0, 1, degree + 1])  # the indices of N_0, N_1 and Q_0, and of the other coefficients
     given = np.setdiff1d(np.arange(2 * degree + 2), solved)
-    found = np.zeros((len(bend), 2 * degree + 2, 2 * degree + 2))
+    matrices = np.zeros((len(bend), 2 * degree + 2, 2 * degree + 2))
     right = np.concatenate([np.tile(np.eye(3), (len(bend), 1, 1)), -sums[:, :, given]], axis=2)
-    found[:, solved] = np.linalg.solve(sums[:, :, solved], right)
-    found[:, given, 3 + np.arange(len(given))] = 1.0
-    return found
+    matrices[:, solved] = np.linalg.solve(sums[:, :, solved], right)
+    matrices[:, given, 3 + np.arange(len(given))] = 1.0
+    return matrices
 
 
 @dataclass(frozen=True, eq=False)
 class CurvedTriangles:
-    """The triangles of a mesh that have arcs."""
+    """The triangles of a mesh that have arcs as sides."""
 
     element: HsiehCloughTocher
-    numbers: IntArray  # (c,): which cells of the mesh they are
-    triangles: AffineTriangles  # the straight triangles, dimensionless
-    bends: FloatArray  # (c, 3, k): how their sides bend, see `mesh.edges`
+    numbers: IntArray  # (c,): numbers of these cells in the mesh
+    triangles: AffineTriangles  # the straight triangles of the same corners, dimensionless
+    bends: FloatArray  # (c, 3, k): bends of their sides, see `mesh.edges`
 
     @cached_property
     def functions(self) -> FloatArray:
-        """Factors of the reference functions, shape (c, dimension, dimension).
+        """Factors c of the reference functions, shape (c, dimension, dimension).
 
-        Of the functions that belong to the triangle's own degrees of freedom, then of the interior ones.
+        Column j belongs to the function of the triangle's degree of freedom j: first u, then v.
         """
         shared, interior = self.element.shared, self.element.interior
         G = np.tile(np.eye(shared), (len(self.numbers), 1, 1))
@@ -94,31 +94,33 @@ class CurvedTriangles:
             G[bent[:, None], place] = A[:, :, :shared] * squares
             H[bent[:, None], place] = np.eye(shared)[place] * squares
             inner[bent[:, None], place] = A[:, :, shared:] * squares
-        found = np.zeros((len(self.numbers), self.element.dimension, self.element.dimension))
-        found[:, :shared] = np.linalg.solve(G, np.concatenate([H, -inner], axis=2))
-        found[:, np.arange(shared, found.shape[1]), np.arange(shared, found.shape[1])] = 1.0
-        return found
+        factors = np.zeros((len(self.numbers), self.element.dimension, self.element.dimension))
+        factors[:, :shared] = np.linalg.solve(G, np.concatenate([H, -inner], axis=2))
+        factors[:, np.arange(shared, factors.shape[1]), np.arange(shared, factors.shape[1])] = 1.0
+        return factors
 
     def _tractions(self, s: int, chosen: IntArray) -> tuple[FloatArray, FloatArray]:
-        """N_2 …, Q_1 … on the arcs at side s of the reference functions (k, on_edge, dimension), and squared chords."""
+        """A (k, on_edge, dimension), N_2 …, Q_1 … of the reference functions on arcs at side s; and squared chords."""
         degree = self.element.traction_degree
         t, _ = gauss_legendre(degree + _ALONG_ARCS + self.bends.shape[2])
         first, second = EDGES[s]
         corners, bends = self.triangles.corners[chosen], self.bends[chosen]
         chords = corners[:, second] - corners[:, first]
         lengths = np.hypot(*chords.T)
+        # tangents and normals at points of the arcs, and the points' reference coordinates
         tangent = turned((chords / lengths[:, None])[:, None], angles(bends[:, s], t))
         normal = np.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
         along = np.zeros((len(t), 3))
         along[:, first], along[:, second] = 1.0 - t, t
         at = beyond_chords(corners, bends, along)[0]
+        # Φ_ττ and Φ_τμ there, then their Legendre coefficients
         hessians = self.triangles.hessian_maps[chosen][:, None] @ self.element.reference_functions(at, 2)
         a, b = np.moveaxis(tangent, -1, 0)  # factors of (Φ_xx, Φ_yy, Φ_xy) in derivatives along two vectors
         factors = (np.stack([a * c, b * d, a * d + b * c], axis=-1) for c, d in ((a, b), np.moveaxis(normal, -1, 0)))
         normal_part, shear_part = (np.einsum("kqc,kqcd->kqd", factor, hessians) for factor in factors)
         project = legendre_from_values(degree, len(t))
-        found = np.concatenate([(project @ normal_part)[:, 2:], (project @ shear_part)[:, 1:]], axis=1)
-        return found, np.square(lengths)[:, None, None]
+        coefficients = np.concatenate([(project @ normal_part)[:, 2:], (project @ shear_part)[:, 1:]], axis=1)
+        return coefficients, np.square(lengths)[:, None, None]
 
     def stress_rows(self, block: slice, compliances: FloatArray, rule: tuple[FloatArray, FloatArray]) -> FloatArray:
         """Rows S with SᵀS the energies ∫ c σ:τ of the functions up to the arcs, in k triangles, (k, 3 q, dimension)."""
@@ -134,10 +136,10 @@ class CurvedTriangles:
         return np.asarray((sums[:, None] @ self.functions[block])[:, 0])
 
     def areas(self, points: FloatArray) -> FloatArray:
-        """Areas (c, q), dimensionless, that weights of sum 1 at reference points (q, 3) are shares of."""
+        """Dimensionless areas (c, q) that weights of sum 1 at reference points (q, 3) are multiplied by."""
         return self.triangles.areas[:, None] * beyond_chords(self.triangles.corners, self.bends, points)[1]
 
     def _hessians(self, block: slice | IntArray, points: FloatArray) -> FloatArray:
-        """Of the reference functions, on the reference triangle, at reference points (q, 3); (k, q, 3, dimension)."""
+        """Reference Hessians (k, q, 3, dimension) of the reference functions at points (q, 3) of curved triangles."""
         at = beyond_chords(self.triangles.corners[block], self.bends[block], points)[0]
         return self.element.reference_functions(at, 2)

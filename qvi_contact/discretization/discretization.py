@@ -1,4 +1,4 @@
-"""From the contact problem to the algebraic quasi-variational inequality (D2), and what problems of one space share.
+"""From the contact problem to the algebraic quasi-variational inequality; problems on one mesh share matrices.
 
 In `docs/theory.md`: (D1), (D2).
 """
@@ -39,40 +39,40 @@ from solvers import ContactMatrices, FrictionQVI, Law, Loads, TractionFactor
 from solvers.basics.types import Kept, PicklesFields, read_only
 from solvers.inequality.rows import are_few
 
-_DEGREE: Final = 4  # of the Airy function where none is given
-_TOO_SMALL = 1e-2  # mean stress in units of the problem below which the units are changed
-_NOISE = 1e-12  # mean stress in units of the problem below which there is none
-_MISFIT = 1e-6  # difference of data from what is taken for them, in units of the problem, that needs no word
-_UNRELIABLE = 1e-4  # relative error of the linear solve above which they are left
+_DEGREE: Final = 4  # default degree of the Airy function
+_TOO_SMALL = 1e-2  # mean stress over the unit of stress, below which the unit is changed
+_NOISE = 1e-12  # mean stress over the unit of stress, below which it is rounding
+_MISFIT = 1e-6  # dimensionless difference of given data from their approximation, above which a remark is made
+_UNRELIABLE = 1e-4  # relative error of the linear solve, above which the unit is kept
 
 
 @dataclass(frozen=True, eq=False)
 class Discretization(PicklesFields):
-    """A contact problem on the elements of its mesh, traction conditions and gauge eliminated."""
+    """A contact problem on the elements of its mesh; traction conditions and the gauge of Φ are eliminated."""
 
     problem: ContactProblem
     """The problem."""
     scales: Scales
-    """The units."""
+    """The units of length, stress and displacement."""
     rule: EdgeRule
-    """What the rows of contacts are."""
+    """The rows of a contact edge: Bernstein coefficients, or values at Gauss points."""
     root: Root
-    """The energy of the body on the unknowns, with `stiffness` and `supports` that other problems may have too."""
+    """The energy of the body in the unknowns z; other problems may share its `stiffness` and `supports`."""
     contacts: tuple[ContactRows, ...]
-    """Which rows of the algebraic problem belong to which contact."""
+    """The rows of the algebraic problem that belong to each contact, and the contact's data at its points."""
     plates: PlateRows
     """Equality rows of plates driven by force."""
     qvi: FrictionQVI
     """The algebraic problem, dimensionless."""
     works: tuple[FloatArray, float]
-    """∫_{Γ_u} U·τn ds + ∫_{Γ_μ} (g τ_N' + w τ_T) ds, dimensionless: a vector over degrees of freedom (N,) of Φ, and
-    what body potential and fluids add."""
+    """Work ∫_{Γ_u} U·τn ds + ∫_{Γ_μ} (g τ_N' + w τ_T) ds of the prescribed displacements and obstacles, dimensionless:
+    a vector over the degrees of freedom (N,) of Φ, and the constant part of the body potential and of fluids."""
     later: bool = False
-    """Whether load steps came before, whose slip is known as it was computed only, also where that is zero."""
+    """Whether this is a later load step: its earlier slip, also where zero, is a computed value, not an exact one."""
 
     @property
     def supports(self) -> Supports:
-        """The degrees of freedom that meet the prescribed tractions, u = B z + u₀; B is its `basis`."""
+        """All u = B z + u₀ that meet the prescribed tractions; B is the `basis`."""
         return self.root.stiffness.supports
 
     @property
@@ -82,98 +82,99 @@ class Discretization(PicklesFields):
 
     @cached_property
     def remarks(self) -> tuple[str, ...]:
-        """What a user should know about how the data were taken, one sentence each."""
-        found = [
+        """Sentences for the user about data that were approximated, have no effect, or look wrong."""
+        remarks = [
             f"On {rows.name!r} the pore pressure that is taken differs from the given one by up to "
             f"{rows.pore_misfit * self.scales.stress:.3g} [stress] at single points. Its force and moment on every "
             "edge are right. To reduce the difference, let an edge end where the pressure jumps, or refine there."
             for rows in self.contacts
             if rows.pore_misfit > _MISFIT
         ]
-        found += [
+        remarks += [
             f"Equilibrium with the other loads already determines {row.component} of the plate at {row.contact!r}. "
             "The plate's motion in that component is not determined, and is given as zero."
             for row in self.plates.determined
         ]
-        warmed = self.problem.temperature, *(region.temperature or 0.0 for region in self.problem.regions)
-        if any(map(acts, warmed)) and not any(material.expansion for material in self.problem.materials):
-            found.append("The temperature has no effect: no material has an expansion. Give it, or no temperature.")
-        found += [
-            f"The potential of the body force {name!r} is a constant, {field:g} [stress]: that is no force. A weight "
-            "has the potential ρ g y."
+        temperatures = self.problem.temperature, *(region.temperature or 0.0 for region in self.problem.regions)
+        if any(map(acts, temperatures)) and not any(material.expansion for material in self.problem.materials):
+            remarks.append("The temperature has no effect, as no material has an expansion: give one, or leave it out.")
+        remarks += [
+            f"The potential of the body force {name!r} is a constant, {field:g} [stress]: it has no force. The "
+            "potential of a weight is ρ g y."
             for name, field in self.problem.body_forces.items()
             if not callable(field) and field
         ]
         for pin in pins(self.problem):
             if pin.misplaced:
-                found.append(
+                remarks.append(
                     "The centre ({:.6g}, {:.6g}) of the pin at ".format(*pin.centre)
                     + f"{pin.name!r} is not in its hole: the edge nearest to the centre faces away from it. There the "
                     "distance from the pin is no gap. Correct the centre of the pin, or the edges of its contact."
                 )
             if pin.interference:
-                found.append(
+                remarks.append(
                     f"The radius of the pin at {pin.name!r} is {pin.interference:.6g} [length] larger than that of its "
                     "bore. This is a press fit: the pin presses all around before it is loaded. If it should have a "
                     "clearance, give it a smaller radius."
                 )
         if not self.problem.prescribed(Displacement):
-            return tuple(found)
+            return tuple(remarks)
         space = DisplacementSpace.of(self.problem, triangle(1), self.scales.length)
-        held = supports(self.problem, space, self.scales, _MISFIT)
-        return (*found, *held.jumps, *corners_that_jump(self.problem, space, self.scales, held, _MISFIT))
+        prescribed = supports(self.problem, space, self.scales, _MISFIT)
+        return (*remarks, *prescribed.jumps, *corners_that_jump(self.problem, space, self.scales, prescribed, _MISFIT))
 
     def with_law(self, problem: ContactProblem) -> Discretization:
-        """Another problem, in these units, that differs in friction, cohesion and caps of contacts only."""
+        """The discretisation of a problem that differs in friction, cohesion and caps only, in the same units."""
         pairs = zip(self.contacts, problem.contacts, strict=True)
-        laws = [limits_of(problem, contact, self.scales, self.rule, rows.points) for rows, contact in pairs]
+        limits = [limits_of(problem, contact, self.scales, self.rule, rows.points) for rows, contact in pairs]
         contacts = tuple(
-            replace(rows, row_limits=on_rows, limits=at_points)
-            for rows, (on_rows, at_points) in zip(self.contacts, laws, strict=True)
+            replace(rows, row_limits=for_rows, limits=at_points)
+            for rows, (for_rows, at_points) in zip(self.contacts, limits, strict=True)
         )
         return replace(self, problem=problem, contacts=contacts, qvi=replace(self.qvi, law=law_of(contacts)))
 
     def with_far_obstacles(self) -> Discretization:
-        """The same problem, after the same slip, with all obstacles where they stand, however far."""
+        """The same problem, with the same earlier slip, and every obstacle at its true distance, however far."""
         scales, slip = replace(self.scales, reach=np.inf), [rows.slip for rows in self.contacts]
         return replace(_discretized(self.problem, self.space, self.rule, scales, slip), later=self.later)
 
     def with_data(
         self, problem: ContactProblem, scales: Scales | None = None, slip: Sequence[FloatArray] | None = None
     ) -> Discretization:
-        """Another problem, in units `scales` or its own, on the same mesh, by the same element and rows of contacts.
+        """The discretisation of another problem on the same mesh, with the same element and rows of contacts.
 
-        After earlier `slip` (m,) at the points of each contact, dimensionless, by which w grows, or none.
-        Where it differs in loads and in data of contacts only, it has the same matrices, and the same factorisation.
-        `InputError` if its mesh is another, but for the names of edge sets.
+        Its units are `scales`, by default its own. `slip` holds the earlier slip (m,) at the points of each contact,
+        dimensionless, which is added to the offset w; None is no slip. If only loads and data of contacts differ, the
+        two share matrices and factorisation. `InputError` if the meshes differ in more than names of edge sets.
         """
         instance_of(ContactProblem, "problem", problem)
         if not problem.mesh.same_as(self.problem.mesh):
             remedy = "it is on another mesh than the problem discretised before: give both the same mesh"
             raise InputError("ContactProblem.mesh", type(problem.mesh).__name__, remedy)
-        vars(problem.mesh)["kept"] = self.problem.mesh.kept  # equal meshes have one
-        found = _discretized(problem, self.space, self.rule, scales or Scales.of(problem), slip)
-        return replace(found, later=slip is not None)
+        vars(problem.mesh)["kept"] = self.problem.mesh.kept  # equal meshes share one cache of matrices
+        discretization = _discretized(problem, self.space, self.rule, scales or Scales.of(problem), slip)
+        return replace(discretization, later=slip is not None)
 
     def rescaled(self) -> Discretization:
-        """The same problem in units of the stress it would have without contact laws, if its own are far too large.
+        """The same problem, with the mean stress of the bonded state as unit if the present unit is far too large.
 
-        `Scales` cannot foresee every load, such as an obstacle that drags the body along by friction. Stresses far
-        below the unit would be lost in the tolerances of solvers and certificate.
+        In the bonded state contacts neither open nor slip. `Scales` cannot foresee every load, such as an obstacle that
+        drags the body along by friction. Stresses far below the unit would be lost in the tolerances of solvers and
+        certificate.
         """
         if not 0.0 < self.qvi.bonded_state.rough_stress < _TOO_SMALL or self.qvi.bonded_state.error > _UNRELIABLE:
             return self
-        size = float(np.sqrt(2.0 * self.qvi.bonded_state.strain_energy))
-        if not _NOISE < size < _TOO_SMALL:
+        mean = float(np.sqrt(2.0 * self.qvi.bonded_state.strain_energy))
+        if not _NOISE < mean < _TOO_SMALL:
             return self
-        return _discretized(self.problem, self.space, self.rule, replace(self.scales, stress=self.scales.stress * size))
+        return _discretized(self.problem, self.space, self.rule, replace(self.scales, stress=self.scales.stress * mean))
 
     def values(self, z: FloatArray) -> FloatArray:
         """Dimensionless degrees of freedom u of the Airy function, shape (N,)."""
         return np.asarray(self.supports.basis.expanded(z) + self.root.particular)
 
     def work(self, u: FloatArray) -> float:
-        """`works` of degrees of freedom u (N,): of prescribed displacements and obstacles [stress × length²]."""
+        """Work of the prescribed displacements and obstacles on degrees of freedom u (N,) [stress × length²]."""
         return float(self.works[0] @ u + self.works[1]) * self.scales.energy
 
     def coefficients(self, u: FloatArray) -> FloatArray:
@@ -191,21 +192,21 @@ def discretize(
 ) -> Discretization:
     """Discretise a contact problem.
 
-    The degree of the Airy function is one from 3 to 12, 4 by default. What bounds the tractions says `law_on`: "edges"
-    their Bernstein coefficients on each edge, so that the contact law holds on whole edges, "points" their values at
-    Gauss points; by default coefficients, and Gauss points where friction varies along an edge, or another bound does
-    so but linearly, see `laws_vary`. Unknown arguments, and those of version 0.1, are refused with what to do instead.
+    `degree` is that of the Airy function, 3 to 12, by default 4. With `law_on` "edges" the contact law bounds the
+    Bernstein coefficients of the tractions on each edge, and so holds on whole edges; with "points" it bounds their
+    values at Gauss points. The default is "edges", but "points" if friction varies along an edge, or another bound does
+    so nonlinearly, see `laws_vary`. Unknown arguments, and those of version 0.1, are refused with a remedy.
 
-    In the units `scales`, by default those of the problem (lengths over L, stresses over S, displacements over C S L),
-    with unknowns z, the degrees of freedom of Φ that traction conditions and gauge leave free,
+    The units are `scales`, by default those of the problem: lengths are divided by L, stresses by S, displacements by
+    C S L. The unknowns z are the degrees of freedom of Φ that traction conditions and gauge leave free,
 
-        K = Bᵀ [∫ cσ:τ] B,    f = Bᵀ (loads − [∫ cσ:τ] u₀),    u = B z + u₀,
+        K = Bᵀ [∫ cσ:τ] B,    f = Bᵀ (loads − [∫ cσ:τ] u₀),    u = B z + u₀.
 
-    rows of N and T are σ_N' = σ_N + p_w and σ_T on contact edges, W their weights, and the obstacle enters the loads by
-    ∫ g τ_N + w τ_T. The pore pressure p_w is part of n₀ as the potential of the body force is.
+    The rows of N and T are σ_N' = σ_N + p_w and σ_T on contact edges, W their weights. The obstacle enters the loads by
+    ∫ g τ_N + w τ_T. The pore pressure p_w enters n₀, as does the potential of the body force.
 
-    `InputError` if a field of the problem gives bad values, the tractions on a closed part of the boundary are out of
-    balance, or there is no element of that degree, or no such rows.
+    `InputError` if a field of the problem gives bad values, if the tractions on a closed part of the boundary are out
+    of balance, or if `degree` or `law_on` is not one of those above.
     """
     if retired:
         refuse_arguments(retired, ("degree", "law_on", "scales"))
@@ -215,7 +216,7 @@ def discretize(
     if law_on is not None and (not isinstance(law_on, str) or law_on not in get_args(LawOn)):
         raise InputError("law_on", law_on, "give 'edges' or 'points'")
     chosen = _DEGREE if degree is None else whole_number("degree", degree)
-    _ = hsieh_clough_tocher(chosen)  # refuses degrees that are not offered
+    _ = hsieh_clough_tocher(chosen)  # raises InputError for other degrees
     by_default: LawOn = "points" if laws_vary(problem) else "edges"
     mesh, rule = problem.mesh, edge_rule(law_on or by_default, int(chosen))
     space = mesh.kept(StressSpace, chosen, lambda: StressSpace(mesh.bare, chosen))
@@ -229,11 +230,11 @@ def _discretized(
     scales: Scales,
     slip: Sequence[FloatArray] | None = None,
 ) -> Discretization:
-    """Discretise: matrices that the mesh keeps for all problems, and the vectors of this one."""
+    """The discretisation: matrices that the mesh keeps for all problems, and the vectors of this one."""
     prescribed, kept = problem.prescribed(Traction), problem.mesh.kept
-    supports = Supports.on(space, prescribed, kept)
-    pulled = acts(problem.body_potential) or any(acts(part.value) for part in prescribed)
-    given = [traction_data(problem, scales, part, supports.points) for part in prescribed] if pulled else []
+    supports = Supports.on(space, prescribed, kept)  # u = B z + u₀
+    is_loaded = acts(problem.body_potential) or any(acts(part.value) for part in prescribed)
+    given = [traction_data(problem, scales, part, supports.points) for part in prescribed] if is_loaded else []
     particular, imbalance = supports.particular(given)
     if imbalance > 0.0:
         remedy = (
@@ -251,44 +252,47 @@ def _discretized(
     root = Root(stiffness, particular, body, 0.0 if springs is None else springs.constant)
     limited = [rows for rows in contacts if rows.law != "tied"]
     matrices = _contact_matrices(supports, rule, limited, plates, kept)
-    works, fixed, forced = np.zeros(space.size), 0.0, acts(problem.body_potential)
-    for rows in contacts:
-        across, along = rows.obstacle
-        works += rows.work(across - rows.beyond, along)
+    # works of obstacles and prescribed displacements; φ, which u does not hold, adds a constant
+    works, constant, has_body_force = np.zeros(space.size), 0.0, acts(problem.body_potential)
+    for rows in contacts:  # ∫_{Γ_μ} (g τ_N + w τ_T) ds
+        gap, offset = rows.obstacle
+        works += rows.work(gap - rows.beyond, offset)
     for direction, points, values in displacements_at_points(problem, space):  # ∫_{Γ_u} U·τn ds
         weights = points.weights * values / scales.displacement
         works += points.traction_load(direction, weights)
-        if forced:
-            across = weights * (direction * points.normals).sum(axis=1)
-            fixed += float(across @ potential_at(problem, scales, points.coordinates))
+        if has_body_force:
+            normal_parts = weights * (direction * points.normals).sum(axis=1)
+            constant += float(normal_parts @ potential_at(problem, scales, points.coordinates))
+    # f, and the tractions n₀, t₀ of u₀ and of φ + p_w in the rows
     load = supports.basis.reduced(works)
     f, (n0, t0) = load, np.zeros((2, matrices.N.shape[0]))
     if root.body is not None or root.particular.any() or np.any(root.springs):
         f = load - root.adjoint(root.apply(np.zeros(len(load))))
-        found = [rows.points.tractions(root.particular) for rows in limited]
-        n0, t0 = (rule.at_rows(joined([both[half] for both in found])) for half in (0, 1))
-    if forced or any(contact.has_fluid for contact in problem.contacts):
-        pressed = [np.empty(0)]
+        tractions = [rows.points.tractions(root.particular) for rows in limited]
+        n0, t0 = (rule.at_rows(joined([both[half] for both in tractions])) for half in (0, 1))
+    if has_body_force or any(contact.has_fluid for contact in problem.contacts):
+        pressures = [np.empty(0)]
         for rows in contacts:
-            own = potential_at(problem, scales, rows.points.coordinates) + rows.pore_pressure
-            fixed += float(rows.points.weights * (rows.obstacle[0] - rows.beyond) @ own)
-            pressed += [own] * (rows.law != "tied")
-        n0 = n0 + rule.at_rows(np.concatenate(pressed))
+            pressure = potential_at(problem, scales, rows.points.coordinates) + rows.pore_pressure
+            constant += float(rows.points.weights * (rows.obstacle[0] - rows.beyond) @ pressure)
+            pressures += [pressure] * (rows.law != "tied")
+        n0 = n0 + rule.at_rows(np.concatenate(pressures))
     loads = Loads(f, n0, t0, plates.b, root, load)
     qvi = FrictionQVI(stiffness.matrix(kept), matrices, loads, law_of(contacts))
-    return Discretization(problem, scales, rule, root, contacts, plates, qvi, (works, fixed))
+    return Discretization(problem, scales, rule, root, contacts, plates, qvi, (works, constant))
 
 
 def _contact_matrices(
     supports: Supports, rule: EdgeRule, contacts: Sequence[ContactRows], plates: PlateRows, kept: Kept
 ) -> ContactMatrices:
-    """Rows of contacts, one after the other, and of plates on the unknowns, made once for all that is pressed there."""
+    """N, T, W of the contacts, one after the other, and A of the plates, on the unknowns; kept for these edge sets."""
     edges = [rows.points.edges for rows in contacts]
 
     def made() -> ContactMatrices:
-        Y = supports.basis.rows(supports.space.trace_rows(edges, rule.points))  # σ_N of all contacts, then σ_T
+        # rows of σ_N at the Gauss points of all contacts, then of σ_T; E Y are those of the rule
+        Y = supports.basis.rows(supports.space.trace_rows(edges, rule.points))
         r = Y.shape[0]
-        if are_few(r, r):  # E: the same block for every edge
+        if are_few(r, r):  # E is block diagonal, with the same block V⁻¹ for every edge
             E: Any = np.zeros((r // rule.count, rule.count) * 2)
             E[np.arange(len(E)), :, np.arange(len(E))] = rule.from_points
             E = E.reshape(r, r)
@@ -296,9 +300,9 @@ def _contact_matrices(
             E = sparse.kron(sparse.eye_array(r // rule.count), rule.from_points, format="csc")
         rows, weights = E @ Y, joined([rows.row_weights for rows in contacts])
         A = plates.resultants.A
-        found = ContactMatrices(rows[: r // 2], rows[r // 2 :], weights, A, TractionFactor(Y, E))
-        read_only(found.N, found.T, found.A, found.W)
-        return found
+        matrices = ContactMatrices(rows[: r // 2], rows[r // 2 :], weights, A, TractionFactor(Y, E))
+        read_only(matrices.N, matrices.T, matrices.A, matrices.W)
+        return matrices
 
     key = supports, rule, plates.resultants, *(part.number.tobytes() for part in edges)
     return kept(ContactMatrices, key, made)

@@ -1,26 +1,26 @@
-"""Displacements: Bernstein elements on the cells of the body, cut open along the joints, and what supports prescribe.
+"""Displacements: Bernstein elements on the cells of the body, which joints divide, and prescribed displacements.
 
-A function on a triangle is Σ c_α B_α(λ), λ = (1 − t₁ − t₂, t₁, t₂), with B_α ≥ 0 of sum 1. Its trace on a side is the
-polynomial whose coefficients are those of the side, so that contact conditions and prescribed data are conditions on
-single coefficients. Derivatives along the two reference axes act on differences of neighbouring coefficients,
+A function on a triangle is Σ c_α B_α(λ), λ = (1 − t₁ − t₂, t₁, t₂), with B_α ≥ 0 of sum 1. On a side it is the
+Bernstein polynomial of the coefficients there, so that contact conditions and prescribed data are conditions on single
+coefficients. Derivatives along the two reference axes are combinations of differences of neighbouring coefficients,
 
     ∂u/∂t_a = Σ_k (D_a c)_k B_k,
 
-so that a rigid motion, however large, leaves no rounding behind. Cells share coefficients on edges that are not joints:
-a vertex on a joint has one for each block that meets there. Degree of freedom 2 k + c is component c of coefficient k.
+so that a translation, however large, causes no rounding. Cells share coefficients on edges that are not joints. A
+vertex on a joint has one coefficient for each block there. Degree of freedom 2 k + c is component c of coefficient k.
 
-A cell with sides that are arcs is a smooth image of the straight one. With its corners X and the arc γ of a side from
+A cell with arcs as sides is a smooth image of the reference triangle. With its corners X and the arc γ of a side from
 corner a to b,
 
     x(λ) = Σ λ_i X_i + Σ_sides λ_a λ_b q(λ_b − λ_a),   τ (1 − τ) q(2τ − 1) = γ(τ) − (1 − τ) X_a − τ X_b
 
-which is γ on the side, the straight line on the others, and smooth, so that displacements that are polynomials of λ are
-of full order. (The map of the mesh, seen from barycentres, is not: it bends between the thirds of a cell.) q is a
-polynomial that differs from its definition by rounding.
+This map is γ on the arc, a straight line on straight sides, and smooth, so that polynomials of λ have their full order.
+(The map of the mesh is not smooth: it is made of three parts, which meet at the barycentre.) q is interpolated by a
+polynomial that differs from it by rounding.
 
-Supports prescribe components d·v of coefficients, rows C v = d that are solved as those of tractions are, by
-`Elimination`: v = B z + v₀. Two directions at a coefficient prescribe both components. Along arcs, whose directions
-turn, coefficients inside are those of the polynomials n·v and t·v, see `components_along`.
+Supports prescribe components d·v of coefficients: rows C v = d, which `Elimination` solves as it does the rows of
+prescribed tractions, v = B z + v₀. Two directions at a coefficient prescribe both components. Directions turn along
+arcs: there the inner coefficients are those of the polynomials n·v and t·v, see `components_along`.
 """
 
 from dataclasses import dataclass
@@ -53,43 +53,43 @@ from qvi_contact.problem.conditions import Displacement
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.linked import linked
 
-_SLOPES: Final = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])  # of λ
+_SLOPES: Final = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])  # ∂λ_i/∂t_a
 
 HIGHEST: Final = 5
 """Highest degree of displacements that is offered."""
 
-_TERMS: Final = 12  # of q beside the coefficients of bends: its digits on an arc that turns by 90°
-_STEPS: Final = 8  # of Newton's method for the inverse of the map; each doubles the digits
+_TERMS: Final = 12  # terms of q, less coefficients of a bend: enough for all digits on an arc that turns by 90°
+_STEPS: Final = 8  # Newton steps for the inverse of the map; each doubles the number of digits
 
 
 def triangle(degree: int | None = None) -> "Triangle":
-    """The triangle with displacements of a degree, 3 where none is given; `InputError` if it is no degree."""
+    """The triangle with displacements of a degree, by default 3; `InputError` if the degree is not offered."""
     return _triangle(3 if degree is None else whole_number("degree", degree, HIGHEST))
 
 
 @dataclass(frozen=True)
 class Triangle:
-    """P_p with n coefficients, which come in the order of `element.triangle.exponents`.
+    """Polynomials of degree p on a triangle, with n coefficients in the order of `element.triangle.exponents`.
 
-    Corners have ascending numbers, so that neighbours agree on the direction of a side.
+    The corners of a cell have ascending vertex numbers, so that neighbours agree on the direction of a side.
     """
 
     degree: int
 
     @cached_property
     def places(self) -> FloatArray:
-        """The points α/p (n, 2) of the coefficients: those of a linear function are its values there."""
+        """The points α/p (n, 2) of the coefficients: the coefficients of a linear function are its values there."""
         return np.asarray(exponents(self.degree)[:, 1:] / self.degree)
 
     @cached_property
     def sides(self) -> IntArray:
         """The coefficients (3, 3, p + 1) from one corner to another along a side; −1 from a corner to itself."""
-        alpha, found = exponents(self.degree), np.full((3, 3, self.degree + 1), -1)
+        alpha, sides = exponents(self.degree), np.full((3, 3, self.degree + 1), -1)
         for first, last in EDGES:
             on_side = np.flatnonzero(alpha[:, first] + alpha[:, last] == self.degree)
             side = on_side[np.argsort(alpha[on_side, last])]
-            found[first, last], found[last, first] = side, side[::-1]
-        return found
+            sides[first, last], sides[last, first] = side, side[::-1]
+        return sides
 
     @cached_property
     def differences(self) -> tuple[FloatArray, FloatArray]:
@@ -102,7 +102,7 @@ class Triangle:
         return basis(self.degree, barycentric(t))
 
     def derivative_values(self, t: FloatArray) -> FloatArray:
-        """B_k of the derivatives, those of degree p − 1, at points t (..., 2), shape (..., m)."""
+        """B_k of degree p − 1, for derivatives, at points t (..., 2), shape (..., m)."""
         return basis(self.degree - 1, barycentric(t))
 
     def quadrature(self, count: int) -> tuple[FloatArray, FloatArray]:
@@ -111,7 +111,7 @@ class Triangle:
         return points[:, 1:], weights / 2.0
 
     def along(self, mesh: TriangleMesh, edges: Edges, side: int) -> IntArray:
-        """The coefficients (e, p + 1) on edges, along the tangent, of the cell at each, or of that beyond (side 1)."""
+        """Cell coefficients (e, p + 1) on edges, along the tangent; of the first cell there or the second (side 1)."""
         corners = mesh.cells[edges.cells[:, side]]
         first, second = (np.argmax(corners == end[:, None], axis=1) for end in (edges.first, edges.second))
         return np.asarray(self.sides[first, second])
@@ -132,67 +132,68 @@ def reference_matrices(cell: Triangle) -> FloatArray:
     t, weights = cell.quadrature(cell.degree + 1)
     values = cell.derivative_values(t)
     slopes = [values @ cell.differences[axis] for axis in (0, 1)]
-    found = np.array([[first.T @ (weights[:, None] * second) for second in slopes] for first in slopes])
-    found.setflags(write=False)
-    return found
+    matrices = np.array([[first.T @ (weights[:, None] * second) for second in slopes] for first in slopes])
+    matrices.setflags(write=False)
+    return matrices
 
 
 @dataclass(frozen=True, eq=False)
 class CurvedCells:
-    """What arcs add to the triangles of a mesh that have some; dimensionless."""
+    """The map of the reference triangle to the cells that have arcs, dimensionless."""
 
-    numbers: IntArray  # (c,): the cells
-    corners: FloatArray  # (c, 3, 2): their corners
-    bends: FloatArray  # (c, 3, k): how their sides bend, see `TriangleMesh.sides`
+    numbers: IntArray  # (c,): numbers of these cells in the mesh
+    corners: FloatArray  # (c, 3, 2)
+    bends: FloatArray  # (c, 3, k): bends of their sides, see `TriangleMesh.sides`
 
     @classmethod
     def of(cls, mesh: TriangleMesh, length: float) -> "CurvedCells":
-        """Those of a mesh, whose lengths are divided by `length`."""
+        """The cells of a mesh that have arcs; lengths are divided by `length`."""
         numbers = np.flatnonzero(mesh.curved)
         corners = (mesh.vertices[mesh.cells[numbers]] - mesh.origin) / length
         return cls(numbers, corners, mesh.sides[numbers])
 
     def among(self, cells: IntArray | slice, count: int) -> tuple[IntArray, IntArray]:
-        """Places in `cells`, of so many cells, that have arcs, and which of these they are."""
+        """Indices into `cells`, chosen among `count` cells, of cells with arcs; and their indices into `numbers`."""
         chosen = np.arange(count)[cells]
-        place = np.full(count, -1)
-        place[self.numbers] = np.arange(len(self.numbers))
-        at = np.flatnonzero(place[chosen] >= 0)
-        return at, place[chosen][at]
+        index = np.full(count, -1)
+        index[self.numbers] = np.arange(len(self.numbers))
+        at = np.flatnonzero(index[chosen] >= 0)
+        return at, index[chosen][at]
 
     @cached_property
     def _bulges(self) -> FloatArray:
-        """Coefficients of Legendre of q of all sides, (3, c, terms, 2)."""
+        """Legendre coefficients of q for all sides, (3, c, terms, 2)."""
         t = gauss_legendre(_TERMS + self.bends.shape[2])[0]
-        found = np.zeros((3, len(self.numbers), len(t), 2))
+        q = np.zeros((3, len(self.numbers), len(t), 2))
         for s, (a, b) in enumerate(EDGES):
             chord = self.corners[:, b] - self.corners[:, a]
             bulge = arc_offsets(chord, self.bends[:, s], t) - t[:, None] * chord[:, None]
-            found[s] = legendre_from_values(len(t) - 1, len(t)) @ (bulge / (t * (1.0 - t))[:, None])
-        return found
+            q[s] = legendre_from_values(len(t) - 1, len(t)) @ (bulge / (t * (1.0 - t))[:, None])
+        return q
 
     def mapped(self, which: IntArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points x (k, q, 2) and ∂x_b/∂t_a (k, q, b, a) at reference points t, (q, 2) or (k, q, 2), of cells (k,)."""
+        """Points x (k, q, 2) and ∂x_b/∂t_a (k, q, b, a) at reference points t, (q, 2) or (k, q, 2), of k cells."""
         corners, places = self.corners[which], barycentric(np.broadcast_to(t, (len(which), *np.shape(t)[-2:])))
         points = places @ corners
         slopes = np.repeat((corners.swapaxes(1, 2) @ _SLOPES)[:, None], places.shape[1], axis=1)
+        # each arc adds λ_a λ_b q to x, and the derivative of this product to the slopes
         for s, (a, b) in enumerate(EDGES):
-            bent = np.flatnonzero(self.bends[which, s].any(axis=1))  # mostly one side of three is an arc
+            bent = np.flatnonzero(self.bends[which, s].any(axis=1))  # most of these cells have one arc
             first, second, q = places[bent, :, a, None], places[bent, :, b, None], self._bulges[s, which[bent]]
-            value, steep = (legvander((second - first)[..., 0], c.shape[1] - 1) @ c for c in (q, legder(q, axis=1)))
+            value, dq = (legvander((second - first)[..., 0], c.shape[1] - 1) @ c for c in (q, legder(q, axis=1)))
             points[bent] += first * second * value
             slopes[bent] += value[..., None] * (first * _SLOPES[b] + second * _SLOPES[a])[..., None, :]
-            slopes[bent] += (first * second * steep)[..., None] * (_SLOPES[b] - _SLOPES[a])
+            slopes[bent] += (first * second * dq)[..., None] * (_SLOPES[b] - _SLOPES[a])
         return points, slopes
 
     def reference(self, which: IntArray, points: FloatArray) -> FloatArray:
-        """Reference points t (k, q, 2) of points (k, q, 2) in some of the cells (k,)."""
+        """Reference points t (k, q, 2) of points (k, q, 2) in k curved cells, by Newton's method."""
         corners = self.corners[which]
         straight = np.linalg.inv(corners.swapaxes(1, 2) @ _SLOPES)
         t = (points - corners[:, :1]) @ straight.swapaxes(1, 2)
         for _ in range(_STEPS):
-            found, slopes = self.mapped(which, t)
-            t = t + np.linalg.solve(slopes, (points - found)[..., None])[..., 0]
+            x, slopes = self.mapped(which, t)
+            t = t + np.linalg.solve(slopes, (points - x)[..., None])[..., 0]
         return np.asarray(t)
 
 
@@ -202,11 +203,11 @@ class DisplacementSpace:
 
     mesh: TriangleMesh
     cell: Triangle  # the reference triangle, with n coefficients
-    origins: FloatArray  # (cells, 2): where the first corner of each cell lies
-    frames: FloatArray  # (cells, 2, 2): its axes as columns: a reference point t lies at origin + frame t
+    origins: FloatArray  # (cells, 2): the first corner of each cell
+    frames: FloatArray  # (cells, 2, 2): a reference point t of a straight cell lies at origin + frame t
     table: IntArray  # (cells, n): coefficients of a scalar field on each cell
-    block: IntArray  # (cells,): number of the block each cell belongs to; blocks are separated by joints
-    curved: CurvedCells  # cells with sides that are arcs
+    block: IntArray  # (cells,): number of each cell's block; joints separate blocks
+    curved: CurvedCells  # cells with arcs as sides
 
     @classmethod
     def of(cls, problem: ContactProblem, cell: Triangle, length: float) -> "DisplacementSpace":
@@ -214,10 +215,10 @@ class DisplacementSpace:
         mesh, count, n = problem.mesh, len(problem.mesh.cells), len(cell.places)
         first, along, across = mesh.corners.swapaxes(0, 1)
         frames = np.stack([along - first, across - first], axis=-1) / length
-        whole = np.ones(len(mesh.interior), dtype=bool)
+        is_shared = np.ones(len(mesh.interior), dtype=bool)
         for joint in problem.joints:
-            whole[mesh.joint_set(joint.edges)] = False
-        edges = mesh.interior.take(whole)
+            is_shared[mesh.joint_set(joint.edges)] = False
+        edges = mesh.interior.take(is_shared)
         near, far = (n * edges.cells[:, [side]] + cell.along(mesh, edges, side) for side in (0, 1))
         table = linked(near, far, n * count).reshape(count, n)
         block = linked(edges.cells[:, 0], edges.cells[:, 1], count)
@@ -239,112 +240,112 @@ class DisplacementSpace:
         return np.asarray(np.linalg.inv(self.frames), dtype=np.float64)
 
     def inverse_jacobians(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
-        """∂t_a/∂x_b as [cell, point, a, b]; one point stands for all where no cell has arcs."""
-        found = self.slopes[cells][:, None]
+        """∂t_a/∂x_b as [cell, point, a, b]; with one point for all points if no cell has arcs."""
+        inverses = self.slopes[cells][:, None]
         at, which = self.curved.among(cells, len(self.table))
         if len(at):
-            found = np.repeat(found, np.shape(t)[-2], axis=1)
-            found[at] = np.linalg.inv(self.curved.mapped(which, t if np.ndim(t) == 2 else t[at])[1])
-        return np.asarray(found)
+            inverses = np.repeat(inverses, np.shape(t)[-2], axis=1)
+            inverses[at] = np.linalg.inv(self.curved.mapped(which, t if np.ndim(t) == 2 else t[at])[1])
+        return np.asarray(inverses)
 
     @cached_property
     def areas(self) -> FloatArray:
-        """Of a cell to that of the reference cell (cells,)."""
+        """Area of each straight cell over that of the reference cell (cells,)."""
         return np.asarray(np.abs(np.linalg.det(self.frames)))
 
     @property
     def dofs(self) -> IntArray:
-        """Degrees of freedom of displacements of the cells (cells, 2 n)."""
+        """Degrees of freedom of each cell's displacements (cells, 2 n)."""
         return np.asarray(2 * self.table[:, :, None] + np.arange(2)).reshape(len(self.table), -1)
 
     def assembled(self, blocks: FloatArray) -> sparse.csr_array:
-        """The sum (size, size) of matrices of the cells (cells, 2 n, 2 n)."""
+        """The matrix (size, size) assembled from cell matrices (cells, 2 n, 2 n)."""
         return spread(self.dofs, self.dofs, blocks, self.size)
 
     def points(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
         """Coordinates of reference points (k, 2), or (cells, k, 2), in cells, shape (cells, k, 2)."""
-        found = np.asarray(self.origins[cells][:, None] + t @ self.frames[cells].swapaxes(1, 2))
+        points = np.asarray(self.origins[cells][:, None] + t @ self.frames[cells].swapaxes(1, 2))
         if len(self.curved.numbers):
             at, which = self.curved.among(cells, len(self.table))
-            found[at] = self.curved.mapped(which, t if np.ndim(t) == 2 else t[at])[0]
-        return found
+            points[at] = self.curved.mapped(which, t if np.ndim(t) == 2 else t[at])[0]
+        return points
 
     def own(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
-        """Reference points of this space from those of the mesh, (k, 2) or (cells, k, 2), which differ beside arcs."""
+        """Reference points of this space from those of the mesh, (k, 2) or (cells, k, 2): cells with arcs differ."""
         at, which = self.curved.among(cells, len(self.table))
         if not len(at):
             return t
-        found = np.array(np.broadcast_to(t, (len(np.arange(len(self.table))[cells]), *np.shape(t)[-2:])))
-        placed = self.mesh.placed(self.curved.numbers[which], barycentric(found[at]))
-        found[at] = self.curved.reference(which, placed @ self.curved.corners[which])
-        return found
+        reference = np.array(np.broadcast_to(t, (len(np.arange(len(self.table))[cells]), *np.shape(t)[-2:])))
+        placed = self.mesh.placed(self.curved.numbers[which], barycentric(reference[at]))
+        reference[at] = self.curved.reference(which, placed @ self.curved.corners[which])
+        return reference
 
     def measures(self, t: FloatArray, weights: FloatArray) -> FloatArray:
-        """Weights (cells, q) of areas from those on the reference cell (q,), at its points t (q, 2)."""
-        found = self.areas[:, None] * weights
+        """Quadrature weights (cells, q) from weights (q,) at points t (q, 2) of the reference cell."""
+        measures = self.areas[:, None] * weights
         if len(self.curved.numbers):
-            every = np.arange(len(self.curved.numbers))
-            found[self.curved.numbers] = np.abs(np.linalg.det(self.curved.mapped(every, t)[1])) * weights
-        return np.asarray(found)
+            curved = np.arange(len(self.curved.numbers))
+            measures[self.curved.numbers] = np.abs(np.linalg.det(self.curved.mapped(curved, t)[1])) * weights
+        return np.asarray(measures)
 
     @cached_property
     def places(self) -> FloatArray:
-        """Where each coefficient sits, shape (size / 2, 2): coefficients of a linear function are its values there."""
-        found = np.empty((self.size // 2, 2))
-        found[self.table] = self.points(slice(None), self.cell.places)
-        return found
+        """The point (size / 2, 2) of each coefficient: coefficients of a linear function are its values there."""
+        places = np.empty((self.size // 2, 2))
+        places[self.table] = self.points(slice(None), self.cell.places)
+        return places
 
     @cached_property
     def owner(self) -> IntArray:
         """Block of each coefficient (size / 2,)."""
-        found = np.empty(self.size // 2, dtype=np.int64)
-        found[self.table] = self.block[:, None]
-        return found
+        owner = np.empty(self.size // 2, dtype=np.int64)
+        owner[self.table] = self.block[:, None]
+        return owner
 
     def along(self, edges: Edges, *, other: bool = False) -> IntArray:
-        """Coefficients on edges (e, p + 1), along the tangent; with `other` those of the cell beyond an edge inside."""
+        """Coefficients on edges (e, p + 1), along the tangent; with `other` of the second cell at an inner edge."""
         return self.table[edges.cells[:, [int(other)]], self.cell.along(self.mesh, edges, int(other))]
 
     @cached_property
     def positions(self) -> FloatArray:
-        """Coefficients (size / 2, 2) of x as a displacement: those of affine functions are their values there."""
-        found, bent = self.places.copy(), self.table[self.curved.numbers]
-        found[bent] = np.linalg.inv(self.cell.values(self.cell.places)) @ found[bent]  # the map is no affine one
-        return found
+        """The coefficients (size / 2, 2) of the function x: coefficients of affine functions are their values there."""
+        positions, bent = self.places.copy(), self.table[self.curved.numbers]
+        positions[bent] = np.linalg.inv(self.cell.values(self.cell.places)) @ positions[bent]  # x is not linear in λ
+        return positions
 
     def rigid(self) -> FloatArray:
-        """Rigid motions of every block, shape (size, 3 blocks): along x, along y, turning about its middle."""
-        places, owner, every = self.positions, self.owner, np.arange(self.size // 2)
+        """Rigid motions of every block, (size, 3 blocks): translations along x and y, rotation about its middle."""
+        places, owner, coefficients = self.positions, self.owner, np.arange(self.size // 2)
         middles = np.stack([np.bincount(owner, along) for along in places.T]) / np.bincount(owner)
         x, y = places.T - middles[:, owner]
-        found = np.zeros((self.size // 2, 2, middles.shape[1], 3))
-        found[every, 0, owner, 0] = found[every, 1, owner, 1] = 1.0
-        found[every, 0, owner, 2], found[every, 1, owner, 2] = -y, x
-        return found.reshape(self.size, -1)
+        motions = np.zeros((self.size // 2, 2, middles.shape[1], 3))
+        motions[coefficients, 0, owner, 0] = motions[coefficients, 1, owner, 1] = 1.0
+        motions[coefficients, 0, owner, 2], motions[coefficients, 1, owner, 2] = -y, x
+        return motions.reshape(self.size, -1)
 
 
 def spread(rows: IntArray, columns: IntArray, blocks: FloatArray, size: int) -> sparse.csr_array:
-    """Blocks (n, r, c) at these rows (n, r) and columns (n, c), shape (size, size)."""
+    """The matrix (size, size) of the sum of blocks (n, r, c) at rows (n, r) and columns (n, c)."""
     at = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
     return sparse.csr_array((blocks.ravel(), (at[0].ravel(), at[1].ravel())), shape=(size, size))
 
 
 MISFIT = 1e-10
-"""Difference between data and their polynomial on an edge, relative to the data's unit, that counts as rounding."""
+"""Difference of data from their polynomial on an edge over the data's unit, up to which it is rounding."""
 
 PARALLEL = 1e-8
-"""Sine of the angle between two directions that is the rounding of coordinates."""
+"""Sine of the angle between two directions up to which they are parallel, but for rounding of coordinates."""
 
-ALIKE = 3e-5  # the same where coordinates were rounded to few digits, as in files of meshes
+ALIKE = 3e-5  # the same for coordinates with few digits, as in mesh files
 ROUNDED = f"Edges that meet at an angle below {ALIKE:.0e}, as those of rounded coordinates, count as parallel."
 
 
 def edge_data(
     mesh: TriangleMesh, edges: Edges, name: str, field: Field, degree: int, unit: float
 ) -> tuple[FloatArray, float]:
-    """A field on edges over its unit as polynomials: Bernstein coefficients (e, degree + 1), and the most they miss.
+    """Bernstein coefficients (e, degree + 1) of a field on edges over its unit, and the polynomials' largest error.
 
-    The polynomial meets the function at both ends of each edge; what it misses is seen at `SAMPLES`.
+    They interpolate the field, also at both ends of each edge. The error is that at `SAMPLES`.
     """
     t = lobatto_points(degree)
     values = evaluate(name, field, *mesh.points_along(edges, t)) / unit
@@ -353,57 +354,58 @@ def edge_data(
     if not callable(field):
         return np.broadcast_to(values[:, :1], coefficients.shape).copy(), 0.0
     t = SAMPLES
-    wanted = evaluate(name, field, *mesh.points_along(edges, t)) / unit
-    misfit = np.abs(coefficients @ bernstein_basis(degree, t).T - wanted)
-    return coefficients, float(misfit.max(initial=0.0))
+    sampled = evaluate(name, field, *mesh.points_along(edges, t)) / unit
+    error = np.abs(coefficients @ bernstein_basis(degree, t).T - sampled)
+    return coefficients, float(error.max(initial=0.0))
 
 
 def in_lines(vectors: FloatArray, places: IntArray, straight: BoolArray) -> FloatArray:
-    """Unit vectors (n, 2); of `straight` ones that meet in places (n, k), parallel ones as the first of their line.
+    """Unit vectors (n, 2), with equal vectors along each line of `straight` edges that rounded coordinates bend.
 
-    Parallel but for rounded coordinates: none turns by more than `ALIKE`. What meets none of them stays as it is.
+    Edges that meet in a vertex of `places` (n, k) belong to one line if their vectors are parallel up to `ALIKE`. They
+    get the vector of the line's first edge, with their own sign. No vector turns by more than `ALIKE`.
     """
     at = np.arange(len(places)).repeat(places.shape[1]), places.ravel()
-    touching = sparse.csr_array((np.ones(places.size), at), shape=(len(places), int(places.max(initial=0)) + 1))
-    one, other = np.asarray((touching @ touching.T).nonzero(), dtype=np.int64)
+    incidence = sparse.csr_array((np.ones(places.size), at), shape=(len(places), int(places.max(initial=0)) + 1))
+    one, other = np.asarray((incidence @ incidence.T).nonzero(), dtype=np.int64)
     alike = straight[one] & straight[other] & (np.abs(cross(vectors[one], vectors[other])) <= ALIKE)
-    line, found, left = linked(one[alike], other[alike], len(places)), vectors.copy(), straight.nonzero()[0]
-    while len(left):
-        start, which = np.unique(line[left], return_index=True, return_inverse=True)[1:]
-        first = vectors[left[start]][which]
-        alike = np.abs(cross(vectors[left], first)) <= ALIKE
-        found[left[alike]] = (np.sign((vectors[left] * first).sum(axis=1))[:, None] * first)[alike]
-        left = left[~alike]
-    return found
+    line, aligned, rest = linked(one[alike], other[alike], len(places)), vectors.copy(), straight.nonzero()[0]
+    while len(rest):  # a line that bends by more in sum than `ALIKE` is taken in parts
+        start, which = np.unique(line[rest], return_index=True, return_inverse=True)[1:]
+        first = vectors[rest[start]][which]
+        alike = np.abs(cross(vectors[rest], first)) <= ALIKE
+        aligned[rest[alike]] = (np.sign((vectors[rest] * first).sum(axis=1))[:, None] * first)[alike]
+        rest = rest[~alike]
+    return aligned
 
 
 def components_along(edges: Edges, directions: FloatArray, degree: int, *, turns: bool = True) -> FloatArray:
-    """Coefficients of d·v on edges from those of v, (e, p + 1, p + 1, 2), for directions d of chords (e, 2).
+    """Matrices (e, p + 1, p + 1, 2) from coefficients of v on edges to those of d·v, for directions d of chords (e, 2).
 
-    They are d·v of each, but inside arcs along which d turns: there those of the polynomial d(t)·v(t) at nodes.
+    Coefficients of d·v are d·(coefficients of v); inside arcs with turning d they interpolate d·v at Lobatto points.
     """
     vectors = vectors_along(edges, directions, np.linspace(0.0, 1.0, degree + 1), turns=turns)
-    found, bent = np.eye(degree + 1)[:, :, None] * vectors[:, :, None], edges.bent & turns
+    rows, bent = np.eye(degree + 1)[:, :, None] * vectors[:, :, None], edges.bent & turns
     if bent.any():
         nodes = lobatto_points(degree)
         project, values = bernstein_from_values(degree)[1:-1], bernstein_basis(degree, nodes)
         turned = vectors_along(edges.take(bent), directions[bent], nodes)
-        found[bent, 1:-1] = np.einsum("ki,eia,ij->ekja", project, turned, values)
-    return np.asarray(found)
+        rows[bent, 1:-1] = np.einsum("ki,eia,ij->ekja", project, turned, values)
+    return np.asarray(rows)
 
 
 @dataclass(frozen=True, eq=False)
 class PrescribedDisplacements:
-    """Prescribed displacements C v = d, solved: v = B z + v₀."""
+    """The solutions v = B z + v₀ of the prescribed displacements C v = d."""
 
-    rows: Functionals  # C, one by one
+    rows: Functionals  # C, groups of one row
     basis: Basis
     particular: FloatArray  # (size,): v₀
-    reasons: tuple[str, ...]  # why they do not meet the data exactly; nothing if they do
-    jumps: tuple[str, ...]  # those of them that say where they disagree
+    reasons: tuple[str, ...]  # sentences why they differ from the data; empty if they do not
+    jumps: tuple[str, ...]  # those of the reasons that name corners where the data disagree
 
     def beside(self, count: int) -> tuple[sparse.csr_array, FloatArray]:
-        """B and v₀ with so many more degrees of freedom behind those of the body, which nothing prescribes."""
+        """B and v₀ with `count` free degrees of freedom appended to those of the body."""
         B = sparse.block_diag([self.basis.matrix, sparse.eye_array(count)], format="csr")
         return sparse.csr_array(B), np.append(self.particular, np.zeros(count))
 
@@ -411,32 +413,33 @@ class PrescribedDisplacements:
 def supports(
     problem: ContactProblem, space: DisplacementSpace, scales: Scales, least: float = MISFIT
 ) -> PrescribedDisplacements:
-    """Prescribed displacements; where some disagree in a corner their mean, by least squares.
+    """Prescribed displacements; where the data disagree in a corner, their mean by least squares.
 
-    They disagree if they differ by more than a share of their size. Directions along one line but for rounded
-    coordinates count as one: each vertex of an oblique side would be held along it too, by neighbours that differ.
+    Data disagree if they differ by more than `least` times their size. Edges of one line, bent by rounded coordinates,
+    count as parallel: two slightly different normals would hold the vertices of an oblique side in both directions.
     """
     p, unit, reasons, jumps = space.degree, scales.displacement, list[str](), list[str]()
-    width = 2 * (p + 1)  # of rows: on the coefficients of an edge
+    width = 2 * (p + 1)  # entries of a row: the coefficients on an edge
     columns, entries = [np.empty((0, width), np.int64)], [np.empty((0, 1, width))]
-    values, places = [np.empty(0)], [np.empty(0, np.int64)]  # of which coefficient alone they are; −1 inside arcs
+    values, places = [np.empty(0)], [np.empty(0, np.int64)]  # d, and the coefficient of each row; −1 inside arcs
     conditions = problem.prescribed(Displacement)
-    stated, ends, bends = [np.empty((0, 2))], [np.empty((0, 2), np.int64)], [np.empty(0, bool)]
+    original, ends, bends = [np.empty((0, 2))], [np.empty((0, 2), np.int64)], [np.empty(0, bool)]
     for given in conditions:
-        stated.append(given.direction)
+        original.append(given.direction)
         ends.append(np.stack([given.edges.first, given.edges.second], axis=1))
         bends.append(given.edges.bent & given.turns)
-    directions = in_lines(np.concatenate(stated), np.concatenate(ends), ~np.concatenate(bends))
-    if np.abs(directions - np.concatenate(stated)).max(initial=0.0) > PARALLEL:
+    directions = in_lines(np.concatenate(original), np.concatenate(ends), ~np.concatenate(bends))
+    if np.abs(directions - np.concatenate(original)).max(initial=0.0) > PARALLEL:
         reasons.append(ROUNDED)
-    parts = np.split(directions, np.cumsum([len(part) for part in stated[1:]]))
+    # rows C v = d of each condition
+    parts = np.split(directions, np.cumsum([len(part) for part in original[1:]]))
     for given, direction, bent in zip(conditions, parts, bends[1:], strict=False):  # the last part is empty
         edges, numbers = given.edges, space.along(given.edges)
-        data, misfit = edge_data(problem.mesh, edges, given.name, given.value, p, unit)
-        if misfit > MISFIT * max(1.0, float(np.abs(data).max(initial=0.0))):
+        data, error = edge_data(problem.mesh, edges, given.name, given.value, p, unit)
+        if error > MISFIT * max(1.0, float(np.abs(data).max(initial=0.0))):
             reasons.append(
                 f"{given.name} is not a polynomial of degree {p} on each edge. It is interpolated, with an "
-                f"error of up to {misfit * unit:.2g} [length]."
+                f"error of up to {error * unit:.2g} [length]."
             )
         rows = components_along(edges, direction, p, turns=given.turns)
         if bent.any():
@@ -446,19 +449,19 @@ def supports(
         entries.append(rows.reshape(-1, 1, width))
         values.append(data.ravel())
         places.append(np.where(np.outer(bent, np.arange(p + 1) % p > 0), -1, numbers).ravel())
-
     C = Functionals(np.concatenate(columns), np.concatenate(entries), space.size)
     value, at = np.concatenate(values), np.concatenate(places)
-    inside = np.isin(np.arange(space.size) // 2, at, invert=True)  # of arcs, what rows there are solved for
+    # degrees of freedom inside arcs, which have no row of their own, are preferred as pivots
+    inside = np.isin(np.arange(space.size) // 2, at, invert=True)
     solved = Elimination.of(C, inside.astype(np.int64), PARALLEL)
-    particular, missed = solved.particular(value)
-    if np.abs(missed).max(initial=0.0) > least * max(1.0, np.abs(value).max(initial=0.0)):
-        worst = int(np.argmax(np.abs(missed)))
+    particular, jump = solved.particular(value)
+    if np.abs(jump).max(initial=0.0) > least * max(1.0, np.abs(value).max(initial=0.0)):
+        worst = int(np.argmax(np.abs(jump)))
         number = np.setdiff1d(np.arange(len(value)), solved.rows)[worst]
         corner = place_of(problem.mesh.origin + scales.length * space.places[at[number]])
         jumps.append(
-            f"Prescribed displacements disagree at {corner}, by about {abs(missed[worst]) * unit:.3g} [length]. There "
-            "stresses grow on finer meshes, and the energy of the body, without end. Let them agree."
+            f"Prescribed displacements disagree at {corner}, by about {abs(jump[worst]) * unit:.3g} [length]. There "
+            "stresses and energy grow without limit on finer meshes. Prescribe the same displacement on both sides."
         )
         corners = C.take((at >= 0).nonzero()[0]).matrix()
         value[at >= 0] = corners @ lsqr(corners, value[at >= 0], atol=1e-14, btol=1e-14, iter_lim=100)[0]
@@ -467,28 +470,27 @@ def supports(
 
 
 def corners_that_jump(
-    problem: ContactProblem, space: DisplacementSpace, scales: Scales, held: PrescribedDisplacements, least: float
+    problem: ContactProblem, space: DisplacementSpace, scales: Scales, prescribed: PrescribedDisplacements, least: float
 ) -> tuple[str, ...]:
-    """A sentence for each contact at whose end supports demand what its obstacle does not let be, by such a share.
+    """A sentence for each contact with a vertex that supports move beyond its obstacle by more than a share `least`.
 
-    Along tangents too where it is tied. On vertices of degree 1; joints, springs, and plates driven by force give way.
+    The space has degree 1. Joints, springs, and plates driven by force are left out, as they give way.
     """
-    found, ends = list[str](), np.array([0.0, 1.0])
-    for direction, values, both, edges, contact in bounds(problem):
+    sentences, ends = list[str](), np.array([0.0, 1.0])
+    for direction, values, is_equation, edges, contact in bounds(problem):
         if contact is None:
             continue
         (x, y), dofs = problem.mesh.points_along(edges, ends), 2 * space.along(edges)[..., None] + np.arange(2)
-        d, wall = vectors_along(edges, direction, ends), values[:, [0, -1]].ravel()
+        d, limit = vectors_along(edges, direction, ends), values[:, [0, -1]].ravel()
         rows = spread(np.arange(x.size)[:, None], dofs.reshape(-1, 2), d.reshape(-1, 1, 2), space.size)[: x.size]
-        beyond = scales.displacement * (rows @ held.particular) - wall
-        beyond = np.abs(beyond) if both else np.maximum(beyond, 0.0)
-        beyond[abs(rows @ held.basis.matrix).sum(axis=1) > ALIKE] = 0.0  # what supports leave open
-        worst = int(np.argmax(beyond))
-        if beyond[worst] > least * max(scales.displacement, float(np.abs(wall).max())):
-            found.append(
+        excess = scales.displacement * (rows @ prescribed.particular) - limit
+        excess = np.abs(excess) if is_equation else np.maximum(excess, 0.0)
+        excess[abs(rows @ prescribed.basis.matrix).sum(axis=1) > ALIKE] = 0.0  # where supports leave d·v free
+        worst = int(np.argmax(excess))
+        if excess[worst] > least * max(scales.displacement, float(np.abs(limit).max())):
+            sentences.append(
                 f"At {place_of((x.flat[worst], y.flat[worst]))} a support and the obstacle of {contact.name!r} "
-                f"demand displacements that differ by {beyond[worst]:.3g} [length]. There stresses grow on finer "
-                "meshes, and the forces on both, without end. Let them agree, or let some of the side between them "
-                "be free."
+                f"demand displacements that differ by {excess[worst]:.3g} [length]. There stresses and forces grow "
+                "without limit on finer meshes. Make the displacements agree, or leave a free side between them."
             )
-    return tuple(found)
+    return tuple(sentences)

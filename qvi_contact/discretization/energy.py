@@ -1,26 +1,26 @@
-"""The complementary energy ½ ∫ cσ:σ of a body: triangles condensed, its matrix K of (D2), and its root.
+"""The complementary energy ½ ∫ cσ:σ of a body: triangles with interior functions condensed, the matrix K, its root.
 
 On one triangle with the shared degrees of freedom u and the interior ones v
 
-    ½ ∫ c(σ + φI):(σ + φI) = ½ (u, v) K (u, v) + l·(u, v) + e,   v = −K_vv⁻¹ (K_vu u + l_v) at the least
+    ½ ∫ c(σ + φI):(σ + φI) dx = ½ (u, v)ᵀK(u, v) + l·(u, v) + e.
 
-which leaves ½ uᵀSu + s·u + e'. An affine function adds nothing to it: with the differences w of u to the affine
-function that has the value and gradient of the first corner,
+Its minimum over v, at v = −K_vv⁻¹ (K_vu u + l_v), is ½ uᵀSu + s·u + e' with the Schur complement S. The energy of an
+affine function is zero. With the differences w of u to the affine function that has the value and gradient of Φ in the
+first corner,
 
     Φ_k − Φ₀ − (x_k − x₀)·∇Φ₀,   ∇Φ_k − ∇Φ₀   in the corners k = 1, 2,   and the coefficients on edges,
 
-it is ½ |U w + U⁻ᵀs|² + rest, where UᵀU are the rows and columns of S behind the third. Nothing large cancels in U w,
-however small the triangle is and however far away the gauge.
+the minimum is ½ |U w + U⁻ᵀs|² + rest. UᵀU is S without its first three rows and columns. No large numbers cancel in
+U w, however small the triangle is and however far away the gauge. U depends on the triangle and its material. Body
+forces and initial strains enter s and e', prescribed tractions u₀.
 
-U depends on materials, what S is made of. Body forces φ enter s and e', prescribed tractions u₀.
-
-Springs along contacts, beds and compliant joints, are a layer between the body and the obstacle, or between the sides.
-The law holds for what is left of u behind the springs of stiffness k_N and k_T, u_N + σ_N'/k_N and u_T + σ_T/k_T, and
-the energy has
+Springs along contacts (beds and compliant joints) are a layer between the body and the obstacle, or between the two
+sides of a joint. Behind springs of stiffness k_N and k_T the contact law holds for the displacements u_N + σ_N'/k_N and
+u_T + σ_T/k_T, and the springs add the energy
 
     ½ ∫ σ_N'²/k_N + σ_T²/k_T ds = ½ |S u + s|²
 
-more, with rows of S for the Gauss points of the edges, over the degrees of freedom u of Φ.
+with a row of this S for each Gauss point of the edges and component, over all u of Φ.
 
 In `docs/theory.md`: (D35).
 """
@@ -46,20 +46,20 @@ from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.types import Kept, PicklesFields, read_only
 from solvers.inequality.body import Stiffness
 
-_LONGEST: Final = 1e3  # longest side over height of a triangle: beyond, too many digits are lost
-_BLOCK: Final = 2**24  # entries of element matrices at a time
-_TABLE: Final = 2**22  # entries of tables of functions at points at a time
-_ORDERED: Final = 2000  # unknowns from which on their order of elimination counts
-_EPSILON: Final = float(np.finfo(np.float64).eps) / 2.0
-_SOFTEST: Final = 1e-300  # stiffness of a spring
-_AFFINE: Final = 3  # degrees of freedom of the first corner, which an affine function is made of
+_LONGEST: Final = 1e3  # largest ratio of longest side to height of a triangle: beyond it too many digits are lost
+_BLOCK: Final = 2**24  # entries of the element matrices that are computed at a time
+_TABLE: Final = 2**22  # entries of the tables of functions at points that are computed at a time
+_ORDERED: Final = 2000  # number of unknowns from which on their order of elimination matters
+_EPSILON: Final = float(np.finfo(np.float64).eps) / 2.0  # relative error of rounding one number, 2⁻⁵³
+_SOFTEST: Final = 1e-300  # least stiffness of a spring, positive and above underflow [stress/length]
+_AFFINE: Final = 3  # Φ and ∇Φ in the first corner, which define its affine function
 
 
 class BodyLoad(NamedTuple):
-    """What body forces and initial strains add to the energies of n triangles."""
+    """Terms of body forces and initial strains in the energies of n triangles."""
 
     constants: FloatArray  # (n, k): U⁻ᵀ s
-    rests: FloatArray  # (n,): the energy that no degree of freedom changes
+    rests: FloatArray  # (n,): the rest of the energy, independent of all degrees of freedom
     shifts: FloatArray  # (n, interior): −K_vv⁻¹ l_v
 
 
@@ -67,13 +67,13 @@ class Springs(NamedTuple):
     """The rows of all springs, dimensionless."""
 
     rows: sparse.csr_array  # (r, N) sparse: S
-    constant: FloatArray  # (r,): s, of body forces and fluids
+    constant: FloatArray  # (r,): s, from body forces and fluids
 
     @classmethod
     def of(
         cls, problem: ContactProblem, space: StressSpace, scales: Scales, contacts: Sequence[ContactRows]
     ) -> Springs | None:
-        """Those of the contacts of a problem; None if all are rigid."""
+        """The springs of the contacts of a problem; None if there are none."""
         parts = []
         for rows, contact in zip(contacts, problem.contacts, strict=True):
             if not contact.has_springs:
@@ -87,12 +87,12 @@ class Springs(NamedTuple):
                 if field is not None:
                     stiffness = evaluate(f"Contact.{name}", field, x, y, minimum=_SOFTEST)
                     roots = np.sqrt(points.weights / (stiffness * scales.compliance * scales.length))
-                    own = np.zeros(count)
-                    if half == 0:
+                    constant = np.zeros(count)
+                    if half == 0:  # σ_N' has φ and p_w
                         pressure = evaluate("Contact.pore_pressure", contact.pore_pressure, x, y, minimum=0.0)
-                        own = potential_at(problem, scales, points.coordinates) + pressure / scales.stress
-                    chosen = table[half * count : (half + 1) * count]
-                    parts.append((sparse.diags_array(roots) @ chosen, roots * own))
+                        constant = potential_at(problem, scales, points.coordinates) + pressure / scales.stress
+                    tractions = table[half * count : (half + 1) * count]
+                    parts.append((sparse.diags_array(roots) @ tractions, roots * constant))
         if not parts:
             return None
         rows_of, constants = zip(*parts, strict=True)
@@ -101,13 +101,13 @@ class Springs(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BodyStiffness(PicklesFields):
-    """K of (D2), the energies of a body's triangles and springs on the unknowns that supports leave, dimensionless.
+    """K of (D2): the energy of a body's triangles and springs in the unknowns z, dimensionless.
 
-    `InputError` if a triangle is so thin that rounding takes its energy.
+    `InputError` if a triangle is so thin that its energy would be lost in rounding.
     """
 
-    supports: Supports  # the degrees of freedom u = B z + u₀
-    materials: IntArray  # (cells,): which of the compliances each cell has
+    supports: Supports  # u = B z + u₀
+    materials: IntArray  # (cells,): index of each cell's compliance
     compliances: FloatArray  # (k, 3, 3): dimensionless compliances c of (xx, yy, xy)
     springs: Springs | None = None
 
@@ -115,9 +115,9 @@ class BodyStiffness(PicklesFields):
     def on(
         cls, supports: Supports, materials: IntArray, compliances: FloatArray, springs: Springs | None, kept: Kept
     ) -> BodyStiffness:
-        """That of supports, materials and springs, made once."""
-        own = None if springs is None else (springs.rows.data.tobytes(), springs.rows.indices.tobytes())
-        key = supports, materials.tobytes(), compliances.tobytes(), own
+        """The stiffness for these supports, materials and springs, made once and kept."""
+        of_springs = None if springs is None else (springs.rows.data.tobytes(), springs.rows.indices.tobytes())
+        key = supports, materials.tobytes(), compliances.tobytes(), of_springs
         return kept(cls, key, lambda: cls(supports, materials, compliances, springs))
 
     def __post_init__(self) -> None:
@@ -130,32 +130,32 @@ class BodyStiffness(PicklesFields):
 
     @cached_property
     def roots(self) -> FloatArray:
-        """U, upper triangular, times the transformation to the reference triangle; (cells, k, k) on differences w.
+        """U (cells, k, k) on the differences w, so that ½ |U w|² is the least energy of each triangle over v.
 
-        Of ½ |R (v, w)|² with RᵀR the energies, interior degrees of freedom v first: the least over v.
+        As R of `_triangular` has v first, its last block is U in the reference triangle; w is transformed to that.
         """
         element = self.supports.space.element
-        found = np.empty((len(self.supports.space.triangles), element.shared - _AFFINE, element.shared - _AFFINE))
+        roots = np.empty((len(self.supports.space.triangles), element.shared - _AFFINE, element.shared - _AFFINE))
         for cells, R in self._triangular():
-            own = R[:, element.interior :, element.interior :]
-            found[cells] = own @ self.supports.space.transformations(cells) if isinstance(cells, slice) else own
-        return found
+            U = R[:, element.interior :, element.interior :]
+            roots[cells] = U @ self.supports.space.transformations(cells) if isinstance(cells, slice) else U
+        return roots
 
     @cached_property
     def inner(self) -> FloatArray:
-        """−K_vv⁻¹ K_vu (cells, interior, k), from the degrees of freedom of the reference triangle behind the third.
+        """−K_vv⁻¹ K_vu (cells, interior, k): from the reference triangle's shared degrees of freedom to v.
 
-        Where triangles have arcs, from differences w. Only stresses inside the body need it.
+        The first three are left out. In triangles with arcs the map is from w. Only stresses inside the body need it.
         """
         element = self.supports.space.element
         v, w = slice(0, element.interior), slice(element.interior, None)
-        found = np.empty((len(self.supports.space.triangles), element.interior, element.shared - _AFFINE))
+        inner = np.empty((len(self.supports.space.triangles), element.interior, element.shared - _AFFINE))
         for cells, R in self._triangular():
-            found[cells] = -np.linalg.solve(R[:, v, v], R[:, v, w])
-        return found
+            inner[cells] = -np.linalg.solve(R[:, v, v], R[:, v, w])
+        return inner
 
     def _triangular(self) -> Iterator[tuple[slice | IntArray, FloatArray]]:
-        """R (n, …) of all triangles in blocks, as if they were straight, then once more of those that have arcs."""
+        """Blocks of cells with R, upper triangular, RᵀR the energies of (v, w); cells with arcs come a second time."""
         space, element = self.supports.space, self.supports.space.element
         step = max(1, _BLOCK // element.dimension**2)
         for start in range(0, len(space.triangles), step):
@@ -171,133 +171,133 @@ class BodyStiffness(PicklesFields):
             yield cells, np.asarray(np.linalg.qr(rows[:, :, element.interior_first], mode="r"))
 
     def loaded(self, stress: FloatArray) -> BodyLoad:
-        """What is added where the energy is ½ c(σ + τ):(σ + τ), with τ at the points of `StressSpace.cell_quadrature`.
+        """The terms of a stress τ (cells, g, 3) in the energy ½ c(σ + τ):(σ + τ).
 
-        That is φI − σ⁰ of a body force and an initial strain, shape (cells, g, 3), see `problem.material`. With
-        K = RᵀR the energy is ½ |R (v, w) + R⁻ᵀl|² + e − ½ |R⁻ᵀl|².
+        τ = φI − σ⁰ of body forces and initial strains, see `problem.material`, is given at the points of
+        `StressSpace.cell_quadrature`. With K = RᵀR the energy is ½ |R (v, w) + R⁻ᵀl|² + e − ½ |R⁻ᵀl|².
         """
-        space, element, order = (
-            self.supports.space,
-            self.supports.space.element,
-            self.supports.space.element.interior_first,
-        )
+        space = self.supports.space
+        element, order = space.element, space.element.interior_first
         interior, count, (points, weights) = element.interior, len(space.triangles), space.cell_quadrature
-        found = BodyLoad(np.empty((count, len(order) - interior)), np.empty(count), np.empty((count, interior)))
-        # ∫ cτ:σ is the sum of `strain` at points times the functions' Hessians on the reference triangle
+        body = BodyLoad(np.empty((count, len(order) - interior)), np.empty(count), np.empty((count, interior)))
+        # l: ∫ cτ:σ is the sum of `strain` at points times the functions' Hessians on the reference triangle; e: ½∫ cτ:τ
         weighted = stress @ self.compliances[self.materials] * space.cell_measures(points, weights)[..., None]
-        strain, rest = weighted @ space.triangles.stress_maps, (weighted * stress).sum(axis=(1, 2)) / 2.0
+        strain, energies = weighted @ space.triangles.stress_maps, (weighted * stress).sum(axis=(1, 2)) / 2.0
         table = element.reference_functions(points, 2).reshape(-1, element.dimension)
         for cells, R in self._triangular():
             if isinstance(cells, slice):
                 load = strain[cells].reshape(len(R), -1) @ table
             else:
                 load = space.curved.load(np.searchsorted(space.curved.numbers, cells), strain[cells], points)
-            residual: FloatArray = np.zeros((len(R), len(order)))
+            constants: FloatArray = np.zeros((len(R), len(order)))  # R⁻ᵀ l
             loaded = load.any(axis=1)  # φI does no work in incompressible triangles, whose R is singular
-            residual[loaded] = np.linalg.solve(R[loaded].swapaxes(1, 2), load[loaded][:, order, None])[:, :, 0]
-            found.rests[cells] = np.maximum(rest[cells] - np.square(residual).sum(axis=1) / 2.0, 0.0)
-            found.constants[cells] = residual[:, interior:]
+            constants[loaded] = np.linalg.solve(R[loaded].swapaxes(1, 2), load[loaded][:, order, None])[:, :, 0]
+            body.rests[cells] = np.maximum(energies[cells] - np.square(constants).sum(axis=1) / 2.0, 0.0)
+            body.constants[cells] = constants[:, interior:]
             upper = R[:, :interior, :interior]
-            found.shifts[cells] = -np.linalg.solve(upper, residual[:, :interior, None])[:, :, 0]
-        return found
+            body.shifts[cells] = -np.linalg.solve(upper, constants[:, :interior, None])[:, :, 0]
+        return body
 
     def coefficients(self, u: FloatArray, body: BodyLoad | None) -> FloatArray:
-        """Φ of each triangle from the degrees of freedom u (N,), shape (cells, dimension): what `stress` takes.
+        """Coefficients (cells, dimension) of Φ in each triangle from u (N,), the argument of `StressSpace.stress`.
 
-        First (Φ, Φ_x, Φ_y) in its first corner, which make an affine function, then factors of the functions 3, 4, … of
-        the reference triangle, which make the rest.
+        The first three are Φ, Φ_x, Φ_y in the first corner, for the affine part of Φ. The others are factors of the
+        functions 3, 4, … of the reference triangle, for the rest of Φ.
         """
         space, curved = self.supports.space, self.supports.space.curved
         first, w = space.mesh.cells[:, 0], space.differences.apply(u)
-        own = (space.units * u)[3 * first[:, None] + np.arange(_AFFINE)] * ~space.frames.is_centre[first, None]
-        affine = own + (space.frames.at_first(space.units) @ u).reshape(-1, _AFFINE)
+        at_corner = (space.units * u)[3 * first[:, None] + np.arange(_AFFINE)] * ~space.frames.is_centre[first, None]
+        affine = at_corner + (space.frames.at_first(space.units) @ u).reshape(-1, _AFFINE)
         shared = (space.transformations() @ w[:, :, None])[:, :, 0]
-        at = curved.numbers
-        shared[at] = w[at]
+        with_arcs = curved.numbers
+        shared[with_arcs] = w[with_arcs]
         interior = (self.inner @ shared[:, :, None])[:, :, 0]
         if body is not None:
             interior += body.shifts
-        found = np.hstack([affine, shared, interior])
-        if len(at):
-            found[at, 3:] = (curved.functions[:, 3:, 3:] @ found[at, 3:, None])[:, :, 0]
-        return found
+        factors = np.hstack([affine, shared, interior])
+        if len(with_arcs):
+            factors[with_arcs, 3:] = (curved.functions[:, 3:, 3:] @ factors[with_arcs, 3:, None])[:, :, 0]
+        return factors
 
     @cached_property
     def K(self) -> Any:  # noqa: N802  # letter of (D2)
-        """Bᵀ 𝒦 B (n, n), with 𝒦 the matrix of ∫ cσ:τ over u; symmetric up to rounding, dense if small, else sparse."""
+        """Bᵀ 𝒦 B (n, n), with 𝒦 the matrix of ∫ cσ:τ over u; symmetric up to rounding; dense if small, else sparse."""
         space, roots, basis = self.supports.space, self.roots, self.supports.basis
         rows, dofs, across = space.differences.expanded(roots), space.dofs, None
         if space.differences.beyond is not None:
             across = space.frames.cells_across
             rows, dofs = np.delete(rows, across, axis=0), np.delete(dofs, across, axis=0)
         K = basis.quadratic(rows.swapaxes(1, 2) @ rows, dofs)
-        if across is not None:
+        if across is not None:  # triangles whose corners count from several frames
             R = space.differences.all_rows(roots, across) @ basis.matrix
             K = K + R.T @ R
         if self.springs is not None:
             R = self.springs.rows @ basis.matrix
             K = K + (R.T @ R if sparse.issparse(K) else (R.T @ R).toarray())
-        read_only(K)  # sorts it before another thread can see it
+        read_only(K)  # also sorts the indices, before another thread can see K
         return K
 
     def matrix(self, kept: Kept) -> Stiffness:
-        """K, and what is factorised of it, made once; it does not refer to this."""
+        """K with its factorisation, made once and kept; it holds no reference to this object, the key."""
 
         def made() -> Stiffness:
-            found = Stiffness(self.K, self.places)
-            read_only(found.K)  # by columns where K is dense
-            return found
+            stiffness = Stiffness(self.K, self.places)
+            read_only(stiffness.K)  # by columns where K is dense
+            return stiffness
 
         return kept(Stiffness, self, made)
 
     @cached_property
     def places(self) -> FloatArray | None:
-        """Centres (n, 2) of the vertices and edges whose degrees of freedom belong to each unknown; None for few."""
+        """Mean place (n, 2) of the vertices and edges that each unknown acts on, for ordering; None if n is small."""
         space, basis = self.supports.space, self.supports.basis
         if len(basis.kept) < _ORDERED:
             return None
         middles = space.vertices[space.mesh.topology.ends].mean(axis=1)
-        own = np.vstack([np.repeat(space.vertices, 3, axis=0), np.repeat(middles, space.element.on_edge, axis=0)])
-        weights = abs(basis.matrix)[: len(own)]  # behind them come jumps across cuts, which have no place
+        places = np.vstack([np.repeat(space.vertices, 3, axis=0), np.repeat(middles, space.element.on_edge, axis=0)])
+        weights = abs(basis.matrix)[: len(places)]  # jumps across cuts, the last degrees of freedom, have no place
         total = np.asarray(weights.sum(axis=0)).ravel()
         centre = space.vertices.mean(axis=0)
-        mean = (weights.T @ (own - centre)) / np.where(total > 0.0, total, 1.0)[:, None]
+        mean = (weights.T @ (places - centre)) / np.where(total > 0.0, total, 1.0)[:, None]
         return np.asarray(centre + mean)
 
 
 @dataclass(frozen=True, eq=False)
 class Root(PicklesFields):
-    """z ↦ r(z) = R z + r₀, ½|r|² the energy without K's cancellation: U w + U⁻ᵀs by triangles, √(2 rest), springs."""
+    """The affine map r(z) = R z + r₀ whose ½|r|² is the energy, free of the cancellation in ½ zᵀK z.
+
+    Its entries are U w + U⁻ᵀs of all triangles, then √(2 rest) of each, then S u + s of the springs.
+    """
 
     stiffness: BodyStiffness
     particular: FloatArray  # (N,): u₀
-    body: BodyLoad | None  # what a body force adds
-    springs: FloatArray | float = 0.0  # (r,): what body forces and fluids add to rows of `BodyStiffness.springs`
+    body: BodyLoad | None  # None without body forces and initial strains
+    springs: FloatArray | float = 0.0  # (r,): s of the springs, from body forces and fluids
 
     def apply(self, z: FloatArray) -> FloatArray:
-        """r(z), shape (n (k + 1),)."""
-        stiffness, own = self.stiffness, []
+        """r(z), shape (n (k + 1) + springs,)."""
+        stiffness, of_springs = self.stiffness, []
         u = stiffness.supports.basis.expanded(z) + self.particular
         w = stiffness.supports.space.differences.apply(u)
         r = (stiffness.roots @ w[:, :, None])[:, :, 0]
         if stiffness.springs is not None:
-            own = [stiffness.springs.rows @ u + self.springs]
+            of_springs = [stiffness.springs.rows @ u + self.springs]
         if self.body is None:
-            return np.concatenate([r.ravel(), np.zeros(len(r)), *own])
-        return np.concatenate([(r + self.body.constants).ravel(), np.sqrt(2.0 * self.body.rests), *own])
+            return np.concatenate([r.ravel(), np.zeros(len(r)), *of_springs])
+        return np.concatenate([(r + self.body.constants).ravel(), np.sqrt(2.0 * self.body.rests), *of_springs])
 
     def adjoint(self, r: FloatArray) -> FloatArray:
         """Rᵀ r, shape (unknowns,)."""
         stiffness = self.stiffness
         count, k = stiffness.roots.shape[:2]
         w = (r[: count * k].reshape(count, 1, k) @ stiffness.roots)[:, 0]
-        full = stiffness.supports.space.differences.adjoint(w)
+        on_dofs = stiffness.supports.space.differences.adjoint(w)
         if stiffness.springs is not None:
-            full = full + stiffness.springs.rows.T @ r[count * (k + 1) :]
-        return stiffness.supports.basis.reduced(full)
+            on_dofs = on_dofs + stiffness.springs.rows.T @ r[count * (k + 1) :]
+        return stiffness.supports.basis.reduced(on_dofs)
 
     def rounding(self, z: FloatArray) -> float:
-        """Size of the error of R z that rounding of z may cause: ε ‖ |R| |z| ‖, ε = 2⁻⁵³."""
+        """Bound of the error of R z from rounding z: ε ‖ |R| |z| ‖ with ε = 2⁻⁵³."""
         stiffness = self.stiffness
         w = stiffness.supports.space.differences.magnitudes(stiffness.supports.basis.magnitudes(z))
         return _EPSILON * float(np.linalg.norm(np.abs(stiffness.roots) @ w[:, :, None]))

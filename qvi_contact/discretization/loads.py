@@ -1,4 +1,4 @@
-"""The data of a problem, dimensionless: points on edges, prescribed tractions, displacements and body forces, contacts.
+"""The data of a problem, dimensionless: prescribed tractions and displacements, body forces, contacts.
 
 In `docs/theory.md`: (D1).
 """
@@ -22,12 +22,12 @@ from qvi_contact.problem.material import is_strained, stress_at_rest
 from qvi_contact.problem.problem import ContactProblem, Prescribed
 
 LOAD_POINTS = 8
-"""Gauss points for data given as functions, on edges: exact up to degree 15; for tractions on parts too."""
+"""Gauss points an edge for data given as functions, exact up to degree 15; tractions have them on parts of edges."""
 
-_ROUNDING = 1e-9  # of the largest value: difference from a polynomial that is none
-_LOOKED_AT: FloatArray = np.linspace(0.0, 1.0, 9)  # places on an edge where it is seen whether a law varies
-_VARIES = 1e-12  # of the largest value: change of a law that is none
-_ON_ARCS: Final = 8  # points more for sums of products with frames that turn by 90° at most
+_ROUNDING = 1e-9  # difference from a polynomial over the largest value, up to which it is rounding
+_SAMPLES: FloatArray = np.linspace(0.0, 1.0, 9)  # places on an edge where a contact law is sampled
+_VARIES = 1e-12  # change of a contact law along an edge over its largest value, up to which it is rounding
+_ON_ARCS: Final = 8  # more Gauss points on arcs, whose normals and tangents turn by 90° at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class EdgePoints:
 
     space: StressSpace
     edges: Edges
-    count: int  # Gauss points an edge, q. Arrays over points have shape (n q,), edge by edge.
+    count: int  # number q of Gauss points on each of the n edges; arrays over points have shape (n q,), edge by edge
 
     @property
     def reference(self) -> FloatArray:
@@ -69,22 +69,22 @@ class EdgePoints:
         return self.vectors(self.edges.tangent, turns=True)
 
     def for_resultants(self) -> "EdgePoints":
-        """More points where edges are arcs, whose normals turn, so that resultants are exact; else the same."""
+        """These points, or more of them if edges are arcs: normals turn there, and resultants shall be exact."""
         return replace(self, count=self.count + _ON_ARCS) if self.edges.curved else self
 
     def vectors(self, direction: FloatArray, turns: bool) -> FloatArray:
-        """Directions (n, 2) of the edges, of arcs if they turn along them, at each point, shape (n q, 2)."""
+        """Directions (n, 2) of edges at the points (n q, 2); with `turns` they turn along arcs as the tangent does."""
         return vectors_along(self.edges, direction, self.reference, turns=turns).reshape(-1, 2)
 
     def traction_load(self, direction: FloatArray, weights: FloatArray) -> FloatArray:
         """Σ weights (n q,) d·σn without φ, directions d (n q, 2), as a vector over all degrees of freedom (N,)."""
-        normal, shear = (weights * (direction * own).sum(axis=1) for own in (self.normals, self.tangents))
+        normal, shear = (weights * (direction * axis).sum(axis=1) for axis in (self.normals, self.tangents))
         return self.space.traction_load(normal, shear, self.edges, self.reference)
 
     def nearest(self, field: EdgeQuadrature) -> FloatArray:
-        """Values (n q,) of the polynomials through as many points that are nearest to a field in the mean square.
+        """Values (n q,) of a field's projections, in the mean square, on polynomials of degree q − 1 on each edge.
 
-        Tractions do the same work on these, however the field bends inside an edge.
+        Tractions, polynomials of that degree or less, do the same work on field and projection.
         """
         degree = self.count - 1
         return np.asarray(field.coefficients(degree) @ legendre_basis(degree, self.reference).T).ravel()
@@ -95,7 +95,7 @@ class EdgePoints:
 
 
 def potential_at(problem: ContactProblem, scales: Scales, points: FloatArray) -> FloatArray:
-    """Body-force potential φ/S at dimensionless points, shape (..., 2) to (...)."""
+    """Body-force potential φ/S (...) at dimensionless points (..., 2)."""
     x, y = physical(problem, scales, points)
     return evaluate("ContactProblem.body_potential", problem.body_potential, x, y) / scales.stress
 
@@ -107,28 +107,28 @@ def physical(problem: ContactProblem, scales: Scales, points: FloatArray) -> tup
 
 
 def traction_data(problem: ContactProblem, scales: Scales, given: Prescribed, points: int) -> EdgeQuadrature:
-    """What Φ makes up of a prescribed traction, dimensionless: d·σn − φ d·n, at Gauss points of parts of the edges."""
-    forced, mesh = acts(problem.body_potential), problem.mesh
-    if not forced and not callable(given.value):
+    """The part of a prescribed traction that Φ has to carry, d·σn − φ d·n over S, at Gauss points of parts of edges."""
+    has_body_force, mesh = acts(problem.body_potential), problem.mesh
+    if not has_body_force and not callable(given.value):
         return constant(given.value / scales.stress, len(given.edges), points)
 
-    def own(edge: IntArray, t: FloatArray) -> FloatArray:
+    def traction(edge: IntArray, t: FloatArray) -> FloatArray:
         edges = given.edges.take(edge)
         x, y = mesh.points_along(edges, t)
         values = evaluate(given.name, given.value, x, y)
-        if forced:
+        if has_body_force:
             direction = vectors_along(edges, given.direction[edge], t, turns=given.turns)
             outward = (direction * vectors_along(edges, edges.normal, t)).sum(axis=2)
             values -= outward * evaluate("ContactProblem.body_potential", problem.body_potential, x, y)
         return values / scales.stress
 
-    return adapted(own, len(given.edges), points, rounding_along(mesh.vertices, given.edges))
+    return adapted(traction, len(given.edges), points, rounding_along(mesh.vertices, given.edges))
 
 
 def displacements_at_points(
     problem: ContactProblem, space: StressSpace
 ) -> Iterator[tuple[FloatArray, EdgePoints, FloatArray]]:
-    """Prescribed displacements but zeros as (directions (m, 2), m Gauss points of edges, values there [length])."""
+    """Nonzero prescribed displacements: directions (m, 2), m Gauss points, values (m,) there [length]."""
     for given in problem.prescribed(Displacement):
         if acts(given.value):
             points = EdgePoints(space, given.edges, max(LOAD_POINTS, space.degree - 1))
@@ -137,75 +137,71 @@ def displacements_at_points(
 
 
 def cell_stress(problem: ContactProblem, space: StressSpace, scales: Scales) -> FloatArray | None:
-    """φI − σ⁰ at the quadrature points of the cells (cells, g, 3), dimensionless; None without either of them."""
-    loaded, strained = acts(problem.body_potential), is_strained(problem)
-    if not loaded and not strained:
+    """φI − σ⁰ over S at the quadrature points of cells (cells, g, 3); None without body force and initial strain."""
+    has_body_force, has_strain = acts(problem.body_potential), is_strained(problem)
+    if not has_body_force and not has_strain:
         return None
     cells = np.arange(problem.mesh.cell_count)
     points = space.points(cells, space.cell_quadrature[0])
-    found = np.zeros((*points.shape[:2], 3))
-    if loaded:
-        found[..., :2] = potential_at(problem, scales, points)[..., None]
-    if strained:
-        found -= scaled_stress_at_rest(problem, scales, cells, points)
-    return found
+    stress = np.zeros((*points.shape[:2], 3))
+    if has_body_force:
+        stress[..., :2] = potential_at(problem, scales, points)[..., None]
+    if has_strain:
+        stress -= scaled_stress_at_rest(problem, scales, cells, points)
+    return stress
 
 
 def scaled_stress_at_rest(problem: ContactProblem, scales: Scales, cells: IntArray, points: FloatArray) -> FloatArray:
-    """σ⁰/S of an initial strain at dimensionless points of cells (k,), shape (k, …, 2) to (k, …, 3)."""
+    """σ⁰/S (k, …, 3) of the initial strain at dimensionless points (k, …, 2) of cells (k,)."""
     return stress_at_rest(problem, cells, *physical(problem, scales, points)) / scales.stress
 
 
 def is_polynomial(problem: ContactProblem, edges: Edges, name: str, field: Field, most: int) -> bool:
-    """Whether a field is a polynomial of that degree along each edge, as far as many points show."""
+    """Whether a field is a polynomial of degree `most` or less along each edge, judged at many points."""
     values = evaluate(name, field, *problem.mesh.points_along(edges, SAMPLES))
-    # a body potential may be zero along an edge but for rounding
-    every = evaluate(name, field, *problem.mesh.vertices.T) if field is problem.body_potential else values
-    return spanned(values, legendre_basis(most, SAMPLES), float(np.abs(every).max()))
+    # a body potential may be mere rounding along the edges: its size is that in the whole body
+    scale = evaluate(name, field, *problem.mesh.vertices.T) if field is problem.body_potential else values
+    return spanned(values, legendre_basis(most, SAMPLES), float(np.abs(scale).max()))
 
 
 def spanned(values: FloatArray, functions: FloatArray, size: float = 0.0) -> bool:
-    """Whether rows of values (n, k) are combinations of functions (k, c), up to rounding of them and of a `size`."""
+    """Whether rows of values (n, k) are combinations of functions (k, c), up to rounding of numbers of a `size`."""
     basis = np.linalg.qr(functions)[0]
     return bool(np.abs(values - values @ basis @ basis.T).max() <= _ROUNDING * max(size, np.abs(values).max()))
 
 
 class Limits(NamedTuple):
-    """What bounds |σ_T| by min(c + μ|σ_N|, t_max), at points or for rows of a contact."""
+    """Data of the bound min(c + μ|σ_N|, t_max) of |σ_T|, at the points or for the rows of a contact."""
 
     friction: FloatArray  # (m,): μ
-    # (m,): c and t_max, dimensionless; infinity where there is no limit
-    cohesion: FloatArray
-    cap: FloatArray
+    cohesion: FloatArray  # (m,): c, dimensionless
+    cap: FloatArray  # (m,): t_max, dimensionless; infinity without a cap
 
 
 @dataclass(frozen=True, eq=False)
 class ContactRows:
-    """The rows of (D2) that belong to one contact."""
+    """The rows of (D2) of one contact, and its data at the Gauss points; all arrays are dimensionless."""
 
     name: str
-    law: Law  # across the contact
-    joint: bool  # whether it lies inside the body
-    rows: slice  # its rows in `FrictionQVI.N` and `FrictionQVI.T`, `EdgeRule.count` an edge; none for a tied contact
-    rule: EdgeRule  # what the rows of an edge are
+    law: Law  # unilateral, bilateral or tied
+    joint: bool  # whether the contact lies inside the body
+    rows: slice  # its rows in `FrictionQVI.N` and `FrictionQVI.T`, `EdgeRule.count` an edge; empty for a tied contact
+    rule: EdgeRule
     points: EdgePoints  # the m Gauss points, as many as rows, where results are given
     row_limits: Limits
-    limits: Limits  # the same at the points
-    # (m,): obstacle position g and tangential offset w at the points, dimensionless; where the law holds on edges those
-    # of the polynomials on which tractions do the same work
-    gap: FloatArray
-    offset: FloatArray
-    # (m,): pressure p_w of a fluid in the contact at the points, dimensionless, as `EdgePoints.nearest`: every edge
-    # keeps its resultant force and moment; σ_N' = σ_N + p_w obeys the law
+    limits: Limits  # at the points
+    gap: FloatArray  # (m,): position g of the obstacle; projected by `EdgePoints.nearest` if the law holds on edges
+    offset: FloatArray  # (m,): tangential offset w of the obstacle, likewise
+    # (m,): projected pressure p_w of a fluid, with the right force and moment on every edge; σ_N' = σ_N + p_w
     pore_pressure: FloatArray
-    pore_misfit: float  # largest difference of that polynomial from p_w, dimensionless
-    motion: FloatArray  # (2, m): given displacement of a rigid plate at the points, along n and t, dimensionless
-    beyond: FloatArray  # (m,): by how much a unilateral obstacle stands beyond reach, see `Scales`, dimensionless
-    slip: FloatArray  # (m,): slip in earlier load steps at the points, dimensionless, by which w has grown
+    pore_misfit: float  # largest difference of that polynomial from p_w
+    motion: FloatArray  # (2, m): given displacement of a rigid plate along n and t
+    beyond: FloatArray  # (m,): distance of a unilateral obstacle less `Scales.reach`, where that is positive
+    slip: FloatArray  # (m,): slip in earlier load steps, which is added to w
 
     @property
     def edges(self) -> slice:
-        """Its edges among those of all contacts that have rows; none for a tied contact."""
+        """The range of its edges among the edges of all contacts with rows; empty for a tied contact."""
         return slice(self.rows.start // self.points.count, self.rows.stop // self.points.count)
 
     @cached_property
@@ -226,12 +222,12 @@ class ContactRows:
 
     @property
     def obstacle(self) -> tuple[FloatArray, FloatArray]:
-        """Where the obstacle stands and what its tangential offset is (m,), with plate and earlier slip."""
+        """Position and tangential offset of the obstacle (m,), with the plate's motion and the earlier slip."""
         slip = 0.0 if self.law == "tied" else self.slip  # a tied contact has not slipped
         return self.gap + self.motion[0], self.offset + self.motion[1] + slip
 
     def work(self, across: FloatArray, along: FloatArray) -> FloatArray:
-        """∫ g τ_N + w τ_T ds for such g and w (m,), as a vector over all degrees of freedom."""
+        """∫ g τ_N + w τ_T ds for g = `across` and w = `along` (m,), as a vector over all degrees of freedom (N,)."""
         points, weights = self.points, self.points.weights
         return points.space.traction_load(weights * across, weights * along, points.edges, points.reference)
 
@@ -240,21 +236,21 @@ def contact_rows(
     problem: ContactProblem, space: StressSpace, rule: EdgeRule, scales: Scales, slip: Sequence[FloatArray] | None
 ) -> tuple[ContactRows, ...]:
     """All contacts in the order of the problem, after earlier slip; `InputError` where a field gives bad values."""
-    found, start = [], 0
+    contacts, start = [], 0
     for number, contact in enumerate(problem.contacts):
         points = EdgePoints(space, problem.mesh.edges(contact.edges), rule.count)
         stop = start if contact.law == "tied" else start + len(points.weights)
         x, y = physical(problem, scales, points.coordinates)
         motion = np.zeros((2, len(x)))
         if contact.plate is not None:
-            moved = contact.plate.displacement(x, y).T / scales.displacement
-            motion = np.stack([(moved * along).sum(axis=1) for along in (points.normals, points.tangents)])
+            displacement = contact.plate.displacement(x, y).T / scales.displacement
+            motion = np.stack([(displacement * axis).sum(axis=1) for axis in (points.normals, points.tangents)])
         pressure, misfit = np.zeros(len(x)), 0.0
         if contact.has_fluid:
             given = ("Contact.pore_pressure", contact.pore_pressure, max(LOAD_POINTS, points.count + 2))
             fluid = along_edges(problem.mesh, points.edges, *given, minimum=0.0)
             pressure, misfit = points.nearest(fluid), fluid.misfit(fluid.coefficients(points.count - 1))
-        # at points a polynomial below g at one of them would press where bodies are apart
+        # with the law at points g is taken there: a projection that is below g at a point would make contact too early
         obstacle = []
         for name in ("gap", "offset"):
             field: Field = getattr(contact, name)
@@ -267,34 +263,22 @@ def contact_rows(
                 values = points.nearest(along_edges(problem.mesh, points.edges, *given))
             obstacle.append(values / scales.displacement)
         gap, offset = obstacle
-        rows = ContactRows(
-            contact.name,
-            contact.law,
-            contact in problem.joints,
-            slice(start, stop),
-            rule,
-            points,
-            *limits_of(problem, contact, scales, rule, points),
-            gap,
-            offset,
-            pressure / scales.stress,
-            misfit / scales.stress,
-            motion,
-            np.maximum(gap - scales.reach, 0.0) * (contact.law == "unilateral"),
-            np.zeros(len(x)) if slip is None else slip[number],
-        )
-        found.append(rows)
+        beyond = np.maximum(gap - scales.reach, 0.0) * (contact.law == "unilateral")
+        contacts.append(ContactRows(
+            contact.name, contact.law, contact in problem.joints, slice(start, stop), rule, points,
+            *limits_of(problem, contact, scales, rule, points), gap, offset, pressure / scales.stress,
+            misfit / scales.stress, motion, beyond, np.zeros(len(x)) if slip is None else slip[number],
+        ))  # fmt: skip
         start = stop
-    return tuple(found)
+    return tuple(contacts)
 
 
 def laws_vary(problem: ContactProblem) -> bool:
-    """Whether Bernstein coefficients cannot hold a contact's law.
+    """Whether Bernstein coefficients cannot represent the law of some contact.
 
-    They take μ times the coefficients of |σ_N| for those of the product, which is right for a constant μ and a σ_N of
-    one sign only, unlike that of a bilateral contact, and c and t_max at their places for coefficients, which is right
-    for affine functions. Else the law would neither hold on whole edges nor be met to the order of the element. Ends
-    count, where a jump between two edges shows.
+    They represent μ|σ_N| exactly if μ is constant and σ_N has one sign, and c and t_max if these are affine along each
+    edge. Otherwise the law would not hold on whole edges, nor to the order of the element. So the answer is yes for a
+    bilateral contact with friction, whose σ_N has either sign, and where samples show another μ, c or t_max.
     """
     for contact in problem.contacts:
         if contact.law == "bilateral" and has_coulomb(contact):
@@ -302,7 +286,7 @@ def laws_vary(problem: ContactProblem) -> bool:
         for name in SHEAR_LAW:
             field = getattr(contact, name)
             if callable(field):
-                x, y = problem.mesh.points_along(problem.mesh.edges(contact.edges), _LOOKED_AT)
+                x, y = problem.mesh.points_along(problem.mesh.edges(contact.edges), _SAMPLES)
                 values = evaluate(f"Contact.{name}", field, x, y, minimum=0.0)
                 change = np.diff(values, n=1 if name == "friction" else 2, axis=1)
                 if np.abs(change).max() > _VARIES * np.abs(values).max():
@@ -313,16 +297,16 @@ def laws_vary(problem: ContactProblem) -> bool:
 def limits_of(
     problem: ContactProblem, contact: Contact, scales: Scales, rule: EdgeRule, points: EdgePoints
 ) -> tuple[Limits, Limits]:
-    """What bounds the rows of a contact, and the shear at its points."""
+    """The limits for the rows of a contact, and at its points."""
 
     def at(coordinates: FloatArray) -> Limits:
         x, y = physical(problem, scales, coordinates)
-        found = []
+        values_of_fields = []
         for name in SHEAR_LAW:
             field, unit = getattr(contact, name), 1.0 if name == "friction" else scales.stress
             values = np.full(len(x), np.inf) if field is None else evaluate(f"Contact.{name}", field, x, y, minimum=0.0)
-            found.append(values / unit)
-        return Limits(*found)
+            values_of_fields.append(values / unit)
+        return Limits(*values_of_fields)
 
     limits = at(points.coordinates)
     if rule.law_on == "points" or not any(callable(getattr(contact, name)) for name in SHEAR_LAW):
@@ -331,5 +315,5 @@ def limits_of(
 
 
 def joined(arrays: Sequence[NDArray[Any]]) -> FloatArray:
-    """Vectors one after the other, also if there are none."""
+    """Vectors one after the other; an empty vector if there are no vectors."""
     return np.concatenate([np.empty(0), *arrays])

@@ -14,12 +14,12 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.units import Rounding
 from solvers.inner.linear_program import solved
 
-_AT_REST = 1e-6  # strain that is the unit of a body without any load
-_NONE = 1e-60  # strain of loads that are none: their energy, and what is divided by them, would leave double precision
+_AT_REST = 1e-6  # unit of strain of a body without any load
+_NONE = 1e-60  # strain up to which a load counts as zero: energies, and quotients by it, would leave double precision
 REACH = 100.0
-"""Units of displacement that a body is at first taken to move at most, see `Scales`."""
+"""Distance from the body, in units of displacement, to which farther obstacles are first moved, see `Scales`."""
 
-PLACES: FloatArray = np.concatenate([[0.0], gauss_legendre(8)[0], [1.0]])  # of an edge where data are looked at
+PLACES: FloatArray = np.concatenate([[0.0], gauss_legendre(8)[0], [1.0]])  # points of an edge where data are sampled
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,9 @@ class Scales:
     stress: float  # S, the largest stress the data suggest [stress]
     compliance: float  # C = max(c11, c22) of the body's materials [1/stress]
     loaded: bool = True  # whether S comes from loads or displacements, not from a body at rest
-    # an obstacle farther than this from the body counts as that far [D]: where the body does not reach it, nothing but
-    # the width of the gap depends on it, and numbers decades apart would drown the rest in rounding. Infinite where a
-    # body did reach one that had been moved.
+    # Largest distance of an obstacle from the body [D]; farther obstacles are moved to it. As long as the body does not
+    # reach them only the width of the gap changes, and far larger numbers would drown all others in rounding. Infinite
+    # if the body did reach an obstacle that had been moved.
     reach: float = REACH
 
     @property
@@ -52,17 +52,17 @@ class Scales:
 
     @property
     def rounding(self) -> Rounding:
-        """What is next to nothing in these units."""
+        """Sizes of stress, displacement and length that count as rounding in these units."""
         return Rounding.of(self.stress, self.displacement, self.length)
 
     @classmethod
     def of(cls, problem: ContactProblem) -> "Scales":
         """Scales of a problem.
 
-        S is the largest of: the prescribed tractions, the range of the body-force potential, and the stress 1/(C L)
-        times the displacement that supports and obstacles force on the body (see `_forced`), the mean stress under
-        plates driven by force, the pressure of fluids in contacts, and the stress of initial strains that are held.
-        Without any load S is the stress of a strain of 1e-6, or the largest cohesion if that is less.
+        S is the largest of: the prescribed tractions, the range of the body-force potential, the displacement that
+        supports and obstacles force on the body (see `_forced`) over C L, the mean stress under plates driven by force,
+        the pressure of fluids in contacts, and the stress of initial strains that are held. Without any load S is the
+        stress of a strain of 1e-6, or the largest cohesion if that is less.
         """
         length = problem.mesh.length
         compliance = max(float(material.compliance[:2, :2].diagonal().max()) for material in problem.materials)
@@ -87,7 +87,7 @@ class Scales:
 def _sampled(
     problem: ContactProblem, edges: Edges, name: str, value: Field, minimum: float | None = None
 ) -> FloatArray:
-    """Values of a field at the ends of edges and at Gauss points between them (n, q); (n, 1) of a number."""
+    """Values of a field at the `PLACES` of edges (n, q); (n, 1) for a constant."""
     if not callable(value):
         return np.full((len(edges), 1), float(value))
     return evaluate(name, value, *problem.mesh.points_along(edges, PLACES), minimum=minimum)
@@ -100,7 +100,7 @@ def _in_contacts(problem: ContactProblem, name: str) -> list[float]:
 
 
 def _plate_stresses(problem: ContactProblem) -> list[float]:
-    """Forces of plates over the length of their contacts, moments over its square [stress]."""
+    """Mean stresses [stress] of plates: forces over the contact's length, moments over length and longer arm."""
     sizes = []
     for contact in problem.contacts:
         if contact.plate is not None:
@@ -115,14 +115,14 @@ def _plate_stresses(problem: ContactProblem) -> list[float]:
 
 
 def _forced(problem: ContactProblem) -> list[float]:
-    """By how much supports and obstacles must squeeze or stretch the body [length].
+    """The stretch or squeeze [length] that supports and obstacles force on the body, along x and y if possible.
 
-    A prescribed displacement bounds u from both sides, an obstacle from one, u_N ≤ g. Bilateral and tied contacts bound
-    it from both sides, and tied ones by their offset w along the tangent. Obstacles that slide past (w) force nothing
-    that friction does not limit; joints are left out, and plates in the components that are driven by force.
+    A prescribed displacement bounds u from both sides, a unilateral contact from one, u_N ≤ g. Bilateral and tied
+    contacts bound u_N from both sides, and tied contacts also u_T by their offset w. Offsets of other contacts force
+    only what friction can carry, and do not count. Nor do joints, and the components of plates driven by force.
 
-    Where all directions are x or y, the largest lower bound along either less the smallest upper one is forced; else
-    twice the least distance by which some bound is missed if the body moves without rotation, a linear program.
+    If all directions are x or y, the forced displacement along each is the largest lower bound less the smallest upper
+    bound. Else it is twice the least distance by which a translation of the body misses a bound, by a linear program.
     """
     rows, limits = [np.empty((0, 2))], [np.empty(0)]  # d·u ≤ limit
     for direction, values, on_both_sides, *_ in bounds(problem):
@@ -135,24 +135,25 @@ def _forced(problem: ContactProblem) -> list[float]:
     if (np.abs(d).max(axis=1) == 1.0).all():
         sides = [[limit[d[:, axis] == sign] for sign in (1.0, -1.0)] for axis in (0, 1)]
         return [max(0.0, -float(a.min()) - float(b.min())) if len(a) and len(b) else 0.0 for a, b in sides]
-    if limit.min() >= 0.0:  # a body that stays where it is misses none
+    if limit.min() >= 0.0:  # u = 0 meets all bounds
         return [0.0]
-    ends = [(None, None), (None, None), (0.0, None)]
+    box = [(None, None), (None, None), (0.0, None)]  # translation and the distance, which is minimised
     A = np.column_stack([d, -np.ones(len(d))])
-    found = solved(np.array([0.0, 0.0, 1.0]), A_ub=A, b_ub=limit, bounds=ends)
-    return [2.0 * float(found.x[2]) if found.solved else 0.0]  # any unit will do, if not as well
+    program = solved(np.array([0.0, 0.0, 1.0]), A_ub=A, b_ub=limit, bounds=box)
+    return [2.0 * float(program.x[2]) if program.solved else 0.0]  # S need not be accurate
 
 
 def bounds(problem: ContactProblem) -> Iterator[tuple[FloatArray, FloatArray, bool, Edges, Contact | None]]:
-    """Unit vectors d (n, 2), what d·u may be at most at `PLACES` (n, q) [length], and whether it may not be less.
+    """Bounds d·u ≤ limit of supports and obstacles: d (n, 2), limits (n, q) at `PLACES` [length], whether d·u = limit.
 
-    Last come the edges, whose arcs d turns along, and the contact; None of supports, and of obstacles that give way.
+    Then come the edges, along whose arcs d turns, and the contact: None for supports, springs and driven plates.
     """
     for given in problem.prescribed(Displacement):
         yield given.direction, _sampled(problem, given.edges, given.name, given.value), True, given.edges, None
     for contact in problem.contacts:
         edges, plate = problem.mesh.edges(contact.edges), contact.plate
         for direction, name, spring in zip((edges.normal, edges.tangent), ("gap", "offset"), SPRINGS, strict=True):
+            # edges whose obstacle cannot give way along this direction
             fixed = np.full(len(edges), contact not in problem.joints and (name == "gap" or contact.law == "tied"))
             for component, force in enumerate(("force_x", "force_y")):
                 if getattr(plate, force, None) is not None:
@@ -161,8 +162,8 @@ def bounds(problem: ContactProblem) -> Iterator[tuple[FloatArray, FloatArray, bo
                 d, chosen = direction[fixed], edges.take(fixed)
                 values = _sampled(problem, chosen, f"Contact.{name}", getattr(contact, name))
                 if plate is not None:
-                    moved = np.moveaxis(plate.displacement(*problem.mesh.points_along(chosen, PLACES)), 0, -1)
-                    values = values + (moved * vectors_along(chosen, d, PLACES)).sum(axis=2)
+                    motion = np.moveaxis(plate.displacement(*problem.mesh.points_along(chosen, PLACES)), 0, -1)
+                    values = values + (motion * vectors_along(chosen, d, PLACES)).sum(axis=2)
                 rigid = getattr(contact, spring) is None and not (plate is not None and plate.driven)
-                both = name == "offset" or contact.law != "unilateral"
-                yield d, values, both, chosen, contact if rigid else None
+                is_equation = name == "offset" or contact.law != "unilateral"
+                yield d, values, is_equation, chosen, contact if rigid else None

@@ -1,21 +1,21 @@
-"""Supports of a body: prescribed tractions as conditions on Φ, eliminated in an order that keeps their solution sparse.
+"""Supports of a body: prescribed tractions as conditions on Φ, eliminated in an order that keeps the solution sparse.
 
-On an edge of length h from a to b with tangent t and m = (−t_y, t_x), coefficients of Legendre N_k of Φ_tt and Q_k of
-Φ_tm mean
+An edge of length h runs from a to b, with tangent t and m = (−t_y, t_x). The Legendre coefficients N_k of Φ_tt and Q_k
+of Φ_tm obey
 
     ∇Φ_b − ∇Φ_a = h (N₀ t + Q₀ m),   Φ_b − Φ_a − h t·(∇Φ_a + ∇Φ_b)/2 = −h² N₁/6
 
-for the corners, resultant force and moment of the edge, and prescribe its other coefficients themselves. Where only
-one component d·σn is given, σ_N = Φ_tt and σ_T = −(n·m) Φ_tm are combined. Since σ_T may jump at vertices, corners
-where two edges meet need no care.
+These are the edge's resultant force and moment. A prescribed traction vector fixes both, and N_2 …, Q_1 … directly.
+If only one component d·σn is given, its coefficients combine those of σ_N = Φ_tt and σ_T = −(n·m) Φ_tm. Since σ_T may
+jump at vertices, corners where two edges meet need no special treatment.
 
-These are rows C u = d. C and the basis B of the solutions u = B z + u₀(d) depend on where which components are given,
-not on their values: loads differ in d.
+Together the conditions are rows C u = d. C, and the basis B of the solutions u = B z + u₀(d), depend on the edges and
+directions of the prescribed components. Their values enter d only.
 
-Conditions are solved one row after the other. Each row is written in the degrees of freedom that are still free, one of
-them, its pivot, is solved for, and so on. How many others the pivots depend on is a matter of the order of rows: along
-a line of edges, each one step further, every row brings degrees of freedom of its own and is solved for one of them.
-Rows that nothing is left of show whether d is consistent.
+The rows are solved one after the other. A row is first written in the degrees of freedom that are still free, and then
+solved for one of them, its pivot. The order of the rows decides how many other degrees of freedom a pivot depends on.
+The rows follow the boundary edge by edge: then every row has new degrees of freedom, and is solved for one of these.
+A row that becomes zero follows from the others, and shows whether d is consistent.
 
 In `docs/theory.md`: (D2).
 """
@@ -40,43 +40,42 @@ from qvi_contact.problem.problem import Prescribed
 from solvers.basics.types import Kept, PicklesFields, read_only
 from solvers.inequality.rows import are_few
 
-_POINTS: Final = 6  # Gauss points beside the degree of Φ, of edges and their parts for data given as functions
-_PARALLEL: Final = 1e-12  # component of a unit vector that counts as none
-_ALIKE: Final = 1.5  # ratio of cells' sizes at vertices that counts as none when the gauge is placed
+_POINTS: Final = 6  # Gauss points for data given as functions, less p: of edges, or parts of edges
+_PARALLEL: Final = 1e-12  # component of a unit vector that counts as zero
+_ALIKE: Final = 1.5  # ratio up to which cells at vertices count as equally small when the gauge is placed
 _BALANCED: Final = 1e-9  # imbalance of a closed part of the boundary, relative to the loads, that passes as round-off
-_DEPENDENT: Final = 1e-9  # what is left of a row, relative to its largest entry, below which it follows from the others
-_WORTHY: Final = 1e-2  # an entry, relative to the largest, that makes a good pivot
+_DEPENDENT: Final = 1e-9  # largest entry of a reduced row over that of the row, up to which it follows from the others
+_WORTHY: Final = 1e-2  # least entry of a pivot, relative to the largest entry of the reduced row
 
 
 class _Conditions(NamedTuple):
-    """Rows C u = d, scaled so that d are forces, moments and degrees of freedom, dimensionless."""
+    """Rows C u = d; each entry of d is a force, a moment or a degree of freedom, dimensionless."""
 
     C: Functionals
-    number: IntArray  # (r,): the edge that each belongs to
-    # d (r,) of what Φ has to make up for each of the components, and which of them are forces and moments
+    number: IntArray  # (r,): the edge of each row
+    # d (r,) of the prescribed components, see `loads.traction_data`; and whether an entry is a force or a moment
     data: Callable[[Sequence[EdgeQuadrature]], tuple[FloatArray, BoolArray]]
 
 
 @dataclass(frozen=True, eq=False)
 class Supports(PicklesFields):
-    """All degrees of freedom that meet prescribed tractions, u = B z + u₀, with one affine function fixed.
+    """All degrees of freedom u = B z + u₀ that meet the prescribed tractions; the gauge fixes the affine part of Φ.
 
-    Data in the trace space are met exactly; of others each edge keeps the resultant force and moment. The affine
-    function (the gauge) is zero at the first centre. Lines begin there, or where cells are small, so that degrees of
-    freedom there do not follow from large ones far away; edges across parts of several centres come last and tie these,
-    and edges across the cut of a hole, whose jump nothing but these determines.
+    Data that are polynomials of the degree of tractions are met exactly. Of other data each edge keeps the resultant
+    force and moment. The gauge sets Φ and ∇Φ to zero at the first centre of `Frames`. The elimination begins there, or
+    where cells are small, so that degrees of freedom of small cells do not follow from large numbers far away. Last
+    come the edges between the vertices of two centres, which tie their affine functions to each other, and the edges
+    across the cut of a hole, which alone determine the jump of Φ there.
     """
 
     space: StressSpace
-    # where components of tractions are prescribed, but not their values: edges by number (k,), twice where two are
-    # given, along which directions (k, 2), and whether these turn along arcs (k,), see `Prescribed`
-    number: IntArray
-    direction: FloatArray
-    turns: BoolArray
+    number: IntArray  # (k,): the edge of each prescribed component; twice for two components
+    direction: FloatArray  # (k, 2): its direction
+    turns: BoolArray  # (k,): whether the direction turns along arcs, see `Prescribed`
 
     @classmethod
     def on(cls, space: StressSpace, given: Sequence[Prescribed], kept: Kept) -> Supports:
-        """Those of a space for such components, made once."""
+        """The supports of a space for these components, made once and kept."""
         parts = [(part.edges.number, part.direction, part.turns and part.edges.curved) for part in given]
 
         def made() -> Supports:
@@ -94,43 +93,45 @@ class Supports(PicklesFields):
 
     @property
     def points(self) -> int:
-        """Gauss points of edges, and of their parts, at which `particular` wants values."""
+        """Number of Gauss points on edges, or parts of edges, for the data of `particular`."""
         return self.space.degree + _POINTS
 
     def particular(self, given: Sequence[EdgeQuadrature]) -> tuple[FloatArray, float]:
-        """The u₀ (N,), zero for unknowns, and the force (or moment over the length) out of balance.
+        """u₀ (N,), zero at the unknowns, for the data, and the force (or moment over the length) out of balance.
 
-        Of what Φ has to make up of each component, see `loads.traction_data`; none if that is nothing.
+        `given` is that of `loads.traction_data`, or empty for zero tractions. An imbalance within rounding counts as 0.
         """
         if not any(part.values.any() for part in given):
             return np.zeros(self.space.size), 0.0
         d, is_load = self._conditions.data(given)
         largest = float(np.abs(d[is_load]).max(initial=0.0))
-        u, misfit = self.elimination.particular(np.concatenate([np.zeros(3), d[self._walk[0]]]))
-        imbalance = float(np.abs(misfit).max(initial=0.0))
+        u, residual = self.elimination.particular(np.concatenate([np.zeros(3), d[self._walk[0]]]))
+        imbalance = float(np.abs(residual).max(initial=0.0))
         return u, imbalance if imbalance > _BALANCED * largest else 0.0
 
     def missed(self, u: FloatArray, given: Sequence[EdgeQuadrature]) -> float:
-        """Sum of the forces, and moments over the length, of such data that degrees of freedom u (N,) miss by edges."""
+        """Sum over edges of the forces, and moments over the length, by which u (N,) misses the data."""
         d, is_load = self._conditions.data(given)
         return float(np.abs(self._conditions.C.apply(u)[:, 0] - d)[is_load].sum())
 
     @cached_property
     def _conditions(self) -> _Conditions:
-        """Whole traction vectors on edges where two components are given, else one component.
+        """The conditions: traction vectors on edges where two components are given, else one component.
 
-        A vector is 2p − 2 rows: force and moment of the data, and their other coefficients of Legendre. A component
-        d·σn = (d·n) σ_N + (d·t) σ_T is p − 1 rows, its coefficients in the mean square.
+        A vector is 2p − 2 rows: its force and moment, and the other Legendre coefficients. A component
+        d·σn = (d·n) σ_N + (d·t) σ_T is p − 1 rows: its Legendre coefficients.
         """
         space, degree = self.space, self.space.degree - 2
         number, direction, turns = self.number, self.direction, self.turns
+        # pairs (one, other) of components on one edge, and single components
         order = np.argsort(number, kind="stable")
-        twice = (number[order][1:] == number[order][:-1]).nonzero()[0]
-        one, other = order[twice], order[twice + 1]
-        alone_there = np.ones(len(order), dtype=bool)
-        alone_there[twice] = alone_there[twice + 1] = False
-        single = order[alone_there]
+        pairs = (number[order][1:] == number[order][:-1]).nonzero()[0]
+        one, other = order[pairs], order[pairs + 1]
+        is_single = np.ones(len(order), dtype=bool)
+        is_single[pairs] = is_single[pairs + 1] = False
+        single = order[is_single]
         both, alone = _edges_of(space, number[one]), _edges_of(space, number[single])
+        # rows of single components: the shares d·n and d·t of the coefficients of σ_N and σ_T
         scale = np.ones((len(single), degree + 1))
         scale[:, 0] = h = space.lengths(alone)
         scale[:, 1] = h**2 / 6.0
@@ -141,6 +142,7 @@ class Supports(PicklesFields):
             share[np.abs(share) <= _PARALLEL] = 0.0
             part = (share[:, None] * scale)[:, :, None] * traces.values[:, half]
             if alone.curved:
+                # along an arc the share varies: multiply at points, then project on Legendre polynomials
                 arcs, bent, t = alone.take(alone.bent), single[alone.bent], gauss_legendre(self.points)[0]
                 d = vectors_along(arcs, direction[bent], t, turns=turns[bent])
                 along = (d * vectors_along(arcs, axis[alone.bent], t)).sum(axis=2)
@@ -150,28 +152,31 @@ class Supports(PicklesFields):
             combined += part
 
         def data(given: Sequence[EdgeQuadrature]) -> tuple[FloatArray, BoolArray]:
-            found, norms = EdgeQuadrature.joined(given), 2.0 * np.arange(degree + 1) + 1.0
-            edges = _edges_of(space, number)  # as often as components are given there
-            edge, t, chosen, factor = found.edge, found.t, edges.take(found.edge), frame(edges)[1][:, None, None]
-            # what the other component has no part in: where there is none, the direction itself
-            against, against_turns = np.column_stack([direction[:, 1], -direction[:, 0]]), turns.copy()
-            against[one], against[other] = direction[other], direction[one]
-            against_turns[one], against_turns[other] = turns[other], turns[one]
-            own = vectors_along(chosen, direction[edge], t, turns=turns[edge])
-            dual = vectors_along(chosen, against[edge], t, turns=against_turns[edge])
-            dual = np.stack([-dual[..., 1], dual[..., 0]], axis=-1)  # at right angles to the other component
+            values, norms = EdgeQuadrature.joined(given), 2.0 * np.arange(degree + 1) + 1.0
+            edges = _edges_of(space, number)  # twice where two components are given
+            edge, t, parts, factor = values.edge, values.t, edges.take(values.edge), frame(edges)[1][:, None, None]
+            # dual basis of the directions d, d' of an edge: dual·d = 1, dual·d' = 0, so that σn = Σ value dual. For a
+            # single component d' is at right angles to d, and the dual is d.
+            partner, partner_turns = np.column_stack([direction[:, 1], -direction[:, 0]]), turns.copy()
+            partner[one], partner[other] = direction[other], direction[one]
+            partner_turns[one], partner_turns[other] = turns[other], turns[one]
+            own = vectors_along(parts, direction[edge], t, turns=turns[edge])
+            dual = vectors_along(parts, partner[edge], t, turns=partner_turns[edge])
+            dual = np.stack([-dual[..., 1], dual[..., 0]], axis=-1)
             dual /= (dual * own).sum(axis=-1, keepdims=True)
-            normal, tangent = frames_along(chosen, t)
+            # shares of Φ_ττ and Φ_τμ in each value; integrals: force along and across the chord, moment, N_2 …, Q_1 …
+            normal, tangent = frames_along(parts, t)
             N, Q = (dual * normal).sum(axis=-1)[..., None], factor[edge] * (dual * tangent).sum(axis=-1)[..., None]
-            shapes, scaled = resultant_shapes(chosen.bend, t), legendre_basis(degree, t) * norms
+            shapes, scaled = resultant_shapes(parts.bend, t), legendre_basis(degree, t) * norms
             resultants = N * shapes[..., 0] + Q * shapes[..., 1]
-            of_data = found.integrals(np.concatenate([resultants, N * scaled[..., 2:], Q * scaled[..., 1:]], axis=-1))
-            vectors, lengths = of_data[one] + of_data[other], space.lengths(both)[:, None]
+            sums = values.integrals(np.concatenate([resultants, N * scaled[..., 2:], Q * scaled[..., 1:]], axis=-1))
+            # both components together, on chords of length h: force in x and y, moment, coefficients
+            vectors, lengths = sums[one] + sums[other], space.lengths(both)[:, None]
             vectors[:, :2] = lengths * (vectors[:, :1] * both.tangent + vectors[:, 1:2] * frame(both)[0])
             vectors[:, 2:3] *= lengths**2
-            d = np.concatenate([vectors.ravel(), (found.coefficients(degree)[single] * scale).ravel()])
-            loads = np.tile(of_both < 3, len(one)), np.tile(of_alone < 2, len(single))
-            return d, np.concatenate(loads)
+            d = np.concatenate([vectors.ravel(), (values.coefficients(degree)[single] * scale).ravel()])
+            is_load = np.tile(of_both < 3, len(one)), np.tile(of_alone < 2, len(single))
+            return d, np.concatenate(is_load)
 
         rows = [space.resultants(both).rows(), Functionals(traces.columns, combined, space.size).rows()]
         columns, entries = np.concatenate([r.columns for r in rows]), np.concatenate([r.values for r in rows])
@@ -181,11 +186,11 @@ class Supports(PicklesFields):
 
     @cached_property
     def _walk(self) -> tuple[IntArray, IntArray, int]:
-        """The order of the rows, when each vertex is met on the way, and the vertex of the gauge."""
+        """The order of the rows, the age of each vertex in it (see `walk`), and the vertex of the gauge."""
         space, number = self.space, self._conditions.number
         numbers = np.bincount(number).nonzero()[0]
         frames, lines = space.frames, space.mesh.topology.ends[numbers]
-        small = space.sizes <= _ALIKE * space.sizes.min()  # without several centres, where cells are smallest
+        small = space.sizes <= _ALIKE * space.sizes.min()  # with a single centre the gauge is at the smallest cells
         on_lines = np.zeros_like(small)
         on_lines[lines] = True
         best = small & on_lines
@@ -198,12 +203,12 @@ class Supports(PicklesFields):
         if len(frames.origins):
             last = frames.across(_edges_of(space, numbers))
         place[~last], age = walk(lines[~last], seeds, len(space.vertices))
-        age[frames.centres] = 0  # which are solved for where nothing else is left
+        age[frames.centres] = 0  # the last choice among pivots
         return place[numbers.searchsorted(number)].argsort(kind="stable"), age, gauge
 
     @cached_property
     def elimination(self) -> Elimination:
-        """The rows, solved."""
+        """The rows C u = d, solved; before them come three rows that fix the gauge."""
         space, (order, age, gauge) = self.space, self._walk
         C, width = self._conditions.C.take(order), self._conditions.C.columns.shape[1]
         at_gauge = np.array([3 * gauge + np.arange(width)] * 3)
@@ -221,16 +226,16 @@ def _edges_of(space: StressSpace, numbers: IntArray) -> Edges:
 
 @dataclass(frozen=True, eq=False)
 class Basis:
-    """B of u = B z: degrees of freedom are unknowns, follow from these, or vanish."""
+    """B of u = B z: a degree of freedom is an unknown, depends on unknowns, or is zero."""
 
-    size: int  # degrees of freedom N
+    size: int  # number N of degrees of freedom
     kept: IntArray  # (n,): degrees of freedom that are unknowns; z are their values
-    following: IntArray  # (f,): those that follow
-    factors: Any  # (f, n): by which, dense if few, else sparse
+    following: IntArray  # (f,): degrees of freedom that depend on unknowns
+    factors: Any  # F (f, n): u[following] = F z; dense if small, else sparse
 
     @classmethod
     def of(cls, solved: dict[int, dict[int, float]], size: int) -> Basis:
-        """With pivots solved for, as Σ factor u of kept degrees of freedom."""
+        """The basis from pivots with their terms {kept degree of freedom: factor}; no terms means zero."""
         is_kept = np.ones(size, dtype=bool)
         is_kept[list(solved)] = False
         kept, parts = is_kept.nonzero()[0], {pivot: terms for pivot, terms in solved.items() if terms}
@@ -251,132 +256,134 @@ class Basis:
         """B (N, n)."""
         factors, n = sparse.coo_array(self.factors), len(self.kept)
         at = np.append(self.kept, self.following[factors.row]), np.append(np.arange(n), factors.col)
-        found = sparse.csr_array((np.append(np.ones(n), factors.data), at), shape=(self.size, n))
-        read_only(found)
-        return found
+        matrix = sparse.csr_array((np.append(np.ones(n), factors.data), at), shape=(self.size, n))
+        read_only(matrix)
+        return matrix
 
     def expanded(self, z: FloatArray) -> FloatArray:
         """B z (N,)."""
-        found = np.zeros(self.size)
-        found[self.kept], found[self.following] = z, self.factors @ z
-        return found
+        u = np.zeros(self.size)
+        u[self.kept], u[self.following] = z, self.factors @ z
+        return u
 
     def magnitudes(self, z: FloatArray) -> FloatArray:
         """|B| |z| (N,)."""
         return replace(self, factors=abs(self.factors)).expanded(np.abs(z))
 
     def reduced(self, functional: FloatArray) -> FloatArray:
-        """A functional (N,) of u as one of z, (n,)."""
+        """The functional of z (n,) that equals a linear functional (N,) of u: Bᵀ times it."""
         return np.asarray(functional[self.kept] + self.factors.T @ functional[self.following])
 
     def rows(self, given: Functionals) -> Any:
-        """Functionals of u as rows on z (m, n), dense where they are few, else sparse."""
+        """Functionals of u as rows on z (m, n), dense if small, else sparse."""
         n, r = given.values.shape[:2]
         if not are_few(n * r, len(self.kept)):
             return given.matrix() @ self.matrix
         places = self.size * np.arange(n * r).reshape(n, r, 1) + given.columns[:, None]
-        whole = np.bincount(places.ravel(), given.values.ravel(), n * r * self.size).astype(np.float64, copy=False)
-        whole = whole.reshape(n * r, self.size)
-        return whole[:, self.kept] + whole[:, self.following] @ self.factors
+        on_u = np.bincount(places.ravel(), given.values.ravel(), n * r * self.size).astype(np.float64, copy=False)
+        on_u = on_u.reshape(n * r, self.size)
+        return on_u[:, self.kept] + on_u[:, self.following] @ self.factors
 
     def quadratic(self, blocks: FloatArray, dofs: IntArray) -> Any:
-        """Σ Bᵀ K B (n, n) of matrices K (t, k, k) of the degrees of freedom (t, k), dense if few, else sparse.
+        """Σ Bᵀ K B (n, n) of element matrices K (t, k, k) on degrees of freedom (t, k); dense if small, else sparse.
 
-        That is K on what is kept, and H + Hᵀ with H = Fᵀ (K_fn + K_ff F/2) for the factors F of what follows.
+        With n for unknowns and f for the degrees of freedom u_f = F z it is K_nn + H + Hᵀ, H = Fᵀ (K_fn + K_ff F/2).
         """
         n, f, factors = len(self.kept), len(self.following), self.factors
-        number, size = np.full(self.size, n + f), n + f + 1  # of what is kept, of what follows; last what vanishes
+        # numbers of the degrees of freedom: first the unknowns, then u_f, then one number for all that are zero
+        number, size = np.full(self.size, n + f), n + f + 1
         number[self.kept], number[self.following] = np.arange(n), np.arange(n, n + f)
-        at, few = number[dofs], are_few(n, n)
-        if few:
+        at, is_dense = number[dofs], are_few(n, n)
+        if is_dense:
             places = (size * at[:, :, None] + at[:, None]).ravel()
             full: Any = np.bincount(places, blocks.ravel(), size**2).astype(np.float64, copy=False)
-            full = full.reshape(size, size)  # NumPy counts in integers where there is nothing
-            factors = factors if isinstance(factors, np.ndarray) else factors.toarray()  # many follow from few
+            full = full.reshape(size, size)  # cast above, as bincount of no entries is of integers
+            factors = factors if isinstance(factors, np.ndarray) else factors.toarray()
         else:
-            at = at.astype(np.int32 if size < np.iinfo(np.int32).max else np.int64)  # others SciPy copies
+            at = at.astype(np.int32 if size < np.iinfo(np.int32).max else np.int64)  # the type that SciPy does not copy
             pairs = np.repeat(at, at.shape[1], axis=1).ravel(), np.tile(at, at.shape[1]).ravel()
             full = sparse.coo_array((blocks.ravel(), pairs), shape=(size, size)).tocsr()
             factors = sparse.csr_array(factors)
         rows = full[n:-1]
         right = rows[:, :n] + rows[:, n:-1] @ factors / 2.0
-        if few:
-            K, led = full[:n, :n].copy(), factors.any(axis=0).nonzero()[0]  # what others follow from: all rows of H
-            half = factors[:, led].T @ right
-            half[:, led] = (half[:, led] + half[:, led].T) / 2.0  # so that K is symmetric to the last bit
-            K[led] += half
-            K[:, led] += half.T
+        if is_dense:
+            K, in_use = full[:n, :n].copy(), factors.any(axis=0).nonzero()[0]  # the other rows of H are zero
+            H = factors[:, in_use].T @ right
+            H[:, in_use] = (H[:, in_use] + H[:, in_use].T) / 2.0  # so that K is symmetric to the last bit
+            K[in_use] += H
+            K[:, in_use] += H.T
             return K
-        half = factors.T @ right
-        own, half = (sparse.coo_array(each) for each in (full[:n, :n], half))
-        pairs = np.concatenate([own.row, half.row, half.col]), np.concatenate([own.col, half.col, half.row])
-        return sparse.coo_array((np.concatenate([own.data, half.data, half.data]), pairs), shape=(n, n)).tocsc()
+        H = factors.T @ right
+        K_nn, H = (sparse.coo_array(each) for each in (full[:n, :n], H))
+        pairs = np.concatenate([K_nn.row, H.row, H.col]), np.concatenate([K_nn.col, H.col, H.row])
+        return sparse.coo_array((np.concatenate([K_nn.data, H.data, H.data]), pairs), shape=(n, n)).tocsc()
 
 
 @dataclass(frozen=True, eq=False)
 class Elimination:
-    """The solutions u = B z + u₀ of C u = d, by as many degrees of freedom as there are independent rows."""
+    """The solutions u = B z + u₀ of C u = d: each independent row is solved for one degree of freedom, its pivot."""
 
-    C: Functionals  # one by one, (m, 1)
-    # (r,): independent rows in the order in which they were taken, and the degree of freedom that each is solved
-    # for
-    rows: IntArray
-    pivots: IntArray
+    C: Functionals  # m groups of one row
+    rows: IntArray  # (r,): the independent rows in the order of elimination
+    pivots: IntArray  # (r,): the pivot of each
     basis: Basis
 
     @classmethod
     def of(cls, C: Functionals, age: IntArray, least: float = _DEPENDENT) -> Elimination:
-        """Solve rows (m, N) one after the other, in units of degrees of freedom that make entries comparable.
+        """Solve the rows of C one after the other. Degrees of freedom are in units that make entries comparable.
 
-        Of the possible pivots of a row those of the largest age (N,) are preferred, of these the largest entry. What is
-        left of a row, relative to its largest entry, is nothing if it is `least`.
+        The pivot of a row is the degree of freedom of the largest `age` (N,) among large entries; at equal age, of the
+        largest entry. A row depends on earlier rows if the reduction leaves no entry above `least` times its largest.
         """
         all_values, ages = C.values[:, 0], age.tolist()
-        alone = ((all_values != 0.0).sum(axis=1) == 1).nonzero()[0]  # rows that prescribe one degree of freedom itself
-        fixed = C.columns[alone, np.abs(all_values[alone]).argmax(axis=1)]
-        first = dict(zip(reversed(fixed.tolist()), reversed(alone.tolist()), strict=True))  # of those of one pivot
-        taken, solved = list(first.values()), {pivot: dict[int, float]() for pivot in first}
-        rest = np.ones(len(all_values), dtype=bool)
-        rest[taken] = False
-        others = rest.nonzero()[0]
+        # rows with one entry set a degree of freedom to a given value: they come first, the first row of each
+        single = ((all_values != 0.0).sum(axis=1) == 1).nonzero()[0]
+        given = C.columns[single, np.abs(all_values[single]).argmax(axis=1)]
+        row_of = dict(zip(reversed(given.tolist()), reversed(single.tolist()), strict=True))
+        rows, solved = list(row_of.values()), {pivot: dict[int, float]() for pivot in row_of}
+        # each other row: replace all pivots so far, then solve it for a pivot, u_pivot = Σ factor u
+        is_other = np.ones(len(all_values), dtype=bool)
+        is_other[rows] = False
+        others = is_other.nonzero()[0]
         largest = np.abs(all_values[others]).max(axis=1, initial=0.0).tolist()
         parts = (part.tolist() for part in (others, C.columns[others], all_values[others]))
-        for most, row, columns, values in zip(largest, *parts, strict=True):
+        for before, row, columns, values in zip(largest, *parts, strict=True):
             terms = _reduced([pair for pair in zip(columns, values, strict=True) if pair[1] != 0.0], solved)
             sizes = list(map(abs, terms.values()))
-            left = max(sizes, default=0.0)
-            if left <= least * most:
+            after = max(sizes, default=0.0)
+            if after <= least * before:
                 continue
             sized = zip(terms, sizes, strict=True)
-            pivot = -max([(ages[column], size, -column) for column, size in sized if size >= _WORTHY * left])[2]
+            pivot = -max([(ages[column], size, -column) for column, size in sized if size >= _WORTHY * after])[2]
             factor = -1.0 / terms.pop(pivot)
             solved[pivot] = {column: factor * value for column, value in terms.items()}
-            taken.append(row)
-        for pivot in reversed(solved):  # the latest depend on kept ones only, earlier ones perhaps on them
+            rows.append(row)
+        # terms may contain later pivots: replace these, the last pivot first, until only unknowns remain
+        for pivot in reversed(solved):
             if not solved.keys().isdisjoint(solved[pivot]):
                 solved[pivot] = _reduced(solved[pivot].items(), solved)
         pivots = np.array(list(solved), dtype=np.int64)
-        return cls(C, np.array(taken, dtype=np.int64), pivots, Basis.of(solved, len(age)))
+        return cls(C, np.array(rows, dtype=np.int64), pivots, Basis.of(solved, len(age)))
 
     def particular(self, d: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """u₀ (N,), zero for unknowns, and what d (m,) misses in the rows that follow from the others."""
+        """u₀ (N,), zero at the unknowns, and the residuals d − C u₀ of the dependent rows, in ascending order."""
         u = np.zeros(self.C.size)
         if d.any():
             u[self.pivots] = self._factor.solve(d[self.rows])
-        rest = np.setdiff1d(np.arange(len(d)), self.rows)
-        return u, d[rest] - self.C.take(rest).apply(u)[:, 0]
+        dependent = np.setdiff1d(np.arange(len(d)), self.rows)
+        return u, d[dependent] - self.C.take(dependent).apply(u)[:, 0]
 
     @cached_property
     def _factor(self) -> Any:
-        """LU of the independent rows and their pivots, in the order in which they were found."""
+        """LU of the independent rows, columns of their pivots, in the order of elimination."""
         matrix = self.C.take(self.rows).matrix()[:, self.pivots]
         return splu(matrix.tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0)
 
 
 def _reduced(terms: Iterable[tuple[int, float]], solved: dict[int, dict[int, float]]) -> dict[int, float]:
-    """Σ factor u with everything replaced that is solved for, until nothing is left to replace."""
+    """The sum Σ factor u, with each solved degree of freedom replaced by its own sum, until all are free."""
     result, pending = dict[int, float](), list(terms)
-    for column, factor in pending:  # which grows meanwhile
+    for column, factor in pending:  # the list grows in the loop
         if column in solved:
             pending += [(other, factor * value) for other, value in solved[column].items()]
         elif column in result:
@@ -387,11 +394,11 @@ def _reduced(terms: Iterable[tuple[int, float]], solved: dict[int, dict[int, flo
 
 
 def walk(ends: IntArray, start: Sequence[int], vertices: int) -> tuple[IntArray, IntArray]:
-    """An order of edges (n, 2) of so many vertices in which each one, if it can, meets those before it in one vertex.
+    """An order of edges (n, 2), in which each edge shares, where possible, just one vertex with the edges before it.
 
-    It begins at the vertices `start`; lines that hold none of them begin at their end of lowest number, closed ones at
-    their vertex of lowest number. Returned are the place (n,) of each edge in the order, from 0, and the age of each
-    vertex, from 1: the later it is met the larger; 0 where it is not.
+    The walk begins at the vertices `start`. Lines without such a vertex begin at their end of lowest number, closed
+    lines at their vertex of lowest number. Returned are the place (n,) of each edge in the order, from 0, and the age
+    of each vertex, from 1 for the first that is met, increasing; 0 for vertices that no edge has.
     """
     at: dict[int, list[int]] = {}
     pairs = ends.tolist()
@@ -402,9 +409,9 @@ def walk(ends: IntArray, start: Sequence[int], vertices: int) -> tuple[IntArray,
     step, met = 0, 0
     line_ends = sorted(vertex for vertex, edges in at.items() if len(edges) == 1)
     for seed in (*start, *line_ends, *sorted(at)):
-        waiting = [seed] if seed in at and not age[seed] else []
-        while waiting:
-            vertex = waiting.pop()
+        pending = [seed] if seed in at and not age[seed] else []
+        while pending:
+            vertex = pending.pop()
             if not age[vertex]:
                 met += 1
                 age[vertex] = met
@@ -412,5 +419,5 @@ def walk(ends: IntArray, start: Sequence[int], vertices: int) -> tuple[IntArray,
             if ahead is not None:
                 place[ahead] = step
                 step += 1
-                waiting += [vertex, sum(pairs[ahead]) - vertex]  # to the end of the line first
+                pending += [vertex, sum(pairs[ahead]) - vertex]  # depth first: the other end of the edge comes next
     return place, age

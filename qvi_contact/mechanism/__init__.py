@@ -1,13 +1,13 @@
-"""Claims for the body rather than for a mesh: which loads no stress whatever can carry.
+"""Proofs for the body, not for a mesh: which loads no stress at all can carry.
 
-A body of blocks, pressed together by contacts that limit tractions and nothing else, carries every load that its blocks
-would carry if they were rigid. So three numbers a block decide: a small linear program, exact on any mesh.
+Elastic blocks in contact carry every load that rigid blocks would carry, as only the contacts limit tractions. So the
+rigid motions decide, three numbers a block. They are found by a small linear program that does not depend on the mesh.
 
-| module      | contents                                             |
-|-------------|------------------------------------------------------|
-| `bodies`    | blocks, plates driven by force, work of loads; lines |
-|             | of contact, and what their laws admit                |
-| `mechanism` | proof, and bound of a load factor; linear programs   |
+| module      | contents                                               |
+|-------------|--------------------------------------------------------|
+| `bodies`    | blocks, plates driven by force, work of loads; lines   |
+|             | of contact, and the motions that their laws admit      |
+| `mechanism` | proofs, bounds of load factors; the linear programs    |
 """
 
 from qvi_contact.mechanism.mechanism import ContactMotion, Mechanism, find_mechanism, upper_bound

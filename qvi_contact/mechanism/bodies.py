@@ -1,13 +1,13 @@
-"""What can move as a rigid body, the work loads do on it, and where bodies touch.
+"""Rigid bodies, the work of loads on their motions, and the lines along which they touch.
 
 Bodies are the blocks that joints separate, and plates driven by force. The motion of body k is
-u(x) = (a − θ (y − y_k)/r_k,  b + θ (x − x_k)/r_k): its three numbers have one unit, and r_k is the distance of its
-farthest point from (x_k, y_k). The body force b = −∇φ does the work −∮ φ n·u ds on it, around each block. A fluid in a
-contact presses on both sides, and does the work −∫ p_w [v]_N ds there; what the contact law limits is the rest,
-σ_N' = σ_N + p_w. Integrals are those that stresses take of the same data.
+u(x) = (a − θ (y − y_k)/r_k,  b + θ (x − x_k)/r_k) with the centre (x_k, y_k). The length r_k is the distance of the
+body's farthest point from the centre, so that a, b and θ have one unit. The body force −∇φ does the work −∮ φ n·u ds,
+around each block. A fluid in a contact presses on both sides, and does the work −∫ p_w [v]_N ds; the contact law limits
+σ_N' = σ_N + p_w. The integrals of data are the same as those of the stress model.
 
-With [v] = v of the first body less that of the second (or of the obstacle), n from the first to the second and
-w = −[v]_N the speed of opening, tractions do at most the work ∫ π([v]) ds against [v]:
+Let [v] be the velocity of the first body less that of the second (or of the obstacle), n the normal from the first to
+the second, and w = −[v]_N the speed of opening. Tractions do at most the work ∫ π([v]) ds against [v]:
 
 | law                            | condition                    | ∫ π ds                                     |
 |--------------------------------|------------------------------|--------------------------------------------|
@@ -18,8 +18,8 @@ w = −[v]_N the speed of opening, tractions do at most the work ∫ π([v]) ds 
 | bilateral, capped              | w = 0                        | ∫ t_max ds · |[v]_T|                       |
 | bilateral with friction, tied  | w = 0, [v]_T = 0             | 0                                          |
 
-Where μ is a function it is replaced on short pieces of edges by the least affine function that is not below its samples
-there and has the slope of the chord: π becomes larger, and what it proves stays proved.
+A function μ is replaced on short pieces of edges by an affine function that is not below its samples: the chord,
+raised. This makes π larger, so that all proofs remain valid.
 
 In `docs/theory.md`: (D23).
 """
@@ -40,19 +40,19 @@ from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.linked import linked
 
 BODY = "body"
-"""What the body force is called among the loads; of several, all of them together."""
+"""Name among the loads of the sum of all body forces."""
 FLUID = "pore pressure"
-"""What the fluids in contacts are called among the loads."""
-_NO_WORK = 1e-13  # share of a load's size below which a resultant is rounding
-_PIECES: Final = 8  # of an edge, where friction is a function
-_SAMPLES: Final = 8  # steps in each of them
-_POINTS: Final = 8  # Gauss points where cohesion and cap are integrated
-_ROUNDING: Final = 16.0 * np.finfo(float).eps
-_SAME: Final = 1e-9  # share of a line within which two places are one
-_CAPPED_PIECES: Final = 4  # of a line, where a cap lets part of the slip dilate
-_NEARER: Final = 0.25 ** np.arange(1.0, 7.0)  # shares of the way to the next place, where more are tried
-_TURN: Final = 0.02  # angle by which a piece of an arc turns at most [rad]
-_DEGREE: Final = 4  # of motions along such a piece: what is left is rounding
+"""Name among the loads of the fluids in contacts."""
+_NO_WORK = 1e-13  # resultant over the size of its load, up to which it is rounding
+_PIECES: Final = 8  # pieces of an edge on which a function μ is replaced
+_SAMPLES: Final = 8  # steps between samples of μ in a piece
+_POINTS: Final = 8  # Gauss points for integrals of cohesion and cap
+_ROUNDING: Final = 16.0 * np.finfo(float).eps  # of coordinates, relative, when edges are grouped to a straight line
+_SAME: Final = 1e-9  # distance over the length of a line, up to which two places are the same
+_CAPPED_PIECES: Final = 4  # first number of pieces of a line on which only part of the slip dilates, below a cap
+_NEARER: Final = 0.25 ** np.arange(1.0, 7.0)  # distances of new places, over the distance to the next old place
+_TURN: Final = 0.02  # largest angle by which a piece of an arc turns [rad]
+_DEGREE: Final = 4  # degree of rigid motions along such a piece: higher terms are below rounding
 
 Frame: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 """Points [length], normals and tangents (p, 2) at positions s (p,) along a line."""
@@ -60,14 +60,14 @@ Frame: TypeAlias = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArr
 
 @dataclass(frozen=True, eq=False)
 class Bodies:
-    """Blocks, and after them the plates."""
+    """All bodies: first the blocks, then the plates driven by force."""
 
-    of_cells: IntArray  # (cells,): the block that each cell belongs to
+    of_cells: IntArray  # (cells,): the block of each cell
     blocks: int  # number of blocks
-    plates: tuple[str, ...]  # names of the contacts whose plates are driven by force
-    centre: FloatArray  # (x_k, y_k), and r_k (k,) [length]
-    size: FloatArray
-    # (k, 3): which numbers of a motion may differ from zero: all of blocks, those of a plate that have a given force
+    plates: tuple[str, ...]  # names of the contacts with such plates
+    centre: FloatArray  # (k, 2): (x_k, y_k) [length]
+    size: FloatArray  # (k,): r_k [length]
+    # (k, 3): whether a, b, θ of each body may differ from zero: all of a block, of a plate those with a given force
     free: BoolArray
 
     def __len__(self) -> int:
@@ -94,34 +94,34 @@ class Bodies:
         return cls(of_cells, blocks, names, np.array(centre), np.array(size), np.array(free))
 
     def rows(self, body: IntArray, points: FloatArray, direction: FloatArray) -> FloatArray:
-        """Rows (n, 3 k) of the velocities d·u of bodies (n,) at points (n, 2) along d (n, 2); zero for body −1."""
-        found = np.zeros((len(body), len(self), 3))
-        known = np.flatnonzero(body >= 0)
-        at = body[known]
-        arm, along = points[known] - self.centre[at], direction[known]
-        turn = (arm[:, 0] * along[:, 1] - arm[:, 1] * along[:, 0]) / self.size[at]
-        found[known, at] = np.column_stack([along, turn])
-        return found.reshape(len(body), 3 * len(self))
+        """Rows (n, 3 k) on all motions of the velocities d·u of bodies (n,) at points (n, 2); zero for body −1."""
+        rows = np.zeros((len(body), len(self), 3))
+        moving = np.flatnonzero(body >= 0)
+        at = body[moving]
+        arm, d = points[moving] - self.centre[at], direction[moving]
+        turn = (arm[:, 0] * d[:, 1] - arm[:, 1] * d[:, 0]) / self.size[at]
+        rows[moving, at] = np.column_stack([d, turn])
+        return rows.reshape(len(body), 3 * len(self))
 
     def number(self, contact: Contact) -> int:
-        """The body that drives the obstacle of a contact; −1 for one that stands still."""
+        """Number of the plate that is the obstacle of a contact; −1 for an obstacle at rest."""
         return self.blocks + self.plates.index(contact.name) if contact.name in self.plates else -1
 
     def beside(self, edges: Edges, contact: Contact | None = None) -> tuple[IntArray, IntArray]:
-        """The bodies (n,) on the first side of edges, and beyond: the obstacle of a contact on the boundary, or −1."""
+        """The bodies (n,) on the first and second side of edges; on the boundary the contact's plate, or −1."""
         first, second = edges.cells.T
         obstacle = -1 if contact is None else self.number(contact)
         return self.of_cells[first], np.where(second < 0, obstacle, self.of_cells[second])
 
 
 def blocks_of_cells(problem: ContactProblem) -> IntArray:
-    """The block (cells,) of each cell: cells hang together across all edges but those of joints that are not tied."""
+    """The block of each cell (cells,): all inner edges link cells, except edges of joints that are not tied."""
     first, second = whole_edges(problem).cells.T
     return linked(first, second, problem.mesh.cell_count)
 
 
 def whole_edges(problem: ContactProblem) -> Edges:
-    """Edges inside the body but those of joints that are not tied."""
+    """All edges inside the body, except edges of joints that are not tied."""
     cut = np.zeros(len(problem.mesh.interior), dtype=bool)
     for joint in problem.joints:
         cut[problem.mesh.joint_set(joint.edges)] |= joint.law != "tied"
@@ -130,15 +130,15 @@ def whole_edges(problem: ContactProblem) -> Edges:
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """What one load does on motions."""
+    """The work of one load on rigid motions, a unit of thickness."""
 
-    row: FloatArray  # (3 k,): work [stress × length] of the motions of all bodies: forces, and moments over r_k
-    # the largest work that the load could do on motions of size 1 if nothing of it cancelled [stress × length]
+    row: FloatArray  # (3 k,): resultant forces on all bodies, and moments over r_k [stress × length]
+    # the integral of the load's magnitude, a bound of its work on motions of size 1 [stress × length]
     size: float
 
 
 def works(problem: ContactProblem, bodies: Bodies) -> dict[str, Work]:
-    """Works of tractions, plates, body force and fluids by the names a limit analysis gives them."""
+    """Works of tractions, plates, body forces and fluids by the names of loads in a limit analysis."""
     rows, sizes = dict[str, FloatArray](), dict[str, float]()
     for name, row, size in _acting(problem, bodies):
         rows[name], sizes[name] = rows.get(name, 0.0) + row, sizes.get(name, 0.0) + size
@@ -147,13 +147,13 @@ def works(problem: ContactProblem, bodies: Bodies) -> dict[str, Work]:
 
 
 def _acting(problem: ContactProblem, bodies: Bodies) -> Iterator[tuple[str, FloatArray, float]]:
-    """Parts of what each load does: its name, row and size of the work."""
+    """Parts of the works of loads: name, row and size; several parts may have one name."""
     mesh = problem.mesh
     for given in problem.prescribed(Traction):
-        if isinstance(given.condition, Traction):  # nothing acts along lines of symmetry
+        if isinstance(given.condition, Traction):  # the zero shear on a line of symmetry is no load
             acting = given.direction, given.name, given.value
-            own = bodies.beside(given.edges)[:1]
-            yield given.condition.name, *_along(problem, bodies, given.edges, own, *acting, turns=given.turns)
+            loaded = bodies.beside(given.edges)[:1]
+            yield given.condition.name, *_along(problem, bodies, given.edges, loaded, *acting, turns=given.turns)
     for contact in problem.contacts:
         if (plate := contact.plate) is not None:
             body, row = bodies.number(contact), np.zeros((len(bodies), 3))
@@ -161,9 +161,9 @@ def _acting(problem: ContactProblem, bodies: Bodies) -> Iterator[tuple[str, Floa
             row[body] = plate.force_x or 0.0, plate.force_y or 0.0, moment
             yield contact.name, row.ravel(), float(np.abs(row).sum())
     first, second = bodies.of_cells[mesh.interior.cells].T
-    joints = mesh.interior.take(first != second)  # of edges inside the body only those between two blocks count
+    joints = mesh.interior.take(first != second)  # around each block: the boundary, and joints between two blocks
     for name, field in problem.body_forces.items():
-        if callable(field):  # else no force
+        if callable(field):  # a constant potential has no force
             for edges, sides in ((mesh.boundary, 1), (joints, 2)):
                 acting = -edges.normal, "ContactProblem.body_potential", field
                 yield name, *_along(problem, bodies, edges, bodies.beside(edges)[:sides], *acting)
@@ -185,17 +185,17 @@ def _along(
     *,
     turns: bool = True,
 ) -> tuple[FloatArray, float]:
-    """∫ f d·u ds of a field f on edges along d (n, 2), for the bodies (n,) of one side, or less that of the other.
+    """Row and size of ∫ f d·u ds of a field f along edges, with directions d (n, 2) that turn along arcs if `turns`.
 
-    D turns along arcs, or does not.
+    u is the motion of the bodies (n,) on the first side, less that on the second side if `sides` has two.
     """
-    found = along_edges(problem.mesh, edges, name, field)
-    parts, weights = edges.take(found.edge), found.values * found.weights * edges.length[found.edge, None]
-    along = vectors_along(parts, direction[found.edge], found.t, turns=turns)
-    points = np.stack(problem.mesh.points_along(parts, found.t), axis=-1)
+    f = along_edges(problem.mesh, edges, name, field)
+    parts, weights = edges.take(f.edge), f.values * f.weights * edges.length[f.edge, None]
+    along = vectors_along(parts, direction[f.edge], f.t, turns=turns)
+    points = np.stack(problem.mesh.points_along(parts, f.t), axis=-1)
     row = np.zeros((len(bodies), 3))
     for sign, side in zip((1.0, -1.0), sides, strict=False):
-        body = side[found.edge]
+        body = side[f.edge]
         arms = points - bodies.centre[body, None]
         turning = (arms[..., 0] * along[..., 1] - arms[..., 1] * along[..., 0]) / bodies.size[body, None]
         work = (np.concatenate([along, turning[..., None]], axis=-1) * weights[..., None]).sum(axis=1)
@@ -205,25 +205,23 @@ def _along(
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A line along which one contact holds between two bodies, with the position s: straight, or a piece of an arc.
+    """A line of contact between two bodies with the position s along it: straight, or a short piece of an arc.
 
-    Along a piece of an arc that turns by little w and [v]_T of a rigid motion are polynomials but for rounding. They
-    are nowhere below the least, or above the largest, of their Bernstein coefficients: what is proved with these stays
-    proved.
+    Along a short piece of an arc w and [v]_T of a rigid motion are polynomials, up to rounding. Their Bernstein
+    coefficients bound them from both sides, so that proofs with coefficients hold on the whole piece.
     """
 
     contact: Contact
-    bodies: tuple[int, int]  # the first body, and the second; −1 for an obstacle that stands still
+    bodies: tuple[int, int]  # the first and the second body; −1 for an obstacle at rest
     frame: Frame
-    edges: FloatArray  # (n, 2): where its edges begin and end [length]
-    arc: bool  # whether it is a piece of one
-    # places, friction, (p,) each: where values of w are taken or the condition holds, ascending, and μ there
-    places: FloatArray
-    friction: FloatArray
+    edges: FloatArray  # (n, 2): positions s of both ends of its edges [length]
+    arc: bool  # whether it is a piece of an arc
+    places: FloatArray  # (p,): ascending positions s where the conditions on w are imposed [length]
+    friction: FloatArray  # (p,): μ there
 
     @classmethod
     def of(cls, contact: Contact, bodies: tuple[int, int], frame: Frame, edges: FloatArray, *, arc: bool) -> "Line":
-        """With places where w ≥ μ |[v]_T| is asked for, and μ there, which is nowhere below the contact's own."""
+        """The line with its places, and a μ there whose interpolation is nowhere below the contact's own μ."""
         mu, capped = contact.friction, contact.shear_limit is not None
         if callable(mu):
             marks = _between(edges, np.linspace(0.0, 1.0, 2 if arc else _PIECES + 1))
@@ -242,7 +240,7 @@ class Line:
 
     @property
     def fixed(self) -> bool:
-        """Whether the bodies do not part, w = 0."""
+        """Whether the line cannot open: w = 0."""
         return self.contact.law != "unilateral"
 
     @property
@@ -252,72 +250,72 @@ class Line:
 
     @property
     def held(self) -> bool:
-        """Whether the bodies do not slip either."""
+        """Whether the line cannot slip either: [v]_T = 0."""
         sticks = self.contact.law == "bilateral" and self.rough and self.contact.shear_limit is None
         return self.contact.law == "tied" or sticks
 
     @property
     def dilates(self) -> bool:
-        """Whether slip takes opening: a unilateral contact with friction."""
+        """Whether slip needs opening, w ≥ μ |[v]_T|: a unilateral contact with friction."""
         return not self.fixed and self.rough
 
     @property
     def capped(self) -> bool:
-        """Whether only part of the slip has to dilate."""
+        """Whether only a part a of the slip needs opening, w ≥ μ a: a cap besides friction."""
         return self.dilates and self.contact.shear_limit is not None
 
     def _relative(self, bodies: Bodies, s: FloatArray, *, tangent: bool) -> FloatArray:
-        """Rows (p, 3 k) of [v]_N or [v]_T at places s; of an arc of their coefficients, whatever s is."""
-        points, *along = self.frame(self.places if self.arc else s)
-        first, second = (bodies.rows(np.full(len(points), body), points, along[tangent]) for body in self.bodies)
+        """Rows (p, 3 k) of [v]_N or [v]_T at positions s; on an arc of their Bernstein coefficients, whatever s is."""
+        points, *axes = self.frame(self.places if self.arc else s)
+        first, second = (bodies.rows(np.full(len(points), body), points, axes[tangent]) for body in self.bodies)
         return np.asarray(bernstein_from_values(_DEGREE) @ (first - second)) if self.arc else first - second
 
     def opening(self, bodies: Bodies) -> FloatArray:
-        """Rows (p, 3 k) of w at the places, of an arc of the coefficients of w."""
+        """Rows (p, 3 k) of w at the places; on an arc of the Bernstein coefficients of w."""
         return -self._relative(bodies, self.places, tangent=False)
 
     def slips(self, bodies: Bodies) -> FloatArray:
-        """Rows (r, 3 k) of which the largest is |[v]_T| anywhere, or more: one where it is constant."""
+        """Rows (r, 3 k) whose largest magnitude bounds |[v]_T|: one row on a straight line, where it is constant."""
         return self._relative(bodies, self.places[:1], tangent=True)
 
     def slip(self, bodies: Bodies, v: FloatArray) -> float:
-        """The largest |[v]_T| of motions v, or more."""
+        """A bound of |[v]_T| for the motions v, exact on a straight line."""
         return float(np.abs(self.slips(bodies) @ v).max())
 
     def fixed_rows(self, bodies: Bodies) -> FloatArray:
-        """Rows (e, 3 k) of the velocities that a line whose bodies do not part, or do not slip either, rules out."""
-        ruled_out = [False] * self.fixed + [True] * self.held
-        rows = [self._relative(bodies, self.places[[0, -1]], tangent=tangent) for tangent in ruled_out]
+        """Rows (e, 3 k) of velocities that must be zero: [v]_N on a line that cannot open, [v]_T if it cannot slip."""
+        tangents = [False] * self.fixed + [True] * self.held
+        rows = [self._relative(bodies, self.places[[0, -1]], tangent=tangent) for tangent in tangents]
         return np.concatenate([np.zeros((0, 3 * len(bodies))), *rows])
 
     def divided(self, s: float) -> "Line":
-        """The line with one more place, where μ is the larger of its neighbours'; pieces of arcs are small."""
+        """The line with one more place, and there the larger μ of both neighbours; arcs, already short, stay as is."""
         at = int(np.searchsorted(self.places, s))
-        known = at in (0, len(self.places)) or np.abs(self.places - s).min() <= _SAME * np.ptp(self.places)
-        if known or self.arc:
+        is_place = at in (0, len(self.places)) or np.abs(self.places - s).min() <= _SAME * np.ptp(self.places)
+        if is_place or self.arc:
             return self
         mu = self.friction[at - 1 : at + 1].max()
         return replace(self, places=np.insert(self.places, at, s), friction=np.insert(self.friction, at, mu))
 
     def crossings(self, bodies: Bodies, v: FloatArray) -> FloatArray:
-        """Places where opening becomes too little for all of the slip to dilate."""
+        """Positions s where w = μ × slip, between places: beyond them only part of the slip can dilate."""
         spare = self.opening(bodies) @ v - self.friction * self.slip(bodies, v)
         before = np.flatnonzero((spare[:-1] * spare[1:] <= 0.0) & (spare[:-1] != spare[1:]))
         share = spare[before] / (spare[before] - spare[before + 1])
         return np.asarray(self.places[before] + share * np.diff(self.places)[before])
 
     def surrounded(self, bodies: Bodies, v: FloatArray) -> "Line":
-        """The line with these places, and others closer and closer to them, where a cap sets in there."""
+        """The line with more places, at and around its crossings, ever closer to them; only where a cap acts."""
         line = self
         for s in self.crossings(bodies, v) if self.capped and not self.arc else ():
             at = int(np.argmin(np.abs(self.places - s)))
-            beside = self.places[max(at - 1, 0) : at + 2, None]
-            for place in [s, *(self.places[at] + (beside - self.places[at]) * _NEARER).ravel()]:
+            neighbours = self.places[max(at - 1, 0) : at + 2, None]
+            for place in [s, *(self.places[at] + (neighbours - self.places[at]) * _NEARER).ravel()]:
                 line = line.divided(place)
         return line
 
     def resistance(self, bodies: Bodies, v: FloatArray) -> float:
-        """∫ π ds for a motion that the line admits, exact up to the sampling of functions."""
+        """∫ π ds for a motion v that the line admits, exact up to the sampling of functions [stress × length²]."""
         slip = self.slip(bodies, v)
         if self.held or slip == 0.0:
             return 0.0
@@ -332,12 +330,12 @@ class Line:
         return work - float(line.relief() @ np.minimum(dilatant, slip))
 
     def shear_work(self) -> float:
-        """∫ π ds for a slip of 1 and no opening to spare: of t_max, of c, or of the smaller one."""
+        """∫ π ds for a slip of 1 with no part dilating (a = 0): ∫ t_max, ∫ c, or ∫ min(c, t_max), as in the table."""
         parts, _, error = self._integrated(self.edges, saved=False)
         return float(parts.sum()) + error
 
     def relief(self) -> FloatArray:
-        """∫ (t_max − c)⁺ N_i ds (p,) of the hat functions N_i of the places, or of B_i: what dilatant slip saves."""
+        """∫ (t_max − c)⁺ N_i ds (p,): the factors of −a in ∫ π ds; N_i are hat functions of the places, on arcs B_i."""
         if self.arc:
             parts, s, error = self._integrated(self.edges, saved=True)
             return np.maximum(parts.ravel() @ bernstein_basis(_DEGREE, s.ravel() / self.edges[0, 1]) - error, 0.0)
@@ -345,14 +343,14 @@ class Line:
         low = np.maximum(self.edges[:, 0], self.places[:-1, None])
         high = np.minimum(self.edges[:, 1], self.places[1:, None])
         parts, s, error = self._integrated(np.stack([low, high], axis=-1)[low < high], saved=True)
-        at = np.searchsorted(self.places, s[:, middle]) - 1  # every part lies between two places
+        at = np.searchsorted(self.places, s[:, middle]) - 1  # every part is between the places at, at + 1
         share = (s - self.places[at, None]) / np.diff(self.places)[at, None]
         first, second = (parts * (1.0 - share)).sum(axis=1), (parts * share).sum(axis=1)
-        found = np.bincount(at, first, count) + np.bincount(at + 1, second, count) - error
-        return np.asarray(np.maximum(found, 0.0))
+        sums = np.bincount(at, first, count) + np.bincount(at + 1, second, count) - error
+        return np.asarray(np.maximum(sums, 0.0))
 
     def _integrated(self, pieces: FloatArray, *, saved: bool) -> tuple[FloatArray, FloatArray, float]:
-        """Bound of shear without opening, or (t_max − c)⁺, in pieces (n, 2): parts of it, places, the error."""
+        """Weighted values (k, q) of π/|[v]_T| at a = 0, or of (t_max − c)⁺, in pieces (n, 2); positions s; error."""
         contact = self.contact
 
         def values(piece: IntArray, t: FloatArray) -> FloatArray:
@@ -367,22 +365,22 @@ class Line:
             return cap if self.rough else np.minimum(cohesion, cap)
 
         if callable(contact.cohesion) or callable(contact.shear_limit):
-            found = adapted(values, len(pieces), _POINTS)
+            rule = adapted(values, len(pieces), _POINTS)
         else:
-            found = constant(values(np.zeros(1, dtype=np.int64), np.zeros((1, 1))).item(), len(pieces), _POINTS)
+            rule = constant(values(np.zeros(1, dtype=np.int64), np.zeros((1, 1))).item(), len(pieces), _POINTS)
         lengths = np.diff(pieces, axis=1)
-        parts = found.values * found.weights * lengths[found.edge]
-        return parts, _between(pieces[found.edge], found.t), found.error * float(lengths.max())
+        parts = rule.values * rule.weights * lengths[rule.edge]
+        return parts, _between(pieces[rule.edge], rule.t), rule.error * float(lengths.max())
 
 
 def _between(ends: FloatArray, t: FloatArray) -> FloatArray:
-    """Affine functions (n, q) at points t from their values at both ends (n, 2)."""
+    """Affine functions (n, q) at points t from their values (n, 2) at t = 0 and 1."""
     return np.asarray(ends[:, :1] + np.diff(ends, axis=1) * t)
 
 
 def lines(problem: ContactProblem, bodies: Bodies) -> tuple[Line, ...]:
-    """The lines of all contacts; a joint inside one block parts nothing, and has none."""
-    vertices, found = problem.mesh.vertices, list[Line]()
+    """The lines of all contacts; a joint inside one block separates no bodies, and has no line."""
+    vertices, all_lines = problem.mesh.vertices, list[Line]()
     for contact in problem.contacts:
         edges = problem.mesh.edges(contact.edges)
         first, second = bodies.beside(edges, contact)
@@ -390,16 +388,16 @@ def lines(problem: ContactProblem, bodies: Bodies) -> tuple[Line, ...]:
             chosen = edges.take((first == one) & (second == other) & (one != other))
             straight, arcs = chosen.take(~chosen.bent), chosen.take(chosen.bent)
             for group in _straight(vertices, straight):
-                found.append(Line.of(contact, (one, other), *_chord(vertices, straight.take(group)), arc=False))
+                all_lines.append(Line.of(contact, (one, other), *_chord(vertices, straight.take(group)), arc=False))
             for number in range(len(arcs)):
                 for piece in _pieces(vertices, arcs.take(np.array([number]))):
-                    found.append(Line.of(contact, (one, other), *piece, arc=True))
-    return tuple(found)
+                    all_lines.append(Line.of(contact, (one, other), *piece, arc=True))
+    return tuple(all_lines)
 
 
 def _pieces(vertices: FloatArray, arc: Edges) -> Iterator[tuple[Frame, FloatArray]]:
-    """An arc in pieces of which each turns by little."""
-    turn = np.abs(np.diff(angles(arc.bend, np.linspace(0.0, 1.0, _SAMPLES + 1)))).max() * _SAMPLES  # where it is most
+    """Frames and positions of the ends of pieces of an arc, each of which turns by `_TURN` at most."""
+    turn = np.abs(np.diff(angles(arc.bend, np.linspace(0.0, 1.0, _SAMPLES + 1)))).max() * _SAMPLES  # if all turned so
     count = max(1, math.ceil(turn / _TURN))
     length = float(arc.length[0]) / count
     for piece in range(count):
@@ -413,23 +411,23 @@ def _pieces(vertices: FloatArray, arc: Edges) -> Iterator[tuple[Frame, FloatArra
 
 
 def _straight(vertices: FloatArray, edges: Edges) -> Iterator[IntArray]:
-    """Edges that lie on one straight line and face one way, in groups: a line does not depend on how it is divided."""
+    """Groups of edges on one straight line with the same normal, so that results do not depend on its division."""
     ends = np.stack([vertices[edges.first], vertices[edges.second]], axis=1)
-    size, waiting = float(np.abs(vertices).max()), np.ones(len(edges), dtype=bool)
-    while waiting.any():
-        longest = int(np.argmax(np.where(waiting, edges.length, 0.0)))
+    size, is_left = float(np.abs(vertices).max()), np.ones(len(edges), dtype=bool)
+    while is_left.any():
+        longest = int(np.argmax(np.where(is_left, edges.length, 0.0)))
         normal, length = edges.normal[longest], edges.length[longest]
-        away = ends - ends[longest, 0]
-        reach = 1.0 + np.hypot(*np.moveaxis(away, -1, 0)).max(axis=1) / length
-        near = np.abs(away @ normal).max(axis=1) <= _ROUNDING * size * reach
-        group = waiting & near & (edges.normal @ normal > 0.0)
+        arms = ends - ends[longest, 0]
+        lever = 1.0 + np.hypot(*np.moveaxis(arms, -1, 0)).max(axis=1) / length  # multiplies rounding of the direction
+        on_line = np.abs(arms @ normal).max(axis=1) <= _ROUNDING * size * lever
+        group = is_left & on_line & (edges.normal @ normal > 0.0)
         group[longest] = True
-        waiting &= ~group
+        is_left &= ~group
         yield np.flatnonzero(group)
 
 
 def _chord(vertices: FloatArray, edges: Edges) -> tuple[Frame, FloatArray]:
-    """The line of such edges, and where on it they are."""
+    """The frame of the straight line of a group of edges, and the positions s (n, 2) of their ends."""
     longest = int(np.argmax(edges.length))
     ends = vertices[np.concatenate([edges.first, edges.second])]
     along = ends @ edges.tangent[longest]
@@ -445,9 +443,9 @@ def _chord(vertices: FloatArray, edges: Edges) -> tuple[Frame, FloatArray]:
 
 
 def _above(values: FloatArray, constant: BoolArray | bool) -> FloatArray:
-    """End values (n, 2) of affine functions that are not below samples (n, q): the chord, lifted, or the largest."""
+    """End values (n, 2) of affine functions not below samples (n, q): the raised chord, or constants if `constant`."""
     ends, largest = values[:, [0, -1]], values.max(axis=1)[:, None]
     chord = ends[:, :1] + np.diff(ends, axis=1) * np.linspace(0.0, 1.0, values.shape[1])
     lift = np.maximum(values - chord, 0.0).max(axis=1)[:, None]
-    flat = constant | (lift > 0.25 * np.abs(np.diff(ends, axis=1)))  # a jump, or a hump
+    flat = constant | (lift > 0.25 * np.abs(np.diff(ends, axis=1)))  # or where samples have a jump or a hump
     return np.asarray(np.where(flat, largest, ends + lift))

@@ -1,13 +1,13 @@
-"""Mechanisms: rigid motions of the blocks that prove how much of a load no stress whatever can carry.
+"""Mechanisms: rigid motions of the blocks that prove which loads no stress at all can carry.
 
-Unknown are the motions v of all bodies, the slips s_l ≥ |[v]_T| of lines, and where a cap lets part of the slip do
-without opening the dilatant slip a at places of the line:
+The unknowns are the motions v of all bodies, the slips s_l ≥ |[v]_T| of lines, and on lines with a cap the part a of
+the slip that needs opening, at the places of the line:
 
     w − μ s ≥ 0   or   w − μ a ≥ 0,  0 ≤ a ≤ s,          R(v) = Σ_l (∫ bound ds · s_l − ∫ (t_max − c)⁺ a ds)
 
-Supports, tied and bilateral lines are equations; their null space is taken first, so that rounding of the many
-equations of one line does no harm. Answers of the solver are used for v only. Works, resistance and missed conditions
-are computed from v again.
+Supports, tied and bilateral lines are equations. Their null space is computed first, so that many nearly dependent
+equations of one line do no harm. Of the solver's answer only v is used: works, resistance and violations are computed
+from v again.
 
 In `docs/theory.md`: (D23).
 """
@@ -35,25 +35,25 @@ from solvers.basics.types import PicklesFields
 from solvers.errors import Named
 from solvers.inner.linear_program import INFEASIBLE, TIME_LIMIT, solved
 
-_STILL: Final = 1e-9  # displacement of bodies over the largest one of all, below which they rest
+_STILL: Final = 1e-9  # displacement of blocks over the size of the motion, up to which only plates move
 _CERTAIN: Final = 1e-8
-"""Gain of work, relative to the work that drives and resists, below which nothing is claimed."""
+"""Net work over (driving + resisting work) that a proof must exceed."""
 
 _REACH: Final = 1e4
-"""A proof must exclude all contact forces up to so many times the loads, whatever rounding left of the conditions."""
+"""Contact forces over the loads up to which a proof must hold, although rounding violates the conditions a little."""
 
 _MOVES: Final = 1e-6
-"""Share of the largest motion from which on a contact opens or slips."""
+"""Speed of opening or slip over the largest displacement, above which a contact opens or slips."""
 
-_FARTHEST: Final = 1e5  # size of motions that do the work 1 with loads of the size 1: beyond, work is rounding
-_LEAST: Final = 1e-7  # work of loads of the size 1 on motions of the size 1, below which it may be rounding
-_ROUNDS: Final = 40  # at most, of placing the points where the cap sets in
-_SETTLED: Final = 1e-13
+_FARTHEST: Final = 1e5  # largest motion that does the work 1 with loads of size 1: for larger ones work is rounding
+_LEAST: Final = 1e-7  # work of loads of size 1 on motions of size 1, up to which it may be rounding
+_ROUNDS: Final = 40  # largest number of linear programs with ever more places on lines with a cap
+_SETTLED: Final = 1e-13  # relative decrease of the optimum by more places, up to which it has settled
 
 
 @dataclass(frozen=True)
 class ContactMotion:
-    """What a mechanism does at a contact."""
+    """Motion of a mechanism at a contact, for a largest displacement of 1 [length]."""
 
     opening: float
     """Largest speed of opening [length]."""
@@ -73,27 +73,27 @@ class ContactMotion:
 
 @dataclass(frozen=True, eq=False)
 class Mechanism(PicklesFields):
-    """Small rigid motions of the blocks that the contact laws admit, the largest displacement being 1 [length].
+    """Small rigid motions of the blocks that the contact laws admit; the largest displacement is 1 [length].
 
-    Friction counts as if slip had to open the contact by μ times as much (the associated law): for such a motion
-    admissible tractions cannot resist by more than `resistance`. If the loads do more work than that, no stress in
-    equilibrium with them keeps the contact laws, on any mesh.
+    Slip opens a contact with friction by at least μ times the slip (the associated law). On such a motion admissible
+    tractions do at most the work `resistance` against it. If the loads do more work, no stress in equilibrium with them
+    obeys the contact laws, on any mesh.
     """
 
     blocks: IntArray
-    """(cells,) int: The block that each cell of the mesh belongs to."""
+    """(cells,) int: The block of each cell of the mesh."""
     motions: tuple[RigidMotion, ...]
-    """One for each block."""
+    """The motion of each block."""
     plates: Mapping[str, RigidMotion]
     """Motions of plates driven by force, by the names of their contacts."""
     works: Mapping[str, float]
     """Work of each load by its name [stress × length²]."""
     resistance: float
-    """The most that cohesion and caps of friction can take up [stress × length²]."""
+    """Largest work of cohesion and capped friction against the motion [stress × length²]."""
     contacts: Mapping[str, ContactMotion]
-    """What opens and what slips."""
+    """Opening and slip by contact."""
     violation: float
-    """Largest speed against a support or contact law [length]: rounding."""
+    """Largest speed that violates a support or contact law, by rounding [length]."""
 
     @property
     def work(self) -> float:
@@ -102,29 +102,28 @@ class Mechanism(PicklesFields):
 
     @property
     def driving(self) -> float:
-        """Work of the loads that help the motion along [stress × length²]."""
+        """Work of the loads whose work is positive [stress × length²]."""
         return sum(work for work in self.works.values() if work > 0.0)
 
     @property
     def resisting(self) -> float:
-        """Work against the other loads, and what contacts take up at most [stress × length²]."""
+        """Work against the other loads, plus the largest resistance of the contacts [stress × length²]."""
         return self.resistance + self.driving - self.work
 
     @property
     def overload(self) -> float:
-        """Work of the loads that drive the mechanism, over what the other loads and the contacts can take up.
+        """Driving work over resisting work; infinity if nothing resists.
 
-        Above 1 the loads cannot be carried: all that drive would have to be smaller by this factor, while the others
-        stay. Loads count by their names, as driving if their work on this motion is positive: parts of one load, such
-        as the shear on two ends that make a couple, want one name, or what one gains and another loses counts on both
-        sides and brings the factor nearer to 1. It is not the inverse of `limit_load_factor`, where the loads to
-        multiply are chosen. Infinity if nothing resists.
+        Above 1 the loads cannot be carried: all driving loads would have to be smaller by this factor, with the others
+        unchanged. A load drives if the work under its name is positive. Parts of one load, such as the shear on two
+        ends that forms a couple, should have one name: with two names the factor is nearer to 1. The factor is not the
+        inverse of `limit_load_factor`, where the user chooses the loads that are multiplied.
         """
         return self.driving / self.resisting if self.resisting > _CERTAIN * self.driving else math.inf
 
     @property
     def reason(self) -> str:
-        """What gives way, as a sentence without its stop."""
+        """A sentence, without full stop, that names the contacts that slip or open."""
         slides = [repr(name) for name, moved in self.contacts.items() if moved.slides]
         pulls = [repr(name) for name, moved in self.contacts.items() if moved.opens and not moved.slides]
         if slides:
@@ -137,9 +136,9 @@ class Mechanism(PicklesFields):
 def find_mechanism(problem: ContactProblem) -> Mechanism | None:
     """The mechanism that proves that no stress carries the loads; None if there is none.
 
-    It is the one on which the loads that drive do the most work for each unit of work that resists. None says that
-    contact tractions exist that carry the loads on rigid blocks, up to 1e-8 of them; friction may still give way
-    before, since Coulomb's slip is not associated.
+    Of all mechanisms it has the largest driving work over resisting work. None means that contact tractions exist that
+    carry the loads on rigid blocks, up to 1e-8 of the loads. Coulomb friction may still fail earlier, since its slip is
+    not associated.
 
     Raises
     ------
@@ -154,10 +153,11 @@ def find_mechanism(problem: ContactProblem) -> Mechanism | None:
 
 
 def upper_bound(problem: ContactProblem, loads: Sequence[str]) -> tuple[float, Mechanism | None]:
-    """The largest multiple of the named loads that a body of rigid blocks carries, and the mechanism of the limit.
+    """The largest multiple of the named loads that rigid blocks carry, and the mechanism of this limit.
 
-    No stress of the body carries more, and none on any mesh. It is infinite, without a mechanism, if the loads can grow
-    without limit, and minus infinity if a mechanism on which they do no work lets no multiple be carried.
+    No stress of the body carries more, on any mesh. The multiple is infinite, without a mechanism, if the loads can
+    grow without limit. It is minus infinity if no multiple can be carried, by a mechanism on which the named loads do
+    no work.
     """
     rigid = Rigid(problem)
     named = [name for name in dict.fromkeys(loads) if name in rigid.works]
@@ -168,102 +168,100 @@ def upper_bound(problem: ContactProblem, loads: Sequence[str]) -> tuple[float, M
     if mechanism is None:
         return math.inf, None
     if mechanism.violation > _CERTAIN:
-        raise SolveError(
-            f"limit load: the mechanism violates a contact law by {mechanism.violation:.1e}: leave out "
-            "tiny blocks or edges"
-        )
+        reason = f"the mechanism violates a contact law by {mechanism.violation:.1e}"
+        raise SolveError(f"limit load: {reason}: leave out tiny blocks or edges")
     resisting = mechanism.resistance - sum(mechanism.works[name] for name in others)
     return resisting / sum(mechanism.works[name] for name in named), mechanism
 
 
 class Rigid:
-    """A problem whose blocks are rigid: bodies, lines, works of loads, and the programs over them."""
+    """A problem with rigid blocks: bodies, lines, works of loads, and the linear programs over their motions."""
 
     def __init__(self, problem: ContactProblem) -> None:
         self.problem = problem
         self.bodies = Bodies.of(problem)
         self.lines = lines(problem, self.bodies)
         bodies, vertices = self.bodies, problem.mesh.vertices
-        rows = [np.eye(3 * len(bodies))[~bodies.free.ravel()]]  # of velocities that supports, plates, contacts rule out
+        rows = [np.eye(3 * len(bodies))[~bodies.free.ravel()]]  # of velocities that plates, supports, lines set to zero
         for given in problem.prescribed(Displacement):
             edges, block = given.edges, bodies.of_cells[given.edges.cells[:, 0]]
             along = vectors_along(edges, given.direction, np.array([0.0, 1.0]), turns=given.turns)
             ends = (edges.first, edges.second)
             rows += [bodies.rows(block, vertices[end], along[:, k]) for k, end in enumerate(ends)]
         self.held = np.concatenate([*rows, *(line.fixed_rows(bodies) for line in self.lines)])
-        shift = float(np.abs(vertices).max() / bodies.size.min())  # what may be rounding of coordinates is a row
+        shift = float(np.abs(vertices).max() / bodies.size.min())  # factor of rounding of coordinates in rows
         self.free = null_space(self.held, 64.0 * np.finfo(float).eps * (1.0 + shift) * np.sqrt(len(self.held)))
 
     @cached_property
     def works(self) -> dict[str, Work]:
-        """What each load does on motions, by name."""
+        """The work of each load on rigid motions, by name."""
         return works(self.problem, self.bodies)
 
     def _size(self, names: Iterable[str]) -> float:
-        """Largest work of loads on motions of size 1, nothing cancelled [stress × length]."""
+        """Sum of the sizes of loads, see `Work` [stress × length]."""
         return sum(self.works[name].size for name in names)
 
     def _row(self, names: Iterable[str], unit: float) -> FloatArray:
-        """Work of loads together, over a unit of it."""
+        """The row of the works of several loads together, over a unit of work."""
         return np.asarray(sum((self.works[name].row for name in names), np.zeros(len(self.free))) / unit)
 
     def proving(self, names: Sequence[str], idle: Sequence[str] = ()) -> Mechanism | None:
-        """The motion on which driving over resisting work of the named loads is largest, if it proves that they fall.
+        """The motion with the largest ratio of driving to resisting work of the named loads, if it is a proof.
 
-        They must do more work than rounding, or contact forces far beyond the loads, could explain. Loads called idle,
-        which one factor multiplies, do no work on it together, and are left out.
+        A proof has more net work than rounding, and contact forces far above the loads on violated conditions, can
+        explain. The `idle` loads, which one factor multiplies, together do no work on the motion, and are left out.
         """
         unit, together = self._size(names), self._size(idle)
         if not self.free.shape[1] or unit == 0.0:
             return None
         loads = np.array([self.works[name].row for name in names]) / unit
-        none = self._row(idle, together) if together else None
+        idle_work = self._row(idle, together) if together else None
 
-        def posed(program: _Program) -> tuple[FloatArray, float] | None:
-            """Max L − R  s.t.  Σ_j |L_j| + R ≤ 1: then (L⁺ − resisting)/(L⁺ + resisting) is largest."""
+        def optimum(program: _Program) -> tuple[FloatArray, float] | None:
+            """Max L − R  s.t.  Σ_j |L_j| + R ≤ 1: then (driving − resisting)/(driving + resisting) is largest."""
             cost, works, sizes = program.cost / unit, program.on_unknowns(loads), np.ones(len(loads))
             rows: Any = [[program.rows, None], [works, -np.diag(sizes)], [-works, -np.diag(sizes)]]
             rows += [[cost[None], sizes[None]]]
             matrix = sparse.block_array(rows)
             limits = np.append(np.zeros(matrix.shape[0] - 1), 1.0)
-            return program.solved(np.append(cost - works.sum(axis=0), 0.0 * sizes), matrix, limits, none)
+            return program.solved(np.append(cost - works.sum(axis=0), 0.0 * sizes), matrix, limits, idle_work)
 
-        def proves(found: Mechanism) -> bool:
-            rounding = _CERTAIN * (found.driving + found.resisting) + _REACH * found.violation * self._size(self.works)
-            return found.driving - found.resisting > rounding
+        def proves(proof: Mechanism) -> bool:
+            rounding = _CERTAIN * (proof.driving + proof.resisting) + _REACH * proof.violation * self._size(self.works)
+            return proof.driving - proof.resisting > rounding
 
-        found = self._settled(posed, names)
-        if (found is None or not proves(found)) and not idle and any(e.capped and not e.arc for e in self.lines):
-            # Caps are placed around a motion. Where without these places nothing moves, this motion is a first one.
-            found = self.dearest(names, [])
-        if found is None or not proves(found):
+        motion = self._settled(optimum, names)
+        if (motion is None or not proves(motion)) and not idle and any(e.capped and not e.arc for e in self.lines):
+            # Places on lines with a cap are added around a motion. If none is found without them, this is a first one.
+            motion = self.dearest(names, [])
+        if motion is None or not proves(motion):
             return None
-        moved = found.contacts.values()
-        if np.isinf(found.overload) and any(each.slides for each in moved) and any(each.opens for each in moved):
-            # Where nothing resists many motions are as good: one without slip shows that friction is not to blame.
+        moved = motion.contacts.values()
+        if np.isinf(motion.overload) and any(each.slides for each in moved) and any(each.opens for each in moved):
+            # If nothing resists, many motions prove it. One without slip shows that friction is not the reason.
             answer = None
-            with suppress(SolveError):  # what is found is proof enough
-                answer = posed(_Program(self, self.lines, slipping=False))
+            with suppress(SolveError):  # the first motion is a proof already
+                answer = optimum(_Program(self, self.lines, slipping=False))
             if answer is not None and answer[0].any():
                 tipped = self._mechanism(answer[0], names)
                 if proves(tipped) and np.isinf(tipped.overload):
                     return tipped
-        return found
+        return motion
 
     def dearest(self, names: Sequence[str], others: Sequence[str]) -> Mechanism | None:
-        """The motion that gives the least R − L(others) for one work of the named loads; None if they can do none.
+        """The motion of least R − L(others) for a given work of the named loads; None if they cannot do work.
 
-        Near a threshold at which they can do none the work is that of the motion on which they do most: motions of the
-        work 1 would be too large to be told from rounding.
+        The given work is the largest that the named loads do on motions of size 1. If that is small, motions of the
+        work 1 would be so large that works would drown in rounding.
         """
         unit, size = self._size(names), self._size(self.works)
         if not self.free.shape[1] or unit == 0.0:
             return None
         row, start = self._row(names, unit), _Program(self, self.lines)
-        found = start.solved(-start.on_unknowns(row), start.rows, farthest=1.0)
-        if found is None or -found[1] <= _LEAST:
+        optimum = start.solved(-start.on_unknowns(row), start.rows, farthest=1.0)
+        if optimum is None or -optimum[1] <= _LEAST:
             return None
-        row, other = row / -found[1], self._row(others, size)
+        row, other = row / -optimum[1], self._row(others, size)
         return self._settled(lambda program: program.solved(
             program.cost / size - program.on_unknowns(other), program.rows, 0.0, row, 1.0
         ), [*names, *others])  # fmt: skip
@@ -271,56 +269,56 @@ class Rigid:
     def _settled(
         self, solve: Callable[[_Program], tuple[FloatArray, float] | None], names: Iterable[str]
     ) -> Mechanism | None:
-        """Solve, and again with more places around that where the cap sets in, until they change nothing."""
-        chosen, before, idle = self.lines, np.inf, 0
+        """The mechanism of an optimum, with more and more places around the crossings of lines with a cap.
+
+        The rounds end when the optimum has settled twice in a row, or lines have no more places.
+        """
+        chosen, before, settled = self.lines, np.inf, 0
         for _ in range(_ROUNDS):
-            found = solve(_Program(self, chosen))
-            if found is None or not any(line.capped for line in chosen):
+            optimum = solve(_Program(self, chosen))
+            if optimum is None or not any(line.capped for line in chosen):
                 break
-            motion, value = found
-            idle = 0 if before - value > _SETTLED * abs(value) else idle + 1
-            if idle == 2:
+            motion, value = optimum
+            settled = 0 if before - value > _SETTLED * abs(value) else settled + 1
+            if settled == 2:
                 break
             finer, before = tuple(line.surrounded(self.bodies, motion) for line in chosen), value
-            if finer == chosen:  # the same lines, as on arcs
+            if finer == chosen:  # no line has new places
                 break
             chosen = finer
-        return None if found is None or not found[0].any() else self._mechanism(found[0], names)
+        return None if optimum is None or not optimum[0].any() else self._mechanism(optimum[0], names)
 
     def _mechanism(self, v: FloatArray, names: Iterable[str]) -> Mechanism:
-        """A motion in the user's terms, scaled to the largest displacement 1."""
+        """The mechanism of motions v (3 k,), scaled to the largest displacement 1."""
         bodies = self.bodies
         v = v / np.abs(v).max()
         of_cells, scale = bodies.of_cells, np.insert(np.ones((len(bodies), 2)), 2, 1.0 / bodies.size, axis=1)
         x, y, turn = (v.reshape(-1, 3) * scale)[of_cells, :, None].swapaxes(0, 1)
         arm_x, arm_y = np.moveaxis(self.problem.mesh.corners - bodies.centre[of_cells, None], -1, 0)
         largest = np.hypot(x - turn * arm_y, y + turn * arm_x).max()
-        v = v / (largest if largest > _STILL else 1.0)  # plates alone may move
-        missed = [0.0, *np.abs(self.held @ v).tolist()]
+        v = v / (largest if largest > _STILL else 1.0)  # else only plates move
+        violations = [0.0, *np.abs(self.held @ v).tolist()]
         opening, slip = ({contact.name: 0.0 for contact in self.problem.contacts} for _ in range(2))
         for line in self.lines:
             name, opens, slips = line.contact.name, line.opening(bodies) @ v, line.slip(bodies, v)
             opening[name], slip[name] = max(opening[name], float(opens.max())), max(slip[name], slips)
             if not line.fixed:
-                missed += list(line.friction * (slips if line.dilates and not line.capped else 0.0) - opens)
+                violations += list(line.friction * (slips if line.dilates and not line.capped else 0.0) - opens)
         moved = np.column_stack([v.reshape(-1, 3) * scale, bodies.centre]).tolist()
         motions = tuple(RigidMotion(a, b, rotation, (at_x, at_y)) for a, b, rotation, at_x, at_y in moved)
         plates = dict(zip(bodies.plates, motions[bodies.blocks :], strict=True))
-        found = {name: float(self.works[name].row @ v) for name in names}
+        by_load = {name: float(self.works[name].row @ v) for name in names}
         contacts = {name: ContactMotion(opening[name], slip[name]) for name in opening}
         return Mechanism(
-            bodies.of_cells,
-            motions[: bodies.blocks],
+            bodies.of_cells, motions[: bodies.blocks],
             MappingProxyType(Named("plates", "contacts with a plate or pin", plates)),
-            MappingProxyType(Named("works", "loads", found)),
-            sum(line.resistance(bodies, v) for line in self.lines),
-            MappingProxyType(Named("contacts", "contacts", contacts)),
-            float(max(missed)),
-        )
+            MappingProxyType(Named("works", "loads", by_load)), sum(line.resistance(bodies, v) for line in self.lines),
+            MappingProxyType(Named("contacts", "contacts", contacts)), float(max(violations)),
+        )  # fmt: skip
 
 
 class _Program:
-    """The conditions of lines as rows ≤ 0 in x = (y, slips of each line) with v = Z y, and the costs of slips."""
+    """The conditions of lines as rows ≤ 0 in x = (y, slips of each line) with v = Z y, and R as costs of x."""
 
     def __init__(self, rigid: Rigid, chosen: Sequence[Line], *, slipping: bool = True) -> None:
         self._basis, self._motions, self._slipping = rigid.free, rigid.free.shape[1], slipping
@@ -335,7 +333,7 @@ class _Program:
         self.rows = sparse.hstack([sparse.vstack(shared), sparse.block_diag([sparse.csr_array((0, 0)), *own])])
 
     def _conditions(self, line: Line, bodies: Bodies) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Rows of a line on y, and on its own slips, and the costs of these."""
+        """Rows of a line on y, rows on its slips (s, and a at places with a cap), and the costs of these slips."""
         opening = self._on_motions(line.opening(bodies)[: 0 if line.fixed else None])
         work = line.shear_work()
         if self._slipping and not (line.dilates or work > 0.0):
@@ -347,21 +345,22 @@ class _Program:
         mu, limit = line.friction[: len(opening), None], -np.ones((2 * len(slips), 1))
         if not line.capped:
             return np.concatenate([slips, -slips, -opening]), np.concatenate([limit, mu]), np.array([work])
-        each, none = np.eye(len(opening)), np.zeros((len(opening), 1))
-        dilatant = np.block([[limit, np.zeros((len(limit), len(each)))], [none, mu * each], [none - 1.0, each]])
+        # |[v]_T| ≤ s;  μ a ≤ w;  a ≤ s
+        each, zero = np.eye(len(opening)), np.zeros((len(opening), 1))
+        dilatant = np.block([[limit, np.zeros((len(limit), len(each)))], [zero, mu * each], [zero - 1.0, each]])
         on_y = np.concatenate([slips, -slips, -opening, 0.0 * opening])
         return on_y, dilatant, np.append(work, -line.relief())
 
     def _on_motions(self, rows: FloatArray) -> FloatArray:
-        """Rows on motions v of bodies as rows on y, of which few have entries where there are many bodies."""
-        touched = np.flatnonzero(rows.any(axis=0))
-        return np.asarray(rows[:, touched] @ self._basis[touched])
+        """Rows on motions v as rows on y; only the few nonzero columns are multiplied."""
+        nonzero = np.flatnonzero(rows.any(axis=0))
+        return np.asarray(rows[:, nonzero] @ self._basis[nonzero])
 
     def on_unknowns(self, rows: FloatArray) -> FloatArray:
-        """Rows (..., 3 k) on motions as rows on x."""
-        found = np.zeros((*rows.shape[:-1], len(self.cost)))
-        found[..., : self._motions] = rows @ self._basis
-        return found
+        """Rows (..., 3 k) on motions v as rows on x."""
+        on_x = np.zeros((*rows.shape[:-1], len(self.cost)))
+        on_x[..., : self._motions] = rows @ self._basis
+        return on_x
 
     def solved(
         self,
@@ -372,8 +371,11 @@ class _Program:
         value: float = 0.0,
         farthest: float = _FARTHEST,
     ) -> tuple[FloatArray, float] | None:
-        """The motion v and the least value, with rows not above limits, and of one on v its value; None if none has."""
-        box = sparse.eye_array(self._motions, len(objective))  # as rows: variables with two bounds would stand at one
+        """The motion v of the least objective, and this least value; None if no x meets the conditions.
+
+        Conditions: rows x ≤ limits, equation v = value if an equation is given, |y| ≤ farthest, and slips ≥ 0.
+        """
+        box = sparse.eye_array(self._motions, len(objective))  # as rows, so that y need not be at a bound
         limits = np.append(np.broadcast_to(limits, rows.shape[0]), np.full(2 * self._motions, farthest))
         known: Any = {}
         if equation is not None:
@@ -393,6 +395,6 @@ class _Program:
 
 
 def null_space(rows: FloatArray, least: float) -> FloatArray:
-    """Orthonormal columns (n, d) on which rows (m, n) are at most `least`."""
-    _, values, right = np.linalg.svd(np.linalg.qr(rows, mode="r"))  # of many rows, few are of use
+    """Orthonormal columns (n, d) that span the null space of rows (m, n): singular values up to `least` are zero."""
+    _, values, right = np.linalg.svd(np.linalg.qr(rows, mode="r"))  # QR first, as m may be much larger than n
     return np.asarray(right[int((values > least).sum()) :].T)

@@ -1,12 +1,12 @@
-"""SQLite files that keep rows: each is on disk before the next one is begun, and one run at a time writes.
+"""SQLite files of rows: every row is on disk before the next one is computed, and only one run writes at a time.
 
-The journal is the rollback journal. The write-ahead log would need memory shared by all that read or write, which
-network folders do not offer, keep the last rows in a second file, and forbid reading in a folder that is read-only. A
-row is on disk, and its place in the folder too (synchronous = EXTRA), when its transaction ends.
+SQLite uses its rollback journal here. A write-ahead log would need memory shared by all readers and writers, which
+network folders do not offer, would keep the last rows in a second file, and would forbid reading in a read-only folder.
+When a transaction ends, its rows and the file's entry in the folder are on disk (synchronous = EXTRA).
 
-A run that writes holds a lock on an empty database beside the file, which goes with the process, however it dies.
-Others can read meanwhile. The file .lock stays: a run that removed it could take it from under another one that has
-just opened it, and two would write. It may be deleted when no run is at work.
+A run that writes holds a lock on an empty database beside the file, named .lock. The lock ends with the process,
+however the process ends. Other processes can read meanwhile. The .lock file stays after the run: if a run removed it,
+another run might just have opened it, and then two runs could write. It may be deleted when no run is at work.
 """
 
 import sqlite3
@@ -25,7 +25,7 @@ SETTINGS: Final[tuple[str, ...]] = (
     "synchronous = EXTRA",
     "foreign_keys = ON",
 )
-_PATIENCE: Final = 30.0  # seconds that a reader is waited for
+_PATIENCE: Final = 30.0  # seconds that a writer waits for a reader
 
 _OPEN: Final = "cannot be opened or written: give another place, or the right to write there"
 _BUSY: Final = "another run is at work on it: wait until it has ended, or give another file"
@@ -44,27 +44,24 @@ _REMEDIES: Final = {
 
 @dataclass(frozen=True)
 class Database:
-    """A kind of SQLite files.
-
-    All methods raise `InputError`, also for every error of SQLite inside of them, about the field "store": in one line.
-    """
+    """A kind of SQLite files. All methods turn errors of SQLite into an `InputError` of "store", in one line."""
 
     what: str
-    """What such a file is, as in "the store of a study"."""
+    """What a file of this kind is called in messages, as "the store of a study"."""
     application: int
-    """Tells these files from others: the file's application_id."""
+    """The files' application_id, which distinguishes them from other SQLite files."""
     schema: int
-    """Version of the tables: the file's user_version."""
+    """Version of the tables: the files' user_version."""
     tables: Sequence[str]
-    """The statements that make them."""
+    """The SQL statements that create the tables."""
     rows: str
-    """The table of what is kept. A file without rows is nobody's: a run that came to nothing stands in no one's way."""
+    """Name of the table of results. A file in which it is empty is replaced, as of a run that failed at once."""
 
     @contextmanager
     def writing(self, path: Path, fill: Callable[[sqlite3.Connection], object]) -> Iterator[sqlite3.Connection]:
-        """A connection to a file, made if it is missing or has no rows, while other runs are kept away from it.
+        """A connection to a file, locked for other runs; the file is made if it is missing or has no rows.
 
-        A new file gets its name when its tables are there, and what `fill` writes first.
+        A new file gets its name only when it has its tables, and the rows that `fill` writes into them.
         """
         writable_folder(path.parent, "store")
         with self._locked(path):
@@ -82,7 +79,7 @@ class Database:
                             connection.execute(statement)
                         fill(connection)
             with self.opened(path) as connection:
-                # beginning alone is possible with files that are read-only
+                # a test write, as a transaction can begin in a read-only file too
                 connection.execute("BEGIN IMMEDIATE")
                 connection.execute(f"PRAGMA user_version = {self.schema}")
                 connection.rollback()
@@ -90,7 +87,7 @@ class Database:
 
     @contextmanager
     def opened(self, path: Path) -> Iterator[sqlite3.Connection]:
-        """A connection to a file that is there, after a look whether it is sound, and of this kind and version."""
+        """A connection to an existing file, after checks that it is undamaged, and of this kind and version."""
         if not path.exists():
             raise InputError("store", str(path), f"there is no such file: give {self.what}")
         with self.explained(path), self._connected(path) as connection:
@@ -108,8 +105,8 @@ class Database:
             with closing(sqlite3.connect(":memory:")) as known:
                 for statement in self.tables:
                     known.execute(statement)
-                if _statements(connection) != _statements(known):  # a view in place of a table never ends
-                    raise InputError("store", str(path), "has other tables than it was made with: give another file")
+                if _statements(connection) != _statements(known):  # a view in place of a table could run for ever
+                    raise InputError("store", str(path), "its tables were changed after it was made: give another file")
             if connection.execute("PRAGMA quick_check(1)").fetchone() != ("ok",):
                 raise self.damaged(path)
             yield connection
@@ -121,34 +118,34 @@ class Database:
             try:
                 for setting in SETTINGS:
                     connection.execute(f"PRAGMA {setting}")
-            except UnicodeDecodeError as error:  # a statement of the tables is no text
+            except UnicodeDecodeError as error:  # the file has bytes that are no text as a statement
                 raise self.damaged(path) from error
             yield connection
 
     @contextmanager
     def explained(self, path: Path) -> Iterator[None]:
-        """What SQLite says inside becomes one line."""
+        """Turn errors of SQLite in the block into an `InputError` with a remedy, in one line."""
         try:
             yield
         except sqlite3.Error as error:
-            code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF  # without the extension
+            code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF  # the primary code
             known = {**_REMEDIES, sqlite3.SQLITE_NOTADB: self._not_one}
             raise InputError("store", str(path), known.get(code, f"SQLite says: {error}")) from error
 
     def damaged(self, path: Path) -> InputError:
-        """The error about a file that holds nonsense."""
+        """The error about a damaged file."""
         return InputError("store", str(path), _REMEDIES[sqlite3.SQLITE_CORRUPT])
 
     @contextmanager
     def _locked(self, path: Path) -> Iterator[None]:
-        """Keep all other runs away from a file, which need not be there yet."""
+        """Lock a file, which need not exist yet, for all other runs."""
         target = path.resolve()
         lock = target.with_name(f"{target.name}.lock")
         with (
             self.explained(path),
             closing(sqlite3.connect(lock, timeout=0.0, isolation_level=None)) as connection,
         ):
-            connection.execute("PRAGMA journal_mode = MEMORY")  # in a file, SIGKILL would leave it behind
+            connection.execute("PRAGMA journal_mode = MEMORY")  # SIGKILL would leave a journal file behind
             connection.execute("BEGIN EXCLUSIVE")
             yield
 
@@ -158,6 +155,6 @@ class Database:
 
 
 def _statements(connection: sqlite3.Connection) -> list[tuple[str, str, list[str]]]:
-    """What makes each table, view, index and trigger, whatever its lines."""
-    found = connection.execute("SELECT type, name, coalesce(sql, '') FROM sqlite_master ORDER BY type, name")
-    return [(kind, name, statement.split()) for kind, name, statement in found]
+    """Kind, name and SQL words of each table, view, index and trigger."""
+    objects = connection.execute("SELECT type, name, coalesce(sql, '') FROM sqlite_master ORDER BY type, name")
+    return [(kind, name, statement.split()) for kind, name, statement in objects]

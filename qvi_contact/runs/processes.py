@@ -1,14 +1,15 @@
-"""Work in processes with limits, of this machine or of those of a Dask cluster.
+"""Work in processes with limits, on this machine or on the machines of a Dask cluster.
 
-What becomes of an order is an outcome, and the others go on.
+A run has *orders*, the cases to compute. Each order ends with an *outcome*: a value or a failure. A failed order does
+not affect the others.
 
-A *job* is what every order of a run has in common: a callable without arguments, which is called once in each process.
-It returns what there is to tell of the process, part of every outcome, and the function that does an order. Job, orders
-and what is found are pickled; their functions belong to modules that the process finds as this one does.
+The *job* is common to all orders of a run: a callable without arguments, which is called once in each process. It
+returns information about the process, which is part of every outcome, and the function that computes an order. Job,
+orders and values are pickled; their functions are in modules that the process can import as this one does.
 
-On a cluster each thread of its workers has a process of its own, as on this machine. So limits and failures are the
-same there, and an order that takes its process with it does not take Dask's. What a lost worker of the cluster had in
-hand is done by another one, three times at most.
+On a cluster each thread of a Dask worker has a process of its own, as on this machine. So limits and failures are the
+same there, and an order that ends its process does not end Dask's. If a worker of the cluster is lost, its orders go to
+another worker, three times at most.
 """
 
 from __future__ import annotations
@@ -52,20 +53,20 @@ FAILURES: Final[Mapping[str, str]] = {
     "memory": "the case needed more memory than allowed",
     "crashed": "the process that ran the case died",
 }
-"""Status of an outcome without a value → what it means. That of all others is "done"."""
+"""Status of an outcome without a value, and its meaning; the status of an outcome with a value is "done"."""
 
 THREADS: Final = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""Environment variables with the number of threads, read by libraries when they are loaded."""
+"""Environment variables from which libraries read their number of threads when they are loaded."""
 
-_LAST_WORDS: Final = 200
-_LOADING: Final = 300.0  # seconds for what a job imports; network folders are slow
+_LAST_WORDS: Final = 200  # characters of the last line of output that a message about a crash has
+_LOADING: Final = 300.0  # seconds to load a job; imports from network folders are slow
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What an order may take: seconds, without those for loading the job, and MiB of address space (not on Windows).
+    """Limits of an order: seconds, without loading the job, and MiB of address space (not on Windows).
 
-    Libraries have so many threads. `fresh` gives each order a process of its own, as where peak memory is measured.
+    `threads` is the number of threads of libraries. `fresh` gives each order a new process, to measure peak memory.
     """
 
     seconds: float | None = None
@@ -76,10 +77,10 @@ class Limits:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of an order: "done", or a key of `FAILURES` with the reason in one line, and its error.
+    """Result of an order: status "done" and a value, or a key of `FAILURES`, a reason in one line, and the exception.
 
-    `seconds` is the wall time of the work alone, or until it was ended, `load_average` the processes that wanted to run
-    in the minute before, `about` what the job told of its process.
+    `seconds` is the wall time of the work, or until it was ended; `load_average` the number of processes ready to run,
+    as a mean of the minute before; `about` the job's information about the process.
     """
 
     status: str
@@ -92,7 +93,7 @@ class Outcome:
 
 
 class NotLoadedError(QVIError):
-    """A job cannot be loaded in a process: why, in one line."""
+    """A job cannot be loaded in a process, for a reason in one line."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(reason)
@@ -103,10 +104,10 @@ class NotLoadedError(QVIError):
 
 
 class Process:
-    """A worker process for a pickled job, started when it is needed and replaced when it was lost; used by one thread.
+    """A worker process for a pickled job, started when needed, and replaced if it was lost; used by one thread.
 
-    It leads a process group, and ends with all that its orders have started. It ends with the process that started it
-    too, however that one ends.
+    It leads a process group: all that its orders have started ends with it. It ends with its parent, however the parent
+    ends.
     """
 
     def __init__(self, job: bytes, limits: Limits) -> None:
@@ -115,30 +116,30 @@ class Process:
         self._process: subprocess.Popen[bytes] | None = None
         self._lifeline: int | None = None
         self._about: Any = None
-        self._loaded = self._proven = False  # this process, and any before: the job can be loaded
-        self._killed = False  # one was killed while it loaded the job, which need not be the job's fault
+        self._loaded = self._proven = False  # whether this process, or any process before, has loaded the job
+        self._killed = False  # whether a process has ended before; a first kill need not be the job's fault
         self._began = self._used = 0.0
 
     def give(self, order: object) -> None:
-        """Begin an order; `link` is readable when there may be something to hear of it."""
-        if time.monotonic() - self._used > IDLE / 2.0:  # it ends by itself, perhaps just when the order comes
+        """Begin an order; call `hear` when `link` is readable."""
+        if time.monotonic() - self._used > IDLE / 2.0:  # the worker might end just when the order comes
             self.end()
         if self._process is None:
             self._start()
         self._complaints.seek(0)
         self._complaints.truncate()
         self._began = time.perf_counter()
-        with suppress(OSError):  # it has ended before, which will be heard
+        with suppress(OSError):  # a process that has ended is noticed by `hear`
             self.link.send_bytes(pickle.dumps(order))
 
     @property
     def left(self) -> float | None:
-        """Seconds until there is something to hear at the latest."""
+        """Seconds until the limit of the order, or of loading the job; None without a limit."""
         limit = self._limits.seconds if self._loaded else _LOADING
         return None if limit is None else max(0.0, limit - (time.perf_counter() - self._began))
 
     def hear(self) -> Outcome | None:
-        """What became of the order; None as long as it is under way, `NotLoadedError` if the job cannot be loaded."""
+        """The outcome of the order; None while it is under way. `NotLoadedError` if the job cannot be loaded."""
         seconds = time.perf_counter() - self._began
         try:
             if self.link.poll():
@@ -149,7 +150,7 @@ class Process:
                 return None
         except (EOFError, OSError):
             answer = ("ended",)
-        except Exception as error:  # what was found cannot be unpickled here
+        except Exception as error:  # the answer cannot be unpickled here
             answer = "error", seconds, None, one_line(f"{type(error).__name__}: {error}"), error
         if answer[0] == "loaded":
             self._loaded, self._proven, self._about, self._began = True, True, answer[1], time.perf_counter()
@@ -162,21 +163,21 @@ class Process:
                 raise NotLoadedError(reason)
             return Outcome("crashed" if status == "refused" else status, None, reason, seconds, about=self._about)
         self._used = time.monotonic()
-        status, seconds, load, found, *errors = answer
-        if self._limits.fresh or status == "memory":  # of the latter, who knows what it left behind
+        status, seconds, load, result, *errors = answer  # the value, or the reason of a failure
+        if self._limits.fresh or status == "memory":  # after a lack of memory the process's state is unknown
             self.end()
         if status == "done":
-            return Outcome(status, found, "", seconds, load, self._about)
-        return Outcome(status, None, found, seconds, load, self._about, *errors)
+            return Outcome(status, result, "", seconds, load, self._about)
+        return Outcome(status, None, result, seconds, load, self._about, *errors)
 
     def end(self) -> int:
-        """End the process if there is one, and all it started; its exit status, negative if that was a signal."""
+        """Kill the process, if there is one, and all that it started; returns its exit status, −n for signal n."""
         process, self._process, self._loaded = self._process, None, False
         if process is None:
             return 0
         if os.name == "posix":
-            with suppress(PermissionError):  # macOS, of one that has just died
-                os.killpg(process.pid, signal.SIGKILL)  # it was not waited for, so its number is no other's
+            with suppress(PermissionError):  # on macOS for a process that has just died
+                os.killpg(process.pid, signal.SIGKILL)  # before `wait` no other process has this number
         else:
             process.kill()
         code = process.wait()
@@ -219,7 +220,7 @@ class Process:
             self.link.send_bytes(self._job)
 
     def _last_words(self, code: int) -> tuple[str, str]:
-        """Status and reason of a process that has ended by itself."""
+        """Status and reason for a process that ended by itself, with the last line of its output."""
         self._complaints.seek(0)
         lines = self._complaints.read().decode(errors="replace").strip().splitlines()
         words = one_line(lines[-1][-_LAST_WORDS:]) if lines else ""
@@ -230,10 +231,10 @@ class Process:
 def done_here(
     job: bytes, limits: Limits, workers: int, orders: deque[Order]
 ) -> Generator[tuple[Order, Outcome], None, None]:
-    """Orders and what became of each, as it comes, by so many processes; closing the iterator ends what is under way.
+    """Orders with their outcomes, in the order in which they end; closing the iterator ends the orders under way.
 
-    Orders are taken from the left; more may be added while others are done. `NotLoadedError` if the pickled job cannot
-    be loaded, `InputError` about "workers" if the system does not allow so many.
+    Orders are taken from the left of the queue; the caller may add more at any time. `NotLoadedError` if the pickled
+    job cannot be loaded, `InputError` of "workers" if the system does not allow so many processes.
     """
     idle, busy, processes = list[Process](), dict[Process, Order](), list[Process]()
     try:
@@ -257,14 +258,14 @@ def done_here(
             process.close()
 
 
-# who does the work
+# Where the work is done: on this machine, or on a cluster.
 
 _MOST_WORKERS: Final = 10_000
-_AHEAD: Final = 2  # orders that are given out for each thread of a cluster: one more than it does
-PATIENCE = 10.0  # seconds for whoever listens at an address
-_JOINING: Final = 10.0  # seconds until a cluster has a worker
-_FETCHING: Final = 30.0  # seconds for one outcome
-_LOOK: Final = 0.5  # seconds between two looks at a cluster
+_AHEAD: Final = 2  # orders sent to each thread of a cluster: the one it computes, and the next
+PATIENCE = 10.0  # seconds to wait for an answer from a scheduler's address
+_JOINING: Final = 10.0  # seconds to wait for the first worker of a cluster
+_FETCHING: Final = 30.0  # seconds to transfer one outcome
+_LOOK: Final = 0.5  # seconds between two checks of a cluster, or of an order on it
 _ADDRESS: Final = re.compile(r"(tcp|tls|wss?)://.*:\d+|(ucx|inproc)://.+")
 _REMEDY: Final = "give the address that dask scheduler prints, as tcp://host:8786"
 _LOST: Final = "the scheduler was lost: give the same command again when it is back"
@@ -272,9 +273,9 @@ _LOST: Final = "the scheduler was lost: give the same command again when it is b
 
 @dataclass(frozen=True)
 class Workers:
-    """Who does the work: so many processes of this machine, or each thread of a Dask cluster with this scheduler.
+    """Where orders are computed: `count` processes of this machine, or the threads of the Dask cluster at `dask`.
 
-    `InputError` by the name "workers" or "dask" if one of them cannot be.
+    `InputError` of "workers" or "dask" if the number or the scheduler's address is wrong.
     """
 
     count: int = 1
@@ -287,14 +288,14 @@ class Workers:
         if not (isinstance(self.dask, str) and _ADDRESS.fullmatch(self.dask)):
             raise InputError("dask", self.dask, f"is not scheme://host:port with a known scheme: {_REMEDY}")
         try:
-            import distributed  # noqa: F401 - logging is set up when it is loaded
+            import distributed  # noqa: F401 - before `_quiet`, as it sets up its logging when it is imported
         except ImportError as error:
             remedy = "needs the package distributed: python -m pip install distributed"
             raise InputError("dask", self.dask, remedy) from error
 
     @contextmanager
     def ready(self, job: bytes, limits: Limits) -> Iterator[tuple[int, Outcomes[Any]]]:
-        """How many orders of a pickled job are done at a time, and what does them, see `processes.done_here`.
+        """The number of orders of a pickled job that run at a time, and a function as `done_here` that runs a queue.
 
         `InputError` if the cluster cannot be reached, has no workers, cannot load this package, or is lost.
         """
@@ -306,7 +307,7 @@ class Workers:
 
 
 def _threads(client: Client, address: str) -> int:
-    """Of all workers of a cluster that there are now."""
+    """Number of threads of all workers that the cluster has now."""
     try:
         return sum(client.nthreads().values())
     except Exception as error:
@@ -316,21 +317,21 @@ def _threads(client: Client, address: str) -> int:
 def _done_on_cluster(
     client: Client, address: str, job: bytes, limits: Limits, orders: deque[Order]
 ) -> Generator[tuple[Order, Outcome], None, None]:
-    """The same on a cluster; workers that join get their share, and without any they are waited for."""
+    """`done_here` on a cluster. Workers may join during the run; while there are no workers the run waits."""
     run, busy = uuid4().hex, dict["Future", Order]()
-    news: SimpleQueue[Future] = SimpleQueue()
+    ended: SimpleQueue[Future] = SimpleQueue()
     try:
         while orders or busy:
             for _ in range(min(len(orders), _AHEAD * _threads(client, address) - len(busy))):
                 order = orders.popleft()
                 future = client.submit(_unpacking(), pickle.dumps((do_there, run, job, limits, order)), pure=False)
                 busy[future] = order
-                future.add_done_callback(news.put)
+                future.add_done_callback(ended.put)
             with suppress(Empty):
-                future = news.get(timeout=_LOOK)
+                future = ended.get(timeout=_LOOK)
                 yield busy.pop(future), _outcome(client, address, future)
     finally:
-        with suppress(Exception):  # what the cluster has lost is ended already
+        with suppress(Exception):  # orders of a lost cluster have ended already
             if client.status == "running":
                 client.cancel(list(busy), force=True)
                 client.run(forget, run)
@@ -338,7 +339,7 @@ def _done_on_cluster(
 
 def _outcome(client: Client, address: str, future: Future) -> Outcome:
     try:
-        found: Outcome = future.result(timeout=_FETCHING)
+        outcome: Outcome = future.result(timeout=_FETCHING)
     except NotLoadedError:
         raise
     except Exception as error:
@@ -348,16 +349,17 @@ def _outcome(client: Client, address: str, future: Future) -> Outcome:
         if future.status in ("cancelled", "lost") or client.status != "running":
             remedy = _LOST
         raise InputError("dask", address, remedy) from error
-    return found
+    return outcome
 
 
 def _unpacking() -> Callable[[bytes], Outcome]:
-    """What Dask sends by value, as it has no name: a worker without this package can load it, and tells what it lacks.
+    """A nested function, which Dask sends by value, so that a worker without this package can load it.
 
-    One that cannot load an order loses its line to the scheduler instead, again and again, and is waited for.
+    The worker then reports which package is missing. A worker that cannot load an order would lose its connection to
+    the scheduler again and again instead, and the run would wait for it.
     """
 
-    def unpacked(order: bytes) -> Any:  # types are sent too, and must be known there
+    def unpacked(order: bytes) -> Any:  # not `Outcome`: annotations are sent too, and must exist there
         from pickle import loads
 
         work, *arguments = loads(order)
@@ -367,16 +369,16 @@ def _unpacking() -> Callable[[bytes], Outcome]:
 
 
 _HELD: Final[dict[str, tuple[dict[int, tuple[Lock, Process]], Event]]] = {}
-"""By run its processes in a worker of the cluster, one for each thread; whether it is over and refuses what is late."""
+"""In a Dask worker: run → its processes by thread, with locks; and whether the run is over, and refuses orders."""
 
 
 def do_there(run: str, job: bytes, limits: Limits, order: object) -> Outcome:
-    """Do an order in a process of this run; called by a worker of the cluster."""
+    """Compute an order in this thread's process of the run; called in a worker of the cluster."""
     processes, over = _HELD.setdefault(run, ({}, Event()))
     if get_ident() not in processes:
         processes[get_ident()] = Lock(), Process(job, limits)
-    turn, process = processes[get_ident()]
-    with turn:
+    lock, process = processes[get_ident()]
+    with lock:
         if not over.is_set():
             try:
                 process.give(order)
@@ -393,20 +395,20 @@ def do_there(run: str, job: bytes, limits: Limits, order: object) -> Outcome:
 
 
 def forget(run: str) -> None:
-    """End the processes of a run; called by a worker of the cluster."""
+    """End the processes of a run; called in a worker of the cluster."""
     processes, over = _HELD.setdefault(run, ({}, Event()))
     over.set()
-    for turn, process in list(processes.values()):
-        with turn:
+    for lock, process in list(processes.values()):
+        with lock:
             process.close()
     processes.clear()
 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """What Dask's client would log on standard error is told by an exception.
+    """Silence the logs of Dask's client on standard error, whose errors are raised as exceptions here.
 
-    Its event loop would log a fault of its own besides where an interrupt finds the client about to wait.
+    Its event loop would also log an error of its own if an interrupt comes just before the client waits.
     """
     loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client", "tornado.application")]
     levels = [logger.level for logger in loggers]
@@ -420,21 +422,21 @@ def _quiet() -> Iterator[None]:
 
 
 def _client(address: str) -> Client:
-    """A client of the cluster of this scheduler."""
-    from asyncio import run, timeout  # which worker processes need not load
+    """A client of the cluster with this scheduler."""
+    from asyncio import run, timeout  # not needed in worker processes
 
     from distributed import Client, Security
     from distributed.comm import connect
 
     class QuietClient(Client):  # type: ignore[misc]
-        """One that was only half built, for want of a scheduler, cannot always be closed, and goes without a word."""
+        """A client that is deleted without a message, also if it found no scheduler and cannot be closed."""
 
         def __del__(self) -> None:
             with suppress(Exception):
                 super().__del__()
 
     async def greet() -> None:
-        """Exchange the first words with whoever listens there; Dask's client alone would wait for them without end."""
+        """Connect once within a time limit; Dask's client would wait without end for an answer."""
         security = Security().get_connection_args("client")
         async with timeout(PATIENCE):
             comm = await connect(address, timeout=PATIENCE, **security)
@@ -443,7 +445,7 @@ def _client(address: str) -> Client:
     try:
         run(greet())
         client = QuietClient(address, timeout=PATIENCE, set_as_default=False)
-    except Exception as error:  # of many kinds, for whatever answers there
+    except Exception as error:  # its type depends on the program that answers there
         raise InputError("dask", address, f"no scheduler answers there: {_REMEDY}") from error
     try:
         client.wait_for_workers(1, timeout=_JOINING)

@@ -1,7 +1,7 @@
 """A worker process: loads a job, then does its orders one after the other. Started by `processes`, not by hand.
 
-It loads little, so that it starts quickly. What libraries print goes to standard error, which the parent keeps for the
-last words of a process that crashes.
+It imports little, so that it starts quickly. Output of libraries goes to standard error, from which the parent takes
+the last line of a process that crashed.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ if sys.platform != "win32":
     import resource
 
 IDLE: Final = 60.0
-"""Seconds without an order after which a worker ends: on a cluster nobody may be left to close it."""
+"""Seconds without an order after which a worker ends, as on a cluster the parent may be gone."""
 
 SHORTAGE: Final = ("MemoryError", "bad_alloc", "Cannot allocate memory", "failed to map segment")
-"""Words of libraries that got no memory."""
+"""Words in messages of libraries that could not allocate memory."""
 
 
 def main(link: int, lifeline: int | None) -> None:
-    """Serve the parent at the other end of the link, then end with all that the work has started."""
+    """Serve the parent at the other end of the link, then end this process and all that the orders have started."""
     if sys.platform == "win32":
         channel: Any = connection.PipeConnection(link)
     else:
@@ -53,11 +53,11 @@ def main(link: int, lifeline: int | None) -> None:
 
 
 def _serve(channel: Any) -> None:
-    """The first message is the job, each of the others an order; the answers are what `Process.hear` expects."""
+    """Receive limits, the job, and then orders; send the answers that `Process.hear` expects."""
     try:
         limit_memory(*pickle.loads(channel.recv_bytes()))
         about, work = pickle.loads(channel.recv_bytes())()
-        gc.freeze()  # imported modules stay: to look through them for garbage takes longer than a small case
+        gc.freeze()  # excludes imported modules from garbage collection, which would take longer than a small case
     except EOFError:
         return
     except BaseException as error:  # a module may raise anything
@@ -67,22 +67,22 @@ def _serve(channel: Any) -> None:
     with suppress(EOFError):
         while channel.poll(IDLE):
             order = channel.recv_bytes()
-            gc.collect()  # of the order before, whose time it belongs to
+            gc.collect()  # garbage of the order before, not part of this order's time
             load = round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
             began, value, failed = time.perf_counter(), None, None
             try:
                 value = work(pickle.loads(order))
-            except BaseException as error:  # an exit is the task's failure too
+            except BaseException as error:  # a call of exit counts as a failure too
                 failed = error
             answer = time.perf_counter() - began, load, value
             try:
-                channel.send_bytes(pickle.dumps(("done", *answer) if failed is None else _told(failed, *answer)))
-            except Exception as error:  # what cannot be sent
-                channel.send(_told(error, *answer))
+                channel.send_bytes(pickle.dumps(("done", *answer) if failed is None else _failure(failed, *answer)))
+            except Exception as error:  # the value cannot be pickled
+                channel.send(_failure(error, *answer))
 
 
-def _told(error: BaseException, seconds: float, load: float | None, _value: object) -> tuple[Any, ...]:
-    """The answer for an order that has failed; the exception itself only if it survives the journey."""
+def _failure(error: BaseException, seconds: float, load: float | None, _value: object) -> tuple[Any, ...]:
+    """The answer for an order that failed; with the exception itself only if pickling preserves it."""
     status, reason = of_exception(error)
     try:
         kept = error if repr(pickle.loads(pickle.dumps(error))) == repr(error) else None
@@ -101,12 +101,12 @@ def of_exception(error: BaseException) -> tuple[str, str]:
 
 
 def names_shortage(text: str) -> bool:
-    """Whether these are the words of a library that got no memory."""
+    """Whether a message of a library says that memory could not be allocated."""
     return any(word in text for word in SHORTAGE)
 
 
 def limit_memory(mebibytes: int | None) -> None:
-    """Limit the address space, of this process and of each that it starts; Windows has no such limit."""
+    """Limit the address space of this process and of its children; not possible on Windows."""
     if mebibytes is not None and sys.platform != "win32":
         _, hard = resource.getrlimit(resource.RLIMIT_AS)
         limit = mebibytes << 20
@@ -115,22 +115,22 @@ def limit_memory(mebibytes: int | None) -> None:
 
 
 def end_group() -> None:
-    """End this process and those it started, at once."""
+    """Kill this process and all that it started."""
     if sys.platform != "win32":
         os.killpg(0, signal.SIGKILL)
 
 
 def _end_with(lifeline: int) -> None:
-    """End this process group when the parent ends, however it does: a pipe is closed then to which nobody writes.
+    """End this process group when the parent ends, which closes the lifeline, a pipe to which nobody writes.
 
-    On Linux the kernel sends SIGKILL, which works even where a library never gives control back to Python. Elsewhere a
+    On Linux the kernel sends SIGKILL then, also while a library does not return control to Python. On other systems a
     thread waits for the end of the pipe.
     """
     if sys.platform == "linux":
         fcntl.fcntl(lifeline, fcntl.F_SETSIG, signal.SIGKILL)
         fcntl.fcntl(lifeline, fcntl.F_SETOWN, -os.getpgrp())
         fcntl.fcntl(lifeline, fcntl.F_SETFL, fcntl.fcntl(lifeline, fcntl.F_GETFL) | os.O_ASYNC)
-        if select.select([lifeline], [], [], 0.0)[0]:  # closed before
+        if select.select([lifeline], [], [], 0.0)[0]:  # the parent has ended already
             end_group()
     elif sys.platform != "win32":
         Thread(target=lambda: (os.read(lifeline, 1), end_group()), daemon=True).start()

@@ -1,9 +1,8 @@
-"""What happens on a contact: tractions, gap and slip, which points are open, stick or slip, and what lies between them.
+"""Results on a contact: tractions, gap and slip, the state of each point, and the law's excess between points.
 
-Displacements come from the multipliers divided by the weights.
-
-Between the Gauss points the discrete problem does not ask for the law. Tractions and fields of the law are taken there
-as the polynomials through them, and seen at the ends and `SAMPLES` of every edge.
+Gap and slip are the multipliers divided by the weights. Between the Gauss points the discrete problem does not impose
+the law. There tractions and data of the law are interpolated by polynomials, and checked at the ends and `SAMPLES` of
+every edge.
 """
 
 from __future__ import annotations
@@ -35,18 +34,19 @@ _COLUMNS: Final = {
     "normal_stress": "stress", "pore_pressure": "stress", "tangential_stress": "stress", "gap": "displacement",
     "slip": "displacement",
 }  # fmt: skip
-"""Attributes that are columns of `ContactLine.to_frame`, and which of the `Units` they are in."""
+"""Attributes that are columns of `ContactLine.to_frame`, and their `Units`."""
 
 SUMMARY: Final = {
     "normal_force": "force", "tangential_force": "force", "largest_pressure": "stress",
     "largest_shear": "stress", "largest_gap": "displacement", "largest_slip": "displacement",
 }  # fmt: skip
-"""Which of the `Units` numbers of `ContactLine.summary` are in; shares have none."""
+"""Numbers of `ContactLine.summary` and their `Units`; shares have none."""
 
 STATE_TOLERANCE: Final = 1e-6
+"""Tolerance of `contact_states`, relative to the units of stress and displacement."""
 
-_STRETCHED: Final = 0.68  # distance of the ends of a line over its length, above which it leads from one to the other
-_NO_TURN: Final = 1e-6  # twice the area that a line sweeps around its middle over its length squared: rounding
+_STRETCHED: Final = 0.68  # chord over length of a line, above which its direction is that from end to end
+_NO_TURN: Final = 1e-6  # (twice the area that a line sweeps around its middle) / length², up to which it is rounding
 
 
 class ContactState(IntEnum):
@@ -65,10 +65,10 @@ class ContactLine:
     An edge has p − 1 points, with p the degree of the Airy function. On edges that are arcs normals and tangents are
     those of the arc at each point.
 
-    On a joint u is the displacement of the lower or left block less that of the other one: the gap is how far the joint
-    stands open, the slip how far that block has moved beyond the other along the tangent; tractions and forces are
-    those on the lower or left block. Along a closed joint the blocks change places where the tangent turns back: shear
-    and slip are those of the block inside, clockwise, and `ContactResult.resultant` has the whole force on it.
+    On a joint u is the displacement of the lower or left block less that of the other one. The gap is the opening of
+    the joint, the slip the motion of the lower or left block along the tangent relative to the other. Tractions and
+    forces act on the lower or left block. On a closed joint the sides change where the tangent turns back: shear and
+    slip are those of the block inside, positive clockwise, and `ContactResult.resultant` has the whole force on it.
     """
 
     name: str
@@ -88,12 +88,12 @@ class ContactLine:
     """σ_T (m,) [stress], component of the traction on the body along the tangent: +x (horizontal contact) or +y
     (vertical), t_x > 0 on slanted edges; on closed joints −y (vertical)."""
     gap: FloatArray
-    """g − u_N (m,) [length], ≥ 0 and zero in contact up to the mesh: the multipliers of rows obey the contact law
-    exactly, the gap at points is that of a polynomial along each edge, and may dip below zero beside the end of a
-    contact zone."""
+    """g − u_N (m,) [length], ≥ 0, and zero in contact, up to the error of the mesh. The multipliers of rows obey the
+    contact law exactly; the gap at points is that of a polynomial along each edge, and may be slightly negative beside
+    the end of a contact zone."""
     slip: FloatArray
-    """u_T − w (m,) [length] along the same tangent, opposite in sign to σ_T and zero at sticking points up to the
-    mesh."""
+    """u_T − w (m,) [length] along the same tangent, opposite in sign to σ_T, and zero at sticking points, up to the
+    error of the mesh."""
     state: IntArray
     """`ContactState` (m,): 0 open, 1 stick, 2 slip, without friction 3 closed; see `contact_states` for the rule."""
     ends: FloatArray
@@ -101,22 +101,21 @@ class ContactLine:
     pore_pressure: FloatArray
     """Pressure p_w of a fluid in the contact (m,) [stress]; zeros where there is none."""
     excess_between_points: float = 0.0
-    """Largest (|σ_T| − bound)⁺ seen along the contact [stress], with the bound of the pressure there: 0 at the points
-    up to the certificate's tolerance. Between them too with Bernstein rows, the default where they can hold the law:
-    not on bilateral contacts with friction, nor where friction varies along an edge."""
+    """Largest (|σ_T| − bound)⁺ at 101 points of each edge [stress], with the bound from the pressure there. At Gauss
+    points it is 0 up to the certificate's tolerance. With `law_on` "edges" it is 0 between them too, except on
+    bilateral contacts with friction and where friction varies along an edge."""
     pull_between_points: float = 0.0
-    """Largest (σ_N')⁺ seen along a unilateral contact [stress]; both at 101 points of each edge."""
+    """Largest tension (σ_N')⁺ on a unilateral contact [stress], at the same points."""
     rounding: Rounding = field(default_factory=Rounding)
     """Sizes up to which numbers of the contact are rounding, and shown as 0."""
     frictionless: bool = False
-    """Whether the contact has no friction: then it is open or closed, and nothing sticks or slips."""
+    """Whether the contact has no friction: then its points are open or closed, and do not stick or slip."""
     senses: FloatArray = field(default_factory=lambda: np.ones(1))
-    """±1 (edges,), in which sense σ_T of each edge counts for the tangential force, see `turning_senses`. One number
-    stands for all."""
+    """Signs ±1 (edges,) of σ_T in the tangential force, see `turning_senses`; or one sign for all edges."""
 
     @property
     def effective_normal_stress(self) -> FloatArray:
-        """σ_N' = σ_N + p_w (m,) [stress], what the two sides press on each other; σ_N where there is no fluid."""
+        """σ_N' = σ_N + p_w (m,) [stress], the traction between the two sides without the fluid's pressure."""
         return self.normal_stress + self.pore_pressure
 
     @property
@@ -131,37 +130,37 @@ class ContactLine:
 
     @property
     def has_fluid(self) -> bool:
-        """Whether a fluid presses anywhere in the contact."""
+        """Whether the contact has a fluid with nonzero pressure."""
         return bool(self.pore_pressure.any())
 
     @property
     def tangential_force(self) -> float:
         """∫ ± σ_T ds, force on the body along the contact a unit of thickness [stress × length].
 
-        The sign is + where tangents lead one way along the contact, as on a straight one: then it is the force along
-        the tangent. Where they turn back, as in a round bore, it is that of the sense counterclockwise around the
+        If all tangents point the same way along the contact, as on a straight one, the sign is +: the force is along
+        the tangent. If they turn back, as in a round bore, the sign is that of the counterclockwise sense around the
         middle of the contact: on a full circle of the radius r the shear has the moment r T about its centre. On a line
-        that leads on nevertheless, as a base with a step, it is that of the sense from end to end. Around a closed
-        joint it is the force on what is inside, clockwise.
+        that leads from end to end all the same, as a base with a step, it is the sense from end to end. On a closed
+        joint it is the force on the block inside, clockwise.
         """
         return float(self.weights @ self.counted_shear)
 
     @property
     def counted_shear(self) -> FloatArray:
-        """± σ_T (m,) [stress], in the sense in which it counts for the tangential force."""
+        """± σ_T (m,) [stress], with the sign that it has in the tangential force."""
         senses = np.broadcast_to(self.senses, len(self.ends))
         return np.repeat(senses, self.points_per_edge) * self.tangential_stress
 
     @property
     def forces(self) -> tuple[float, float]:
-        """Normal and tangential force [stress × length], rounding as 0."""
+        """Normal and tangential force [stress × length]; 0 where they are rounding."""
         normal, tangential = self.normal_force, self.tangential_force
         least = self.rounding.force
         return normal * (abs(normal) > least), tangential * (abs(tangential) > least)
 
     @property
     def shown_forces(self) -> tuple[str, str]:
-        """The same as people read them."""
+        """Normal and tangential force as texts."""
         normal, tangential = map(shown, self.forces)
         return normal, tangential
 
@@ -172,12 +171,12 @@ class ContactLine:
 
     @cached_property
     def path(self) -> ContactPath:
-        """The edges in order along the contact."""
+        """The edges of the contact, in order along it."""
         return ContactPath.of(self.ends, self.weights.reshape(len(self.ends), -1).sum(axis=1))
 
     @property
     def lengths(self) -> Mapping[str, float]:
-        """Lengths of the contact that are "open", "stick" and "slip", without friction "open" and "closed" [length]."""
+        """Length of the contact in each state: "open", "stick", "slip"; without friction "open", "closed" [length]."""
         states = [ContactState.OPEN, ContactState.STICK, ContactState.SLIP]
         if self.frictionless:
             states = [ContactState.OPEN, ContactState.CLOSED]
@@ -193,7 +192,8 @@ class ContactLine:
 
         One row a point, with the columns "s" (length along the contact, line by line), "x", "y", "weight", "friction",
         "friction_bound", "normal_stress", "pore_pressure", "tangential_stress", "gap", "slip" as described above, and
-        "state", a categorical of "open", "stick", "slip", "closed". With units their names end in them: "slip [mm]".
+        "state", a categorical of "open", "stick", "slip", "closed". With units the names of columns end in them, as in
+        "slip [mm]".
         """
         names, path = [state.name.lower() for state in ContactState], self.path
         order = path.points(self.points_per_edge).ravel()
@@ -206,10 +206,7 @@ class ContactLine:
         return frame({**columns, "state": states}, labels)
 
     def summary(self) -> dict[str, float]:
-        """Resultant forces, shares of the length that are open, stick and slip, and extremes.
-
-        `SUMMARY` has their units. Without friction nothing sticks or slips.
-        """
+        """Resultant forces, shares of the length in each state, and extremes; `SUMMARY` has their units."""
         return {
             "normal_force": self.normal_force,
             "tangential_force": self.tangential_force,
@@ -241,29 +238,28 @@ def contact_states(
     may_open: bool = True,
     frictionless: bool = False,
 ) -> IntArray:
-    """`ContactState` of each point (m,) from dimensionless tractions and displacements, never from raw multipliers.
+    """`ContactState` of each point (m,) from dimensionless tractions, gap and slip.
 
-    With p = −σ_N'/S, t = |σ_T|/S, b = bound/S and d = gap/S, v = |slip|/S in the unit S the point is
+    With p = −σ_N'/S, t = |σ_T|/S, b = bound/S, d = gap/S and v = |slip|/S, where S is `unit`, a point is
 
-    * open if it may and p ≤ d + tolerance: the gap outweighs the pressure, or nothing presses it;
+    * open if it may open and p ≤ d + tolerance: the gap outweighs the pressure, or the pressure is zero;
     * else closed if the contact has no friction;
-    * else slip if b − t < v + tolerance and the point moves or is loaded (v or t above the tolerance): the slip
-      outweighs what is left of the bound;
+    * else slip if b − t < v + tolerance, and v or t is above the tolerance: the slip outweighs the slack of the bound;
     * else stick.
 
-    The tolerance, 1e-6 of the units, sits above what a solution certified at 1e-8 can blur; exactly on the edge
-    between two states either answer is right.
+    The tolerance, 1e-6, is above the error of a solution certified at 1e-8. Exactly between two states either answer is
+    right.
 
-    Where rows are tractions at these very points, one per parameter of the trace, at most one of p and d and one of
-    b − t and v is not zero, and the rule says which. Bernstein coefficients obey the law one by one; at the points of
-    the edge in which a zone ends both may be positive then, and where one outweighs the other is the better guess of
-    that end than the tractions alone: those of the whole edge stay below the bound.
+    With the law at points, at most one of p and d, and one of b − t and v, is not zero, and the rule says which. With
+    Bernstein coefficients the law holds for each coefficient. At the points of an edge in which a zone ends, both may
+    then be positive. The place where one outweighs the other is a better estimate of the zone's end than the tractions
+    alone, which are below the bound on the whole edge.
     """
     pressure, opening, tolerance = -effective / unit, gap / unit, STATE_TOLERANCE
-    left = bound / unit - np.abs(tangential_stress) / unit
+    slack = bound / unit - np.abs(tangential_stress) / unit
     sliding = np.abs(slip) / unit
-    loaded = np.abs(tangential_stress) > tolerance * unit
-    slips = (left < sliding + tolerance) & ((sliding > tolerance) | loaded)
+    is_loaded = np.abs(tangential_stress) > tolerance * unit
+    slips = (slack < sliding + tolerance) & ((sliding > tolerance) | is_loaded)
     state = np.where(slips, int(ContactState.SLIP), int(ContactState.STICK))
     if frictionless:
         state = np.full_like(state, int(ContactState.CLOSED))
@@ -279,10 +275,10 @@ def contact_line(
     unit: float,
     rounding: Rounding,
 ) -> ContactLine:
-    """Results on the contact of a number from the algebraic solution, whose degrees of freedom of Φ are these (N,).
+    """Results on the contact `number` from the algebraic solution and its degrees of freedom of Φ (N,).
 
-    The stress `unit` decides what counts as loaded; C L turns it into a displacement (see `Scales`). λ = m/W gives
-    u_N − g = −λ_N and u_T − w = −λ_T; g as far as it is within reach, the rest is added.
+    The multipliers λ = m/W give u_N − g = −λ_N and u_T − w = −λ_T. Their g is within reach, see `Scales`; the distance
+    beyond is added to the gap. `unit` is the dimensionless unit of stress and displacement in `contact_states`.
     """
     rows = discretization.contacts[number]
     scales, points = discretization.scales, rows.points
@@ -292,10 +288,10 @@ def contact_line(
     if rows.law == "tied":
         effective, tangential = normal_and_shear(discretization, dofs, points)
     else:
-        qvi, z, own = solution.problem, solution.z, rows.rows
-        effective, tangential = rule.at_points(qvi.normal(z)[own]), rule.at_points(qvi.tangential(z)[own])
-        m_N = rule.multipliers_at_points(solution.normal_multiplier[own])
-        m_T = rule.multipliers_at_points(solution.tangential_multiplier[own])
+        qvi, z, chosen = solution.problem, solution.z, rows.rows
+        effective, tangential = rule.at_points(qvi.normal(z)[chosen]), rule.at_points(qvi.tangential(z)[chosen])
+        m_N = rule.multipliers_at_points(solution.normal_multiplier[chosen])
+        m_T = rule.multipliers_at_points(solution.tangential_multiplier[chosen])
     gap = (m_N + points.weights * rows.beyond) / points.weights
     slip = -(m_T / points.weights)
     bound = rows.bound(effective)
@@ -327,117 +323,119 @@ def contact_line(
 
 
 def between_points(rows: ContactRows, normal: FloatArray, tangential: FloatArray) -> tuple[float, float]:
-    """Largest (|σ_T| − bound)⁺ and (σ_N')⁺ seen on a contact from both at the Gauss points (m,), dimensionless.
+    """Largest (|σ_T| − bound)⁺ and (σ_N')⁺ along a contact, from σ_N' and σ_T at its Gauss points (m,), dimensionless.
 
-    The bound is that of the pressure at each place, which where unilateral σ_N > 0 is none; tied contacts have no law.
+    The bound is that of the pressure at each place; tension on a unilateral contact counts as zero pressure, and is the
+    second number. Both are zero for a tied contact.
     """
     if rows.law == "tied":
         return 0.0, 0.0
-    both, count, capped = rows.law != "unilateral", rows.points.count, bool(np.isfinite(rows.limits.cap).all())
+    bilateral, count, capped = rows.law != "unilateral", rows.points.count, bool(np.isfinite(rows.limits.cap).all())
     t = np.concatenate([[0.0], SAMPLES, [1.0]])
-    there = (legendre_basis(count - 1, t) @ legendre_from_values(count - 1, count)).T
+    to_samples = (legendre_basis(count - 1, t) @ legendre_from_values(count - 1, count)).T
     fields = normal, tangential, *rows.limits[: 2 + capped]
-    pressing, shear, friction, cohesion, *caps = (part.reshape(-1, count) @ there for part in fields)
-    bound = cohesion + friction * (np.abs(pressing) if both else np.maximum(-pressing, 0.0))
+    tension, shear, friction, cohesion, *caps = (part.reshape(-1, count) @ to_samples for part in fields)
+    bound = cohesion + friction * (np.abs(tension) if bilateral else np.maximum(-tension, 0.0))
     bound = np.minimum(bound, caps[0]) if capped else bound
-    excess = np.abs(shear) - np.maximum(bound, 0.0)  # no bound is negative, though a cubic may be
-    return float(excess.max(initial=0.0)), 0.0 if both else float(pressing.max(initial=0.0))
+    excess = np.abs(shear) - np.maximum(bound, 0.0)  # interpolated limits may be negative, a bound is not
+    return float(excess.max(initial=0.0)), 0.0 if bilateral else float(tension.max(initial=0.0))
 
 
-# The order of a contact's edges and points along the lines they make up, and places on these lines.
+# The order of a contact's edges and points along the lines that they form, and lengths along these lines.
 #
-# Meshes number edges as they like, and the tangent of an edge has t_x > 0, so that neither tells where a curved contact
-# leads. A path does: each line begins at the end of smallest x (and y), a closed one at the point of smallest x.
+# Edges are numbered in the mesh's order, and each tangent has t_x > 0 on its own. So neither gives the order along a
+# curved contact. A path does: each line begins at its end of smallest x (and y), a closed line at its point of smallest
+# x.
 
 
 @dataclass(frozen=True, eq=False)
 class ContactPath:
-    """Edges in order along their lines; where more than two of them meet, or none follows, a line ends."""
+    """Edges in order along their lines; a line ends where no other edge, or more than one, continues it."""
 
     edges: IntArray
-    """Numbers of the edges, one behind the other, shape (n,)."""
+    """Numbers of the edges in order, shape (n,)."""
     forward: BoolArray
-    """Whether the tangent of the edge leads along the path, (n,)."""
+    """Whether the edge's tangent points along the path, (n,)."""
     lines: tuple[IntArray, ...]
-    """Of each line the places (k,) that its edges have in this order."""
+    """Indices (k,) of each line's edges in this order."""
     lengths: FloatArray
-    """Their lengths [length], (n,)."""
+    """Lengths of the edges in this order [length], (n,)."""
 
     @classmethod
     def of(cls, ends: FloatArray, lengths: FloatArray) -> ContactPath:
-        """The path through edges between two points each, (n, 2, 2) [length], of these lengths (n,), in any order."""
+        """The path through edges in any order, from their two ends (n, 2, 2) [length] and lengths (n,)."""
         vertices = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)[1].reshape(-1, 2)
-        found = chains(vertices)
-        order, forward = np.concatenate([np.empty(0, dtype=np.int64), *found]), [np.empty(0, dtype=bool)]
-        for pairs in (vertices[line] for line in found):  # whether each edge leads on to the next one
+        chosen = chains(vertices)
+        order, forward = np.concatenate([np.empty(0, dtype=np.int64), *chosen]), [np.empty(0, dtype=bool)]
+        for pairs in (vertices[line] for line in chosen):  # whether the second end of each edge is on the next edge
             last = (pairs[-1, :1] == pairs[-2]).any() if len(pairs) > 1 else pairs[0, 0] < pairs[0, 1]
             forward.append(np.append((pairs[:-1, 1:] == pairs[1:]).any(axis=1), last))
-        lines = np.split(np.arange(len(order)), np.cumsum([len(line) for line in found])[:-1]) if found else []
+        lines = np.split(np.arange(len(order)), np.cumsum([len(line) for line in chosen])[:-1]) if chosen else []
         return cls(order, np.concatenate(forward), tuple(lines), lengths[order])
 
     @cached_property
     def starts(self) -> FloatArray:
-        """Length along the path where each of its edges begins, lines behind each other, shape (n,) [length]."""
+        """Length along the path, one line after the other, where each edge begins, shape (n,) [length]."""
         return np.asarray(np.cumsum(self.lengths) - self.lengths)
 
     def points(self, count: int) -> IntArray:
-        """Numbers of the points (n, count) in order, of so many points an edge, counted along its tangent."""
+        """Numbers of the points (n, count) in order, for `count` points an edge, numbered along its tangent."""
         along = np.arange(count)
         return np.asarray(count * self.edges[:, None] + np.where(self.forward[:, None], along, along[::-1]))
 
     def places(self, t: FloatArray) -> FloatArray:
-        """Length along the path (n, q) of points at t (q,), 0 to 1 along the path, of its edges [length]."""
+        """Length along the path (n, q) of the points at t (q,) of each edge, 0 to 1 along the path [length]."""
         return np.asarray(self.starts[:, None] + self.lengths[:, None] * t)
 
 
 def turning_senses(vertices: FloatArray, edges: Edges) -> FloatArray:
-    """In which sense the shear on each edge counts for the tangential force of a contact, ±1, (n,).
+    """Signs ±1 (n,) of the shear on each edge in the tangential force of a contact.
 
-    Tangents point to the right, so that on a line which turns back, such as a round bore, they lead against each other.
-    There those count that lead around the middle of the line counterclockwise, and the others against them; but if its
-    ends are nearly as far apart as it is long, as on a base with a step, or it turns around nothing, those that lead as
-    a tangent from end to end does. On all other lines every edge counts as its tangent leads; so it does on joints,
-    whose sides change where the tangent turns back, but for upright edges in a line with others: their sides are left
-    and right, not below and above.
+    All signs are +1 on a line whose tangents point the same way along it. Tangents point to the right (t_x > 0). So on
+    a line that turns back, such as a round bore, some point along it and others against it. There the sign is +1 for
+    tangents that lead counterclockwise around the middle of the line. But if its ends are nearly as far apart as it is
+    long, as on a base with a step, or if it sweeps no area, the sign is +1 for tangents that lead the way of a tangent
+    from end to end. On joints the signs are +1, as the sides change where the tangent turns back. Only upright edges in
+    a line with others may have −1: their sides are left and right, not below and above.
     """
-    found = np.ones(len(edges))
+    signs = np.ones(len(edges))
     if (edges.cells[:, 1] >= 0).any():
         handed = np.sign(cross(edges.tangent, edges.normal))
         for chosen in chains(np.column_stack([edges.first, edges.second])):
-            found[chosen] = handed[chosen] * handed[chosen].max()
-        return found
-    for chosen, walk, chord, turning in _turning_lines(vertices, edges, found):
+            signs[chosen] = handed[chosen] * handed[chosen].max()
+        return signs
+    for chosen, walk, chord, turning in _turning_lines(vertices, edges, signs):
         straight = np.hypot(*chord) > _STRETCHED or abs(turning) <= _NO_TURN
-        found[chosen] = -walk if (points_back(chord[None])[0] if straight else turning < 0.0) else walk
-    return found
+        signs[chosen] = -walk if (points_back(chord[None])[0] if straight else turning < 0.0) else walk
+    return signs
 
 
 def enclosed_beyond(vertices: FloatArray, edges: Edges) -> BoolArray:
-    """On which edges (n,) of a joint what it goes around is beyond, as on half of a circle.
+    """Whether the block that a joint encloses is on the second side of each edge (n,), as on half of a circle.
 
-    Joints that have one body below or to the left of them everywhere go around none. Those that turn around nothing, as
-    one with a step in its middle, count as if around what is below or to the left of the way from end to end.
+    A joint with one block below or to the left of all its edges encloses none. A joint that sweeps no area, such as one
+    with a step in its middle, counts as if it enclosed the block below or to the left of the way from end to end.
     """
-    found = np.zeros(len(edges), dtype=bool)
+    is_beyond = np.zeros(len(edges), dtype=bool)
     for chosen, leads, chord, turning in _turning_lines(vertices, edges, cross(edges.normal, edges.tangent)):
         left = turning > 0.0 if abs(turning) > _NO_TURN else points_back(chord[None] * [1.0, -1.0])[0]
-        found[chosen] = (leads < 0.0) == left
-    return found
+        is_beyond[chosen] = (leads < 0.0) == left
+    return is_beyond
 
 
 def _turning_lines(
     vertices: FloatArray, edges: Edges, signs: FloatArray
 ) -> Iterator[tuple[IntArray, FloatArray, FloatArray, float]]:
-    """Lines of edges of which tangents times signs (n,) lead against each other.
+    """Lines of edges along which tangents times signs (n,) do not all point the same way.
 
-    Edges (k,); whether tangents times signs lead along the line, ±1 (k,); its chord over its length (2,); twice the
-    area that it sweeps around its middle, over its length squared, positive if counterclockwise.
+    For each line: its edges (k,); the directions ±1 (k,) of tangent times sign along it; its chord over its length
+    (2,); twice the area that it sweeps around its middle over its length squared, positive if counterclockwise.
     """
     ends = np.stack([vertices[edges.first], vertices[edges.second]], axis=1)
     path = ContactPath.of(ends, edges.length)
-    for own in path.lines:
-        chosen, walk = path.edges[own], np.where(path.forward[own], 1.0, -1.0)
-        leads, lengths, middles = walk * signs[chosen], path.lengths[own], ends[chosen].mean(axis=1)
+    for line in path.lines:
+        chosen, walk = path.edges[line], np.where(path.forward[line], 1.0, -1.0)
+        leads, lengths, middles = walk * signs[chosen], path.lengths[line], ends[chosen].mean(axis=1)
         if leads.min() < 0.0 < leads.max():
             steps = walk[:, None] * (ends[chosen, 1] - ends[chosen, 0])
             turning = float(cross(middles - np.average(middles, axis=0, weights=lengths), steps).sum())

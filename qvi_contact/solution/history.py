@@ -1,15 +1,13 @@
 """Load histories: quasi-static friction, step by step.
 
-Within a step friction opposes the slip since the step before: with w_k the obstacle's offset and s_k = u_T − w_k the
-slip accumulated up to step k, step k is the static problem with the offset w_k + s_{k−1},
+Friction opposes the slip in the step. With the obstacle's offset w_k and the slip s_k = u_T − w_k accumulated up to
+step k, step k is the static problem with the offset w_k + s_{k−1},
 
     |σ_T| ≤ b(σ_N),   |σ_T| < b ⇒ s_k = s_{k−1},   (s_k − s_{k−1}) σ_T ≤ 0.
 
-A body whose position nothing determines stays as near as it can to where it was.
-
-That is the implicit Euler rule; loads and obstacles move in the steps the user gives. Slip is handed on as the
-multipliers of the Gauss points, not as their projection, so that each step starts in exactly the state the one before
-it ended in.
+This is the implicit Euler rule; loads and obstacles change in the steps the user gives. The slip passed to the next
+step is that of the multipliers at the Gauss points, so that a step starts in exactly the state in which the last one
+ended. A body whose position nothing determines stays as near as possible to its last position.
 """
 
 from __future__ import annotations
@@ -47,34 +45,34 @@ from solvers.inner.linear_program import BackendFailure, attempt
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-_PARALLEL = 1e-9  # sine of the angle between edges that face one way
+_PARALLEL = 1e-9  # sine of the angle between edges up to which they count as parallel
 CONTINUES = (Status.SOLVED, Status.INACCURATE)
-"""How a step ends after which the next one is solved."""
+"""Statuses of a step after which the next step is solved."""
 _COLUMNS = {"step": ">5", "status": "<20", "iterations": ">10", "accuracy": ">9.1e", "seconds": ">9.2f"}
 
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """Results of the load steps, up to the first that has none.
+    """Results of the load steps, up to the first step that is not solved.
 
-    In each step's result `slip` and `energies.dissipation` are those of the step. The energies are computed from the
-    multipliers, which obey the friction law at every point, `slip` is their projection.
+    In each step's result `slip` and `energies.dissipation` are those of the step. Energies are computed from the
+    multipliers of the rows, which obey the friction law exactly; `slip` is their projection.
     """
 
     steps: Sequence[ContactResult]
-    """One for each load step done: a tuple, or with a store a sequence that reads a step when it is asked for."""
+    """One result for each step done: a tuple, or with a store a sequence that reads each step on access."""
     planned: int
     """Number of load steps asked for."""
 
     @cached_property
     def statuses(self) -> tuple[Status, ...]:
         """The status of each step done."""
-        known = getattr(self.steps, "statuses", None)  # a store knows them
-        return tuple(known or (step.status for step in self.steps))
+        stored = getattr(self.steps, "statuses", None)  # a store has them without reading results
+        return tuple(stored or (step.status for step in self.steps))
 
     @property
     def status(self) -> Status:
-        """Solved if every step was; else that of the first step that was not, or "time_limit" if steps are missing."""
+        """Solved if every step is; else the first other status, or "time_limit" if steps are missing."""
         return overall_status(self.statuses, self.planned)
 
     @property
@@ -98,9 +96,9 @@ class History:
     def to_frame(self, units: Units | None = None) -> DataFrame:
         """One row for each step and contact as a pandas table, with units and errors as `ContactResult.to_frame`.
 
-        Columns are "step" (from 1), "status", "contact", and those of `ContactResult.forces_frame`, in which slip is
-        that of the step, and "dissipated", the energy lost in friction on all contacts in the step. Steps without a
-        state have no rows.
+        Columns are "step" (from 1), "status", "contact", the columns of `ContactResult.forces_frame`, with the slip of
+        the step, and "dissipated", the energy lost in friction on all contacts in the step. Steps without a state have
+        no rows.
         """
         rows = [
             {"step": number, "status": str(step.status), "contact": name, **numbers, "dissipated": lost}
@@ -118,32 +116,32 @@ class History:
 
     @property
     def friction_work(self) -> FloatArray:
-        """The same by the trapezoidal rule, −∫ ½(σ_T,k + σ_T,k−1)(s_k − s_{k−1}) ds, shape (steps,) [stress × length²].
+        """Energy lost in friction by the trapezoidal rule, −∫ ½(σ_T,k + σ_T,k−1)(s_k − s_{k−1}) ds, shape (steps,).
 
-        As long as no point opens or closes this is what enters the balance of energy between two steps: around a closed
-        cycle it is the work that obstacles and supports have done, the area of their loops. It tends to `dissipated` as
-        the steps shrink, and equals it if friction is used up at both ends of every step in which a point slips.
+        While no point opens or closes, this is the loss in the balance of energy between two steps: over a closed cycle
+        it equals the work of obstacles and supports, the area of their loops [stress × length²]. It tends to
+        `dissipated` as steps shrink, and equals it if friction is at its bound at both ends of every step with slip.
         """
         pairs = zip(self._states, [None, *self._states], strict=False)
         return np.array([0.5 * (_friction_work(now, now) + _friction_work(now, last)) for now, last in pairs])
 
     def loop(self, name: str) -> tuple[FloatArray, FloatArray]:
-        """Displacement of what drives the body (steps,) [length], and force on it in that direction [stress × length].
+        """Displacement of an obstacle or support (steps,) [length], and its force on the body [stress × length].
 
-        The name is that of a contact, whose obstacle moves along the tangent by its mean offset and by the motion of
-        its plate in the contact's centre; or of an edge set with a prescribed displacement: along the tangent, or along
-        x or y across it where nothing moves along the tangent. Where edges turn the tangent does, and the force is what
-        does the work. A plate that also moves normally or turns does more work than this loop shows. Of a plate on
-        edges that face several ways, such as a pin, it is the component x, y or rotation that does the most work, with
-        the moment about the pivot for a rotation [rad], [stress × length²].
+        `name` is that of a contact, or of an edge set with a prescribed displacement. The obstacle of a contact moves
+        along the tangent by its mean offset, and by the motion of its plate at the contact's centre. An edge set moves
+        along the tangent, or along x or y if nothing moves along the tangent. On an arc the tangent turns, and the
+        force is the sum of its components along the motion. A plate that also moves normally or turns does more work
+        than this loop shows. For a plate on edges that face several ways, such as a pin, the loop is that of the
+        component x, y or rotation with the most work; rotation and moment are [rad] and [stress × length²].
 
-        `InputError` if there is no such contact or edge set, or the obstacle of the contact is at rest while
-        displacements prescribed elsewhere move the body: the edge sets to name instead are listed.
+        `InputError` if there is no such contact or edge set, or if the obstacle is at rest while displacements
+        prescribed elsewhere move the body: the error lists the edge sets to name instead.
         """
         return self.driven(name)[1:]
 
     def driven(self, name: str) -> tuple[str, FloatArray, FloatArray]:
-        """The same, behind what moves: "along", "x", "y", or "rotation", whose loop is in other units."""
+        """The component that moves, "along", "x", "y" or "rotation", then the two arrays of `loop`."""
         if not self._states:
             return "along", np.zeros(0), np.zeros(0)
         first = self._states[0]
@@ -155,7 +153,7 @@ class History:
             return "along", *self._of_support(name)
         steps = [_of_obstacle(step, name) for step in self._states]
         if any(each.keys() != steps[0].keys() for each in steps):
-            raise InputError("name", name, "its plate is there in some steps only: give it in all of them, or in none")
+            raise InputError("name", name, "has a plate in some steps only: give the plate in all steps, or in none")
         pairs = np.array([list(each.values()) for each in steps]).transpose(1, 2, 0)
         most = int(np.argmax(np.ptp(pairs[:, 0], axis=1) * np.abs(pairs[:, 1]).max(axis=1)))
         displacement, force = pairs[most]
@@ -169,23 +167,23 @@ class History:
     def _of_support(self, name: str) -> tuple[FloatArray, FloatArray]:
         """The loop of an edge set with a prescribed displacement: the component along the tangent if it moves."""
         steps = [_of_support(step, name) for step in self._states]
-        always = [component for component in steps[0] if all(component in each for each in steps)]
-        found = [np.array([each[component] for each in steps]).T for component in always]
-        if not found:
+        components = [component for component in steps[0] if all(component in each for each in steps)]
+        loops = [np.array([each[component] for each in steps]).T for component in components]
+        if not loops:
             raise InputError("name", name, "name a contact, or an edge set with a prescribed displacement")
-        displacement, force = next((loop for loop in found if np.ptp(loop[0]) > 0.0), found[0])
+        displacement, force = next((loop for loop in loops if np.ptp(loop[0]) > 0.0), loops[0])
         return displacement, force
 
     @property
     def _states(self) -> Sequence[ContactResult]:
-        """The steps that have a state: all but the last may be, which ends the history where it has none."""
+        """The steps that have a state: all, or all but the last."""
         return self.steps if not self.steps or self.steps[-1].has_state else self.steps[:-1]
 
 
 def loop_area(displacement: FloatArray, force: FloatArray) -> float:
-    """∮ F dw of a polygon of steps, the work done on the body [force × length]; positive where energy is lost.
+    """∮ F dw by the trapezoidal rule, the work done on the body [force × length]; positive where energy is lost.
 
-    Steps are joined by straight lines, the last one not with the first. `InputError` for arrays of other shapes.
+    The last step is not joined with the first. `InputError` if the arrays are not vectors of the same length.
     """
     displacement, force = real_array("displacement", displacement), real_array("force", force)
     if displacement.ndim != 1:
@@ -211,25 +209,25 @@ def solve_history(
     ----------
     problems : iterable of ContactProblem
         The problem at each load step: the same mesh and contacts, while loads, displacements, gaps, offsets, friction
-        and materials may change. The stress is that of the whole strain by the material of the step, not a sum of
-        increments. An `offset` is the obstacle's own tangential displacement, slip is added to it. With a store a
-        sequence is read twice, step by step, and nothing of it is kept; what is no sequence becomes a list.
+        and materials may change. The stress follows from the total strain and the material of the step, not from a sum
+        of increments. An `offset` is the obstacle's own tangential displacement; slip is added to it. With a store a
+        sequence is read twice, step by step, and its problems are not kept; another iterable becomes a list.
     callback : callable, optional
         Called with the number of each step, from 1, and its result.
     settings : Settings, optional
         How to discretise and solve all of them.
     store : str or Path, optional
-        A folder that keeps each step as soon as it is done, and takes it out of memory. The same call again goes on
-        where the last one stopped, whatever stopped it; steps already there are not told to `callback`.
+        A folder in which each step is stored as soon as it is done, and not kept in memory. The same call continues an
+        interrupted history; `callback` is not called for steps that were stored before.
     warm_start : bool
-        Whether methods that take a start begin at the state of the step before.
+        Whether methods that accept a start begin at the state of the step before.
     **changes
         Fields of `Settings`, and options of the method.
 
     Returns
     -------
     History
-        It ends with the first step whose status is neither solved nor inaccurate, or with the time limit.
+        The history ends with the first step whose status is neither solved nor inaccurate, or at the time limit.
 
     Raises
     ------
@@ -244,7 +242,7 @@ def solve_history(
     with deadline(settings.time_limit), Log(title, settings.verbose, _COLUMNS, iterations=False) as log:
         steps, scales, vary = _surveyed(problems, kept=store is None)
         if settings.law is None and vary:
-            settings = replace(settings, law_on="points")  # in all steps, as slip is handed on from one to the next
+            settings = replace(settings, law_on="points")  # in all steps, as slip is passed on point by point
         log.begin({"steps": len(steps), "cells": steps[0].mesh.cell_count})
         discretized = _Discretized(steps, settings, scales)
         results: Any = list[ContactResult]()
@@ -275,11 +273,11 @@ def solve_history(
 
 @dataclass(eq=False)
 class _Discretized(PicklesFields):
-    """The problem of a step, from 1, in units, without earlier slip; all share the matrices of the first."""
+    """Discretisations of the steps, numbered from 1, without earlier slip; all share the matrices of the first."""
 
     steps: Sequence[ContactProblem]
     settings: Settings
-    scales: Scales  # of the first
+    scales: Scales  # units of the first step
 
     def __call__(self, number: int, own: Scales) -> Discretization:
         return self.first if number == 1 and own == self.scales else self.first.with_data(self.steps[number - 1], own)
@@ -290,9 +288,9 @@ class _Discretized(PicklesFields):
 
 
 def _surveyed(problems: Iterable[ContactProblem], kept: bool) -> tuple[Sequence[ContactProblem], Scales, bool]:
-    """The steps, which must have mesh and contacts of the first, their units, and whether any law varies along an edge.
+    """The steps, checked; the largest of their units; and whether any contact law varies along an edge.
 
-    A sequence may make steps anew each time it is asked, unless they are kept: so each is looked at once.
+    Each step is read once only: unless steps are kept, a sequence may make them anew on each access.
     """
     remedy = "give a list of at least one ContactProblem"
     if not isinstance(problems, Iterable):
@@ -300,66 +298,70 @@ def _surveyed(problems: Iterable[ContactProblem], kept: bool) -> tuple[Sequence[
     steps = list(problems) if kept or not isinstance(problems, Sequence) else problems
     if not len(steps):
         raise InputError("problems", problems, remedy)
-    first, vary, known = steps[0], False, list[Scales]()
+    first, law_varies, all_scales = steps[0], False, list[Scales]()
     for number in range(len(steps)):
         problem = steps[number]
         instance_of(ContactProblem, f"problems[{number}]", problem, "give a ContactProblem for each load step")
         if not problem.mesh.same_as(first.mesh):
             raise InputError(f"problems[{number}].mesh", problem.mesh, "give every load step the same mesh")
-        kept_same = [  # slip is handed on point by point
+        contacts = [  # must be the same, as slip is passed on point by point
             [(each.name, each.law, one.mesh.numbers(each.edges).tobytes()) for each in one.contacts]
             for one in (first, problem)
         ]
-        if kept_same[0] != kept_same[1]:
+        if contacts[0] != contacts[1]:
             names = [contact.name for contact in problem.contacts]
             raise InputError(f"problems[{number}].conditions", names, "give every load step the same contacts")
-        known.append(Scales.of(problem))
-        vary = vary or laws_vary(problem)
-    return steps, max(known, key=lambda scales: (scales.loaded, scales.stress)), vary
+        all_scales.append(Scales.of(problem))
+        law_varies = law_varies or laws_vary(problem)
+    return steps, max(all_scales, key=lambda scales: (scales.loaded, scales.stress)), law_varies
 
 
 def _at_rest(result: ContactResult, before: ContactResult | None) -> ContactResult:
-    """The result with bodies where they were, as far as nothing else determines where they are.
+    """The result, with bodies as near as possible to their last position where nothing determines their position.
 
-    Of the motions y that contacts leave free, G y ≤ h, it takes the one that changes places least in the mean square.
-    With y = R⁻¹ (x − c) it has the least x, which non-negative least squares give (Lawson and Hanson 1974, chapter 23).
+    Of all motions y of the bodies that the contacts allow, G y ≤ h, the one with the least change of displacements on
+    contacts since the step before, in the mean square. With the QR factors of the displacements of y this is the least
+    |x| with y = R⁻¹ (x − c), by non-negative least squares (Lawson and Hanson 1974, chapter 23).
     """
     free = free_motions(result) if result.status is Status.SOLVED else None
     if free is None or not free.motions.shape[1]:
         return result
-    from scipy.optimize import nnls  # loaded where a body is free only
+    from scipy.optimize import nnls  # loaded only where a body is free
 
-    moved, (G, h), solution = _places(result), free.limits, result.solution
-    moved -= 0.0 if before is None else _places(before)
-    Q, R = np.linalg.qr(free.speeds.reshape(moved.size, -1))
-    c, rows = Q.T @ moved.ravel(), np.linalg.solve(R.T, G.T)
+    # with speeds S = Q R the change of displacements in the span of S is Q x, x = c + R y; without a motion Q c
+    change, (G, h), solution = _places(result), free.limits, result.solution
+    change -= 0.0 if before is None else _places(before)
+    Q, R = np.linalg.qr(free.speeds.reshape(change.size, -1))
+    c, rows = Q.T @ change.ravel(), np.linalg.solve(R.T, G.T)
+    # least |x| with G y ≤ h as a problem of non-negative least squares, whose residual gives x
     last = np.eye(len(c) + 1)[-1]
     E = np.column_stack([np.vstack([-rows, -h - c @ rows]), 0.0 * last])
-    rest = attempt("nnls", lambda: E @ nnls(E, last)[0] - last)
-    if isinstance(rest, BackendFailure):
+    residual = attempt("nnls", lambda: E @ nnls(E, last)[0] - last)
+    if isinstance(residual, BackendFailure):
         return result
-    changes, qvi = free.changes @ np.linalg.solve(R, -rest[:-1] / rest[-1] - c), solution.problem
+    # multipliers with the motion, certified
+    changes, qvi = free.changes @ np.linalg.solve(R, -residual[:-1] / residual[-1] - c), solution.problem
     m_N, m_T = solution.normal_multiplier + changes[0], solution.tangential_multiplier + changes[1]
-    left = qvi.gradient(solution.z) + qvi.N.T @ m_N + qvi.T.T @ m_T
-    nu = np.linalg.lstsq(qvi.A.T.toarray(), -left, rcond=None)[0]  # driven plates move along
+    stationarity = qvi.gradient(solution.z) + qvi.N.T @ m_N + qvi.T.T @ m_T
+    nu = np.linalg.lstsq(qvi.A.T.toarray(), -stationarity, rcond=None)[0]  # motions of driven plates
     certificate = certify(qvi, solution.z, m_N, m_T, nu, solution.certificate.tolerance)
-    known = {"normal_multiplier": m_N, "tangential_multiplier": m_T, "equality_multiplier": nu}
-    at_rest = replace(solution, **known, certificate=certificate)
+    multipliers = {"normal_multiplier": m_N, "tangential_multiplier": m_T, "equality_multiplier": nu}
+    at_rest = replace(solution, **multipliers, certificate=certificate)
     return ContactResult(result.discretization, at_rest) if certificate.passed else result
 
 
 def _places(result: ContactResult) -> FloatArray:
-    """u_N and u_T (2, m) at all points of contacts that are not tied, dimensionless, less motions of driven plates."""
-    unit, found = result.discretization.scales.displacement, [np.zeros((2, 0))]
+    """u_N and u_T (2, m) at the points of all contacts but tied ones, relative to driven plates, dimensionless."""
+    unit, displacements = result.discretization.scales.displacement, [np.zeros((2, 0))]
     for rows in result.discretization.contacts:
         if rows.law != "tied":
-            line, (across, along) = result.contacts[rows.name], rows.obstacle
-            found.append(np.stack([across - line.gap / unit, along + line.slip / unit]))
-    return np.concatenate(found, axis=1)
+            line, (gap, offset) = result.contacts[rows.name], rows.obstacle
+            displacements.append(np.stack([gap - line.gap / unit, offset + line.slip / unit]))
+    return np.concatenate(displacements, axis=1)
 
 
 def _slip_after(result: ContactResult) -> list[FloatArray]:
-    """Slip since the beginning at the points of each contact, dimensionless: −λ_T on top of what came before."""
+    """Slip since the first step at the points of each contact, dimensionless: the earlier slip plus −λ_T."""
     m_T = result.solution.tangential_multiplier
     return [
         rows.slip if rows.law == "tied"
@@ -369,7 +371,7 @@ def _slip_after(result: ContactResult) -> list[FloatArray]:
 
 
 def _friction_work(now: ContactResult, other: ContactResult | None) -> float:
-    """−∫ σ_T (s_k − s_{k−1}) ds with the slip of one step and the traction of another (none: zero)."""
+    """−∫ σ_T (s_k − s_{k−1}) ds with the slip of the step `now` and the traction of `other`; 0 without `other`."""
     if other is None:
         return 0.0
     traction = other.solution.problem.tangential(other.solution.z)
@@ -377,9 +379,9 @@ def _friction_work(now: ContactResult, other: ContactResult | None) -> float:
 
 
 def _of_obstacle(step: ContactResult, name: str) -> dict[str, tuple[float, float]]:
-    """Displacement of a contact's obstacle along the tangent, and the tangential force, which works on it.
+    """Displacement of a contact's obstacle along the tangent, and the tangential force on the body, as {"along": …}.
 
-    By x, y and rotation if it is a plate on edges that face several ways.
+    For a plate on edges that face several ways {"x": …, "y": …, "rotation": …}, with force and moment of the plate.
     """
     problem, scales, line = step.problem, step.discretization.scales, step.contacts[name]
     plates = [contact.plate for contact in problem.contacts]
@@ -396,19 +398,19 @@ def _of_obstacle(step: ContactResult, name: str) -> dict[str, tuple[float, float
 
 
 def _of_support(step: ContactResult, name: str) -> dict[str, tuple[float, float]]:
-    """Mean of each component prescribed on an edge set, and the force that works on it; those along its tangent first.
+    """Mean of each displacement component prescribed on an edge set, and the force on the body along it.
 
-    What is given along normals or tangents turns with the edges.
+    Components nearest to the first edge's tangent come first. Normal and tangential components turn with the edges.
     """
-    problem, known, edges = step.problem, step.discretization, step.problem.mesh.edges(name)
-    points = EdgePoints(known.space, edges, LOAD_POINTS).for_resultants()
-    acting, weights = traction(known, step.dofs, points).T, known.scales.length * points.weights
-    found = list[tuple[float, str, tuple[float, float]]]()
+    problem, discretization, edges = step.problem, step.discretization, step.problem.mesh.edges(name)
+    points = EdgePoints(discretization.space, edges, LOAD_POINTS).for_resultants()
+    tractions, weights = traction(discretization, step.dofs, points).T, discretization.scales.length * points.weights
+    pairs = list[tuple[float, str, tuple[float, float]]]()  # (order, component, (mean, force))
     for given in problem.prescribed(Displacement):
         if isinstance(given.condition, Displacement) and given.condition.edges == name:
             means = along_edges(problem.mesh, edges, given.name, given.value).coefficients(0)[:, 0]
             mean = float(edges.length @ means / edges.length.sum())
-            force = float(weights @ (acting * points.vectors(given.direction, given.turns)).sum(axis=1))
+            force = float(weights @ (tractions * points.vectors(given.direction, given.turns)).sum(axis=1))
             component = given.name.partition(".")[2]
-            found.append((-abs(float(given.direction[0] @ edges.tangent[0])), component, (mean, force)))
-    return {component: pair for _, component, pair in sorted(found, key=lambda each: each[0])}
+            pairs.append((-abs(float(given.direction[0] @ edges.tangent[0])), component, (mean, force)))
+    return {component: pair for _, component, pair in sorted(pairs, key=lambda each: each[0])}

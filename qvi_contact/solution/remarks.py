@@ -1,4 +1,4 @@
-"""What a user should know about a result."""
+"""Remarks on a result: warnings about data, about uniqueness and accuracy, and about motions nothing determines."""
 
 from __future__ import annotations
 
@@ -26,41 +26,42 @@ from solvers.inner.linear_program import solved
 if TYPE_CHECKING:
     from qvi_contact.solution.result import ContactResult
 
-_MISFIT: Final = 1e-6  # of the unit of stress: difference of tractions that counts
-_ROUNDED: Final = 1e-6  # share of the stress in which rounding of single stresses counts
-_FAR: Final = 1e4  # gaps over displacements above which rounding of gaps is what an inaccurate result lacks
-_LARGE_STRAIN: Final = 0.05  # above which the theory of small strains is a first guess
-_LARGE_FRICTION: Final = 1.0  # above which other solutions are known: of 2 and more
-_EXCESS: Final = 1e-2  # share of a contact's largest traction by which friction may leave its bound between points
-_EDGES_IN_CONTACT: Final = 4  # edges of an arc below which a contact zone is too short for them
-_YIELDS: Final = 1e-6  # of the unit of stress: excess of the strength that counts
+_MISFIT: Final = 1e-6  # misfit of prescribed tractions over the unit of stress, above which a remark is made
+_ROUNDED: Final = 1e-6  # rounding of stresses over the certificate's unit of stress, above which a remark is made
+_FAR: Final = 1e4  # gaps over displacements, above which rounding of gaps explains an inaccurate result
+_LARGE_STRAIN: Final = 0.05  # strain above which the theory of small strains is a first guess
+_LARGE_FRICTION: Final = 1.0  # friction above which a remark is made; several solutions are known from 2 on
+_EXCESS: Final = 1e-2  # excess of friction between points over the contact's largest traction, allowed without remark
+_EDGES_IN_CONTACT: Final = 4  # least number of edges that resolve a contact zone on an arc
+_YIELDS: Final = 1e-6  # excess of the strength over the unit of stress, above which the body yields
 
 
 def remarks(result: ContactResult) -> tuple[str, ...]:
-    """Sentences about how data were taken, about the way to the solution, and about its state, if it has one."""
-    found = [*result.discretization.remarks, *result.solution.remarks, *_turning_plates(result)]
+    """Sentences about approximated data, the solution's attempts, and the computed state, if there is one."""
+    sentences = [*result.discretization.remarks, *result.solution.remarks, *_turning_plates(result)]
     if result.has_state:
-        found += [*_about_numbers(result), *_about_contacts(result)]
-    return tuple(found)
+        sentences += [*_about_numbers(result), *_about_contacts(result)]
+    return tuple(sentences)
 
 
 def _turning_plates(result: ContactResult) -> Iterator[str]:
+    """Sentences about plates and inner blocks under a moment that may slip round, where the solve has failed."""
     if result.status is not Status.SOLVED and not result.status.impossible:
-        for contact, known in zip(result.problem.contacts, result.discretization.contacts, strict=True):
-            turns = np.ptp(known.points.normals, axis=0).max() > _MOVES  # else pressure alone carries the moment
+        for contact, rows in zip(result.problem.contacts, result.discretization.contacts, strict=True):
+            turns = np.ptp(rows.points.normals, axis=0).max() > _MOVES  # on a straight line pressure carries the moment
             driven = turns and contact.plate is not None and contact.plate.moment is not None
             inside = contact in result.problem.joints and closes(result.problem.mesh.edges(contact.edges))
             if (driven or inside) and has_coulomb(contact):
                 yield (
-                    f"{'What is inside' if inside else 'The plate or pin at'} {contact.name!r} may slip round under "
-                    "its moment. Nothing proves it, as equilibrium alone would allow a larger pressure, and more "
-                    "friction with it. Give a rotation or displacements instead of the moment: the moment of the "
-                    "result is then what friction carries."
+                    f"{'The block inside' if inside else 'The plate or pin at'} {contact.name!r} may slip round under "
+                    "its moment. This has no proof, as equilibrium alone would allow a larger pressure, and with it "
+                    "more friction. Give a rotation or displacements instead of the moment: the resulting moment is "
+                    "then what friction carries."
                 )
 
 
 def _about_numbers(result: ContactResult) -> Iterator[str]:
-    """Conditions, and the sentences that they call for: what is not unique, and which digits are not reliable."""
+    """Sentences about accuracy and uniqueness: misfit, large strains, several solutions, digits lost in rounding."""
     scales, certified, qvi = result.discretization.scales, result.certificate.scales, result.solution.problem
     if result.traction_misfit > _MISFIT * scales.stress:
         yield (
@@ -68,11 +69,11 @@ def _about_numbers(result: ContactResult) -> Iterator[str]:
             "single points. Force and moment on every edge are right. To reduce the difference, let an edge end where "
             "the tractions jump, or refine there."
         )
-    t, weight = (each[:1] for each in result.discretization.space.cell_quadrature)  # one point of each triangle
+    t, weight = (each[:1] for each in result.discretization.space.cell_quadrature)  # at one point of each triangle
     stress = scales.stress * cell_stresses(result.discretization, result.dofs, t)[1].swapaxes(1, 2)
     strains = np.abs(result.problem.compliances @ stress).max(axis=(1, 2))
     order, areas = np.argsort(strains), result.discretization.space.cell_measures(t, weight)[:, 0]
-    share = np.cumsum(areas[order])  # small triangles, where stresses are large, count little
+    share = np.cumsum(areas[order])  # the median by area: small triangles in corners count little
     strain = float(strains[order[np.searchsorted(share, share[-1] / 2.0)]])
     if strain > _LARGE_STRAIN:
         yield (
@@ -81,8 +82,8 @@ def _about_numbers(result: ContactResult) -> Iterator[str]:
         )
     friction = float(qvi.mu[qvi.law.moving].max(initial=0.0))
     large = friction > _LARGE_FRICTION and result.status is Status.SOLVED and not result.solution.remarks
-    unique = False  # friction below the bound for one solution only, on usual meshes 0.01 to 0.1
-    with suppress(FactorisationError, ValueError):  # dense algebra refuses what has overflowed by ValueError
+    unique = False  # friction below the bound that proves uniqueness, on usual meshes 0.01 to 0.1
+    with suppress(FactorisationError, ValueError):  # dense algebra raises ValueError after an overflow
         unique = large and result.solution.uniqueness.satisfied
     if large and not unique:
         yield (
@@ -115,10 +116,10 @@ def _about_numbers(result: ContactResult) -> Iterator[str]:
 
 
 def _about_contacts(result: ContactResult) -> Iterator[str]:
-    """The same of where the body yields, and where the mesh is too coarse for a contact."""
+    """Sentences about stresses above the strength, and contacts for which the mesh is too coarse."""
     problem, scales = result.problem, result.discretization.scales
     if problem.yields:
-        from qvi_contact.limit.stresses import excess  # loaded for bodies that yield alone
+        from qvi_contact.limit.stresses import excess  # loaded only for bodies that yield
 
         points, stress = cell_stresses(result.discretization, result.dofs)
         x, y = physical(problem, scales, points)
@@ -130,17 +131,17 @@ def _about_contacts(result: ContactResult) -> Iterator[str]:
             yield (
                 f"The elastic stress exceeds the strength of the material by up to {largest:.3g} [stress], most around "
                 f"({x[at]:.6g}, {y[at]:.6g}), and in {share:.0f} % of the triangles. There the body yields, which is "
-                "not computed. What it carries at most is found by limit_load_factor, or by 'qvi-contact limit'."
+                "not computed. limit_load_factor, or 'qvi-contact limit', finds the largest load that it carries."
             )
     mirrors = [problem.mesh.edges(each.edges) for each in problem.conditions if isinstance(each, Symmetry)]
     mirrored = np.concatenate([np.empty(0, dtype=np.int64), *map(edge_ends, mirrors)])
     for rows in result.discretization.contacts:
         line, edges = result.contacts[rows.name], rows.points.edges
-        touching = (line.state != ContactState.OPEN).reshape(len(edges), -1)
-        held = edges.take(touching.any(axis=1) & edges.bent)
-        count = len(held) * (2 if np.isin(edge_ends(held), mirrored).any() else 1)  # both halves of a symmetric one
-        if not touching.all() and 0 < count < _EDGES_IN_CONTACT:
-            x, y = (part[touching.ravel()].mean() for part in (line.x, line.y))
+        touches = (line.state != ContactState.OPEN).reshape(len(edges), -1)
+        in_contact = edges.take(touches.any(axis=1) & edges.bent)
+        count = len(in_contact) * (2 if np.isin(edge_ends(in_contact), mirrored).any() else 1)  # with the mirrored half
+        if not touches.all() and 0 < count < _EDGES_IN_CONTACT:
+            x, y = (part[touches.ravel()].mean() for part in (line.x, line.y))
             yield (
                 f"Contact {rows.name!r} touches around ({x:.6g}, {y:.6g}) on fewer than {_EDGES_IN_CONTACT} edges of "
                 f"its arc ({count}). The pressure there is not resolved. Refine the mesh there until "
@@ -156,35 +157,33 @@ def _about_contacts(result: ContactResult) -> Iterator[str]:
             )
 
 
-# Rigid motions that nothing determines: of bodies that contacts alone hold, and of plates driven by force.
+# Rigid motions that nothing determines: of bodies held by contacts only, and of plates driven by force.
 #
-# Two displacement fields with the stresses of a result differ by a rigid motion v of each body between joints, and of
-# each plate in the components in which a force drives it. Both keep supports and contact laws if d·v = 0 for every
-# prescribed component d·u, and along the contacts, with [v] as in `mechanism.bodies`,
+# Two displacement fields with the stresses of a result differ by rigid motions v of the bodies between joints, and of
+# the plates in their components driven by force. Both fields obey supports and contact laws if d·v = 0 for every
+# prescribed component d·u, and along the contacts, with the jump [v] as in `mechanism.bodies`,
 #
-#     M(v) = ∫_{closed} −σ_N' [v]_N² ds + ∫ (b − |σ_T|) [v]_T² ds = 0:
+#     M(v) = ∫_{closed} −σ_N' [v]_N² ds + ∫ (b − |σ_T|) [v]_T² ds = 0.
 #
-# what presses stays closed, what is below its bound of shear stays stuck, whether it has slipped or, with cohesion, is
-# open; points at their bound may move.
-# Stresses and forces are the same for all such v. Gaps and slips are not, if [v] ≠ 0 somewhere: then the motion is
-# found, unless contacts that touch without pressure leave no room for it.
+# Points under pressure stay closed. Points with shear below its bound b do not slip. Points at their bound may move.
+# Stresses and forces are the same for all v with M(v) = 0. Gaps and slips differ if [v] ≠ 0 somewhere. Then the motion
+# is undetermined, unless contacts that touch without pressure prevent it in both directions.
 
-
-_HELD: Final = 1e-12  # M(v) over the largest pressure times the length of all contacts: above, something holds
-_SLACK: Final = 1e-6  # share of the certificate's unit of stress that is left of a friction bound beyond rounding
-_MOVES: Final = 1e-6  # share of a motion's size below which it is rounding: a point stands still, a body does not turn
-_COUNTED: Final = 1e-6  # share of the certificate's unit of stress that tractions reach where it is theirs
-_NOTHING: Final = 1e-9  # share of it below which they are none
+_HELD: Final = 1e-12  # M(v) over (largest pressure × length of all contacts), up to which v counts as free
+_SLACK: Final = 1e-6  # b − |σ_T| over the certificate's unit of stress, up to which |σ_T| counts as at its bound
+_MOVES: Final = 1e-6  # displacement over the size of a motion, up to which it is rounding
+_COUNTED: Final = 1e-6  # tractions over the certificate's unit of stress, below which they are not certified by it
+_NOTHING: Final = 1e-9  # the same, below which tractions are zero up to rounding
 
 
 @dataclass(frozen=True)
 class UndeterminedMotion:
-    """Bodies that move as one, and how they can."""
+    """Rigid motions that several bodies have in common and nothing determines."""
 
     names: tuple[str, ...]
-    """What they are called: the name of the region with just these cells, or where they lie."""
+    """Names of the bodies: that of the region with the same cells, or the place of the body."""
     motions: int
-    """Number of independent rigid motions, 1 to 3."""
+    """Number of independent motions, 1 to 3."""
     way: str
     """The motions in words, such as "turn about (0, 0)"."""
     plate: bool = False
@@ -192,7 +191,7 @@ class UndeterminedMotion:
 
     @property
     def remark(self) -> str:
-        """What it means and what to do, as sentences."""
+        """Sentences for the user: what the motion means, and what determines it."""
         what = " and ".join(self.names)
         together = "which together" if len(self.names) > 1 else "which"
         instead = " For a plate or pin, you can give the motion instead of the force." if self.plate else ""
@@ -205,10 +204,10 @@ class UndeterminedMotion:
 
 
 def undetermined_motions(result: ContactResult) -> tuple[UndeterminedMotion, ...]:
-    """Bodies that contacts alone hold, and plates, whose place beside others or on an obstacle nothing determines.
+    """The rigid motions of bodies and driven plates that neither supports nor contacts determine.
 
-    Gaps and slips on their contacts are those of one of the possible places. Without a certified state, or where
-    contact tractions are too small to say what is closed, there is no answer, and none is listed.
+    Gaps and slips on their contacts hold for one of the possible positions. The list is also empty without a certified
+    state, and where contact tractions are too small to tell which points are closed.
     """
     if result.status is not Status.SOLVED or largest_counted(result) is not None:
         return ()
@@ -218,95 +217,100 @@ def undetermined_motions(result: ContactResult) -> tuple[UndeterminedMotion, ...
     bodies = free.bodies
     motions, (G, h) = free.motions, free.limits
     closed = G[h <= _MOVES * result.certificate.scales.get("displacement", 0.0)]
-    if len(closed):  # max Σ t  s.t.  G y + t ≤ 0, t ≤ 1: rows with t = 0 let nothing move either way
+    # max Σ t  s.t.  G y + t ≤ 0, 0 ≤ t ≤ 1: a row with t = 0 in the answer is zero for all motions G y ≤ 0
+    if len(closed):
         (r, d), closed = closed.shape, closed / np.abs(closed).max(axis=1)[:, None]
         cost, bounds = np.repeat([0.0, -1.0], [d, r]), [(None, None)] * d + [(0.0, 1.0)] * r
         answer = solved(cost, A_ub=np.column_stack([closed, np.eye(r)]), b_ub=np.zeros(r), bounds=bounds)
         if answer.solved:
             motions = motions @ null_space(closed[answer.x[d:] < 0.5], _MOVES)
     at = bodies.centre[0] + bodies.size[0] * np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]])
-    along = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
-    moved = [bodies.rows(np.full(3, body), at, along) @ motions for body in range(len(bodies))]
-    moving = [body for body, each in enumerate(moved) if np.abs(each).max(initial=0.0) > _MOVES]
-    found = []
-    while moving:  # those with the same motion together
-        first, least = moving[0], _MOVES * np.abs(moved[moving[0]]).max()
-        alike = [body for body in moving if np.abs(moved[body] - moved[first]).max() <= least]
-        moving = [body for body in moving if body not in alike]
-        own, names = motions[3 * first : 3 * first + 3], tuple(_name(result.problem, bodies, body) for body in alike)
-        count, words = int(np.linalg.matrix_rank(own, tol=_MOVES)), motions_in_words(own, bodies, first)
-        found.append(UndeterminedMotion(names, count, words, max(alike) >= bodies.blocks))
-    return tuple(found)
+    directions = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
+    velocities = [bodies.rows(np.full(3, body), at, directions) @ motions for body in range(len(bodies))]
+    moving = [body for body, each in enumerate(velocities) if np.abs(each).max(initial=0.0) > _MOVES]
+    undetermined = []
+    while moving:  # bodies with the same motion are listed together
+        first, least = moving[0], _MOVES * np.abs(velocities[moving[0]]).max()
+        same = [body for body in moving if np.abs(velocities[body] - velocities[first]).max() <= least]
+        moving = [body for body in moving if body not in same]
+        of_body, names = motions[3 * first : 3 * first + 3], tuple(_name(result.problem, bodies, body) for body in same)
+        count, words = int(np.linalg.matrix_rank(of_body, tol=_MOVES)), motions_in_words(of_body, bodies, first)
+        undetermined.append(UndeterminedMotion(names, count, words, max(same) >= bodies.blocks))
+    return tuple(undetermined)
 
 
 def largest_counted(result: ContactResult) -> float | None:
-    """The largest contact traction where it is too small beside the stress in the body to be certified on its own."""
+    """The largest contact traction, if it is too small against the stress in the body to be certified; else None."""
     qvi, z, stress = result.solution.problem, result.solution.z, result.certificate.scales.get("stress", 0.0)
     largest = float(np.abs(qvi.tractions(z)).max(initial=0.0))
     return largest if _NOTHING * stress < largest < _COUNTED * stress else None
 
 
 class FreeMotions(NamedTuple):
-    """Motions that change gaps or slips and nothing else; of what moves together one body rests."""
+    """Rigid motions that change gaps or slips only; of bodies that move together the largest one is kept at rest."""
 
     bodies: Bodies
-    motions: FloatArray  # (3 k, d), columns, in the unit of displacement
+    motions: FloatArray  # (3 k, d): d motions as columns, in the unit of displacement
     speeds: FloatArray  # (2, m, d): [v]_N and [v]_T at the points of all contacts that are not tied
-    changes: FloatArray  # (2, m, d): by what they change m_N and m_T
-    # G (r, d) and h (r,) ≥ 0: of motions y those with G y ≤ h keep the signs of multipliers, over W
+    changes: FloatArray  # (2, m, d): changes of the multipliers m_N and m_T
+    # G (r, d) and h (r,) ≥ 0: multipliers over W keep their signs under the motions y (d,) with G y ≤ h
     limits: tuple[FloatArray, FloatArray]
 
 
 def free_motions(result: ContactResult) -> FreeMotions | None:
-    """Those of a result that is solved; None where supports hold all bodies."""
+    """The free motions of a solved result; None if supports hold all bodies."""
     problem, mesh, solution = result.problem, result.problem.mesh, result.solution
 
-    def left() -> FloatArray:  # what friction holds of bilateral contacts is in M(v)
+    def by_supports() -> FloatArray:  # without friction on bilateral contacts, which M(v) accounts for
         def smooth(each: Contact) -> Contact:
             return replace(each, friction=0.0) if each.law == "bilateral" else each
 
         return Rigid(with_contacts(problem, smooth)).free
 
+    # all motions that supports, plates, and contacts that cannot open or slip allow; they depend on these data only
     lines = [(each.law, mesh.numbers(each.edges).tobytes()) for each in problem.contacts]
     plates = [
         (each.name, each.plate.pivot, *(getattr(each.plate, name) is None for name in DRIVES))
         for each in problem.contacts if each.plate is not None
     ]  # fmt: skip
     supports = [(each.name, each.index.tobytes()) for each in problem.prescribed(Displacement)]
-    free = mesh.kept(np.ndarray, ("free", *lines, *plates, *supports), left)  # the same in all steps of a history
+    free = mesh.kept(np.ndarray, ("free", *lines, *plates, *supports), by_supports)  # kept for all steps of a history
     if not free.shape[1]:
         return None
     bodies = Bodies.of(problem)
     discretization, qvi, size = result.discretization, solution.problem, result.certificate.scales.get("stress", 1.0)
     unit, rule = size * discretization.scales.stress, discretization.rule
-    parts, holding, weights = [np.zeros((2, 0, 3 * len(bodies)))], [np.zeros((2, 0))], list[FloatArray]()
-    for contact, known in zip(problem.contacts, discretization.contacts, strict=True):
-        if contact.law == "tied":  # equations, not here
+    # [v] at the points of contacts, and the weights of M(v)
+    jumps, resistance, weights = [np.zeros((2, 0, 3 * len(bodies)))], [np.zeros((2, 0))], list[FloatArray]()
+    for contact, contact_rows in zip(problem.contacts, discretization.contacts, strict=True):
+        if contact.law == "tied":  # already in the motions allowed above
             continue
-        line, points, edges = result.contacts[contact.name], known.points, known.points.edges
+        line, points, edges = result.contacts[contact.name], contact_rows.points, contact_rows.points.edges
         places, pair = np.column_stack([line.x, line.y]), bodies.beside(edges, contact)
-        ours, theirs = (np.repeat(body, points.count) for body in pair)
-        turning = (points.normals, points.tangents)  # [v]_N, then [v]_T at the points
-        parts.append(np.stack([bodies.rows(ours, places, d) - bodies.rows(theirs, places, d) for d in turning]))
+        first, second = (np.repeat(body, points.count) for body in pair)
+        axes = (points.normals, points.tangents)
+        jumps.append(np.stack([bodies.rows(first, places, d) - bodies.rows(second, places, d) for d in axes]))
         slack = line.friction_bound - np.abs(line.tangential_stress)
-        # On an edge that sticks in part every point may have slipped, but friction is below its bound.
+        # on an edge that sticks in part every point may have slipped, while its shear is below the bound
         sticks = (line.state == ContactState.STICK) | (slack > _SLACK * unit)
         presses = np.where(line.state == ContactState.OPEN, 0.0, -line.effective_normal_stress)
-        holding.append(line.weights * np.maximum([presses, np.where(sticks, slack, 0.0)], 0.0))
+        resistance.append(line.weights * np.maximum([presses, np.where(sticks, slack, 0.0)], 0.0))
         weights.append(points.weights)
-    rows = np.concatenate(parts, axis=1).reshape(2 * qvi.m, 3 * len(bodies))
+    rows = np.concatenate(jumps, axis=1).reshape(2 * qvi.m, 3 * len(bodies))
     length = sum(float(line.weights.sum()) for line in result.contacts.values())
-    held = sparse.csr_array(np.sqrt(np.concatenate(holding, axis=1).ravel() / (unit * length))[:, None] * rows)
-    M, motions = np.linalg.eigh(free.T @ (held.T @ held).toarray() @ free)
+    M_root = sparse.csr_array(np.sqrt(np.concatenate(resistance, axis=1).ravel() / (unit * length))[:, None] * rows)
+    # the motions with M(v) = 0; if touching bodies move together without [v], the largest of them is kept at rest
+    M, motions = np.linalg.eigh(free.T @ (M_root.T @ M_root).toarray() @ free)
     free = free @ motions[:, M <= _HELD]
-    together = _still(free, rows, _MOVES)  # what moves all that touches together: of that the largest body rests
+    common = _still(free, rows, _MOVES)
     for body in np.argsort(-bodies.size, kind="stable").tolist():
-        own = np.eye(3 * len(bodies))[3 * body : 3 * body + 3]
-        if np.abs(own @ together).max(initial=0.0) > _MOVES:
-            free, together = _still(free, own, _MOVES), _still(together, own, _MOVES)
+        of_body = np.eye(3 * len(bodies))[3 * body : 3 * body + 3]
+        if np.abs(of_body @ common).max(initial=0.0) > _MOVES:
+            free, common = _still(free, of_body, _MOVES), _still(common, of_body, _MOVES)
+    # changes of the multipliers of rows, by the works of the motions, and the limits of their signs
     d = free.shape[1]
     speeds, by_edges = (rows @ free).reshape(2, qvi.m, d), (2, qvi.m // rule.count, rule.count, d)
-    works = (joined(weights)[:, None] * speeds).reshape(by_edges)  # of tractions of 1
+    works = (joined(weights)[:, None] * speeds).reshape(by_edges)
     changes = -np.einsum("aeqd,qr->aerd", works, rule.to_points).reshape(speeds.shape)
     slips = np.sign(qvi.tangential(solution.z)) * (qvi.threshold(qvi.pressure(solution.z)) > _SLACK * size)
     signs = np.stack([~qvi.bilateral, slips]) / qvi.W
@@ -317,13 +321,13 @@ def free_motions(result: ContactResult) -> FreeMotions | None:
 
 
 def _still(motions: FloatArray, rows: FloatArray, least: float) -> FloatArray:
-    """The part of the space of orthonormal motions (n, d) on which rows (m, n) are nothing."""
+    """Orthonormal motions that span the part of `motions` (n, d) on which rows (m, n) are zero, up to `least`."""
     return np.asarray(motions @ null_space(rows @ motions, least))
 
 
-def motions_in_words(own: FloatArray, bodies: Bodies, body: int) -> str:
-    """The motions (3, d) of a body in words; rows are translations of its centre and rotation times its size."""
-    basis, values, _ = np.linalg.svd(own, full_matrices=False)
+def motions_in_words(motions: FloatArray, bodies: Bodies, body: int) -> str:
+    """The motions (3, d) of a body in words; the rows are translations of its centre, and rotation times its size."""
+    basis, values, _ = np.linalg.svd(motions, full_matrices=False)
     basis = basis[:, values > _MOVES]
     moves = _still(basis, np.array([[0.0, 0.0, 1.0]]), _MOVES)
     if not moves.shape[1]:
@@ -332,7 +336,7 @@ def motions_in_words(own: FloatArray, bodies: Bodies, body: int) -> str:
         return f"turn about {_pair(bodies.centre[body] + arm, float(bodies.size[body]))}"
     along = moves[:2, 0] / np.hypot(*moves[:2, 0])
     along = np.where(np.abs(along) > _MOVES, along, 0.0)
-    along = -along if tuple(along) < (0.0, 0.0) else along  # to the right, or upwards
+    along = -along if tuple(along) < (0.0, 0.0) else along  # points to the right, or upwards
     way = "move" if moves.shape[1] > 1 else f"move along {_pair(along)}"
     return f"turn and {way}" if basis.shape[1] > moves.shape[1] else way
 
@@ -343,7 +347,7 @@ def _pair(at: FloatArray, size: float = 1.0) -> str:
 
 
 def _name(problem: ContactProblem, bodies: Bodies, body: int) -> str:
-    """The region with just the cells of a body, or where the body lies; the contact of a plate."""
+    """The name of a body: the region with the same cells, or the body's place; for a plate its contact."""
     if body >= bodies.blocks:
         return f"the plate at {bodies.plates[body - bodies.blocks]!r}"
     mesh, cells = problem.mesh, np.flatnonzero(bodies.of_cells == body)
@@ -354,5 +358,5 @@ def _name(problem: ContactProblem, bodies: Bodies, body: int) -> str:
         if name is not None and np.array_equal(chosen, cells):
             return f"the body {name!r}"
     centres = mesh.vertices[mesh.cells[cells]].mean(axis=1)
-    away = np.hypot(*(centres - centres.mean(axis=0)).T)
-    return f"the body around {_pair(centres[int(np.argmin(away))], mesh.length)}"
+    distance = np.hypot(*(centres - centres.mean(axis=0)).T)
+    return f"the body around {_pair(centres[int(np.argmin(distance))], mesh.length)}"

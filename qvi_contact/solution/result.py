@@ -43,26 +43,25 @@ if TYPE_CHECKING:
     from qvi_contact.refinement.measure import Side
     from qvi_contact.solution.remarks import UndeterminedMotion
 
-_LEAST_SHOWN: Final = 1e-6  # of the units of a result: what is larger is shown however bad the certificate is
+_LEAST_SHOWN: Final = 1e-6  # numbers above this share of the result's units are shown, however bad the certificate is
 
 PLATE_COLUMNS: Final = {
     "moved_x": "displacement", "moved_y": "displacement", "rotation": "rotation", "force_x": "force",
     "force_y": "force", "moment": "moment",
 }  # fmt: skip
-"""Which of the `Units` the columns of plates are in."""
+"""Columns of plates and their `Units`."""
 RESULTANT: Final = {"x": "force", "y": "force", "moment": "moment"}
-"""The same of a `Resultant`."""
+"""Fields of a `Resultant` and their `Units`."""
 
 _WITH_PLATE: Final = "contacts with a plate or pin"
 _SHARE = 1e-3
-"""Share of the multipliers of a proof of infeasibility that makes a contact part of the reason."""
-
+"""Share of all multipliers of a proof of infeasibility above which a contact is named in the reason."""
 
 _ABOVE: Final = {
     "bracket": "qvi_contact.bracket",
     **dict.fromkeys(("remarks", "undetermined_motions"), "qvi_contact.solution.remarks"),
 }
-"""Functions of a result that are its attributes too, and their modules, loaded on first use."""
+"""Functions of a result that it also has as attributes, and their modules, loaded on first use."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,7 @@ class Resultant:
     y: float
     """Force on the body [stress × length]."""
     moment: float
-    """Moment about the origin of coordinates, or what is named, counterclockwise [stress × length²]."""
+    """Moment about the origin of coordinates, or another named point, counterclockwise [stress × length²]."""
 
 
 @dataclass(frozen=True)
@@ -81,33 +80,33 @@ class Energies:
     """Energies a unit of thickness [stress × length²]."""
 
     strain: float
-    """½∫ cσ:σ dx, strain energy of the body, and that of springs along contacts."""
+    """½∫ cσ:σ dx, the strain energy of the body, plus the energy of springs along contacts."""
     load: float
     """∫_{Γ_u} U·σn ds + ∫_{Γ_μ} (g σ_N' + w σ_T) ds − ∫ ε⁰:σ dx, work of the prescribed displacements and initial
     strains; g and w with the given motions of plates."""
     complementary: float
-    """strain − load: what the stress minimises over the admissible stresses with the friction bound held fixed."""
+    """strain − load, which the stress minimises over all admissible stresses with this friction bound."""
     dissipation: float
-    """−∫ σ_T (u_T − w) ds = Σ m_T σ_T over the contact points, work lost in friction. From the row multipliers m_T,
-    which obey the friction law at every point: ≥ 0 to the accuracy of the certificate, which the projected `slip` need
-    not give. Beside a prescribed shear other than zero the tractions of the mesh leave the slip of the corner open, and
-    this number with it, by a part of what the last edge loses."""
+    """−∫ σ_T (u_T − w) ds = Σ m_T σ_T over the contact rows, the work lost in friction. The multipliers m_T of the rows
+    obey the friction law exactly, so that this is ≥ 0 to the accuracy of the certificate; with the projected `slip` it
+    might not be. Beside a side with a prescribed nonzero shear the tractions of the mesh do not determine the slip in
+    the corner: this number is uncertain by a part of the loss on the last edge."""
 
 
-def plate_motions(problem: ContactProblem, found: Mapping[str, Mapping[str, float]]) -> Mapping[str, RigidMotion]:
-    """Motions of plates about their pivots: what forces and moments drive, by contact and name, and what is given.
+def plate_motions(problem: ContactProblem, computed: Mapping[str, Mapping[str, float]]) -> Mapping[str, RigidMotion]:
+    """Motions of plates about their pivots: the given components plus the `computed` ones, by contact and component.
 
-    What they drive was found at the place that arms count from, see `RigidPlate.reference`.
+    Components driven by force were computed about the point that arms count from, see `RigidPlate.reference`.
     """
-    moved = {}
+    motions = {}
     for contact in problem.contacts:
         if (plate := contact.plate) is not None:
-            x, y, turn = (found.get(contact.name, {}).get(name, 0.0) for name in DRIVES)
+            x, y, turn = (computed.get(contact.name, {}).get(name, 0.0) for name in DRIVES)
             reference = plate.reference(*centre_of(problem.mesh.vertices, problem.mesh.edges(contact.edges)))
             x, y = RigidMotion(x, y, turn, reference).at(np.array(plate.pivot)).tolist()
             given = plate.x or 0.0, plate.y or 0.0, plate.rotation or 0.0
-            moved[contact.name] = RigidMotion(x + given[0], y + given[1], turn + given[2], plate.pivot)
-    return MappingProxyType(Named("plates", _WITH_PLATE, moved))
+            motions[contact.name] = RigidMotion(x + given[0], y + given[1], turn + given[2], plate.pivot)
+    return MappingProxyType(Named("plates", _WITH_PLATE, motions))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -115,11 +114,11 @@ class ContactResult(PicklesFields):
     """A solved (or failed) contact problem.
 
     Check `status` before using the rest: only `Status.SOLVED` means that the certificate passed on the original data.
-    Without a stress state (infeasible problem, failed back end) fields and contacts raise `InputError`; an infeasible
-    problem has none even if an iteration left one behind, but the `mechanism` that proves it.
+    Without a stress state (infeasible problem, failed back end) fields and contacts raise `InputError`. An infeasible
+    problem has no state, even if an iteration left one; it has a `mechanism` as its proof.
 
-    `remarks`, `undetermined_motions` and `bracket` are what the functions of these names in `solution.remarks` and
-    `bracket` find, on first use.
+    `remarks`, `undetermined_motions` and `bracket` call the functions of these names in `solution.remarks` and
+    `bracket`, on first use.
     """
 
     discretization: Discretization
@@ -127,7 +126,7 @@ class ContactResult(PicklesFields):
     solution: QVISolution
     """The algebraic answer, dimensionless."""
 
-    if TYPE_CHECKING:  # functions of `_ABOVE`; for types they are no fields
+    if TYPE_CHECKING:  # functions of `_ABOVE`; ClassVar, as they are not fields of the dataclass
         remarks: ClassVar[tuple[str, ...]]
         undetermined_motions: ClassVar[tuple[UndeterminedMotion, ...]]
         bracket: ClassVar[Bracket]
@@ -135,8 +134,8 @@ class ContactResult(PicklesFields):
     def __getattr__(self, name: str) -> Any:
         if name not in _ABOVE:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        found = self.__dict__[name] = getattr(load(_ABOVE[name]), name)(self)
-        return found
+        value = self.__dict__[name] = getattr(load(_ABOVE[name]), name)(self)
+        return value
 
     def __repr__(self) -> str:
         if not self.has_state:
@@ -147,7 +146,7 @@ class ContactResult(PicklesFields):
         return f"<ContactResult {'; '.join([f'{self.status}, {accuracy}', *forces])}>"
 
     def to_frame(self, units: Units | None = None) -> DataFrame:
-        """All points of all contacts: "contact", then the columns of `ContactLine.to_frame`, whose errors it raises."""
+        """All points of all contacts: "contact", then the columns of `ContactLine.to_frame`; raises the same errors."""
         tables = {name: line.to_frame(units) for name, line in self.contacts.items()} or {"": pandas().DataFrame()}
         joined: DataFrame = pandas().concat(tables, names=["contact"]).reset_index("contact").reset_index(drop=True)
         return joined
@@ -165,7 +164,7 @@ class ContactResult(PicklesFields):
         return frame(pandas().DataFrame(rows), forces_units(units))
 
     def _repr_html_(self) -> str:
-        """Outcome, and what contacts, edges and plates carry as tables, for notebooks."""
+        """The outcome, and tables of the forces on contacts, edges and plates, for notebooks."""
         return str(load("qvi_contact.command.page").result_html(self))
 
     @property
@@ -199,24 +198,24 @@ class ContactResult(PicklesFields):
 
     @cached_property
     def mechanism(self) -> Mechanism | None:
-        """The motion of the blocks that proves that the load cannot be carried, on any mesh; None if not infeasible."""
+        """The motion of rigid blocks that proves that no mesh carries the load; None if the status is another."""
         if self.status is not Status.INFEASIBLE:
             return None
-        from qvi_contact.mechanism import find_mechanism  # what few results need is loaded when they do
+        from qvi_contact.mechanism import find_mechanism  # few results need it
 
         return find_mechanism(self.problem)
 
     @cached_property
     def stress_rounding(self) -> float:
-        """What rounding alone does to stresses in the smallest cells [stress]; see `stress.stress_rounding`."""
+        """Change of stresses in the smallest cells by rounding alone [stress]; see `stress.stress_rounding`."""
         return stress_rounding(self.discretization, self.dofs) * self.discretization.scales.stress
 
     @cached_property
     def traction_misfit(self) -> float:
         """Largest difference between prescribed and computed tractions on Γ_σ [stress].
 
-        Zero (to round-off) for data in the trace space: polynomials of degree p − 2 along each edge. Other data are met
-        in resultant force and moment of every edge; this is what is left pointwise.
+        Zero up to rounding for data that are polynomials of degree p − 2 along each edge. Other data are met in the
+        resultant force and moment of every edge, but not at every point.
         """
         return misfit_of_tractions(self.discretization, self.dofs)
 
@@ -237,7 +236,7 @@ class ContactResult(PicklesFields):
 
     @property
     def has_state(self) -> bool:
-        """Whether there is a stress state, certified or not, to evaluate."""
+        """Whether there is a stress state, certified or not."""
         return not self.status.impossible and bool(np.isfinite(self.solution.z).all())
 
     @cached_property
@@ -250,21 +249,22 @@ class ContactResult(PicklesFields):
     def stress(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Stress (..., 3) at points x, y of the body [length], broadcast against each other; `InputError` outside.
 
-        σ_xx, σ_yy, σ_xy [stress], tension positive; on edges inside the body the mean of the adjacent cells.
+        The components are σ_xx, σ_yy, σ_xy [stress], tension positive; on edges inside the body the mean of both cells.
         """
         return stress_at(self.discretization, self.dofs, *given_points("stress(x, y)", x, y))
 
     def displacement(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
-        """Displacement u_x, u_y (..., 2) [length] at such points, on joints the mean of all sides.
+        """Displacement u_x, u_y (..., 2) [length] at points x, y of the body, on joints the mean of all sides.
 
-        The stress itself has none: it is that of the displacement model of `bracket`, under the friction bound of this
-        result. `InputError` also where there is no such displacement, or in a step of a history after slip along arcs.
+        The stress model has no displacements inside the body. These are from the displacement model of `bracket`, with
+        the friction bound of this result. `InputError` outside the body, if that model has no solution, or in a step of
+        a history after slip along arcs.
         """
         return self.bracket.companion.displacement(x, y)
 
     @property
     def uniqueness(self) -> Uniqueness:
-        """How far another solution of the exact problem can be, as far as `bracket` tells."""
+        """What `bracket` tells about other solutions: how far the exact problem's may be from each other."""
         return self.bracket.uniqueness
 
     def gauss_stress(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -290,20 +290,20 @@ class ContactResult(PicklesFields):
     def rounding(self) -> Rounding:
         """Sizes up to which numbers of this result are shown as 0.
 
-        A share of the stress and displacement that the problem or the certificate has as units, whichever is larger:
-        where only an overlap of bodies loads them, the problem's own say nothing. The share is 1e-9, or the accuracy of
-        the certificate if that is worse, at most 1e-6.
+        They are a share of the units of stress and displacement, those of the problem or of the certificate, whichever
+        are larger: the problem's alone may be far too small where only an overlap of bodies loads them. The share is
+        1e-9, or the accuracy of the certificate if that is worse, but at most 1e-6.
         """
-        scales, known, accuracy = self.discretization.scales, self.certificate.scales, self.certificate.accuracy
-        stress, moved = (max(1.0, known.get(name, 0.0)) for name in ("stress", "displacement"))
+        scales, certified, accuracy = self.discretization.scales, self.certificate.scales, self.certificate.accuracy
+        stress, displacement = (max(1.0, certified.get(name, 0.0)) for name in ("stress", "displacement"))
         share = min(max(SHARE, accuracy), _LEAST_SHOWN) if np.isfinite(accuracy) else _LEAST_SHOWN
-        return Rounding.of(stress * scales.stress, moved * scales.displacement, scales.length, share)
+        return Rounding.of(stress * scales.stress, displacement * scales.displacement, scales.length, share)
 
     @cached_property
     def plates(self) -> Mapping[str, RigidMotion]:
         """Motion of each rigid plate or pin beyond its gap and offset, about its pivot, by the name of its contact."""
         motion: dict[str, dict[str, float]] = {}
-        _ = self.dofs  # says what is wrong if there is no state
+        _ = self.dofs  # raises InputError if there is no state
         for row, multiplier in zip(self.discretization.plates.rows, self.solution.equality_multiplier, strict=True):
             motion.setdefault(row.contact, {})[row.component] = -float(multiplier) * row.motion
         return plate_motions(self.problem, motion)
@@ -312,18 +312,19 @@ class ContactResult(PicklesFields):
         """Force of a rigid plate or pin on the body, by the name of its contact; the moment is about its pivot."""
         plates = {each.name: (each.edges, each.plate.pivot) for each in self.problem.contacts if each.plate is not None}
         edges, (x, y) = plates[known_name("name", name, {_WITH_PLATE: plates})]
-        found = self.resultant(edges)
-        return Resultant(found.x, found.y, found.moment - (x * found.y - y * found.x))
+        force = self.resultant(edges)
+        return Resultant(force.x, force.y, force.moment - (x * force.y - y * force.x))
 
     def resultant(self, edges: str) -> Resultant:
         """Resultant of the computed tractions σn on a named edge set, joint or contact.
 
-        That of a joint acts on the lower or left block; of a joint around a block, such as a circle, on that block.
+        On a joint it is the force on the lower or left block; on a joint around a block, such as a circle, on the block
+        inside.
         """
         mesh, scales = self.problem.mesh, self.discretization.scales
         named = {contact.name: contact.edges for contact in self.problem.contacts}
-        own = known_name("edges", edges, {"edge sets": mesh.edge_names, "joints": mesh.joint_names, "contacts": named})
-        edges = own if own in mesh.edge_sets else named[own]
+        name = known_name("edges", edges, {"edge sets": mesh.edge_names, "joints": mesh.joint_names, "contacts": named})
+        edges = name if name in mesh.edge_sets else named[name]
         chosen = mesh.edges(edges)
         points = EdgePoints(self.discretization.space, chosen, LOAD_POINTS).for_resultants()
         x, y = physical(self.problem, scales, points.coordinates)
@@ -338,25 +339,25 @@ class ContactResult(PicklesFields):
         """Energies of the computed state."""
         scales, problem, space = self.discretization.scales, self.problem, self.discretization.space
         t, w = space.cell_quadrature
-        if callable(problem.body_potential) or varies(problem):  # of a higher degree than stresses, perhaps
+        if callable(problem.body_potential) or varies(problem):  # they may need more points than stresses do
             t, w = max((t, w), split_points(2 * POTENTIAL + 1), key=lambda rule: len(rule[1]))
         points, stress = cell_stresses(self.discretization, self.dofs, t)
-        strained = stress @ (problem.compliances / scales.compliance) * space.cell_measures(t, w)[..., None]
-        strain = 0.5 * float(np.vdot(strained, stress)) * scales.energy
+        strains = stress @ (problem.compliances / scales.compliance) * space.cell_measures(t, w)[..., None]  # weighted
+        strain = 0.5 * float(np.vdot(strains, stress)) * scales.energy
         root = self.discretization.root
         if root.stiffness.springs is not None:
-            stretched = root.stiffness.springs.rows @ self.dofs + root.springs
-            strain += 0.5 * float(np.square(stretched).sum()) * scales.energy
+            of_springs = root.stiffness.springs.rows @ self.dofs + root.springs
+            strain += 0.5 * float(np.square(of_springs).sum()) * scales.energy
         load = self.discretization.work(self.dofs)
         if is_strained(problem):
             at_rest = scaled_stress_at_rest(problem, scales, np.arange(problem.mesh.cell_count), points)
-            load += float(np.vdot(strained, at_rest)) * scales.energy
+            load += float(np.vdot(strains, at_rest)) * scales.energy
         shear = self.solution.problem.tangential(self.solution.z)
         dissipation = float(self.solution.tangential_multiplier @ shear) * scales.energy
         return Energies(strain, load, strain - load, dissipation)
 
     def derivative(self, quantity: str, parameter: str, side: Side | None = None) -> float:
-        """By how much a force or motion grows with a datum of the problem, by one linear solve.
+        """Derivative of a force or motion with respect to a datum of the problem, by one linear solve.
 
             result.derivative("wall.tangential_force", "wall.friction")
 
@@ -367,10 +368,10 @@ class ContactResult(PicklesFields):
             "NAME.x", "NAME.y" or "NAME.rotation" of a plate; at a point "NAME.slip(x, y)" of a contact, and stresses
             "xx(x, y)", "yy(x, y)", "xy(x, y)".
         parameter : str
-            "NAME.friction" and the like of a contact, all data but a pore pressure, and what is given of its plate;
+            "NAME.friction" and the like of a contact: all data but a pore pressure, and the given data of its plate;
             "EDGES.x" and the like of a prescribed displacement; "load.NAME", a factor of a load as in
-            `limit_load_factor`; "temperature", "material.young", or those of a region, "NAME.young". A function counts
-            as larger by the same number everywhere. Of a load step earlier slip is held as it is.
+            `limit_load_factor`; "temperature", "material.young", or data of a region, "NAME.young". A function changes
+            by the same number everywhere. In a load step the earlier slip does not change.
         side : "above" or "below", optional
             Needed where a point of a contact changes its state at this value of the parameter, so that the derivatives
             from both sides differ.
@@ -391,20 +392,20 @@ class ContactResult(PicklesFields):
 
 
 def contact_numbers(result: ContactResult) -> dict[str, dict[str, float]]:
-    """The columns of `ContactResult.forces_frame` by the name of the contact; those of plates where it has one."""
-    found = {name: line.summary() for name, line in result.contacts.items()}
-    for name, moved in result.plates.items():
-        numbers = moved.x, moved.y, moved.rotation, *astuple(result.plate_force(name))
-        found[name] |= dict(zip(PLATE_COLUMNS, numbers, strict=True))
-    return found
+    """The columns of `ContactResult.forces_frame` by contact; columns of plates only for contacts that have one."""
+    columns = {name: line.summary() for name, line in result.contacts.items()}
+    for name, motion in result.plates.items():
+        numbers = motion.x, motion.y, motion.rotation, *astuple(result.plate_force(name))
+        columns[name] |= dict(zip(PLATE_COLUMNS, numbers, strict=True))
+    return columns
 
 
 def forces_units(units: Units | None) -> dict[str, str]:
-    """Column of `contact_numbers` → its unit, of those that have one; none without `units`."""
+    """Column of `contact_numbers` → label of its unit, without columns that have no unit; empty without `units`."""
     return Units.labels(units, SUMMARY | PLATE_COLUMNS)
 
 
 def overall_status(statuses: Sequence[Status], planned: int) -> Status:
-    """Solved if so many results are; else the status of the first that is not, "time_limit" if some are missing."""
+    """Solved if all `planned` results are; else the first other status, or "time_limit" if results are missing."""
     end = Status.SOLVED if len(statuses) == planned else Status.TIME_LIMIT
     return next((status for status in statuses if status is not Status.SOLVED), end)

@@ -1,4 +1,4 @@
-"""How problems are discretised and solved: said and checked once for all functions that solve, files and commands."""
+"""Settings of discretisation and solution, declared and checked once for all functions, files and commands."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from solvers.settings import CondensedOptions, FixedPointOptions, UzawaOptions
 from solvers.settings import Settings as Method
 
 LawOn: TypeAlias = Literal["edges", "points"]
-"""As `discretization.space` has it, which files and commands do without."""
+"""The type of `discretization.space.LawOn`, without importing that module in files and commands."""
 
 Parameter: TypeAlias = Literal["friction", "load", "gap", "offset"]
-"""What a sweep changes."""
+"""The datum that a sweep changes."""
 PARAMETERS: Final = get_args(Parameter)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings(Method):
-    """How a problem is discretised and solved: what is below, and all fields of `solvers.settings.Settings`.
+    """How a problem is discretised and solved: the fields below, and all fields of `solvers.settings.Settings`.
 
-    All functions that solve take such settings, or their fields and options of the method as keyword arguments:
+    All functions that solve accept these settings, or fields and options of the method as keyword arguments:
     ``solve(problem, degree=5)`` is ``solve(problem, Settings(degree=5))``, and ``solve(problem, settings, degree=5)``
-    changes one field. `qvi-contact keys solve` prints what those mean that problem files have too.
+    changes one field. `qvi-contact keys solve` explains the fields that problem files have too.
 
     Raises
     ------
     InputError
-        If one of them is wrong; `degree` and `law_on` when a problem is discretised.
+        If a setting is wrong; `degree` and `law_on` are checked when a problem is discretised.
     SolverUnavailableError
         If method, inner solver or factorisation is unknown or not installed.
 
@@ -42,10 +42,10 @@ class Settings(Method):
     """Where the contact law holds: on whole edges, or at points. edges by default; points where friction varies along
     an edge, on bilateral contacts with friction, and for uzawa: `law_on = "points"`."""
     initial: Any = None
-    """An earlier result, such as that of a smaller load: on the same mesh and element the condensed method starts from
-    it if two iterations find it near, and on the same contact points the fixed point starts from its pressure. An array
-    of pressures over all contact points [stress], effective where a fluid presses, is for the fixed point only;
-    negative values count as zero. It chooses no method."""
+    """An earlier result to start from, such as that of a smaller load. On the same mesh and element the condensed
+    method starts from its state, if two iterations show that it is near. On the same contact points the fixed point
+    starts from its pressure. The fixed point also accepts an array of pressures at all contact points [stress],
+    effective where a fluid presses; negative values count as zero. This setting does not choose the method."""
 
     def __post_init__(self) -> None:
         if isinstance(self.options, Mapping):
@@ -53,28 +53,28 @@ class Settings(Method):
                 raise InputError(name, self.options[name], RETIRED[name])
         super().__post_init__()
         if self.initial is not None:
-            from qvi_contact.solution.result import ContactResult  # files and commands do without
+            from qvi_contact.solution.result import ContactResult  # not needed by files and commands
 
             if not isinstance(self.initial, ContactResult):
                 _ = pressures(self.initial)
 
     @property
     def law(self) -> LawOn | None:
-        """Where the law is asked for, or has to be for the method; None if it takes either."""
+        """`law_on`, or "points" if the method needs that; None for the default of the problem."""
         if self.law_on is None and self.method == "uzawa":
-            return "points"  # its steps, divided by |σ_T|, are those of tractions: coefficients may vanish
+            return "points"  # its steps are divided by |σ_T|, and coefficients may vanish where σ_T does not
         return self.law_on
 
     @property
     def stated(self) -> dict[str, object]:
-        """What is not as by default, of what answers depend on, for digests of runs."""
+        """The settings that answers depend on and that differ from their defaults, for digests of runs."""
         names = ("degree", "law_on", "method", "inner", "tolerance", "factorisation", "initial")
-        own = {name: value for name in names if (value := getattr(self, name)) is not getattr(type(self), name)}
-        return {**own, **self.options}
+        changed = {name: value for name in names if (value := getattr(self, name)) is not getattr(type(self), name)}
+        return {**changed, **self.options}
 
 
 def pressures(initial: object) -> Any:
-    """Pressures over all contact points as they are given."""
+    """Given pressures at all contact points as an array; `InputError` if they are not finite real numbers."""
     import numpy as np
 
     from qvi_contact.basics.checks import real_array
@@ -85,15 +85,15 @@ def pressures(initial: object) -> Any:
     return pressure
 
 
-# what files and commands may say
+# Settings in files and commands.
 
 
 def law_of_rows(contact_rows: Any) -> Any:
-    """Where the contact law holds, by the name that version 0.1 had for its rows; others as they are."""
+    """`law_on` from the value of `contact_rows` in version 0.1; other values are returned unchanged."""
     return {"bernstein": "edges", "gauss": "points"}.get(str(contact_rows), contact_rows)
 
 
-_OF_ALL = ("max_iterations", "initial", "callback")  # methods
+_OF_ALL = ("max_iterations", "initial", "callback")  # options that all methods have
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +109,7 @@ class SolveOptions:
 
     @staticmethod
     def given(data: Any) -> Any:
-        """Files of version 0.1 could name the element, of which there is one now, and the law's `contact_rows`."""
+        """The options of a file, with the keys `contact_rows` and `element` of version 0.1 translated."""
         if not isinstance(data, dict):
             return data
         if data.get("element", "hct") != "hct":

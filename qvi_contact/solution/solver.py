@@ -1,15 +1,15 @@
-"""Solve a contact problem: discretise, solve the algebraic inequality, wrap the answer, judge what is impossible.
+"""Solve a contact problem: discretise, solve the algebraic inequality, wrap the answer, prove what is impossible.
 
-Obstacles out of reach: a problem is solved as if they stood nearer (`Scales.reach`), and again where they are if the
-body gets there. An obstacle that was moved closer has been reached where a pressure on it is more than the certificate
-would take for none. Multipliers tell less: where rows depend on each other single ones may be zero.
+Far obstacles: obstacles beyond `Scales.reach` are first moved to that distance. If the body presses on one of them, by
+a pressure above the certificate's tolerance, the problem is solved again with all obstacles at their true distance.
+Multipliers would be a weaker test of contact: where rows are dependent single multipliers may be zero.
 
-Loads that cannot be carried: the algebraic problem of a mesh may be infeasible although the body carries the load, as
-its stresses cannot follow the tractions, which crowd in corners shortly before a body slides or tips. So the status is
-decided anew, by a mechanism that proves it for the body, see `mechanism`. The other way round an answer of a mesh may
-keep a contact law at its points, or by its coefficients, and exceed it between them. Where μ and c are constant and
-there is no cap, the rows of an edge integrate the work of the contact against rigid motions, which stays what the law
-allows. Else a load beyond the limit of the body may look carried.
+Loads that cannot be carried: the problem of a mesh may be infeasible although the body carries the load. Shortly before
+a body slides or tips, tractions concentrate in corners, where the stresses of a mesh cannot follow them. So a status
+"infeasible" must be proved for the body, by a mechanism, see `mechanism`. Conversely the answer of a mesh obeys a
+contact law at points, or in its coefficients, but may exceed it between points. If μ and c are constant and there is no
+cap, the rows of an edge still integrate the contact's work on rigid motions exactly, so that it stays within the law.
+Otherwise a load beyond the limit of the body may look carried.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ from solvers.solution import Attempt, Start
 from solvers.solve import facts_of
 from solvers.solve import solved as solve_checked
 
-_MANY_CELLS = 20_000  # whose discretisation takes seconds
-_LINEAR = 2  # coefficients of a linear function
+_MANY_CELLS = 20_000  # number of cells from which on discretising takes seconds and is reported
+_LINEAR = 2  # number of coefficients of a linear function on an edge
 UNITS: Final = Attempt("units", "stresses are far below the unit that the loads suggest", Status.STALLED, 0)
 FAR_OBSTACLES: Final = Attempt("far obstacles", "the body presses on one that was taken to be nearer", Status.SOLVED, 0)
-"""Changes of the problem, tried in this order; why the first solve, or the one before, is not taken."""
+"""Changes of the problem, tried in this order, with the reason why the solve before is not taken."""
 
-_EXCEEDED: Final = 1e-7  # of the unit of stress: excess between the points that is more than the tolerance of solves
+_EXCEEDED: Final = 1e-7  # excess of friction between points over the unit of stress, above the tolerance of solves
 
 
 def solve(problem: ContactProblem | Discretization, settings: Settings | None = None, **changes: Any) -> ContactResult:
@@ -60,9 +60,9 @@ def solve(problem: ContactProblem | Discretization, settings: Settings | None = 
     Returns
     -------
     ContactResult
-        With a status; a failure to solve does not raise unless ``throw=True`` is among the settings. It is "infeasible"
-        only if a mechanism proves that no stress of the body carries the load (`ContactResult.mechanism`), and
-        "infeasible_on_mesh" if those of the mesh cannot, but others might.
+        Its status says whether the problem was solved; a failure raises only with the setting ``throw=True``. The
+        status is "infeasible" only if a mechanism proves that no stress of the body carries the load
+        (`ContactResult.mechanism`), and "infeasible_on_mesh" if no stress of the mesh does, but others might.
 
     Raises
     ------
@@ -86,18 +86,18 @@ def solve(problem: ContactProblem | Discretization, settings: Settings | None = 
 def solved(
     problem: ContactProblem | Discretization, settings: Settings, before: ContactResult | None = None
 ) -> ContactResult:
-    """The same with checked settings, until the time is over; from a result `before` in place of their `initial`."""
+    """`solve` with checked settings and the deadline of the caller; `before` replaces `settings.initial`."""
     with Log(f"qvi_contact {__version__}: solve", settings.verbose) as log:
         if isinstance(problem, ContactProblem):
             if problem.mesh.cell_count >= _MANY_CELLS:
                 report(Progress("mesh", stage=f"discretising {problem.mesh.cell_count} cells"))
-            given = discretize(problem, degree=settings.degree, law_on=settings.law)
+            discretization = discretize(problem, degree=settings.degree, law_on=settings.law)
         else:
-            given = problem
-        with given.qvi.stiffness.using(settings.factorisation, settings.threads):  # once for all that follows
-            known = fitted(given, settings) if given is not problem else given
-            attempts: tuple[Attempt, ...] = () if known is given else (UNITS,)
-            space, rule = known.space, known.rule
+            discretization = problem
+        with discretization.qvi.stiffness.using(settings.factorisation, settings.threads):  # once for all solves
+            current = rescaled(discretization, settings) if discretization is not problem else discretization
+            attempts: tuple[Attempt, ...] = () if current is discretization else (UNITS,)
+            space, rule = current.space, current.rule
             if settings.chosen == "uzawa" and rule.law_on == "edges" and rule.count > _LINEAR:
                 remedy = (
                     "Uzawa's steps do not settle on Bernstein coefficients of degree 2 and more, which may vanish "
@@ -105,18 +105,18 @@ def solved(
                 )
                 raise InputError("law_on", rule.law_on, remedy)
             element = f"{FAMILY} of degree {space.degree}, contact law on {rule.law_on}"
-            log.begin({"cells": len(space.triangles), "element": element, **facts_of(known.qvi, settings)})
+            log.begin({"cells": len(space.triangles), "element": element, **facts_of(current.qvi, settings)})
             initial = settings.initial if before is None else before
-            start = None if initial is None else _initial(initial, known)
-            solution = solve_checked(known.qvi, settings, start)
+            start = None if initial is None else _initial(initial, current)
+            solution = solve_checked(current.qvi, settings, start)
             attempts += solution.attempts
-            if _reached(known, solution):
-                known = known.with_far_obstacles()
-                solution = solve_checked(known.qvi, settings, start)
+            if _reached(current, solution):
+                current = current.with_far_obstacles()
+                solution = solve_checked(current.qvi, settings, start)
                 attempts += (FAR_OBSTACLES, *solution.attempts)
         if len(attempts) > len(solution.attempts):
             solution = replace(solution, attempts=attempts)
-        result = _judged(ContactResult(known, solution))
+        result = _with_proof(ContactResult(current, solution))
         log.end(str(result.status), result.message, result.solution.timings, result.status is Status.SOLVED)
     if settings.throw and result.status is not Status.SOLVED:
         raise SolveError(result.message)
@@ -124,23 +124,23 @@ def solved(
 
 
 def discretized(problem: ContactProblem, settings: Settings | None = None, **changes: Any) -> Discretization:
-    """The problem discretised in fitting units, as `solve` does it first with these settings, and takes it instead."""
+    """The discretisation in rescaled units that `solve` would make with these settings; `solve` accepts it."""
     settings = Settings.of(settings, changes)
-    return fitted(discretize(problem, degree=settings.degree, law_on=settings.law), settings)
+    return rescaled(discretize(problem, degree=settings.degree, law_on=settings.law), settings)
 
 
 def _reached(discretization: Discretization, solution: QVISolution) -> bool:
-    """Whether the body presses on an obstacle that stands farther away than it was taken to be."""
-    moved = joined([rows.beyond for rows in discretization.contacts if rows.law != "tied"]) > 0.0
+    """Whether the body presses on an obstacle that was moved nearer."""
+    is_moved = joined([rows.beyond for rows in discretization.contacts if rows.law != "tied"]) > 0.0
     certificate = solution.certificate
-    if not moved.any() or not certificate.scales:  # nothing was measured, as there is no state
+    if not is_moved.any() or not certificate.scales:  # without a state the certificate has no scales
         return False
-    pressure = -solution.problem.normal(solution.z)[moved]
+    pressure = -solution.problem.normal(solution.z)[is_moved]
     return bool(pressure.max() > certificate.tolerance * certificate.scales["stress"])
 
 
-def fitted(discretization: Discretization, settings: Settings) -> Discretization:
-    """In fitting units; where K cannot be factorised the solve will say so."""
+def rescaled(discretization: Discretization, settings: Settings) -> Discretization:
+    """`Discretization.rescaled`; unchanged if K cannot be factorised, which the solve itself reports."""
     with discretization.qvi.stiffness.using(settings.factorisation, settings.threads):
         try:
             return discretization.rescaled()
@@ -149,13 +149,13 @@ def fitted(discretization: Discretization, settings: Settings) -> Discretization
 
 
 def _initial(initial: object, discretization: Discretization) -> Start | FloatArray:
-    """Dimensionless state of an earlier result, or where its unknowns are others the pressure in all contact rows."""
+    """The dimensionless state of an earlier result; only its pressure (m,) in the rows if its unknowns differ."""
     if isinstance(initial, ContactResult):
-        _ = initial.dofs  # says what is wrong if there is no state
+        _ = initial.dofs  # raises InputError if there is no state
         before, scales = initial.discretization.scales, discretization.scales
         start = Start.of(initial.solution, before.stress / scales.stress, before.displacement / scales.displacement)
         one, other = initial.discretization, discretization
-        same = one.qvi.contact is other.qvi.contact or (  # z means the same in both, and so do the rows of contacts
+        same = one.qvi.contact is other.qvi.contact or (  # same unknowns z, same rows of contacts
             one.space.degree == other.space.degree
             and one.qvi.m == other.qvi.m
             and np.array_equal(one.supports.basis.kept, other.supports.basis.kept)
@@ -170,13 +170,13 @@ def _initial(initial: object, discretization: Discretization) -> Start | FloatAr
     return np.asarray(np.maximum(pressure, 0.0) / discretization.scales.stress)
 
 
-def _judged(result: ContactResult) -> ContactResult:
-    """The result with the status "infeasible" if a mechanism proves it, "infeasible_on_mesh" if only the mesh does.
+def _with_proof(result: ContactResult) -> ContactResult:
+    """The result, with status "infeasible" if a mechanism proves it, or "infeasible_on_mesh" without a mechanism.
 
-    An answer is doubted where it exceeds, between the points, a contact law whose rows do not bound its work. There is
-    no mechanism where its linear program fails, or functions have no values at its places.
+    A solved result is checked too if it exceeds, between the points, a contact law whose rows do not bound its work.
+    No mechanism is found where the linear program fails, or functions of the problem have no values at its points.
     """
-    uneven = [
+    unbounded = [
         contact.name
         for contact in result.problem.contacts
         if contact.law != "tied"
@@ -184,9 +184,9 @@ def _judged(result: ContactResult) -> ContactResult:
     ]
     largest = _EXCEEDED * result.discretization.scales.stress
     answered = result.status in (Status.SOLVED, Status.INACCURATE)
-    if answered and not any(result.contacts[name].excess_between_points > largest for name in uneven):
+    if answered and not any(result.contacts[name].excess_between_points > largest for name in unbounded):
         return result
-    from qvi_contact.mechanism import find_mechanism  # loaded where a load cannot be carried only
+    from qvi_contact.mechanism import find_mechanism  # loaded only where a load may be too large
 
     mechanism = None
     with suppress(SolveError, InputError):

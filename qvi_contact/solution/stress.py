@@ -1,10 +1,10 @@
 """Stresses from the Airy function anywhere in the body, scalars made of them, and tractions on edges.
 
-Fields may jump between cells, so a sample on a cell's border belongs to that cell alone.
+Stresses may jump between cells, so each cell has its own samples on its border.
 
-On an arc tractions are the polynomials whose coefficients are degrees of freedom: they have the resultants of the
-stress, and its moments up to their degree. Between the two is a rest of the order of the element. Equilibrium holds up
-to its work.
+On an arc tractions are the polynomials whose coefficients are degrees of freedom. They have the resultant of the stress
+there, and its moments up to their degree. Their difference from σn is of the order of the element; equilibrium holds up
+to the work of this difference.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ from qvi_contact.problem.material import stress_along_z
 if TYPE_CHECKING:
     from qvi_contact.solution.result import ContactResult
 
-_MOST_CELLS: Final = 1024
-_COMPONENTS: Final = 3  # of a stress
-_MISFIT: Final = 1e-9  # prescribed tractions missed beyond rounding, relative to the unit of stress, that count
-_ROUNDED: Final = 1e-6  # the same that rounding in the smallest cells may explain
-_ULPS: Final = 8.0  # times each degree of freedom may be rounded, solved along the boundary
-_POINTS = 12
+_MOST_CELLS: Final = 1024  # number of cells in which the rounding of stresses is sampled
+_COMPONENTS: Final = 3  # σ_xx, σ_yy, σ_xy
+_MISFIT: Final = 1e-9  # misfit of prescribed tractions over the unit of stress, always allowed
+_ROUNDED: Final = 1e-6  # the same, at most allowed for rounding in the smallest cells
+_ULPS: Final = 8.0  # roundings of a degree of freedom in the elimination along the boundary
+_POINTS = 12  # points on an arc where tractions are compared with σn
 
 
 def stress_at(discretization: Discretization, u: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
     """Stress (σ_xx, σ_yy, σ_xy) (..., 3) [stress] at points x, y (...) [length], of degrees of freedom u (N,) of Φ.
 
-    Equation (3.1) with σ_xy = −Φ_xy. On an edge inside the body, where the normal stress along it jumps, and in
-    vertices it is the mean of the adjacent cells. `InputError` if a point lies outside the body.
+    Equation (3.1) with σ_xy = −Φ_xy. On an edge inside the body, where the stress along it jumps, and in a vertex it is
+    the mean of the adjacent cells. `InputError` if a point is outside the body.
     """
     coefficients = discretization.coefficients(u.ravel())
 
@@ -58,7 +58,7 @@ def stress_at(discretization: Discretization, u: FloatArray, x: FloatArray, y: F
 
 
 def given_points(name: str, x: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Coordinates of points as arrays of one shape; else `InputError` of the field `name`."""
+    """Coordinates of points, broadcast to arrays of one shape; `InputError` of the field `name` if that fails."""
     remedy = "give real numbers, or arrays of them whose shapes go together"
     try:
         points_x, points_y = np.broadcast_arrays(*(real_array(name, value, remedy) for value in (x, y)))
@@ -70,26 +70,26 @@ def given_points(name: str, x: ArrayLike, y: ArrayLike) -> tuple[FloatArray, Flo
 def mean_at(
     mesh: TriangleMesh, x: FloatArray, y: FloatArray, values: Callable[[IntArray, FloatArray], FloatArray], name: str
 ) -> FloatArray:
-    """The mean (..., k) of what cells say at points (...) that they hold: values of cells (n,) at t (n, 1, 3), (n, k).
+    """The mean (..., k) over all cells that contain each point (...) of values (n, k) of cells (n,) at t (n, 1, 3).
 
-    A point outside is an `InputError` of the field `name`.
+    `InputError` of the field `name` if a point is outside the body.
     """
     places = np.column_stack([x.ravel(), y.ravel()])
     point, cell = mesh.around(places)
     count = np.bincount(point, minlength=len(places))
     if (count == 0).any():
         raise InputError(name, tuple(places[np.argmin(count)].tolist()), "give points inside the body")
-    found = values(cell, mesh.reference(cell, places[point])[:, None])
-    total = np.column_stack([np.bincount(point, part, len(places)) for part in found.T])
-    return np.asarray(total / count[:, None]).reshape(*x.shape, found.shape[1])
+    in_cells = values(cell, mesh.reference(cell, places[point])[:, None])
+    total = np.column_stack([np.bincount(point, part, len(places)) for part in in_cells.T])
+    return np.asarray(total / count[:, None]).reshape(*x.shape, in_cells.shape[1])
 
 
 def cell_stresses(
     discretization: Discretization, u: FloatArray, t: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Dimensionless coordinates (cells, g, 2) and whole stress (cells, g, 3), φ included, at points of all cells.
+    """Dimensionless coordinates (cells, g, 2) and stress (cells, g, 3), φ included, at reference points t of all cells.
 
-    The points t (g, d) are given on the reference cell; by default those of `StressSpace.cell_quadrature`.
+    The default t (g, 3) is that of `StressSpace.cell_quadrature`.
     """
     t = discretization.space.cell_quadrature[0] if t is None else t
     cells = np.arange(discretization.problem.mesh.cell_count)
@@ -99,7 +99,7 @@ def cell_stresses(
 def stress_in_cells(
     discretization: Discretization, coefficients: FloatArray, cells: IntArray, t: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """The same in some cells (k,), from all coefficients of Φ (see `BodyStiffness.coefficients`)."""
+    """`cell_stresses` in the cells (k,), from the coefficients of Φ in all cells (`BodyStiffness.coefficients`)."""
     problem, space = discretization.problem, discretization.space
     points = space.points(cells, t)
     stress = space.stress(coefficients, cells, t)
@@ -108,11 +108,11 @@ def stress_in_cells(
 
 
 def stress_rounding(discretization: Discretization, u: FloatArray) -> float:
-    """What the rounding of the degrees of freedom u (N,) does to stresses, dimensionless: the largest change found.
+    """Largest change of stresses by rounding the degrees of freedom u (N,), dimensionless, from a sample.
 
-    Stresses are second differences of u, so rounding them takes ε (L/h)² of the stresses in a cell of size h. Every
-    entry is moved up or down by half a unit in its last place, at random, and the stresses are looked at in the cells
-    of least area, `_MOST_CELLS` of them.
+    Stresses are second differences of u. So rounding of u changes stresses in a cell of size h by a share ε (L/h)².
+    Every entry is changed by ±ε of its size, at random, and stresses are compared in the `_MOST_CELLS` cells of least
+    area.
     """
     space = discretization.space
     cells = np.argsort(space.triangles.areas, kind="stable")[:_MOST_CELLS]
@@ -124,9 +124,9 @@ def stress_rounding(discretization: Discretization, u: FloatArray) -> float:
 
 
 def principal_stresses(stress: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Principal stresses σ₁ ≥ σ₂ (...) of σ_xx, σ_yy, σ_xy (..., 3), in their unit, and the direction of σ₁ (...).
+    """Principal stresses σ₁ ≥ σ₂ (...) of σ_xx, σ_yy, σ_xy (..., 3), in the same unit, and the angle of σ₁ (...).
 
-    That is the angle from the x-axis, counterclockwise [rad], in (−π/2, π/2]. `InputError` for arrays of other shapes.
+    The angle is from the x-axis, counterclockwise [rad], in (−π/2, π/2]. `InputError` for arrays of other shapes.
     """
     given, stress = stress, real_array("stress", stress)
     if stress.ndim < 1 or stress.shape[-1] != _COMPONENTS:
@@ -140,46 +140,46 @@ def principal_stresses(stress: FloatArray) -> tuple[FloatArray, FloatArray, Floa
 COMPONENTS: Final = ("xx", "yy", "xy", "von_mises", "first", "second")
 """Scalar stresses: Cartesian components, von Mises, in-plane principal stresses σ₁ ≥ σ₂."""
 
-
-_CHUNK: Final = 4096  # cells at a time: their tables stay small
-_MOST_DIVISIONS: Final = 128  # along the sides of a cell
+_CHUNK: Final = 4096  # number of cells that are sampled at a time, for small tables
+_MOST_DIVISIONS: Final = 128  # largest number of divisions of a cell's sides
 
 
 @dataclass(frozen=True, eq=False)
 class BodySamples:
     """Stresses at points of all cells, and the small triangles that join the points of each cell."""
 
-    points: FloatArray  # (n, 2): coordinates [length]; where cells meet each has points of its own
+    points: FloatArray  # (n, 2): coordinates [length]; each cell has its own points on its border
     cells: IntArray  # (n,): the cell of each point
-    reference: FloatArray  # (n, d): its reference coordinates there, see `TriangleMesh.reference`
+    reference: FloatArray  # (n, 3): reference coordinates in that cell, see `TriangleMesh.reference`
     stress: FloatArray  # (n, 3): σ_xx, σ_yy, σ_xy in that cell [stress], tension positive
     along_z: FloatArray  # (n,): σ_zz [stress]
-    triangles: IntArray  # (t, 3): three points each; together they fill the body
+    triangles: IntArray  # (t, 3): the points of small triangles that fill the body
 
 
 def sample_body(result: ContactResult, parts: int = 0, divisions: int | None = None) -> BodySamples:
-    """Samples of the stress all over a body: about so many parts along its length; small cells are not divided.
+    """Samples of the stress in all cells, with about `parts` samples along the body's length.
 
-    Or all of them with so many `divisions` along the sides of their three parts, in the order of the mesh.
+    Small cells are not divided. With `divisions` each cell has that many along the sides of its three parts, and cells
+    come in the order of the mesh.
     """
     mesh, discretization = result.problem.mesh, result.discretization
     sizes = np.ptp(mesh.vertices[mesh.cells], axis=1).max(axis=1)
     wanted = np.clip(parts * sizes / mesh.length, 1.0, _MOST_DIVISIONS)
-    each = (2.0 ** np.round(np.log2(wanted))).astype(np.int64)  # few numbers of divisions: few groups of cells
-    each = each if divisions is None else np.full(len(sizes), divisions)
+    division_of = (2.0 ** np.round(np.log2(wanted))).astype(np.int64)  # powers of two make few groups of cells
+    division_of = division_of if divisions is None else np.full(len(sizes), divisions)
     coefficients = discretization.coefficients(result.dofs)
-    found: list[tuple[FloatArray, IntArray, FloatArray, FloatArray]] = []
+    samples: list[tuple[FloatArray, IntArray, FloatArray, FloatArray]] = []
     triangles, count = [np.empty((0, 3), dtype=np.int64)], 0
-    for division in np.unique(each).tolist():
+    for division in np.unique(division_of).tolist():
         t, split = discretization.space.lattice(division)
-        chosen = np.flatnonzero(each == division)
-        for cells in (chosen[start : start + _CHUNK] for start in range(0, len(chosen), _CHUNK)):
+        cells_of = np.flatnonzero(division_of == division)
+        for cells in (cells_of[start : start + _CHUNK] for start in range(0, len(cells_of), _CHUNK)):
             points, stress = stress_in_cells(discretization, coefficients, cells, t)
             reference = np.tile(t, (len(cells), 1))
-            found.append((points.reshape(-1, 2), np.repeat(cells, len(t)), reference, stress.reshape(-1, 3)))
+            samples.append((points.reshape(-1, 2), np.repeat(cells, len(t)), reference, stress.reshape(-1, 3)))
             triangles.append((count + len(t) * np.arange(len(cells))[:, None, None] + split).reshape(-1, 3))
             count += len(cells) * len(t)
-    points, numbers, references, stresses = (np.concatenate(chunks) for chunks in zip(*found, strict=True))
+    points, numbers, references, stresses = (np.concatenate(chunks) for chunks in zip(*samples, strict=True))
     x, y = physical(result.problem, discretization.scales, points)
     stresses *= discretization.scales.stress
     along_z = stress_along_z(result.problem, numbers, x, y, stresses)
@@ -189,7 +189,7 @@ def sample_body(result: ContactResult, parts: int = 0, divisions: int | None = N
 def von_mises(stress: FloatArray, zz: FloatArray | float = 0.0) -> FloatArray:
     """Von Mises stress √(½[(σ_xx−σ_yy)² + (σ_yy−σ_zz)² + (σ_zz−σ_xx)²] + 3σ_xy²) (...) of stresses (..., 3).
 
-    σ_zz (...) is what `stress_along_z` gives; 0, plane stress, by default.
+    σ_zz (...) is that of `stress_along_z`; by default 0, for plane stress.
     """
     xx, yy, xy = np.moveaxis(real_array("stress", stress), -1, 0)
     return np.asarray(np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2.0 + 3.0 * xy**2))
@@ -205,41 +205,41 @@ def stress_component(stress: FloatArray, component: str, zz: FloatArray | float 
     return np.asarray(stress[..., ("xx", "yy", "xy").index(component)])
 
 
-# tractions on edges, and how far they are from the data
+# Tractions on edges, and their difference from the data.
 
 
 def normal_and_shear(
     discretization: Discretization, u: FloatArray, points: EdgePoints
 ) -> tuple[FloatArray, FloatArray]:
-    """τ_N and τ_T at points of edges, dimensionless, of degrees of freedom u of Φ."""
+    """σ_N, φ included, and σ_T at points of edges, dimensionless, from degrees of freedom u of Φ."""
     normal, shear = points.tractions(u.ravel())
     return normal + potential_at(discretization.problem, discretization.scales, points.coordinates), shear
 
 
 def traction(discretization: Discretization, u: FloatArray, points: EdgePoints) -> FloatArray:
-    """Traction τn at points of edges, shape (2, points) [stress]."""
+    """Traction σn at points of edges, shape (2, points) [stress]."""
     normal, shear = normal_and_shear(discretization, u, points)
     return np.asarray(discretization.scales.stress * (normal * points.normals.T + shear * points.tangents.T))
 
 
 def misfit_of_tractions(discretization: Discretization, u: FloatArray) -> float:
-    """Largest difference between prescribed tractions and those of degrees of freedom u of Φ at points [stress].
+    """Largest difference between prescribed tractions and those of degrees of freedom u of Φ [stress].
 
-    The points are those that integrate the data, but for parts of edges that are next to nothing.
+    It is taken at the Gauss points that integrate the data, without the tiny parts of edges beside a jump.
     """
     problem, space, scales = discretization.problem, discretization.space, discretization.scales
     degree, largest = space.element.traction_degree, 0.0
     count = max(LOAD_POINTS, degree + 1)
     for given in problem.prescribed(Traction):
-        if given.edges.curved:  # normals turn: what is computed is no polynomial of the degree
+        if given.edges.curved:  # normals turn: a component of the traction is no polynomial of that degree
             degree = count - 1
         points = EdgePoints(space, given.edges, count)
         normal, shear = points.tractions(u.ravel())
         directions = points.vectors(given.direction, given.turns)
         along = component(normal * points.normals.T + shear * points.tangents.T, directions)
-        wanted = traction_data(problem, scales, given, LOAD_POINTS)
+        prescribed = traction_data(problem, scales, given, LOAD_POINTS)
         computed = along.reshape(-1, count) @ legendre_from_values(degree, count).T
-        largest = max(largest, wanted.misfit(computed))
+        largest = max(largest, prescribed.misfit(computed))
     return scales.stress * largest
 
 
@@ -249,15 +249,15 @@ def component(vectors: FloatArray, directions: FloatArray) -> FloatArray:
 
 
 def allowed_misfit(unit: float, rounding: float) -> float:
-    """Misfit of tractions that rounding explains, from the unit of stress and the rounding of stresses [stress]."""
+    """Misfit of tractions that counts as rounding, from the unit of stress and the rounding of stresses [stress]."""
     return _MISFIT * unit + min(_ULPS * rounding, _ROUNDED * unit)
 
 
 def loads_followed(discretization: Discretization) -> bool:
-    """Whether all stresses of the mesh meet the loads, and what enters tractions of contacts, point by point.
+    """Whether stresses of the mesh can meet the loads at every point, not only in resultants.
 
-    That is so for tractions that a stress of the mesh can have, and where body potential and pore pressure are
-    polynomials of the degree of σ_N on every edge of the contacts.
+    They can if prescribed tractions are polynomials of the degree of the mesh's tractions on every edge, and if body
+    potential and pore pressure are so on every edge of the contacts.
     """
     u, unit = discretization.values(np.zeros(discretization.qvi.n)), discretization.scales.stress
     rounding = unit * stress_rounding(discretization, u)
@@ -275,7 +275,7 @@ def loads_followed(discretization: Discretization) -> bool:
 
 
 def rest_on_arcs(discretization: Discretization, u: FloatArray) -> float:
-    """Largest difference between σn of degrees of freedom u and their tractions at points of arcs [stress]."""
+    """Largest difference at points of arcs between σn and the traction polynomials of u (N,) [stress]."""
     mesh, space, largest = discretization.problem.mesh, discretization.space, 0.0
     coefficients = discretization.coefficients(u)
     for arcs in (edges.take(edges.bent) for edges in (mesh.boundary, mesh.interior) if edges.curved):
@@ -284,7 +284,7 @@ def rest_on_arcs(discretization: Discretization, u: FloatArray) -> float:
         (nx, ny), (tx, ty) = points.normals.T, points.tangents.T
         normal, shear = points.tractions(u)
         for cells in arcs.cells.T:
-            if (cells >= 0).all():  # beside the arcs, on one side of them
+            if (cells >= 0).all():  # the cells on one side of the arcs
                 xx, yy, xy = space.stress(coefficients, cells, mesh.reference(cells, places)).reshape(-1, 3).T
                 x, y = xx * nx + xy * ny, xy * nx + yy * ny
                 largest = max(largest, float(np.hypot(x * nx + y * ny - normal, x * tx + y * ty - shear).max()))

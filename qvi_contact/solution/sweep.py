@@ -1,6 +1,6 @@
-"""Sweeps: one problem for several values of friction, load, gap or offset; what all have in common is made once.
+"""Sweeps: one problem for several values of friction, load, gap or offset, with one factorisation for all.
 
-Results are kept, or rows of numbers in a file, from which the same sweep goes on.
+Results are kept in memory, or rows of numbers in a file, from which an interrupted sweep continues.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from qvi_contact.runs.database import Database
 from qvi_contact.runs.processes import Limits, NotLoadedError, Workers
 from qvi_contact.solution.result import PLATE_COLUMNS, ContactResult, contact_numbers, forces_units, overall_status
 from qvi_contact.solution.settings import PARAMETERS, Parameter, Settings
-from qvi_contact.solution.solver import discretized, fitted, solved
+from qvi_contact.solution.solver import discretized, rescaled, solved
 from qvi_contact.units import Units
 from solvers import Status
 from solvers.basics.progress import Log, deadline
@@ -47,10 +47,10 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 _COLUMNS: Final = {"step": ">5", "value": ">12g", "status": "<20", "iterations": ">10", "accuracy": ">9.1e"}
-_LARGEST: Final = 50  # values of a slice: rows come slice by slice
-_SLICES: Final = 4  # for each worker at least, so that all end at about the same time
-_LEAST: Final = 1e-3  # seconds that a slice has which comes too late
-_GRACE: Final = 30.0  # seconds beyond the time limit after which a worker process is ended
+_LARGEST: Final = 50  # most values in a slice: rows are stored slice by slice
+_SLICES: Final = 4  # least number of slices for each worker, so that all end at about the same time
+_LEAST: Final = 1e-3  # seconds for a slice that begins after the time limit
+_GRACE: Final = 30.0  # seconds after the time limit at which a worker process is ended
 
 
 @dataclass(frozen=True)
@@ -58,23 +58,20 @@ class SweepRow:
     """One value of a sweep."""
 
     number: int
-    """Its place among all values, from 1."""
+    """Position of the value in the sweep, from 1."""
     value: float
     status: Status
-    """What became of it."""
+    """Status of its result."""
     message: str
-    """One sentence about that."""
+    """One sentence about the outcome."""
     iterations: int
-    """Of the method."""
+    """Iterations of the method."""
     accuracy: float
-    """What the certificate confirms, dimensionless."""
+    """Accuracy by the certificate, dimensionless."""
     seconds: float
-    """How long it took."""
+    """Wall time of the solve [s]."""
     contacts: Mapping[str, Mapping[str, float]]
-    """`ContactLine.summary` by the name of the contact, with motion, force and moment where it has a plate or pin.
-
-    Empty without a state.
-    """
+    """`ContactLine.summary` by contact, with motion, force and moment of a plate or pin; empty without a state."""
 
     @classmethod
     def of(cls, number: int, value: float, result: ContactResult, seconds: float = 0.0) -> SweepRow:
@@ -85,7 +82,7 @@ class SweepRow:
 
 
 class SweepRows(ABC):
-    """What sweeps tell of their values, whether results are kept or rows."""
+    """Statuses and tables of a sweep, whether its results are in memory or its rows in a file."""
 
     parameter: Parameter
     values: tuple[float, ...]
@@ -93,7 +90,7 @@ class SweepRows(ABC):
 
     @abstractmethod
     def rows(self) -> Iterator[SweepRow]:
-        """What is done, in the order of the values."""
+        """The rows of all values that are done, in the order of the values."""
 
     @property
     def statuses(self) -> tuple[Status, ...]:
@@ -139,14 +136,14 @@ class Sweep(SweepRows):
     """Results of a sweep, one for each value that was done."""
 
     parameter: Parameter
-    """What was changed."""
+    """The name of the datum that was changed."""
     values: tuple[float, ...]
     """All values asked for."""
     steps: tuple[ContactResult, ...]
-    """The results of the first of them, all unless the time ran out."""
+    """The results in the order of the values; fewer than values if the time limit was reached."""
 
     def rows(self) -> Iterator[SweepRow]:
-        """What is done, in the order of the values; their seconds are 0."""
+        """The rows of all values that are done, in the order of the values; their seconds are 0."""
         for number, (value, step) in enumerate(zip(self.values, self.steps, strict=False), 1):
             yield SweepRow.of(number, value, step)
 
@@ -200,49 +197,49 @@ def solve_sweep(
 ) -> Sweep | StoredSweep:
     """Solve a problem for several values of one of its data.
 
-    Each value is a problem of its own: nothing is remembered but what saves time. Where the law of friction leaves
-    several solutions, the one found may depend on the value before; sort the values as the body would be loaded.
+    Each value is a separate problem, without a memory of slip; matrices and starts are reused to save time. Where
+    Coulomb's law has several solutions, the one found may depend on the value before: sort the values in the order in
+    which the body would be loaded.
 
-    With a `store` no result is kept, but a row of numbers for each value and contact, on the disk as soon as its value
-    is done: memory does not grow with the number of values. The same call again goes on where the last one stopped,
-    whatever stopped it. A value without an answer has its row too, and is not tried again; one that the time limit cut
-    short has none.
+    With a `store` no result is kept. A row of numbers for each value and contact is on the disk as soon as the value
+    is done, so that memory does not grow with the number of values. The same call continues an interrupted sweep. A
+    value that was not solved has a row too, and is not tried again; a value cut short by the time limit has no row.
 
     Parameters
     ----------
     problem : ContactProblem
         The problem.
     parameter : "friction", "load", "gap" or "offset"
-        "friction": the coefficient μ of contacts, in place of theirs; "load": a factor of loads; "gap", "offset": what
-        is added to these data of contacts [length].
+        "friction": the coefficient μ of contacts, which replaces their own; "load": a factor of loads; "gap", "offset":
+        a length that is added to these data of contacts.
     values : sequence of float
-        Its values, in the order in which they are solved.
+        Values of the parameter, in the order in which they are solved.
     of : sequence of str, optional
-        Names of the contacts that are changed, all but tied ones by default, which have no friction; for "load" names
-        of the loads, as for `limit_load_factor`, all by default.
+        Names of the contacts that are changed, by default all but tied ones; for "load" names of the loads, as for
+        `limit_load_factor`, by default all.
     callback : callable, optional
-        Called with the number of each value, from 1, and its result; with a store its `SweepRow`, if it was not in the
-        file before.
+        Called with the number of each value, from 1, and its result; with a store, its `SweepRow` instead, and not for
+        values that were in the file before.
     settings : Settings, optional
         How to discretise and solve all of them.
     store : str or Path, optional
         An SQLite file, made if it is missing.
     workers : int
-        Processes of this machine that share the values of a sweep with a store. Each does slices of neighbouring
-        values, on one thread, and keeps its factorisation from one slice to the next; the rows of a slice are written
-        when it is done. The values of a process that dies are done again one by one. The value with which a process
-        dies twice gets the status "backend_failed" or "out_of_memory", and the others go on.
+        Processes of this machine that share the values of a sweep with a store. Each process solves slices of
+        neighbouring values on one thread, and keeps its factorisation. The rows of a slice are written when it is done.
+        If a process dies, its values are solved again one by one. A value at which a process dies twice gets the status
+        "backend_failed" or "out_of_memory", and the sweep continues.
     dask : str, optional
-        Address of the scheduler of a Dask cluster that does so instead, as tcp://host:8786.
+        Address of the scheduler of a Dask cluster that is used instead, as tcp://host:8786.
     warm_start : bool
-        Whether methods that take a start begin at the state of the value before.
+        Whether methods that accept a start begin at the state of the value before.
     **changes
         Fields of `Settings`, and options of the method.
 
     Returns
     -------
     Sweep or StoredSweep
-        The latter with a store. A value that is not solved does not end it.
+        A `StoredSweep` with a store. Values that are not solved do not end the sweep.
 
     Raises
     ------
@@ -269,29 +266,29 @@ def solve_sweep(
         numbers = tuple(asked.tolist())
         log.begin({"values": len(numbers), "parameter": parameter, "cells": task.problem.mesh.cell_count})
 
-        def told(number: int, found: ContactResult | SweepRow, accuracy: float) -> None:
-            log.line(number, numbers[number - 1], str(found.status), found.iterations, accuracy)
+        def report(number: int, result: ContactResult | SweepRow, accuracy: float) -> None:
+            log.line(number, numbers[number - 1], str(result.status), result.iterations, accuracy)
             if callback is not None:
-                callback(number, found)
+                callback(number, result)
 
         sweep: Sweep | StoredSweep
         if store is None:
             steps = list[ContactResult]()
             for number, _, result, _ in task.results(enumerate(numbers, 1), at_least=1):
                 steps.append(result)
-                told(number, result, result.certificate.accuracy)
+                report(number, result, result.certificate.accuracy)
             sweep = Sweep(parameter, numbers, tuple(steps))
         else:
             data = {"parameter": task.parameter, "of": task.names, "values": numbers, "warm_start": task.warm}
             fingerprint = run_digest([task.problem], {**settings.stated, **data})
             with (
                 _writing(store, fingerprint, parameter, numbers) as (pending, append),
-                closing(_rows(task, pending, shared)) as found,
+                closing(_rows(task, pending, shared)) as slices,
             ):
-                for rows in found:
+                for rows in slices:
                     append(rows)
                     for row in rows:
-                        told(row.number, row, row.accuracy)
+                        report(row.number, row, row.accuracy)
             sweep = read_sweep(store)
         log.end(str(sweep.status), sweep.message, {}, sweep.status is Status.SOLVED)
         return sweep
@@ -299,23 +296,23 @@ def solve_sweep(
 
 @dataclass(eq=False)
 class SweepTask:
-    """What is to be done for each value, and where it is done: one value after the other, on one factorisation.
+    """Solves the values of a sweep one after the other, on one factorisation; processes each have a copy.
 
-    A value starts from the state of the one before. To find that a state is not near costs an iteration or two. After
-    that a value starts as usual, after the next time two, then four, and so on: where the contact grows with each
-    value, states are seldom near.
+    A value starts from the state of the value before. If the method finds that state too far away, the start has cost
+    an iteration or two. Then the next value starts without it; after a second failure in a row the next two values do,
+    then four, and so on: where contact zones grow with each value, the state before is seldom near.
     """
 
     problem: ContactProblem
-    parameter: Parameter  # what changes
+    parameter: Parameter
     names: tuple[str, ...]  # the contacts or loads that are changed
-    settings: Settings = field(default_factory=Settings)  # how to solve it
-    warm: bool = False  # whether to start from the value before
-    end: float = math.inf  # by `time.time`, which clocks of a cluster share
-    _before: Discretization | None = field(default=None, init=False)
-    _state: ContactResult | None = field(default=None, init=False)
-    _pause: int = field(default=0, init=False)
-    _left: int = field(default=0, init=False)
+    settings: Settings = field(default_factory=Settings)
+    warm: bool = False  # whether to start from the state of the value before
+    end: float = math.inf  # time limit by `time.time`, which the machines of a cluster share
+    _before: Discretization | None = field(default=None, init=False)  # of the last value
+    _state: ContactResult | None = field(default=None, init=False)  # of the last value that was solved
+    _pause: int = field(default=0, init=False)  # values without a warm start after the last failed one
+    _left: int = field(default=0, init=False)  # of these, still to come
 
     @classmethod
     def of(
@@ -330,9 +327,9 @@ class SweepTask:
         """The task of checked arguments of `solve_sweep`."""
         instance_of(ContactProblem, "problem", problem)
         one_of("parameter", parameter, PARAMETERS)
-        every = parameter in ("gap", "offset") and names is not None
-        known = [contact.name for contact in problem.contacts if every or contact.law != "tied"]
-        what = "contacts" if every else "contacts that could open or slip"
+        tied_too = parameter in ("gap", "offset") and names is not None
+        known = [contact.name for contact in problem.contacts if tied_too or contact.law != "tied"]
+        what = "contacts" if tied_too else "contacts that could open or slip"
         if parameter == "load":
             limit = load("qvi_contact.limit.load_factor")  # which commands that solve once need not load
             chosen = limit.checked_loads(problem, limit.loads_of(problem) if names is None else names, "of")
@@ -347,56 +344,56 @@ class SweepTask:
     def changed(self, value: float) -> ContactProblem:
         """The problem with this value."""
         if self.parameter == "load":
-            posed: ContactProblem = load("qvi_contact.limit.load_factor").multiplied(self.problem, self.names, value)
-            return posed
+            problem: ContactProblem = load("qvi_contact.limit.load_factor").multiplied(self.problem, self.names, value)
+            return problem
 
-        def changed(contact: Contact) -> Contact:
+        def with_value(contact: Contact) -> Contact:
             given = 0.0 if self.parameter == "friction" else getattr(contact, self.parameter)
             new: Any = {self.parameter: plus(given, value)}
             return replace(contact, **new) if contact.name in self.names else contact
 
-        return with_contacts(self.problem, changed)
+        return with_contacts(self.problem, with_value)
 
     def results(
         self, planned: Iterable[tuple[int, float]], at_least: int = 0
     ) -> Iterator[tuple[int, float, ContactResult, float]]:
-        """Number, value, result and seconds of these numbers and values, until the time is over."""
+        """Number, value, result and seconds of planned numbers and values, `at_least` so many, until the deadline."""
         for count, (number, value) in enumerate(planned):
             if count >= at_least and deadline.over:
                 return
-            began, posed = time.perf_counter(), self.changed(value)
-            if self._before is None or laws_vary(posed) != laws_vary(self._before.problem):  # what bounds tractions
-                self._before = discretized(posed, self.settings)
+            began, problem = time.perf_counter(), self.changed(value)
+            if self._before is None or laws_vary(problem) != laws_vary(self._before.problem):  # another default rule
+                self._before = discretized(problem, self.settings)
             elif self.parameter == "friction":
-                self._before = self._before.with_law(posed)
+                self._before = self._before.with_law(problem)
             else:
-                self._before = fitted(self._before.with_data(posed), self.settings)
-            found = solved(self._before, self.settings, self._state if self.warm and not self._left else None)
-            near = found.solution.near
-            if near is None:
+                self._before = rescaled(self._before.with_data(problem), self.settings)
+            result = solved(self._before, self.settings, self._state if self.warm and not self._left else None)
+            near = result.solution.near
+            if near is None:  # the solve had no warm start
                 self._left = max(self._left - 1, 0)
             else:
                 self._pause = 0 if near else max(2 * self._pause, 1)
                 self._left = self._pause
-            if found.status is Status.SOLVED:
-                self._state = found
-            yield number, value, found, time.perf_counter() - began
+            if result.status is Status.SOLVED:
+                self._state = result
+            yield number, value, result, time.perf_counter() - began
 
     def rows(self, planned: Sequence[tuple[int, float]]) -> list[SweepRow]:
-        """The rows of a slice of numbers and neighbouring values; a value that the time has cut short has none."""
+        """The rows of a slice of numbers and neighbouring values; a value cut short by the time limit has no row."""
         rows, seconds = list[SweepRow](), max(self.end - time.time(), _LEAST)
         with deadline(seconds if seconds < math.inf else None):
-            for number, value, found, taken in self.results(planned):
-                if found.status is Status.TIME_LIMIT:
+            for number, value, result, taken in self.results(planned):
+                if result.status is Status.TIME_LIMIT:
                     break
-                rows.append(SweepRow.of(number, value, found, taken))
+                rows.append(SweepRow.of(number, value, result, taken))
         return rows
 
 
 def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Workers) -> Generator[Sequence[SweepRow]]:
-    """Rows of these numbers and values as they come, a few at a time, until the time is over.
+    """Rows of planned numbers and values, slice by slice as they are done, until the deadline.
 
-    The values of a slice whose process was lost are done again one by one, so that the one that was to blame is found.
+    If a process is lost, the values of its slice are solved again one by one, to find the value that ends it.
     """
     if workers == Workers() or not planned:
         yield from filter(None, (task.rows([each]) for each in planned))
@@ -406,16 +403,16 @@ def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Worker
     remedy = "cannot be sent to other processes: give Expression or Polynomial for its functions, or those of modules"
     try:
         settings = replace(task.settings, threads=task.settings.threads or 1)
-        shared = replace(task, settings=settings, end=time.time() + seconds)  # all slices of a process on one factor
+        shared = replace(task, settings=settings, end=time.time() + seconds)  # a process keeps it for all its slices
         job = pickle.dumps(partial(tuple, (None, shared.rows)))
-    except Exception as error:  # PicklingError, AttributeError or TypeError, by what it is
+    except Exception as error:  # pickle raises PicklingError, AttributeError or TypeError
         raise InputError("problem", task.problem, f"{remedy} ({error})") from error
     try:
         with workers.ready(job, limits) as (size, outcomes):
             length = min(_LARGEST, max(1, math.ceil(len(planned) / (_SLICES * size))))
             slices = deque(planned[i : i + length] for i in range(0, len(planned), length))
-            with closing(outcomes(slices)) as found:
-                for part, outcome in found:
+            with closing(outcomes(slices)) as ended:
+                for part, outcome in ended:
                     if outcome.status == "done":
                         yield outcome.value
                     elif outcome.status == "error":
@@ -431,28 +428,27 @@ def _rows(task: SweepTask, planned: Sequence[tuple[int, float]], workers: Worker
         raise InputError("problem", task.problem, f"{remedy} ({error.reason})") from error
 
 
-# Rows of a sweep are in an SQLite file, each on disk when its value is done. `planned` has all values, `results` and
-# `contacts` what is done, and the view `rows` joins them: one row for each value and contact, with the columns of
-# `ContactResult.forces_frame`. The fingerprint in `sweep` is that of problem and options, and behind a colon a digest
-# of parameter and values, which tells a file that was changed.
-
+# The SQLite file of a sweep. The table `planned` has all values, `results` and `contacts` the rows of values that are
+# done, and the view `rows` joins them: one row for each value and contact, with the columns of
+# `ContactResult.forces_frame`. The fingerprint in `sweep` is a digest of problem and options, a colon, and a digest of
+# parameter and values, by which a file that was changed is recognised.
 
 SUMMARY_COLUMNS: Final = (
     "normal_force", "tangential_force", "share_open", "share_stick", "share_slip",
     "largest_pressure", "largest_shear", "largest_gap", "largest_slip", *PLATE_COLUMNS,
 )  # fmt: skip
-"""Keys of `ContactLine.summary`, and those of plates and pins, which contacts without have no values for."""
+"""Keys of `ContactLine.summary`, and columns of plates and pins, empty for other contacts."""
 
 _STORED: Final = ", ".join(SUMMARY_COLUMNS)
 
 
 def _of(kind: str, *names: str) -> str:
-    """Columns of one kind; SQLite would keep anything in any column."""
+    """Columns of one SQL type, checked, as SQLite would store any type in any column."""
     return ", ".join(f"{name} {kind} NOT NULL CHECK (typeof({name}) = '{kind.lower()}')" for name in names)
 
 
 def _numbers(*names: str) -> str:
-    """Columns of numbers that may be missing, as NaN is."""
+    """Columns of numbers that may be NULL, as NaN is stored."""
     return ", ".join(f"{name} REAL CHECK (typeof({name}) IN ('real', 'null'))" for name in names)
 
 
@@ -485,10 +481,9 @@ _DONE: Final = f"""
 
 @dataclass(frozen=True)
 class StoredSweep(SweepRows):
-    """A sweep whose rows are in a file, from which everything is read when it is asked for.
+    """A sweep whose rows are in a file, which is read on each access.
 
-    `values` of the parameter are all that were asked for, done or not. `InputError` where the file is read, if it is
-    not there any more or damaged.
+    `values` are all values asked for, done or not. Each access raises `InputError` if the file is gone or damaged.
     """
 
     path: Path
@@ -497,19 +492,19 @@ class StoredSweep(SweepRows):
     _unfinished = "{} of {} values are done: a run works, was stopped, or reached its time limit. The same call goes on"
 
     def rows(self) -> Iterator[SweepRow]:
-        """What is done, in the order of the values."""
+        """The rows of all values that are done, in the order of the values."""
         with _DATABASE.opened(self.path) as connection:
             for (number, value, status, message, count, accuracy, seconds), parts in groupby(
                 connection.execute(_DONE), lambda row: row[:7]
             ):
                 named = {part[7]: zip(SUMMARY_COLUMNS, part[8:], strict=True) for part in parts if part[7] is not None}
-                contacts = {name: {key: each for key, each in own if each is not None} for name, own in named.items()}
+                contacts = {name: {key: x for key, x in pairs if x is not None} for name, pairs in named.items()}
                 accuracy = math.nan if accuracy is None else accuracy
                 yield SweepRow(number, value, Status(status), message, count, accuracy, seconds, contacts)
 
 
 def read_sweep(path: str | Path) -> StoredSweep:
-    """The sweep of a store, which may belong to a run that goes on; `InputError` if there is none, or it is damaged."""
+    """The sweep in a store, also while a run writes it; `InputError` if the file is missing or damaged."""
     place = _place(path)
     with _DATABASE.opened(place) as connection:
         parameter, _, values = _plan(connection, place)
@@ -517,12 +512,12 @@ def read_sweep(path: str | Path) -> StoredSweep:
 
 
 def _place(path: str | Path) -> Path:
-    """The file that a caller has named."""
+    """The absolute path of a file that the caller named; `InputError` if no file can have this name."""
     place = given_path("store", path)
     try:
         place = place.absolute()
         place.resolve().exists()
-    except (OSError, ValueError, RuntimeError) as error:  # the latter where links lead in a circle
+    except (OSError, ValueError, RuntimeError) as error:  # RuntimeError for a circle of links
         raise InputError("store", str(path), f"no file can have this name ({error}): give another") from error
     return place
 
@@ -531,10 +526,10 @@ def _place(path: str | Path) -> Path:
 def _writing(
     path: str | Path, fingerprint: str, parameter: Parameter, values: Sequence[float]
 ) -> Iterator[tuple[list[tuple[int, float]], Callable[[Sequence[SweepRow]], None]]]:
-    """Open the store of a sweep, made if it is missing, and keep all other runs away from it.
+    """Open the store of a sweep, made if it is missing, and lock it for other runs.
 
-    Numbers, from 1, and values that are not done; and what writes rows: all are on disk then, and none if it fails.
-    `InputError` if it cannot be written, is in use, damaged, or holds another sweep.
+    Yields the numbers, from 1, and values that are not done, and a function that appends rows: either all of them are
+    on disk then, or none. `InputError` if the store cannot be written, is in use, damaged, or holds another sweep.
     """
     place = _place(path)
     if place.is_dir() or not place.name:
@@ -547,16 +542,16 @@ def _writing(
         empty.executemany("INSERT INTO planned VALUES (?, ?)", enumerate(values, 1))
 
     with _DATABASE.writing(place, declare) as connection:
-        stored, found, planned = _plan(connection, place)
-        if (found, stored, planned) != (fingerprint, parameter, tuple(values)):
+        stored_parameter, stored_run, planned = _plan(connection, place)
+        if (stored_run, stored_parameter, planned) != (fingerprint, parameter, tuple(values)):
             remedy = f"holds another sweep, of {len(planned)} values, or data or options changed: give another file"
             raise InputError("store", str(path), remedy)
 
         def append(rows: Sequence[SweepRow]) -> None:
             with connection:
                 for row in rows:
-                    found = (row.number, str(row.status), row.message, row.accuracy, row.iterations, row.seconds)
-                    connection.execute("INSERT INTO results VALUES (?, ?, ?, ?, ?, ?)", found)
+                    columns = (row.number, str(row.status), row.message, row.accuracy, row.iterations, row.seconds)
+                    connection.execute("INSERT INTO results VALUES (?, ?, ?, ?, ?, ?)", columns)
                     for name, summary in row.contacts.items():
                         numbers = (summary.get(key) for key in SUMMARY_COLUMNS)
                         connection.execute(_CONTACT, (row.number, name, *numbers))
@@ -578,6 +573,6 @@ def _plan(connection: sqlite3.Connection, path: Path) -> tuple[Parameter, str, t
 
 
 def _digest(fingerprint: str, parameter: str, values: Sequence[float]) -> str:
-    """SHA-256 of what a sweep was asked for, as hexadecimal text."""
-    asked = (np.array(values, dtype="<f8") + 0.0).tobytes()  # SQLite keeps no −0.0
-    return hashlib.sha256(f"{fingerprint}:{parameter}:".encode() + asked).hexdigest()
+    """SHA-256 of fingerprint, parameter and values, as hexadecimal text."""
+    stored = (np.array(values, dtype="<f8") + 0.0).tobytes()  # SQLite stores −0.0 as 0.0
+    return hashlib.sha256(f"{fingerprint}:{parameter}:".encode() + stored).hexdigest()
