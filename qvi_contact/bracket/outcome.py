@@ -32,7 +32,7 @@ class BracketKind(Enum):
 class Uniqueness:
     """How far another solution of the exact problem can be.
 
-    `apart` is the largest distance of two solutions in the energy norm of stresses, over the norm of the computed one: 0
+    `apart` is the largest distance of two solutions in the energy norm of stresses, over that of the computed one: 0
     where there is only one solution, infinite where nothing is known. `certainty` says whether that is proved. Where
     contacts alone hold a body, `message` says how near to the computed solution the others must be.
     """
