@@ -142,7 +142,7 @@ class Smooth:
         return {column: part for column, part in enumerate(coefficients, self.first + 3 * v) if part}
 
     def slope(self, side: tuple[int, int, int], d: Vector, n: int, inner: int = 0) -> Terms:
-        """The ordinate n = 0 … p − 1 of d·∇Φ along a side from its first corner, or `inner` rows closer to the third."""
+        """The ordinate n = 0 … p − 1 of d·∇Φ along a side from its first corner, or `inner` rows towards the third."""
         (t, a, b), k = side, self.p - 1 - n - inner
         start, end, third = (self.points[self.triangles[t][i]] for i in (a, b, 3 - a - b))
         along, inwards = less(end, start), less(third, start)

@@ -202,8 +202,8 @@ class YieldCones:
             if material.strength is None or not len(cells):
                 continue
             numbers = 3 * count * cells[:, None, None] + np.arange(3 * count).reshape(3, count)
-            for index, (cone, a, pressure) in enumerate(_limits(problem, cells, degree, material, above)):
-                parts = np.broadcast_arrays(numbers, index == 0, a, pressure, cone.mean)
+            for rank, (cone, a, pressure) in enumerate(_limits(problem, cells, degree, material, above)):
+                parts = np.broadcast_arrays(numbers, rank == 0, a, pressure, cone.mean)
                 blocks.append(tuple(part.ravel() for part in parts))
                 strengths.append(float(np.max(a)))
         coefficient, first, limit, pressure, mean = (np.concatenate(part) for part in zip(*blocks, strict=True))
