@@ -21,15 +21,7 @@ from qvi_contact.basics.checks import Field, FloatArray, evaluate, finite_number
 from qvi_contact.basics.schema import keys_of
 from qvi_contact.bracket.coulomb import TOO_NEAR, CoulombBounds, coulomb_bounds
 from qvi_contact.bracket.outcome import Bracket, BracketKind
-from qvi_contact.bracket.parts import (
-    LOOSEST,
-    Bounds,
-    CellFields,
-    EdgeParts,
-    EdgeTractions,
-    coefficients,
-    edge_parts,
-)
+from qvi_contact.bracket.parts import LOOSEST, Bounds, CellFields, EdgeParts, EdgeTractions, coefficients, edge_parts
 from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_numbers, with_shares
 from qvi_contact.companion import CompanionResult, solve_companion, solve_companions
 from qvi_contact.companion.model import checked
@@ -237,7 +229,6 @@ def bracket(
         J(v) + J*(τ) ≥ ½ ∫ ε(u − v) : C : ε(u − v) + ½ ∫ (σ − τ) : c : (σ − τ).
 
     Springs of stiffness k along contacts add ½ ∫ k d² to J, with their stretch d, and ½ ∫ τ²/k to J*.
-
     The stress τ is the result's if it obeys the contact law on whole edges; else it is computed anew for the same
     bound. v is computed by displacement elements on the same mesh (`solve_companion`). Without Coulomb friction the
     bracket is of the problem stated. With Coulomb friction s = μ|σ_N| is held fixed, and the gap is an indicator
@@ -367,19 +358,11 @@ def _assemble(
     if relative_gap < -_CROSSED:
         found.append(f"The bounds contradict each other by {-relative_gap:.1e} of the strain energy.")
     return Bracket(
-        kind=kind,
-        reasons=tuple(found),
-        lower=lower,
-        upper=upper,
-        strain=strain,
-        bulk=bulk,
-        contacts=contacts,
-        cell_gaps=np.maximum(parts, 0.0),
-        slack=slack,
+        kind=kind, reasons=tuple(found), lower=lower, upper=upper, strain=strain, bulk=bulk, contacts=contacts,
+        cell_gaps=np.maximum(parts, 0.0), slack=slack,
         driven=force_bounds(discretization, not tractions.bound.any(), lower, upper),
-        result=stress,
-        companion=companion,
-    )
+        result=stress, companion=companion,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -336,8 +336,7 @@ class _Pairs:
     @cached_property
     def _zones(self) -> _Zones:
         state, unit, own = self.state, self.known.scales.stress, EdgeTractions.of(self.known, self.errors.stress.dofs)
-        n = state.contacts.count
-        openings = _opening(state, self.errors.shares)
+        n, openings = state.contacts.count, _opening(state, self.errors.shares)
         any_way = np.isnan(state.contacts.slipping)
         moved, relative = state.c.reshape(2, n), (state.c - state.contacts.obstacle).reshape(2, n)
         pressure, room = np.empty_like(own.normal), np.full_like(own.normal, np.inf)
@@ -449,10 +448,8 @@ class _Pairs:
         qvi, zones, scales, largest = self.known.qvi, self._zones, self.known.scales, 0.0
         across, slip = c - goal
         slope = _either_way(self.state, self.errors.shares)
-        along_normal = np.where(
-            slope > 0.0, np.abs(across) + slope * np.abs(slip), np.abs(across + self._turned * slip)
-        )
-        misfits = (scales.displacement * dual_part for dual_part in (along_normal, slip))
+        pushed = np.where(slope > 0.0, np.abs(across) + slope * np.abs(slip), np.abs(across + self._turned * slip))
+        misfits = (scales.displacement * dual_part for dual_part in (pushed, slip))
         normal, shear = (scales.stress * (rows @ change).reshape(zones.room.shape) for rows in (qvi.N, qvi.T))
         units = np.repeat([scales.displacement, max(float(np.abs(normal).max()), _FAINT * scales.stress)], 2)
         for dual_part, primal, unit in zip((*misfits, normal, shear), zones[:4], units, strict=True):

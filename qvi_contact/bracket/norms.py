@@ -59,13 +59,10 @@ def proved_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
     lower the norm: (Rv, 0) is an image without stretch of springs, and |(v, d)| ≥ |v|.
     """
     for contact in problem.contacts:
-        has_yielding_springs = (
-            contact.tangential_stiffness is not None
-            if has_coulomb(contact)
-            else contact.law == "tied" and contact.has_springs
-        )
-        is_driven = contact.plate is not None and contact.plate.driven  # what is tied to a driven plate is not held
-        if has_yielding_springs or (is_driven and (has_coulomb(contact) or contact.law == "tied")):
+        is_rough, is_tied = has_coulomb(contact), contact.law == "tied"
+        has_bed = contact.tangential_stiffness is not None if is_rough else is_tied and contact.has_springs
+        is_driven = contact.plate is not None and contact.plate.driven
+        if has_bed or (is_driven and (is_rough or is_tied)):
             return np.inf
     try:
         bodies = bodies_of(problem)
@@ -74,12 +71,8 @@ def proved_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
     largest_norm = 0.0
     for body in bodies:
         if any(map(has_coulomb, body.problem.contacts)):
-            body_shares, is_straight = shares_on(body, problem, shares), not body.problem.mesh.sides.any()
-            norm = (
-                min(rectangle_norm(body.problem, body_shares), star_norm(body.problem, body_shares))
-                if is_straight
-                else np.inf
-            )
+            own, has_arcs = shares_on(body, problem, shares), body.problem.mesh.sides.any()
+            norm = np.inf if has_arcs else min(rectangle_norm(body.problem, own), star_norm(body.problem, own))
             if not norm < np.inf:  # NaN proves nothing either
                 return np.inf
             largest_norm = max(largest_norm, norm)
@@ -93,13 +86,12 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
     two opposite sides, whose normals are ±e_b. On one whole side with the normal ±e_a, v_a = 0. θ is ±μ s on the sides
     with contacts, with the sign of the normal, and linear along b.
     """
-    # axes 0 and 1 are the tangent and the normal of the first edge with friction; all coordinates are along these
-    mesh, boundary, ratio = problem.mesh, problem.mesh.boundary, one_ratio(problem)
+    # coordinates along the tangent (axis a) and the normal (axis b) of the first edge with friction
+    mesh, boundary, ratio, a, b = problem.mesh, problem.mesh.boundary, one_ratio(problem), 0, 1
     rough_edges = mesh.edges(next(filter(has_coulomb, problem.contacts)).edges)
     rotation = np.column_stack([rough_edges.tangent[0], rough_edges.normal[0]])
     normals, held_vectors = boundary.normal @ rotation, [each @ rotation for each in held_directions(problem)]
     vertices, tangents = mesh.vertices @ rotation, boundary.tangent @ rotation[:, 0]
-
     # every edge lies on a side of the bounding rectangle: the side with the normal ±e_axis, + where `at_high_end`
     corners, axis = vertices[np.unique(mesh.cells)], np.argmax(np.abs(normals), axis=1)
     low, high, edge_numbers = corners.min(axis=0), corners.max(axis=0), np.arange(len(axis))
@@ -111,7 +103,6 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
     is_slanted = not np.allclose(np.abs(vectors).max(axis=1), 1.0, rtol=0.0, atol=_PLACE)
     if ratio is None or is_slanted or distance.max() > _PLACE * (high - low).max():
         return np.inf
-
     # by edge: whether (Rv)_N = 0 and (Rv)_T = 0 are demanded, and whether friction acts; θ at both ends and the
     # largest |θ|; bounds of |dθ/dt| on 16 parts, see `Share.steepest`
     no_normal, no_tangential, has_friction = np.zeros((3, len(boundary)), dtype=bool)
@@ -126,17 +117,13 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
             has_friction[edges], theta_slopes[edges] = True, share.friction * share.steepest()
         elif contact.law != "tied":
             no_normal[edges], no_tangential[edges] = True, bears_shear(contact)
-    if len(set(axis[has_friction])) != 1 or (tangents[has_friction] < 0.0).any():
+    if (axis[has_friction] != b).any() or (tangents[has_friction] < 0.0).any():
         return np.inf
-
     # on the sides with the normal ±e_a: v_a = 0 on one whole side; elsewhere v_a = 0, or nothing is demanded along e_b
-    b = int(axis[has_friction][0])
-    a, extent = 1 - b, high - low
+    extent = high - low
     is_mirror = [[is_held[(axis == k) & (at_high_end == end), k].all() for end in (False, True)] for k in (0, 1)]
-    on_a = axis == a
-    if not any(is_mirror[a]) or not (is_held[:, a] | ~(is_held[:, b] | no_tangential))[on_a].all():
+    if not any(is_mirror[a]) or not (is_held[:, a] | ~(is_held[:, b] | no_tangential))[axis == a].all():
         return np.inf
-
     # max |θ| and H on each side with the normal ±e_b where θ is demanded: ±μ s, or 0 where (Rv)_b = 0 and v_a is free
     is_demanded = (axis == b) & (has_friction | ((is_held[:, b] | no_normal) & ~is_held[:, a]))
     zeros, largest_theta, H_of_sides = np.array([low[a], high[a]])[is_mirror[a]], list[float](), list[FloatArray]()
@@ -148,7 +135,6 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
         largest_theta.append(float(theta[edges, 2].max()))
     theta_b = 0.0 if len(largest_theta) == 1 else sum(largest_theta) / extent[b]  # ≥ |∂_b θ|
     H = float(np.max(H_of_sides, axis=0).min())
-
     # β of a part of the mirrored rectangle, which is cut in n parts along an axis across which ω is odd, so that the
     # mean of ω over each part is zero: along b, and also along a if the rectangle is mirrored along b
     aspect = (extent[b] if any(is_mirror[b]) else extent[b] / 2.0) / extent[a]
@@ -177,21 +163,18 @@ def _slope_factor(spans_of_edges: FloatArray, theta: FloatArray, slopes: FloatAr
     return np.asarray(np.sqrt(squares.sum(axis=1)))
 
 
-def rectangle_constant(
-    ratio: float, inf_sup: float, largest: float, steepest: float, slope_factor: float = 0.0
-) -> float:
+def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: float, H: float = 0.0) -> float:
     """A number that the norm of v ↦ θ v_a e_b in the energy norm does not exceed, r in (D29).
 
     `ratio` is Poisson's ratio ν′ = −c12/c11 of the plane state: ν in plane stress, ν/(1 − ν) in plane strain. `inf_sup`
     is β of the rectangle mirrored at the sides where displacements are odd. `largest` is e = max |θ|, `steepest` is d =
-    max |∂_bθ| times the constant k of Poincaré's inequality ‖v_a‖ ≤ k ‖∂_a v_a‖, and `slope_factor` is H: ‖∂_aθ v_a‖ ≤
-    H ‖∂_a v_a‖.
+    max |∂_bθ| times the constant k of Poincaré's inequality ‖v_a‖ ≤ k ‖∂_a v_a‖; ‖∂_aθ v_a‖ ≤ H ‖∂_a v_a‖.
     """
-    if not np.isfinite(slope_factor):
+    if not np.isfinite(H):
         return float("inf")
     one_minus, one_plus, G = 1.0 - ratio, 1.0 + ratio, inf_sup**-2
     e_cos = largest * np.cos(ANGLES)
-    P = steepest * np.cos(ANGLES) + (largest + slope_factor) * np.sqrt(one_minus / 2.0) * np.sin(ANGLES)
+    P = steepest * np.cos(ANGLES) + (largest + H) * np.sqrt(one_minus / 2.0) * np.sin(ANGLES)
     M = np.array([G / (2.0 * one_minus), (G - 1.0) / (2.0 * one_plus)])
     square = e_cos**2 * (M.sum() + 0.5 / one_minus) + P**2 / (one_minus * one_plus)
     square += 2.0 * e_cos * np.sqrt(M[0] * (e_cos**2 + P**2) / (2.0 * one_minus))
@@ -219,10 +202,7 @@ def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
     is_parallel = np.abs(boundary.normal[rough_edges] @ tangent).max() <= PARALLEL
     if not is_parallel or np.ptp(across) > PARALLEL * np.abs(across).max():
         return np.inf
-    if any(
-        not spans(held_of_edge, tangent) and (np.abs(held_of_edge @ normal) > PARALLEL).any()
-        for held_of_edge in held_vectors
-    ):
+    if any(not spans(held, tangent) and (np.abs(held @ normal) > PARALLEL).any() for held in held_vectors):
         return np.inf
     for contact in problem.contacts:
         edges = problem.mesh.edge_set(contact.edges)
@@ -263,8 +243,8 @@ def _divergence_constant(problem: ContactProblem, held_vectors: list[FloatArray]
     space = DisplacementSpace.of(problem, triangle(_FIELD_DEGREE), problem.mesh.length)
     n, numbers = len(space.cell.places), space.along(problem.mesh.boundary)
     is_free = np.ones((space.size // 2, 2), dtype=bool)
-    for edge, held_of_edge in enumerate(held_vectors):
-        is_free[numbers[edge]] &= [spans(held_of_edge, unit) for unit in np.eye(2)]
+    for edge, held in enumerate(held_vectors):
+        is_free[numbers[edge]] &= [spans(held, unit) for unit in np.eye(2)]
     free_dofs = is_free.ravel()
     trace = np.array([1.0, 1.0, 0.0])
     body = Elasticity(space, np.tile(np.outer(trace, trace), (len(space.table), 1, 1)))
@@ -355,11 +335,9 @@ class FrictionNorm:
 
 
 def friction_norm(
-    problem: ContactProblem,
-    shares: Mapping[str, Share],
-    unit: float = 1.0,
+    problem: ContactProblem, shares: Mapping[str, Share], unit: float = 1.0,
     pressures: Mapping[str, FloatArray] = MappingProxyType({}),
-) -> FrictionNorm:
+) -> FrictionNorm:  # fmt: skip
     """The least proved norm if it is below 1.6, else the norm by finite elements; nothing is proved with arcs.
 
     It is the largest of the norms of the single bodies. Weights of shares are in the unit [stress], as are `pressures`:
@@ -436,14 +414,11 @@ class _Group(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Energies:
-    """Least strain energies of displacements with given slips, or normal parts, on contacts with Coulomb friction.
-
-    Contacts have n Bernstein coefficients in all, displacements k unknowns w on the contacts.
-    """
+    """Least strain energies of displacements with given slips, or normal parts, on contacts with Coulomb friction."""
 
     traces: tuple[DisplacementContact, ...]
     scales: Scales
-    B: FloatArray  # (2, n, k): normal and tangential coefficients of w
+    B: FloatArray  # (2, n, k): normal and tangential coefficients on all contacts, of the unknowns w (k,) there
     slips: FloatArray  # (n, k): tangential coefficients on contacts with Coulomb friction, 0 on other contacts
     held: FloatArray  # (h, k): rows that vanish, on contacts that are tied or keep their distance
     stiffness: FloatArray  # (k, k): S
@@ -466,24 +441,20 @@ class _Energies:
         parts = contacts.traces, Scales.of(problem), B, slips, held_rows, rest.body.S, motions
         if len(rest.live) > MOST:
             return cls(*parts, empty, empty, empty)
-        part = least_energy(rest.body.S, normals, rest.B[np.append(~is_coulomb, is_sheared | is_tied)])
-        return cls(*parts, part, empty, empty).without(held_rows[:0])
+        normal_energy = least_energy(rest.body.S, normals, rest.B[np.append(~is_coulomb, is_sheared | is_tied)])
+        return cls(*parts, normal_energy, empty, empty).without(held_rows[:0])
 
     def without(self, rows: FloatArray) -> _Energies:
         """The energies of displacements on which the functionals `rows` (r, k) vanish too."""
-        zero_rows = np.vstack([self.held, rows])
-        slip_basis = orth(self.slips @ solutions(zero_rows)[1], SINGULAR)
-        return replace(
-            self, slip_energy=least_energy(self.stiffness, slip_basis.T @ self.slips, zero_rows), slip_basis=slip_basis
-        )
+        zero = np.vstack([self.held, rows])
+        basis = orth(self.slips @ solutions(zero)[1], SINGULAR)
+        return replace(self, slip_energy=least_energy(self.stiffness, basis.T @ self.slips, zero), slip_basis=basis)
 
     def norm(self, *images: FloatArray) -> float:
         """The largest (Σ |R_k v|²)^½/|v|, each R_k a matrix (n, n) from slips to normal coefficients."""
         in_basis = (each @ self.slip_basis for each in images if each.any())
-        work = sum((each.T @ self.normal_energy @ each for each in in_basis), np.zeros_like(self.slip_energy))
-        return (
-            float(np.sqrt(max(float(eigh(work, self.slip_energy, eigvals_only=True)[-1]), 0.0))) if work.any() else 0.0
-        )
+        D = sum((each.T @ self.normal_energy @ each for each in in_basis), np.zeros_like(self.slip_energy))
+        return float(np.sqrt(max(float(eigh(D, self.slip_energy, eigvals_only=True)[-1]), 0.0))) if D.any() else 0.0
 
     def sizes(self, normal: FloatArray) -> FloatArray:
         """|v| (j,) of given normal coefficients (n, j) [√energy per unit of displacement]; 0 for rigid motions."""
@@ -498,10 +469,8 @@ class _Energies:
             if trace.name in shares:
                 share, p = shares[trace.name], trace.columns.shape[1] - 1
                 nodes, to_bernstein = lobatto_points(p), bernstein_from_values(p)
-                friction_shares = share.friction * share.at(nodes)
-                blocks = np.einsum(
-                    "ij,ej,jk,ek->eik", to_bernstein, friction_shares, bernstein_basis(p, nodes), trace.turned
-                )
+                mu_s = share.friction * share.at(nodes)
+                blocks = np.einsum("ij,ej,jk,ek->eik", to_bernstein, mu_s, bernstein_basis(p, nodes), trace.turned)
                 columns = trace.start + trace.columns
                 matrix[columns[:, :, None], columns[:, None, :]] = blocks
         return matrix
@@ -544,7 +513,7 @@ class _Energies:
         image, p_images = self.image(shares), [self.image(each.unused) for each in groups]
         restricted = self.without(rows / np.abs(rows).max(axis=1, keepdims=True))
         candidates = list[Stopped]()
-        for part in _PARTS:  # |R d_k| depends on the sense of t_k alone, as d_k does not slip on the other groups
+        for part in _PARTS:  # the larger |R d_k| of both senses of t_k; on the other groups d_k does not slip
             both = [(image + sense * own) @ d[:, k] for sense in (part, -part) for k, own in enumerate(p_images)]
             images = self.sizes(np.transpose(both)).reshape(2, -1).max(axis=0)
             candidates.append(Stopped(d, unit * np.where(is_friction, part, 1.0) * masses, images, restricted))
@@ -585,10 +554,7 @@ class _Energies:
         for group in np.unique(first[(mass > 0.0) & signs.any(axis=1)]):
             sign = np.where(first == group, signs.T, 0.0)[0]
             by_contact = zip(straight, np.split(sign[:, None], ends), strict=True)
-            unused = {
-                name: replace(shares[name], values=signs_of_edges * shares[name].room)
-                for name, signs_of_edges in by_contact
-            }
+            unused = {name: replace(shares[name], values=way * shares[name].room) for name, way in by_contact}
             yield _Group(sign @ row, float(np.abs(sign) @ mass), unused)
 
     def _pressure_groups(self, pressures: Mapping[str, FloatArray], pieces: int) -> Iterator[_Group]:

@@ -125,10 +125,7 @@ def coefficients(discretization: Discretization, values: FloatArray) -> FloatArr
 
 
 def _polynomials(discretization: Discretization, values: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Coefficients (e, q) ≥ 0 of a datum of the law with values (m,), and the edges where they are exactly the datum's.
-
-    Where a coefficient would be negative, the least value on the edge takes the place of all coefficients.
-    """
+    """Coefficients (e, q) of a datum with values (m,), its least value if one were negative; where they are exact."""
     q = discretization.rule.count
     values = values.reshape(-1, q)
     is_finite: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
@@ -226,12 +223,9 @@ class CellFields:
 
 
 def edge_parts(
-    fields: CellFields,
-    discretization: Discretization,
-    tractions: EdgeTractions,
-    bound: FloatArray,
+    fields: CellFields, discretization: Discretization, tractions: EdgeTractions, bound: FloatArray,
     companion: CompanionResult,
-) -> tuple[dict[str, EdgeParts], float]:
+) -> tuple[dict[str, EdgeParts], float]:  # fmt: skip
     """Parts of the gap by contact that is not tied or has springs, for a friction bound s (e, q); and the slack.
 
     The slack is twice the work of violations that a solver left, see `EdgeTractions.violations`, with v in the place of

@@ -345,10 +345,7 @@ def joined(
         does_count |= does_count.sum(axis=1, keepdims=True) < 2
         before, after = (np.cumsum(does_count[:, ::way], axis=1)[:, ::way] - does_count for way in (1, -1))
         values, slipping, room = share.values.copy(), share.slipping.copy(), np.ones_like(share.values)
-        for vertices, near in (
-            (edges_of[name].first, before == 0),
-            (edges_of[name].second, after == 0),
-        ):
+        for vertices, near in ((edges_of[name].first, before == 0), (edges_of[name].second, after == 0)):
             vertex_value, must_vanish = common[vertices], zeros[vertices]
             is_changed = (share.slipping != vertex_value) | (vertex_value == 0.0)
             values = np.where(near & is_changed[:, None], vertex_value[:, None], values)
@@ -381,15 +378,12 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
     known, qvi = result.discretization, result.discretization.qvi
     m, rough_rows = qvi.m, [rows for rows in known.contacts if rows.name in shares]
     own = EdgeTractions.of(known, result.dofs)
-    target = np.zeros(m)
-    signed_friction = np.zeros(m)
-    is_free = np.zeros(m, dtype=bool)
-    is_pressed = np.zeros(m, dtype=bool)
+    # by coefficient: the change of shear, μ s, whether the share is free, whether pressure may change
+    target, signed_friction = np.zeros((2, m))
+    is_free, is_pressed = np.zeros((2, m), dtype=bool)
     for rows in rough_rows:
-        share = shares[rows.name]
-        at_rows = rows.rows
-        bound = own.bound[rows.edges]
-        shear = own.shear[rows.edges]
+        share, at_rows = shares[rows.name], rows.rows
+        bound, shear = own.bound[rows.edges], own.shear[rows.edges]
         does_count = share.weights > _BEARS * bound.max(axis=1, keepdims=True)
         target[at_rows] = (-share.values * bound - shear).ravel()
         signed_friction[at_rows] = share.friction * share.values.ravel()
@@ -411,17 +405,15 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
             right = np.concatenate([np.zeros(m), target, np.zeros(qvi.A.shape[0])])[kept]
             change = LeastChange.of(qvi.K, rows_kept).solved(right)
             moved = ContactResult(known, replace(result.solution, z=result.solution.z + change))
-            moved_shares = dict(shares)
+            # what is free must obey the law: σ_N ≤ 0, |s| ≤ 1; coefficients that do not are no longer free
+            moved_shares, new = dict(shares), EdgeTractions.of(known, moved.dofs)
             is_wrong = np.zeros((2, m), dtype=bool)
-            moved_tractions = EdgeTractions.of(known, moved.dofs)
             for rows in rough_rows:
-                share = shares[rows.name]
-                at_rows = rows.rows
-                bound = moved_tractions.bound[rows.edges]
-                shear = moved_tractions.shear[rows.edges]
+                share, at_rows = shares[rows.name], rows.rows
+                bound, shear = new.bound[rows.edges], new.shear[rows.edges]
                 is_free_here = free_shear[at_rows].reshape(bound.shape)
                 values = np.where(is_free_here, -shear / np.maximum(bound, 1e-300), share.values)
-                is_wrong[0, at_rows] = free_pressure[at_rows] & (moved_tractions.normal[rows.edges] > 0.0).ravel()
+                is_wrong[0, at_rows] = free_pressure[at_rows] & (new.normal[rows.edges] > 0.0).ravel()
                 is_wrong[1, at_rows] = (np.abs(values) > 1.0).ravel()
                 room = np.where(is_free_here, 1.0 - np.abs(values), share.room)
                 weights = np.where(share.weights > 0.0, bound, 0.0)
@@ -440,10 +432,7 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
 
 
 def held_directions(problem: ContactProblem) -> list[FloatArray]:
-    """By boundary edge the directions (k, 2) in which supports or tied contacts hold displacements.
-
-    A tied contact holds the normal and the tangential direction, but not a direction in which it has springs.
-    """
+    """By boundary edge the directions (k, 2) held by supports and tied contacts, but not those of springs."""
     directions_of: list[list[FloatArray]] = [[] for _ in range(len(problem.mesh.boundary))]
     for support in problem.prescribed(Displacement):
         for edge, direction in zip(support.index.tolist(), support.direction, strict=True):
