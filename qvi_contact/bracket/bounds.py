@@ -50,7 +50,7 @@ _AT_ONCE: Final = 1000  # points whose distances to all edges are computed at on
 class EarlierSlip:
     """The offset of a contact plus its slip in earlier steps, as a function of (x, y) [length]."""
 
-    offset: Field  # what the problem prescribes
+    offset: Field  # prescribed by the problem
     first: FloatArray  # first, along, (e, 2) each: start points of edges, and vectors to their ends
     along: FloatArray
     slip: FloatArray  # (e, q): Bernstein coefficients on each edge
@@ -382,7 +382,7 @@ class Branches:
 
     @property
     def preferred(self) -> ContactResult:
-        """The result nearest to the displacement model; the one given, if there is none to compare with."""
+        """The result nearest to the displacement model; without a model, the given result."""
         return self.results[0]
 
 

@@ -123,14 +123,13 @@ class CoulombBounds:
 
     @property
     def message(self) -> str:
-        """What is bounded, how well, and why it is not guaranteed, if it is not."""
+        """The bound of the stresses, its condition, and the reasons why it is not guaranteed."""
         kind, error = self.kind.capitalize(), 100.0 * self.relative_error
         bound = f"{kind} bound under friction: stresses within {error:.2g} % of their energy norm."
         if not np.isfinite(self.within):
             return f"No bound under friction. {self.norm.reason}"
-        scope = ""
-        if np.isfinite(self.reach):
-            scope = f"It holds for solutions within {100.0 * self.reach:.3g} %, as contacts alone hold a body."
+        scope = f"It holds for solutions within {100.0 * self.reach:.3g} %, as contacts alone hold a body."
+        scope = scope if np.isfinite(self.reach) else ""
         return " ".join(filter(None, [bound, scope, *self.reasons, *self.places[:1]]))
 
 
@@ -162,20 +161,21 @@ def coulomb_bounds(
     rounding = _ROUNDING * max(1.0, float(np.abs(state.c).max(initial=0.0)))
     if (_opening(state, shares) < -rounding).any():
         return TOO_NEAR
+    # ½ρ² by cell, with springs, and δ by contact edge
     fields, earlier = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
     edges, slack = edge_parts(fields, known, tractions, tractions.bound, companion)
-    inside = fields.bulk(companion)
-    inside += by_cell(problem, {name: part.springs for name, part in edges.items()})
-    contact = {name: np.maximum(part.contact, 0.0) + np.maximum(part.friction, 0.0) for name, part in edges.items()}
+    half_square = fields.bulk(companion)
+    half_square += by_cell(problem, {name: part.springs for name, part in edges.items()})
+    defects = {name: np.maximum(part.contact, 0.0) + np.maximum(part.friction, 0.0) for name, part in edges.items()}
     norm = friction_norm(problem, shares, unit, _pressures(state, tractions, known, rounding))
-    residual = float(np.sqrt(2.0 * inside.sum()))
+    residual = float(np.sqrt(2.0 * half_square.sum()))
     arcs = [lines.take(lines.bent).length for lines in (problem.mesh.boundary, problem.mesh.interior) if lines.curved]
     if arcs:  # estimated norm of the traction that is left on arcs: k h √c for a traction k on an edge of length h
         rest, compliance = rest_on_arcs(known, result.dofs), float(problem.compliances[:, 0, 0].max())
         residual += rest * float(np.sqrt(compliance * (np.concatenate(arcs) ** 2).sum()))
-    defect = slack + float(sum(part.sum() for part in contact.values()))
-    s, indicator, eta_size = norm.value, 0.0 * inside, float(np.sqrt(2.0 * fields.less(earlier).energy))
-    error = error_bound(residual, defect, s)
+    defect = slack + float(sum(part.sum() for part in defects.values()))
+    r, indicator, eta_size = norm.value, 0.0 * half_square, float(np.sqrt(2.0 * fields.less(earlier).energy))
+    error = error_bound(residual, defect, r)
     size = float(np.sqrt(2.0 * fields.energy))
     if norm.stopped is not None and norm.stopped.reach <= error < np.inf:
         reach, bound = (100.0 * value / size for value in (norm.stopped.reach, error))
@@ -183,8 +183,8 @@ def coulomb_bounds(
             f"what sticks or presses holds it only if the error is below {reach:.2g} %, and the bound is {bound:.2g} %"
         )
         norm, error = replace(norm, reason=UNHELD.format(condition)), np.inf
-    if s < LARGEST:
-        indicator = 2.0 * amplification(s) ** 2 * inside + by_cell(problem, contact) / coercivity(s)
+    if r < LARGEST:
+        indicator = 2.0 * amplification(r) ** 2 * half_square + by_cell(problem, defects) / coercivity(r)
     all_reasons = reasons if norm.proved else (*reasons, norm.reason)
     parts = (norm, residual, defect, error, eta_size, size, indicator, all_reasons, stress.places)
     return CoulombBounds(shares, *parts, result, companion)

@@ -80,7 +80,7 @@ def proved_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
 
 
 def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
-    """A number that |R| does not exceed for Rv = θ v_a e_b, see (D29); infinity if the body is no suitable rectangle.
+    """A bound of |R| for Rv = θ v_a e_b, see (D29); infinity if the body is no suitable rectangle.
 
     The body is a rectangle of one material with axes a and b. Its contacts with Coulomb friction lie on one side or on
     two opposite sides, whose normals are ±e_b. On one whole side with the normal ±e_a, v_a = 0. θ is ±μ s on the sides
@@ -164,7 +164,7 @@ def _slope_factor(spans_of_edges: FloatArray, theta: FloatArray, slopes: FloatAr
 
 
 def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: float, H: float = 0.0) -> float:
-    """A number that the norm of v ↦ θ v_a e_b in the energy norm does not exceed, r in (D29).
+    """A bound of the norm of v ↦ θ v_a e_b in the energy norm, r in (D29).
 
     `ratio` is Poisson's ratio ν′ = −c12/c11 of the plane state: ν in plane stress, ν/(1 − ν) in plane strain. `inf_sup`
     is β of the rectangle mirrored at the sides where displacements are odd. `largest` is e = max |θ|, `steepest` is d =
@@ -183,7 +183,7 @@ def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: f
 
 
 def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
-    """A number that |R| does not exceed for Rv = η v_t n, see (D32); infinity if the body or its contacts do not suit.
+    """A bound of |R| for Rv = η v_t n, see (D32); infinity if the body or its contacts do not suit.
 
     The body has one material and no holes, and is star-shaped with respect to a disc. All contacts with Coulomb
     friction are parallel, with the normal n and the tangent t, and slip one way: η = ±μ is one number. Elsewhere
@@ -310,7 +310,7 @@ def defect_bound(residual: float, defect: float, r: float) -> float:
 
 @dataclass(frozen=True)
 class FrictionNorm:
-    """A number that |R| does not exceed, infinite where no such number is known.
+    """A bound of |R|; infinite where none is known.
 
     It is `proved`, or was computed by finite elements on one mesh; `reason` says which. Where contacts alone stop rigid
     motions (`stopped`), it is the norm on displacements without these motions.

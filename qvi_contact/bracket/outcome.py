@@ -66,7 +66,7 @@ class Bracket:
     """By how much the lower bound was lowered for violations of the contact law that the solver left: twice their work
     with v in the place of u, an estimate."""
     driven: Mapping[str, Bounds]
-    """If a single prescribed displacement drives the problem: bounds of the force there, from those of the energy."""
+    """If a single prescribed displacement drives the problem: bounds of the force there, from the energies."""
     result: ContactResult
     companion: CompanionResult
     """The stress τ and the displacement v."""
@@ -156,7 +156,7 @@ class Bracket:
 
     @property
     def message(self) -> str:
-        """What was found, and why it is not guaranteed, if it is not."""
+        """The bounds in words, and the reasons why they are not guaranteed."""
         return self.sentence()
 
     def sentence(self, units: Units | None = None) -> str:

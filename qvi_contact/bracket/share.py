@@ -315,6 +315,7 @@ def joined(
     """
     edges_of = {name: problem.mesh.edges(share.contact.edges) for name, share in raw.items()}
     raw = {name: _turned(problem, share) for name, share in raw.items()}
+    # by end of an edge, first ends before second ones: vertex, value, weight, whether the edge slips and bears
     end_vertex = np.concatenate([vertices for edges in edges_of.values() for vertices in (edges.first, edges.second)])
     end_value, end_weight = (
         np.concatenate([getattr(share, part)[:, [0, -1]].T.ravel() for share in raw.values()])
@@ -332,6 +333,7 @@ def joined(
     decides = np.where(shares_vertex(slips & bears), slips & bears, ~bears)
     is_prescribed = np.concatenate([np.tile(given[name] != 0.0, 2) for name in raw]) if given else np.zeros_like(slips)
     decides = np.where(shares_vertex(is_prescribed), is_prescribed, decides)
+    # the common value at each vertex: that of the ends that decide, 0 if they differ; without such ends the mean
     least, most = np.full(len(zeros), np.inf), np.full(len(zeros), -np.inf)
     np.minimum.at(least, end_vertex[decides], end_value[decides])
     np.maximum.at(most, end_vertex[decides], end_value[decides])
@@ -341,6 +343,7 @@ def joined(
     common[zeros] = 0.0
     joined_shares, places = dict[str, Share](), list[str]()
     for name, share in raw.items():
+        # coefficients up to the first one that counts take the value at the vertex
         does_count = share.weights > _BEARS * share.weights.max(axis=1, keepdims=True)
         does_count |= does_count.sum(axis=1, keepdims=True) < 2
         before, after = (np.cumsum(does_count[:, ::way], axis=1)[:, ::way] - does_count for way in (1, -1))
@@ -405,7 +408,7 @@ def _moved(result: ContactResult, shares: Mapping[str, Share]) -> tuple[ContactR
             right = np.concatenate([np.zeros(m), target, np.zeros(qvi.A.shape[0])])[kept]
             change = LeastChange.of(qvi.K, rows_kept).solved(right)
             moved = ContactResult(known, replace(result.solution, z=result.solution.z + change))
-            # what is free must obey the law: σ_N ≤ 0, |s| ≤ 1; coefficients that do not are no longer free
+            # free coefficients must obey the law, σ_N ≤ 0 and |s| ≤ 1; the others are fixed in the next trial
             moved_shares, new = dict(shares), EdgeTractions.of(known, moved.dofs)
             is_wrong = np.zeros((2, m), dtype=bool)
             for rows in rough_rows:

@@ -408,23 +408,27 @@ class DualProblem:
 def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
     """The problem in contact forces; `InputError` if loads, or resultants of plates, contradict equilibrium."""
     n, W, rigid = contacts.count, contacts.weights, body.R.shape[1] - len(contacts.driven)
+    # c = constant + B w_Γ; B of the body and of driven plates are views
     constant = contacts.rows @ body.start - contacts.moved
     B = (contacts.rows @ body.B)[:, body.interface].toarray()
     of_body, plates = np.hsplit(B, [B.shape[1] - len(contacts.driven)])
     alone, driven = (np.abs(part).sum(axis=1) > PARALLEL for part in (of_body, plates))
-    of_body[~alone], plates[~driven] = 0.0, 0.0  # views of B
+    of_body[~alone], plates[~driven] = 0.0, 0.0
     alone[_determined(of_body, contacts)] = False  # without plates, which would connect all rows
     is_tangential = np.append(np.zeros(n, dtype=bool), ~contacts.tied)
     live = alone | (is_tangential & of_body.any(axis=1)) | driven | of_body[:, of_body[driven].any(axis=0)].any(axis=1)
+    # C = W B G Bᵀ W plus the added compliances
     compliance = B @ body.relieve(np.ascontiguousarray(B.T)) if len(B) else np.zeros((0, 0))
     typical = float(np.median(np.diag(compliance)[alone])) if alone.any() else 1.0
     compliance[~live], compliance[:, ~live] = 0.0, 0.0
     soft = typical * np.select([alone, live], [0.0, _SOFT], 1.0) * W**2
     C = compliance * W * W[:, None] + np.diag(soft)
     C = (C + C.T) / 2.0
+    # f = W (g̃ − c_D − B G r), with far obstacles at the distance `REACH`
     beyond = np.where(contacts.bilateral, 0.0, np.maximum(contacts.obstacle[:n] - REACH, 0.0))
     beyond = np.append(beyond, np.zeros(n)) * W * live
     f = np.where(live, W * (contacts.obstacle - constant - B @ body.relieve(body.r)), 0.0) - beyond
+    # equilibrium Rᵀ Bᵀ W τ = −Rᵀ r: independent rows, and a check of the others
     A, b = np.where(live, body.R.T @ B.T, 0.0) * W, -body.R.T @ body.r
     sizes = np.linalg.norm(A, axis=1)
     kept, combinations = independent_rows(A, _DEPENDENT * np.maximum(sizes, _DEPENDENT * sizes.max(initial=0.0)))
@@ -443,20 +447,11 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
     cohesion = np.where(contacts.slipping == 0.0, _STICKS * max(1.0, float(cohesion.max(initial=0.0))), cohesion)
     identity, zeros = sparse.eye_array(2 * contacts.count, format="csr"), np.zeros(len(rows))
     qvi = FrictionQVI.from_arrays(
-        K=sparse.csc_array(C),
-        f=f,
-        N=sparse.csc_array(identity[rows]),
-        n0=zeros,
-        T=sparse.csc_array(identity[contacts.count + rows]),
-        t0=zeros,
-        mu=friction[rows],
-        W=W[rows],
-        cohesion=cohesion[rows],
-        cap=cap[rows],
-        bilateral=contacts.bilateral[rows],
-        A=sparse.csc_array(A[kept].reshape(len(kept), 2 * contacts.count)),
-        b=b[kept],
-    )
+        K=sparse.csc_array(C), f=f, N=sparse.csc_array(identity[rows]), n0=zeros,
+        T=sparse.csc_array(identity[contacts.count + rows]), t0=zeros, mu=friction[rows], W=W[rows],
+        cohesion=cohesion[rows], cap=cap[rows], bilateral=contacts.bilateral[rows],
+        A=sparse.csc_array(A[kept].reshape(len(kept), 2 * contacts.count)), b=b[kept],
+    )  # fmt: skip
     soft = np.where(live, soft, 0.0)
     return DualProblem(contacts, body, B, constant, alone, live, np.array(kept, dtype=np.int64), qvi, beyond, soft)
 

@@ -60,7 +60,7 @@ class CompanionContact:
     name: str
     """Name of the contact."""
     tangential_force: float
-    """∫ ± σ_T ds, force on the body along the contact, as that of `ContactLine` [stress × length]."""
+    """∫ ± σ_T ds, force on the body along the contact, signs as in `ContactLine` [stress × length]."""
     x: FloatArray
     y: FloatArray
     """Points of the coefficients, i/p along each edge [length], (n,) each."""
@@ -114,7 +114,7 @@ class CompanionResult(PicklesFields):
     message: str
     """One sentence about the outcome."""
     state: CompanionState | None
-    """The displacement; None where there is none."""
+    """The displacement; None if the model was not solved."""
     reasons: tuple[str, ...]
     """Why the displacement or its energy is not admissible or exact. Empty if J(v) is a guaranteed upper bound, if data
     between the `SAMPLES` of every edge are the polynomials that they are there."""
@@ -406,7 +406,7 @@ class BodyAtRest:
 
     contacts: Contacts  # the contacts, n coefficients
     body: CondensedBody
-    B: FloatArray  # (2 n, k): c, what the body moves beyond springs and plates, normal ones first, from w_Γ
+    B: FloatArray  # (2 n, k): c from w_Γ: of the body, less springs and plates, normal ones first
     live: BoolArray  # (2 n,): where c can change
 
     @classmethod

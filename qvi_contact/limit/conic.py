@@ -184,6 +184,7 @@ class ConicProgram:
         equations. The solver finds a point that cannot leave the surface of a cone only up to the root of its
         tolerance, but one that equations hold there exactly. Every point of the new program is one of the old.
         """
+        # cones without room; the ray û of each is the choice nearest to u, cones at their tips have none
         x, room = self._rooms or (self.q, np.full(1, -np.inf))
         allowed = max(narrow_below, _NEAR / 10.0 * self.dependent)  # wider for flows, which are used only if better
         if room.min() < -allowed:  # negative room: the solver's answer is too inaccurate
@@ -199,6 +200,7 @@ class ConicProgram:
         unit = choices[np.arange(len(narrow)), np.einsum("bku,bu->bk", choices, u).argmax(axis=1)]
         at_tip = t[:, 0] <= _TIP * size
         ray = ~at_tip & (np.linalg.norm(u - t * unit, axis=1) <= aside * t[:, 0])
+        # new equations u − t û = 0, t = u = 0, and flat inequalities, scaled; the rows they replace become zero
         heads = self.equal + self.linear + self.width * narrow[:, None]
         u_rows, tips = heads + np.arange(1, self.width), (heads + np.arange(self.width))[at_tip]
         rows = sparse.csr_array(sparse.hstack([self.A, sparse.csr_array(self.b[:, None])]))

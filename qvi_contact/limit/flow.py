@@ -202,11 +202,11 @@ class FlowProgram:
         The flow moves a share of the way to a flow inside all limits, as far as they leave room. With a share of 0,
         strain of parts without tension that have no room is, by equations, across an edge.
         """
+        # power of the loads that are multiplied (1 for velocities of size 1) and of the others; a first answer
         n, cones = self.space.basis.shape[1], self.cones
         (live, dead), cone_scale = np.zeros((2, n)), beside(cones.limit, cones.least, 1.0 / APART)
         for name, row in self._powers():
             (live if name in self.names else dead)[:] += row @ self.space.basis
-        # velocities of size 1 have a power of the size 1
         program = full = self._program(live / (float(np.abs(live).sum()) or 1.0), dead)
         solve = cache(ConicProgram.solve)  # programs on faces may be equal
         answer = solve(program)
@@ -220,10 +220,10 @@ class FlowProgram:
             x[n + without_trace] -= (blocks[:, 0] - np.linalg.norm(blocks[:, 1:], axis=1)) / cone_scale[without_trace]
             return x
 
-        start = raised(answer.x)
+        # corrected; then, if that costs much or a cone has a = 0, flows on faces of cones, if they are better
+        start, first = raised(answer.x), answer
         x, violation = program.repaired(start, share)
         x = raised(x)
-        first = answer
         loss = float(full.q @ (x - start)) / (float(np.abs(full.q) @ np.abs(start)) or 1.0)
         face_settings = FACES if not cones.limit.all() else FACES[: int(loss > _MUCH)]
         for faces in () if share else face_settings:
@@ -242,10 +242,11 @@ class FlowProgram:
                 other_violation = max(other_violation, -float(full.margins(other).min(initial=0.0)))
                 gain = float(full.q @ (x - other)) / (float(np.abs(full.q) @ np.abs(start)) or 1.0)
                 x, violation = (other, other_violation) if other_violation < violation + HELD * gain else (x, violation)
+        # scaled to the power 1, if the conditions hold; beyond: the other loads have power where these have none
         power = float(live @ x[:n])
         is_kept = violation <= HELD and power > 0.0
         is_beyond = not (is_kept and full.q @ x >= 0.0) and any(each.falls for each in (full, program))
-        if is_beyond or (known and not is_kept):  # beyond: the other loads work on a motion on which these do none
+        if is_beyond or (known and not is_kept):
             return Flow(-np.inf if is_beyond else np.inf)
         if not is_kept:
             raise SolveError(
@@ -264,6 +265,7 @@ class FlowProgram:
 
         The first cone of a coefficient takes the rest of r.
         """
+        # unknowns: slices of the identity; rows have one cone each, coefficients the sum of their cones
         cones, slips, n, rows = self.cones, self._slips, len(live), len(self.cones.coefficient)
         others, mean = np.flatnonzero(~cones.first), np.flatnonzero(cones.mean)
         ends = np.cumsum([0, n, rows, len(others), len(others), len(mean), len(slips.costs)])
@@ -275,7 +277,7 @@ class FlowProgram:
         each = sparse.eye_array(rows, format="csc")
         other_columns, mean_columns = each[:, others], each[:, mean]
         rest_of_r = other_columns - first @ (sums @ other_columns)
-        # strain times weights: (ε_xx − ε_yy)/2, ε_xy, tr ε/2
+        # strain times weights, (ε_xx − ε_yy)/2, ε_xy and tr ε/2, and the cones |(ρ_j, r_j)| ≤ s_j
         strain, weights = self._strain @ self.space.basis, sparse.diags_array(self._weights[yielding] / 2.0)
         xx, yy, xy = (weights @ strain[3 * yielding + i] @ Q for i in range(3))
         traces = sums @ (
@@ -283,6 +285,7 @@ class FlowProgram:
         )
         parts = [-S, -(first @ (xx - yy) + rest_of_r @ R1), -(first @ xy + rest_of_r @ R2)]
         parts += [-(mean_columns @ RHO)] if len(mean) else []
+        # equations: traces, power 1, held velocities, jumps; inequalities of jumps; dissipation less the other power
         held = self.space.held() @ self.space.basis
         E = sparse.vstack([xx + yy - traces, sparse.csr_array(live[None]) @ Q, held @ Q, slips.E @ Q])
         e = np.zeros(E.shape[0])
@@ -357,10 +360,8 @@ class FlowProgram:
         jumps, numbers = [[sparse.csr_array((0, space.size))] * 2], [np.zeros((5, 0))]
         for contact in contacts:
             edges, points = mesh.edges(contact.edges), mesh.points_along(mesh.edges(contact.edges), ALONG)
-            laws = [
-                edges.length / (mesh.length * p * self.scales.stress),
-                np.full(len(edges), contact.law == "unilateral"),
-            ]
+            weights = edges.length / (mesh.length * p * self.scales.stress)
+            laws = [weights, np.full(len(edges), contact.law == "unilateral")]
             for name in SHEAR_LAW:  # the largest value along each edge
                 field = getattr(contact, name)
                 values = np.inf if field is None else evaluate(f"Contact.{name}", field, *points, minimum=0.0)

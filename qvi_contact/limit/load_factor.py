@@ -323,7 +323,7 @@ class StrengthReduction:
     """Both sides of the factor of safety on strength."""
 
     lower: float
-    """Strengths over this factor carry the loads, as stresses of the mesh show. Zero if none was found."""
+    """Strengths over this factor carry the loads, as stresses of the mesh show. Zero if no factor was found."""
     upper: float
     """Strengths over this factor do not carry the loads, as a mechanism or a flow shows. Infinity if none was found."""
 

@@ -379,7 +379,7 @@ def _rounded_airy(program: StressProgram, unknowns: FloatArray) -> FloatArray:
 
 
 def exceeded_by_blocks(statement: Statement, analysis: LimitProblem) -> dict[str, Any]:
-    """The part of a proof with velocities of rigid blocks, which bound what any stress carries."""
+    """The part of a proof with velocities of rigid blocks: a bound for all stresses."""
     mechanism = analysis.of_blocks[1] if analysis.names else find_mechanism(analysis.problem)
     if mechanism is None:
         remedy = "" if analysis.names else ": name one or more to multiply"
@@ -392,7 +392,7 @@ def exceeded_by_blocks(statement: Statement, analysis: LimitProblem) -> dict[str
 
 
 def exceeded(statement: Statement, program: FlowProgram) -> dict[str, Any]:
-    """The part of a proof with velocities of the flow program, which bound what any stress carries."""
+    """The part of a proof with velocities of the flow program: a bound for all stresses."""
     flow = program.solved(_KEPT_BACK_ABOVE)
     if flow.motion is None or flow.shares is None:
         raise SolveError("proof: the loads have no finite bound from above")
@@ -412,7 +412,7 @@ def _flow(
     statement: Statement, space: Velocities, velocities: FloatArray, plates: Mapping[str, RigidMotion],
     isochoric: BoolArray, shares: Mapping[int, FloatArray],
 ) -> dict[str, Any]:  # fmt: skip
-    """The part of a proof with velocities and what all cones dissipate: one cone alone, or by the given shares."""
+    """The part of a proof with velocities and the dissipation of all cones, by one cone or by the given shares."""
     parts, plate_motions = _exactly(statement, space, velocities, plates, isochoric)
     field, rates = {"degree": space.degree, "ordinates": parts}, list[Any]()
     zero = [ZERO] * 3

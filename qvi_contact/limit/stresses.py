@@ -358,7 +358,7 @@ class StressProgram:
                 least_factor = first.factor - max(_DROP * abs(first.factor), CERTIFIED)
                 if best is first or best.factor >= least_factor or deadline.over:
                     break
-                with suppress(SolveError):  # what is known is right without it
+                with suppress(SolveError):  # earlier answers stay valid
                     next_best = self._on_faces(program, first, find, faces)
                     is_better = best.violation > ROUNDING or next_best.factor > best.factor
                     best = next_best if next_best.violation <= ROUNDING and is_better else best
@@ -420,7 +420,7 @@ class StressProgram:
         with_unit_factor, wider = program.up_to(1.0), program.tightened(room=-WIDER * program.size(0.0 * program.q))
         least, carried = replace(program, q=-program.q), Carried(-np.inf)
         for each in (with_unit_factor, *[least] * grows, wider.up_to(1.0), wider):
-            with suppress(SolveError):  # what is known is right without it
+            with suppress(SolveError):  # earlier answers stay valid
                 answer = each.solve()
                 if not isinstance(answer, str):
                     carried = self._held(program, *each.repaired(answer.x, share))
@@ -459,17 +459,20 @@ class StressProgram:
         H, limit = whole_edge_rows(self.low, signs)
         if not len(limit):
             return Carried(np.inf)
+        # rows scaled so that their largest entry, times forces, is 1: tractions grow where edges are short
         weights = joined([rows.row_weights for rows, _ in limited(self.low)])
-        forces = np.tile(weights.max() / weights, 2)  # scale rows by forces: tractions grow where edges are short
+        forces = np.tile(weights.max() / weights, 2)
         largest = abs(H @ sparse.diags_array(forces)).max(axis=1).toarray().ravel()
         H, limit = sparse.csr_array(sparse.diags_array(1.0 / largest) @ H), limit / largest
+        # G x ≤ h and E x = b in the unknowns (z, α), with columns of norm 1, for which tolerances are made; columns of
+        # rounding, and of α, keep their size
         (N, n), (A, b), kept = self._tractions, self._equations, np.append(np.arange(self.low.qvi.n), -1)
         unknowns, N = np.zeros(N.shape[1]), N[:, kept]
         rows, h = sparse.csr_array(H @ N), limit - H @ n
         heights, columns = (np.sqrt(np.asarray(rows.multiply(rows).sum(axis=axis))).ravel() for axis in (1, 0))
         row_heights = (sparse.diags_array(heights) @ abs(rows).sign()).max(axis=0).toarray().ravel()
-        columns[columns <= _LOST * row_heights] = columns[-1] = 1.0  # columns of rounding keep their size
-        units = sparse.diags_array(1.0 / columns)  # columns of size 1, for which the solver's tolerances are made
+        columns[columns <= _LOST * row_heights] = columns[-1] = 1.0
+        units = sparse.diags_array(1.0 / columns)
         G, E = sparse.csc_array(rows @ units), sparse.csc_array(A[:, kept] @ units)
         cost, free = np.append(np.zeros(G.shape[1] - 1), -_COST), [(None, None)] * G.shape[1]
         equations: dict[str, Any] = {"A_eq": E, "b_eq": b} if len(b) else {}
@@ -495,6 +498,7 @@ class StressProgram:
             raise SolveError("limit load: the time limit was reached: allow more (time_limit=…), or take fewer cells")
         if not answer.solved:
             raise SolveError(f"limit load: the linear program was not solved, use less grading ({answer.message})")
+        # violation of the answer, and the bound of its multipliers, see `carried_by_contacts`
         x, factor = answer.x, float(answer.x[-1])
         size = max(float(np.abs(h).max()), abs(factor) * float(abs(G[:, [-1]]).max()), 1e-300)
         violation = max(float(np.maximum(G @ x - h, 0.0).max()), float(np.abs(E @ x - b).max(initial=0.0)))
@@ -503,33 +507,32 @@ class StressProgram:
         rounding = float(np.abs(rest) @ np.abs(x[:-1]))
         bound = (float(h @ d + b @ nu) + rounding) / rate if rate > 0.0 else np.inf
         unknowns[kept] = np.asarray(units @ x)
-        return Carried(
-            factor, violation / size, np.asarray(N @ unknowns[kept] + n), bound, np.asarray(H.T @ d), unknowns
-        )
+        tractions, motion = np.asarray(N @ unknowns[kept] + n), np.asarray(H.T @ d)
+        return Carried(factor, violation / size, tractions, bound, motion, unknowns)
 
     def program(self, signs: IntArray | None = None) -> ConicProgram:
-        """The cone program for signs (e,) of σ_N on contact edges, see `whole_edge_rows`; by default for none."""
+        """The cone program for signs (e,) of σ_N on contact edges, see `whole_edge_rows`; by default without signs."""
         (N, n), (S, s) = self._tractions, self._stress
         H, limit = whole_edge_rows(self.low, np.full(len(both_signs(self.low)), EITHER) if signs is None else signs)
+        # rows of t = a − β S and u = (σ_xx − σ_yy, 2σ_xy, γ S) of each cone
         cones, first_rows = self.cones, 3 * self.cones.coefficient
         xx, yy, xy = (S[first_rows + i] for i in range(3))
         c_xx, c_yy, c_xy = (s[first_rows + i] for i in range(3))
         trace, constant, limits = xx + yy, c_xx + c_yy, cones.limit / self.low.scales.stress
-        parts: list[tuple[Any, FloatArray]] = [
-            (sparse.diags_array(cones.pressure) @ trace, limits - cones.pressure * constant),
-            (yy - xx, c_xx - c_yy),
-            (-2.0 * xy, 2.0 * c_xy),
-        ]
+        t_rows = sparse.diags_array(cones.pressure) @ trace, limits - cones.pressure * constant
+        parts: list[tuple[Any, FloatArray]] = [t_rows, (yy - xx, c_xx - c_yy), (-2.0 * xy, 2.0 * c_xy)]
         if cones.mean.any():
             parts.append((sparse.diags_array(-cones.mean) @ trace, cones.mean * constant))
+        # max α, with strong cones and rows relative to their own strength
         q = np.append(np.zeros(S.shape[1] - 1), -1.0)
         least = cones.least / self.low.scales.stress
         edge_scale, cone_scale = (sparse.diags_array(1.0 / beside(each, least)) for each in (limit, limits))
         edges = edge_scale @ H @ N, np.asarray(edge_scale @ (limit - H @ n))
         parts = [(cone_scale @ matrix, np.asarray(cone_scale @ constant)) for matrix, constant in parts]
         program = ConicProgram.of(q, self._equations, edges, parts)
+        # unknowns that act on strong parts alone enter the rows as rounding: these columns become zero
         rows, all_stresses = (sparse.linalg.norm(matrix, axis=0) for matrix in (program.A, S))
-        is_used = np.append((rows > _LOST * all_stresses)[:-1], True)  # unknowns of strong parts enter rows as rounding
+        is_used = np.append((rows > _LOST * all_stresses)[:-1], True)
         return replace(program, A=sparse.csr_array(program.A @ sparse.diags_array(is_used.astype(float))))
 
     @property

@@ -47,7 +47,7 @@ _ROUNDS: Final = 60  # default of `max_rounds`
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Outcome:
-    """What a refinement says of its quantity."""
+    """The quantity of a refinement, its error, and the way to it."""
 
     status: RefinementStatus
     """Only `RefinementStatus.REACHED` means that the estimate is within the target, and guaranteed if that was asked
