@@ -133,7 +133,7 @@ class CoulombBounds:
         return " ".join(filter(None, [bound, scope, *self.reasons, *self.places[:1]]))
 
 
-TOO_NEAR: Final = "No displacement was found that is as far from an obstacle as the stress lets it be."
+TOO_NEAR: Final = "No displacement was found that is far enough from an obstacle where it may slip either way."
 """Reason for no bounds: v slips either way on an edge far from an obstacle, but its opening is too small there."""
 
 
@@ -179,9 +179,8 @@ def coulomb_bounds(
     size = float(np.sqrt(2.0 * fields.energy))
     if norm.stopped is not None and norm.stopped.reach <= error < np.inf:
         reach, bound = (100.0 * value / size for value in (norm.stopped.reach, error))
-        condition = (
-            f"what sticks or presses holds it only if the error is below {reach:.2g} %, and the bound is {bound:.2g} %"
-        )
+        proviso = f"the error is below {reach:.2g} %, but its bound is {bound:.2g} %"
+        condition = f"friction and pressure stop its motion only if {proviso}"
         norm, error = replace(norm, reason=UNHELD.format(condition)), np.inf
     if r < LARGEST:
         indicator = 2.0 * amplification(r) ** 2 * half_square + by_cell(problem, defects) / coercivity(r)

@@ -271,7 +271,7 @@ LARGEST: Final = 2.0
 """The norm r of R from which on no error is bounded: (D28) needs r < 2."""
 
 UNHELD: Final = (
-    "Contacts alone hold a body, and {}. Its errors are not bounded: refine the mesh, or hold the body along a contact "
+    "Contacts alone hold a body, and {}. Errors are not bounded: refine the mesh, or hold the body along a contact "
     "if there is a support in reality."
 )
 _DEGREE: Final = 3  # of the displacements with which norms are computed
@@ -492,7 +492,7 @@ class _Energies:
             slipping = [each.name for each in self.traces if each.name in shares and slip[each.here].max() > _ALIKE]
             without_stick = [name for name in slipping if not (shares[name].room * shares[name].weights).any()]
             names = " and ".join(map(repr, without_stick or slipping))
-            return f"no part of {names} sticks that would hold it, nor does pressure"
+            return f"neither a sticking part of {names} nor pressure stops its motion"
         return motions
 
     def _stopped(self, shares: Mapping[str, Share], groups: Sequence[_Group], unit: float) -> Stopped | None:

@@ -355,8 +355,8 @@ def joined(
             slipping[is_changed] = 0.0
             room[near & must_vanish[:, None]] = 0.0
             places += [
-                f"At ({x:.6g}, {y:.6g}) {name!r} has a kink, or meets other friction or what holds its normal "
-                "displacement. Nothing may slip there, which makes the bound wide."
+                f"At ({x:.6g}, {y:.6g}) {name!r} has a kink, or meets other friction or a support that holds its "
+                "normal displacement. No slip is allowed there, which makes the bound wide."
                 for x, y in problem.mesh.vertices[vertices[must_vanish & (share.slipping != 0.0)]]
             ]
         joined_share = replace(share, values=values, slipping=slipping, room=room * (1.0 - np.abs(values)))

@@ -53,7 +53,7 @@ ALONG: Final = np.linspace(0.0, 1.0, 33)
 PASSES: Final = 4
 """How often cones without room are replaced by rays; after each time other cones may have no room."""
 
-_DROP: Final = 0.1  # relative loss of the factor that shows that cones with room were replaced by rays
+_DROP: Final = 0.1  # relative loss of the factor, or gap to its bound, that shows that cones with room became rays
 
 WIDER: Final = HELD / 4.0
 """Width of limits, relative to the size of their rows, that is nothing but rounding."""
@@ -303,7 +303,7 @@ def _limits(
             continue
         slope_change = np.broadcast_to(np.asarray(steep.pressure) - np.asarray(flat.pressure), reach.shape)
         if not np.isfinite(reach[slope_change > 0.0]).all():
-            remedy = "give it a tension cut-off (tension=…), or a region of its own to what has no friction"
+            remedy = "give it a tension cut-off (tension=…), or a region of their own to parts without friction"
             raise InputError("MohrCoulomb.phi", 0.0, f"is zero beside places where it is not: {remedy}")
         extra = np.multiply(reach, slope_change, out=np.zeros_like(reach), where=slope_change > 0.0)
         yield flat, np.maximum(flat.factor, steep.factor) * dissipated + extra, steep.pressure

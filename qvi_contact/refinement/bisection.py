@@ -152,8 +152,8 @@ _POSING: Final = ("degree", "law_on")  # options of the discretization, not of i
 
 _IN_CORNERS: Final = 3  # bisections in corners for a reference solution
 _AT_CHANGES: Final = 2  # bisections where contacts change their state
-_MOST: Final = 3.0  # cells of the reference mesh over those of the answer, above which corners are not bisected,
-_FREE: Final = 100  # if there are more than these in addition
+_MOST: Final = 3.0  # corners are bisected while the reference mesh has at most so many times the cells of the answer,
+_FREE: Final = 100  # and so many more
 _TURN: Final = np.deg2rad(10.0)  # least angle by which the boundary turns inwards in a corner
 _NOISE: Final = 1e-6  # of the unit of stress: smaller shear has no direction
 _LEFTWARD: Final = 1 + max(ContactState)  # the state of slip in the other direction
