@@ -323,21 +323,13 @@ class Contacts:
         loads = -(rows.T @ fluid.ravel())
         loads[space.size : space.size + len(sprung)] = 0.0  # fluids press on the body, not on springs
         loads[rows.shape[1] - len(resultants) :] += resultants
+        beside = sparse.block_diag([springs[sprung][:, sprung], np.zeros((len(resultants),) * 2)])
+        weights = np.tile(np.concatenate([np.empty(0), *(trace.weights for trace in traces)]), 2)
         return cls(
-            traces=tuple(traces),
-            rows=rows,
-            sprung=sprung,
-            driven=tuple(driven),
-            beside=sparse.csr_array(sparse.block_diag([springs[sprung][:, sprung], np.zeros((len(resultants),) * 2)])),
-            loads=loads,
-            weights=np.tile(np.concatenate([np.empty(0), *(trace.weights for trace in traces)]), 2),
-            obstacle=obstacle.ravel(),
-            law=law,
-            slipping=slipping,
-            moved=moved.ravel(),
-            fluid=fluid.ravel(),
-            reasons=(*reasons, _INDICATOR) if has_friction else tuple(reasons),
-        )
+            traces=tuple(traces), rows=rows, sprung=sprung, driven=tuple(driven), beside=sparse.csr_array(beside),
+            loads=loads, weights=weights, obstacle=obstacle.ravel(), law=law, slipping=slipping, moved=moved.ravel(),
+            fluid=fluid.ravel(), reasons=(*reasons, _INDICATOR) if has_friction else tuple(reasons),
+        )  # fmt: skip
 
     def stretched(self, v: FloatArray) -> FloatArray:
         """Coefficients (2 n,) of the stretch of springs from v (size,); 0 without springs."""

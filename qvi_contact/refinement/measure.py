@@ -248,12 +248,10 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
     def one_sided(sign: float) -> tuple[float, bool]:
         direction = change(solution, base.qvi, moved.qvi, sign)
         next_solution = replace(
-            solution,
-            z=solution.z + direction.z,
-            normal_multiplier=solution.normal_multiplier + direction.normal,
+            solution, z=solution.z + direction.z, normal_multiplier=solution.normal_multiplier + direction.normal,
             tangential_multiplier=solution.tangential_multiplier + direction.tangential,
             equality_multiplier=solution.equality_multiplier + direction.equality,
-        )
+        )  # fmt: skip
         difference = value(ContactResult(discretization, next_solution)) - value(result)
         return (difference * sign + direct_change) / datum.unit, direction.changes_state
 
