@@ -367,12 +367,12 @@ class DualProblem:
     B: FloatArray  # (2 n, k): c from w_Γ
     constant: FloatArray  # (2 n,): c_D, plates moved as given
     # (2 n,): whether the body can change c independently of the others; whether there is a force
-    alone: BoolArray
+    independent: BoolArray
     live: BoolArray
     equalities: IntArray  # motions of R whose rows are independent
     qvi: FrictionQVI
     beyond: FloatArray  # (2 n,): part of f of far obstacles that count as nearer than they are, see `Scales.reach`
-    soft: FloatArray  # (2 n,): added compliances in C, for which f makes up
+    added: FloatArray  # (2 n,): added compliances in C, for which f makes up
 
     def solved(self, tolerance: float) -> QVISolution:
         """The solution; solved again with far obstacles where they are, if reached, and without added compliances."""
@@ -380,7 +380,7 @@ class DualProblem:
         for _ in range(_TRIALS):
             least = tolerance * solution.certificate.scales.get("stress", np.inf)
             is_reached |= bool((solution.z[self.beyond > 0.0] < -least).any())
-            f = self.qvi.f + is_reached * self.beyond + self.soft * solution.z
+            f = self.qvi.f + is_reached * self.beyond + self.added * solution.z
             change = float(np.abs(f - qvi.f).max(initial=0.0))
             if solution.status is not Status.SOLVED or change <= tolerance * float(np.abs(f).max(initial=0.0)):
                 break
@@ -404,17 +404,17 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
     constant = contacts.rows @ body.start - contacts.moved
     B = (contacts.rows @ body.B)[:, body.interface].toarray()
     of_body, plates = np.hsplit(B, [B.shape[1] - len(contacts.driven)])
-    alone, driven = (np.abs(part).sum(axis=1) > PARALLEL for part in (of_body, plates))
-    of_body[~alone], plates[~driven] = 0.0, 0.0
-    alone[_determined(of_body, contacts)] = False  # without plates, which would connect all rows
-    is_tangential = np.append(np.zeros(n, dtype=bool), ~contacts.tied)
-    live = alone | (is_tangential & of_body.any(axis=1)) | driven | of_body[:, of_body[driven].any(axis=0)].any(axis=1)
+    independent, driven = (np.abs(part).sum(axis=1) > PARALLEL for part in (of_body, plates))
+    of_body[~independent], plates[~driven] = 0.0, 0.0
+    independent[_determined(of_body, contacts)] = False  # without plates, which would connect all rows
+    shear = np.append(np.zeros(n, dtype=bool), ~contacts.tied)
+    live = independent | (shear & of_body.any(axis=1)) | driven | of_body[:, of_body[driven].any(axis=0)].any(axis=1)
     # C = W B G Bᵀ W plus the added compliances
     compliance = B @ body.relieve(np.ascontiguousarray(B.T)) if len(B) else np.zeros((0, 0))
-    typical = float(np.median(np.diag(compliance)[alone])) if alone.any() else 1.0
+    typical = float(np.median(np.diag(compliance)[independent])) if independent.any() else 1.0
     compliance[~live], compliance[:, ~live] = 0.0, 0.0
-    soft = typical * np.select([alone, live], [0.0, _SOFT], 1.0) * W**2
-    C = compliance * W * W[:, None] + np.diag(soft)
+    added = typical * np.select([independent, live], [0.0, _SOFT], 1.0) * W**2
+    C = compliance * W * W[:, None] + np.diag(added)
     C = (C + C.T) / 2.0
     # f = W (g̃ − c_D − B G r), with far obstacles at the distance `REACH`
     beyond = np.where(contacts.bilateral, 0.0, np.maximum(contacts.obstacle[:n] - REACH, 0.0))
@@ -444,8 +444,10 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
         cohesion=cohesion[rows], cap=cap[rows], bilateral=contacts.bilateral[rows],
         A=sparse.csc_array(A[kept].reshape(len(kept), 2 * contacts.count)), b=b[kept],
     )  # fmt: skip
-    soft = np.where(live, soft, 0.0)
-    return DualProblem(contacts, body, B, constant, alone, live, np.array(kept, dtype=np.int64), qvi, beyond, soft)
+    added = np.where(live, added, 0.0)
+    return DualProblem(
+        contacts, body, B, constant, independent, live, np.array(kept, dtype=np.int64), qvi, beyond, added
+    )
 
 
 def _determined(B: FloatArray, contacts: Contacts) -> IntArray:
@@ -508,7 +510,7 @@ def admissible(
     weights[len(values) - len(contacts.driven) :] = _FIRM
     opening, slip = contacts.obstacle[:n] - c[:n], c[n:] - contacts.obstacle[n:]
     is_closed = (-tractions[:n] / unit > np.maximum(opening, 0.0)) | (opening < 0.0)
-    is_stuck = ((bound - np.abs(tractions[n:])) / unit > np.abs(slip)) & (np.abs(slip) < 1e-6) & problem.alone[n:]
+    is_stuck = ((bound - np.abs(tractions[n:])) / unit > np.abs(slip)) & (np.abs(slip) < 1e-6) & problem.independent[n:]
     is_stuck |= (slipping == 0.0) | (slipping * slip < 0.0)
     is_closed = contacts.bilateral | (is_closed & (np.abs(opening) < 1e-6))
     is_held = np.concatenate([is_closed, is_stuck | contacts.tied])  # coefficients moved to the obstacle
