@@ -535,7 +535,7 @@ def admissible(
     half, number = divmod(int(np.argmax(excess)), contacts.count)
     trace = next(each for each in contacts.traces if number < each.here.stop)
     place = trace.space.mesh.origin + trace.scales.length * trace.places[number - trace.start]
-    condition = "the condition on the slip" if half else "the obstacle"
+    condition = "the slip condition" if half else "the obstacle"
     where = f"{condition} of {trace.name!r} at {place_of(place)}"
     cause = "Prescribed displacements" + (", or that nothing may slip at kinks," if (slipping == 0.0).any() else "")
     return v, c, f"{cause} contradict {where}, by {worst:.1e} of their size."

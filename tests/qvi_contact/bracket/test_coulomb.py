@@ -369,9 +369,7 @@ class TestScope:
         assert np.isfinite(found.error)
         assert found.forces == {}
 
-    @pytest.mark.parametrize(
-        ("x", "y", "what"), [(1e-3, 0.0, "the condition on the slip"), (0.0, -1e-3, "the obstacle")]
-    )
+    @pytest.mark.parametrize(("x", "y", "what"), [(1e-3, 0.0, "the slip condition"), (0.0, -1e-3, "the obstacle")])
     def test_supports_that_contradict_the_contact_are_named(self, x, y, what):
         """In the corner where the side that they hold meets the contact, or the top: no displacement is admissible."""
         held = [Displacement("left", x=x, y=y), Displacement("top", x=x, y=-0.05), Displacement("right", x=-x / 2.0)]
