@@ -1,7 +1,7 @@
-"""Bounds of the energy of a contact problem, from its stress and a displacement computed beside it, and of forces.
+"""The bracket: bounds of the energy of a contact problem, and of forces, from a stress and a displacement.
 
-Bounds need data that are the same in both models. Functions are looked at in `SAMPLES` of every edge and 169
-points of every cell.
+The bounds need the same data in both models. Data given as functions are evaluated at `SAMPLES` of every edge and at
+169 points of every cell, and must be polynomials there.
 
 In `docs/theory.md`: (D19), (D20), (D21).
 """
@@ -21,15 +21,7 @@ from qvi_contact.basics.checks import Field, FloatArray, evaluate, finite_number
 from qvi_contact.basics.schema import keys_of
 from qvi_contact.bracket.coulomb import TOO_NEAR, CoulombBounds, coulomb_bounds
 from qvi_contact.bracket.outcome import Bracket, BracketKind
-from qvi_contact.bracket.parts import (
-    LOOSEST,
-    Bounds,
-    CellFields,
-    EdgeParts,
-    EdgeTractions,
-    coefficients,
-    edge_parts,
-)
+from qvi_contact.bracket.parts import LOOSEST, Bounds, CellFields, EdgeParts, EdgeTractions, coefficients, edge_parts
 from qvi_contact.bracket.share import SharedStress, with_bernstein_rows, with_numbers, with_shares
 from qvi_contact.companion import CompanionResult, solve_companion, solve_companions
 from qvi_contact.companion.model import checked
@@ -51,39 +43,40 @@ from solvers.factorisation.base import FactorisationError
 from solvers.solution import WHAT_TO_DO
 from solvers.solve import followed_solutions, traction_difference
 
-_AT_ONCE: Final = 1000  # points that are looked for among edges
+_AT_ONCE: Final = 1000  # points whose distances to all edges are computed at once, to limit memory
 
 
 @dataclass(frozen=True, eq=False)
 class EarlierSlip:
-    """An offset of a contact and what the contact has slipped before, as a function of (x, y) [length]."""
+    """The offset of a contact plus its slip in earlier steps, as a function of (x, y) [length]."""
 
-    offset: Field  # what the problem prescribes
-    first: FloatArray  # first, along, (e, 2) each: where edges begin, and the vectors to their ends
+    offset: Field  # prescribed by the problem
+    first: FloatArray  # first, along, (e, 2) each: start points of edges, and vectors to their ends
     along: FloatArray
     slip: FloatArray  # (e, q): Bernstein coefficients on each edge
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """The sum at points of the edges."""
-        places, found = np.stack([np.ravel(x), np.ravel(y)], axis=1), list[FloatArray]()
-        for some in np.split(places, range(_AT_ONCE, len(places), _AT_ONCE)):
-            away = some[:, None] - self.first
-            t = np.clip((away * self.along).sum(axis=2) / (self.along**2).sum(axis=1), 0.0, 1.0)
-            edge = np.square(away - t[..., None] * self.along).sum(axis=2).argmin(axis=1)
-            shapes = bernstein_basis(self.slip.shape[1] - 1, t[np.arange(len(some)), edge])
-            found.append((shapes * self.slip[edge]).sum(axis=1))
-        slip = np.concatenate(found).reshape(np.shape(x))
+        """The sum at points, from the edge nearest to each point."""
+        points, slips = np.stack([np.ravel(x), np.ravel(y)], axis=1), list[FloatArray]()
+        for chunk in np.split(points, range(_AT_ONCE, len(points), _AT_ONCE)):
+            offset = chunk[:, None] - self.first
+            t = np.clip((offset * self.along).sum(axis=2) / (self.along**2).sum(axis=1), 0.0, 1.0)
+            edge = np.square(offset - t[..., None] * self.along).sum(axis=2).argmin(axis=1)
+            shapes = bernstein_basis(self.slip.shape[1] - 1, t[np.arange(len(chunk)), edge])
+            slips.append((shapes * self.slip[edge]).sum(axis=1))
+        slip = np.concatenate(slips).reshape(np.shape(x))
         return np.asarray(evaluate("Contact.offset", self.offset, x, y) + slip)
 
 
 def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str, ...]]:
-    """A step of a history as the result of one problem, with the slip computed before in its offsets, and a reason.
+    """A step of a history as the result of a single problem, with the earlier slip in the offsets, and a reason.
 
-    Where edges go on straight that slip is made continuous, as displacements are; along arcs it is an `InputError`.
+    The slip is made continuous, as displacements are, where edges go on straight. `InputError` if there is slip along
+    arcs.
     """
-    known, changed, mesh = result.discretization, dict[str, Contact](), result.problem.mesh
-    slips = [rows.name for rows in known.contacts if rows.law != "tied" and rows.bound(np.ones_like(rows.gap)).any()]
-    if not (known.later and slips):
+    known, slipped, mesh = result.discretization, dict[str, Contact](), result.problem.mesh
+    rough = [rows.name for rows in known.contacts if rows.law != "tied" and rows.bound(np.ones_like(rows.gap)).any()]
+    if not (known.later and rough):
         return result, ()
     for rows, contact in zip(known.contacts, result.problem.contacts, strict=True):
         if not rows.slip.any():
@@ -94,17 +87,17 @@ def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str,
             raise InputError("result", contact.name, remedy)
         slip = coefficients(known, rows.slip * known.scales.displacement)
         ends, tangents = np.concatenate([edges.first, edges.second]), np.tile(edges.tangent, (2, 1))
-        _, first, at = np.unique(ends, return_index=True, return_inverse=True)
-        sense = (tangents * tangents[first[at]]).sum(axis=1)
-        bends = np.bincount(at, np.abs(sense) <= 1.0 - PARALLEL)[at] > 0.0
-        own = np.concatenate([slip[:, 0], slip[:, -1]])
-        mean = np.sign(sense) * (np.bincount(at, np.sign(sense) * own) / np.bincount(at))[at]
-        slip[:, 0], slip[:, -1] = np.split(np.where(bends, own, mean), 2)
+        _, first_end, vertex = np.unique(ends, return_index=True, return_inverse=True)
+        alignment = (tangents * tangents[first_end[vertex]]).sum(axis=1)
+        does_bend = np.bincount(vertex, np.abs(alignment) <= 1.0 - PARALLEL)[vertex] > 0.0
+        end_slips = np.concatenate([slip[:, 0], slip[:, -1]])
+        mean = np.sign(alignment) * (np.bincount(vertex, np.sign(alignment) * end_slips) / np.bincount(vertex))[vertex]
+        slip[:, 0], slip[:, -1] = np.split(np.where(does_bend, end_slips, mean), 2)
         start, along = mesh.vertices[edges.first], np.diff(mesh.vertices[[edges.first, edges.second]], axis=0)[0]
-        changed[contact.name] = replace(contact, offset=EarlierSlip(contact.offset, start, along, slip))
-    problem = with_contacts(result.problem, lambda each: changed.get(each.name, each))
+        slipped[contact.name] = replace(contact, offset=EarlierSlip(contact.offset, start, along, slip))
+    problem = with_contacts(result.problem, lambda each: slipped.get(each.name, each))
     step = known.with_data(problem, known.scales)
-    names = ", ".join(map(repr, slips))
+    names = ", ".join(map(repr, rough))
     reason = f"The slip of {names} in the steps before is taken as computed: bounds are those of this step alone."
     return ContactResult(step, result.solution), (reason,)
 
@@ -112,20 +105,20 @@ def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str,
 def admissible_stress(
     discretization: Discretization, bound: FloatArray, result: ContactResult, tolerance: float
 ) -> tuple[ContactResult, str]:
-    """The stress of the result where it obeys a bound (e, q), up to a share of the largest traction, else the best one.
+    """The result if its stress obeys a bound (e, q) up to `tolerance` times the largest traction, else the best stress.
 
-    The message says why there is none.
+    The text says why no admissible stress was found; empty if one was.
     """
 
     def violation(result: ContactResult) -> float:
-        """The largest one over the largest traction, where all is open the unit of stress."""
-        own = EdgeTractions.of(discretization, result.dofs)
-        size = float(max(own.size, result.certificate.scales.get("stress", 0.0))) or 1.0
-        return float(max(part.max(initial=0.0) for part in own.violations(bound))) / size
+        """The largest violation over the largest traction, or over the unit of stress where everything is open."""
+        tractions = EdgeTractions.of(discretization, result.dofs)
+        size = float(max(tractions.size, result.certificate.scales.get("stress", 0.0))) or 1.0
+        return float(max(part.max(initial=0.0) for part in tractions.violations(bound))) / size
 
     if violation(result) <= tolerance:
         return result, ""
-    qvi = discretization.qvi  # with m > 0, as something is violated
+    qvi = discretization.qvi  # m > 0, as a contact law is violated
     solution = solve_qvi(qvi.with_bound(np.maximum(bound.ravel(), 0.0)), tolerance=tolerance)
     strict = ContactResult(discretization, solution)
     message = f"No strictly admissible stress was found: {solution.message}"
@@ -136,23 +129,23 @@ def admissible_stress(
     return strict, "" if violation(strict) <= LOOSEST else message
 
 
-_DIVISIONS = 13  # of each side of a cell; φ is looked at in the middle of the parts
-_CELL_DEGREE = 5  # of φ: the work of its stresses is then integrated exactly
+_DIVISIONS = 13  # parts of each side of a cell: φ is evaluated at the centres of the 13² triangles
+_CELL_DEGREE = 5  # largest degree of φ on a cell for which the work of its stresses is integrated exactly
 
-_BALANCE = 1e-8  # difference of gap and parts, relative to the energies, that is rounding
-_CROSSED = 1e-9  # of the strain energy: lower − upper that is more than rounding
+_BALANCE = 1e-8  # largest difference of the gap and the sum of its parts, relative to the energies, by rounding
+_CROSSED = 1e-9  # largest lower − upper, relative to the strain energy, by rounding
 
 
 def data_reasons(discretization: Discretization) -> tuple[str, ...]:
-    """Which data are no polynomials of the degree that the stress holds exactly, one sentence each.
+    """One sentence for each datum that is no polynomial of the degree that the stress holds exactly.
 
-    Tractions and friction bounds c and t_max are held up to the degree p − 2 of tractions along an edge, a body
-    potential up to 5 on cells, and up to p − 2 along contacts. Springs have one stiffness on an edge.
+    Tractions, friction bounds c and t_max, and a body potential along contacts may have the degree p − 2 of tractions
+    on each edge, a body potential on cells degree 5. Springs must have one stiffness on an edge.
     """
     problem, space = discretization.problem, discretization.space
     most, data = space.element.traction_degree, list[tuple[str, str, Edges, str, Field | None, int]]()
-    for given in problem.prescribed(Traction):
-        data.append((given.name, given.condition.edges, given.edges, given.name, given.value, most))
+    for condition in problem.prescribed(Traction):
+        data.append((condition.name, condition.condition.edges, condition.edges, condition.name, condition.value, most))
     for contact in problem.contacts:
         place, degrees = (contact.name, problem.mesh.edges(contact.edges)), dict.fromkeys(SPRINGS, 0)
         if contact.law != "tied":
@@ -160,9 +153,9 @@ def data_reasons(discretization: Discretization) -> tuple[str, ...]:
             data.append(("The body potential", *place, "ContactProblem.body_potential", problem.body_potential, most))
         for name, degree in degrees.items():
             data.append((f"The {name.replace('_', ' ')}", *place, f"Contact.{name}", getattr(contact, name), degree))
-    found = [
-        f"{said} on {where!r} is not a polynomial of degree {degree} on every edge."
-        for said, where, edges, name, field, degree in data
+    reasons = [
+        f"{datum} on {place!r} is not a polynomial of degree {degree} on every edge."
+        for datum, place, edges, name, field, degree in data
         if callable(field) and not is_polynomial(problem, edges, name, field, degree)
     ]
     cells, (corners, parts) = np.arange(problem.mesh.cell_count), space.lattice(_DIVISIONS)
@@ -176,17 +169,17 @@ def data_reasons(discretization: Discretization) -> tuple[str, ...]:
         inside["initial strain"] = np.concatenate(list(np.moveaxis(values, -1, 0)))
     for name, values in inside.items():
         if not spanned(values, triangle(_CELL_DEGREE).values(t[:, -2:])):
-            found.append(f"The {name} is not a polynomial of degree {_CELL_DEGREE} on every cell.")
-    return tuple(dict.fromkeys(found))
+            reasons.append(f"The {name} is not a polynomial of degree {_CELL_DEGREE} on every cell.")
+    return tuple(dict.fromkeys(reasons))
 
 
 def force_bounds(discretization: Discretization, frictionless: bool, lower: float, upper: float) -> dict[str, Bounds]:
-    """Bounds of the force that belongs to the one displacement that is not zero, from those of J(u) [stress × length²].
+    """Bounds of the force at the only displacement that is not zero, from bounds of J(u) [stress × length²], see (D21).
 
-    "NAME.normal_force" of a contact pressed by its gap (≥ 0 under pressure), "NAME.tangential_force" of a tied one
-    driven by its offset; "NAME.force_x", "NAME.force_y" or "NAME.moment" on the body where a plate moves; "EDGES.x",
-    "EDGES.y", "EDGES.normal" or "EDGES.tangential" of a support [stress × length]. Empty where the problem is of
-    another kind, or its friction bounds are not all zero.
+    The key is "NAME.normal_force" for a contact pressed by its gap (≥ 0 under pressure), "NAME.tangential_force" for a
+    tied contact driven by its offset; "NAME.force_x", "NAME.force_y", "NAME.moment" on the body for a plate that moves;
+    "EDGES.x", "EDGES.y", "EDGES.normal" or "EDGES.tangential" for a support [stress × length]. The mapping is empty if
+    more acts than this displacement, or if a friction bound is not zero.
     """
     problem = discretization.problem
     data: list[tuple[str, Field, bool, float]] = [("initial_strain", float(is_strained(problem)), False, 1.0)]
@@ -208,10 +201,10 @@ def force_bounds(discretization: Discretization, frictionless: bool, lower: floa
             data += [(f"{condition.edges}.{key}", value, drives, 1.0) for key, value in components(condition).items()]
     if not frictionless or any(callable(value) for _, value, *_ in data) or not np.isfinite([lower, upper]).all():
         return {}
-    acting = [datum for datum in data if datum[1] != 0.0]
-    if len(acting) != 1 or not acting[0][2]:
+    nonzero = [datum for datum in data if datum[1] != 0.0]
+    if len(nonzero) != 1 or not nonzero[0][2]:
         return {}
-    name, value, _, sign = acting[0]
+    name, value, _, sign = nonzero[0]
     assert not callable(value)
     return {name: Bounds(*sorted(float(sign * 2.0 * bound / value) for bound in (lower, upper)))}
 
@@ -231,26 +224,26 @@ def bracket(
         J(v)  = ½ ∫ (ε(v) − ε⁰) : C : (ε(v) − ε⁰) − ∫ b·v − ∫_{Γ_σ} T·v + ∫_{Γ_μ} s |v_T − w|,  v_N ≤ g,  v = U on Γ_u,
         J*(τ) = ½ ∫ τ : c : τ + ∫ ε⁰ : τ − ∫_{Γ_u} U·τn − ∫_{Γ_μ} (g τ_N + w τ_T),                τ in K(s) of (D1),
 
-    −J*(τ) ≤ J(u) ≤ J(v) for the solution u of the problem with that bound, and springs of stiffness k along contacts
-    adding ½ ∫ k d² to J, d their stretch, and ½ ∫ τ²/k to J*,
+    −J*(τ) ≤ J(u) ≤ J(v) for the solution u of the problem with that bound, and
 
         J(v) + J*(τ) ≥ ½ ∫ ε(u − v) : C : ε(u − v) + ½ ∫ (σ − τ) : c : (σ − τ).
 
-    The stress τ is that of the result, if it obeys the contact law on whole edges, else it is computed anew for the
-    same bound; v are displacement elements on the same mesh (`solve_companion`). Without Coulomb friction the problem
-    stated is bracketed; else s = μ|σ_N| is held fixed, and the gap is an indicator without the part that comes from s
-    itself: `Bracket.coulomb` bounds the errors under Coulomb's law. In a step of a history the slip of the steps before
-    is taken as computed, and bounds are called estimates.
+    Springs of stiffness k along contacts add ½ ∫ k d² to J, with their stretch d, and ½ ∫ τ²/k to J*.
+    The stress τ is the result's if it obeys the contact law on whole edges; else it is computed anew for the same
+    bound. v is computed by displacement elements on the same mesh (`solve_companion`). Without Coulomb friction the
+    bracket is of the problem stated. With Coulomb friction s = μ|σ_N| is held fixed, and the gap is an indicator
+    without the effect of s itself: `Bracket.coulomb` bounds the errors under Coulomb's law. In a step of a history the
+    earlier slip is taken as computed, and bounds are called estimates.
 
     Parameters
     ----------
     result : ContactResult
         A result with a stress state.
     degree : int, optional
-        Of the displacement elements, see `solve_companion`; by default that of Φ, at most 5.
+        Degree of the displacement elements, see `solve_companion`; by default that of Φ, at most 5.
     tolerance : float
-        Of the two solves, at most 1e-6. A stress that violates the contact law by less, relative to the largest
-        stress, counts as admissible; what that may cost is estimated and taken off the lower bound (`Bracket.slack`).
+        Tolerance of the two solves, at most 1e-6. A stress that violates the contact law by less, relative to the
+        largest stress, is admissible; an estimate of its cost is taken off the lower bound (`Bracket.slack`).
     time_limit : float, optional
         Seconds for the two solves together; a bound that is not found in time is infinite.
     verbose : bool
@@ -270,123 +263,116 @@ def bracket(
     -----
     Theory: W. Prager, J. L. Synge, Approximations in elasticity based on the concept of function space, Quart. Appl.
     Math. 5 (1947); P. Ladevèze, D. Leguillon, Error estimate procedure in the finite element method and applications,
-    SIAM J. Numer. Anal. 20 (1983). "Guaranteed" holds up to rounding and the tolerance, and as far as the points show
-    at which data given as functions are looked at (`data_reasons`).
+    SIAM J. Numer. Anal. 20 (1983). "Guaranteed" holds up to rounding and the tolerance, for data that between the
+    points of evaluation are the polynomials that they are there (`data_reasons`).
 
     """
     instance_of(ContactResult, "result", result)
     if not 0.0 < finite_number("tolerance", tolerance) <= LOOSEST:
         raise InputError("tolerance", tolerance, f"give a number above 0, at most {LOOSEST:g}")
-    beside = min(result.discretization.space.degree, HIGHEST)  # one less has the same order, but half of the gap
-    degree = checked(result.problem, beside if degree is None else degree, tolerance).degree
+    default = min(result.discretization.space.degree, HIGHEST)
+    degree = checked(result.problem, default if degree is None else degree, tolerance).degree
     result, earlier = after_earlier_slip(with_numbers(result))
     rough = ", ".join(repr(contact.name) for contact in result.problem.contacts if has_coulomb(contact))
     kind = BracketKind.GIVEN_BOUND if rough else BracketKind.PROBLEM
     known = with_bernstein_rows(result.discretization)
-    given = EdgeTractions.of(known, result.dofs)  # whose bound is held fixed
+    tractions = EdgeTractions.of(known, result.dofs)  # its friction bound is held fixed
     reasons = (*earlier, *([f"The friction bound on {rough} was taken from the computed pressure."] if rough else []))
     with deadline(time_limit), Log(f"qvi_contact {__version__}: bracket", verbose) as log:
         log.begin({"what": kind.value, "degree": degree, "tolerance": f"{tolerance:g}"})
-        stress, refused = admissible_stress(known, given.bound, result, tolerance)
+        stress, refusal = admissible_stress(known, tractions.bound, result, tolerance)
         shared: SharedStress | str = with_shares(result, tolerance) if rough else ""
         slip: list[Mapping[str, FloatArray]] = [{}]
-        if isinstance(shared, SharedStress):  # a displacement for Coulomb's law, too
+        if isinstance(shared, SharedStress):  # a second displacement, for Coulomb's law
             slip.append(shared.slipping)
-        bound = given.bound * known.scales.stress
+        bound = tractions.bound * known.scales.stress
         law = {rows.name: bound[rows.edges] for rows in known.contacts if rows.law != "tied"}
         first, *more = solve_companions(
             known.problem, [law] * len(slip), degree=degree, tolerance=tolerance, slip_directions=slip
         )
-        found = _assemble(known, kind, given, reasons, stress, refused, first)
+        found = _assemble(known, kind, tractions, reasons, stress, refusal, first)
         bounds: CoulombBounds | str = shared if isinstance(shared, str) else ""
         if isinstance(shared, SharedStress):
-            why = (*earlier, *found.reasons[len(reasons) :])
+            coulomb_reasons = (*earlier, *found.reasons[len(reasons) :])
             try:
-                bounds = coulomb_bounds(shared, more[0], why)
+                bounds = coulomb_bounds(shared, more[0], coulomb_reasons)
                 if bounds == TOO_NEAR and isinstance(shared := with_shares(result, tolerance, far=False), SharedStress):
-                    (other,) = solve_companions(
+                    (second,) = solve_companions(
                         known.problem, [law], degree=degree, tolerance=tolerance, slip_directions=[shared.slipping]
                     )
-                    bounds = coulomb_bounds(shared, other, why)
+                    bounds = coulomb_bounds(shared, second, coulomb_reasons)
             except (FactorisationError, MemoryError, np.linalg.LinAlgError) as error:
                 bounds = f"The norm of friction was not computed: {error or 'out of memory'}."
         why_none = bounds if isinstance(bounds, str) else "" if math.isfinite(bounds.within) else bounds.message
         if why_none and not result.certificate.passed:
             bounds = f"The result is not solved: {result.status.words}."
         found = replace(found, coulomb_reason=bounds) if isinstance(bounds, str) else replace(found, coulomb=bounds)
-        bounded = math.isfinite(found.gap)
-        log.end("bounded" if bounded else "no bound", found.message, {}, bounded)
+        is_bounded = math.isfinite(found.gap)
+        log.end("bounded" if is_bounded else "no bound", found.message, {}, is_bounded)
     return found
 
 
 def _assemble(
-    discretization: Discretization, kind: BracketKind, given: EdgeTractions, reasons: tuple[str, ...],
-    stress: ContactResult, refused: str, companion: CompanionResult,
+    discretization: Discretization, kind: BracketKind, tractions: EdgeTractions, reasons: tuple[str, ...],
+    stress: ContactResult, refusal: str, companion: CompanionResult,
 ) -> Bracket:  # fmt: skip
-    """Energies, their parts by cell and contact, and why the bounds are not guaranteed."""
+    """The bracket of a stress and a displacement: energies, parts by cell and contact, reasons for no guarantee."""
     problem, mesh, u = discretization.problem, discretization.problem.mesh, stress.dofs
     fields = CellFields.of(discretization, u, companion.degree)
-    strain, held = fields.energy, 0.5 * fields.work(fields.at_rest, fields.at_rest)  # ½ ∫ ε⁰ : C : ε⁰
+    strain, energy_at_rest = fields.energy, 0.5 * fields.work(fields.at_rest, fields.at_rest)  # ½ ∫ ε⁰ : C : ε⁰
     complementary = strain - discretization.work(u) - fields.work(fields.stress, fields.at_rest)
-    size = max(strain, abs(complementary), held, 1e-300)
-    inside, moved = np.zeros(mesh.cell_count), companion.has_state
+    scale = max(strain, abs(complementary), energy_at_rest, 1e-300)
+    bulk, has_displacement = np.zeros(mesh.cell_count), companion.has_state
     contacts, slack = dict[str, EdgeParts](), 0.0
-    if moved:
-        inside = fields.bulk(companion)
-        own = EdgeTractions.of(discretization, u)
-        contacts, slack = edge_parts(fields, discretization, own, given.bound, companion)
-    lower = -complementary - slack if not refused else -np.inf
+    if has_displacement:
+        bulk = fields.bulk(companion)
+        stress_tractions = EdgeTractions.of(discretization, u)
+        contacts, slack = edge_parts(fields, discretization, stress_tractions, tractions.bound, companion)
+    lower = -complementary - slack if not refusal else -np.inf
     upper = np.inf if companion.state is None or companion.state.contradiction else companion.energy
-    parts = inside + by_cell(problem, {name: each.total for name, each in contacts.items()})
+    parts = bulk + by_cell(problem, {name: each.total for name, each in contacts.items()})
     data = data_reasons(discretization)
     found = [*reasons, *data, *companion.reasons]
-    if kind is BracketKind.PROBLEM and not given.exact.all() and not data:
+    if kind is BracketKind.PROBLEM and not tractions.exact.all() and not data:
         found.append(
             "A friction bound is not a polynomial of the stress's degree on every edge. A lower one is used there."
         )
-    if refused:
-        found.append(refused)
-    if not moved:
+    if refusal:
+        found.append(refusal)
+    if not has_displacement:
         found.append(f"No admissible displacement was found: {companion.message}")
-    balance = abs(upper + complementary - float(parts.sum())) / size if np.isfinite(upper) else 0.0
-    misfit, curved = stress.traction_misfit, bool(mesh.sides.any())
+    balance = abs(upper + complementary - float(parts.sum())) / scale if np.isfinite(upper) else 0.0
+    misfit, is_curved = stress.traction_misfit, bool(mesh.sides.any())
     if misfit > allowed_misfit(discretization.scales.stress, stress.stress_rounding):
         found.append(f"Computed tractions differ from the prescribed ones by up to {misfit:.3g} [stress] at points.")
-    elif balance > _BALANCE and not curved:
+    elif balance > _BALANCE and not is_curved:
         found.append(f"The parts of the duality gap differ from the gap by {balance:.1e} of the energy.")
-    if curved:
+    if is_curved:
         rest = rest_on_arcs(discretization, u)
         found.append(
             f"On arcs stress and displacement meet their conditions in the mean; the stress misses its tractions by up "
             f"to {rest:.2g} [stress] at points. The bounds hold up to the work of such differences, here {balance:.1e} "
             "of the energy."
         )
-    apart = (upper - lower) / max(strain, held, 1e-300)
-    if apart < -_CROSSED:
-        found.append(f"The bounds contradict each other by {-apart:.1e} of the strain energy.")
+    relative_gap = (upper - lower) / max(strain, energy_at_rest, 1e-300)
+    if relative_gap < -_CROSSED:
+        found.append(f"The bounds contradict each other by {-relative_gap:.1e} of the strain energy.")
     return Bracket(
-        kind=kind,
-        reasons=tuple(found),
-        lower=lower,
-        upper=upper,
-        strain=strain,
-        bulk=inside,
-        contacts=contacts,
-        cell_gaps=np.maximum(parts, 0.0),
-        slack=slack,
-        driven=force_bounds(discretization, not given.bound.any(), lower, upper),
-        result=stress,
-        companion=companion,
-    )
+        kind=kind, reasons=tuple(found), lower=lower, upper=upper, strain=strain, bulk=bulk, contacts=contacts,
+        cell_gaps=np.maximum(parts, 0.0), slack=slack,
+        driven=force_bounds(discretization, not tractions.bound.any(), lower, upper),
+        result=stress, companion=companion,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class Branches:
     """Certified solutions of one discrete problem.
 
-    `results` are all that were found, the one nearest to the displacement model first; if there are several, a remark
-    of each says so, as `message` does. `distances` are d of each, see `other_solutions`: an indication, no proof; NaN
-    without a displacement model. `companion` is that model; None if there is no choice, or it has no answer.
+    `results` are all solutions that were found, first the one nearest to the displacement model. `distances` are their
+    distances d, see `other_solutions`: an indication, no proof; NaN without a displacement model. `companion` is that
+    model; None if there is only one solution, or if the model has no answer. If there are several solutions, `message`
+    and a remark of each result say so.
     """
 
     results: tuple[ContactResult, ...]
@@ -396,52 +382,53 @@ class Branches:
 
     @property
     def preferred(self) -> ContactResult:
-        """The result nearest to the displacement model; the one given, if there is none to compare with."""
+        """The result nearest to the displacement model; without a model, the given result."""
         return self.results[0]
 
 
 def other_solutions(result: ContactResult, *, time_limit: float | None = None) -> Branches:
     """Look for other solutions of the discrete problem of a result, and prefer the one that displacements confirm.
 
-    Friction is followed to its value from 0.4, 0.6, 0.85 and 1.3 times that, in 3 to 20 steps. That takes about as
-    long as ten to thirty solves, and up to a hundred where the steps do not start near each other. Only certified
-    states count. If there are several, the displacement model is solved on the same mesh, and the results are sorted by
+    Solutions are followed while friction grows or falls to its value from 0.4, 0.6, 0.85 and 1.3 times the value, in 3
+    to 20 steps. This takes as long as ten to thirty solves, and up to a hundred where the start of a step is far from
+    its solution. Only certified solutions count. If there are several, the displacement model is solved on the same
+    mesh, and they are sorted by
 
         d² = ½ ∫ (cσ − ε(v)) : C : (cσ − ε(v)) dx / U,
 
-    U the largest strain energy of the solutions. A v that is a rigid motion confirms one without stress.
+    with the largest strain energy U of the solutions. A rigid motion v confirms a solution without stress.
 
     That no other solution was found does not prove that there is none. `time_limit` are the seconds for following the
     friction. `InputError` if the result is not solved, or belongs to a step of a history.
     """
     if not isinstance(result, ContactResult) or result.status is not Status.SOLVED:
         raise InputError("result", result, "give a result whose status is solved")
-    known = result.discretization
-    if any(rows.slip.any() for rows in known.contacts):
+    discretization = result.discretization
+    if any(rows.slip.any() for rows in discretization.contacts):
         remedy = "give the result of one solve, with the earlier slip in `offset`"
         raise InputError("result", "a step of a history, after earlier slip", remedy)
-    found = followed_solutions(result.solution, time_limit=time_limit)
-    if len(found) == 1:
+    solutions = followed_solutions(result.solution, time_limit=time_limit)
+    if len(solutions) == 1:
         return Branches((result,), (np.nan,), None, "No other solution was found by following the friction.")
-    results, companion = [ContactResult(known, solution) for solution in found], None
+    results, companion = [ContactResult(discretization, solution) for solution in solutions], None
     try:
         model = solve_companion(result.problem)
         companion, reason = (model if model.status is Status.SOLVED else None), model.message
     except InputError as error:
         reason = f"{error}."
-    compared = f"No displacement model on this mesh confirms one of them: {reason}"
+    comparison = f"No displacement model on this mesh confirms one of them: {reason}"
     distances, largest = np.full(len(results), np.nan), max(each.energies.strain for each in results)
     if companion is not None:
         for i, each in enumerate(results):
-            bulk = CellFields.of(known, each.dofs, companion.degree).bulk(companion)
+            bulk = CellFields.of(discretization, each.dofs, companion.degree).bulk(companion)
             distances[i] = np.sqrt(bulk.sum() / largest)
-        compared = (
+        comparison = (
             "Their strains differ from those of the displacement model on the same mesh by "
             f"{', '.join(f'{100.0 * distance:.3g} %' for distance in np.sort(distances))} of the largest, in the "
             "energy norm."
         )
-    order = np.argsort(distances, kind="stable")  # as they are, without a companion
-    pairs, ranges = combinations([found[i] for i in order.tolist()], 2), list[str]()
+    order = np.argsort(distances, kind="stable")  # NaN without a companion: the order stays
+    pairs, ranges = combinations([solutions[i] for i in order.tolist()], 2), list[str]()
     tractions = max(traction_difference(*pair) for pair in pairs)
     for name in result.contacts:
         forces = [each.contacts[name].tangential_force for each in results]
@@ -449,11 +436,11 @@ def other_solutions(result: ContactResult, *, time_limit: float | None = None) -
     message = (
         f"The discrete problem has several solutions: {len(results)} certified ones were found. Their contact "
         f"tractions differ by up to {100.0 * tractions:.2g} % of the largest. The tangential force is "
-        f"{' and '.join(ranges)}. {compared}"
+        f"{' and '.join(ranges)}. {comparison}"
     )
-    told = list[ContactResult]()
-    for i in order.tolist():  # in place of what its own solve had suspected
-        place = "" if companion is None else f" This one is {'not ' if told else ''}the nearest."
+    branches = list[ContactResult]()
+    for i in order.tolist():  # replaces the remark of the solve that there may be several solutions
+        place = "" if companion is None else f" This one is {'not ' if branches else ''}the nearest."
         remarks = (f"{message}{place} {WHAT_TO_DO}",)
-        told.append(ContactResult(known, replace(found[i], remarks=remarks)))
-    return Branches(tuple(told), tuple(distances[order].tolist()), companion, message)
+        branches.append(ContactResult(discretization, replace(solutions[i], remarks=remarks)))
+    return Branches(tuple(branches), tuple(distances[order].tolist()), companion, message)

@@ -1,7 +1,7 @@
-"""Bounds of errors and of contact forces under Coulomb's law, whatever sticks, slips or opens.
+"""Bounds of errors and of contact forces under Coulomb's law, wherever the solution sticks, slips or opens.
 
-Of (D31) z solves the dual problem on the displacements of the companion, ζ is the stress nearest to it, both cut so
-that m is not large.
+For the forces (D31), z solves the dual problem with the displacement elements of the companion, and ζ is the stress
+nearest to C ε(z). Both are cut to 0 where their ratios m to the pressure, slip, opening or unused friction are large.
 
 In `docs/theory.md`: (D26), (D27), (D28), (D31).
 """
@@ -44,12 +44,12 @@ from qvi_contact.solution.stress import rest_on_arcs
 class CoulombBounds:
     """Bounds of the errors under Coulomb's law.
 
-    For every solution u, σ of the problem stated, with the stress τ of the result and the displacement v of a bracket,
-    in energy norms |τ|² = ∫ τ : c : τ and |v|² = ∫ ε(v) : C : ε(v),
+    Let u, σ be any solution of the problem stated, τ the stress of the result and v the displacement of the bracket. In
+    the energy norms |τ|² = ∫ τ : c : τ and |v|² = ∫ ε(v) : C : ε(v),
 
         |σ − τ| ≤ F + |η|,    |u − v| ≤ F.
 
-    Where contacts alone hold a body that is so for solutions with |σ − τ| ≤ `reach` |τ + η| only.
+    Where contacts alone hold a body, this is so only for solutions with |σ − τ| ≤ `reach` |τ + η|.
     """
 
     shares: Mapping[str, Share]
@@ -57,9 +57,9 @@ class CoulombBounds:
     norm: FrictionNorm
     """The norm of R for s and μ, and whether it is proved."""
     residual: float
-    """ρ = |τ + η − Cε(v)| [√energy], what springs miss included."""
+    """ρ = |τ + η − Cε(v)| [√energy], with springs ∫ (τ + k d)²/k ds in its square."""
     defect: float
-    """δ = ∫ |τ_N| (g − v_N) ds, what the solver left of violations included [stress × length²]."""
+    """δ = ∫ |τ_N| (g − v_N) ds, with the work of violations that the solver left [stress × length²]."""
     within: float
     """F [√energy]; infinite where the norm is not below 2."""
     moved: float
@@ -67,29 +67,29 @@ class CoulombBounds:
     size: float
     """|τ + η| [√energy]."""
     cells: FloatArray
-    """(cells,): f²ρ² + δ/α by cell [stress × length²], what to refine by."""
+    """(cells,): f²ρ² + δ/α by cell [stress × length²], the indicator of refinement."""
     reasons: tuple[str, ...]
     """Why the bounds are not guaranteed; empty if they are."""
     places: tuple[str, ...]
-    """Where no R exists but for s = 0, although the contact slips there; a sentence for each."""
+    """A sentence for each vertex where s had to be 0 although the contact slips there."""
     stress: ContactResult
     displacement: CompanionResult
-    """What carry τ + η and v."""
+    """The results with the stress τ + η and the displacement v."""
 
     def __repr__(self) -> str:
         return f"<CoulombBounds {self.message}>"
 
     @cached_property
     def forces(self) -> Mapping[str, Bounds]:
-        """The bounds of "NAME.normal_force" and "NAME.tangential_force" of contacts between bounds [stress × length].
+        """Bounds [stress × length] by "NAME.normal_force" and "NAME.tangential_force" of contacts.
 
-        A dual problem is solved on first use. A force is left out where that gives none, see (D31).
+        A dual problem is solved on first use. A force without a bound is left out, see (D31).
         """
         return coulomb_force_bounds(self)
 
     @property
     def error(self) -> float:
-        """F + |η| [√energy], which bounds the errors of the result's stress and of the displacement."""
+        """F + |η| [√energy], a bound of the errors of the result's stress and of the displacement."""
         return self.within + self.moved
 
     @property
@@ -109,12 +109,12 @@ class CoulombBounds:
 
     @property
     def apart(self) -> float:
-        """2F/|τ + η|: any two solutions are at most that far from each other, in the energy norm of stresses."""
+        """2F/|τ + η|: the largest distance of any two solutions, in the energy norm of stresses."""
         return self._relative(2.0 * self.within)
 
     @property
     def reach(self) -> float:
-        """How far from τ solutions are of which the bounds hold, over |τ + η|; infinite where they hold for all."""
+        """The bounds hold for solutions within this distance of τ, over |τ + η|; infinite if they hold for all."""
         stopped = self.norm.stopped
         return np.inf if stopped is None else self._relative(max(stopped.reach - self.moved, 0.0))
 
@@ -123,36 +123,35 @@ class CoulombBounds:
 
     @property
     def message(self) -> str:
-        """What is bounded, how well, and why it is not guaranteed, if it is not."""
-        known, error = self.kind.capitalize(), 100.0 * self.relative_error
-        bound = f"{known} bound under friction: stresses within {error:.2g} % of their energy norm."
+        """The bound of the stresses, its condition, and the reasons why it is not guaranteed."""
+        kind, error = self.kind.capitalize(), 100.0 * self.relative_error
+        bound = f"{kind} bound under friction: stresses within {error:.2g} % of their energy norm."
         if not np.isfinite(self.within):
             return f"No bound under friction. {self.norm.reason}"
-        near = ""
-        if np.isfinite(self.reach):
-            near = f"It holds for solutions within {100.0 * self.reach:.3g} %, as contacts alone hold a body."
-        return " ".join(filter(None, [bound, near, *self.reasons, *self.places[:1]]))
+        scope = f"It holds for solutions within {100.0 * self.reach:.3g} %, as contacts alone hold a body."
+        scope = scope if np.isfinite(self.reach) else ""
+        return " ".join(filter(None, [bound, scope, *self.reasons, *self.places[:1]]))
 
 
-TOO_NEAR: Final = "No displacement was found that is as far from an obstacle as the stress lets it be."
-"""Displacements that may slip far from an obstacle come too near to it."""
+TOO_NEAR: Final = "No displacement was found that is far enough from an obstacle where it may slip either way."
+"""Reason for no bounds: v slips either way on an edge far from an obstacle, but its opening is too small there."""
 
 
 def coulomb_bounds(
     stress: SharedStress, companion: CompanionResult, reasons: tuple[str, ...] = ()
 ) -> CoulombBounds | str:
-    """T5 with T2: the bounds from a stress and a displacement that slips as its shares allow, or why they say nothing.
+    """T5 with T2: bounds from a stress with continuous shares and a displacement that slips as they allow, or why not.
 
-    Those and reasons that are given say why the two are not exactly admissible.
+    The given `reasons` and those of the companion say why the stress or the displacement is not exactly admissible.
     """
     reasons = tuple(dict.fromkeys((*reasons, *companion.reasons)))
     result, shares, known = stress.result, stress.shares, stress.result.discretization
-    own, unit, problem = EdgeTractions.of(known, result.dofs), known.scales.stress, known.problem
-    excess, tension = own.violations(own.bound)
-    # without loads all is rounding, of which no share is small
-    most = LOOSEST * max(own.size, known.scales.loaded * result.certificate.scales.get("stress", 0.0))
+    tractions, unit, problem = EdgeTractions.of(known, result.dofs), known.scales.stress, known.problem
+    excess, tension = tractions.violations(tractions.bound)
+    # the size of rounding counts too: without loads there is nothing else
+    allowed = LOOSEST * max(tractions.size, known.scales.loaded * result.certificate.scales.get("stress", 0.0))
     for rows in known.contacts:
-        if rows.law != "tied" and max(excess[rows.edges].max(), tension[rows.edges].max()) > most:
+        if rows.law != "tied" and max(excess[rows.edges].max(), tension[rows.edges].max()) > allowed:
             return f"The stress does not obey the law of contact {rows.name!r} on whole edges."
     if companion.state is None:
         return f"No admissible displacement was found: {companion.message}"
@@ -162,88 +161,88 @@ def coulomb_bounds(
     rounding = _ROUNDING * max(1.0, float(np.abs(state.c).max(initial=0.0)))
     if (_opening(state, shares) < -rounding).any():
         return TOO_NEAR
-    fields, before = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
-    edges, slack = edge_parts(fields, known, own, own.bound, companion)
-    inside = fields.bulk(companion)
-    inside += by_cell(problem, {name: part.springs for name, part in edges.items()})
-    missed = {name: np.maximum(part.contact, 0.0) + np.maximum(part.friction, 0.0) for name, part in edges.items()}
-    norm = friction_norm(problem, shares, unit, _pressures(state, own, known, rounding))
-    residual = float(np.sqrt(2.0 * inside.sum()))
+    # ½ρ² by cell, with springs, and δ by contact edge
+    fields, earlier = (CellFields.of(known, each.dofs, companion.degree) for each in (result, stress.before))
+    edges, slack = edge_parts(fields, known, tractions, tractions.bound, companion)
+    half_square = fields.bulk(companion)
+    half_square += by_cell(problem, {name: part.springs for name, part in edges.items()})
+    defects = {name: np.maximum(part.contact, 0.0) + np.maximum(part.friction, 0.0) for name, part in edges.items()}
+    norm = friction_norm(problem, shares, unit, _pressures(state, tractions, known, rounding))
+    residual = float(np.sqrt(2.0 * half_square.sum()))
     arcs = [lines.take(lines.bent).length for lines in (problem.mesh.boundary, problem.mesh.interior) if lines.curved]
-    if arcs:  # an estimate of the energy norm of what is left there: a traction k on an edge h has k h √c
-        rest, soft = rest_on_arcs(known, result.dofs), float(problem.compliances[:, 0, 0].max())
-        residual += rest * float(np.sqrt(soft * (np.concatenate(arcs) ** 2).sum()))
-    defect = slack + float(sum(part.sum() for part in missed.values()))
-    s, cells, moved = norm.value, 0.0 * inside, float(np.sqrt(2.0 * fields.less(before).energy))
-    error = error_bound(residual, defect, s)
+    if arcs:  # estimated norm of the traction that is left on arcs: k h √c for a traction k on an edge of length h
+        rest, compliance = rest_on_arcs(known, result.dofs), float(problem.compliances[:, 0, 0].max())
+        residual += rest * float(np.sqrt(compliance * (np.concatenate(arcs) ** 2).sum()))
+    defect = slack + float(sum(part.sum() for part in defects.values()))
+    r, indicator, eta_size = norm.value, 0.0 * half_square, float(np.sqrt(2.0 * fields.less(earlier).energy))
+    error = error_bound(residual, defect, r)
     size = float(np.sqrt(2.0 * fields.energy))
     if norm.stopped is not None and norm.stopped.reach <= error < np.inf:
-        near, apart = (100.0 * value / size for value in (norm.stopped.reach, error))
-        what = (
-            f"what sticks or presses holds it only if the error is below {near:.2g} %, and the bound is {apart:.2g} %"
-        )
-        norm, error = replace(norm, reason=UNHELD.format(what)), np.inf
-    if s < LARGEST:
-        cells = 2.0 * amplification(s) ** 2 * inside + by_cell(problem, missed) / coercivity(s)
-    why = reasons if norm.proved else (*reasons, norm.reason)
-    parts = (norm, residual, defect, error, moved, size, cells, why, stress.places)
+        reach, bound = (100.0 * value / size for value in (norm.stopped.reach, error))
+        proviso = f"the error is below {reach:.2g} %, but its bound is {bound:.2g} %"
+        condition = f"friction and pressure stop its motion only if {proviso}"
+        norm, error = replace(norm, reason=UNHELD.format(condition)), np.inf
+    if r < LARGEST:
+        indicator = 2.0 * amplification(r) ** 2 * half_square + by_cell(problem, defects) / coercivity(r)
+    all_reasons = reasons if norm.proved else (*reasons, norm.reason)
+    parts = (norm, residual, defect, error, eta_size, size, indicator, all_reasons, stress.places)
     return CoulombBounds(shares, *parts, result, companion)
 
 
 def _pressures(
-    state: CompanionState, own: EdgeTractions, known: Discretization, rounding: float
+    state: CompanionState, tractions: EdgeTractions, known: Discretization, rounding: float
 ) -> dict[str, FloatArray]:
-    """The `pressures` of `friction_norm`, in the unit of stress."""
-    found, away = dict[str, FloatArray](), np.abs(state.c - state.contacts.obstacle)
+    """The `pressures` of `friction_norm`, dimensionless."""
+    pressures, distance = dict[str, FloatArray](), np.abs(state.c - state.contacts.obstacle)
     for trace, rows in zip(state.contacts.traces, known.contacts, strict=True):
         if trace.contact.law == "unilateral":
-            touches = away[trace.start + trace.columns].max(axis=1, keepdims=True) <= rounding
-            found[trace.name] = np.where(touches, np.maximum(-own.normal[rows.edges], 0.0), 0.0)
-    return found
+            is_closed = distance[trace.start + trace.columns].max(axis=1, keepdims=True) <= rounding
+            pressures[trace.name] = np.where(is_closed, np.maximum(-tractions.normal[rows.edges], 0.0), 0.0)
+    return pressures
 
 
 def _either_way(state: CompanionState, shares: Mapping[str, Share]) -> FloatArray:
-    """3 μ at coefficients (n,) of edges far from the obstacle, where v may slip either way with friction, else 0."""
-    found = np.zeros(state.contacts.count)
+    """3 μ at the coefficients (n,) of edges far from the obstacle, where v may slip either way; 0 at others."""
+    factors = np.zeros(state.contacts.count)
     for trace in state.contacts.traces:
         if trace.name in shares:
             share = shares[trace.name]
-            found[trace.start + trace.columns[np.isnan(share.slipping)]] = AWAY * share.friction
-    return found
+            factors[trace.start + trace.columns[np.isnan(share.slipping)]] = AWAY * share.friction
+    return factors
 
 
 def _opening(state: CompanionState, shares: Mapping[str, Share]) -> FloatArray:
-    """What Σ has of g − v_N at coefficients (n,), dimensionless: less 3 μ |v_T − w| where v may slip either way."""
+    """The opening in Σ at coefficients (n,), dimensionless: g − v_N, less 3 μ |v_T − w| where v may slip either way."""
     across, along = (state.c - state.contacts.obstacle).reshape(2, -1)
     return np.asarray(-across - _either_way(state, shares) * np.abs(along))
 
 
 _CUTS: Final = (1e-6, 3e-2, 0.1, 0.3)
-"""Shares of the largest opening, slip, pressure or room below the bound of a contact that count as none.
+"""Cuts, relative to the largest opening, slip, pressure or unused friction of a contact: smaller values count as 0.
 
-Any share gives bounds. A small one makes m large where edges at the end of stick are short: |ζ_T| grows there towards
-the end, as κ(τ) falls. A large one makes the dual pair poor. The bounds of all hold.
+Every cut gives valid bounds, and the narrowest are taken. With a small cut, m is large where edges at the end of stick
+are short: |ζ_T| grows towards the end and κ(τ) falls. With a large cut, the dual pair is poor.
 """
 
-_NOISE: Final = 1e-7  # of the largest displacement or traction: what solvers leave of zero
-_MOVED: Final = 1e-5  # of the largest displacement of the body: no less is the largest one on a contact
-_LOADED: Final = 1e-2  # of the largest stress: no less is the largest pressure on a contact
-_ROUNDED: Final = 1e-12  # of a force: rounding of its sums
-_ROUNDING: Final = 1e-9  # of the largest: what is left where the dual pair must vanish
-_FAINT: Final = 1e-3  # of the unit of stress: a dual pair of no more, as where balance gives the force, is rounding
+_NOISE: Final = 1e-7  # relative to the largest displacement or traction: smaller values are zero up to solvers' errors
+_MOVED: Final = 1e-5  # of the body's largest displacement: the least reference for displacements on a contact
+_LOADED: Final = 1e-2  # of the largest stress: the least reference for pressures on a contact
+_ROUNDED: Final = 1e-12  # of the terms of a force: the rounding of their sum
+_ROUNDING: Final = 1e-9  # of the largest value: rounding where the dual pair or the opening must vanish
+_FAINT: Final = 1e-3  # of the unit of stress: the least reference for ζ, which is rounding if balance gives the force
 
 
 def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
     """T3: bounds of "NAME.normal_force" and "NAME.tangential_force" [stress × length] of contacts that are not tied.
 
-    Those are left out of which no dual pair is found: the resultant of friction on a contact that ends where a support
-    holds its tangential displacement, and all where a contact has Tresca's law. Where the norm for s is proved, those
-    of the dual problems must be, too.
+    A force without a dual pair is left out: friction on a contact that ends where a support holds its tangential
+    displacement, and all forces if a contact has Tresca's law. Where the norm for s is proved, the norms of the dual
+    problems must be proved too.
     """
     stress, companion = errors.stress, errors.displacement
     problem, known, state, found = stress.problem, stress.discretization, companion.state, dict[str, Bounds]()
-    bonded = any(bears_shear(each) and not has_coulomb(each) for each in problem.contacts)
-    if bonded or not np.isfinite(errors.within) or state is None or 2 * state.contacts.count > MOST:
+    has_tresca = any(bears_shear(each) and not has_coulomb(each) for each in problem.contacts)
+    if has_tresca or not np.isfinite(errors.within) or state is None or 2 * state.contacts.count > MOST:
         return {}
     defect, stopped = defect_bound(errors.residual, errors.defect, errors.norm.value), errors.norm.stopped
     if stopped is not None:
@@ -254,17 +253,17 @@ def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
     for cut in _CUTS:
         pairs = _Pairs(errors, defect, known, state, body, fields, changes, cut)
         for trace in body.contacts.traces:
-            whole = np.stack([np.full(trace.count, -1.0), trace.senses])  # a of the one force, b of the other
+            parts = np.stack([np.full(trace.count, -1.0), trace.senses])  # a of the one force, b of the other
             one_way = not np.ptp(trace.turned * trace.senses[trace.columns], axis=1).any()
-            asked = {"normal": trace.contact.law != "tied", "tangential": one_way and trace.name in errors.shares}
-            for half, direction in enumerate(asked):
+            wanted = {"normal": trace.contact.law != "tied", "tangential": one_way and trace.name in errors.shares}
+            for row, direction in enumerate(wanted):
                 goal, name = np.zeros((2, body.contacts.count)), f"{trace.name}.{direction}_force"
-                goal[half, trace.here] = whole[half]
-                bounds = pairs.bounds(goal) if asked[direction] else None
+                goal[row, trace.here] = parts[row]
+                bounds = pairs.bounds(goal) if wanted[direction] else None
                 if bounds is not None:
                     lower, upper = found.get(name, (-np.inf, np.inf))
                     found[name] = Bounds(max(lower, bounds.lower), min(upper, bounds.upper))
-    # no wider than the law allows: without tension, and with no more friction than its bound
+    # the law's own bounds: no tension, and friction up to its bound
     unit, contacts = errors.displacement.scales.stress * errors.displacement.scales.length, body.contacts
     for trace in contacts.traces:
         across, along = f"{trace.name}.normal_force", f"{trace.name}.tangential_force"
@@ -273,118 +272,118 @@ def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
             found[across] = Bounds(max(lower, min(fluid, upper)), upper)
             if along in found:
                 most = errors.shares[trace.name].friction * max(upper - fluid, 0.0)
-                most += unit * float(contacts.law[1, trace.here] @ trace.weights)  # of cohesion
+                most += unit * float(contacts.law[1, trace.here] @ trace.weights)  # cohesion
                 found[along] = Bounds(max(found[along].lower, -most), min(found[along].upper, most))
     return found
 
 
 class _Zones(NamedTuple):
-    """Where contacts are open, slip and press: what is less than a cut is 0, what nothing asks for infinite."""
+    """Opening, slip, pressure and unused friction on contacts: 0 below the cut, infinite where no condition is set."""
 
-    # opening, slip, (n,): coefficients of g − v_N and of |v_T − w| [length]; pressure, room, (e, q): of |τ_N| and of
-    # m (c + μ|τ_N|), m of `Share.room`, on edges of contacts that are not tied [stress]
+    # (n,): coefficients of g − v_N and of |v_T − w| [length]
     opening: FloatArray
     slip: FloatArray
+    # (e, q): coefficients of |τ_N| and of m (c + μ|τ_N|), m of `Share.room` [stress], on edges of contacts not tied
     pressure: FloatArray
     room: FloatArray
-    # (n,): coefficients on edges of which some coefficient touches the obstacle; does not slip, without friction none
+    # (n,): coefficients of edges that touch the obstacle somewhere, or stick somewhere (only with friction)
     closed: BoolArray
     stuck: BoolArray
-    # (e,): edges of which some coefficient bears no pressure, where ζ_N = 0; and these with those of which some reaches
-    # the friction bound, without friction all, where ζ_T = 0
+    # (e,): edges without pressure somewhere, where ζ_N = 0; these, edges at the friction bound somewhere and edges
+    # without friction, where ζ_T = 0
     loose: BoolArray
     smooth: BoolArray
 
 
 @dataclass(frozen=True, eq=False)
 class _Pairs:
-    """Dual pairs z, ζ on the mesh of a result, for goals (2, n): a and b at the coefficients of contacts."""
+    """Dual pairs z, ζ of (D31) on the mesh of a result, for goals (2, n): a and b at the coefficients of contacts."""
 
     errors: CoulombBounds
-    defect: float  # no less than Σ [stress × length²]
-    known: Discretization  # that of the stress
-    state: CompanionState  # that of the displacement
-    body: BodyAtRest  # displacements at rest; they have the unit of length D of the discretisation
-    fields: CellFields  # τ
-    changes: LeastChange  # of all tractions
+    defect: float  # a bound of Σ [stress × length²]
+    known: Discretization  # of the stress τ
+    state: CompanionState  # of the displacement v
+    body: BodyAtRest  # displacements that vanish on supports, in the discretization's unit of displacement
+    fields: CellFields  # of τ
+    changes: LeastChange  # least changes of stress under given changes of all tractions
     cut: float
 
     def bounds(self, goal: FloatArray) -> Bounds | None:
-        """Bounds of ∫ a σ_N + b σ_T ds; None if no z meets the conditions of (D31)."""
-        known, error, own = self.known, self.errors.within, self.errors.displacement.scales
-        length = known.scales.displacement  # a and b; steps of a history have units of their own
+        """Bounds of Q = ∫ a σ_N + b σ_T ds by (D31); None if no z meets its conditions."""
+        known, error, units = self.known, self.errors.within, self.errors.displacement.scales
+        length = known.scales.displacement  # of a and b; each step of a history has its own units
         c, z = self._displacement(goal)
-        change, parts = self._continuous(self._stress(c))
-        ratio = self._ratio(goal, c, change)
-        second = np.inf if ratio is None else self.errors.norm.work(known.problem, parts, error, self.defect)
-        if ratio is None or not np.isfinite(second):
+        change, shares = self._continuous(self._stress(c))
+        m = self._ratio(goal, c, change)
+        second = np.inf if m is None else self.errors.norm.work(known.problem, shares, error, self.defect)
+        if m is None or not np.isfinite(second):
             return None
-        u, other = self.errors.stress.dofs, self.errors.stress.dofs + known.supports.basis.expanded(change)
-        dual = CellFields.of(known, other, self.errors.displacement.degree).less(self.fields)
-        work, residual = self._work(z * (length / own.displacement), dual)
-        work += known.work(other) - known.work(u)
+        dofs, changed_dofs = self.errors.stress.dofs, self.errors.stress.dofs + known.supports.basis.expanded(change)
+        dual = CellFields.of(known, changed_dofs, self.errors.displacement.degree).less(self.fields)
+        work, residual = self._work(z * (length / units.displacement), dual)
+        work += known.work(changed_dofs) - known.work(dofs)
         contacts = self.body.contacts
-        adhesion = contacts.weights[: contacts.count] * contacts.law[1] * self._senses  # of cohesion, where v slips
+        adhesion = contacts.weights[: contacts.count] * contacts.law[1] * self._senses  # s k in (D31), where v slips
         load = self.state.load @ z - adhesion @ (c - goal)[1]
-        force = own.stress * own.length * float(load + goal.ravel() @ contacts.fluid)
-        # what has been rounded: loads and tractions may cancel each other
-        largest = np.abs(self.state.load).sum() * np.abs(z).max() + contacts.weights @ np.abs(self.state.tractions)
-        middle, terms = work / length - force, abs(work / length) + own.stress * own.length * float(largest)
-        rest = (error * residual + ratio * self.defect + second) / length + _ROUNDED * terms
+        force = units.stress * units.length * float(load + goal.ravel() @ contacts.fluid)
+        # rounding is relative to the sum of the sizes of loads and tractions, which may cancel
+        size = np.abs(self.state.load).sum() * np.abs(z).max() + contacts.weights @ np.abs(self.state.tractions)
+        middle, terms = work / length - force, abs(work / length) + units.stress * units.length * float(size)
+        rest = (error * residual + m * self.defect + second) / length + _ROUNDED * terms
         return Bounds(float(middle - rest), float(middle + rest))
 
     @cached_property
     def _zones(self) -> _Zones:
         state, unit, own = self.state, self.known.scales.stress, EdgeTractions.of(self.known, self.errors.stress.dofs)
-        n, left, free = state.contacts.count, _opening(state, self.errors.shares), np.isnan(state.contacts.slipping)
-        moved, beyond = state.c.reshape(2, n), (state.c - state.contacts.obstacle).reshape(2, n)
+        n, openings = state.contacts.count, _opening(state, self.errors.shares)
+        any_way = np.isnan(state.contacts.slipping)
+        moved, relative = state.c.reshape(2, n), (state.c - state.contacts.obstacle).reshape(2, n)
         pressure, room = np.empty_like(own.normal), np.full_like(own.normal, np.inf)
-        away, held = np.full((2, n), np.inf), np.zeros((2, n), dtype=bool)
-        # where all of a contact is closed and sticks its displacements are the rounding of those of the body
-        least = _MOVED * float(np.abs(state.v).max(initial=0.0))
-        # and the pressure of one that is open that of solvers
+        zones, zero = np.full((2, n), np.inf), np.zeros((2, n), dtype=bool)
+        # displacements of a contact that is closed and sticks everywhere are rounding, as are pressures of an open one
+        least_displacement = _MOVED * float(np.abs(state.v).max(initial=0.0))
         faint = _LOADED * unit * max(own.size, self.errors.stress.certificate.scales.get("stress", 0.0))
 
-        def shown(values: FloatArray, whole: FloatArray, least: float) -> FloatArray:
-            """The values, 0 where they count as none beside what they are part of."""
+        def cut_values(values: FloatArray, whole: FloatArray, least: float) -> FloatArray:
+            """The values, or 0 where they are below the cut or are rounding of the field `whole`."""
             size = max(float(np.abs(whole).max(initial=0.0)), least)
             return np.where(values > max(self.cut * float(values.max(initial=0.0)), _NOISE * size), values, 0.0)
 
         for trace, rows in zip(state.contacts.traces, self.known.contacts, strict=True):
             if trace.contact.law == "tied":
                 continue
-            here, e, share = trace.here, rows.edges, self.errors.shares.get(trace.name)
-            parts = [left[here]]
-            pressure[e] = shown(-unit * own.normal[e], unit * own.normal[e], faint)
+            here, edges, share = trace.here, rows.edges, self.errors.shares.get(trace.name)
+            parts = [openings[here]]
+            pressure[edges] = cut_values(-unit * own.normal[edges], unit * own.normal[edges], faint)
             if share is not None:
-                room[e] = shown(unit * own.bound[e] * share.room, unit * own.normal[e], faint)
-                parts.append(self._senses[here] * beyond[1, here])
+                room[edges] = cut_values(unit * own.bound[edges] * share.room, unit * own.normal[edges], faint)
+                parts.append(self._senses[here] * relative[1, here])
             on_edges = trace.start + trace.columns
-            for half, part in enumerate(parts):
-                away[half, here] = shown(part, moved[:, here], least)
-                if half:
-                    away[half, here][free[here]] = np.inf
-                held[half, on_edges[(away[half, on_edges] == 0.0).any(axis=1)]] = True
-        loose, sliding = (np.asarray(part.any(axis=1)) for part in (pressure == 0.0, (room == 0.0) | np.isinf(room)))
-        opening, slip = self.errors.displacement.scales.displacement * away
-        return _Zones(opening, slip, pressure, room, held[0], held[1], loose, loose | sliding)
+            for row, part in enumerate(parts):
+                zones[row, here] = cut_values(part, moved[:, here], least_displacement)
+                if row:
+                    zones[row, here][any_way[here]] = np.inf
+                zero[row, on_edges[(zones[row, on_edges] == 0.0).any(axis=1)]] = True
+        loose, smooth = (np.asarray(part.any(axis=1)) for part in (pressure == 0.0, (room == 0.0) | np.isinf(room)))
+        opening, slip = self.errors.displacement.scales.displacement * zones
+        return _Zones(opening, slip, pressure, room, zero[0], zero[1], loose, loose | smooth)
 
     @cached_property
     def _senses(self) -> FloatArray:
-        """1 or −1 where v may slip along the tangent or against it, else 0 (n,)."""
+        """1 or −1 at coefficients (n,) where v may slip along the tangent or against it; else 0."""
         return np.nan_to_num(self.state.contacts.slipping)
 
     @cached_property
     def _turned(self) -> FloatArray:
-        """Of coefficients (n,): μ s where v slips, else 0."""
+        """μ s at coefficients (n,) where v slips; else 0."""
         return np.asarray(self.body.contacts.law[0] * self._senses)
 
     @cached_property
     def _spaces(self) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
-        """Where z and its tests may move, whatever a and b: closed, stuck, P, Z, and the energies with tests as rows.
+        """The coefficients where z is prescribed and the spaces of z and its tests: closed, stuck, P, Z, tests · S.
 
-        At closed coefficients z_N + μ s z_T is given, at stuck ones z_T. All w of the interface that meet these
-        conditions with right-hand side d, and 0 where contacts are tied, are P d + Z y.
+        At closed coefficients z_N + μ s z_T is prescribed, at stuck ones z_T. The unknowns w that meet these conditions
+        with the right-hand side d, and vanish where contacts are tied, are P d + Z y. They do not depend on a and b.
         """
         body, n = self.body, self.body.contacts.count
         closed = np.flatnonzero(self._zones.closed & body.live[:n])
@@ -394,82 +393,82 @@ class _Pairs:
         return closed, stuck, *solutions(trial), solutions(np.vstack([normal, shear, tied]))[1].T @ body.body.S
 
     def _displacement(self, goal: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Coefficients c (2, n) of z on the contacts, and z (size,), dimensionless: a and b of length 1."""
-        body, (closed, stuck, particular, free, energies) = self.body, self._spaces
-        wanted = np.concatenate([goal[0, closed] + self._turned[closed] * goal[1, closed], goal[1, stuck]])
-        start = particular[:, : len(wanted)] @ wanted
-        w = start - free @ np.linalg.lstsq(energies @ free, energies @ start, rcond=1e-13)[0]
+        """Coefficients c (2, n) of z on the contacts, and z (size,), dimensionless; a and b count as lengths of 1."""
+        body, (closed, stuck, particular, free_w, energies) = self.body, self._spaces
+        prescribed = np.concatenate([goal[0, closed] + self._turned[closed] * goal[1, closed], goal[1, stuck]])
+        particular_w = particular[:, : len(prescribed)] @ prescribed
+        w = particular_w - free_w @ np.linalg.lstsq(energies @ free_w, energies @ particular_w, rcond=1e-13)[0]
         z = body.body.expand(w)
         return (body.contacts.rows @ z).reshape(goal.shape), z
 
     def _stress(self, c: FloatArray) -> FloatArray:
-        """ζ, as a change of the unknowns of the stress: the nearest to Cε(z), with no traction where none may be."""
-        qvi, work, (rows, changes) = self.known.qvi, np.zeros((2, self.known.qvi.m)), self._held
+        """ζ as a change of the stress unknowns: nearest to C ε(z), with zero traction where (D31) demands it."""
+        qvi, work, (held_rows, changes) = self.known.qvi, np.zeros((2, self.known.qvi.m)), self._held
         products = product_integrals(self.known.rule.count - 1, self.errors.displacement.degree)
-        for trace, own in zip(self.body.contacts.traces, self.known.contacts, strict=True):
+        for trace, rows_of_contact in zip(self.body.contacts.traces, self.known.contacts, strict=True):
             if trace.contact.law != "tied":
                 local = np.stack(trace.on_edges(*c[:, trace.here]))
-                work[:, own.rows] = (trace.lengths[:, None] * (local @ products.T)).reshape(2, -1)
-        x = changes.solved(np.zeros(rows.shape[0]), qvi.N.T @ work[0] + qvi.T.T @ work[1])
-        for _ in range(2):  # what is left of the rows is rounding, which must not count
-            x = x - changes.solved(rows @ x)
+                work[:, rows_of_contact.rows] = (trace.lengths[:, None] * (local @ products.T)).reshape(2, -1)
+        x = changes.solved(np.zeros(held_rows.shape[0]), qvi.N.T @ work[0] + qvi.T.T @ work[1])
+        for _ in range(2):  # corrections of the rounding of the rows, where tractions must vanish exactly
+            x = x - changes.solved(held_rows @ x)
         return x
 
     @cached_property
     def _held(self) -> tuple[sparse.csr_array, LeastChange]:
-        """Rows of tractions that are to vanish, and changes that leave them as they are told."""
-        qvi, held = self.known.qvi, (np.repeat(part, self.known.rule.count) for part in self._zones[-2:])
-        parts = [sparse.csr_array(part)[chosen] for part, chosen in zip((qvi.N, qvi.T), held, strict=True)]
-        rows = sparse.csr_array(sparse.vstack([*parts, qvi.A]))
+        """Rows of tractions that must vanish, and the least changes under given values of these rows."""
+        qvi, is_held = self.known.qvi, (np.repeat(part, self.known.rule.count) for part in self._zones[-2:])
+        blocks = [sparse.csr_array(part)[chosen] for part, chosen in zip((qvi.N, qvi.T), is_held, strict=True)]
+        rows = sparse.csr_array(sparse.vstack([*blocks, qvi.A]))
         return rows, LeastChange.of(qvi.K, rows)
 
     def _continuous(self, change: FloatArray) -> tuple[FloatArray, dict[str, Share]]:
-        """ζ with a ζ_T whose share of the bound is continuous, by the least change, and these shares."""
-        qvi, zones, parts = self.known.qvi, self._zones, dict[str, Share]()
+        """ζ after the least change that makes the share p = ζ_T/B(τ) continuous, and these shares."""
+        qvi, zones, raw = self.known.qvi, self._zones, dict[str, Share]()
         shear, wanted = (qvi.T @ change).reshape(zones.room.shape), np.zeros(zones.room.shape)
         rough = [rows for rows in self.known.contacts if rows.name in self.errors.shares]
         for rows in rough:
             share, held = self.errors.shares[rows.name], zones.smooth[rows.edges]
             bound = np.where(held[:, None], 1.0, share.weights)
             values = np.where(held[:, None], 0.0, shear[rows.edges] / bound)
-            slipping = held.astype(np.float64)  # these keep their value, as what slips does
-            parts[rows.name] = replace(share, values=values, weights=bound, slipping=slipping)
-        found, _ = joined(self.known.problem, parts, np.zeros(len(self.known.problem.mesh.vertices), dtype=bool))
+            slipping = held.astype(np.float64)  # `joined` keeps the value 0 of these edges, as of edges that slip
+            raw[rows.name] = replace(share, values=values, weights=bound, slipping=slipping)
+        continuous, _ = joined(self.known.problem, raw, np.zeros(len(self.known.problem.mesh.vertices), dtype=bool))
         for rows in rough:
-            before, after = parts[rows.name], found[rows.name]
+            before, after = raw[rows.name], continuous[rows.name]
             wanted[rows.edges] = (after.values - before.values) * before.weights
         if wanted.any():
             right = np.concatenate([np.zeros(qvi.m), wanted.ravel(), np.zeros(qvi.A.shape[0])])
             change = change + self.changes.solved(right)
-        return change, found
+        return change, continuous
 
     def _ratio(self, goal: FloatArray, c: FloatArray, change: FloatArray) -> float | None:
-        """The largest of m₁ to m₄; None if there is none."""
-        qvi, zones, scales, found = self.known.qvi, self._zones, self.known.scales, 0.0
+        """The largest of m₁ to m₄ in (D31); None if there is no such number."""
+        qvi, zones, scales, largest = self.known.qvi, self._zones, self.known.scales, 0.0
         across, slip = c - goal
-        either = _either_way(self.state, self.errors.shares)
-        pushed = np.where(either > 0.0, np.abs(across) + either * np.abs(slip), np.abs(across + self._turned * slip))
-        moved = (scales.displacement * part for part in (pushed, slip))
+        slope = _either_way(self.state, self.errors.shares)
+        pushed = np.where(slope > 0.0, np.abs(across) + slope * np.abs(slip), np.abs(across + self._turned * slip))
+        misfits = (scales.displacement * dual_part for dual_part in (pushed, slip))
         normal, shear = (scales.stress * (rows @ change).reshape(zones.room.shape) for rows in (qvi.N, qvi.T))
         units = np.repeat([scales.displacement, max(float(np.abs(normal).max()), _FAINT * scales.stress)], 2)
-        for part, whole, unit in zip((*moved, normal, shear), zones[:4], units, strict=True):
-            none = whole == 0.0
-            if np.abs(part[none]).max(initial=0.0) > _ROUNDING * unit:
+        for dual_part, primal, unit in zip((*misfits, normal, shear), zones[:4], units, strict=True):
+            is_zero = primal == 0.0
+            if np.abs(dual_part[is_zero]).max(initial=0.0) > _ROUNDING * unit:
                 return None
-            found = max(found, float((np.abs(part[~none]) / whole[~none]).max(initial=0.0)))
-        return found
+            largest = max(largest, float((np.abs(dual_part[~is_zero]) / primal[~is_zero]).max(initial=0.0)))
+        return largest
 
     def _work(self, z: FloatArray, dual: CellFields) -> tuple[float, float]:
-        """∫ τ : (ε(z) − cζ) + ε⁰ : ζ dx, and |ε(z) − cζ|, with springs."""
+        """∫ τ : (ε(z) − cζ) + ε⁰ : ζ dx and |ε(z) − cζ|, both with springs."""
         fields, companion = self.fields, self.errors.displacement
         strain = companion.cell_strain(fields.t, z)
-        apart = strain - np.einsum("ckl,cgl->cgk", fields.compliances, dual.stress)
+        misfit = strain - np.einsum("ckl,cgl->cgk", fields.compliances, dual.stress)
         size = float(dual.apart(strain).sum())
-        work = float(np.einsum("cg,cgk,cgk->", fields.weights, fields.stress, apart))
+        work = float(np.einsum("cg,cgk,cgk->", fields.weights, fields.stress, misfit))
         work += fields.work(dual.stress, fields.at_rest)
-        stretched, t = self.body.contacts.stretched(z), gauss_legendre(EDGE_POINTS)[0]
-        for own, each in zip(fields.springs, dual.springs, strict=True):
-            missed = each.missed(companion.along(each.name, stretched, t))  # k (d + ζ/k): springs bear −τ and −ζ
-            size += float((each.weights * missed**2).sum())
-            work -= float((each.weights * own.traction * missed).sum())
+        stretch, t = self.body.contacts.stretched(z), gauss_legendre(EDGE_POINTS)[0]
+        for spring, dual_spring in zip(fields.springs, dual.springs, strict=True):
+            gap = dual_spring.missed(companion.along(dual_spring.name, stretch, t))  # k d + ζ: springs bear −τ and −ζ
+            size += float((dual_spring.weights * gap**2).sum())
+            work -= float((dual_spring.weights * spring.traction * gap).sum())
         return work, float(np.sqrt(size))

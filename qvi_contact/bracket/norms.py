@@ -1,9 +1,10 @@
-"""The norm of the friction operator R, proved or by finite elements, and how an error grows with it.
+"""The norm of the friction operator R, proved or by finite elements, and the bounds of errors that follow from it.
 
-R takes displacements v of W, which vanish where displacements are prescribed, to W. On contacts with Coulomb friction
-(Rv)_N = μ s v_T, s the share, and (Rv)_T = 0. On the others it has no normal part, and no tangential part where they
-bear shear. Any such R with RR = 0 serves: on rectangles Rv = θ v_a e_b, on star-shaped bodies Rv = η v_t n, whose norms
-are proved; elsewhere that of finite elements with the least energy, without the motions that contacts alone stop.
+R maps W, the displacements that vanish where displacements are prescribed, to W. On contacts with Coulomb friction
+(Rv)_N = μ s v_T, with the share s, and (Rv)_T = 0. On the other contacts (Rv)_N = 0, and (Rv)_T = 0 where they bear
+shear. Any R of this kind with RR = 0 will do. On rectangles Rv = θ v_a e_b and on star-shaped bodies Rv = η v_t n have
+proved norms. On other bodies finite elements give the R of least energy, and its norm is computed, not proved. Rigid
+motions that contacts alone stop are then left out of W.
 
 In `docs/theory.md`: (D26), (D28), (D29), (D30), (D32), (D39).
 """
@@ -36,267 +37,283 @@ from qvi_contact.problem.conditions import bears_shear, has_coulomb
 from qvi_contact.problem.problem import ContactProblem
 
 ANGLES: Final = np.linspace(0.0, np.pi / 2.0, 4097)
-"""Angles at which a smooth function is compared for its maximum."""
+"""Angles χ at which the function whose maximum is the square of a norm is evaluated."""
 ROUNDED: Final = 1.0 + 1e-6
-"""Factor from the maximum at these angles to what is no less than that of all."""
-_PLACE: Final = 1e-9  # of the body's size: a place on a side
-_FIELD_DEGREE: Final = 2  # of the field that shows how supports hold the mean rotation
+"""A factor of safety: times the largest value at `ANGLES` it is above the maximum over all angles."""
+_PLACE: Final = 1e-9  # of the body's size: points within this distance of a line lie on it
+_FIELD_DEGREE: Final = 2  # degree of the elements for the field ψ_h in (D32)
 
 
 def one_ratio(problem: ContactProblem) -> float | None:
-    """Poisson's ratio of the plane state, −c12/c11, of a body of one material; None where there are several."""
+    """Poisson's ratio ν′ = −c12/c11 of the plane state of a body of one material; None if it has several materials."""
     if len(np.unique(problem.compliances.reshape(-1, 9), axis=0)) > 1:
         return None
     return -float(problem.compliances[0][0, 1] / problem.compliances[0][0, 0])
 
 
 def proved_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
-    """The least proved norm, of several bodies the largest of theirs; infinity where there is none.
+    """The smaller of the two proved norms, the largest over all bodies; infinity where no norm is proved.
 
-    Nothing is proved of bodies with arcs, of cracks, of plates that forces drive, under friction or tied to a body, of
-    bodies on beds of springs, and of springs along a contact with friction. Other springs only make the norm less:
-    displacements without stretch are images, and |v| is larger than without springs.
+    No norm is proved for bodies with arcs or cracks, for plates that forces drive if they have friction or are tied to
+    the body, for bodies on tied beds of springs, and for springs along a contact with friction. Other springs only
+    lower the norm: (Rv, 0) is an image without stretch of springs, and |(v, d)| ≥ |v|.
     """
-    for each in problem.contacts:
-        yields = each.tangential_stiffness is not None if has_coulomb(each) else each.law == "tied" and each.has_springs
-        driven = each.plate is not None and each.plate.driven  # what is tied to it is not held
-        if yields or (driven and (has_coulomb(each) or each.law == "tied")):
+    for contact in problem.contacts:
+        is_rough, is_tied = has_coulomb(contact), contact.law == "tied"
+        has_bed = contact.tangential_stiffness is not None if is_rough else is_tied and contact.has_springs
+        is_driven = contact.plate is not None and contact.plate.driven
+        if has_bed or (is_driven and (is_rough or is_tied)):
             return np.inf
     try:
         bodies = bodies_of(problem)
     except InputError:
         return np.inf
-    largest = 0.0
+    largest_norm = 0.0
     for body in bodies:
         if any(map(has_coulomb, body.problem.contacts)):
-            own, straight = shares_on(body, problem, shares), not body.problem.mesh.sides.any()
-            found = min(rectangle_norm(body.problem, own), star_norm(body.problem, own)) if straight else np.inf
-            if not found < np.inf:  # NaN proves nothing either
+            own, has_arcs = shares_on(body, problem, shares), body.problem.mesh.sides.any()
+            norm = np.inf if has_arcs else min(rectangle_norm(body.problem, own), star_norm(body.problem, own))
+            if not norm < np.inf:  # NaN proves nothing either
                 return np.inf
-            largest = max(largest, found)
-    return largest
+            largest_norm = max(largest_norm, norm)
+    return largest_norm
 
 
 def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
-    """The norm of Rv = θ v_a e_b on a rectangle with its contacts across the axis b; else infinity.
+    """A bound of |R| for Rv = θ v_a e_b, see (D29); infinity if the body is no suitable rectangle.
 
-    The body is a rectangle of one material, its contacts with Coulomb friction lie on one side or on two opposite ones,
-    and along one whole side at right angles to these v_a = 0. θ is ±μ s on the contacts, and linear along b, see (D29).
+    The body is a rectangle of one material with axes a and b. Its contacts with Coulomb friction lie on one side or on
+    two opposite sides, whose normals are ±e_b. On one whole side with the normal ±e_a, v_a = 0. θ is ±μ s on the sides
+    with contacts, with the sign of the normal, and linear along b.
     """
-    mesh, boundary, ratio = problem.mesh, problem.mesh.boundary, one_ratio(problem)
-    first = mesh.edges(next(filter(has_coulomb, problem.contacts)).edges)
-    turn = np.column_stack([first.tangent[0], first.normal[0]])  # to axes along a contact and across it
-    normals, directions = boundary.normal @ turn, [each @ turn for each in held_directions(problem)]
-    vertices, along = mesh.vertices @ turn, boundary.tangent @ turn[:, 0]
+    # coordinates along the tangent (axis a) and the normal (axis b) of the first edge with friction
+    mesh, boundary, ratio, a, b = problem.mesh, problem.mesh.boundary, one_ratio(problem), 0, 1
+    rough_edges = mesh.edges(next(filter(has_coulomb, problem.contacts)).edges)
+    rotation = np.column_stack([rough_edges.tangent[0], rough_edges.normal[0]])
+    normals, held_vectors = boundary.normal @ rotation, [each @ rotation for each in held_directions(problem)]
+    vertices, tangents = mesh.vertices @ rotation, boundary.tangent @ rotation[:, 0]
+    # every edge lies on a side of the bounding rectangle: the side with the normal ±e_axis, + where `at_high_end`
     corners, axis = vertices[np.unique(mesh.cells)], np.argmax(np.abs(normals), axis=1)
-    low, high, every = corners.min(axis=0), corners.max(axis=0), np.arange(len(axis))
-    end, ends = normals[every, axis] > 0.0, vertices[np.stack([boundary.first, boundary.second], axis=1)]
-    away = np.abs(ends.mean(axis=1) - np.where(end[:, None], high, low))[every, axis]
-    held = np.array([[spans(each, unit) for unit in np.eye(2)] for each in directions])
-    vectors = np.concatenate([normals, *(directions[edge] for edge in np.flatnonzero(~held.all(axis=1)))])
-    slanted = not np.allclose(np.abs(vectors).max(axis=1), 1.0, rtol=0.0, atol=_PLACE)
-    if ratio is None or slanted or away.max() > _PLACE * (high - low).max():
+    low, high, edge_numbers = corners.min(axis=0), corners.max(axis=0), np.arange(len(axis))
+    at_high_end = normals[edge_numbers, axis] > 0.0
+    edge_ends = vertices[np.stack([boundary.first, boundary.second], axis=1)]
+    distance = np.abs(edge_ends.mean(axis=1) - np.where(at_high_end[:, None], high, low))[edge_numbers, axis]
+    is_held = np.array([[spans(each, unit) for unit in np.eye(2)] for each in held_vectors])  # (edges, 2)
+    vectors = np.concatenate([normals, *(held_vectors[edge] for edge in np.flatnonzero(~is_held.all(axis=1)))])
+    is_slanted = not np.allclose(np.abs(vectors).max(axis=1), 1.0, rtol=0.0, atol=_PLACE)
+    if ratio is None or is_slanted or distance.max() > _PLACE * (high - low).max():
         return np.inf
-    pressed, rough, rubs = np.zeros((3, len(boundary)), dtype=bool)  # where (Rv)_N = 0, (Rv)_T = 0, and with friction
-    theta, steps = np.zeros((len(axis), 3)), np.zeros((len(axis), 16))  # at both ends and at most; see `Share.steepest`
+    # by edge: whether (Rv)_N = 0 and (Rv)_T = 0 are demanded, and whether friction acts; θ at both ends and the
+    # largest |θ|; bounds of |dθ/dt| on 16 parts, see `Share.steepest`
+    no_normal, no_tangential, has_friction = np.zeros((3, len(boundary)), dtype=bool)
+    theta, theta_slopes = np.zeros((len(axis), 3)), np.zeros((len(axis), 16))
     for contact in problem.contacts:
-        index = mesh.edge_set(contact.edges)
+        edges = mesh.edge_set(contact.edges)
         if has_coulomb(contact):
             share = shares[contact.name]
-            theta[index, :2] = np.where(end[index], share.friction, -share.friction)[:, None] * share.values[:, [0, -1]]
-            theta[index, 2] = share.friction * np.abs(share.values).max(axis=1)
-            rubs[index], steps[index] = True, share.friction * share.steepest()
+            signed_friction = np.where(at_high_end[edges], share.friction, -share.friction)
+            theta[edges, :2] = signed_friction[:, None] * share.values[:, [0, -1]]
+            theta[edges, 2] = share.friction * np.abs(share.values).max(axis=1)
+            has_friction[edges], theta_slopes[edges] = True, share.friction * share.steepest()
         elif contact.law != "tied":
-            pressed[index], rough[index] = True, bears_shear(contact)
-    if len(set(axis[rubs])) != 1 or (along[rubs] < 0.0).any():
+            no_normal[edges], no_tangential[edges] = True, bears_shear(contact)
+    if (axis[has_friction] != b).any() or (tangents[has_friction] < 0.0).any():
         return np.inf
-    b = int(axis[rubs][0])
-    a, extent = 1 - b, high - low
-    mirrors = [[held[(axis == k) & (end == side), k].all() for side in (False, True)] for k in (0, 1)]
-    beside = axis == a
-    if not any(mirrors[a]) or not (held[:, a] | ~(held[:, b] | rough))[beside].all():
+    # on the sides with the normal ±e_a: v_a = 0 on one whole side; elsewhere v_a = 0, or nothing is demanded along e_b
+    extent = high - low
+    is_mirror = [[is_held[(axis == k) & (at_high_end == end), k].all() for end in (False, True)] for k in (0, 1)]
+    if not any(is_mirror[a]) or not (is_held[:, a] | ~(is_held[:, b] | no_tangential))[axis == a].all():
         return np.inf
-    demanded = (axis == b) & (rubs | ((held[:, b] | pressed) & ~held[:, a]))
-    rests, largest, rotations = np.array([low[a], high[a]])[mirrors[a]], list[float](), list[FloatArray]()
-    for side in {*end[demanded].tolist()}:
-        chosen = np.flatnonzero(demanded & (end == side))
-        chosen = chosen[np.argsort(ends[chosen, :, a].min(axis=1))]
-        rotations.append(_rotation(np.sort(ends[chosen, :, a], axis=1), theta[chosen], steps[chosen], rests))
-        largest.append(float(theta[chosen, 2].max()))
-    steep = 0.0 if len(largest) == 1 else sum(largest) / extent[b]
-    shape = (extent[b] if any(mirrors[b]) else extent[b] / 2.0) / extent[a]
-    shape = max(shape, 1.0 / shape) if any(mirrors[b]) else shape
-    # the mirrored rectangle is cut across where the rotation is odd, so that its mean over each part is zero
-    ratios = [min(shape / n, n / shape) for n in (max(int(shape), 1), int(shape) + 1)]
-    inf_sup = float(np.sin(0.5 * np.arctan(max(ratios))))
-    H = float(np.max(rotations, axis=0).min())
-    return rectangle_constant(ratio, inf_sup, max(largest), steep * 2.0 * extent[a] / np.pi, H)
+    # max |θ| and H on each side with the normal ±e_b where θ is demanded: ±μ s, or 0 where (Rv)_b = 0 and v_a is free
+    is_demanded = (axis == b) & (has_friction | ((is_held[:, b] | no_normal) & ~is_held[:, a]))
+    zeros, largest_theta, H_of_sides = np.array([low[a], high[a]])[is_mirror[a]], list[float](), list[FloatArray]()
+    for end in {*at_high_end[is_demanded].tolist()}:
+        edges = np.flatnonzero(is_demanded & (at_high_end == end))
+        edges = edges[np.argsort(edge_ends[edges, :, a].min(axis=1))]
+        spans_of_edges = np.sort(edge_ends[edges, :, a], axis=1)
+        H_of_sides.append(_slope_factor(spans_of_edges, theta[edges], theta_slopes[edges], zeros))
+        largest_theta.append(float(theta[edges, 2].max()))
+    theta_b = 0.0 if len(largest_theta) == 1 else sum(largest_theta) / extent[b]  # ≥ |∂_b θ|
+    H = float(np.max(H_of_sides, axis=0).min())
+    # β of a part of the mirrored rectangle, which is cut in n parts along an axis across which ω is odd, so that the
+    # mean of ω over each part is zero: along b, and also along a if the rectangle is mirrored along b
+    aspect = (extent[b] if any(is_mirror[b]) else extent[b] / 2.0) / extent[a]
+    aspect = max(aspect, 1.0 / aspect) if any(is_mirror[b]) else aspect
+    part_aspects = [min(aspect / n, n / aspect) for n in (max(int(aspect), 1), int(aspect) + 1)]
+    inf_sup = float(np.sin(0.5 * np.arctan(max(part_aspects))))
+    return rectangle_constant(ratio, inf_sup, max(largest_theta), theta_b * 2.0 * extent[a] / np.pi, H)
 
 
-def _rotation(places: FloatArray, theta: FloatArray, steps: FloatArray, rests: FloatArray) -> FloatArray:
-    """H with ‖θ′ v‖ ≤ H ‖v′‖ for all v of a side that vanish at a place of `rests`: v² ≤ |a − place| ‖v′‖².
+def _slope_factor(spans_of_edges: FloatArray, theta: FloatArray, slopes: FloatArray, zeros: FloatArray) -> FloatArray:
+    """H with ‖∂_aθ v_a‖ ≤ H ‖∂_a v_a‖ on one side: H² = ∫ (∂_aθ)² |a − a₀| da, for each a₀ in `zeros`, where v_a = 0.
 
-    θ is given by the side's edges in order, and linear between them.
+    The edges of the side are in order, with θ at their ends and bounds of its slopes on equal parts; θ is linear
+    across the gaps between edges.
     """
-    between = np.stack([places[:-1, 1], places[1:, 0], np.abs(theta[1:, 0] - theta[:-1, 1])])
-    apart = between[1] > between[0]
-    steps[1:][~apart & (between[2] > _PLACE)] = np.inf  # a jump, which springs across a contact allow
-    grid = np.linspace(places[:, 0], places[:, 1], steps.shape[1] + 1)
-    parts = np.stack([grid[:-1], grid[1:], steps.T / np.diff(grid, axis=0)]).reshape(3, -1)
-    between = between[:, apart]
-    between[2] /= between[1] - between[0]
-    start, stop, d = np.concatenate([parts, between], axis=1)
-    squares = d**2 * np.abs((start + stop) / 2.0 - rests[:, None]) * (stop - start)
+    # gaps: start, end, change of θ. Where edges meet, a jump of θ, which springs across a contact allow, has no bound
+    gaps = np.stack([spans_of_edges[:-1, 1], spans_of_edges[1:, 0], np.abs(theta[1:, 0] - theta[:-1, 1])])
+    is_gap = gaps[1] > gaps[0]
+    slopes[1:][~is_gap & (gaps[2] > _PLACE)] = np.inf
+    grid = np.linspace(spans_of_edges[:, 0], spans_of_edges[:, 1], slopes.shape[1] + 1)
+    parts = np.stack([grid[:-1], grid[1:], slopes.T / np.diff(grid, axis=0)]).reshape(3, -1)
+    gaps = gaps[:, is_gap]
+    gaps[2] /= gaps[1] - gaps[0]
+    start, stop, slope = np.concatenate([parts, gaps], axis=1)
+    squares = slope**2 * np.abs((start + stop) / 2.0 - zeros[:, None]) * (stop - start)
     return np.asarray(np.sqrt(squares.sum(axis=1)))
 
 
-def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: float, turned: float = 0.0) -> float:
-    """The norm of v ↦ θ v_a e_b in the energy norm: a number it does not exceed.
+def rectangle_constant(ratio: float, inf_sup: float, largest: float, steepest: float, H: float = 0.0) -> float:
+    """A bound of the norm of v ↦ θ v_a e_b in the energy norm, r in (D29).
 
-    `ratio` is Poisson's of the plane state, −c12/c11: ν in plane stress, ν/(1 − ν) in plane strain; `inf_sup` is β of
-    the rectangle mirrored at the sides where displacements are odd; `largest` is max |θ|, `steepest` max |∂_b θ| times
-    the constant of Poincaré's inequality ‖v_a‖ ≤ k ‖∂_a v_a‖, and `turned` is H with ‖∂_a θ v_a‖ ≤ H ‖∂_a v_a‖.
+    `ratio` is Poisson's ratio ν′ = −c12/c11 of the plane state: ν in plane stress, ν/(1 − ν) in plane strain. `inf_sup`
+    is β of the rectangle mirrored at the sides where displacements are odd. `largest` is e = max |θ|, `steepest` is d =
+    max |∂_bθ| times the constant k of Poincaré's inequality ‖v_a‖ ≤ k ‖∂_a v_a‖; ‖∂_aθ v_a‖ ≤ H ‖∂_a v_a‖.
     """
-    if not np.isfinite(turned):
+    if not np.isfinite(H):
         return float("inf")
-    soft, stiff, gain = 1.0 - ratio, 1.0 + ratio, inf_sup**-2
-    sheared = largest * np.cos(ANGLES)  # weight of ∂_b v_a, of its rotation and of its shear strain
-    stretched = steepest * np.cos(ANGLES) + (largest + turned) * np.sqrt(soft / 2.0) * np.sin(ANGLES)
-    rotation = np.array([gain / (2.0 * soft), (gain - 1.0) / (2.0 * stiff)])
-    square = sheared**2 * (rotation.sum() + 0.5 / soft) + stretched**2 / (soft * stiff)
-    square += 2.0 * sheared * np.sqrt(rotation[0] * (sheared**2 + stretched**2) / (2.0 * soft))
-    square += 2.0 * sheared * stretched * np.sqrt(rotation[1] / (2.0 * stiff))
+    one_minus, one_plus, G = 1.0 - ratio, 1.0 + ratio, inf_sup**-2
+    e_cos = largest * np.cos(ANGLES)
+    P = steepest * np.cos(ANGLES) + (largest + H) * np.sqrt(one_minus / 2.0) * np.sin(ANGLES)
+    M = np.array([G / (2.0 * one_minus), (G - 1.0) / (2.0 * one_plus)])
+    square = e_cos**2 * (M.sum() + 0.5 / one_minus) + P**2 / (one_minus * one_plus)
+    square += 2.0 * e_cos * np.sqrt(M[0] * (e_cos**2 + P**2) / (2.0 * one_minus))
+    square += 2.0 * e_cos * P * np.sqrt(M[1] / (2.0 * one_plus))
     return float(np.sqrt(square.max()) * ROUNDED)
 
 
 def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
-    """A number that |R| does not exceed, infinite where the body or its contacts are of another kind.
+    """A bound of |R| for Rv = η v_t n, see (D32); infinity if the body or its contacts do not suit.
 
-    The body has one material, no holes, and is star-shaped with respect to a disc. All contacts with Coulomb friction
-    are parallel and slip one way, with the same η = ±μ across. Elsewhere nothing is demanded of displacements along n
-    where v_t ≠ 0.
+    The body has one material and no holes, and is star-shaped with respect to a disc. All contacts with Coulomb
+    friction are parallel, with the normal n and the tangent t, and slip one way: η = ±μ is one number. Elsewhere
+    nothing may be demanded of displacements along n, or v_t = 0.
     """
-    boundary, sides = problem.mesh.boundary, held_directions(problem)
-    weights = np.zeros(len(boundary))  # ±μ of each edge
+    boundary, held_vectors = problem.mesh.boundary, held_directions(problem)
+    weights = np.zeros(len(boundary))  # by edge ±μ, with the sense of slip along the edge's tangent
     for share in shares.values():
         if not share.slipping.all() or np.ptp(share.slipping) != 0.0:
             return np.inf
         weights[problem.mesh.edge_set(share.contact.edges)] = share.slipping[0] * share.friction
-    chosen = np.flatnonzero(weights != 0.0)
-    normal = boundary.normal[chosen[0]]
+    rough_edges = np.flatnonzero(weights != 0.0)
+    normal = boundary.normal[rough_edges[0]]
     tangent = np.array([-normal[1], normal[0]])
-    slopes = weights[chosen] * (boundary.normal[chosen] @ normal)
-    parallel = np.abs(boundary.normal[chosen] @ tangent).max() <= PARALLEL
-    if not parallel or np.ptp(slopes) > PARALLEL * np.abs(slopes).max():
+    across = weights[rough_edges] * (boundary.normal[rough_edges] @ normal)
+    is_parallel = np.abs(boundary.normal[rough_edges] @ tangent).max() <= PARALLEL
+    if not is_parallel or np.ptp(across) > PARALLEL * np.abs(across).max():
         return np.inf
-    if any(not spans(held, tangent) and (np.abs(held @ normal) > PARALLEL).any() for held in sides):
+    if any(not spans(held, tangent) and (np.abs(held @ normal) > PARALLEL).any() for held in held_vectors):
         return np.inf
     for contact in problem.contacts:
-        index = problem.mesh.edge_set(contact.edges)
-        beside = contact.law != "tied" and not weights[index].any()
-        if beside and (bears_shear(contact) or np.abs(boundary.normal[index] @ normal).max() > PARALLEL):
+        edges = problem.mesh.edge_set(contact.edges)
+        is_other = contact.law != "tied" and not weights[edges].any()
+        if is_other and (bears_shear(contact) or np.abs(boundary.normal[edges] @ normal).max() > PARALLEL):
             return np.inf
     ratio = one_ratio(problem)
     if ratio is None:
         return np.inf
-    gain, soft = _gain(problem, sides), 1.0 - ratio  # the norm of v ↦ v_t n, by the rotation and the strains of v
-    across, along = np.cos(ANGLES), np.sqrt(soft / 2.0) * np.sin(ANGLES)
-    rotation = np.sqrt((gain - 0.5) / min(soft, 1.0 + ratio))
-    strains = np.sqrt(across**2 / (2.0 * soft) + along**2 / (1.0 - ratio**2))
-    return float(np.abs(slopes).max()) * float((across * rotation + strains).max() * ROUNDED)
+    # |Rv| ≤ |η| max_χ cos χ ‖ω‖ + (the terms of the strains ε_tn and ε_tt), see (D32)
+    G, one_minus = _divergence_constant(problem, held_vectors), 1.0 - ratio
+    cos_angle, weighted_sin = np.cos(ANGLES), np.sqrt(one_minus / 2.0) * np.sin(ANGLES)
+    rotation = np.sqrt((G - 0.5) / min(one_minus, 1.0 + ratio))
+    strains = np.sqrt(cos_angle**2 / (2.0 * one_minus) + weighted_sin**2 / (1.0 - ratio**2))
+    return float(np.abs(across).max()) * float((cos_angle * rotation + strains).max() * ROUNDED)
 
 
-def _gain(problem: ContactProblem, sides: list[FloatArray]) -> float:
-    """G with ‖∇ψ‖² ≤ G ‖ω‖² for a ψ of divergence ω, the rotation of any displacement, zero where these are free."""
+def _divergence_constant(problem: ContactProblem, held_vectors: list[FloatArray]) -> float:
+    """G in (D32): every rotation ω of a displacement is div ψ with ‖∇ψ‖² ≤ G ‖ω‖².
+
+    ψ vanishes on the boundary, component by component, but on edges where that component of displacements is held.
+    """
     from scipy.optimize import minimize  # slow to import, and few bodies need it
 
     mesh, boundary = problem.mesh, problem.mesh.boundary
     corners = mesh.vertices[np.unique(mesh.cells)]
 
-    def negative(centre: FloatArray) -> float:
+    def negative_ratio(centre: FloatArray) -> float:
         """−r/R, r the distance of a point from the lines of all edges, R that from the farthest vertex."""
-        inside = ((mesh.vertices[boundary.first] - centre) * boundary.normal).sum(axis=1).min()
-        return -float(inside / np.linalg.norm(corners - centre, axis=1).max())
+        inner_radius = ((mesh.vertices[boundary.first] - centre) * boundary.normal).sum(axis=1).min()
+        return -float(inner_radius / np.linalg.norm(corners - centre, axis=1).max())
 
-    found = minimize(negative, np.asarray(corners.mean(axis=0), dtype=float), method="Nelder-Mead")
-    inf_sup = float(np.sin(0.5 * np.arcsin(max(-negative(np.asarray(found.x)), 0.0))))  # ≤ β
+    optimum = minimize(negative_ratio, np.asarray(corners.mean(axis=0), dtype=float), method="Nelder-Mead")
+    inf_sup = float(np.sin(0.5 * np.arcsin(max(-negative_ratio(np.asarray(optimum.x)), 0.0))))  # ≤ β
     if inf_sup == 0.0 or mesh.hole_edges.any():
         return np.inf
-    # by a field of mean divergence 1 where supports are, and by β for what is left
+    # ψ_h minimises ‖∇ψ‖² + ‖1 − div ψ‖²/β² and is then scaled to the mean divergence 1
     space = DisplacementSpace.of(problem, triangle(_FIELD_DEGREE), problem.mesh.length)
     n, numbers = len(space.cell.places), space.along(problem.mesh.boundary)
-    unknown = np.ones((space.size // 2, 2), dtype=bool)  # components that vanish on edges that leave them free
-    for edge, held in enumerate(sides):
-        unknown[numbers[edge]] &= [spans(held, unit) for unit in np.eye(2)]
-    free = unknown.ravel()
+    is_free = np.ones((space.size // 2, 2), dtype=bool)
+    for edge, held in enumerate(held_vectors):
+        is_free[numbers[edge]] &= [spans(held, unit) for unit in np.eye(2)]
+    free_dofs = is_free.ravel()
     trace = np.array([1.0, 1.0, 0.0])
     body = Elasticity(space, np.tile(np.outer(trace, trace), (len(space.table), 1, 1)))
-    squared, (t, weights) = body.stiffness(), body.points()  # ‖div ψ‖²
-    mean, area = body.virtual_work(weights[..., None] * trace, t), float(weights.sum())  # ∫ div ψ
+    div_squared, (t, weights) = body.stiffness(), body.points()  # ‖div ψ‖²
+    div_integral, area = body.virtual_work(weights[..., None] * trace, t), float(weights.sum())  # ∫ div ψ
     matrices = space.areas, space.slopes, space.slopes, reference_matrices(space.cell), np.eye(2)
     blocks = np.einsum("c,cax,cbx,abij,kl->cikjl", *matrices, optimize=True)
     laplace = space.assembled(blocks.reshape(-1, 2 * n, 2 * n))  # ‖∇ψ‖²
-    matrix, right = laplace + squared / inf_sup**2, mean / inf_sup**2
-    if not right[free].any():
+    matrix, right = laplace + div_squared / inf_sup**2, div_integral / inf_sup**2
+    if not right[free_dofs].any():
         return np.inf
     field = np.zeros(space.size)
-    field[free] = spsolve(sparse.csc_array(matrix[free][:, free]), right[free])
-    flux = float(mean @ field)
-    if not flux > 1e-9 * area:
+    field[free_dofs] = spsolve(sparse.csc_array(matrix[free_dofs][:, free_dofs]), right[free_dofs])
+    integral = float(div_integral @ field)
+    if not integral > 1e-9 * area:
         return np.inf
-    field *= area / flux
-    size = np.sqrt(max(float(field @ (laplace @ field)), 0.0) / area)
-    left = np.sqrt(max(float(field @ (squared @ field)) / area - 1.0, 0.0))
-    return float((size + left / inf_sup) ** 2 + inf_sup**-2)
+    field *= area / integral
+    A = np.sqrt(max(float(field @ (laplace @ field)), 0.0) / area)
+    B = np.sqrt(max(float(field @ (div_squared @ field)) / area - 1.0, 0.0))
+    return float((A + B / inf_sup) ** 2 + inf_sup**-2)
 
 
 LARGEST: Final = 2.0
-"""The norm s from which on nothing is bounded."""
+"""The norm r of R from which on no error is bounded: (D28) needs r < 2."""
 
 UNHELD: Final = (
-    "Contacts alone hold a body, and {}. Its errors are not bounded: refine the mesh, or hold the body along a contact "
+    "Contacts alone hold a body, and {}. Errors are not bounded: refine the mesh, or hold the body along a contact "
     "if there is a support in reality."
 )
-_DEGREE: Final = 3  # of displacements by which a norm is computed
-_USEFUL: Final = 1.6  # norm up to which proved bounds are not many times as large as errors
-_MOTIONS: Final = 3  # up to which every sense of each has a norm of its own
-_PARTS: Final = (1.0, 0.5, 0.25, 0.125)  # of the friction that is left which are tried: the norm grows with it,
-_NEARLY: Final = 0.75  # share of the largest reach that is enough
-_ALIKE: Final = 1e-6  # of a motion's largest slip: edges that it moves alike
-_STOPS: Final = 1e-6  # of the largest friction times slip, or pressure times opening: what stops a motion
-_RIGID: Final = 1e-10  # of the energy of its coefficients one by one: what strains a body no more does not
-_PIECES: Final = (1, 2, 3)  # into which contacts that press are cut
+_DEGREE: Final = 3  # of the displacements with which norms are computed
+_USEFUL: Final = 1.6  # largest proved norm that is used: bounds by larger ones are many times as large as the errors
+_MOTIONS: Final = 3  # up to this number of motions, the norm is computed for all combinations of their senses
+_PARTS: Final = (1.0, 0.5, 0.25, 0.125)  # λ in (D39), the part of the unused friction that is taken: r grows with λ
+_NEARLY: Final = 0.75  # of the largest reach: the smallest λ whose reach is above is taken
+_ALIKE: Final = 1e-6  # relative to a motion's largest coefficient: slips that differ by less are equal, or zero
+_STOPS: Final = 1e-6  # relative singular value of the means of motions over groups, below which a motion is not stopped
+_RIGID: Final = 1e-10  # strain energy, relative to that of the single coefficients, below which a motion is rigid
+_PIECES: Final = (1, 2, 3)  # numbers of pieces into which a contact that presses is cut
 
 
-def coercivity(s: float) -> float:
-    """α = min a(e, e − Se)/|e|² = 1 − s/2, which is also min a(e, q)/|q|² for q = e − Se."""
-    return 1.0 - s / 2.0
+def coercivity(r: float) -> float:
+    """α = 1 − r/2 in (D28): a(e, q) ≥ α |e|² and a(e, q) ≥ α |q|² for q = e − Re, r the norm of R."""
+    return 1.0 - r / 2.0
 
 
-def amplification(s: float) -> float:
-    """The factor f = max |e − Se| |e|/a(e, e − Se) = (4 + s²)/(4 − s²) of ρ, for 0 ≤ s < 2."""
-    return (4.0 + s**2) / (4.0 - s**2)
+def amplification(r: float) -> float:
+    """The factor f = (4 + r²)/(4 − r²) of (D28): |q| |e| ≤ f a(e, q), for 0 ≤ r < 2. It multiplies ρ in F."""
+    return (4.0 + r**2) / (4.0 - r**2)
 
 
-def error_bound(residual: float, defect: float, s: float) -> float:
-    """T2: F = ½ [fρ + √(f²ρ² + 4δ/α)], the larger root of x² = fρx + δ/α; infinite from s = 2 on."""
-    if not s < LARGEST:
+def error_bound(residual: float, defect: float, r: float) -> float:
+    """F = ½ [fρ + √(f²ρ² + 4δ/α)] ≥ |σ − τ|, |u − v|, the larger root of x² = fρx + δ/α; infinite for r ≥ 2. See T2."""
+    if not r < LARGEST:
         return float("inf")
-    grown = amplification(s) * residual
-    return float(0.5 * (grown + np.hypot(grown, 2.0 * np.sqrt(defect / coercivity(s)))))
+    grown = amplification(r) * residual
+    return float(0.5 * (grown + np.hypot(grown, 2.0 * np.sqrt(defect / coercivity(r)))))
 
 
-def defect_bound(residual: float, defect: float, s: float) -> float:
-    """T2: Σ ≤ ρ²/(4α) + δ; infinite from s = 2 on."""
-    return residual**2 / (4.0 * coercivity(s)) + defect if s < LARGEST else float("inf")
+def defect_bound(residual: float, defect: float, r: float) -> float:
+    """The bound ρ²/(4α) + δ of Σ, see T2; infinite for r ≥ 2."""
+    return residual**2 / (4.0 * coercivity(r)) + defect if r < LARGEST else float("inf")
 
 
 @dataclass(frozen=True)
 class FrictionNorm:
-    """A number that |R| does not exceed, infinite where there is none.
+    """A bound of |R|; infinite where none is known.
 
-    Unless it is `proved`, finite elements found it, on one mesh; `reason` says so in words. Where contacts alone stop
-    motions (`stopped`), R acts on displacements without them.
+    It is `proved`, or was computed by finite elements on one mesh; `reason` says which. Where contacts alone stop rigid
+    motions (`stopped`), it is the norm on displacements without these motions.
     """
 
     value: float
@@ -305,38 +322,36 @@ class FrictionNorm:
     stopped: Stopped | None = None
 
     def work(self, problem: ContactProblem, shares: Mapping[str, Share], error: float, defect: float) -> float:
-        """No less than ∫ (σ − τ) : ε(Re) for the R of other shares, by F and a bound of Σ; infinite without a norm.
+        """A bound of ∫ (σ − τ) : ε(Re) for the R of the given shares, from F and a bound of Σ; infinite without a norm.
 
-        Where this norm is proved, that of R is, too.
+        The norm of this R is proved if `self` is.
         """
         if not any(share.values.any() for share in shares.values()):
             return 0.0
         if self.proved:
             return proved_norm(problem, shares) * error**2
-        moved = 0.0 if self.stopped is None else self.stopped.work(shares, error, defect)
-        return computed_norm(problem, shares, self.stopped) * error**2 + moved
+        work_of_motions = 0.0 if self.stopped is None else self.stopped.work(shares, error, defect)
+        return computed_norm(problem, shares, self.stopped) * error**2 + work_of_motions
 
 
 def friction_norm(
-    problem: ContactProblem,
-    shares: Mapping[str, Share],
-    unit: float = 1.0,
+    problem: ContactProblem, shares: Mapping[str, Share], unit: float = 1.0,
     pressures: Mapping[str, FloatArray] = MappingProxyType({}),
-) -> FrictionNorm:
-    """The least proved norm where there is one below 1.6, else that of finite elements; nothing is proved with arcs.
+) -> FrictionNorm:  # fmt: skip
+    """The least proved norm if it is below 1.6, else the norm by finite elements; nothing is proved with arcs.
 
-    Of several bodies it is the largest of the norms that each has alone. Weights of shares have the unit [stress], as
-    have `pressures`: by contact that may open |τ_N| (edges, q) where v touches the obstacle on the whole edge, else 0.
+    It is the largest of the norms of the single bodies. Weights of shares are in the unit [stress], as are `pressures`:
+    by contact that may open |τ_N| (edges, q) where v touches the obstacle on the whole edge, 0 on other edges.
     """
     value = proved_norm(problem, shares)
     if value < _USEFUL:
         return FrictionNorm(value, True, f"The norm of the friction operator is at most {value:.4g}.")
     value, stopped = computed_norm(problem, shares), None
     if value == np.inf:
-        found = _ENERGIES[problem].stopped(shares, pressures, unit)
-        if isinstance(found, str):
-            return FrictionNorm(np.inf, False, UNHELD.format(found))
-        value, stopped = found.norm, found
+        motions = _ENERGIES[problem].stopped(shares, pressures, unit)
+        if isinstance(motions, str):
+            return FrictionNorm(np.inf, False, UNHELD.format(motions))
+        value, stopped = motions.norm, motions
     reason = f"The norm of the friction operator, {value:.3g}, was computed by finite elements, not proved."
     if np.isnan(value):
         return FrictionNorm(np.inf, False, "There are too many contact edges to compute the norm of friction.")
@@ -346,212 +361,217 @@ def friction_norm(
 
 
 def computed_norm(problem: ContactProblem, shares: Mapping[str, Share], stopped: Stopped | None = None) -> float:
-    """The norm of the R whose images have the least energy, max |Rv|/|v|, among finite elements on the mesh.
+    """The norm of the R of least energy, max |Rv|/|v| among finite elements on the mesh.
 
-    The square is the largest λ of D x = λ A x, see (D30), without the motions that friction stops; infinity where
-    contacts can slip without strain, NaN where there are too many coefficients.
+    Its square is the largest λ of D x = λ A x, see (D30), on displacements without the motions that are `stopped`. It
+    is infinite where contacts can slip without strain, and NaN where there are too many coefficients.
     """
     if problem not in _ENERGIES:
         _ENERGIES[problem] = _Energies.of(problem)
-    known = _ENERGIES[problem] if stopped is None else stopped.energies
-    if not len(known.part):
-        return np.nan if known.slips.any() else 0.0
-    held = stopped is not None or np.abs(known.slips @ known.motions).max(initial=0.0) <= _ALIKE
-    return known.norm(known.image(shares)) if held else np.inf
+    energies = _ENERGIES[problem] if stopped is None else stopped.energies
+    if not len(energies.normal_energy):
+        return np.nan if energies.slips.any() else 0.0
+    is_held = stopped is not None or np.abs(energies.slips @ energies.motions).max(initial=0.0) <= _ALIKE
+    return energies.norm(energies.image(shares)) if is_held else np.inf
 
 
 @dataclass(frozen=True, eq=False)
 class Stopped:
-    """Motions d_k without strain that contacts alone stop, 1 ≤ k ≤ j.
+    """Rigid motions d_k, 1 ≤ k ≤ j, that contacts alone stop, see (D39).
 
-    Each moves one group of edges by 1 in the mean, the others of the j groups not at all. A group is stopped by a part
-    ω of the friction that is left where contacts stick, or by the pressure ω of contacts that may open; t_k is the mean
-    over it, with the weight ω, of the slip of e = u − v, or of −e_N. (D39) holds for every solution with |σ − τ| <
-    `reach`, and R for s + ω/B, with the senses of the t_k, in place of s.
+    Each motion moves one group of edges by the mean 1, the other groups by the mean 0. A group is stopped either by
+    friction where it sticks, with the weight ω = λ (1 − |s|) B(τ), or by the pressure of contacts that may open, with
+    ω = |τ_N|. t_k is the mean over the group, with the weight ω, of e_T for friction, of −e_N for pressure, where
+    e = u − v. (D39) holds for every solution with |σ − τ| < `reach`, with the share s + p, p = sign(t_k) ω/B(τ).
     """
 
-    motions: FloatArray  # (n, j): slips d_k
+    motions: FloatArray  # (n, j): slips of d_k
     masses: FloatArray  # (j,): M_k = ∫ ω ds over the group [energy per unit of displacement]
-    images: FloatArray  # (j,): the largest |R d_k| for all senses [√energy per unit of displacement]
-    energies: _Energies  # of displacements with means 0
-    norm: float = np.inf  # the largest norm of such R on these, for all senses
+    images: FloatArray  # (j,): |R d_k|, the largest over all senses [√energy per unit of displacement]
+    energies: _Energies  # of displacements whose means over the groups are 0
+    norm: float = np.inf  # norm of R for s + p on these displacements, the largest over all senses
 
     @property
     def reach(self) -> float:
         """S* = min M_k/|R d_k| [√energy], infinite where all R d_k are rigid motions."""
-        strained = self.images > 0.0
-        return float((self.masses[strained] / self.images[strained]).min(initial=np.inf))
+        is_strained = self.images > 0.0
+        return float((self.masses[is_strained] / self.images[is_strained]).min(initial=np.inf))
 
     def work(self, shares: Mapping[str, Share], error: float, defect: float) -> float:
-        """No less than ∫ (σ − τ) : ε(Σ t_k R d_k) for the R of other shares, by F and δ + ρ²/(4α)."""
+        """A bound of ∫ (σ − τ) : ε(Σ t_k R d_k) for the R of the given shares, from F and X = δ + ρ²/(4α)."""
         sizes = self.energies.sizes(self.energies.image(shares) @ self.motions)
         return float(error * defect * (sizes / (self.masses - error * self.images)).max())
 
 
 class _Group(NamedTuple):
-    """A group of edges, which friction stops or pressure does."""
+    """A group of edges over which the mean of a motion is taken, with the weight ω of friction or of pressure."""
 
-    row: FloatArray  # ∫ ω e_T ds, or of −e_N, of w (k,)
+    row: FloatArray  # (k,): w ↦ ∫ ω e_T ds for friction, −∫ ω e_N ds for pressure
     mass: float  # ∫ ω ds
-    left: Mapping[str, Share]  # by contact what friction has left, ± on edges that slip alike or against each other
-    rough: bool = False  # pressure of a contact with friction
+    unused: Mapping[str, Share]  # by contact ±(1 − |s|), with − on edges that move backwards; empty for pressure
+    is_rough: bool = False  # pressure of a contact with friction
 
 
 @dataclass(frozen=True, eq=False)
 class _Energies:
-    """Least energies of displacements by what they are on contacts with Coulomb friction, of all n coefficients."""
+    """Least strain energies of displacements with given slips, or normal parts, on contacts with Coulomb friction."""
 
     traces: tuple[DisplacementContact, ...]
     scales: Scales
-    B: FloatArray  # (2, n, k): coefficients across and along, from w_Γ
-    slips: FloatArray  # (n, k): those along contacts with Coulomb friction, 0 on others
-    held: FloatArray  # (h, k): rows that vanish, of what is tied or keeps its distance
+    B: FloatArray  # (2, n, k): normal and tangential coefficients on all contacts, of the unknowns w (k,) there
+    slips: FloatArray  # (n, k): tangential coefficients on contacts with Coulomb friction, 0 on other contacts
+    held: FloatArray  # (h, k): rows that vanish, on contacts that are tied or keep their distance
     stiffness: FloatArray  # (k, k): S
-    motions: FloatArray  # (k, j): w without energy, with the largest coefficient 1
-    # (n, n): energies of given normal parts without tangential ones; empty where n is too large, as the others
-    part: FloatArray
-    attained: FloatArray  # (n, a): basis of the slips of displacements: where contacts meet they are the same, or 0
-    below: FloatArray  # (a, a): energies of given slips in that basis
+    motions: FloatArray  # (k, j): rigid motions w, with the largest coefficient 1
+    # (n, n): least energies of given normal coefficients with zero slip; empty, as the next two, where n is too large
+    normal_energy: FloatArray
+    slip_basis: FloatArray  # (n, a): basis of the slips that displacements can have
+    slip_energy: FloatArray  # (a, a): least energies of given slips, A in (D30), in that basis
 
     @classmethod
     def of(cls, problem: ContactProblem) -> _Energies:
-        """By displacements on the mesh."""
-        known, none = BodyAtRest.of(problem, _DEGREE), np.zeros((0, 0))
-        contacts, B = known.contacts, known.B.reshape(2, known.contacts.count, -1)
-        coulomb, tied, rough = contacts.where(has_coulomb), contacts.tied, contacts.where(bears_shear)
-        held = known.B[np.append(contacts.bilateral, tied)]
-        motions = known.body.R / max(float(np.abs(known.B @ known.body.R).max(initial=0.0)), _ALIKE)
-        motions = motions @ null_space(held @ motions, _ALIKE)
-        presses, slips = coulomb[:, None] * B
-        parts = contacts.traces, Scales.of(problem), B, slips, held, known.body.S, motions
-        if len(known.live) > MOST:
-            return cls(*parts, none, none, none)
-        part = least_energy(known.body.S, presses, known.B[np.append(~coulomb, rough | tied)])
-        return cls(*parts, part, none, none).without(held[:0])
+        """Energies of displacements of degree 3 on the mesh."""
+        rest, empty = BodyAtRest.of(problem, _DEGREE), np.zeros((0, 0))
+        contacts, B = rest.contacts, rest.B.reshape(2, rest.contacts.count, -1)
+        is_coulomb, is_tied, is_sheared = contacts.where(has_coulomb), contacts.tied, contacts.where(bears_shear)
+        held_rows = rest.B[np.append(contacts.bilateral, is_tied)]
+        motions = rest.body.R / max(float(np.abs(rest.B @ rest.body.R).max(initial=0.0)), _ALIKE)
+        motions = motions @ null_space(held_rows @ motions, _ALIKE)
+        normals, slips = is_coulomb[:, None] * B
+        parts = contacts.traces, Scales.of(problem), B, slips, held_rows, rest.body.S, motions
+        if len(rest.live) > MOST:
+            return cls(*parts, empty, empty, empty)
+        normal_energy = least_energy(rest.body.S, normals, rest.B[np.append(~is_coulomb, is_sheared | is_tied)])
+        return cls(*parts, normal_energy, empty, empty).without(held_rows[:0])
 
     def without(self, rows: FloatArray) -> _Energies:
-        """The same of displacements on which functionals (r, k) vanish, too."""
+        """The energies of displacements on which the functionals `rows` (r, k) vanish too."""
         zero = np.vstack([self.held, rows])
-        attained = orth(self.slips @ solutions(zero)[1], SINGULAR)
-        return replace(self, below=least_energy(self.stiffness, attained.T @ self.slips, zero), attained=attained)
+        basis = orth(self.slips @ solutions(zero)[1], SINGULAR)
+        return replace(self, slip_energy=least_energy(self.stiffness, basis.T @ self.slips, zero), slip_basis=basis)
 
     def norm(self, *images: FloatArray) -> float:
-        """The norm of what turns slips into normal parts, several counted as legs of one."""
-        turned = (each @ self.attained for each in images if each.any())
-        work = sum((each.T @ self.part @ each for each in turned), np.zeros_like(self.below))
-        return float(np.sqrt(max(float(eigh(work, self.below, eigvals_only=True)[-1]), 0.0))) if work.any() else 0.0
+        """The largest (Σ |R_k v|²)^½/|v|, each R_k a matrix (n, n) from slips to normal coefficients."""
+        in_basis = (each @ self.slip_basis for each in images if each.any())
+        D = sum((each.T @ self.normal_energy @ each for each in in_basis), np.zeros_like(self.slip_energy))
+        return float(np.sqrt(max(float(eigh(D, self.slip_energy, eigvals_only=True)[-1]), 0.0))) if D.any() else 0.0
 
     def sizes(self, normal: FloatArray) -> FloatArray:
-        """|v| (j,) of normal parts (n, j) [√energy per unit of displacement]; 0 of rigid motions, but for rounding."""
-        squares = (normal * (self.part @ normal)).sum(axis=0)
-        strained = squares > _RIGID * (np.diag(self.part) @ normal**2)
-        return np.sqrt(self.scales.energy * np.where(strained, squares, 0.0))
+        """|v| (j,) of given normal coefficients (n, j) [√energy per unit of displacement]; 0 for rigid motions."""
+        squares = (normal * (self.normal_energy @ normal)).sum(axis=0)
+        is_strained = squares > _RIGID * (np.diag(self.normal_energy) @ normal**2)
+        return np.sqrt(self.scales.energy * np.where(is_strained, squares, 0.0))
 
     def image(self, shares: Mapping[str, Share]) -> FloatArray:
-        """Normal parts from slips, μ s x."""
-        turned = np.zeros_like(self.part)
+        """The matrix (n, n) from slips to the normal coefficients of μ s v_T, interpolated edge by edge."""
+        matrix = np.zeros_like(self.normal_energy)
         for trace in self.traces:
             if trace.name in shares:
                 share, p = shares[trace.name], trace.columns.shape[1] - 1
-                nodes, back = lobatto_points(p), bernstein_from_values(p)
-                factors = share.friction * share.at(nodes)
-                blocks = np.einsum("ij,ej,jk,ek->eik", back, factors, bernstein_basis(p, nodes), trace.turned)
+                nodes, to_bernstein = lobatto_points(p), bernstein_from_values(p)
+                mu_s = share.friction * share.at(nodes)
+                blocks = np.einsum("ij,ej,jk,ek->eik", to_bernstein, mu_s, bernstein_basis(p, nodes), trace.turned)
                 columns = trace.start + trace.columns
-                turned[columns[:, :, None], columns[:, None, :]] = blocks
-        return turned
+                matrix[columns[:, :, None], columns[:, None, :]] = blocks
+        return matrix
 
     def stopped(self, shares: Mapping[str, Share], pressures: Mapping[str, FloatArray], unit: float) -> Stopped | str:
-        """What stops the motions without strain, or why nothing does. Weights and pressures have the unit [stress].
+        """The motions without strain that contacts stop, or a reason if some are not stopped.
 
-        Friction alone, else pressure too, of contacts cut into as many pieces as make the reach large.
+        Friction alone is tried first, then pressure too. Contacts that press are cut into as many pieces as give the
+        largest reach. Weights and pressures are in the `unit` [stress].
         """
-        friction, unit = list(self._by_friction(shares)), self.scales.energy * unit / self.scales.stress
-        found = self._stopped(shares, friction, unit)
-        if found is None:
-            cut = (self._by_pressure(pressures, pieces) for pieces in _PIECES)
-            tried = [self._stopped(shares, [*friction, *each], unit) for each in cut]
-            found = max(filter(None, tried), key=lambda each: each.reach, default=None)
-        if found is None:
-            moved = np.abs(self.slips @ self.motions).max(axis=1)
-            moving = [each.name for each in self.traces if each.name in shares and moved[each.here].max() > _ALIKE]
-            loose = [name for name in moving if not (shares[name].room * shares[name].weights).any()]
-            names = " and ".join(map(repr, loose or moving))
-            return f"no part of {names} sticks that would hold it, nor does pressure"
-        return found
+        friction_groups, unit = list(self._friction_groups(shares)), self.scales.energy * unit / self.scales.stress
+        motions = self._stopped(shares, friction_groups, unit)
+        if motions is None:
+            pressure_groups = (self._pressure_groups(pressures, pieces) for pieces in _PIECES)
+            candidates = [self._stopped(shares, [*friction_groups, *each], unit) for each in pressure_groups]
+            motions = max(filter(None, candidates), key=lambda each: each.reach, default=None)
+        if motions is None:
+            slip = np.abs(self.slips @ self.motions).max(axis=1)
+            slipping = [each.name for each in self.traces if each.name in shares and slip[each.here].max() > _ALIKE]
+            without_stick = [name for name in slipping if not (shares[name].room * shares[name].weights).any()]
+            names = " and ".join(map(repr, without_stick or slipping))
+            return f"neither a sticking part of {names} nor pressure stops its motion"
+        return motions
 
     def _stopped(self, shares: Mapping[str, Share], groups: Sequence[_Group], unit: float) -> Stopped | None:
-        """What some of the groups stop, if they stop all; masses have the unit [energy per unit of displacement]."""
+        """The motions, if some of the groups stop them all; `unit` makes masses [energy per unit of displacement]."""
         if not groups:
             return None
-        rows, slipped = np.array([each.row for each in groups]), self.slips @ self.motions
-        _, size, order = qr((rows @ self.motions).T, pivoting=True)
-        most = float(np.abs(size[0, 0]))
-        chosen = order[: int((np.abs(np.diag(size)) > _STOPS * most).sum())]
-        rows, kept = rows[chosen], [groups[k] for k in chosen]
-        if np.abs(slipped @ null_space(rows @ self.motions / most, _STOPS)).max(initial=0.0) > _ALIKE:
+        # the groups with the most independent means of motions: if a motion with slip has all means zero, it is free
+        rows, motion_slips = np.array([each.row for each in groups]), self.slips @ self.motions
+        _, R, order = qr((rows @ self.motions).T, pivoting=True)
+        largest = float(np.abs(R[0, 0]))
+        chosen = order[: int((np.abs(np.diag(R)) > _STOPS * largest).sum())]
+        rows, groups = rows[chosen], [groups[k] for k in chosen]
+        if np.abs(motion_slips @ null_space(rows @ self.motions / largest, _STOPS)).max(initial=0.0) > _ALIKE:
             return None
-        masses, sticks = np.array([each.mass for each in kept]), np.array([bool(each.left) for each in kept])
-        d = slipped @ np.linalg.pinv(rows / masses[:, None] @ self.motions)
-        image, turned = self.image(shares), [self.image(each.left) for each in kept]
-        others = self.without(rows / np.abs(rows).max(axis=1, keepdims=True))
-        tried = list[Stopped]()
-        for part in _PARTS:  # the larger |R d_k| of both senses of d_k: the other groups it does not move
-            both = [(image + sense * own) @ d[:, k] for sense in (part, -part) for k, own in enumerate(turned)]
+        # d_k moves group k by the mean 1, the others by 0; `restricted` are the displacements with all means zero
+        masses, is_friction = np.array([each.mass for each in groups]), np.array([bool(each.unused) for each in groups])
+        d = motion_slips @ np.linalg.pinv(rows / masses[:, None] @ self.motions)
+        image, p_images = self.image(shares), [self.image(each.unused) for each in groups]
+        restricted = self.without(rows / np.abs(rows).max(axis=1, keepdims=True))
+        candidates = list[Stopped]()
+        for part in _PARTS:  # the larger |R d_k| of both senses of t_k; on the other groups d_k does not slip
+            both = [(image + sense * own) @ d[:, k] for sense in (part, -part) for k, own in enumerate(p_images)]
             images = self.sizes(np.transpose(both)).reshape(2, -1).max(axis=0)
-            tried.append(Stopped(d, unit * np.where(sticks, part, 1.0) * masses, images, others))
-        least = _NEARLY * max(each.reach for each in tried)
-        part, found = [each for each in zip(_PARTS, tried, strict=True) if each[1].reach >= least][-1]
-        ways = [part * own for own, each in zip(turned, kept, strict=True) if each.left]
-        if len(ways) <= _MOTIONS:
-            senses = np.array(list(product((1.0, -1.0), repeat=len(ways))))
-            norm = max(others.norm(image + sum(map(np.multiply, each, ways))) for each in senses)
+            candidates.append(Stopped(d, unit * np.where(is_friction, part, 1.0) * masses, images, restricted))
+        least_reach = _NEARLY * max(each.reach for each in candidates)
+        part, motions = [each for each in zip(_PARTS, candidates, strict=True) if each[1].reach >= least_reach][-1]
+        # the largest norm of R for s + p over all senses of p
+        scaled = [part * own for own, each in zip(p_images, groups, strict=True) if each.unused]
+        if len(scaled) <= _MOTIONS:
+            senses = np.array(list(product((1.0, -1.0), repeat=len(scaled))))
+            norm = max(restricted.norm(image + sum(map(np.multiply, each, scaled))) for each in senses)
         else:  # |Σ ± R_k v| ≤ √j (Σ |R_k v|²)^½
-            norm = others.norm(image) + float(np.sqrt(len(ways))) * others.norm(*ways)
-        # where RR = 0 does not hold, a(e, Re) ≤ r |e|², not half of it
-        return replace(found, norm=2.0 * norm if found.images[[each.rough for each in kept]].any() else norm)
+            norm = restricted.norm(image) + float(np.sqrt(len(scaled))) * restricted.norm(*scaled)
+        # pressure with friction: RR = 0 is lost where R d_k strains the body, so r counts twice
+        return replace(motions, norm=2.0 * norm if motions.images[[each.is_rough for each in groups]].any() else norm)
 
-    def _works(self, trace: DisplacementContact, bound: FloatArray, along: int) -> tuple[FloatArray, FloatArray]:
-        """∫ ω e_N ds of w on edges (e, k), or ∫ ω e_T ds `along` them, and ∫ ω ds (e,), by coefficients of ω (e, q)."""
+    def _integrals(self, trace: DisplacementContact, omega: FloatArray, along: int) -> tuple[FloatArray, FloatArray]:
+        """By edge w ↦ ∫ ω e_N ds (e, k), or ∫ ω e_T ds if `along` is 1, and ∫ ω ds (e,); ω has coefficients (e, q)."""
         columns = trace.start + trace.columns
-        weights = trace.lengths[:, None] * (bound @ product_integrals(bound.shape[1] - 1, columns.shape[1] - 1))
-        own = trace.turned * weights if along else weights
-        return np.einsum("ej,ejk->ek", own, self.B[along, columns]), weights.sum(axis=1)
+        weights = trace.lengths[:, None] * (omega @ product_integrals(omega.shape[1] - 1, columns.shape[1] - 1))
+        signed_weights = trace.turned * weights if along else weights
+        return np.einsum("ej,ejk->ek", signed_weights, self.B[along, columns]), weights.sum(axis=1)
 
-    def _by_friction(self, shares: Mapping[str, Share]) -> Iterator[_Group]:
-        """Straight edges that motions without strain move alike, or against each other, stopped where they stick."""
-        own = {each.name: each for each in self.traces if each.name in shares and not each.edges.curved}
-        slipped, parts = self.slips @ self.motions, list[tuple[FloatArray, ...]]()
-        for name, trace in own.items():
-            moved = (trace.turned[..., None] * slipped[trace.start + trace.columns]).mean(axis=1)
-            parts.append((moved, *self._works(trace, shares[name].room * shares[name].weights, 1)))
+    def _friction_groups(self, shares: Mapping[str, Share]) -> Iterator[_Group]:
+        """Groups of straight edges that all motions move alike or oppositely; the weight is (1 − |s|) B(τ)."""
+        straight = {each.name: each for each in self.traces if each.name in shares and not each.edges.curved}
+        motion_slips, parts = self.slips @ self.motions, list[tuple[FloatArray, ...]]()
+        for name, trace in straight.items():
+            slip = (trace.turned[..., None] * motion_slips[trace.start + trace.columns]).mean(axis=1)
+            parts.append((slip, *self._integrals(trace, shares[name].room * shares[name].weights, 1)))
         if not parts:
             return
-        every, row, mass = (np.concatenate(each) for each in zip(*parts, strict=True))
-        every[np.abs(every) < _ALIKE] = 0.0  # what a motion does not move is rounding
-        ways = np.sign(np.take_along_axis(every, (every != 0.0).argmax(axis=1)[:, None], axis=1))  # 0 where all rests
-        first = (np.abs(ways[:, None] * every[:, None] - ways * every).max(axis=2) < _ALIKE).argmax(axis=1)
+        # edges with the same motions up to their sign form a group, named by its first edge
+        slips, row, mass = (np.concatenate(each) for each in zip(*parts, strict=True))
+        slips[np.abs(slips) < _ALIKE] = 0.0
+        signs = np.sign(np.take_along_axis(slips, (slips != 0.0).argmax(axis=1)[:, None], axis=1))  # 0: nothing moves
+        first = (np.abs(signs[:, None] * slips[:, None] - signs * slips).max(axis=2) < _ALIKE).argmax(axis=1)
         ends = np.cumsum([len(each) for each, *_ in parts])[:-1]
-        for group in np.unique(first[(mass > 0.0) & ways.any(axis=1)]):
-            way = np.where(first == group, ways.T, 0.0)[0]
-            on = zip(own, np.split(way[:, None], ends), strict=True)
-            left = {name: replace(shares[name], values=part * shares[name].room) for name, part in on}
-            yield _Group(way @ row, float(np.abs(way) @ mass), left)
+        for group in np.unique(first[(mass > 0.0) & signs.any(axis=1)]):
+            sign = np.where(first == group, signs.T, 0.0)[0]
+            by_contact = zip(straight, np.split(sign[:, None], ends), strict=True)
+            unused = {name: replace(shares[name], values=way * shares[name].room) for name, way in by_contact}
+            yield _Group(sign @ row, float(np.abs(sign) @ mass), unused)
 
-    def _by_pressure(self, pressures: Mapping[str, FloatArray], pieces: int) -> Iterator[_Group]:
-        """What presses a body, by contact and by the body beyond it, cut along its line into pieces that bear alike."""
+    def _pressure_groups(self, pressures: Mapping[str, FloatArray], pieces: int) -> Iterator[_Group]:
+        """Groups of edges that press, by contact and pair of bodies, cut along its line into pieces of equal force."""
         for trace in (each for each in self.traces if each.name in pressures):
-            row, force = self._works(trace, pressures[trace.name], 0)
+            rows, force = self._integrals(trace, pressures[trace.name], 0)
             middle, body = trace.places[trace.columns].mean(axis=1), np.append(trace.space.block, -1)
-            beside = np.unique(np.sort(body[trace.edges.cells], axis=1), axis=0, return_inverse=True)[1].ravel()
-            for pair in np.unique(beside[force > 0.0]):
-                edges = np.flatnonzero((beside == pair) & (force > 0.0))
+            pairs = np.unique(np.sort(body[trace.edges.cells], axis=1), axis=0, return_inverse=True)[1].ravel()
+            for pair in np.unique(pairs[force > 0.0]):
+                edges = np.flatnonzero((pairs == pair) & (force > 0.0))
                 axes = np.linalg.svd(middle[edges] - middle[edges].mean(axis=0), full_matrices=False)[2]
                 edges = edges[np.argsort(middle[edges] @ axes[0])]
                 before = np.cumsum(force[edges]) - force[edges] / 2.0
-                for here in (edges[pieces * before // force[edges].sum() == piece] for piece in range(pieces)):
-                    if len(here):
-                        yield _Group(-row[here].sum(axis=0), force[here].sum(), {}, has_coulomb(trace.contact))
+                for part in (edges[pieces * before // force[edges].sum() == piece] for piece in range(pieces)):
+                    if len(part):
+                        yield _Group(-rows[part].sum(axis=0), force[part].sum(), {}, has_coulomb(trace.contact))
 
 
 _ENERGIES: WeakKeyDictionary[ContactProblem, _Energies] = WeakKeyDictionary()
-"""Those of problems, as long as these are there: one bracket asks for several norms."""
+"""The energies of each problem that is alive: one bracket asks for several norms."""

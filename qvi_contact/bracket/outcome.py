@@ -1,4 +1,4 @@
-"""What a bracket says, also as a document of plain values and as text."""
+"""The result of a bracket, also as a document of plain values and as text."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from qvi_contact.problem.problem import ContactProblem
 from qvi_contact.solution.result import ContactResult
 from qvi_contact.units import Certainty, Units, shown
 
-_ROUNDING = 1e-9  # of the strain energy
-_NOTHING = 1e-14  # of the strain energy: parts of the gap that are rounding
+_ROUNDING = 1e-9  # of the strain energy: lower − upper up to this size is rounding
+_NOTHING = 1e-14  # of the strain energy: parts of the gap up to this size are rounding
 
 
 class BracketKind(Enum):
-    """Which convex problem the two energies bracket; the text says it."""
+    """The convex problem that the two energies bracket; the value is its name in messages."""
 
     PROBLEM = "the problem itself"
     GIVEN_BOUND = "the problem with the friction bound s = μ|σ_N| fixed at the computed pressure"
@@ -32,9 +32,9 @@ class BracketKind(Enum):
 class Uniqueness:
     """How far another solution of the exact problem can be.
 
-    `apart` is the largest distance of two solutions in the energy norm of stresses, over that of the computed stress: 0
-    where there is one only, infinite where nothing is known. `certainty` says whether that is proved, `message` how
-    near to the computed one these solutions are where contacts alone hold a body.
+    `apart` is the largest distance of two solutions in the energy norm of stresses, over that of the computed one: 0
+    where there is only one solution, infinite where nothing is known. `certainty` says whether that is proved. Where
+    contacts alone hold a body, `message` says how near to the computed solution the others must be.
     """
 
     apart: float
@@ -44,37 +44,36 @@ class Uniqueness:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Bracket:
-    """Bounds of the energy of a contact problem, and where they are apart; for energies and formulas see `bracket`."""
+    """Bounds of the energy of a contact problem, and where in the mesh they differ; see `bracket` for the formulas."""
 
     kind: BracketKind
-    """The problem whose solution is u, σ."""
+    """The problem that is bracketed, with the solution u, σ."""
     reasons: tuple[str, ...]
     """Why the bounds of the energy are not guaranteed; empty if they are."""
     lower: float
     upper: float
     """−J*(τ) and J(v) [stress × length²]; −∞ or ∞ where no admissible stress or displacement was found."""
     strain: float
-    """½ ∫ τ : c : τ, with the energy of springs, to compare the gap with [stress × length²]."""
+    """½ ∫ τ : c : τ with the energy of springs, the reference for the gap [stress × length²]."""
     bulk: FloatArray
     """(cells,): ½ ∫ (τ − Cε(v)) : c : (τ − Cε(v)) on each cell, the constitutive-relation error, ≥ 0."""
     contacts: Mapping[str, EdgeParts]
-    """The parts on the edges of each contact that is not tied; tied ones have only those of springs."""
+    """The parts on the edges of each contact that is not tied, or has springs."""
     cell_gaps: FloatArray
-    """(cells,): all parts by cell, ≥ 0: those of an edge go to its cell, on a joint to both halves; 0 without a
+    """(cells,): all parts by cell, ≥ 0; the part of an edge goes to its cell, on a joint half to each side; 0 without a
     displacement."""
     slack: float
-    """How much the lower bound was lowered for what the solver left of violations of the contact law: twice their work
+    """By how much the lower bound was lowered for violations of the contact law that the solver left: twice their work
     with v in the place of u, an estimate."""
     driven: Mapping[str, Bounds]
-    """For each contact or support whose prescribed displacement alone drives the problem, bounds of the force against
-    it from those of the energy, see `bracket.forces`."""
+    """If a single prescribed displacement drives the problem: bounds of the force there, from the energies."""
     result: ContactResult
     companion: CompanionResult
     """The stress τ and the displacement v."""
     coulomb: CoulombBounds | None = None
-    """With Coulomb friction: bounds of the errors of stresses, displacements and forces under Coulomb's law itself."""
+    """With Coulomb friction: bounds of errors of stresses, displacements and forces under Coulomb's law itself."""
     coulomb_reason: str = ""
-    """With Coulomb friction, why there are none; else empty."""
+    """With Coulomb friction, why there are no such bounds; else empty."""
 
     def __repr__(self) -> str:
         return f"<Bracket {self.message}>"
@@ -86,28 +85,28 @@ class Bracket:
 
     @property
     def uniqueness(self) -> Uniqueness:
-        """How far another solution of the problem can be: any two are within the same bound of the computed one."""
-        known = self._under_friction
+        """How far another solution of the problem can be: all are within the same bound of the computed stress."""
+        coulomb = self._under_friction
         if self.kind is BracketKind.PROBLEM:
             message = "No contact has Coulomb friction: there is one stress only."
             return Uniqueness(0.0, Certainty.GUARANTEED, message)
-        if known is None:
+        if coulomb is None:
             why = self.coulomb_reason if self.coulomb is None else self.coulomb.message
             return Uniqueness(float("inf"), Certainty.ESTIMATE, f"How far another solution can be is not known. {why}")
-        near = f" within {100.0 * known.reach:.3g} % of this one" if np.isfinite(known.reach) else ""
-        most = f"at most {100.0 * known.apart:.2g} % of the energy norm of the stresses ({known.kind})"
-        return Uniqueness(known.apart, self.certainty, f"Any two solutions{near} differ by {most}.")
+        scope = f" within {100.0 * coulomb.reach:.3g} % of this one" if np.isfinite(coulomb.reach) else ""
+        distance = f"at most {100.0 * coulomb.apart:.2g} % of the energy norm of the stresses ({coulomb.kind})"
+        return Uniqueness(coulomb.apart, self.certainty, f"Any two solutions{scope} differ by {distance}.")
 
     @property
     def certainty(self) -> Certainty:
-        """Whether bounds hold for the problem the user stated, up to rounding and the tolerance.
+        """Whether the bounds hold for the problem stated, up to rounding and the tolerance: "guaranteed" or "estimate".
 
-        Those of the energies, under Coulomb friction those of `coulomb`: "guaranteed". Else "estimate", and `reasons`
-        or `coulomb` says why.
+        With Coulomb friction these are the bounds of `coulomb`, else those of the energies. Where they are estimates,
+        `coulomb` or `reasons` says why.
         """
-        known = self._under_friction
-        sure = not self.reasons if known is None else known.guaranteed
-        return Certainty.GUARANTEED if sure else Certainty.ESTIMATE
+        coulomb = self._under_friction
+        is_guaranteed = not self.reasons if coulomb is None else coulomb.guaranteed
+        return Certainty.GUARANTEED if is_guaranteed else Certainty.ESTIMATE
 
     @property
     def guaranteed(self) -> bool:
@@ -120,7 +119,7 @@ class Bracket:
 
     @property
     def forces(self) -> Mapping[str, Bounds]:
-        """Bounds of forces: `driven`, under Coulomb friction those of `coulomb`, see there [stress × length]."""
+        """Bounds of forces [stress × length]: with Coulomb friction of `coulomb`, else `driven`."""
         return self.driven if self._under_friction is None else self._under_friction.forces
 
     @property
@@ -130,10 +129,10 @@ class Bracket:
 
     @property
     def relative_error(self) -> float:
-        """Bound of the error of τ in the energy norm, relative to its own: √(2 gap / ∫τ:c:τ), or that of `coulomb`.
+        """Bound of the error of τ in the energy norm, over the norm of τ: √(2 gap / ∫ τ:c:τ), or that of `coulomb`.
 
         Infinite without both energies, or if they contradict each other by more than rounding. On arcs, and where data
-        contradict each other, energies miss a work that the parts of the gap do not: it is taken no less than these.
+        contradict each other, the energies lack some work that the parts of the gap contain: the larger gap is taken.
         """
         if self._under_friction is not None:
             return self._under_friction.relative_error
@@ -144,20 +143,20 @@ class Bracket:
 
     @property
     def parts(self) -> dict[str, float]:
-        """The gap by origin: "bulk", "contact", "friction", "springs" if there are some [stress × length²].
+        """The gap by origin: "bulk", "contact", "friction", and "springs" if there are any [stress × length²].
 
-        What is rounding is zero; empty where there is no gap.
+        Parts of the size of rounding are 0. The mapping is empty where there is no gap.
         """
         if not np.isfinite(self.gap):
             return {}
         names = ["contact", "friction"] + ["springs"] * any(each.has_springs for each in self.problem.contacts)
         on_edges = {name: sum(getattr(part, name).sum() for part in self.contacts.values()) for name in names}
-        found = {"bulk": self.bulk.sum(), **on_edges}
-        return {name: float(value) if value > _NOTHING * self.strain else 0.0 for name, value in found.items()}
+        parts = {"bulk": self.bulk.sum(), **on_edges}
+        return {name: float(value) if value > _NOTHING * self.strain else 0.0 for name, value in parts.items()}
 
     @property
     def message(self) -> str:
-        """What was found, and why it is not guaranteed, if it is not."""
+        """The bounds in words, and the reasons why they are not guaranteed."""
         return self.sentence()
 
     def sentence(self, units: Units | None = None) -> str:
@@ -165,7 +164,7 @@ class Bracket:
         units = units or Units()
         if self._under_friction is not None:
             return units.filled(self._under_friction.message)
-        what = "Bounds, guaranteed, for" if self.guaranteed else "Estimate, not a bound, for"
+        subject = "Bounds, guaranteed, for" if self.guaranteed else "Estimate, not a bound, for"
         bounds = f"energy between {self.lower:.9g} and {self.upper:.9g} {units.energy}"
         if not np.isfinite(self.lower):
             bounds = f"energy below {self.upper:.9g} {units.energy}, no lower bound"
@@ -176,35 +175,37 @@ class Bracket:
         error = ", a duality gap larger than the strain energy" if self.strain < self.gap < np.inf else ""
         if self.relative_error <= 1.0:
             error = f", stresses within {100 * self.relative_error:.2g} % of their energy norm"
-        text = f"{what} {self.kind.value}: {bounds}{error}."
-        why = "" if self.coulomb is None else self.coulomb.message
-        some = self.kind is not BracketKind.PROBLEM and np.isfinite([self.lower, self.upper]).any()  # it is solved
+        text = f"{subject} {self.kind.value}: {bounds}{error}."
+        under_friction = "" if self.coulomb is None else self.coulomb.message
+        some = self.kind is not BracketKind.PROBLEM and np.isfinite([self.lower, self.upper]).any()
         last = "`refine` estimates errors all the same." if some else ""
-        said = dict.fromkeys((text, *map(units.filled, (*self.reasons, self.coulomb_reason, why)), last))
-        return " ".join(filter(None, said))
+        sentences = dict.fromkeys(
+            (text, *map(units.filled, (*self.reasons, self.coulomb_reason, under_friction)), last)
+        )
+        return " ".join(filter(None, sentences))
 
 
 def document(bracket: Bracket, units: Units | None = None) -> dict[str, Any]:
-    """What JSON can hold of a bracket; a bound that is missing is None.
+    """A bracket as values that JSON can hold; a missing bound is None.
 
     Energies and their parts are ``{"value": …, "unit": …}``, forces ``{"lower": …, "upper": …, "unit": …}``.
     """
     units = units or Units()
     energy = {"lower": bracket.lower, "upper": bracket.upper, "strain": bracket.strain}
-    found, companion, coulomb = bracket.coulomb, bracket.companion, None
+    bounds, companion, coulomb = bracket.coulomb, bracket.companion, None
 
     def finite(value: float) -> float | None:
         return float(value) if np.isfinite(value) else None
 
-    if found is not None:
+    if bounds is not None:
         coulomb = {
-            "kind": found.kind,
-            "reasons": [units.filled(reason) for reason in found.reasons],
-            "places": [units.filled(place) for place in found.places],
-            "friction_norm": finite(found.norm.value),
-            "relative_error": finite(found.relative_error),
-            "solutions_apart": finite(found.apart),
-            "reach": finite(found.reach),
+            "kind": bounds.kind,
+            "reasons": [units.filled(reason) for reason in bounds.reasons],
+            "places": [units.filled(place) for place in bounds.places],
+            "friction_norm": finite(bounds.norm.value),
+            "relative_error": finite(bounds.relative_error),
+            "solutions_apart": finite(bounds.apart),
+            "reach": finite(bounds.reach),
         }
     elif bracket.coulomb_reason:
         coulomb = {"reason": units.filled(bracket.coulomb_reason)}
@@ -224,7 +225,7 @@ def document(bracket: Bracket, units: Units | None = None) -> dict[str, Any]:
 
 
 def lines(bracket: Bracket, units: Units | None = None) -> Iterator[str]:
-    """Bounds, their parts, and forces, those by displacements too, for a terminal."""
+    """Bounds, their parts, and forces, also of the displacement model, as lines for a terminal."""
     units = units or Units()
     yield bracket.sentence(units)
     parts = ", ".join(f"{name} {value:.3g}" for name, value in bracket.parts.items())

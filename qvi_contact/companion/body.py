@@ -1,14 +1,14 @@
 """The elastic body: strains (ε_xx, ε_yy, 2ε_xy), stiffness, loads, and the body condensed on its contacts.
 
-All is dimensionless. Derivatives act on differences of neighbouring coefficients, see `Triangle`.
+All quantities are dimensionless. Derivatives act on differences of neighbouring coefficients, see `Triangle`.
 
-With supports, v = B w + v₀, and the interior eliminated, K v = f + Bᵀ z leaves on Γ, what contact rows touch,
+With supports, v = B w + v₀. Elimination of the interior from K v = f + Bᵀ z leaves, on the unknowns Γ in contact rows,
 
     S w_Γ = r + B_Γᵀ z,      solvable if  Rᵀ(r + B_Γᵀ z) = 0,      w_Γ = G (r + B_Γᵀ z) + R a
 
-with R an orthonormal basis of the motions that cost no energy, G = (S + ρ R Rᵀ)⁻¹, and a their size. Beside the body,
-and last in w_Γ, come the stretches of springs, whose stiffness is a block of S, and the motions of plates that forces
-drive, which have none: R has the rigid motions that supports leave free, then those of plates.
+with an orthonormal basis R of the motions without energy, G = (S + ρ R Rᵀ)⁻¹, and the sizes a of these motions. The
+last unknowns in w_Γ are the stretches of springs, whose stiffness is a block of S, and the motions of plates driven by
+force, which have no stiffness. R has the rigid motions that supports leave free, then those of plates.
 """
 
 from collections.abc import Callable
@@ -39,18 +39,18 @@ from solvers.factorisation.choice import factorise
 
 
 def load_points(degree: int) -> int:
-    """Gauss points an edge and direction for work done by data: exact for data up to degree 19 − p."""
+    """Gauss points an edge and direction for the work of data: exact for data up to degree 19 − p."""
     return max(10, degree + 6)
 
 
-_QUADRATURE = 1e-11  # relative difference of two quadratures that counts as rounding
-_ON_ARCS = 6  # Gauss points more where cells have arcs
-_INITIAL = 6  # degree of the quadrature with initial strains, half of it: those up to this degree have exact energies
-_ENTRIES = ([0, 2], [2, 1])  # of (ε_xx, ε_yy, 2ε_xy): where ∂_x and ∂_y of each component go to
+_QUADRATURE = 1e-11  # relative difference of two quadratures up to which it is rounding
+_ON_ARCS = 6  # additional Gauss points where cells have arcs
+_INITIAL = 6  # degree of initial strains up to which their energy is exact
+_ENTRIES = ([0, 2], [2, 1])  # positions in (ε_xx, ε_yy, 2ε_xy) of ∂_x and ∂_y of each component
 
-_FREE = 1e-11  # singular value of rigid motions at supports, relative, that counts as zero
-_AS_STRAINED, _FREE_ON_ARCS = 10.0, 1e-5  # beside arcs, of the forces that strain a rigid motion, and at most
-_CORRECTIONS = 3
+_FREE = 1e-11  # relative singular value of rigid motions at supports that counts as zero
+_AS_STRAINED, _FREE_ON_ARCS = 10.0, 1e-5  # zero on arcs: 10 times the relative forces of rigid motions, at most 1e-5
+_CORRECTIONS = 3  # steps of defect correction
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,13 +61,13 @@ class Elasticity:
     moduli: FloatArray  # (cells, 3, 3): stiffness C with σ = C ε + σ⁰, times the unit of compliance
     # σ⁰ of an initial strain (k, q, 3) at points (k, q, 2) of cells (k,), dimensionless
     at_rest: Callable[[IntArray, FloatArray], FloatArray] | None = None
-    # (k, k): M with the energy ½ dᵀM d of what is beside the body, stretches of springs and, without stiffness, motions
-    # of plates, which follow the degrees of freedom of `space` in displacements v (size,)
+    # (k, k): M with the energy ½ dᵀM d of stretches of springs and, without stiffness, motions of plates; d follows the
+    # unknowns of `space` in displacements v (size,)
     beside: sparse.csr_array = field(default_factory=lambda: sparse.csr_array((0, 0)))
 
     @property
     def size(self) -> int:
-        """Number of degrees of freedom, with those beside the body."""
+        """Number of unknowns, with those of springs and plates."""
         return self.space.size + int(self.beside.shape[0])
 
     def stiffness(self) -> sparse.csr_array:
@@ -76,21 +76,21 @@ class Elasticity:
         local, slopes, n = reference_matrices(space.cell), space.slopes, space.table.shape[1]
         t, w = space.cell.quadrature(self._count)
         along = np.stack([space.cell.derivative_values(t) @ each for each in space.cell.differences])
-        bent = curved.numbers
-        gradients = np.einsum("kqab,aqn->kqbn", space.inverse_jacobians(bent, t), along)
-        measures, blocks = space.measures(t, w)[bent], np.empty((len(space.table), n, 2, n, 2))
+        curved_cells = curved.numbers
+        gradients = np.einsum("kqab,aqn->kqbn", space.inverse_jacobians(curved_cells, t), along)
+        measures, blocks = space.measures(t, w)[curved_cells], np.empty((len(space.table), n, 2, n, 2))
         for c, d in product((0, 1), repeat=2):
             moduli = self.moduli[:, _ENTRIES[c]][:, :, _ENTRIES[d]]
             weights = space.areas[:, None, None] * (slopes @ moduli @ slopes.swapaxes(1, 2))
             blocks[:, :, c, :, d] = (weights.reshape(-1, 4) @ local.reshape(4, n * n)).reshape(-1, n, n)
-            parts = (measures, gradients, moduli[bent], gradients)
-            blocks[bent, :, c, :, d] = np.einsum("kq,kqan,kab,kqbm->knm", *parts, optimize=True)
+            parts = (measures, gradients, moduli[curved_cells], gradients)
+            blocks[curved_cells, :, c, :, d] = np.einsum("kq,kqan,kab,kqbm->knm", *parts, optimize=True)
         K = space.assembled(blocks.reshape(-1, 2 * n, 2 * n))
         return sparse.csr_array((K + K.T) / 2.0)
 
     @property
     def _count(self) -> int:
-        """Gauss points a direction: exact for ε:C:ε of polynomials; arcs, which are none, take more."""
+        """Gauss points a direction: exact for ε:C:ε of polynomials; more for arcs, where it is no polynomial."""
         most = self.space.degree if self.at_rest is None else max(self.space.degree, _INITIAL)
         return most + 1 + (_ON_ARCS if len(self.space.curved.numbers) else 0)
 
@@ -104,19 +104,19 @@ class Elasticity:
         return np.stack([x[..., 0], y[..., 1], x[..., 1] + y[..., 0]], axis=-1)
 
     def initial_stress(self, cells: IntArray | slice, t: FloatArray) -> FloatArray | float:
-        """σ⁰ at such points, (cells, k, 3); 0 without an initial strain."""
+        """σ⁰ at reference points of cells, (cells, k, 3); 0 without an initial strain."""
         if self.at_rest is None:
             return 0.0
         return self.at_rest(np.arange(len(self.space.table))[cells], self.space.points(cells, t))
 
     def stress(self, v: FloatArray, cells: IntArray | slice, t: FloatArray) -> FloatArray:
-        """Stresses C ε + σ⁰ of v at such points, (cells, k, 3)."""
-        found = self.strain(v, cells, t) @ self.moduli[cells].swapaxes(1, 2)
-        return np.asarray(found + self.initial_stress(cells, t))
+        """Stresses C ε + σ⁰ of v at reference points of cells, (cells, k, 3)."""
+        elastic = self.strain(v, cells, t) @ self.moduli[cells].swapaxes(1, 2)
+        return np.asarray(elastic + self.initial_stress(cells, t))
 
     @cached_property
     def initial_load(self) -> FloatArray:
-        """−∫ σ⁰ : ε(v) as a vector (size,): the load by which an initial strain deforms the body."""
+        """−∫ σ⁰ : ε(v) as a vector (size,), the load of an initial strain."""
         t, weights = self.points()
         if self.at_rest is None:
             return np.zeros(self.size)
@@ -135,15 +135,15 @@ class Elasticity:
         return 0.5 * (float(work) + float(d @ (self.beside @ d)))
 
     def force(self, v: FloatArray) -> FloatArray:
-        """K v (size,), through stresses, and M d."""
+        """K v (size,), computed from stresses, and M d."""
         t, weights = self.points()
         stress = self.strain(v, slice(None), t) @ self.moduli.swapaxes(1, 2)
-        found = self.virtual_work(stress * weights[..., None], t)
-        found[self.space.size :] = self.beside @ v[self.space.size :]
-        return found
+        forces = self.virtual_work(stress * weights[..., None], t)
+        forces[self.space.size :] = self.beside @ v[self.space.size :]
+        return forces
 
     def virtual_work(self, stress: FloatArray, t: FloatArray) -> FloatArray:
-        """Σ_q stress_q : ε_q(v) as a vector (size,), for weighted stresses (cells, q, 3) at points t (q, 2)."""
+        """Σ_q stress_q : ε_q(v) as a vector (size,), for stresses (cells, q, 3) times weights at points t (q, 2)."""
         space, cell = self.space, self.space.cell
         x, y, slopes = stress[..., [0, 2]], stress[..., [2, 1]], space.inverse_jacobians(slice(None), t)
         along = (slopes[..., a, 0, None] * x + slopes[..., a, 1, None] * y for a in (0, 1))
@@ -154,21 +154,21 @@ class Elasticity:
 
 
 def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tuple[FloatArray, tuple[str, ...]]:
-    """∫ b·v + ∫_{Γσ} T·v as a vector (size,), and what quadrature leaves of it; a body potential is seen by two."""
+    """∫ b·v + ∫_{Γσ} T·v as a vector (size,), and remarks on errors of quadrature."""
     space, tractions, found = body.space, np.zeros(body.size), list[str]()
-    for given in problem.prescribed(Traction):
-        edges, count = given.edges, load_points(space.degree)
-        part = along_edges(problem.mesh, edges, given.name, given.value, count)
+    for traction in problem.prescribed(Traction):
+        edges, count = traction.edges, load_points(space.degree)
+        field = along_edges(problem.mesh, edges, traction.name, traction.value, count)
         lengths = edges.length / scales.length
-        along = vectors_along(edges.take(part.edge), given.direction[part.edge], part.t, turns=given.turns)
+        along = vectors_along(edges.take(field.edge), traction.direction[field.edge], field.t, turns=traction.turns)
         for component in (0, 1):
-            loaded = replace(part, values=part.values * along[..., component])
+            loaded = replace(field, values=field.values * along[..., component])
             work = lengths[:, None] * loaded.moments(space.degree) / scales.stress
             np.add.at(tractions, 2 * space.along(edges) + component, work)
-        if part.error > MISFIT * float(np.abs(part.values).max(initial=0.0)):
-            size = f"{part.error:.2g} [stress]"
+        if field.error > MISFIT * float(np.abs(field.values).max(initial=0.0)):
+            size = f"{field.error:.2g} [stress]"
             found.append(
-                f"{given.name} jumps or grows steeply. Quadrature leaves an error of {size} times an edge's length."
+                f"{traction.name} jumps or grows steeply. Quadrature leaves an error of {size} times an edge's length."
             )
     remarks = tuple(dict.fromkeys(found))
     first, second = (
@@ -184,15 +184,15 @@ def load_vector(problem: ContactProblem, body: Elasticity, scales: Scales) -> tu
 
 
 def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count: int) -> FloatArray:
-    """∫ b·v dx with b = −∇φ, as ∫ φ div v dx − ∮ φ v·n ds over every block; φ counts from its value at one point."""
+    """∫ b·v dx with b = −∇φ, as ∫ φ div v dx − ∮ φ v·n ds over every block; φ is taken relative to one point."""
     space, mesh, field = body.space, problem.mesh, problem.body_potential
     if not callable(field):
         return np.zeros(body.size)
     name = "ContactProblem.body_potential"
     t, w = space.cell.quadrature(count)
-    places = mesh.origin + scales.length * space.points(slice(None), t)
+    points = mesh.origin + scales.length * space.points(slice(None), t)
     base = float(evaluate(name, field, *(mesh.origin + scales.length * space.origins[:1]).T)[0])
-    potential = (evaluate(name, field, places[..., 0], places[..., 1]) - base) / scales.stress
+    potential = (evaluate(name, field, points[..., 0], points[..., 1]) - base) / scales.stress
     weighted = potential * space.measures(t, w)
     load = body.virtual_work(np.stack([weighted, weighted, 0.0 * weighted], axis=-1), t)
     t, w = gauss_legendre(count)
@@ -214,7 +214,7 @@ def _body_load(problem: ContactProblem, body: Elasticity, scales: Scales, count:
 
 @dataclass(eq=False)
 class CondensedBody:
-    """See the module; w (n,) are what supports leave free and what is beside the body, w_Γ those of `interface`."""
+    """The body condensed on Γ, see the module; w (n,) are the free unknowns, then those of springs and plates."""
 
     body: Elasticity
     load: FloatArray  # (size,): f
@@ -226,54 +226,54 @@ class CondensedBody:
     r: FloatArray  # (k,): right-hand side on Γ
     R: FloatArray  # (k, j): motions that cost no energy
     cholesky: tuple[FloatArray, bool]
-    closely: float  # share of their size to which rigid motions rest, and loads do no work on them, beside arcs
+    closely: float  # relative accuracy of zero on arcs: of rigid motions at supports, and of the work of loads on them
 
     @classmethod
     def of(
         cls, body: Elasticity, load: FloatArray, supports: PrescribedDisplacements, rows: sparse.csr_array
     ) -> "CondensedBody":
-        """Condense on what rows (n, size) of v touch; `FactorisationError` if the stiffness cannot be factorised."""
-        size, more, kept = body.space.size, body.size - body.space.size, supports.basis.kept
-        B, start = supports.beside(more)
+        """Condense on the unknowns in `rows` (n, size); `FactorisationError` if the stiffness cannot be factorised."""
+        size, extra, kept = body.space.size, body.size - body.space.size, supports.basis.kept
+        B, start = supports.beside(extra)
         motions, K = body.space.rigid(), body.stiffness()
-        strained = float(np.linalg.norm(K @ motions)) / float(K.diagonal().max())  # on arcs alone more than rounding
-        closely, known = min(_AS_STRAINED * strained, _FREE_ON_ARCS), supports.rows.matrix() @ motions
+        strained = float(np.linalg.norm(K @ motions)) / float(K.diagonal().max())  # rounding, but for arcs
+        closely, at_supports = min(_AS_STRAINED * strained, _FREE_ON_ARCS), supports.rows.matrix() @ motions
         interface = np.unique((rows[:, :size] @ supports.basis.matrix).indices)
-        for block in range(int(body.space.block.max()) + 1):  # Γ must hold all motions: if need be by two vertices
+        for block in range(int(body.space.block.max()) + 1):  # Γ must determine rigid motions: two vertices may join it
             own = slice(3 * block, 3 * block + 3)
-            if _unheld(np.vstack([known[:, own], motions[kept[interface], own]]), closely).shape[1]:
-                mine = np.flatnonzero(body.space.owner == block)
-                place = body.space.places[mine].sum(axis=1)
-                pair = mine[[int(np.argmin(place)), int(np.argmax(place))]]
+            if _unheld(np.vstack([at_supports[:, own], motions[kept[interface], own]]), closely).shape[1]:
+                of_block = np.flatnonzero(body.space.owner == block)
+                position = body.space.places[of_block].sum(axis=1)
+                pair = of_block[[int(np.argmin(position)), int(np.argmax(position))]]
                 interface = np.union1d(interface, np.flatnonzero(np.isin(kept // 2, pair)))
         K = sparse.csr_array(supports.basis.matrix.T @ K @ supports.basis.matrix)
         shift = float(K.diagonal().mean()) if len(kept) else 0.0
-        held = np.zeros(len(kept))
-        held[interface] = shift  # back ends want a positive definite matrix; S has it on its diagonal, and is rid of it
-        factor = factorise(sparse.csc_array(K + sparse.diags_array(held)), interface)
+        diagonal_shift = np.zeros(len(kept))
+        diagonal_shift[interface] = shift  # makes the matrix positive definite; is subtracted from S again
+        factor = factorise(sparse.csc_array(K + sparse.diags_array(diagonal_shift)), interface)
         S = factor.schur - shift * np.eye(len(interface))
         right = B.T @ (load - body.force(start))
         r, _ = factor.reduce(right[: len(kept)])
-        rigid = (motions @ _unheld(known, closely))[kept[interface]]
+        rigid = (motions @ _unheld(at_supports, closely))[kept[interface]]
         rigid = np.asarray(np.linalg.qr(rigid)[0]) if rigid.size else np.zeros((len(rigid), 0))
-        R = block_diag(rigid, np.eye(more)[:, body.beside.diagonal() == 0.0])
+        R = block_diag(rigid, np.eye(extra)[:, body.beside.diagonal() == 0.0])
         S, r = block_diag(S, body.beside.toarray()), np.append(r, right[len(kept) :])
-        interface, stiffened = np.append(interface, len(kept) + np.arange(more)), (S, True)
+        interface, cholesky = np.append(interface, len(kept) + np.arange(extra)), (S, True)
         if len(S):
             rho = float(np.trace(S)) / len(S)
             try:
-                stiffened = cho_factor(S + rho * R @ R.T, lower=True)
+                cholesky = cho_factor(S + rho * R @ R.T, lower=True)
             except np.linalg.LinAlgError as error:
                 message = "the condensed stiffness is not positive definite"
                 raise FactorisationError("singular", "lapack", message) from error
-        return cls(body, load, B, start, interface, factor, S, r, R, stiffened, closely)
+        return cls(body, load, B, start, interface, factor, S, r, R, cholesky, closely)
 
     def relieve(self, forces: FloatArray) -> FloatArray:
         """G times forces on Γ, (k,) or (k, j)."""
         return np.asarray(cho_solve(self.cholesky, forces)) if forces.size else forces
 
     def expand(self, values: FloatArray) -> FloatArray:
-        """V (size,) from w_Γ, the rest in equilibrium: defect corrections remove rounding."""
+        """The v (size,) in equilibrium for w_Γ on Γ; defect corrections remove rounding."""
         w, free = np.zeros(self.B.shape[1]), self.factor.size
         w[self.interface] = values
         for _ in range(_CORRECTIONS):
@@ -283,5 +283,5 @@ class CondensedBody:
 
 
 def _unheld(motions: FloatArray, closely: float) -> FloatArray:
-    """Combinations (k, j) of rigid motions of size one that rest where these (m, k) are, beside arcs as `closely`."""
+    """Combinations (k, j) of rigid motions of norm 1 that rows (m, k) map to zero, up to `closely` on arcs."""
     return null_space(motions, max(_FREE * max(1.0, float(np.linalg.norm(motions))), closely))

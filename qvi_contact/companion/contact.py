@@ -1,15 +1,16 @@
-"""Contacts in the displacement model: coefficients of v_N and v_T, the problem in their forces, and the way back.
+"""Contacts in the displacement model: coefficients of v_N and v_T, the dual problem in their forces, and the way back.
 
-On an edge the relative displacement is Σ c_i B_i. Each c is a coefficient of the body, or the difference of two on
-a joint, along the edge's normal or tangent; in a corner of the line, between edges of two directions, one for each.
-Tangents point to the right: where an arc goes straight up, those of its two edges lead against each other, and c_T
-counts with the other sign on one of them. On a joint normals and sides of the edges change there as well, and c_T does
-not. From c what a plate driven by force moves is taken off, and what springs stretch. Forces conjugate to c are
+On an edge the relative displacement is Σ c_i B_i. Each c is a coefficient of the body, or the difference of two on a
+joint, along the edge's normal or tangent. In a corner of the line, where edges of two directions meet, there is one
+c for each direction. Tangents point to the right. Where an arc goes straight up, the tangents of two edges lead
+against each other, and c_T counts with the other sign on one of them; on a joint the normals and sides of the edges
+change there as well, and c_T does not. The motion of a plate driven by force and the stretch of springs are subtracted
+from c. The forces conjugate to c are
 
     z_i = ∫ σ B_i ds = W_i τ_i,   W_i = ∫ B_i ds,
 
-mean tractions τ_i [stress] weighted by the positive B_i. The laws hold for them: c_N ≤ g, τ_N ≤ 0 and |τ_T| ≤ s_i with
-s_i = ∫ s B_i ds / W_i, under Coulomb's law min(cohesion + μ_i |τ_N|, cap), μ_i at the coefficient's own point.
+with mean tractions τ_i [stress] weighted by the positive B_i. They obey the contact laws: c_N ≤ g, τ_N ≤ 0 and
+|τ_T| ≤ s_i with s_i = ∫ s B_i ds / W_i, under Coulomb's law min(cohesion + μ_i |τ_N|, cap), μ_i at the point of i.
 
 With c = c_D + B w_Γ (c_D from supports and given motions) and the maps of `CondensedBody`, in which w_Γ has stretches
 of springs and motions of plates, forces that are in equilibrium minimise
@@ -18,13 +19,13 @@ of springs and motions of plates, forces that are in equilibrium minimise
 
 over the mean tractions τ = z / W that the laws admit, a `FrictionQVI`, subject to
 
-    Rᵀ Bᵀ W τ = −Rᵀ r        equilibrium of what floats, and of plates, with the motions a as multiplier.
+    Rᵀ Bᵀ W τ = −Rᵀ r        equilibrium of free bodies and of plates, with the motions a as multiplier.
 
-The multipliers of its rows are W (g − c_N) ≥ 0 and −W (c_T − w). Unknowns come as all normal tractions, then all
-tangential ones. Those whose c nothing can change (supports prescribe it, or the tip of a joint) get a compliance of
-their own and stay zero; so do normal and tied ones whose c follows from others. Friction whose c does, in a
-corner where two contact lines end or where joints cross, and what stops a plate where supports prescribe c, get a
-small compliance beside C, which is singular there.
+The multipliers of the laws are W (g − c_N) ≥ 0 and −W (c_T − w). All normal tractions come first, then all tangential
+ones. A force whose c cannot change (supports prescribe it, or it is at the tip of a joint) gets a compliance of its own
+and stays zero, as do normal and tied forces whose c follows from others. In corners where two contact lines end or
+joints cross, the c of friction follows from others, and C is singular: there friction gets a small additional
+compliance, as does a force that stops a plate where supports prescribe c.
 
 A solution meets the contact conditions to a tolerance, and is then made `admissible`.
 
@@ -65,31 +66,31 @@ from qvi_contact.solution.contact_line import turning_senses
 from solvers import FrictionQVI, QVISolution, Status, solve_qvi
 from solvers.basics.linked import linked
 
-_DEPENDENT = 1e-9  # length of an equality row, relative, left after those before it, that counts as nothing
-_BALANCED = 1e-9
-_STICKS = 1e3  # of the largest bound of friction: the bound of what must not slip
-_SOFT = 3e-5  # compliance of a force whose c follows from others, over that of other forces
-_TRIALS = 4  # of what gives way by it
+_DEPENDENT = 1e-9  # relative norm of a row after projection on earlier rows, below which it depends on them
+_BALANCED = 1e-9  # imbalance of the loads on a free body, relative to the loads, that is rounding
+_STICKS = 1e3  # times the largest friction bound: the bound where slip is forbidden
+_SOFT = 3e-5  # added compliance of a force whose c follows from others, relative to that of other forces
+_TRIALS = 4  # solutions with corrected right-hand sides, which make up for added compliances and far obstacles
 
-_FIRM = 1e6  # weight of motions of plates, in changes of displacements
-VIOLATED = 1e-12  # of displacements: by how much what is prescribed contradicts a contact, or slips along it
+_FIRM = 1e6  # weight of motions of plates in least changes of displacements
+VIOLATED = 1e-12  # largest violation of a contact condition, relative to the largest displacement, that is rounding
 
 _INDICATOR = "The friction bound was taken from the displacement model's own contact forces: its energy is no bound."
 
 
 @dataclass(frozen=True, eq=False)
 class DisplacementContact:
-    """One contact; dimensionless, arrays over its n coefficients unless said otherwise."""
+    """One contact, dimensionless; arrays over its n coefficients unless said otherwise."""
 
     contact: Contact
     space: DisplacementSpace
     scales: Scales
-    edges: Edges  # in the mesh's order, those `in_lines` of one direction
+    edges: Edges  # in the mesh's order, with one direction along each straight line
     start: int  # its first coefficient among those of all contacts
-    columns: IntArray  # (e, p + 1): coefficients on each edge, numbers below n
+    columns: IntArray  # (e, p + 1): numbers below n of the coefficients on each edge
     turned: FloatArray  # (e, p + 1): −1 where c_T of a coefficient counts against the edge's tangent, else 1
-    places: FloatArray  # (n, 2): where the coefficients sit
-    normal: sparse.csr_array  # normal, tangential, (n, size) each: c_N and c_T from the degrees of freedom of the body
+    places: FloatArray  # (n, 2): points of the coefficients
+    normal: sparse.csr_array  # normal, tangential, (n, size) each: rows of c_N and c_T on the body's unknowns
     tangential: sparse.csr_array
     lengths: FloatArray  # (e,): of the edges
     weights: FloatArray  # (n,): W = ∫ B_i ds
@@ -97,7 +98,7 @@ class DisplacementContact:
 
     @property
     def name(self) -> str:
-        """Of the contact."""
+        """Name of the contact."""
         return self.contact.name
 
     @property
@@ -107,40 +108,40 @@ class DisplacementContact:
 
     @property
     def here(self) -> slice:
-        """Its coefficients among those of all contacts."""
+        """The slice of its coefficients among those of all contacts."""
         return slice(self.start, self.start + self.count)
 
     @cached_property
     def senses(self) -> FloatArray:
-        """±1 (n,), the sense in which c_T counts for the force, see `turning_senses`; 0 where edges do not agree."""
+        """±1 (n,), the sign of c_T in the contact's force, see `turning_senses`; 0 where the edges disagree."""
         return np.sign(self.summed(self.turned * turning_senses(self.space.mesh.vertices, self.edges)[:, None]))
 
     def on_edges(self, normal: FloatArray, tangential: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Coefficients (…, n) as those of each edge, (…, e, p + 1), tangential ones along the edge's own tangent."""
+        """Coefficients (…, n) edge by edge, (…, e, p + 1); the tangential ones along the edge's own tangent."""
         return normal[..., self.columns], self.turned * tangential[..., self.columns]
 
     def summed(self, values: FloatArray) -> FloatArray:
         """Sums (n,) at coefficients of values (e, p + 1) on edges."""
-        found = np.bincount(self.columns.ravel(), values.ravel(), minlength=self.count)
-        return np.asarray(found, dtype=np.float64)
+        sums = np.bincount(self.columns.ravel(), values.ravel(), minlength=self.count)
+        return np.asarray(sums, dtype=np.float64)
 
     def slipping_on(self, edges: FloatArray) -> FloatArray:
-        """`Contacts.slipping` (n,) from what each edge says (e,), along its own tangent; 0 where edges do not agree.
+        """`Contacts.slipping` (n,) from slip directions (e,) along the edges' own tangents; 0 where the edges disagree.
 
-        What is free on one edge is as the other one says.
+        A coefficient that is free on one edge has the direction of the other edge.
         """
-        told = ~np.isnan(edges)
-        columns, here = self.columns[told], (self.turned * edges[:, None])[told]
+        is_given = ~np.isnan(edges)
+        columns, directions = self.columns[is_given], (self.turned * edges[:, None])[is_given]
         least, most = np.full(self.count, np.inf), np.full(self.count, -np.inf)
-        np.minimum.at(least, columns, here)
-        np.maximum.at(most, columns, here)
+        np.minimum.at(least, columns, directions)
+        np.maximum.at(most, columns, directions)
         return np.where(least > most, np.nan, np.where(least == most, least, 0.0))
 
     def law(self, reasons: list[str]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """μ_i, c_i and the cap (n,); c_i is the whole bound, and μ_i zero, where the bound is given."""
+        """μ_i, c_i and the cap (n,); where the bound is given, c_i is the whole bound and μ_i zero."""
         friction, limit = np.zeros(self.count), np.full(self.count, np.inf)
-        # The minimum of the means of c and t_max is no less than the mean of their minimum: the energy is an upper
-        # bound if the means are exact. A given bound takes the place of both, and of friction.
+        # The minimum of the means of c and t_max is at least the mean of their minimum, so the energy is an upper bound
+        # if the means are exact. A given bound takes the place of c, t_max and friction.
         if self.bound is not None:
             products = product_integrals(self.bound.shape[1] - 1, self.space.degree)
             mean = self.summed(self.bound @ products * self.lengths[:, None]) / self.weights
@@ -153,24 +154,24 @@ class DisplacementContact:
         return friction, cohesion, limit
 
     def moments(self, kind: str, reasons: list[str]) -> FloatArray:
-        """∫ f B_i ds (n,) of a datum over S; what is not exact joins the reasons."""
+        """∫ f B_i ds (n,) of a datum over S; adds a reason if the quadrature is not exact."""
         field, stress, points = getattr(self.contact, kind), self.scales.stress, load_points(self.space.degree)
-        given = along_edges(self.space.mesh, self.edges, f"Contact.{kind}", field, points, minimum=0.0)
-        if given.error > MISFIT * max(stress, float(np.abs(given.values).max(initial=0.0))):
+        field_on_edges = along_edges(self.space.mesh, self.edges, f"Contact.{kind}", field, points, minimum=0.0)
+        if field_on_edges.error > MISFIT * max(stress, float(np.abs(field_on_edges.values).max(initial=0.0))):
             reasons.append(
                 f"The {kind.replace('_', ' ')} of {self.name!r} jumps or grows steeply. Quadrature leaves an error of "
-                f"{given.error:.2g} [stress] times an edge's length."
+                f"{field_on_edges.error:.2g} [stress] times an edge's length."
             )
-        return self.summed(self.lengths[:, None] / stress * given.moments(self.space.degree))
+        return self.summed(self.lengths[:, None] / stress * field_on_edges.moments(self.space.degree))
 
     def obstacle(self, kind: str, signs: FloatArray, reasons: list[str]) -> FloatArray:
-        """Coefficients (n,) of the gap or offset, signs (e, p + 1) on edges; at a jump between them the smaller one."""
+        """Coefficients (n,) of the gap or offset, with signs (e, p + 1) on edges; the smaller value at jumps."""
         p, unit = self.space.degree, self.scales.displacement
         data, misfit = edge_data(self.space.mesh, self.edges, f"Contact.{kind}", getattr(self.contact, kind), p, unit)
-        own, least = signs * data, np.full(self.count, np.inf)
-        np.minimum.at(least, self.columns, own)
+        on_edges, least = signs * data, np.full(self.count, np.inf)
+        np.minimum.at(least, self.columns, on_edges)
         if self.contact.law != "unilateral" or kind == "offset":
-            misfit = max(misfit, float(np.abs(least[self.columns] - own).max(initial=0.0)))
+            misfit = max(misfit, float(np.abs(least[self.columns] - on_edges).max(initial=0.0)))
         if misfit > MISFIT * max(1.0, float(np.abs(least).max(initial=0.0))):
             reasons.append(
                 f"The {kind} of {self.name!r} is not a continuous polynomial of degree {p} on each edge. "
@@ -181,10 +182,10 @@ class DisplacementContact:
         return least
 
     def stiffness(self, kind: str, signs: FloatArray) -> FloatArray:
-        """∫ k B_i B_j ds of springs on each edge, (e, p + 1, p + 1), for the signs (e, p + 1) of coefficients."""
+        """∫ k B_i B_j ds of springs on each edge, (e, p + 1, p + 1), with the signs (e, p + 1) of coefficients."""
         t, weights = gauss_legendre(load_points(self.space.degree))
-        places = self.space.mesh.points_along(self.edges, t)
-        k = evaluate(f"Contact.{kind}", getattr(self.contact, kind), *places, minimum=0.0)
+        points = self.space.mesh.points_along(self.edges, t)
+        k = evaluate(f"Contact.{kind}", getattr(self.contact, kind), *points, minimum=0.0)
         k = k * (self.scales.compliance * self.edges.length[:, None] * weights)
         shape = signs[:, None] * bernstein_basis(self.space.degree, t)
         return np.asarray((k[..., None] * shape).swapaxes(1, 2) @ shape)
@@ -195,7 +196,7 @@ class DisplacementContact:
         return np.stack([self.normal @ field, self.tangential @ field])
 
     def motions(self) -> Iterator[tuple[str, FloatArray, float]]:
-        """For each force or moment on a plate its name, c (2, n) of the plate when it moves by 1, and that force."""
+        """By force or moment on a plate: its name, c (2 n,) of the plate under the unit motion, and the force."""
         plate, centre = self.contact.plate, centre_of(self.space.mesh.vertices, self.edges)
         for component in COMPONENTS if plate is not None else ():
             if plate is not None and getattr(plate, component) is not None:
@@ -210,7 +211,7 @@ def _trace(
     problem: ContactProblem, space: DisplacementSpace, scales: Scales, contact: Contact, start: int,
     bound: FloatArray | None,
 ) -> DisplacementContact:  # fmt: skip
-    """One contact, from the edges and coefficients of the body."""
+    """A contact from the edges and coefficients of the body."""
     p, edges, joint = space.degree, problem.mesh.edges(contact.edges), contact in problem.joints
     places = np.stack([edges.first, edges.second], axis=1)
     normal, tangent = (in_lines(vectors, places, ~edges.bent) for vectors in (edges.normal, edges.tangent))
@@ -220,28 +221,29 @@ def _trace(
     sides = np.where(near > far, -1.0, 1.0)
     along = frames_along(edges, np.linspace(0.0, 1.0, p + 1))
     frames = [(sides[..., None] * vectors).reshape(-1, 2) for vectors in along]
-    heading = np.zeros(near.shape, dtype=np.int64)  # numbers of directions, where edges meet
+    # where edges meet, a coefficient for each direction of the line: directions get numbers
+    heading = np.zeros(near.shape, dtype=np.int64)
     places, ends = np.minimum(near, far)[:, [0, -1]], frames[0].reshape(*near.shape, 2)[:, [0, -1]]
     ends = in_lines(ends.reshape(-1, 2), places.reshape(-1, 1), np.ones(places.size, dtype=bool))
     heading[:, [0, -1]] = np.unique(ends, axis=0, return_inverse=True)[1].reshape(-1, 2)
-    # pairs (n, 3) of coefficients of the body, the smaller number first, with the number of a direction last: where the
-    # normals of a joint turn back the sides of its edges change, normals that lead from the first of a pair do not
+    # the n coefficients of the contact: pairs of coefficients of the body on both sides, the smaller number first, and
+    # the direction. Where a joint turns back, its edges change their sides, but normals from the first of a pair do not
     pairs = np.stack([np.minimum(near, far).ravel(), np.maximum(near, far).ravel(), heading.ravel()], axis=1)
     pairs, columns = np.unique(pairs, axis=0, return_inverse=True)
-    owner = np.empty(len(pairs), dtype=np.int64)  # of the places on all edges that a coefficient has, one
+    owner = np.empty(len(pairs), dtype=np.int64)  # one of the places on edges of each coefficient
     owner[columns.ravel()] = np.arange(columns.size)
     columns, tangents = columns.reshape(near.shape), frames[1][owner]
     turned = np.where((frames[1].reshape(*near.shape, 2) * tangents[columns]).sum(axis=2) < 0.0, -1.0, 1.0)
     rows = []
-    for chords in (edges.normal, edges.tangent):
-        parts = components_along(edges, chords, p).reshape(-1, p + 1, 2)[owner]
-        number = np.repeat(np.arange(len(pairs)), 2 * (p + 1))
-        found = sparse.csr_array((len(pairs), space.size))
+    for vectors in (edges.normal, edges.tangent):
+        parts = components_along(edges, vectors, p).reshape(-1, p + 1, 2)[owner]
+        row_numbers = np.repeat(np.arange(len(pairs)), 2 * (p + 1))
+        matrix = sparse.csr_array((len(pairs), space.size))
         for coefficients, sign in ((near, 1.0), (far, -1.0))[: 1 + joint]:
             dofs = 2 * coefficients[owner // (p + 1), :, None] + np.arange(2)
-            found = found + sparse.csr_array((sign * parts.ravel(), (number, dofs.ravel())), shape=found.shape)
-        found.eliminate_zeros()
-        rows.append(sparse.csr_array(found))
+            matrix = matrix + sparse.csr_array((sign * parts.ravel(), (row_numbers, dofs.ravel())), shape=matrix.shape)
+        matrix.eliminate_zeros()
+        rows.append(sparse.csr_array(matrix))
     lengths = edges.length / scales.length
     weights = np.bincount(columns.ravel(), np.repeat(lengths / (p + 1), p + 1), minlength=len(pairs))
     return DisplacementContact(
@@ -252,24 +254,23 @@ def _trace(
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """All contacts together; arrays over the n coefficients of all traces, or over 2 n with the normal ones first."""
+    """All contacts together; arrays over the n coefficients of all contacts, or over 2 n with the normal ones first."""
 
     traces: tuple[DisplacementContact, ...]
-    # (2 n, size): c from v, that of the body less the stretches of springs and what plates move that forces drive
+    # (2 n, size): c from v: of the body, less stretches of springs and motions of plates driven by force
     rows: sparse.csr_array
-    sprung: IntArray  # (k,): the coefficients that have springs; their stretches come first beside the body
-    driven: tuple[tuple[str, str], ...]  # (q,): contact and force or moment of plates, whose motions come last
-    beside: sparse.csr_array  # stiffness of what is beside the body
+    sprung: IntArray  # (k,): coefficients with springs; their stretches follow the body's unknowns in v
+    driven: tuple[tuple[str, str], ...]  # (q,): contact and force or moment of plates; their motions come last in v
+    beside: sparse.csr_array  # stiffness of stretches and motions
     loads: FloatArray  # (size,): forces and moments on plates, and the loads of fluids in contacts
     weights: FloatArray  # (2 n,): W
     obstacle: FloatArray  # (2 n,): g̃ = (g, w)
-    law: FloatArray  # (3, n): μ_i, c_i and the cap; c_i is the whole bound, and μ_i zero, where the bound is given
-    # (n,): ±1 where displacements may slip in one sense only, slipping (c_T − w) ≥ 0; 0 where c_T = w; NaN where they
-    # are free
+    law: FloatArray  # (3, n): μ_i, c_i and the cap; where the bound is given, c_i is the whole bound and μ_i zero
+    # (n,): ±1 where slip has one direction, slipping (c_T − w) ≥ 0; 0 where c_T = w; NaN where slip is free
     slipping: FloatArray
-    moved: FloatArray  # (2 n,): what c of the plates themselves is under their given motions
-    # (2 n,): ∫ p_w B_i ds of fluids, 0 for tangential coefficients; their work is −Σ fluid c. Tractions and laws are
-    # effective ones, σ_N + p_w
+    moved: FloatArray  # (2 n,): c of the plates themselves under their given motions
+    # (2 n,): ∫ p_w B_i ds of fluids, 0 for tangential coefficients; their work is −Σ fluid c. Tractions are effective
+    # ones, σ_N + p_w
     fluid: FloatArray
     reasons: tuple[str, ...]  # why the laws are not met exactly
 
@@ -282,8 +283,8 @@ class Contacts:
         bounds: Mapping[str, FloatArray] | None = None,
         slips: Mapping[str, FloatArray] = MappingProxyType({}),
     ) -> "Contacts":
-        """In the order of the problem, with their own laws or given bounds [stress], and senses of slip by edge."""
-        traces, n, rubs = list[DisplacementContact](), 0, False
+        """The contacts in the order of the problem, with their own laws or given bounds [stress], and slip by edge."""
+        traces, n, has_friction = list[DisplacementContact](), 0, False
         for contact in problem.contacts:
             bound = None if bounds is None or contact.law == "tied" else bounds[contact.name] / scales.stress
             traces.append(_trace(problem, space, scales, contact, n, bound))
@@ -299,14 +300,14 @@ class Contacts:
             fluid[0, here] = trace.moments("pore_pressure", reasons)
             if contact.name in slips:
                 slipping[here] = trace.slipping_on(slips[contact.name])
-            if bounds is None:  # also between coefficients
+            if bounds is None:  # friction may act between the points of coefficients
                 places = problem.mesh.points_along(trace.edges, SAMPLES)
-                between = evaluate("Contact.friction", contact.friction, *places, minimum=0.0)
-                rubs |= max(law[0, here].max(), between.max()) > 0.0
+                at_samples = evaluate("Contact.friction", contact.friction, *places, minimum=0.0)
+                has_friction |= max(law[0, here].max(), at_samples.max()) > 0.0
             for half, kind in enumerate(SPRINGS):
                 if getattr(contact, kind) is not None:
-                    at = half * n + trace.start + trace.columns
-                    springs = springs + spread(at, at, trace.stiffness(kind, signs[half]), 2 * n)
+                    numbers = half * n + trace.start + trace.columns
+                    springs = springs + spread(numbers, numbers, trace.stiffness(kind, signs[half]), 2 * n)
             if contact.plate is not None:
                 moved[:, here] = trace.moved(contact.plate) / scales.displacement
             for component, motion, resultant in trace.motions():
@@ -315,34 +316,26 @@ class Contacts:
                 column[:, here] = motion
                 columns.append(column.reshape(-1, 1))
                 resultants.append(resultant)
-        every = [sparse.csr_array((0, space.size)), *(t.normal for t in traces), *(t.tangential for t in traces)]
+        blocks = [sparse.csr_array((0, space.size)), *(t.normal for t in traces), *(t.tangential for t in traces)]
         motions, sprung = np.hstack(columns), np.flatnonzero(springs.diagonal())
-        yields = sparse.eye_array(2 * n, format="csc")[:, sprung]
-        rows = sparse.csr_array(sparse.hstack([sparse.vstack(every), -yields, sparse.csr_array(-motions)]))
+        stretches = sparse.eye_array(2 * n, format="csc")[:, sprung]
+        rows = sparse.csr_array(sparse.hstack([sparse.vstack(blocks), -stretches, sparse.csr_array(-motions)]))
         loads = -(rows.T @ fluid.ravel())
-        loads[space.size : space.size + len(sprung)] = 0.0  # on the body, not on its springs
+        loads[space.size : space.size + len(sprung)] = 0.0  # fluids press on the body, not on springs
         loads[rows.shape[1] - len(resultants) :] += resultants
+        beside = sparse.block_diag([springs[sprung][:, sprung], np.zeros((len(resultants),) * 2)])
+        weights = np.tile(np.concatenate([np.empty(0), *(trace.weights for trace in traces)]), 2)
         return cls(
-            traces=tuple(traces),
-            rows=rows,
-            sprung=sprung,
-            driven=tuple(driven),
-            beside=sparse.csr_array(sparse.block_diag([springs[sprung][:, sprung], np.zeros((len(resultants),) * 2)])),
-            loads=loads,
-            weights=np.tile(np.concatenate([np.empty(0), *(trace.weights for trace in traces)]), 2),
-            obstacle=obstacle.ravel(),
-            law=law,
-            slipping=slipping,
-            moved=moved.ravel(),
-            fluid=fluid.ravel(),
-            reasons=(*reasons, _INDICATOR) if rubs else tuple(reasons),
-        )
+            traces=tuple(traces), rows=rows, sprung=sprung, driven=tuple(driven), beside=sparse.csr_array(beside),
+            loads=loads, weights=weights, obstacle=obstacle.ravel(), law=law, slipping=slipping, moved=moved.ravel(),
+            fluid=fluid.ravel(), reasons=(*reasons, _INDICATOR) if has_friction else tuple(reasons),
+        )  # fmt: skip
 
     def stretched(self, v: FloatArray) -> FloatArray:
-        """Coefficients (2 n,) of the stretch of springs from v (size,); 0 where there are none."""
-        found, start = np.zeros(2 * self.count), self.rows.shape[1] - self.beside.shape[0]
-        found[self.sprung] = v[start : start + len(self.sprung)]
-        return found
+        """Coefficients (2 n,) of the stretch of springs from v (size,); 0 without springs."""
+        stretch, start = np.zeros(2 * self.count), self.rows.shape[1] - self.beside.shape[0]
+        stretch[self.sprung] = v[start : start + len(self.sprung)]
+        return stretch
 
     @property
     def count(self) -> int:
@@ -360,44 +353,44 @@ class Contacts:
         return self.where(lambda contact: contact.law != "unilateral")
 
     def where(self, holds: Callable[[Contact], bool]) -> BoolArray:
-        """What holds of contacts, at each of their coefficients (n,)."""
-        every = np.array([holds(trace.contact) for trace in self.traces], dtype=bool)
-        return np.repeat(every, np.array([trace.count for trace in self.traces], dtype=np.int64))
+        """Whether a property holds of the contact of each coefficient (n,)."""
+        of_contacts = np.array([holds(trace.contact) for trace in self.traces], dtype=bool)
+        return np.repeat(of_contacts, np.array([trace.count for trace in self.traces], dtype=np.int64))
 
 
 @dataclass(frozen=True, eq=False)
 class DualProblem:
-    """The algebraic problem and the way back."""
+    """The algebraic problem in contact forces, and the way back to displacements."""
 
     contacts: Contacts
     body: CondensedBody
     B: FloatArray  # (2 n, k): c from w_Γ
     constant: FloatArray  # (2 n,): c_D, plates moved as given
-    # (2 n,): where the body can change c, and that does not follow from others; where there is a force
-    alone: BoolArray
+    # (2 n,): whether the body can change c independently of the others; whether there is a force
+    independent: BoolArray
     live: BoolArray
-    equalities: IntArray  # which of the motions R have a row of their own
+    equalities: IntArray  # motions of R whose rows are independent
     qvi: FrictionQVI
-    beyond: FloatArray  # (2 n,): what f lacks in obstacles that count as nearer than they stand, see `Scales.reach`
-    soft: FloatArray  # (2 n,): compliances of C that f is to make up for
+    beyond: FloatArray  # (2 n,): part of f of far obstacles that count as nearer than they are, see `Scales.reach`
+    added: FloatArray  # (2 n,): added compliances in C, for which f makes up
 
     def solved(self, tolerance: float) -> QVISolution:
-        """Its solution: again with obstacles where they stand if the body gets there, and with what gives way added."""
-        found, given, reached = solve_qvi(self.qvi, tolerance=tolerance), self.qvi, False
+        """The solution; solved again with far obstacles where they are, if reached, and without added compliances."""
+        solution, qvi, is_reached = solve_qvi(self.qvi, tolerance=tolerance), self.qvi, False
         for _ in range(_TRIALS):
-            least = tolerance * found.certificate.scales.get("stress", np.inf)
-            reached |= bool((found.z[self.beyond > 0.0] < -least).any())
-            f = self.qvi.f + reached * self.beyond + self.soft * found.z
-            more = float(np.abs(f - given.f).max(initial=0.0))
-            if found.status is not Status.SOLVED or more <= tolerance * float(np.abs(f).max(initial=0.0)):
+            least = tolerance * solution.certificate.scales.get("stress", np.inf)
+            is_reached |= bool((solution.z[self.beyond > 0.0] < -least).any())
+            f = self.qvi.f + is_reached * self.beyond + self.added * solution.z
+            change = float(np.abs(f - qvi.f).max(initial=0.0))
+            if solution.status is not Status.SOLVED or change <= tolerance * float(np.abs(f).max(initial=0.0)):
                 break
-            given = self.qvi.with_loads(f=f)
-            further = solve_qvi(given, tolerance=tolerance)
-            found = further if reached or further.status is Status.SOLVED else found
-        return found
+            qvi = self.qvi.with_loads(f=f)
+            next_solution = solve_qvi(qvi, tolerance=tolerance)
+            solution = next_solution if is_reached or next_solution.status is Status.SOLVED else solution
+        return solution
 
     def displacements(self, solution: QVISolution) -> FloatArray:
-        """The w_Γ of a solution."""
+        """The displacements w_Γ of a solution."""
         body, motion = self.body, np.zeros(self.body.R.shape[1])
         motion[self.equalities] = solution.equality_multiplier
         forces = self.B.T @ np.where(self.live, self.contacts.weights * solution.z, 0.0)
@@ -405,25 +398,29 @@ class DualProblem:
 
 
 def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
-    """Pose the problem; `InputError` if loads, or resultants of plates, contradict equilibrium."""
+    """The problem in contact forces; `InputError` if loads, or resultants of plates, contradict equilibrium."""
     n, W, rigid = contacts.count, contacts.weights, body.R.shape[1] - len(contacts.driven)
+    # c = constant + B w_Γ; B of the body and of driven plates are views
     constant = contacts.rows @ body.start - contacts.moved
     B = (contacts.rows @ body.B)[:, body.interface].toarray()
-    own, plates = np.hsplit(B, [B.shape[1] - len(contacts.driven)])
-    alone, driven = (np.abs(part).sum(axis=1) > PARALLEL for part in (own, plates))
-    own[~alone], plates[~driven] = 0.0, 0.0  # in B too
-    alone[_determined(own, contacts)] = False  # plates would make one group of all rows
-    rubs = np.append(np.zeros(n, dtype=bool), ~contacts.tied)
-    live = alone | (rubs & own.any(axis=1)) | driven | own[:, own[driven].any(axis=0)].any(axis=1)
+    of_body, plates = np.hsplit(B, [B.shape[1] - len(contacts.driven)])
+    independent, driven = (np.abs(part).sum(axis=1) > PARALLEL for part in (of_body, plates))
+    of_body[~independent], plates[~driven] = 0.0, 0.0
+    independent[_determined(of_body, contacts)] = False  # without plates, which would connect all rows
+    shear = np.append(np.zeros(n, dtype=bool), ~contacts.tied)
+    live = independent | (shear & of_body.any(axis=1)) | driven | of_body[:, of_body[driven].any(axis=0)].any(axis=1)
+    # C = W B G Bᵀ W plus the added compliances
     compliance = B @ body.relieve(np.ascontiguousarray(B.T)) if len(B) else np.zeros((0, 0))
-    usual = float(np.median(np.diag(compliance)[alone])) if alone.any() else 1.0
+    typical = float(np.median(np.diag(compliance)[independent])) if independent.any() else 1.0
     compliance[~live], compliance[:, ~live] = 0.0, 0.0
-    soft = usual * np.select([alone, live], [0.0, _SOFT], 1.0) * W**2
-    C = compliance * W * W[:, None] + np.diag(soft)
+    added = typical * np.select([independent, live], [0.0, _SOFT], 1.0) * W**2
+    C = compliance * W * W[:, None] + np.diag(added)
     C = (C + C.T) / 2.0
+    # f = W (g̃ − c_D − B G r), with far obstacles at the distance `REACH`
     beyond = np.where(contacts.bilateral, 0.0, np.maximum(contacts.obstacle[:n] - REACH, 0.0))
     beyond = np.append(beyond, np.zeros(n)) * W * live
     f = np.where(live, W * (contacts.obstacle - constant - B @ body.relieve(body.r)), 0.0) - beyond
+    # equilibrium Rᵀ Bᵀ W τ = −Rᵀ r: independent rows, and a check of the others
     A, b = np.where(live, body.R.T @ B.T, 0.0) * W, -body.R.T @ body.r
     sizes = np.linalg.norm(A, axis=1)
     kept, combinations = independent_rows(A, _DEPENDENT * np.maximum(sizes, _DEPENDENT * sizes.max(initial=0.0)))
@@ -438,54 +435,47 @@ def dual_problem(contacts: Contacts, body: CondensedBody) -> DualProblem:
                 remedy = "contradicts the other loads by this, dimensionless: correct it, or leave it out"
             raise InputError(field, contradiction, remedy)
     friction, cohesion, cap = contacts.law
-    rows = np.flatnonzero(~contacts.tied)  # of the QVI
+    rows = np.flatnonzero(~contacts.tied)  # tractions that obey a law
     cohesion = np.where(contacts.slipping == 0.0, _STICKS * max(1.0, float(cohesion.max(initial=0.0))), cohesion)
-    every, none = sparse.eye_array(2 * contacts.count, format="csr"), np.zeros(len(rows))
+    identity, zeros = sparse.eye_array(2 * contacts.count, format="csr"), np.zeros(len(rows))
     qvi = FrictionQVI.from_arrays(
-        K=sparse.csc_array(C),
-        f=f,
-        N=sparse.csc_array(every[rows]),
-        n0=none,
-        T=sparse.csc_array(every[contacts.count + rows]),
-        t0=none,
-        mu=friction[rows],
-        W=W[rows],
-        cohesion=cohesion[rows],
-        cap=cap[rows],
-        bilateral=contacts.bilateral[rows],
-        A=sparse.csc_array(A[kept].reshape(len(kept), 2 * contacts.count)),
-        b=b[kept],
+        K=sparse.csc_array(C), f=f, N=sparse.csc_array(identity[rows]), n0=zeros,
+        T=sparse.csc_array(identity[contacts.count + rows]), t0=zeros, mu=friction[rows], W=W[rows],
+        cohesion=cohesion[rows], cap=cap[rows], bilateral=contacts.bilateral[rows],
+        A=sparse.csc_array(A[kept].reshape(len(kept), 2 * contacts.count)), b=b[kept],
+    )  # fmt: skip
+    added = np.where(live, added, 0.0)
+    return DualProblem(
+        contacts, body, B, constant, independent, live, np.array(kept, dtype=np.int64), qvi, beyond, added
     )
-    soft = np.where(live, soft, 0.0)
-    return DualProblem(contacts, body, B, constant, alone, live, np.array(kept, dtype=np.int64), qvi, beyond, soft)
 
 
 def _determined(B: FloatArray, contacts: Contacts) -> IntArray:
-    """Rows that follow from others: what is tied comes first, then what must not pass an obstacle, then friction."""
-    found, rank = list[int](), np.where(np.tile(contacts.tied, 2), 0, np.repeat([1, 2], contacts.count))
+    """Rows that follow from earlier ones, in the order tied, normal, friction."""
+    dependent, rank = list[int](), np.where(np.tile(contacts.tied, 2), 0, np.repeat([1, 2], contacts.count))
     row, column = B.nonzero()
-    group = linked(row, column + len(B), sum(B.shape))[: len(B)]  # rows that hang together over columns
+    group = linked(row, column + len(B), sum(B.shape))[: len(B)]  # rows connected by columns
     order = np.argsort(group, kind="stable")
     for rows in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
         ordered = rows[np.argsort(rank[rows], kind="stable")]
         part = B[ordered]
         part = part[:, part.any(axis=0)]
-        _, others = independent_rows(part, np.full(len(part), _DEPENDENT))
-        found += ordered[list(others)].tolist()
-    return np.array(found, dtype=np.int64)
+        _, combinations = independent_rows(part, np.full(len(part), _DEPENDENT))
+        dependent += ordered[list(combinations)].tolist()
+    return np.array(dependent, dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
 class LeastChange:
-    """The x of least ½ xᵀKx − load · x with given rows · x, which may be dependent."""
+    """The x of least ½ xᵀKx − load · x for prescribed rows · x; rows may be dependent."""
 
     scales: tuple[FloatArray, FloatArray]  # (n,) and (r,): units of x and of the rows
     matrix: sparse.csc_array  # the equations, in these units
-    factors: Any  # those of the equations, slightly regularised
+    factors: Any  # factors of the slightly regularised equations
 
     @classmethod
     def of(cls, stiffness: Any, rows: sparse.csr_array) -> "LeastChange":
-        """For K (n, n) and rows (r, n)."""
+        """The factorised equations for K (n, n) and rows (r, n)."""
         K: Any = sparse.csc_array(stiffness)
         scale = 1.0 / np.sqrt(K.diagonal())
         R = sparse.csr_array(rows @ sparse.diags_array(scale))
@@ -497,46 +487,46 @@ class LeastChange:
         return cls((scale, lengths), matrix, splu(sparse.csc_array(matrix - slightly)))
 
     def solved(self, right: FloatArray, load: FloatArray | float = 0.0) -> FloatArray:
-        """The x with rows · x = right, as nearly as there is one."""
+        """The x with rows · x = right, as nearly as possible."""
         scale, lengths = self.scales
-        wanted = np.concatenate([scale * load, right / lengths])
-        found = np.zeros_like(wanted)
-        for _ in range(4):  # what regularises the system is corrected
-            found = found + self.factors.solve(wanted - self.matrix @ found)
-        return np.asarray(scale * found[: len(scale)])
+        right_side = np.concatenate([scale * load, right / lengths])
+        solution = np.zeros_like(right_side)
+        for _ in range(4):  # corrects the effect of the regularisation
+            solution = solution + self.factors.solve(right_side - self.matrix @ solution)
+        return np.asarray(scale * solution[: len(scale)])
 
 
 def admissible(
     problem: DualProblem, values: FloatArray, tractions: FloatArray, bound: FloatArray
 ) -> tuple[FloatArray, FloatArray, str]:
-    """(v (size,), c (2 n,), why not) that meets contact conditions to rounding, from w_Γ.
+    """(v (size,), c (2 n,), contradiction): displacements that meet the contact conditions up to rounding, from w_Γ.
 
-    What presses or sticks beyond doubt, must not slip, or slips the wrong way gets the displacement of the obstacle, by
-    the least changes. Plates move only as far as that is needed.
+    Coefficients that surely press or stick, must not slip, or slip against their direction get the displacement of the
+    obstacle by the least changes. Plates move only as far as that is needed.
     """
     contacts, rows = problem.contacts, sparse.csr_array(problem.B)
     unit, n, slipping = max(1.0, float(np.abs(tractions).max(initial=0.0))), contacts.count, contacts.slipping
-    c, stiff = rows @ values + problem.constant, np.ones(len(values))
-    stiff[len(values) - len(contacts.driven) :] = _FIRM
+    c, weights = rows @ values + problem.constant, np.ones(len(values))
+    weights[len(values) - len(contacts.driven) :] = _FIRM
     opening, slip = contacts.obstacle[:n] - c[:n], c[n:] - contacts.obstacle[n:]
-    closed = (-tractions[:n] / unit > np.maximum(opening, 0.0)) | (opening < 0.0)
-    sticks = ((bound - np.abs(tractions[n:])) / unit > np.abs(slip)) & (np.abs(slip) < 1e-6) & problem.alone[n:]
-    sticks |= (slipping == 0.0) | (slipping * slip < 0.0)
-    closed = contacts.bilateral | (closed & (np.abs(opening) < 1e-6))
-    held = np.concatenate([closed, sticks | contacts.tied])  # what is moved to the obstacle
-    given = values
+    is_closed = (-tractions[:n] / unit > np.maximum(opening, 0.0)) | (opening < 0.0)
+    is_stuck = ((bound - np.abs(tractions[n:])) / unit > np.abs(slip)) & (np.abs(slip) < 1e-6) & problem.independent[n:]
+    is_stuck |= (slipping == 0.0) | (slipping * slip < 0.0)
+    is_closed = contacts.bilateral | (is_closed & (np.abs(opening) < 1e-6))
+    is_held = np.concatenate([is_closed, is_stuck | contacts.tied])  # coefficients moved to the obstacle
+    computed = values
     for _ in range(3):  # a correction in a corner may push another contact line over its gap
-        at = np.flatnonzero(held)
-        least = LeastChange.of(sparse.diags_array(stiff), rows[at])
+        moved = np.flatnonzero(is_held)
+        least = LeastChange.of(sparse.diags_array(weights), rows[moved])
         for _ in range(2):  # once more for rounding
-            values = values + least.solved((contacts.obstacle - c)[at])
+            values = values + least.solved((contacts.obstacle - c)[moved])
             c = rows @ values + problem.constant
-        over = (_excess(problem, c) > 0.0) & ~held
-        if not over.any():
+        is_violated = (_excess(problem, c) > 0.0) & ~is_held
+        if not is_violated.any():
             break
-        held |= over
-    for tried in (values, given):  # where nothing meets all, changes may be large: what was computed is nearer
-        v = problem.body.expand(tried)
+        is_held |= is_violated
+    for candidate in (values, computed):  # if conditions contradict each other, the changes may be worse than none
+        v = problem.body.expand(candidate)
         c = contacts.rows @ v - contacts.moved
         excess = _excess(problem, c)
         worst = float(excess.max(initial=0.0)) / max(1.0, float(np.abs(c).max(initial=0.0)))
@@ -545,17 +535,17 @@ def admissible(
     half, number = divmod(int(np.argmax(excess)), contacts.count)
     trace = next(each for each in contacts.traces if number < each.here.stop)
     place = trace.space.mesh.origin + trace.scales.length * trace.places[number - trace.start]
-    what = "what holds the slip" if half else "the obstacle"
-    where = f"{what} of {trace.name!r} at {place_of(place)}"
-    who = "Prescribed displacements" + (", or that nothing may slip at kinks," if (slipping == 0.0).any() else "")
-    return v, c, f"{who} contradict {where}, by {worst:.1e} of their size."
+    condition = "the slip condition" if half else "the obstacle"
+    where = f"{condition} of {trace.name!r} at {place_of(place)}"
+    cause = "Prescribed displacements" + (", or that nothing may slip at kinks," if (slipping == 0.0).any() else "")
+    return v, c, f"{cause} contradict {where}, by {worst:.1e} of their size."
 
 
 def _excess(problem: DualProblem, c: FloatArray) -> FloatArray:
-    """By how much c_N exceeds the gap (2 n,), or differs where the contact keeps its distance, and c_T its offset."""
+    """Violations (2 n,): of c_N ≤ g, or c_N = g where the contact keeps its distance, and of the conditions on c_T."""
     contacts = problem.contacts
     normal, shear = (c - contacts.obstacle).reshape(2, contacts.count)
     backwards = np.where(np.isnan(contacts.slipping), 0.0, np.maximum(-contacts.slipping * shear, 0.0))
-    held = contacts.tied | (contacts.slipping == 0.0)
+    is_held = contacts.tied | (contacts.slipping == 0.0)
     across = np.where(contacts.bilateral, np.abs(normal), np.maximum(normal, 0.0))
-    return np.concatenate([across, np.where(held, np.abs(shear), backwards)])
+    return np.concatenate([across, np.where(is_held, np.abs(shear), backwards)])

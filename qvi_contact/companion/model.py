@@ -1,4 +1,4 @@
-"""The displacement model: assemble, condense, solve for the contact forces, return to displacements; and its answer."""
+"""The displacement model: assemble, condense, solve for the contact forces, return to displacements; and its result."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ from solvers.factorisation.base import FactorisationError, limited_blas
 _FAILURES: Final = {"singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY, "time": Status.TIME_LIMIT}
 
 MOST: Final = 4000
-"""Contact coefficients, normal and tangential ones, for which dense matrices of them are made."""
+"""Largest number of contact coefficients, normal and tangential, for which dense matrices are made."""
 SINGULAR: Final = 1e-11
-"""Eigenvalue of a stiffness matrix, relative, that is a rigid motion's."""
-_DEPENDENT = 1e-9  # singular value of rows, relative, that counts as zero
-_DIGITS = 12  # of coordinates over the body's length: more is rounding
+"""Eigenvalue of a stiffness matrix, relative to the largest, below which the motion is rigid."""
+_DEPENDENT = 1e-9  # relative singular value of rows that counts as zero
+_DIGITS = 12  # digits of coordinates over the body's length by which coefficients are sorted: more are rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,16 +54,16 @@ class CompanionContact:
     """One contact in the displacement model; arrays over the n Bernstein coefficients of its trace, by x, then by y.
 
     A quantity at a coefficient is no value at a point: a displacement is the coefficient itself, a traction the mean
-    weighted by B_i. Coefficients whose displacement supports prescribe carry no traction here; it is the support's.
+    weighted by B_i. Where supports prescribe a coefficient's displacement, the traction is the support's, and 0 here.
     """
 
     name: str
     """Name of the contact."""
     tangential_force: float
-    """∫ ± σ_T ds, force on the body along the contact, as that of `ContactLine` [stress × length]."""
+    """∫ ± σ_T ds, force on the body along the contact, signs as in `ContactLine` [stress × length]."""
     x: FloatArray
     y: FloatArray
-    """The coefficients' own points, i/p along each edge [length], (n,) each."""
+    """Points of the coefficients, i/p along each edge [length], (n,) each."""
     weights: FloatArray
     """∫ B_i ds [length], (n,)."""
     normal_stress: FloatArray
@@ -87,18 +87,18 @@ class CompanionState:
     """A displacement that meets all conditions, dimensionless."""
 
     contacts: Contacts  # the contacts; arrays over their n coefficients
-    v: FloatArray  # (size,): degrees of freedom, after those of the body the stretches of springs and motions of plates
+    v: FloatArray  # (size,): unknowns of the body, then stretches of springs and motions of plates
     c: FloatArray  # (2 n,): relative displacements, normal ones first
     tractions: FloatArray  # (2 n,): τ
-    live: BoolArray  # (2 n,): where there is a force, see `DualProblem`; elsewhere τ is zero
+    live: BoolArray  # (2 n,): whether there is a force, see `DualProblem`; elsewhere τ is zero
     bound: FloatArray  # (n,): bound of |τ_T|
-    load: FloatArray  # (size,): load vector, forces on plates in it
-    contradiction: str  # why it does not meet them after all; empty if it does
+    load: FloatArray  # (size,): load vector, with forces on plates
+    contradiction: str  # why v violates a condition after all; empty if it does not
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CompanionResult(PicklesFields):
-    """A displacement model solved, or not: check `status`.
+    """A displacement model, solved or not: check `status`.
 
     Without a state (loads that cannot be carried, failed back end) fields, energies and forces raise `InputError`.
     """
@@ -106,7 +106,7 @@ class CompanionResult(PicklesFields):
     problem: ContactProblem
     scales: Scales
     body: Elasticity
-    """The problem, units of the dimensionless model, and the body in these."""
+    """The problem, the units of the dimensionless model, and the body in these units."""
     status: Status
     """How the solve ended; ``status.advice`` says what to do."""
     certificate: Certificate
@@ -114,10 +114,10 @@ class CompanionResult(PicklesFields):
     message: str
     """One sentence about the outcome."""
     state: CompanionState | None
-    """The displacement; None where there is none."""
+    """The displacement; None if the model was not solved."""
     reasons: tuple[str, ...]
-    """Why the displacement or its energy is not admissible or exact; empty where J(v) is a guaranteed upper bound, for
-    data that are between `SAMPLES` of every edge the polynomials that they are there."""
+    """Why the displacement or its energy is not admissible or exact. Empty if J(v) is a guaranteed upper bound, if data
+    between the `SAMPLES` of every edge are the polynomials that they are there."""
     solution: QVISolution | None
     """The algebraic answer."""
 
@@ -159,14 +159,15 @@ class CompanionResult(PicklesFields):
     def cell_strain(self, t: ArrayLike, v: FloatArray | None = None) -> FloatArray:
         """Strains (ε_xx, ε_yy, 2ε_xy) at reference points t (k, 2) of every cell of the mesh, (cells, k, 3).
 
-        These are barycentric coordinates of the second and third corner. Or those of another displacement v (size,).
+        t are the barycentric coordinates of the second and third corner. v (size,) is another displacement than the
+        result's.
         """
         own = self.space.own(slice(None), np.asarray(t, dtype=float))
         strain = self.body.strain(self._v if v is None else v, slice(None), own)
         return np.asarray(strain * (self.scales.displacement / self.scales.length))
 
     def displacement_in(self, cells: IntArray | slice, t: FloatArray) -> FloatArray:
-        """Displacements (n, k, 2) at such points, (k, 2) or (n, k, 2), of cells given by number (n,) [length]."""
+        """Displacements (n, k, 2) at reference points, (k, 2) or (n, k, 2), of cells with numbers (n,) [length]."""
         local = self._v.reshape(-1, 2)[self.space.table[cells]]
         shape = self.space.cell.values(self.space.own(cells, t))
         return np.asarray(shape @ local * self.scales.displacement)
@@ -174,17 +175,17 @@ class CompanionResult(PicklesFields):
     def trace(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """v_N and v_T at points t (k,), 0 to 1, of a contact's edges, (edges, k) each [length].
 
-        Edges are in the order of ``problem.mesh.edges(contact.edges)``, t runs along their tangents. On a joint these
-        are the jumps, on a rigid plate what the body moves beyond it, with springs what these leave of it.
+        Edges are in the order of ``problem.mesh.edges(contact.edges)``, t runs along their tangents. On a joint the
+        values are jumps, on a rigid plate relative to the plate, with springs without the stretch of the springs.
         """
         return self.along(name, self._state.c, t)
 
     def stretch(self, name: str, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """How far springs along a contact yield, as `trace` gives v_N and v_T; 0 where there are none."""
+        """Stretch of the springs along a contact, in the form of `trace`; 0 without springs."""
         return self.along(name, self._state.contacts.stretched(self._state.v), t)
 
     def along(self, name: str, coefficients: FloatArray, t: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Dimensionless coefficients (2 n,) of all contacts as values on the edges of one, as `trace` gives them."""
+        """Values on the edges of a contact, in the form of `trace`, from dimensionless coefficients (2 n,)."""
         traces = {trace.name: trace for trace in self._state.contacts.traces}
         trace = traces[known_name("name", name, {"contacts": list(traces)})]
         shape = bernstein_basis(self.degree, np.atleast_1d(np.asarray(t, dtype=float))) * self.scales.displacement
@@ -195,9 +196,9 @@ class CompanionResult(PicklesFields):
     def parts(self) -> dict[str, float]:
         """Parts of the energy J(v) = strain − load + friction [stress × length²].
 
-        "strain" is ½ ∫ (ε − ε⁰):C:(ε − ε⁰), with the energy of springs; "load" ∫ b·v + ∫_{Γσ} T·v + Σ F·q, q the
-        motions of plates under the forces F; "friction" Σ ∫ s |v_T − w| ds ≥ 0 for given bounds, under the contacts'
-        own laws Σ W_i s_i |c_i − w_i|, no less than that.
+        "strain" is ½ ∫ (ε − ε⁰):C:(ε − ε⁰), with the energy of springs; "load" is ∫ b·v + ∫_{Γσ} T·v + Σ F·q, with the
+        motions q of plates under the forces F; "friction" is Σ ∫ s |v_T − w| ds ≥ 0 for given bounds, and Σ W_i s_i
+        |c_i − w_i|, which is no less, under the contacts' own laws.
         """
         state, friction = self._state, 0.0
         for trace in state.contacts.traces:
@@ -209,8 +210,8 @@ class CompanionResult(PicklesFields):
             else:
                 along = trace.on_edges(slip, slip)[1]
                 friction += float(trace.lengths @ absolute_integrals(trace.bound, along))
-        found = {"strain": self.body.energy(state.v), "load": float(state.load @ state.v), "friction": friction}
-        return {name: part * self.scales.energy for name, part in found.items()}
+        parts = {"strain": self.body.energy(state.v), "load": float(state.load @ state.v), "friction": friction}
+        return {name: part * self.scales.energy for name, part in parts.items()}
 
     @property
     def energy(self) -> float:
@@ -220,28 +221,28 @@ class CompanionResult(PicklesFields):
     @cached_property
     def contacts(self) -> Mapping[str, CompanionContact]:
         """Results on each contact by name, arrays in order along its line."""
-        state, scales, found = self._state, self.scales, dict[str, CompanionContact]()
+        state, scales, contacts = self._state, self.scales, dict[str, CompanionContact]()
         normal, tangential = state.tractions.reshape(2, -1)
         fluid = np.where(state.live, state.contacts.fluid / state.contacts.weights, 0.0)
         normal = normal - fluid[: state.contacts.count]
         for trace in state.contacts.traces:
             x, y = (self.problem.mesh.origin + scales.length * trace.places).T
             stresses = (scales.stress * part[trace.here] for part in (normal, tangential, state.bound))
-            moved = (scales.displacement * part[trace.here] for part in (-self._beyond[0], self._beyond[1]))
-            parts = (x, y, trace.weights * scales.length, *stresses, *moved)
+            displacements = (scales.displacement * part[trace.here] for part in (-self._beyond[0], self._beyond[1]))
+            arrays = (x, y, trace.weights * scales.length, *stresses, *displacements)
             order = np.lexsort(np.round(trace.places, _DIGITS).T[::-1])
             force = scales.stress * scales.length * float(trace.weights @ (trace.senses * tangential[trace.here]))
-            found[trace.name] = CompanionContact(trace.name, force, *(part[order] for part in parts))
-        return MappingProxyType(found)
+            contacts[trace.name] = CompanionContact(trace.name, force, *(part[order] for part in arrays))
+        return MappingProxyType(contacts)
 
     @cached_property
     def plates(self) -> Mapping[str, RigidMotion]:
-        """How far each rigid plate has moved, by the name of its contact, and the forces that are given."""
-        scales, contacts, found = self.scales, self._state.contacts, dict[str, dict[str, float]]()
-        moved = self._state.v[len(self._state.v) - len(contacts.driven) :] * scales.displacement
-        for (name, part), value in zip(contacts.driven, moved.tolist(), strict=True):
-            found.setdefault(name, {})[part] = value / (scales.length if part == "moment" else 1.0)
-        return plate_motions(self.problem, found)
+        """Motions of rigid plates and their given forces, by the names of their contacts."""
+        scales, contacts, motions_of = self.scales, self._state.contacts, dict[str, dict[str, float]]()
+        motions = self._state.v[len(self._state.v) - len(contacts.driven) :] * scales.displacement
+        for (name, part), value in zip(contacts.driven, motions.tolist(), strict=True):
+            motions_of.setdefault(name, {})[part] = value / (scales.length if part == "moment" else 1.0)
+        return plate_motions(self.problem, motions_of)
 
     @property
     def _state(self) -> CompanionState:
@@ -259,7 +260,7 @@ class CompanionResult(PicklesFields):
         return self._state.v[: self.space.size]
 
     def _mean(self, x: ArrayLike, y: ArrayLike, values: Callable[[IntArray, FloatArray], FloatArray]) -> FloatArray:
-        """Mean of what the cells that hold a point say."""
+        """The mean of the values in all cells that hold a point."""
         mesh, points, _ = self.problem.mesh, given_points("x, y", x, y), self._state
         return mean_at(mesh, *points, lambda cell, t: values(cell, np.clip(t[..., 1:], 0.0, 1.0))[:, 0], "x, y")
 
@@ -314,7 +315,7 @@ def solve_companion(
 
 
 def checked(problem: ContactProblem, degree: int | None, tolerance: float) -> Triangle:
-    """The element, if arguments and problem are what the model takes."""
+    """The element of the degree; `InputError` if the problem or an argument is not one the model takes."""
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem")
     cell = triangle(degree)
@@ -338,48 +339,48 @@ def solve_companions(
     tolerance: float = 1e-8,
     slip_directions: Sequence[Mapping[str, FloatArray]] = (),
 ) -> tuple[CompanionResult, ...]:
-    """The same under several friction laws with one factorisation: None for the contacts' own, or given bounds s ≥ 0.
+    """Displacements under several friction laws with one factorisation: None for the contacts' own, or bounds s ≥ 0.
 
-    These are Bernstein coefficients (edges, q) [stress] for every contact that is not tied, along the tangents of edges
-    in the order of the mesh; the energy then has ∫ s |v_T − w| itself. On contacts named in the law's entry of
-    `slip_directions` displacements slip along the tangent of an edge where that says 1, against it where −1, not at
-    all where 0, and either way where NaN.
+    Bounds are Bernstein coefficients (edges, q) [stress] by contact that is not tied, along the tangents of edges in
+    the order of the mesh; the energy then has ∫ s |v_T − w| itself. `slip_directions` has an entry for each law: by
+    contact (edges,) 1 or −1 where displacements may slip along the tangent or against it, 0 where not, NaN where either
+    way.
     """
     slips = slip_directions or [MappingProxyType[str, FloatArray]({})] * len(laws)
-    body, held, contacts = _posed(problem, checked(problem, degree, tolerance), laws, slips)
-    scales, found = Scales.of(problem), list[CompanionResult]()
-    acting, remarks = load_vector(problem, body, scales)
+    body, held, contact_sets = _discretized(problem, checked(problem, degree, tolerance), laws, slips)
+    scales, results = Scales.of(problem), list[CompanionResult]()
+    external_load, remarks = load_vector(problem, body, scales)
     with limited_blas(1):
         try:
-            load = acting + body.initial_load + contacts[0].loads
-            condensed = CondensedBody.of(body, load, held, contacts[0].rows)
-            duals = [dual_problem(each, condensed) for each in contacts]
+            load = external_load + body.initial_load + contact_sets[0].loads
+            condensed = CondensedBody.of(body, load, held, contact_sets[0].rows)
+            duals = [dual_problem(each, condensed) for each in contact_sets]
         except (FactorisationError, MemoryError) as error:
             status = _FAILURES.get(getattr(error, "reason", "memory"), Status.BACKEND_FAILED)
             message = f"{status}: {error or 'out of memory'}"
-            said = status, Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance), message, None, (message,), None
-            return (CompanionResult(problem, scales, body, *said),) * len(laws)
+            failure = status, Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance), message, None, (message,), None
+            return (CompanionResult(problem, scales, body, *failure),) * len(laws)
         for dual in duals:
-            solution, own, state = dual.solved(tolerance), dual.contacts, None
-            reasons = tuple(dict.fromkeys((*held.reasons, *remarks, *own.reasons)))
+            solution, contacts, state = dual.solved(tolerance), dual.contacts, None
+            reasons = tuple(dict.fromkeys((*held.reasons, *remarks, *contacts.reasons)))
             if solution.status is not Status.INFEASIBLE and np.isfinite(solution.z).all():
-                bound = np.full(own.count, np.inf)
-                bound[~own.tied] = dual.qvi.threshold(np.abs(dual.qvi.normal(solution.z)))
+                bound = np.full(contacts.count, np.inf)
+                bound[~contacts.tied] = dual.qvi.threshold(np.abs(dual.qvi.normal(solution.z)))
                 v, c, wrong = admissible(dual, dual.displacements(solution), solution.z, bound)
                 tractions = np.where(dual.live, solution.z, 0.0)
                 reasons += (wrong,) if wrong else ()
                 wrong = " ".join(filter(None, (*held.jumps, wrong)))
-                state = CompanionState(own, v, c, tractions, dual.live, bound, load - body.initial_load, wrong)
-            told = solution.status, solution.certificate, solution.message, state, reasons, solution
-            found.append(CompanionResult(problem, scales, body, *told))
-    return tuple(found)
+                state = CompanionState(contacts, v, c, tractions, dual.live, bound, load - body.initial_load, wrong)
+            outcome = solution.status, solution.certificate, solution.message, state, reasons, solution
+            results.append(CompanionResult(problem, scales, body, *outcome))
+    return tuple(results)
 
 
-def _posed(
+def _discretized(
     problem: ContactProblem, cell: Triangle, laws: Sequence[Mapping[str, FloatArray] | None],
     slips: Sequence[Mapping[str, FloatArray]],
 ) -> tuple[Elasticity, PrescribedDisplacements, list[Contacts]]:  # fmt: skip
-    """A problem on its elements: the body and what is beside it, what holds it, and its contacts under several laws."""
+    """The problem on its elements: the body with springs and plates, its supports, its contacts under several laws."""
     scales = Scales.of(problem)
     space = DisplacementSpace.of(problem, cell, scales.length)
     contacts = [Contacts.of(problem, space, scales, *each) for each in zip(laws, slips, strict=True)]
@@ -389,8 +390,8 @@ def _posed(
 
 
 def prescribed_slip(problem: ContactProblem) -> dict[str, FloatArray]:
-    """±1 by contact and edge (e,), the sense of v_T − w that supports prescribe at an end or both; else 0."""
-    body, held, (contacts,) = _posed(problem, triangle(1), [None], [{}])
+    """By contact (e,), the sign ±1 of v_T − w that supports prescribe at an end of the edge or both; else 0."""
+    body, held, (contacts,) = _discretized(problem, triangle(1), [None], [{}])
     B, start = held.beside(body.size - body.space.size)
     fixed = abs(contacts.rows @ B).sum(axis=1) <= PARALLEL
     slip = np.where(fixed, contacts.rows @ start - contacts.moved - contacts.obstacle, 0.0)[contacts.count :]
@@ -401,20 +402,20 @@ def prescribed_slip(problem: ContactProblem) -> dict[str, FloatArray]:
 
 @dataclass(frozen=True, eq=False)
 class BodyAtRest:
-    """Displacements v that vanish where displacements are prescribed, and motions of plates that forces drive."""
+    """Displacements that vanish where displacements are prescribed, and motions of plates that forces drive."""
 
     contacts: Contacts  # the contacts, n coefficients
     body: CondensedBody
-    B: FloatArray  # (2 n, k): c, what the body moves beyond springs and plates, normal ones first, from w_Γ
+    B: FloatArray  # (2 n, k): c from w_Γ: of the body, less springs and plates, normal ones first
     live: BoolArray  # (2 n,): where c can change
 
     @classmethod
     def of(cls, problem: ContactProblem, degree: int) -> BodyAtRest:
-        """Displacements of a degree on the mesh of a problem; `FactorisationError` where K cannot be factorised."""
-        moving, held, (contacts,) = _posed(problem, triangle(degree), [None], [{}])
-        held = replace(held, particular=0.0 * held.particular)
+        """Displacements of a degree on the mesh; `FactorisationError` if K cannot be factorised."""
+        body_at_rest, supports_at_rest, (contacts,) = _discretized(problem, triangle(degree), [None], [{}])
+        supports_at_rest = replace(supports_at_rest, particular=0.0 * supports_at_rest.particular)
         with limited_blas(1):
-            body = CondensedBody.of(moving, np.zeros(moving.size), held, contacts.rows)
+            body = CondensedBody.of(body_at_rest, np.zeros(body_at_rest.size), supports_at_rest, contacts.rows)
         B = (contacts.rows @ body.B)[:, body.interface].toarray()
         live = np.abs(B[:, : B.shape[1] - len(contacts.driven)]).sum(axis=1) > PARALLEL
         B[~live] = 0.0
@@ -422,20 +423,20 @@ class BodyAtRest:
 
 
 def least_energy(stiffness: FloatArray, given: FloatArray, zero: FloatArray) -> FloatArray:
-    """E with E x·x = min S w·w over w (k,) with given · w = x and zero · w = 0, S (k, k) the stiffness."""
+    """E with E x·x = min S w·w over w (k,) with given · w = x and zero · w = 0, for the stiffness S (k, k)."""
     particular, free = solutions(np.vstack([given, zero]))
     P = particular[:, : len(given)]
-    found, left = P.T @ stiffness @ P, free.T @ stiffness @ free
-    if len(left):  # without rigid motions, which make it singular
-        values, vectors = np.linalg.eigh((left + left.T) / 2.0)
-        kept = values > SINGULAR * values[-1]
-        cross = vectors[:, kept].T @ (free.T @ stiffness @ P)
-        found = found - cross.T @ (cross / values[kept, None])
-    return np.asarray((found + found.T) / 2.0)
+    energy, free_stiffness = P.T @ stiffness @ P, free.T @ stiffness @ free
+    if len(free_stiffness):  # rigid motions are left out: they make the matrix singular
+        values, vectors = np.linalg.eigh((free_stiffness + free_stiffness.T) / 2.0)
+        is_strained = values > SINGULAR * values[-1]
+        cross = vectors[:, is_strained].T @ (free.T @ stiffness @ P)
+        energy = energy - cross.T @ (cross / values[is_strained, None])
+    return np.asarray((energy + energy.T) / 2.0)
 
 
 def solutions(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """P (k, r) and Z (k, k − rank): all solutions of rows · w = d are P d + Z y, of the least squares if they clash."""
+    """P (k, r) and Z (k, k − rank): the solutions of rows · w = d are P d + Z y, in least squares if none is exact."""
     U, values, V = np.linalg.svd(rows, full_matrices=True)
     rank = int((values > _DEPENDENT * max(float(values.max(initial=0.0)), 1e-300)).sum())
     return (V[:rank].T / values[:rank]) @ U[:, :rank].T, V[rank:].T

@@ -6,7 +6,7 @@
 | `stresses`    | from below: contact laws on whole edges, and stresses in the yield cones       |
 | `flow`        | from above: velocities, with jumps on contacts; where to refine                |
 | `split`       | polynomials on split triangles, and C1 functions in rational numbers           |
-| `conic`       | cone programs by Clarabel, and answers made to hold                            |
+| `conic`       | cone programs by Clarabel, and answers corrected to be feasible                |
 | `proof`       | `limit_proof`: files that prove both sides                                     |
 | `check_proof` | a script that checks them, by Python's standard library alone                  |
 """

@@ -1,18 +1,18 @@
-"""Checks proofs of what a body carries and of what it does not: ``python check_proof.py FILE``.
+"""Checks proofs of bounds of a limit load: ``python check_proof.py FILE``.
 
-It needs nothing but Python's standard library, and all of its arithmetic is exact. The file states a body of straight
-triangles, loads, strengths and contact laws. An edge of one triangle without a load or contact is held, and tractions
-on edges are multiplied by their lengths. What is said of polynomials on triangles and edges is said of their Bernstein
-ordinates: a polynomial is a convex combination of these.
+The script needs nothing but Python's standard library, and all of its arithmetic is exact. The file states a body of
+straight triangles, loads, strengths and contact laws. An edge of one triangle without a load or contact is held.
+Tractions on edges are multiplied by the length of the edge. Conditions on polynomials on triangles and edges are
+checked at their Bernstein ordinates: the values of a polynomial are convex combinations of these.
 
-**What is carried.** Stresses in equilibrium with the body force b, div σ + b = 0, carry the loads times "factor" if
-tractions agree across every edge, are the prescribed ones, have on a plate its forces and its moment about the pivot as
-resultants, and all ordinates of stress and of tractions on contacts are admissible.
+**The lower factor.** Stresses in equilibrium with the body force b, div σ + b = 0, carry the loads times "factor" if
+tractions agree across every edge and with prescribed tractions, if the resultants on a plate are its forces and its
+moment about the pivot, and if all ordinates of stress and of tractions on contacts are admissible.
 
-**What is not.** Velocities v that are zero where no traction is prescribed, and jump on contacts only, dissipate at
-most D = Σ |triangle| mean π(ε) + Σ mean π([v]) for every admissible stress. A plate moves as a rigid body, where forces
-are given. In equilibrium the loads have the power P_dead + α P_live ≤ D. So no stress carries more than
-α = (D − P_dead)/P_live; and none carries any α if P_live = 0 and D < P_dead.
+**The upper factor.** Velocities v are zero where no traction is prescribed, and jump on contacts only. They dissipate
+at most D = Σ |triangle| mean π(ε) + Σ mean π([v]) for every admissible stress. A plate moves as a rigid body, in
+directions in which forces are given. In equilibrium the loads have the power P_dead + α P_live ≤ D. So no stress
+carries more than α = (D − P_dead)/P_live; if P_live = 0 and D < P_dead, no stress carries any α.
 """
 
 import json
@@ -33,9 +33,9 @@ PLAIN = {"about", "multiplied", "missing", "name", "law", "triangles", "strength
 
 
 def check(proof: dict[str, Any]) -> tuple[Fraction | None, Fraction | float | None, Counter[str]]:
-    """Factors below and above that are proved, None where the file does not speak of one, and how much was checked.
+    """The factors below and above that are proved, None for a side that is not in the file, and the numbers of checks.
 
-    The factor above is −inf if no multiple is carried. `ValueError` says what does not hold.
+    The factor above is −inf if no multiple is carried. `ValueError` says which condition does not hold.
     """
     demand(proof["format"] == FORMAT, f"the file has format {proof['format']}, not {FORMAT}: write it once more")
     demand("stress" in proof or "flow" in proof, "the file has neither stresses nor velocities")
@@ -53,7 +53,7 @@ def check(proof: dict[str, Any]) -> tuple[Fraction | None, Fraction | float | No
 
 
 def carried(proof: dict[str, Any], counted: Counter[str]) -> Fraction:
-    """The factor of the loads that the stresses (σ_xx, σ_yy, σ_xy) carry."""
+    """The load factor that the stresses (σ_xx, σ_yy, σ_xy) carry."""
     factor, resultants = proof["stress"]["factor"], dict[str, list[Any]]()
     b_x, b_y = at_factor(proof["body_force"], factor)
     for t, cones, _, slopes, stress in triangles(proof, proof["stress"]):
@@ -87,7 +87,7 @@ def carried(proof: dict[str, Any], counted: Counter[str]) -> Fraction:
 
 
 def exceeded(proof: dict[str, Any], counted: Counter[str]) -> Fraction | float:
-    """The factor that the flow proves no stress to exceed."""
+    """The load factor that by the flow no stress exceeds."""
     flow, spent, powers = proof["flow"], Fraction(0), list[Any]()
     for contact in proof["contacts"]:
         told = f"the plate of contact {contact['name']!r} moves where no force is given"
@@ -137,27 +137,27 @@ def triangles(proof: dict[str, Any], field: dict[str, Any]) -> Iterator[tuple[in
 
 
 def edges(proof: dict[str, Any], field: dict[str, Any]) -> Iterator[tuple[Any, Any, Any, Any, Any, Any]]:
-    """Every edge from left to right, the normal out of its first triangle, as long as it is, ordinates of both sides.
+    """By edge from left to right: normal out of its first triangle, as long as the edge, and ordinates of both sides.
 
     Then its contact, the pressure in it, and two directions with the loads along them.
     """
-    known: list[Any] = [(load["edge"], (None, None, load["along"])) for load in proof["loads"]]
+    loaded: list[Any] = [(load["edge"], (None, None, load["along"])) for load in proof["loads"]]
     for contact in proof["contacts"]:
-        known += [(edge, (contact, p, ())) for edge, p in zip(contact["edges"], contact["pressures"], strict=True)]
-    given, found = {tuple(edge): each for edge, each in known}, dict[Any, list[Any]]()
+        loaded += [(edge, (contact, p, ())) for edge, p in zip(contact["edges"], contact["pressures"], strict=True)]
+    loads_of, edges_found = {tuple(edge): each for edge, each in loaded}, dict[Any, list[Any]]()
     for (t, _, area, slopes, values), opposite in product(triangles(proof, field), range(3)):
         names, points = proof["triangles"][t], proof["vertices"]
         low, high = sorted({0, 1, 2} - {opposite}, key=lambda n: points[names[n]])
         along = sorted((alpha[high], alpha) for alpha in values if alpha[opposite] == 0)
         normal = tuple(-2 * area * part for part in slopes[opposite])
-        found.setdefault((names[low], names[high]), []).append((normal, [values[alpha] for _, alpha in along]))
-    demand(len(given) == len(known), "an edge has more than one load or contact")
-    demand(given.keys() <= found.keys(), "there are loads or contacts where there is no edge")
-    for edge, both in found.items():
+        edges_found.setdefault((names[low], names[high]), []).append((normal, [values[alpha] for _, alpha in along]))
+    demand(len(loads_of) == len(loaded), "an edge has more than one load or contact")
+    demand(loads_of.keys() <= edges_found.keys(), "there are loads or contacts where there is no edge")
+    for edge, both in edges_found.items():
         (n, *others), sides = zip(*both, strict=True)
         demand(others in ([], [less((0, 0), n)]), f"triangles overlap at edge {edge}")
-        held: Any = () if others else (((1, 0), None), ((0, 1), None))
-        contact, pressure, loads = given.get(edge, (None, None, held))
+        support: Any = () if others else (((1, 0), None), ((0, 1), None))
+        contact, pressure, loads = loads_of.get(edge, (None, None, support))
         demand(not others or not (loads or (contact and any(contact["forces"]))), f"edge {edge} is inside the body")
         along = [d for d, _ in loads]
         across = contact or others or (len(along) == 2 and dot(*along) == 0 < min(dot(d, d) for d in along))
@@ -166,19 +166,19 @@ def edges(proof: dict[str, Any], field: dict[str, Any]) -> Iterator[tuple[Any, A
 
 
 def arms(proof: dict[str, Any], contact: dict[str, Any], edge: Any) -> list[Any]:
-    """The ends of an edge from the pivot of a plate."""
+    """The vectors from the pivot of a plate to the ends of an edge."""
     return [less(proof["vertices"][end], contact["pivot"]) for end in edge]
 
 
 def power(given: Any, along: list[Any], told: str) -> list[Fraction]:
-    """The power of forces along a direction, those that stay and those that are multiplied; None hold it."""
+    """The powers of fixed and of multiplied forces along a direction; without forces (None) nothing may move."""
     demand(given is not None or not any(along), told)
     dead, live = given if given is not None else ([0], [0])
     return [mean(times(force, along)) for force in (dead, live)]
 
 
 def law(contact: dict[str, Any]) -> tuple[Any, ...]:
-    """μ, c and t_max; what is tied has no t_max."""
+    """Friction μ, cohesion c and cap t_max of a contact; a tied contact has no cap."""
     mu, c, cap = contact["friction"], contact["cohesion"], contact["shear_limit"]
     demand(min(mu, c, cap or 0) >= 0, f"contact {contact['name']!r} has a negative strength")
     demand(contact["law"] in ("unilateral", "bilateral", "tied"), f"contact {contact['name']!r} has an unknown law")
@@ -186,9 +186,9 @@ def law(contact: dict[str, Any]) -> tuple[Any, ...]:
 
 
 def admissible(contact: dict[str, Any], tractions: list[Any], normal: Any) -> bool:
-    """|σ_T| ≤ min(c + μ p, t_max) with p = −σ_N ≥ 0; if bilateral p may be σ_N, too, or count as 0, on a whole edge.
+    """|σ_T| ≤ min(c + μ p, t_max), with p = −σ_N ≥ 0; on bilateral edges with p = σ_N ≥ 0 or without friction instead.
 
-    What is tied carries all. It is enough that it holds for the ordinates of the same polynomials with one degree more.
+    Any traction is admissible on a tied contact. It is enough to check ordinates of the polynomials of one degree more.
     """
     (mu, c, cap), square = law(contact), dot(normal, normal)
     n, t = (times([along(normal, each) for each in tractions], [1, 1]) for along in (dot, cross))
@@ -199,7 +199,7 @@ def admissible(contact: dict[str, Any], tractions: list[Any], normal: Any) -> bo
 
 
 def slid(contact: dict[str, Any], w: Fraction, t: Fraction) -> Fraction:
-    """π of the opening w and slip t: the most that −σ_N' w + |σ_T| t can be. Slip that dilates costs c, other t_max."""
+    """π of the opening w and slip t, the largest −σ_N' w + |σ_T| t. Slip that dilates costs c, other slip t_max."""
     (mu, c, cap), parts = law(contact), contact["law"] == "unilateral"
     dilatant = min(t, w / mu if parts else Fraction(0)) if mu > 0 or contact["law"] == "tied" else t
     fits = (w >= 0 if parts else w == 0) and (dilatant == t or cap < inf)
@@ -208,9 +208,9 @@ def slid(contact: dict[str, Any], w: Fraction, t: Fraction) -> Fraction:
 
 
 def dissipated(t: int, strain: list[Any], cones: list[Any], shares: list[Any]) -> Fraction:
-    """π of a strain rate (tr ε, ε_xx − ε_yy, 2 ε_xy), or a little more. The first cone has what others do not share.
+    """An upper bound of π of a strain rate (tr ε, ε_xx − ε_yy, 2 ε_xy). The first cone takes the rest of the shares.
 
-    |(ρ, d)| ≤ s with tr = β s + γ ρ bounds by a s/2 what a cone lets a share (tr, d) dissipate.
+    A cone dissipates at most a s/2 on its share (tr, d), if |(ρ, d)| ≤ s and tr = β s + γ ρ.
     """
     others, spent = [share for _, *share in shares[1:]], Fraction(0)
     first = [whole - sum(parts) for whole, *parts in zip(strain, *others, strict=True)]
@@ -225,42 +225,42 @@ def dissipated(t: int, strain: list[Any], cones: list[Any], shares: list[Any]) -
 
 def gradient(values: dict[Any, Any], slopes: Any) -> list[list[tuple[Fraction, Fraction]]]:
     """Ordinates of the derivatives along x and y of every component."""
-    degree, found = sum(next(iter(values))), []
+    degree, derivatives = sum(next(iter(values))), []
     for alpha in exponents(degree - 1):
-        near = [values[tuple(alpha[n] + (n == i) for n in range(3))] for i in range(3)]
-        d_x, d_y = ([degree * sum(map(mul, own, axis)) for own in zip(*near, strict=True)]
+        neighbours = [values[tuple(alpha[n] + (n == i) for n in range(3))] for i in range(3)]
+        d_x, d_y = ([degree * sum(map(mul, component, axis)) for component in zip(*neighbours, strict=True)]
                     for axis in zip(*slopes, strict=True))  # fmt: skip
-        found.append(list(zip(d_x, d_y, strict=True)))
-    return found
+        derivatives.append(list(zip(d_x, d_y, strict=True)))
+    return derivatives
 
 
 def exponents(degree: int) -> list[tuple[int, int, int]]:
-    """Of the ordinates of a triangle, in their order."""
+    """Exponents of the ordinates of a triangle, in their order."""
     return [(i, j, degree - i - j) for i in range(degree, -1, -1) for j in range(degree - i, -1, -1)]
 
 
 def times(first: Sequence[Any], second: Sequence[Any]) -> list[Fraction]:
     """Ordinates of the product of two polynomials on an edge."""
     p, q = len(first) - 1, len(second) - 1
-    found = [Fraction(0)] * (p + q + 1)
+    product_ordinates = [Fraction(0)] * (p + q + 1)
     for i, j in ((i, j) for i in range(p + 1) for j in range(q + 1)):
-        found[i + j] += Fraction(comb(p, i) * comb(q, j), comb(p + q, i + j)) * first[i] * second[j]
-    return found
+        product_ordinates[i + j] += Fraction(comb(p, i) * comb(q, j), comb(p + q, i + j)) * first[i] * second[j]
+    return product_ordinates
 
 
 def mean(values: Sequence[Any]) -> Fraction:
-    """The mean of a polynomial with these ordinates."""
+    """The mean of a polynomial with given ordinates."""
     return sum(values, Fraction(0)) / len(values)
 
 
 def at_factor(given: Any, factor: Fraction) -> list[Fraction]:
-    """Loads that stay and a multiple of others."""
+    """Fixed loads plus a multiple of the others."""
     demand(len({*map(len, given)}) == 1, "a load that stays and the one that is multiplied have not as many ordinates")
     return [dead + factor * live for dead, live in zip(*given, strict=True)]
 
 
 def told(content: bytes) -> tuple[str, int]:
-    """What to say of a file of this content, and the exit status: 1 if something does not hold, 2 if it is no proof."""
+    """The text about a file with this content, and the exit status: 1 if a condition fails, 2 if it is no proof."""
     try:
         *proved, counted = check(parsed(content.decode()))
     except (
@@ -274,7 +274,7 @@ def told(content: bytes) -> tuple[str, int]:
 
 
 def parsed(text: str) -> Any:
-    """What a file says; `ValueError` if it says something twice."""
+    """The content of a file; `ValueError` if an entry is there twice."""
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         demand(len(dict(pairs)) == len(pairs), f"the file has an entry twice: {', '.join(key for key, _ in pairs)}")
@@ -284,7 +284,7 @@ def parsed(text: str) -> Any:
 
 
 def exact(value: Any, *, named: bool = False) -> Any:
-    """Numbers, and texts of numbers, as fractions; what `PLAIN` lists as it is, but for keys that are names."""
+    """Numbers, and texts of numbers, as fractions; entries of `PLAIN` unchanged, unless their keys are names."""
     if isinstance(value, dict):
         return {key: each if key in PLAIN and not named else exact(each, named=key == "plates")
                 for key, each in value.items()}  # fmt: skip
@@ -309,13 +309,13 @@ def cross(u: Any, v: Any) -> Any:
 
 
 def demand(holds: bool, otherwise: str) -> None:
-    """`ValueError` unless it holds."""
+    """`ValueError` with the text `otherwise` unless the condition holds."""
     if not holds:
         raise ValueError(otherwise)
 
 
 def sentences(lower: Fraction | float | None, upper: Fraction | float | None) -> list[str]:
-    """What is proved, rounded to the safe side."""
+    """The proved factors in words, rounded to the safe side."""
     found = []
     if isinstance(lower, Fraction):
         found.append(f"proved: the loads times {rounded(lower, ROUND_FLOOR)} are carried")
@@ -325,7 +325,7 @@ def sentences(lower: Fraction | float | None, upper: Fraction | float | None) ->
 
 
 def rounded(value: Fraction, towards: str) -> Decimal:
-    """Twelve digits of it."""
+    """A fraction as a decimal of twelve digits."""
     return Context(12, towards).divide(Decimal(value.numerator), Decimal(value.denominator))
 
 

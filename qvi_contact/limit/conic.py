@@ -1,6 +1,9 @@
-"""Second-order cone programs by Clarabel, and answers made to hold: what is proved comes from x, not from the solver.
+"""Second-order cone programs by Clarabel, and answers corrected to be feasible: proofs use x, not the solver's word.
 
 min q·x   s.t.   s = b − A x:   s = 0 in the first rows,   s ≥ 0 in those after them,   |u_i| ≤ t_i in blocks (t, u)_i
+
+The *size* of a point x is the largest number in the inequalities and cones. The *margin* of a row says how far x is
+inside it, over the size; *room* is the largest margin that a point can have.
 """
 
 from __future__ import annotations
@@ -20,30 +23,30 @@ from qvi_contact.errors import SolveError
 from solvers.basics.progress import deadline
 from solvers.basics.types import load
 
-_TOLERANCE: Final = 1e-9  # of the solver
-_COARSER: Final = 1e-7  # gap of the solver in programs of more than so many blocks: bounds come from x in any case
-_LARGE: Final = 4000
-REGULAR: Final = (1e-12, 1e-11, 1e-10)  # added to its matrices: in more, thin triangles are lost
-_USUAL: Final = 1e-8  # by default; where stresses of rigid parts say nothing it does not solve with less
-_REFINED: Final = 30  # steps of its iterative refinement, at most
-_ROUNDED: Final = 1e-14  # of the largest column: columns that are nothing but rounding
-_DAMPED: Final = 1e-14  # added to the normal equations, whose rows may depend on each other
-_SWEEPS: Final = 4  # of the projection on the equations
-HELD: Final = 1e-7  # violation, relative to what stands in the rows, that counts as rounding
-ROUNDING: Final = 1e-11  # of sizes: violation that is not worth a second program
-_ROOM: Final = 1e-9  # of sizes: rows that no point is farther inside leave no room
-_ENOUGH: Final = 1e-3  # of sizes: the least solution of the equations, if it is farther inside, is a point inside
+_TOLERANCE: Final = 1e-9  # of the solver, for feasibility and duality gap
+_COARSER: Final = 1e-7  # duality gap of the solver in large programs; bounds are computed from x in any case
+_LARGE: Final = 4000  # blocks of a large program
+REGULAR: Final = (1e-12, 1e-11, 1e-10)  # regularisations of the solver, tried in turn: larger ones lose thin triangles
+_USUAL: Final = 1e-8  # the solver's default regularisation; without it, undetermined stresses of rigid parts stop it
+_REFINED: Final = 30  # largest number of the solver's steps of iterative refinement
+_ROUNDED: Final = 1e-14  # of the norm of the largest column: columns below are rounding
+_DAMPED: Final = 1e-14  # relative damping of normal equations whose rows may be dependent
+_SWEEPS: Final = 4  # steps of the projection on the equations
+HELD: Final = 1e-7  # largest violation, relative to the size, that counts as rounding
+ROUNDING: Final = 1e-11  # violation, relative to the size, that is not worth a second program
+_ROOM: Final = 1e-9  # margin of the inner point up to which a row has no room
+_ENOUGH: Final = 1e-3  # margin of the least solution of the equations from which it serves as inner point
 FACES: Final = ((1e-7, 1e-3), (1e-6, 1e-3), (1e-5, 1e-3), (1e-6, 1e-2), (1e-5, 1e-2))
-"""Room of a cone, of sizes, below which it has none, and angle to the ray that it is taken for then; tried in turn."""
-_SMALL: Final = 1e-5  # of room, what t may cost: or points inside are 1e6 times as large as others for nothing
-_TIP: Final = 1e-5  # of sizes: cones that are at their tips
-_LITTLE: Final = 1e-5  # share of the way to it for which no second program is solved
-_NEAR: Final = 1e-3  # room that is enough in each row: more of it in some rows may leave none in others
-_TIGHTER: Final = 4.0  # times what an answer misses, which is asked for in a second program
-APART: Final = 1e3  # times the least strength: those up to it count as equal
-_ENDLESS: Final = 1e50  # points that are larger are directions, whose squares are numbers still
-_NEVER: Final = 1e-300  # what "unbounded" must reach once it was found to be rounding
-_LEAST_TIME: Final = 1.0  # seconds for one program, at least
+"""Tried in turn: margin below which a cone has no room, and largest angle between u and the ray that replaces it."""
+_SMALL: Final = 1e-5  # cost of t relative to room: without it, inner points may be 1e6 times larger for no more room
+_TIP: Final = 1e-5  # of the size: a cone with a smaller t is at its tip
+_LITTLE: Final = 1e-5  # share of an inner point up to which no second program is solved
+_NEAR: Final = 1e-3  # largest margin asked for in each row: more in some rows may leave none in others
+_TIGHTER: Final = 4.0  # times the violation of an answer: room asked for in a second program
+APART: Final = 1e3  # ratio to the least strength up to which strengths are weighted alike
+_ENDLESS: Final = 1e50  # largest point: a larger one is a direction, and its square might overflow
+_NEVER: Final = 1e-300  # tolerance that turns the solver's test for "unbounded" off
+_LEAST_TIME: Final = 1.0  # least time limit of one program, in seconds
 
 INFEASIBLE: Final = "infeasible"
 UNBOUNDED: Final = "unbounded"
@@ -53,25 +56,25 @@ Rows: TypeAlias = tuple[Any, FloatArray]
 
 
 def beside(strengths: FloatArray, least: float, share: float = 1.0) -> FloatArray:
-    """A share of strengths over the least of a body, where they are more than 1e3 times that; 1 where they are not."""
+    """`share` times strength over the least strength of a body where that ratio exceeds 1e3; else 1."""
     ratio = strengths / least
     return np.where(ratio > APART, share * ratio, 1.0)
 
 
 class Answer(NamedTuple):
-    """What the solver says, unchecked."""
+    """The solver's answer, unchecked."""
 
     x: FloatArray
     multipliers: FloatArray  # of all rows: q + Aᵀ multipliers = 0
-    least: float  # what q·x is at least by its multipliers, among points no larger than x, or than limits
+    least: float  # lower bound of q·x by the multipliers, among points no larger than x, or than limits
 
 
 @dataclass(frozen=True, eq=False)
 class ConicProgram:
-    """The program above.
+    """The cone program in the form of the module's docstring.
 
-    Equations that may depend on each other (`dependent`) need the solver's own regularisation, in which what is badly
-    scaled is lost.
+    If equations may depend on each other (`dependent`), the solver's own regularisation is needed, with which badly
+    scaled numbers are lost. The programs of flows are of this kind.
     """
 
     q: FloatArray
@@ -87,7 +90,7 @@ class ConicProgram:
     def of(
         cls, q: FloatArray, equations: Rows, inequalities: Rows, cones: Sequence[Rows], *, dependent: bool = False
     ) -> ConicProgram:
-        """From its rows; those of cones are one set for t, and one for each component of u."""
+        """The program of its rows. `cones` has one set of rows for t, and one for each component of u."""
         d, blocks = len(cones), len(cones[0][1])
         order = np.arange(d * blocks).reshape(d, blocks).T.ravel()
         G = sparse.csr_array(sparse.vstack([matrix for matrix, _ in cones]))[order]
@@ -97,159 +100,164 @@ class ConicProgram:
         return cls(q, A, b, len(equations[1]), len(inequalities[1]), d, dependent)
 
     def solve(self, regular: Sequence[float] = REGULAR) -> Answer | str:
-        """The solver's answer; or "infeasible", or "unbounded" where it has a certificate.
+        """The solver's answer; or "infeasible", or "unbounded", if the solver has a certificate of that.
 
         Raises
         ------
         SolveError
-            If there is none, or not in time.
+            If there is no answer, or not in time.
 
         """
         clarabel = load("clarabel")
         blocks = len(self._heads) - self.linear
-        kinds = [clarabel.ZeroConeT(self.equal)] if self.equal else []
-        kinds += [clarabel.NonnegativeConeT(self.linear)] if self.linear else []
-        kinds += [clarabel.SecondOrderConeT(self.width)] * blocks
+        cones = [clarabel.ZeroConeT(self.equal)] if self.equal else []
+        cones += [clarabel.NonnegativeConeT(self.linear)] if self.linear else []
+        cones += [clarabel.SecondOrderConeT(self.width)] * blocks
         scale = self._scale
         A = sparse.csc_array(sparse.csc_array(self.A) @ sparse.diags_array(1.0 / scale))
-        q, unit = self.q / scale, float(np.abs(self.b).max(initial=0.0)) or 1.0  # its tolerances are for numbers near 1
+        # the solver's tolerances are for numbers near 1
+        q, unit = self.q / scale, float(np.abs(self.b).max(initial=0.0)) or 1.0
         size = float(np.abs(q).max(initial=0.0)) or 1.0
         settings = clarabel.DefaultSettings()
         settings.verbose, settings.max_threads = False, 1
         gap = _COARSER if blocks > _LARGE else _TOLERANCE
         settings.tol_gap_abs, settings.tol_gap_rel, settings.tol_feas = gap, gap, _TOLERANCE
         settings.iterative_refinement_max_iter = _REFINED
-        data = sparse.csc_matrix((len(q), len(q))), q / size, sparse.csc_matrix(A), self.b / unit, kinds
-        stuck: list[Any] = []
-        for added in (None,) if self.dependent else (*regular, _USUAL):  # it may break down or get stuck with one
-            if added is not None:
-                settings.static_regularization_constant, settings.static_regularization_proportional = added, 0.0
+        data = sparse.csc_matrix((len(q), len(q))), q / size, sparse.csc_matrix(A), self.b / unit, cones
+        failed: list[Any] = []
+        for regularisation in (None,) if self.dependent else (*regular, _USUAL):  # a regularisation may fail
+            if regularisation is not None:
+                settings.static_regularization_constant = regularisation
+                settings.static_regularization_proportional = 0.0
             settings.time_limit = max(deadline.left, _LEAST_TIME)
             answer = clarabel.DefaultSolver(*data, settings).solve()
             if str(answer.status) not in ("NumericalError", "InsufficientProgress"):
                 break
-            stuck.append(answer)
+            failed.append(answer)
         else:
-            answer = min(stuck, key=lambda each: np.nan_to_num(each.r_prim, nan=np.inf))
+            answer = min(failed, key=lambda each: np.nan_to_num(each.r_prim, nan=np.inf))
         if str(answer.status).endswith("DualInfeasible"):
             if self.falls:
                 return UNBOUNDED
             settings.tol_infeas_abs = settings.tol_infeas_rel = _NEVER
             answer = clarabel.DefaultSolver(*data, settings).solve()
-        word, found = str(answer.status), np.array(answer.x)
-        found *= min(1.0, _ENDLESS / float(np.abs(found).max(initial=1.0)))
-        x = unit * found / scale
-        if word.endswith("PrimalInfeasible"):
+        status, scaled_x = str(answer.status), np.array(answer.x)
+        scaled_x *= min(1.0, _ENDLESS / float(np.abs(scaled_x).max(initial=1.0)))
+        x = unit * scaled_x / scale
+        if status.endswith("PrimalInfeasible"):
             return INFEASIBLE
-        if word == "MaxTime":
+        if status == "MaxTime":
             raise SolveError("limit load: the time limit was reached: allow more (time_limit=…), or take fewer cells")
         if not np.isfinite(x).all():
             raise SolveError(
-                f"limit load: the cone program was not solved ({word}): take other units, or a coarser mesh"
+                f"limit load: the cone program was not solved ({status}): take other units, or a coarser mesh"
             )
-        z = np.array(answer.z)  # which may be 1e15, beside which alone the rest is small
-        rest = float(np.linalg.norm(data[1] + A.T @ z)) * max(1.0, float(np.linalg.norm(found)))
-        return Answer(x, size * z, -size * unit * (float(data[3] @ z) + rest))
+        z = np.array(answer.z)  # may be as large as 1e15; the misfit of the dual equations is small relative to it
+        misfit = float(np.linalg.norm(data[1] + A.T @ z)) * max(1.0, float(np.linalg.norm(scaled_x)))
+        return Answer(x, size * z, -size * unit * (float(data[3] @ z) + misfit))
 
     def up_to(self, most: float) -> ConicProgram:
-        """The program in which −q·x is at most so much."""
+        """The program with −q·x ≤ `most` added."""
         return self._extended(self.q, sparse.csr_array((len(self.b), 0)), -self.q[None], np.array([most]))
 
     @cached_property
     def falls(self) -> bool:
-        """Whether there is a direction in which q·x falls for ever, and not by rounding only; no if none is found."""
+        """Whether q·x falls without end along some direction, by more than rounding; False if no direction is found."""
         program = replace(self, b=np.zeros_like(self.b)).up_to(1.0)
-        found: Answer | str = INFEASIBLE
+        answer: Answer | str = INFEASIBLE
         with suppress(SolveError):
-            found = program.solve()
-        if isinstance(found, str):
+            answer = program.solve()
+        if isinstance(answer, str):
             return False
-        x, violation = program.repaired(found.x)
-        gained = -float(self.q @ x)  # 1, which the last inequality allows, if there is such a direction
-        seen = float(np.abs(self.A[:, self.q != 0.0].data).max(initial=1.0)) / max(1.0, float(np.abs(self.q).max()))
-        held = violation * program.size(x) <= HELD * seen  # beside what a gain of 1 puts into the rows, at least
-        return gained > max(0.5, ROUNDING * float(np.abs(self.q) @ np.abs(x))) and held
+        x, violation = program.repaired(answer.x)
+        gained = -float(self.q @ x)  # 1, the limit of `up_to`, if there is such a direction
+        row_size = float(np.abs(self.A[:, self.q != 0.0].data).max(initial=1.0)) / max(1.0, float(np.abs(self.q).max()))
+        is_kept = violation * program.size(x) <= HELD * row_size  # relative to the effect of a gain of 1 on the rows
+        return gained > max(0.5, ROUNDING * float(np.abs(self.q) @ np.abs(x))) and is_kept
 
     def on_faces(
         self, units: FloatArray, narrow_below: float, aside: float, known: FloatArray | None = None
     ) -> ConicProgram | None:
-        """Cones without room become rays u = t û, or t = u = 0, and inequalities of flows equations; None if none is.
+        """The program with cones without room replaced by rays u = t û or tips t = u = 0; None if there are none.
 
-        The û (blocks, k, width − 1) are those that each may be. What cannot leave the surface of a cone the solver
-        finds to the root of what it is missed by only, and equations exactly. Points that keep them keep the cones.
+        The û (blocks, k, width − 1) are the directions to choose from. Inequalities of flows without room become
+        equations. The solver finds a point that cannot leave the surface of a cone only up to the root of its
+        tolerance, but one that equations hold there exactly. Every point of the new program is one of the old.
         """
+        # cones without room; the ray û of each is the choice nearest to u, cones at their tips have none
         x, room = self._rooms or (self.q, np.full(1, -np.inf))
-        trusted = max(narrow_below, _NEAR / 10.0 * self.dependent)  # flows on faces are taken if they are better only
-        if room.min() < -trusted:  # nothing that the solver says of room is to be believed
+        allowed = max(narrow_below, _NEAR / 10.0 * self.dependent)  # wider for flows, which are used only if better
+        if room.min() < -allowed:  # negative room: the solver's answer is too inaccurate
             return None
         narrow = np.flatnonzero(room[self.linear :] < narrow_below)
-        # of flows only: tractions in wedges may be huge, and leave room for all else to be missed
-        met = self.equal + np.flatnonzero(self.dependent & (room[: self.linear] < narrow_below))
+        # inequalities of flows only: in wedges tractions may be huge, and their size hides other violations
+        made_equal = self.equal + np.flatnonzero(self.dependent & (room[: self.linear] < narrow_below))
         blocks, size = self.blocks(x)[narrow], self.size(x)
-        if known is not None:  # what is at its tip has the direction of an answer
+        if known is not None:  # cones at their tips take the direction of the known answer
             blocks = np.where(blocks[:, :1] > _TIP * size, blocks, self.blocks(known)[narrow])
         t, u = np.split(blocks, [1], axis=1)
-        own = units[narrow]
-        unit = own[np.arange(len(narrow)), np.einsum("bku,bu->bk", own, u).argmax(axis=1)]
+        choices = units[narrow]
+        unit = choices[np.arange(len(narrow)), np.einsum("bku,bu->bk", choices, u).argmax(axis=1)]
         at_tip = t[:, 0] <= _TIP * size
         ray = ~at_tip & (np.linalg.norm(u - t * unit, axis=1) <= aside * t[:, 0])
+        # new equations u − t û = 0, t = u = 0, and flat inequalities, scaled; the rows they replace become zero
         heads = self.equal + self.linear + self.width * narrow[:, None]
-        parts, tips = heads + np.arange(1, self.width), (heads + np.arange(self.width))[at_tip]
+        u_rows, tips = heads + np.arange(1, self.width), (heads + np.arange(self.width))[at_tip]
         rows = sparse.csr_array(sparse.hstack([self.A, sparse.csr_array(self.b[:, None])]))
         along = sparse.diags_array(unit[ray].ravel()) @ rows[np.repeat(heads[ray, 0], self.width - 1)]
-        new = sparse.csr_array(sparse.vstack([rows[parts[ray].ravel()] - along, rows[tips.ravel()], rows[met]]))
+        new = sparse.csr_array(sparse.vstack([rows[u_rows[ray].ravel()] - along, rows[tips.ravel()], rows[made_equal]]))
         norms = np.sqrt(np.asarray(new.multiply(new).sum(axis=1))).ravel()
-        said = norms > HELD * norms.max(initial=0.0)
-        if not said.any():
+        used = norms > HELD * norms.max(initial=0.0)
+        if not used.any():
             return None
-        new = sparse.csr_array(sparse.diags_array(1.0 / norms[said]) @ new[said])
-        flat = np.ones(len(self.b))
-        flat[np.concatenate([parts[ray].ravel(), tips.ravel(), met])] = 0.0
-        others = sparse.csr_array(sparse.diags_array(flat) @ rows)[self.equal :]
+        new = sparse.csr_array(sparse.diags_array(1.0 / norms[used]) @ new[used])
+        kept = np.ones(len(self.b))
+        kept[np.concatenate([u_rows[ray].ravel(), tips.ravel(), made_equal])] = 0.0
+        others = sparse.csr_array(sparse.diags_array(kept) @ rows)[self.equal :]
         rows = sparse.csr_array(sparse.vstack([rows[: self.equal], new, others]))
-        program = replace(self, A=rows[:, :-1], b=rows[:, [-1]].toarray().ravel(), equal=self.equal + int(said.sum()))
-        return self._narrower.setdefault((flat.tobytes(), unit[ray].tobytes()), program)  # equal ones are one
+        program = replace(self, A=rows[:, :-1], b=rows[:, [-1]].toarray().ravel(), equal=self.equal + int(used.sum()))
+        return self._narrower.setdefault((kept.tobytes(), unit[ray].tobytes()), program)  # equal programs: one object
 
     def _extended(self, q: FloatArray, columns: sparse.csr_array, rows: Any, limits: FloatArray) -> ConicProgram:
-        """The same with more columns, then with more inequalities."""
+        """The program with more columns, then with more inequalities."""
         k, A = self.equal + self.linear, sparse.csr_array(sparse.hstack([self.A, columns]))
         A = sparse.csr_array(sparse.vstack([A[:k], sparse.csr_array(rows), A[k:]]))
         return replace(self, q=q, A=A, b=np.insert(self.b, k, limits), linear=self.linear + len(limits))
 
     @cached_property
     def _heads(self) -> IntArray:
-        """The rows of inequalities, and of t: what is larger there leaves more room."""
+        """The rows of inequalities and of t: a larger value there means more room."""
         first = self.equal + self.linear
         return np.concatenate([np.arange(self.equal, first), np.arange(first, len(self.b), self.width)])
 
     def projected(self, x: FloatArray) -> FloatArray:
-        """The point that keeps the equations and is nearest to x, in all other rows if equations are independent."""
-        found, E, e = np.array(x), self.A[: self.equal], self.b[: self.equal]
+        """The nearest point to x that keeps the equations; for independent equations, nearest in all other rows."""
+        point, E, e = np.array(x), self.A[: self.equal], self.b[: self.equal]
         for _ in range(_SWEEPS if self.equal else 0):
-            back, normal = self._nearest
-            found += back @ normal.solve(e - E @ found)
-        return np.asarray(found)
+            to_unknowns, normal = self._nearest
+            point += to_unknowns @ normal.solve(e - E @ point)
+        return np.asarray(point)
 
     @cached_property
     def _scale(self) -> FloatArray:
-        """The size of each column."""
+        """The norm of each column; 1 for columns that are rounding."""
         A = sparse.csc_array(self.A)
         scale = np.sqrt(np.asarray(A.multiply(A).sum(axis=0))).ravel()
         return np.where(scale <= _ROUNDED * scale.max(initial=0.0), 1.0, scale)
 
     @cached_property
     def _nearest(self) -> tuple[Any, Any]:
-        """H⁻¹ Eᵀ of the equations E, and E H⁻¹ Eᵀ factorised: H is Gᵀ G of other rows and q; of dependent ones 1."""
+        """H⁻¹ Eᵀ for the equations E, and E H⁻¹ Eᵀ factorised; H is Gᵀ G of all other rows and q, 1 if dependent."""
         E = self.A[: self.equal]
-        back: Any = E.T
-        if not self.dependent:  # they are few
+        to_unknowns: Any = E.T
+        if not self.dependent:  # few equations: dense columns
             units = sparse.diags_array(1.0 / self._scale)
             G = sparse.vstack([self.A[self.equal :], sparse.csr_array(self.q[None])]) @ units
             H = sparse.csc_array(G.T @ G + _DAMPED * sparse.eye_array(len(self.q)))
-            back = units @ linalg.splu(H).solve((E @ units).T.toarray())
-        square = sparse.csc_array(E @ back)
+            to_unknowns = units @ linalg.splu(H).solve((E @ units).T.toarray())
+        square = sparse.csc_array(E @ to_unknowns)
         largest = float(np.abs(square.diagonal()).max())
-        return back, linalg.splu(sparse.csc_array(square + _DAMPED * largest * sparse.eye_array(self.equal)))
+        return to_unknowns, linalg.splu(sparse.csc_array(square + _DAMPED * largest * sparse.eye_array(self.equal)))
 
     def blocks(self, x: FloatArray) -> FloatArray:
         """(t, u) of all blocks (blocks, width)."""
@@ -257,66 +265,67 @@ class ConicProgram:
         return np.asarray(self.b[first:] - self.A[first:] @ x).reshape(-1, self.width)
 
     def size(self, x: FloatArray) -> float:
-        """The largest number that stands in inequalities and cones."""
+        """The largest number in inequalities and cones."""
         limits = self.b[self.equal : self.equal + self.linear]
         return float(max(1e-300, np.abs(limits).max(initial=0.0), np.abs(self.blocks(x)).max(initial=0.0)))
 
     def margins(self, x: FloatArray) -> FloatArray:
-        """How far inside all inequalities and cones x is, relative to what stands in them; negative outside."""
-        found = self.b[self._heads] - self.A[self._heads] @ x
-        found[self.linear :] -= np.linalg.norm(self.blocks(x)[:, 1:], axis=1)
-        return np.asarray(found / self.size(x))
+        """How far x is inside all inequalities and cones, relative to its size; negative outside."""
+        margins = self.b[self._heads] - self.A[self._heads] @ x
+        margins[self.linear :] -= np.linalg.norm(self.blocks(x)[:, 1:], axis=1)
+        return np.asarray(margins / self.size(x))
 
     def repaired(self, x: FloatArray, least: float = 0.0) -> tuple[FloatArray, float]:
-        """A point near x that holds everything, and what it still violates, relative: rows that leave no room.
+        """A point near x that keeps all rows, and its largest violation, relative, which rows without room cause.
 
-        It is the convex combination with a point inside that is nearest to x, with the share `least` of that at least;
-        equations hold but for rounding. What it violates counts beside what stands in the rows there, or at x if less.
+        The point is the convex combination with an inner point that is nearest to x, with a share of at least `least`
+        of the inner point. Equations hold up to rounding. A violation is relative to the size of the point, or of x if
+        smaller.
         """
         x, inside = self.projected(x), self.projected(np.zeros_like(x))
-        known, size = self.margins(inside).min(initial=1.0) > _ENOUGH, self.size(x)
+        is_inside, size = self.margins(inside).min(initial=1.0) > _ENOUGH, self.size(x)
         large = float(np.abs(self.q) @ np.abs(x)) or 1.0
 
-        def off(y: FloatArray) -> float:
-            """What a point violates, in the size of x: larger ones miss no less."""
+        def violation_of(y: FloatArray) -> float:
+            """The violation of a point, relative to the size of x."""
             return float(-self.margins(y).min(initial=0.0)) * self.size(y) / size
 
         def worse(y: FloatArray) -> tuple[bool, float]:
-            """Whether that is no rounding; then that, and what flows dissipate: those inside may dissipate much."""
-            violated = off(y)
+            """Whether the violation is more than rounding; then the violation plus, for flows, the dissipation."""
+            violated = violation_of(y)
             return violated > HELD, violated / HELD + float(self.q @ y) / large * self.dependent
 
-        missed = off(x)
-        if self.dependent and missed > ROUNDING and not (known and self._share(x, inside) < _LITTLE):
-            # Once more, with as much room: flows inside may dissipate much more.
-            found = self.tightened(room=_TIGHTER * missed * size).solve()
-            x = min([x] if isinstance(found, str) else [x, self.projected(found.x)], key=worse)
-            missed = off(x)
-        if least or missed > ROUNDING:
-            point = inside if known else self._inside()
+        violation = violation_of(x)
+        if self.dependent and violation > ROUNDING and not (is_inside and self._share(x, inside) < _LITTLE):
+            # solved again with room for the violation: inner flows may dissipate much more
+            answer = self.tightened(room=_TIGHTER * violation * size).solve()
+            x = min([x] if isinstance(answer, str) else [x, self.projected(answer.x)], key=worse)
+            violation = violation_of(x)
+        if least or violation > ROUNDING:
+            point = inside if is_inside else self._inside()
             if point is not None:
-                moved = x + min(1.0, self._share(x, point) * (1.0 + 1e-9) + least) * (point - x)
-                if least or worse(moved) < worse(x):  # rows without room gain nothing by it
-                    x = moved
+                combination = x + min(1.0, self._share(x, point) * (1.0 + 1e-9) + least) * (point - x)
+                if least or worse(combination) < worse(x):  # rows without room do not improve
+                    x = combination
         E, e = self.A[: self.equal], self.b[: self.equal]
-        broken = np.abs(E @ x - e) / (1.0 + abs(E) @ np.abs(x))
-        return x, float(max(off(x), -self.margins(x).min(initial=0.0), broken.max(initial=0.0)))
+        equation_misfit = np.abs(E @ x - e) / (1.0 + abs(E) @ np.abs(x))
+        return x, float(max(violation_of(x), -self.margins(x).min(initial=0.0), equation_misfit.max(initial=0.0)))
 
     def _share(self, x: FloatArray, inside: FloatArray) -> float:
-        """How far x must go towards a point inside to keep what that keeps with room."""
+        """The least share of an inner point with which the combination keeps all rows that have room."""
         margins, room = self.margins(x), self.margins(inside)
-        outside = (margins < 0.0) & (room > _ROOM)
-        missed = -margins[outside] * max(1.0, self.size(x) / self.size(inside))
-        return float((missed / (room[outside] + missed)).max(initial=0.0))
+        is_outside = (margins < 0.0) & (room > _ROOM)
+        violation = -margins[is_outside] * max(1.0, self.size(x) / self.size(inside))
+        return float((violation / (room[is_outside] + violation)).max(initial=0.0))
 
     def room(self) -> tuple[FloatArray, float]:
-        """The point that is farthest inside all inequalities and cones, and how far: negative if it is outside."""
+        """The point farthest inside all inequalities and cones, and its distance; negative if it is outside."""
         found = self._roomy(each=False).solve()
         return (np.zeros(0), -np.inf) if isinstance(found, str) else (self.projected(found.x[:-1]), float(found.x[-1]))
 
     def _inside(self) -> FloatArray | None:
-        """A point as far inside as can be, as far as rows leave room."""
-        if not self.dependent:  # flows far inside dissipate much more
+        """A point as far inside all rows as possible; None if none is found."""
+        if not self.dependent:  # flows far inside dissipate too much
             x, room = self.room()
             if room > 0.0 and self.margins(x).min(initial=1.0) > ROUNDING:
                 return x
@@ -324,24 +333,25 @@ class ConicProgram:
 
     @cached_property
     def _rooms(self) -> tuple[FloatArray, FloatArray] | None:
-        """A point as far inside all rows as can be, up to 1e-3, and how far inside each of them."""
-        found, n = self._roomy(each=True).solve(REGULAR[::-1]), len(self.q)  # without interior, the most is best
-        return None if isinstance(found, str) else (self.projected(found.x[:n]), found.x[n:])
+        """A point as far inside all rows as possible, up to 1e-3 in each, and its distances; None if none is found."""
+        # without an interior, the largest regularisation works best
+        answer, n = self._roomy(each=True).solve(REGULAR[::-1]), len(self.q)
+        return None if isinstance(answer, str) else (self.projected(answer.x[:n]), answer.x[n:])
 
     def _roomy(self, *, each: bool) -> ConicProgram:
-        """Max m ≤ 1, with m taken off all rows; or Σ m_i, less a little of all t, with 0 ≤ m_i ≤ 1e-3 for each row."""
+        """Max m ≤ 1 with m taken off all rows; or, for `each` row, max Σ m_i less a little of all t, 0 ≤ m_i ≤ 1e-3."""
         heads, n = self._heads, len(self.q)
         count = len(heads) if each else 1
-        which = np.arange(count) if each else np.zeros(len(heads), dtype=np.int64)
-        columns = sparse.csr_array((np.ones(len(heads)), (heads, which)), shape=(len(self.b), count))
-        own = sparse.hstack([sparse.csr_array((count, n)), sparse.eye_array(count)])
-        bounds = sparse.vstack([own, -own]) if each else own
+        column_of = np.arange(count) if each else np.zeros(len(heads), dtype=np.int64)
+        columns = sparse.csr_array((np.ones(len(heads)), (heads, column_of)), shape=(len(self.b), count))
+        own_rows = sparse.hstack([sparse.csr_array((count, n)), sparse.eye_array(count)])
+        bounds = sparse.vstack([own_rows, -own_rows]) if each else own_rows
         limits = np.concatenate([np.full(count, _NEAR if each else 1.0), np.zeros(count if each else 0)])
         small = (_SMALL if each else 0.0) * np.asarray(self.A[heads[self.linear :]].sum(axis=0)).ravel() / count
         return self._extended(np.concatenate([-small, -np.ones(count) / count]), columns, bounds, limits)
 
     def tightened(self, share: float = 0.0, room: float = 0.0) -> ConicProgram:
-        """The program with limits less by a share of them, if positive, and by a room."""
+        """The program with positive limits reduced by a share, and all limits by a room."""
         b = self.b.copy()
         b[self._heads] -= share * np.maximum(b[self._heads], 0.0) + room
         return replace(self, b=b)

@@ -1,8 +1,8 @@
 """Limit loads from above: velocities of the body, continuous on the split triangles, with jumps on its contacts.
 
-The program is (D37), and the difference of both sides (D38). With Bernstein coefficients ε_i of the strain rate, of
-degree k = p − 2 for velocities of degree p − 1, what a body of cones |(γ_j S, σ_xx − σ_yy, 2σ_xy)| ≤ a_j − β_j S
-dissipates is bounded by
+The program is (D37), and the difference of both sides (D38). Velocities have the degree p − 1, and the strain rate has
+Bernstein coefficients ε_i of the degree k = p − 2. A body with cones |(γ_j S, σ_xx − σ_yy, 2σ_xy)| ≤ a_j − β_j S
+dissipates
 
     ∫ π(ε) dx  ≤  Σ |part| mean_i π(ε_i),     π(ε) = min Σ_j a_j s_j   s.t.   |(ρ_j, r_j)| ≤ s_j,
                                               Σ_j r_j = ((ε_xx − ε_yy)/2, ε_xy),   Σ_j (β_j s_j + γ_j ρ_j) = tr ε/2
@@ -43,35 +43,32 @@ from qvi_contact.problem.problem import ContactProblem, by_cell
 from solvers.basics.linked import linked
 from solvers.basics.progress import deadline
 
-_MUCH: Final = 1e-4  # dissipation, relative, that a flow which holds costs more than the one found
+_MUCH: Final = 1e-4  # relative increase of dissipation by `repaired` above which flows on faces are tried
 
 
 @dataclass(frozen=True, eq=False)
 class Flow:
     """The upper bound of the load factor that a velocity field proves."""
 
-    bound: float  # the bound; infinity if no velocity has power, minus infinity if the other loads alone are too much
-    violation: float = 0.0  # what the conditions on the velocities are missed by, relative: rounding
+    bound: float  # infinity if no velocity has power, minus infinity if the other loads alone are not carried
+    violation: float = 0.0  # largest relative violation of the conditions on the velocities, by rounding
     motion: BodyMotion | None = None  # the velocities; None if the bound is not finite
-    # (r, 3) what each row of the cones has of (tr ε, ε_xx − ε_yy, 2ε_xy) at its coefficient; lengths over that
-    # of the mesh
+    # (r, 3) part of (tr ε, ε_xx − ε_yy, 2ε_xy) that each cone takes at its coefficient; lengths relative to the mesh's
     shares: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class BodyMotion:
-    """A velocity field with which the body gives way, of power 1 of the loads that are multiplied."""
+    """The velocities with which a body collapses, scaled so that the loads that are multiplied have the power 1."""
 
     velocities: FloatArray
-    """(cells, 3, ·, 2): Bernstein coefficients of v on the three parts of each triangle, of one degree more than those
-    of strain."""
+    """(cells, 3, ·, 2): Bernstein coefficients of v on the three parts of each triangle, one degree above strain."""
     strain: FloatArray
-    """(cells, 3, count, 3): coefficients of (ε_xx, ε_yy, 2ε_xy) on the parts of each triangle, lengths over that of the
-    mesh."""
+    """(cells, 3, count, 3): coefficients of (ε_xx, ε_yy, 2ε_xy) on these parts, lengths relative to the mesh's."""
     dissipation: FloatArray
-    """(cells,): ∫ π(ε) dx, or the bound of it, in units of the load factor."""
+    """(cells,): the bound of ∫ π(ε) dx, in units of the load factor."""
     contacts: Mapping[str, ContactFlow]
-    """What happens on each contact."""
+    """Jumps on each contact, by name."""
     plates: Mapping[str, RigidMotion]
     """Motions of plates driven by force about their pivots, by the names of their contacts."""
 
@@ -83,27 +80,27 @@ class ContactFlow:
     opening: FloatArray
     """(edges, p): coefficients of w = −[v]_N from the first end of each edge to its second."""
     slip: FloatArray
-    """(edges, p): those of [v]_T."""
+    """(edges, p): coefficients of [v]_T."""
     dissipation: FloatArray
-    """(edges,): ∫ π([v]) ds, or the bound of it, in units of the load factor."""
+    """(edges,): the bound of ∫ π([v]) ds, in units of the load factor."""
 
 
 class Velocities:
-    """The velocities that rigid parts leave free, v = P q; lengths over that of the mesh.
+    """The velocities v = P q that rigid parts of the body leave free; lengths relative to that of the mesh.
 
     Attributes
     ----------
     table : (cells, 3, count) int array
-        Numbers of the coefficients of each part; triangles share those on edges that are no open joint.
+        Numbers of the coefficients of each part; triangles share coefficients on edges that are no open joint.
     plates : list
-        Contacts with plates driven by force. They are the first bodies, rigid parts the others.
+        Contacts with plates driven by force. Bodies are numbered with these plates first, then the rigid parts.
     rigid : (N,) int array
         The body that each coefficient moves with, −1 for none.
     hinges : (2, h) int array
-        Coefficients at vertices in which rigid parts meet without a common edge, and the bodies they belong to as well.
+        Coefficients at vertices where rigid parts meet without a common edge, and the further bodies there.
     basis : (2 N + 3 bodies, n) sparse array
         P: first x and y of all coefficients, then the motions (a, b, θ) of plates about their pivots, of rigid parts
-        about their middles.
+        about their centres.
 
     """
 
@@ -115,13 +112,13 @@ class Velocities:
         self.points[self.table] = lattice(degree) @ part_corners((mesh.corners - mesh.origin) / mesh.length)
         self.plates = [contact for contact in problem.contacts if contact.plate is not None and contact.plate.driven]
         first, second = edges.cells[strong[edges.cells].all(axis=1)].T
-        part = np.unique(linked(first, second, mesh.cell_count)[strong], return_inverse=True)[1]
-        pairs = np.broadcast_arrays(self.table[strong], part[:, None, None])
+        part_of_cell = np.unique(linked(first, second, mesh.cell_count)[strong], return_inverse=True)[1]
+        pairs = np.broadcast_arrays(self.table[strong], part_of_cell[:, None, None])
         node, body = np.unique([each.ravel() for each in pairs], axis=1)
-        body, again = body + len(self.plates), np.diff(node, prepend=-1) == 0
+        body, is_further = body + len(self.plates), np.diff(node, prepend=-1) == 0
         self.rigid = np.full(self.count, -1)
-        self.rigid[node[~again]] = body[~again]
-        self.hinges = np.stack([node, body])[:, again]
+        self.rigid[node[~is_further]] = body[~is_further]
+        self.hinges = np.stack([node, body])[:, is_further]
         sums = np.stack([np.bincount(body, along) for along in self.points[node].T], axis=1)
         middles = (sums / np.maximum(np.bincount(body), 1)[:, None])[len(self.plates) :]
         pivots = [(np.array(each.plate.pivot) - mesh.origin) / mesh.length for each in self.plates if each.plate]
@@ -130,7 +127,7 @@ class Velocities:
         self.basis = self._basis()
 
     def along(self, edges: Edges, side: int = 0) -> IntArray:
-        """The coefficients (e, p) along edges from their first end to the second, among all."""
+        """The numbers (e, p) of the coefficients along edges, from their first end to the second."""
         return np.asarray(self.table.ravel()[nodes_along(self.problem, self.degree, edges, side)])
 
     def rows(self, nodes: IntArray, direction: FloatArray, body: IntArray | None = None) -> sparse.csr_array:
@@ -144,45 +141,45 @@ class Velocities:
         return sparse.csr_array((values.ravel(), (at, columns.ravel())), shape=(len(nodes), self.size))
 
     def jumps(self, contact: Contact) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """W = −[v]_N and [v]_T at the coefficients of all edges of a contact as rows on coefficients and bodies."""
-        edges, found = self.mesh.edges(contact.edges), []
+        """The opening w = −[v]_N and [v]_T at all coefficients of a contact, as rows on coefficients and bodies."""
+        edges, jump_rows = self.mesh.edges(contact.edges), []
         first = self.along(edges).ravel()
         for vector in (-edges.normal, edges.tangent):
-            along = np.repeat(vector, self.degree + 1, axis=0)
-            rows = self.rows(first, along)
+            direction = np.repeat(vector, self.degree + 1, axis=0)
+            rows = self.rows(first, direction)
             if contact in self.problem.joints:
-                rows = rows - self.rows(self.along(edges, 1).ravel(), along)
+                rows = rows - self.rows(self.along(edges, 1).ravel(), direction)
             elif contact in self.plates:
-                rows = rows - self.rows(first, along, np.full(len(first), self.plates.index(contact)))
-            found.append(rows)
-        return found[0], found[1]
+                rows = rows - self.rows(first, direction, np.full(len(first), self.plates.index(contact)))
+            jump_rows.append(rows)
+        return jump_rows[0], jump_rows[1]
 
     def held(self) -> sparse.csr_array:
-        """Velocities that supports, hinges and what is tied rule out, as such rows."""
-        found = [self.rows(self.hinges[0], axes) - self.rows(self.hinges[0], axes, self.hinges[1])
+        """Velocities that supports, hinges and tied contacts rule out, as rows on coefficients and bodies."""
+        blocks = [self.rows(self.hinges[0], axes) - self.rows(self.hinges[0], axes, self.hinges[1])
                  for axes in np.repeat(np.eye(2)[:, None], self.hinges.shape[1], axis=1)]  # fmt: skip
-        for given in self.problem.prescribed(Displacement):
-            nodes = self.along(given.edges)
-            found.append(self.rows(nodes.ravel(), np.repeat(given.direction, nodes.shape[1], axis=0)))
+        for support in self.problem.prescribed(Displacement):
+            nodes = self.along(support.edges)
+            blocks.append(self.rows(nodes.ravel(), np.repeat(support.direction, nodes.shape[1], axis=0)))
         for contact in self.problem.contacts:
             if contact.law == "tied" and contact not in self.problem.joints:
-                found += self.jumps(contact)
-        return sparse.csr_array(sparse.vstack(found))
+                blocks += self.jumps(contact)
+        return sparse.csr_array(sparse.vstack(blocks))
 
     def _basis(self) -> sparse.csr_array:
-        """P: the coefficients of no rigid part, motions of plates by forces, and of rigid parts."""
-        loose, stiff = np.flatnonzero(self.rigid < 0), np.flatnonzero(self.rigid >= 0)
+        """P: columns of coefficients in no rigid part, of motions of plates driven by force, and of rigid parts."""
+        free_nodes, rigid = np.flatnonzero(self.rigid < 0), np.flatnonzero(self.rigid >= 0)
         forces = [getattr(contact.plate, name) for contact in self.plates for name in DRIVES]
-        free = [force is not None for force in forces] + [True] * (3 * len(self.centres) - len(forces))
-        chosen = np.concatenate([2 * loose, 2 * loose + 1, 2 * self.count + np.flatnonzero(free)])
-        found = sparse.eye_array(self.size, format="csc")
-        for axes in np.repeat(np.eye(2)[:, None], len(stiff), axis=1):
-            found = found + self.rows(stiff, axes).T @ self.rows(stiff, axes, self.rigid[stiff])
-        return sparse.csr_array(sparse.csc_array(found)[:, chosen])
+        is_free = [force is not None for force in forces] + [True] * (3 * len(self.centres) - len(forces))
+        columns = np.concatenate([2 * free_nodes, 2 * free_nodes + 1, 2 * self.count + np.flatnonzero(is_free)])
+        P = sparse.eye_array(self.size, format="csc")
+        for axes in np.repeat(np.eye(2)[:, None], len(rigid), axis=1):
+            P = P + self.rows(rigid, axes).T @ self.rows(rigid, axes, self.rigid[rigid])
+        return sparse.csr_array(sparse.csc_array(P)[:, columns])
 
 
 class FlowProgram:
-    """The program of a problem; stresses over S, lengths over that of the mesh."""
+    """The program (D37) of a problem; stresses relative to S, lengths to that of the mesh."""
 
     def __init__(self, problem: ContactProblem, names: Sequence[str], cones: YieldCones, scales: Scales) -> None:
         self.problem, self.names, self.scales, self.k, self.cones = problem, tuple(names), scales, cones.degree, cones
@@ -197,101 +194,104 @@ class FlowProgram:
         self._weights = np.repeat(self._areas.ravel() / self.cones.count, self.cones.count)
 
     def solved(self, share: float = 0.0, *, known: bool = False) -> Flow:
-        """The flow with the least bound that is found; `SolveError` if the one found breaks its conditions.
+        """The flow with the least bound found; `SolveError` if it breaks its conditions.
 
-        Infinity instead if a bound is `known`, of rigid blocks, or that there is none, since any multiple is carried.
+        If a finite bound of rigid blocks is `known`, or that every multiple is carried, an infinite bound is returned
+        instead.
 
-        It goes a share of the way towards a flow inside all limits, as far as they leave room. Without such a share,
-        strain of what has no tension that nothing can open otherwise is across an edge, by equations.
+        The flow moves a share of the way to a flow inside all limits, as far as they leave room. With a share of 0,
+        strain of parts without tension that have no room is, by equations, across an edge.
         """
+        # power of the loads that are multiplied (1 for velocities of size 1) and of the others; a first answer
         n, cones = self.space.basis.shape[1], self.cones
-        (live, dead), of_cones = np.zeros((2, n)), beside(cones.limit, cones.least, 1.0 / APART)
+        (live, dead), cone_scale = np.zeros((2, n)), beside(cones.limit, cones.least, 1.0 / APART)
         for name, row in self._powers():
             (live if name in self.names else dead)[:] += row @ self.space.basis
-        # velocities of size 1 have a power of the size 1
-        program = every = self._program(live / (float(np.abs(live).sum()) or 1.0), dead)
+        program = full = self._program(live / (float(np.abs(live).sum()) or 1.0), dead)
         solve = cache(ConicProgram.solve)  # programs on faces may be equal
-        found = solve(program)
-        if isinstance(found, str):
-            return Flow(-np.inf if found == UNBOUNDED or every.falls else np.inf)
+        answer = solve(program)
+        if isinstance(answer, str):
+            return Flow(-np.inf if answer == UNBOUNDED or full.falls else np.inf)
 
         def raised(x: FloatArray) -> FloatArray:
-            """The same with s of cones that no trace is tied to as large as need be, and no larger."""
-            x, free = program.projected(x), np.flatnonzero(cones.pressure == 0.0)
-            blocks = every.blocks(x)[free]
-            x[n + free] -= (blocks[:, 0] - np.linalg.norm(blocks[:, 1:], axis=1)) / of_cones[free]
+            """The point with s as small as the cone allows, for cones whose s is in no trace equation."""
+            x, without_trace = program.projected(x), np.flatnonzero(cones.pressure == 0.0)
+            blocks = full.blocks(x)[without_trace]
+            x[n + without_trace] -= (blocks[:, 0] - np.linalg.norm(blocks[:, 1:], axis=1)) / cone_scale[without_trace]
             return x
 
-        start = raised(found.x)
+        # corrected; then, if that costs much or a cone has a = 0, flows on faces of cones, if they are better
+        start, first = raised(answer.x), answer
         x, violation = program.repaired(start, share)
         x = raised(x)
-        first = found
-        lost = float(every.q @ (x - start)) / (float(np.abs(every.q) @ np.abs(start)) or 1.0)
-        several = FACES if not cones.limit.all() else FACES[: int(lost > _MUCH)]
-        for faces in () if share else several:
-            program, found = every, first
+        loss = float(full.q @ (x - start)) / (float(np.abs(full.q) @ np.abs(start)) or 1.0)
+        face_settings = FACES if not cones.limit.all() else FACES[: int(loss > _MUCH)]
+        for faces in () if share else face_settings:
+            program, answer = full, first
             for _ in range(PASSES):
-                missed = -float(program.margins(raised(found.x)).min(initial=0.0))
-                narrower = program.on_faces(cones.rays, *faces) if missed > ROUNDING and not deadline.over else None
-                found = solve(narrower) if narrower else INFEASIBLE
-                if found == UNBOUNDED:  # what flows on faces keeps the cones
+                excess = -float(program.margins(raised(answer.x)).min(initial=0.0))
+                narrower = program.on_faces(cones.rays, *faces) if excess > ROUNDING and not deadline.over else None
+                answer = solve(narrower) if narrower else INFEASIBLE
+                if answer == UNBOUNDED:  # flows on faces keep the cones
                     return Flow(-np.inf)
-                if narrower is None or isinstance(found, str):
+                if narrower is None or isinstance(answer, str):
                     break
                 program = narrower
-                other, off = program.repaired(raised(found.x))
+                other, other_violation = program.repaired(raised(answer.x))
                 other = raised(other)
-                off = max(off, -float(every.margins(other).min(initial=0.0)))
-                gained = float(every.q @ (x - other)) / (float(np.abs(every.q) @ np.abs(start)) or 1.0)
-                # all have one power
-                x, violation = (other, off) if off < violation + HELD * gained else (x, violation)
+                other_violation = max(other_violation, -float(full.margins(other).min(initial=0.0)))
+                gain = float(full.q @ (x - other)) / (float(np.abs(full.q) @ np.abs(start)) or 1.0)
+                x, violation = (other, other_violation) if other_violation < violation + HELD * gain else (x, violation)
+        # scaled to the power 1, if the conditions hold; beyond: the other loads have power where these have none
         power = float(live @ x[:n])
-        held = violation <= HELD and power > 0.0
-        beyond = not (held and every.q @ x >= 0.0) and any(each.falls for each in (every, program))
-        if beyond or (known and not held):  # the others do too much work where these loads do none
-            return Flow(-np.inf if beyond else np.inf)
-        if not held:
+        is_kept = violation <= HELD and power > 0.0
+        is_beyond = not (is_kept and full.q @ x >= 0.0) and any(each.falls for each in (full, program))
+        if is_beyond or (known and not is_kept):
+            return Flow(-np.inf if is_beyond else np.inf)
+        if not is_kept:
             raise SolveError(
                 f"limit load: the velocities found break their conditions by {violation:.1e}: use another degree, or a "
                 "mesh that is less graded"
             )
         x = x / power
-        s, r, *rho = np.split(every.blocks(x) / of_cones[:, None], [1, 3], axis=1)
+        s, r, *rho = np.split(full.blocks(x) / cone_scale[:, None], [1, 3], axis=1)
         trace = cones.pressure * s[:, 0] + sum(cones.mean * part[:, 0] for part in rho if part.size)
         shares = np.column_stack([trace, r]) * (2.0 / self._weights[cones.coefficient, None])
-        bound = max(float(every.q @ x), -float(dead @ x[:n]))  # dissipation is not negative but by rounding
+        bound = max(float(full.q @ x), -float(dead @ x[:n]))  # negative dissipation is rounding
         return Flow(bound, violation, self._motion(x), shares)
 
     def _program(self, live: FloatArray, dead: FloatArray) -> ConicProgram:
-        """Unknown are q, then s of the cones, both components of r of later ones, ρ, then the slips of contacts.
+        """The program. Unknowns are q, s of the cones, both components of r of all but the first cones, ρ, and slips.
 
-        The first cone of a coefficient has the r that the later ones leave.
+        The first cone of a coefficient takes the rest of r.
         """
+        # unknowns: slices of the identity; rows have one cone each, coefficients the sum of their cones
         cones, slips, n, rows = self.cones, self._slips, len(live), len(self.cones.coefficient)
-        later, mean = np.flatnonzero(~cones.first), np.flatnonzero(cones.mean)
-        ends = np.cumsum([0, n, rows, len(later), len(later), len(mean), len(slips.costs)])
+        others, mean = np.flatnonzero(~cones.first), np.flatnonzero(cones.mean)
+        ends = np.cumsum([0, n, rows, len(others), len(others), len(mean), len(slips.costs)])
         unknowns = sparse.eye_array(ends[-1], format="csr")
         Q, S, R1, R2, RHO, Y = (unknowns[a:b] for a, b in pairwise(ends))
-        at, number = np.unique(cones.coefficient, return_inverse=True)  # coefficients that yield
-        of_rows = sparse.eye_array(len(at), format="csr")[number]
-        sums, first = of_rows.T, sparse.diags_array(cones.first.astype(float)) @ of_rows
+        yielding, number = np.unique(cones.coefficient, return_inverse=True)  # coefficients that yield
+        to_rows = sparse.eye_array(len(yielding), format="csr")[number]
+        sums, first = to_rows.T, sparse.diags_array(cones.first.astype(float)) @ to_rows
         each = sparse.eye_array(rows, format="csc")
-        later_ones, mean_ones = each[:, later], each[:, mean]
-        own = later_ones - first @ (sums @ later_ones)
-        # strain times weights: (ε_xx − ε_yy)/2, ε_xy, tr ε/2
-        strain, half = self._strain @ self.space.basis, sparse.diags_array(self._weights[at] / 2.0)
-        xx, yy, xy = (half @ strain[3 * at + i] @ Q for i in range(3))
+        other_columns, mean_columns = each[:, others], each[:, mean]
+        rest_of_r = other_columns - first @ (sums @ other_columns)
+        # strain times weights, (ε_xx − ε_yy)/2, ε_xy and tr ε/2, and the cones |(ρ_j, r_j)| ≤ s_j
+        strain, weights = self._strain @ self.space.basis, sparse.diags_array(self._weights[yielding] / 2.0)
+        xx, yy, xy = (weights @ strain[3 * yielding + i] @ Q for i in range(3))
         traces = sums @ (
-            sparse.diags_array(cones.pressure) @ S + mean_ones @ sparse.diags_array(cones.mean[mean]) @ RHO
+            sparse.diags_array(cones.pressure) @ S + mean_columns @ sparse.diags_array(cones.mean[mean]) @ RHO
         )
-        parts = [-S, -(first @ (xx - yy) + own @ R1), -(first @ xy + own @ R2)]
-        parts += [-(mean_ones @ RHO)] if len(mean) else []
+        parts = [-S, -(first @ (xx - yy) + rest_of_r @ R1), -(first @ xy + rest_of_r @ R2)]
+        parts += [-(mean_columns @ RHO)] if len(mean) else []
+        # equations: traces, power 1, held velocities, jumps; inequalities of jumps; dissipation less the other power
         held = self.space.held() @ self.space.basis
         E = sparse.vstack([xx + yy - traces, sparse.csr_array(live[None]) @ Q, held @ Q, slips.E @ Q])
         e = np.zeros(E.shape[0])
-        e[len(at)] = 1.0
+        e[len(yielding)] = 1.0
         strengths = (beside(each, cones.least, 1.0 / APART) for each in (slips.strengths, cones.limit))
-        of_slips, of_cones = map(sparse.diags_array, strengths)  # in whole ones solvers lose digits
+        of_slips, of_cones = map(sparse.diags_array, strengths)  # scaled: with large strengths solvers lose digits
         L = of_slips @ (slips.L @ Q + slips.own @ Y)
         q = np.concatenate([-dead, cones.limit / self.scales.stress, np.zeros(ends[-2] - ends[2]), slips.costs])
         zeros = [(of_cones @ part, np.zeros(rows)) for part in parts]
@@ -306,17 +306,17 @@ class FlowProgram:
         columns = np.repeat(space.table, count, axis=1)
         starts, shape = width * np.arange(3 * cells * count + 1), (3 * cells * count, space.count)
         along_x, along_y = (sparse.csr_array((part.ravel(), columns.ravel(), starts), shape=shape) for part in slopes)
-        found = sparse.kron(along_x, [[1, 0], [0, 0], [0, 1]]) + sparse.kron(along_y, [[0, 0], [0, 1], [1, 0]])
-        return sparse.csr_array(sparse.hstack([found, sparse.csr_array((found.shape[0], 3 * len(space.centres)))]))
+        strain = sparse.kron(along_x, [[1, 0], [0, 0], [0, 1]]) + sparse.kron(along_y, [[0, 0], [0, 1], [1, 0]])
+        return sparse.csr_array(sparse.hstack([strain, sparse.csr_array((strain.shape[0], 3 * len(space.centres)))]))
 
     def _powers(self) -> Iterator[tuple[str, FloatArray]]:
-        """The power of the loads, by their names, as rows on coefficients of v and bodies, dimensionless."""
+        """The power of the loads by name, as rows on coefficients of v and bodies, dimensionless."""
         space, mesh, S = self.space, self.space.mesh, self.scales.stress
-        for given in self.problem.prescribed(Traction):
-            if isinstance(given.condition, Traction):
-                weights = self._edge_weights(given.edges, given.name, given.value)
-                direction = np.repeat(given.direction, space.degree + 1, axis=0)
-                yield given.condition.name, weights @ space.rows(space.along(given.edges).ravel(), direction)
+        for traction in self.problem.prescribed(Traction):
+            if isinstance(traction.condition, Traction):
+                weights = self._edge_weights(traction.edges, traction.name, traction.value)
+                direction = np.repeat(traction.direction, space.degree + 1, axis=0)
+                yield traction.condition.name, weights @ space.rows(space.along(traction.edges).ravel(), direction)
         for contact in self.problem.contacts:
             if contact.plate is not None and contact in space.plates:
                 plate, row = contact.plate, np.zeros(space.size)
@@ -335,11 +335,11 @@ class FlowProgram:
     def _edge_weights(self, edges: Edges, name: str, field: Field) -> FloatArray:
         """∫ f B_i ds (e · p,), dimensionless, from the first end of each edge on."""
         mesh, degree = self.space.mesh, self.space.degree
-        found = along_edges(mesh, edges, name, field)
-        return (found.moments(degree) * edges.length[:, None] / (self.scales.stress * mesh.length)).ravel()
+        field_on_edges = along_edges(mesh, edges, name, field)
+        return (field_on_edges.moments(degree) * edges.length[:, None] / (self.scales.stress * mesh.length)).ravel()
 
     def _body(self, field: Field) -> FloatArray:
-        """−∫ ∇φ·v dx, with the polynomial that stresses take for φ."""
+        """−∫ ∇φ·v dx for the polynomial that stands for φ in the stresses."""
         space, k = self.space, self.k
         potential = coefficients_of(self.problem, k, field)[0]
         slopes = np.einsum("npax,acf,npf->npcx", self._slopes, gradient(k, np.eye(3)), potential)
@@ -353,36 +353,34 @@ class FlowProgram:
     def _slips(self) -> _Slips:
         """Jumps, rows and costs of the contacts that limit tractions.
 
-        |[v]_T| ≤ d + u with the slip d that dilates, w ≥ μ d, at the price of c, and u that does not, at that of t_max.
+        |[v]_T| ≤ d + u: the slip d dilates, w ≥ μ d, and costs c; the slip u does not dilate and costs t_max.
         """
         mesh, space, p = self.space.mesh, self.space, self.space.degree + 1
         contacts = [contact for contact in self.problem.contacts if contact.law != "tied"]
         jumps, numbers = [[sparse.csr_array((0, space.size))] * 2], [np.zeros((5, 0))]
         for contact in contacts:
-            edges, places = mesh.edges(contact.edges), mesh.points_along(mesh.edges(contact.edges), ALONG)
-            laws = [
-                edges.length / (mesh.length * p * self.scales.stress),
-                np.full(len(edges), contact.law == "unilateral"),
-            ]
+            edges, points = mesh.edges(contact.edges), mesh.points_along(mesh.edges(contact.edges), ALONG)
+            weights = edges.length / (mesh.length * p * self.scales.stress)
+            laws = [weights, np.full(len(edges), contact.law == "unilateral")]
             for name in SHEAR_LAW:  # the largest value along each edge
                 field = getattr(contact, name)
-                values = np.inf if field is None else evaluate(f"Contact.{name}", field, *places, minimum=0.0)
-                laws.append(np.broadcast_to(values, places[0].shape).max(axis=1))
+                values = np.inf if field is None else evaluate(f"Contact.{name}", field, *points, minimum=0.0)
+                laws.append(np.broadcast_to(values, points[0].shape).max(axis=1))
             numbers.append(np.repeat(laws, p, axis=1))
             jumps.append(list(space.jumps(contact)))
         weight, one_sided, mu, c, cap = np.concatenate(numbers, axis=1)
         opening, slip = (sparse.csr_array(sparse.vstack(rows) @ space.basis) for rows in zip(*jumps, strict=True))
         unilateral, rough, capped, count = one_sided > 0.0, mu > 0.0, np.isfinite(cap), len(mu)
-        more = np.flatnonzero(unilateral & rough & capped)
-        price = np.where(~unilateral & rough & capped, cap, np.minimum(c, cap))  # these carry any shear up to the cap
-        prices, at = np.append(price, cap[more]), np.append(np.arange(count), more)
-        paid = np.flatnonzero(prices <= self.cones.most)
-        prices, at = prices[paid], at[paid]
-        both, slides = sparse.eye_array(count, format="csr")[at].T.tocsr(), np.isin(np.arange(count), at)
+        second = np.flatnonzero(unilateral & rough & capped)
+        price = np.where(~unilateral & rough & capped, cap, np.minimum(c, cap))  # bilateral: any shear up to the cap
+        prices, at = np.append(price, cap[second]), np.append(np.arange(count), second)
+        affordable = np.flatnonzero(prices <= self.cones.most)
+        prices, at = prices[affordable], at[affordable]
+        to_jumps, slides = sparse.eye_array(count, format="csr")[at].T.tocsr(), np.isin(np.arange(count), at)
         size, sticks = len(at), ~slides | (~unilateral & rough & ~capped)
         L = sparse.vstack([slip[slides], -slip[slides], sparse.csr_array((size, slip.shape[1])), -opening[unilateral]])
-        dilates = (both @ sparse.diags_array(np.where(paid < count, mu[at], 0.0))).tocsr()[unilateral]
-        own = sparse.vstack([-both[slides], -both[slides], -sparse.eye_array(size), dilates])
+        dilates = (to_jumps @ sparse.diags_array(np.where(affordable < count, mu[at], 0.0))).tocsr()[unilateral]
+        own = sparse.vstack([-to_jumps[slides], -to_jumps[slides], -sparse.eye_array(size), dilates])
         equal = sparse.vstack([opening[~unilateral], slip[sticks]])
         most = np.zeros(count)
         np.maximum.at(most, at, prices)
@@ -391,7 +389,7 @@ class FlowProgram:
         return _Slips(lengths, opening, slip, L, own, equal, strengths, weight[at] * prices, at)
 
     def _motion(self, x: FloatArray) -> BodyMotion:
-        """In the form of a result."""
+        """The velocities, strains and dissipation of a solution."""
         space, cones, slips, p = self.space, self.cones, self._slips, self.space.degree + 1
         n, rows = space.basis.shape[1], len(cones.coefficient)
         v = space.basis @ x[:n]
@@ -400,51 +398,51 @@ class FlowProgram:
         spent = x[n : n + rows] * cones.limit / self.scales.stress
         dissipation = np.asarray(np.bincount(cones.cell, spent, space.mesh.cell_count), dtype=np.float64)
         opening, slip = slips.opening @ x[:n], slips.slip @ x[:n]
-        paid = slips.costs * x[len(x) - len(slips.at) :]
-        cost = np.asarray(np.bincount(slips.at, paid, len(opening)), dtype=np.float64)
+        slip_costs = slips.costs * x[len(x) - len(slips.at) :]
+        cost = np.asarray(np.bincount(slips.at, slip_costs, len(opening)), dtype=np.float64)
         ends = np.cumsum([0, *slips.lengths.values()])[1:]
         parts = (np.split(part.reshape(-1, p), ends) for part in (opening, slip, cost))  # the last of each is empty
-        found = {name: ContactFlow(w, t, spent.sum(axis=1))
+        contact_flows = {name: ContactFlow(w, t, spent.sum(axis=1))
                  for name, w, t, spent in zip(slips.lengths, *parts, strict=False)}  # fmt: skip
         plates = {
             contact.name: RigidMotion(a, b, turn / space.mesh.length, contact.plate.pivot)
             for contact, (a, b, turn) in zip(space.plates, v[2 * space.count :].reshape(-1, 3).tolist(), strict=False)
             if contact.plate is not None
         }
-        return BodyMotion(velocities, strain, dissipation, found, plates)
+        return BodyMotion(velocities, strain, dissipation, contact_flows, plates)
 
     def gap_in_cells(self, discretization: Discretization, carried: Carried, motion: BodyMotion) -> FloatArray:
-        """Parts of the triangles (cells,), with those of contact edges in equal shares for triangles beside them."""
+        """The parts of (D38) by triangle (cells,); the part of a contact edge is divided among its triangles."""
         assert carried.stress is not None
         assert carried.tractions is not None
         degree = self.k
         work = np.einsum("npic,ij,npjc,np->n", carried.stress, _products(degree, degree), motion.strain, self._areas)
-        found: FloatArray = motion.dissipation - np.where(self.cones.strong, 0.0, work)
+        gaps: FloatArray = motion.dissipation - np.where(self.cones.strong, 0.0, work)
         table, on_edges = product_integrals(degree, degree + 1), dict[str, FloatArray]()
         for rows, contact in limited(discretization):
-            moved, edges, q = motion.contacts[contact.name], rows.points.edges, rows.rule.count
+            flow, edges, q = motion.contacts[contact.name], rows.points.edges, rows.rule.count
             normal, shear = (half[rows.rows].reshape(-1, q) for half in np.split(carried.tractions, 2))
-            worked = np.einsum("ei,ij,ej->e", normal, table, moved.opening)
-            worked -= np.einsum("ei,ij,ej->e", shear, table, moved.slip)
-            on_edges[contact.name] = moved.dissipation - worked * edges.length / self.space.mesh.length
-        return np.maximum(found + by_cell(self.problem, on_edges), 0.0)
+            edge_work = np.einsum("ei,ij,ej->e", normal, table, flow.opening)
+            edge_work -= np.einsum("ei,ij,ej->e", shear, table, flow.slip)
+            on_edges[contact.name] = flow.dissipation - edge_work * edges.length / self.space.mesh.length
+        return np.maximum(gaps + by_cell(self.problem, on_edges), 0.0)
 
 
 class _Slips(NamedTuple):
-    """Contacts: jumps as rows on q, L q + own y ≤ 0 and E q = 0 with slips y, and their costs, at which jumps."""
+    """Contacts in the program: jumps as rows on q, and L q + own y ≤ 0, E q = 0 for slips y with their costs."""
 
-    lengths: dict[str, int]  # how many edges each has
+    lengths: dict[str, int]  # number of edges by contact
     opening: sparse.csr_array
     slip: sparse.csr_array
     L: Any
     own: Any
     E: Any
-    strengths: FloatArray  # of the rows of L, which these slips cost [stress]
+    strengths: FloatArray  # of the rows of L: the costs of their slips [stress]
     costs: FloatArray
-    at: IntArray
+    at: IntArray  # the jump of each slip
 
 
 def _products(first: int, second: int) -> FloatArray:
-    """∫ B_i B_j over a triangle of area 1, of two degrees."""
+    """∫ B_i B_j over a triangle of area 1, for two degrees."""
     points, weights = quadrature(first + second)
     return np.asarray((bernstein_values(first, points) * weights[:, None]).T @ bernstein_values(second, points))

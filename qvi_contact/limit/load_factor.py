@@ -1,4 +1,4 @@
-"""Limit analysis: how much of a load friction and unilateral contact can carry, by a mesh and by the body at all."""
+"""Limit analysis: the largest multiple of a load that contacts and bodies that yield can carry, from both sides."""
 
 from __future__ import annotations
 
@@ -32,47 +32,47 @@ from solvers.basics.types import frame
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-OPTIONS: Final = ("degree", "time_limit")  # of all limit analyses
-_SAMPLES = (1.0, 2.0)  # load factors at which the problem is discretised; it is affine in between and beyond
-_FOLLOWED = 1e-9  # misfit of a body force, relative, that is rounding
-_MET: Final = 1e-5  # of the upper side: small loads make so much of tractions that are rounding
-_FARTHEST: Final = math.log(1e4)  # factors of strength beyond count as infinite, and below the inverse as zero
-_STEP: Final = math.log(2.0)  # between the first of them that are tried
-_MOST: Final = 1e6  # shares of loads beyond, or below the inverse, count as so much
-_LEAST: Final = 1e-15
-_FAR: Final = 1e5  # times the least strength: what is larger does not help flows where stresses from below are small,
-_SPARED: Final = 3e1  # up to so many times the least
-_CLOSE: Final = 1e-6  # logarithm of the width of a bisection that may end there, however little is asked for
+OPTIONS: Final = ("degree", "time_limit")  # options of every limit analysis
+_SAMPLES = (1.0, 2.0)  # load factors at which the problem is discretized; its data are affine in the factor
+_FOLLOWED = 1e-9  # relative misfit of a body force up to which stresses follow it exactly
+_MET: Final = 1e-5  # of 1 + |upper|: a lower side above the upper one by less is rounding, of small loads
+_FARTHEST: Final = math.log(1e4)  # larger factors of strength count as infinite, below the inverse as zero
+_STEP: Final = math.log(2.0)  # between the factors of strength that are tried first
+_MOST: Final = 1e6  # load factors above this or below its inverse count as this or its inverse
+_LEAST: Final = 1e-15  # least logarithm of a load factor ≥ 1, so that a search never meets zero
+_FAR: Final = 1e5  # times the least strength: parts stronger than this stay rigid, if the stresses from below are small
+_SPARED: Final = 3e1  # times the least strength: stresses below this are small
+_CLOSE: Final = 1e-6  # logarithm of the factor's width at which a search may end without the accuracy asked for
 
 
 @dataclass(eq=False, repr=False)
 class LimitLoad(float):
-    """Result of a limit analysis: a number, the load factor that the mesh carries, and what is known besides.
+    """Result of a limit analysis: `lower`, the load factor that the mesh carries, as a number with further fields.
 
     Notes
     -----
-    With prescribed tractions that stresses of the mesh cannot follow point by point, `lower` is that of tractions with
-    the same resultants on every edge. On bodies that yield and have sides that are arcs both numbers are estimates:
-    strengths hold on the straight triangles.
+    Where stresses of the mesh cannot follow prescribed tractions point by point, `lower` belongs to tractions with the
+    same resultants on every edge. On bodies that yield and have arcs as sides both numbers are estimates: strengths
+    hold on the straight triangles.
 
     """
 
     lower: float
-    """The largest multiple for which the mesh has stresses that keep contact laws and strengths; the value of the
-    number itself. Infinity if any multiple can be carried, minus infinity if none can."""
+    """The largest multiple that stresses of the mesh carry within contact laws and strengths; the value of the number
+    itself. Infinity if every multiple is carried, minus infinity if no multiple is."""
     upper: float
-    """No stress of the body carries a larger multiple, whatever the mesh. Infinity if the loads can grow without limit,
-    that is if they can do no work on mechanisms but 1e-7 of what they could do on other motions; minus infinity if no
-    multiple can be carried."""
+    """No stress of the body carries a larger multiple, on any mesh. Infinity if the loads can grow without limit, that
+    is, if their work on mechanisms is below 1e-7 of their work on other motions; minus infinity if no multiple can be
+    carried."""
     mechanism: Mechanism | None
-    """The motion of the blocks that proves `upper`; None where that is infinite."""
+    """The motion of rigid blocks that proves `upper`; None if `upper` is infinite or proved by flow."""
     bound: float
-    """No multiple above this can be carried by this mesh: the dual bound of the multipliers found."""
+    """This mesh carries no larger multiple: the dual bound of the multipliers found."""
     violation: float
-    """Largest violation of the contact laws and strengths at `lower`, relative to the largest limit of tractions.
-    Strengths above 1e3 times the least one count beside their own."""
+    """Largest violation of the contact laws and strengths at `lower`, relative to the largest limit of tractions, on
+    parts stronger than 1e3 times the least strength relative to their own."""
     collapse: Collapse | None = None
-    """How a body that yields gives way; None if no part of it has a strength, or a side is not finite."""
+    """The collapse of a body that yields; None if no part of it has a strength, or if a side is not finite."""
 
     def __new__(cls, lower: float, *_: object, **__: object) -> LimitLoad:
         """The number `lower`, to which the fields are added."""
@@ -82,15 +82,15 @@ class LimitLoad(float):
         self.lower, self.upper = self.lower + 0.0, self.upper + 0.0  # zero has no sign
 
     def to_frame(self) -> DataFrame:
-        """One row as a pandas table: "lower", "upper", "bound", "violation", and which contacts slide or open.
+        """One row as a pandas table: "lower", "upper", "bound", "violation", "slides" and "opens".
 
-        "slides" and "opens" are the names of the contacts that do so in the mechanism, joined by ", ". Needs the extra
-        ``frame`` (pandas); without it an `InputError` says so.
+        "slides" and "opens" are the names of the contacts that slide or open in the mechanism, joined by ", ". Needs
+        the extra ``frame`` (pandas); without it an `InputError` says so.
         """
-        moved = {} if self.mechanism is None else self.mechanism.contacts
+        motions = {} if self.mechanism is None else self.mechanism.contacts
         numbers = {name: [getattr(self, name)] for name in ("lower", "upper", "bound", "violation")}
-        slides = ", ".join(name for name, motion in moved.items() if motion.slides)
-        opens = ", ".join(name for name, motion in moved.items() if motion.opens)
+        slides = ", ".join(name for name, motion in motions.items() if motion.slides)
+        opens = ", ".join(name for name, motion in motions.items() if motion.opens)
         return frame({**numbers, "slides": [slides], "opens": [opens]})
 
     def __repr__(self) -> str:
@@ -114,16 +114,16 @@ def limit_load_factor(
         max α   s.t.  equilibrium with the loads α T,   σ_N ≤ 0,   |σ_T| ≤ min(c − μσ_N, t_max) on the contacts,
                       σ within the strength of the material where it has one
 
-    Where parts of the body have a `Material.strength`, both sides are second-order cone programs: stresses whose
-    Bernstein coefficients lie in the yield cones, and velocities with jumps on the contacts. Each number is computed
-    from the stresses or velocities found, not taken from the solver. Where no part has one, bodies are infinitely
-    strong: `lower` is a linear program in the Airy coefficients, with the law on whole edges, and `upper` the work of
-    the loads on rigid motions of the blocks, see `Mechanism`, the limit itself on any mesh.
+    Where parts of the body have a `Material.strength`, both sides are second-order cone programs. From below, the
+    Bernstein coefficients of stresses lie in the yield cones; from above, velocities may jump on the contacts. Each
+    number is computed from the stresses or velocities found, not taken from the solver. Without any strength, bodies
+    are infinitely strong: `lower` is a linear program in the Airy coefficients, with the contact law on whole edges,
+    and `upper` comes from the work of the loads on rigid motions of the blocks, see `Mechanism`: the limit itself on
+    any mesh.
 
-    Every solution lies in the set above, so beyond `upper` there is none. For Coulomb's law, whose slip is not
-    associated, the converse does not hold in general: below a solution may, but need not exist, which only `solve` can
-    tell. Displacements, gaps and elastic constants do not enter, and bilateral contacts with friction count as able to
-    carry any shear up to their cap.
+    No solution carries more than `upper`. Below the limit a solution need not exist for Coulomb's law, whose slip is
+    not associated: only `solve` can tell. Displacements, gaps and elastic constants do not enter. Bilateral contacts
+    with friction count as able to carry any shear up to their cap.
 
     Parameters
     ----------
@@ -133,14 +133,13 @@ def limit_load_factor(
         Names of the loads to multiply: of `Traction` conditions, of contacts whose `RigidPlate` prescribes forces, or
         "body" for the body force, or names of `BodyForces`.
     time_limit : float, optional
-        Seconds for the linear programs, at most 300 for each of them in any case.
+        Seconds for the programs together; each has at most 300.
     degree : int, optional
         Degree of the element, see `discretize`.
     verbose : bool
-        Print what is asked for, and both sides with the time.
+        Print the loads, and both sides with the time.
     **retired
-        Nothing: unknown arguments, and those of version 0.1, are refused with what to do instead. Contact laws hold on
-        whole edges always.
+        Unknown arguments and those of version 0.1: an `InputError` says what to do instead.
 
     Returns
     -------
@@ -152,17 +151,17 @@ def limit_load_factor(
     InputError
         If a name is unknown, or the loads are out of balance.
     SolveError
-        If a linear program is not solved, that of the mesh to a relative accuracy of 1e-7, or not in time.
+        If a program is not solved, or not in time; the linear program of the mesh to a relative accuracy of 1e-7.
 
     """
     refuse_arguments(retired, (*OPTIONS, "verbose"))
     with deadline(time_limit), Log(f"qvi_contact {__version__}: limit_load_factor", verbose, {}) as log:
-        posed = LimitProblem.of(problem, checked_loads(problem, loads), degree)
-        log.begin({"loads": ", ".join(posed.names), "unknowns": posed.low.qvi.n})
-        limit = posed.limit
-        gap = limit.bound - posed.carried.factor
-        agree = problem.yields or gap <= CERTIFIED * (1.0 + abs(limit))
-        if np.isfinite(limit.lower) and not (agree and limit.violation <= CERTIFIED):
+        analysis = LimitProblem.of(problem, checked_loads(problem, loads), degree)
+        log.begin({"loads": ", ".join(analysis.names), "unknowns": analysis.low.qvi.n})
+        limit = analysis.limit
+        gap = limit.bound - analysis.carried.factor
+        is_bounded = problem.yields or gap <= CERTIFIED * (1.0 + abs(limit))
+        if np.isfinite(limit.lower) and not (is_bounded and limit.violation <= CERTIFIED):
             raise SolveError(
                 f"limit load: factor {limit.lower:.9g} and bound {limit.bound:.9g} do not agree (violation "
                 f"{limit.violation:.1e}): use a coarser or less graded mesh"
@@ -183,7 +182,7 @@ class LimitProblem:
 
     @classmethod
     def of(cls, problem: ContactProblem, names: tuple[str, ...], degree: int | None = None) -> LimitProblem:
-        """The analysis of checked loads. Contact laws hold on whole edges."""
+        """The analysis of checked loads, with contact laws on whole edges."""
         multiples = [multiplied(problem, names, factor) for factor in _SAMPLES]
         scales = Scales.of(multiples[1])
         low = discretize(multiples[0], degree=degree, law_on="edges", scales=scales)
@@ -196,80 +195,79 @@ class LimitProblem:
 
     @cached_property
     def flows(self) -> list[FlowProgram]:
-        """Programs from above of a body that yields: one that leaves alone what is far stronger, and that of all."""
-        every = YieldCones.of(self.problem, self.low.space.element.traction_degree, above=True)
-        several = [every.nearer(), every] if every.most > APART * every.least else [every]
-        return [FlowProgram(self.problem, self.names, cones, self.low.scales) for cones in several]
+        """Programs from above of a body that yields: the full one last, before it one with very strong parts rigid."""
+        all_cones = YieldCones.of(self.problem, self.low.space.element.traction_degree, above=True)
+        cone_sets = [all_cones.nearer(), all_cones] if all_cones.most > APART * all_cones.least else [all_cones]
+        return [FlowProgram(self.problem, self.names, cones, self.low.scales) for cones in cone_sets]
 
     def _flow(self, *, known: bool) -> tuple[Flow, FlowProgram]:
-        """The flow with the least bound, and its program; that of all only if what is far stronger may help."""
-        *nearer, every = self.flows
-        found = list[tuple[Flow, FlowProgram]]()
-        for program in nearer:
-            with suppress(SolveError):  # that of all says why
-                found.append((program.solved(known=True), program))
-        cones, stress = every.cones, self.carried.stress
-        spared = stress is not None and float(np.abs(stress).max()) * self.low.scales.stress < _SPARED * cones.least
-        spared &= cones.most > _FAR * cones.least
-        if any(flow.bound == -np.inf or (spared and flow.bound < np.inf) for flow, _ in found):
-            return found[0]
-        known |= any(flow.bound < np.inf for flow, _ in found)
-        return min([*found, (every.solved(known=known), every)], key=lambda each: each[0].bound)
+        """The flow with the least bound, and its program; the full one is solved only if very strong parts may help."""
+        *partial, full = self.flows
+        flows = list[tuple[Flow, FlowProgram]]()
+        for program in partial:
+            with suppress(SolveError):  # the full program raises if it fails too
+                flows.append((program.solved(known=True), program))
+        cones, stress = full.cones, self.carried.stress
+        is_spared = stress is not None and float(np.abs(stress).max()) * self.low.scales.stress < _SPARED * cones.least
+        is_spared &= cones.most > _FAR * cones.least
+        if any(flow.bound == -np.inf or (is_spared and flow.bound < np.inf) for flow, _ in flows):
+            return flows[0]
+        known |= any(flow.bound < np.inf for flow, _ in flows)
+        return min([*flows, (full.solved(known=known), full)], key=lambda each: each[0].bound)
 
     @cached_property
     def of_blocks(self) -> tuple[float, Mechanism | None]:
-        """The upper bound of rigid blocks."""
+        """The upper bound by motions of rigid blocks, and the mechanism."""
         return upper_bound(self.problem, self.names)
 
     @cached_property
     def carried(self) -> Carried:
-        """What carries the lower bound."""
-        if self.of_blocks[0] == -np.inf:  # what no stress carries no mesh does, although rounding may hide it
+        """The stresses that carry the lower bound."""
+        if self.of_blocks[0] == -np.inf:  # no stress carries the loads, so this mesh does not, which rounding may hide
             return Carried(-np.inf, bound=-np.inf)
         return self.stresses.carried() if self.problem.yields else self.stresses.carried_by_contacts()
 
     @cached_property
     def limit(self) -> LimitLoad:
-        """Both sides. Rigid blocks are one way in which a body gives way; where it yields others may be easier."""
+        """Both sides. The upper side of a body that yields is the smaller bound of flow and of rigid blocks."""
         carried, low, (of_blocks, mechanism) = self.carried, self.low, self.of_blocks
-        straight, collapse = not self.problem.mesh.curved.any(), None
+        is_straight, collapse = not self.problem.mesh.curved.any(), None
         if of_blocks == -np.inf or not self.problem.yields:
-            lower = _checked(carried, of_blocks, straight)
+            lower = _checked(carried, of_blocks, is_straight)
             return LimitLoad(lower, of_blocks, mechanism, carried.bound, carried.violation)
         flow, program = self._flow(known=of_blocks < np.inf or carried.factor == np.inf)
         upper = min(flow.bound, of_blocks)
-        lower = _checked(carried, upper, straight)
+        lower = _checked(carried, upper, is_straight)
         if np.isfinite(lower) and carried.stress is not None and flow.motion is not None:
-            missed = coefficients_of(self.problem, low.space.element.traction_degree, self.problem.body_potential)[1]
-            parts, stress = program.gap_in_cells(low, carried, flow.motion), carried.stress * low.scales.stress
-            collapse = Collapse(flow.motion, stress, parts, straight and missed <= _FOLLOWED)
-        violation, of_blocks_only = max(carried.violation, flow.violation), of_blocks <= flow.bound
-        return LimitLoad(lower, upper, mechanism if of_blocks_only else None, upper, violation, collapse)
+            misfit = coefficients_of(self.problem, low.space.element.traction_degree, self.problem.body_potential)[1]
+            gaps, stress = program.gap_in_cells(low, carried, flow.motion), carried.stress * low.scales.stress
+            collapse = Collapse(flow.motion, stress, gaps, is_straight and misfit <= _FOLLOWED)
+        violation, by_blocks = max(carried.violation, flow.violation), of_blocks <= flow.bound
+        return LimitLoad(lower, upper, mechanism if by_blocks else None, upper, violation, collapse)
 
 
 @dataclass(frozen=True, eq=False)
 class Collapse:
-    """How a body that yields gives way at its limit load."""
+    """The collapse of a body that yields at its limit load."""
 
     motion: BodyMotion
-    """The velocities that prove `LimitLoad.upper` where no rigid blocks do, and what they dissipate."""
+    """The velocities that prove `LimitLoad.upper` if rigid blocks do not, and their dissipation."""
     stress: FloatArray
     """(cells, 3, count, 3): Bernstein coefficients of (σ_xx, σ_yy, σ_xy) at `LimitLoad.lower` on the three parts of
     each triangle [stress]."""
     gap: FloatArray
-    """(cells,): Parts of upper − lower, none of them negative; those of contact edges are shared by the triangles
-    beside them."""
+    """(cells,): the parts of upper − lower by (D38), ≥ 0; the part of a contact edge is shared by its triangles."""
     guaranteed: bool
-    """Whether both numbers are bounds: sides are straight, and the body force is a polynomial that stresses follow."""
+    """Whether both numbers are bounds: sides are straight, and stresses follow the body force exactly."""
 
 
 def _checked(carried: Carried, upper: float, straight: bool) -> float:
-    """The lower side: the upper one if only rounding takes it beyond. `SolveError` if more does on straight sides."""
+    """The lower side, or the upper one if only rounding makes it smaller; `SolveError` on straight sides otherwise."""
     lower = carried.factor
     if upper < lower <= upper + _MET * (1.0 + abs(upper)) + WIDER * carried.farthest:
         return upper
     if lower > upper and carried.violation > WIDER:
-        return -np.inf  # what keeps limits but for rounding is nothing beside a motion
+        return -np.inf  # stresses that break limits, if only by rounding, do not contradict a motion
     if straight and lower > upper:
         raise SolveError(
             f"limit load: stresses that carry {lower:.9g} times the loads contradict a motion at {upper:.9g}: use "
@@ -279,28 +277,28 @@ def _checked(carried: Carried, upper: float, straight: bool) -> float:
 
 
 def loads_of(problem: ContactProblem) -> list[str]:
-    """The names of loads that can be multiplied."""
+    """The names of the loads that can be multiplied."""
     forces = problem.body_forces
-    known = [BODY, *forces] if any(map(acts, forces.values())) else []
-    known += [condition.name for condition in problem.conditions if isinstance(condition, Traction)]
-    known += [contact.name for contact in problem.contacts if contact.plate is not None and contact.plate.driven]
-    return list(dict.fromkeys(known))
+    names = [BODY, *forces] if any(map(acts, forces.values())) else []
+    names += [condition.name for condition in problem.conditions if isinstance(condition, Traction)]
+    names += [contact.name for contact in problem.contacts if contact.plate is not None and contact.plate.driven]
+    return list(dict.fromkeys(names))
 
 
 def checked_loads(problem: ContactProblem, loads: Sequence[str], field: str = "loads") -> tuple[str, ...]:
-    """The names of loads that can be multiplied; `InputError` lists those there are."""
+    """The named loads, if they can be multiplied; else an `InputError` that lists the loads of the problem."""
     instance_of(ContactProblem, "problem", problem)
-    named = names_among(field, loads, "loads", loads_of(problem))
-    if BODY in named:  # all body forces
-        named += tuple(problem.body_forces)
-    return tuple(dict.fromkeys(named))
+    names = names_among(field, loads, "loads", loads_of(problem))
+    if BODY in names:  # all body forces
+        names += tuple(problem.body_forces)
+    return tuple(dict.fromkeys(names))
 
 
 def multiplied(problem: ContactProblem, names: Sequence[str], factor: float) -> ContactProblem:
     """The problem with the named loads times a factor."""
 
     def scaled(condition: Condition) -> Any:
-        """A named traction, a named plate's forces, or what fluids press with, times the factor."""
+        """The condition with a named traction, a named plate's forces, or the pressure of fluids times the factor."""
         if isinstance(condition, Contact) and FLUID in names:
             condition = _with_times(condition, ["pore_pressure"], factor)
         if isinstance(condition, Traction) and condition.name in names:
@@ -316,9 +314,9 @@ def multiplied(problem: ContactProblem, names: Sequence[str], factor: float) -> 
 
 
 def _with_times(owner: Any, names: Iterable[str], factor: float) -> Any:
-    """A condition or a strength with those of these fields that are given times the factor."""
-    given = {name: getattr(owner, name) for name in names}
-    return replace(owner, **{name: times(value, factor) for name, value in given.items() if value is not None})
+    """A condition or a strength with the given ones of its named fields times the factor."""
+    values = {name: getattr(owner, name) for name in names}
+    return replace(owner, **{name: times(value, factor) for name, value in values.items() if value is not None})
 
 
 @dataclass(frozen=True)
@@ -326,10 +324,9 @@ class StrengthReduction:
     """Both sides of the factor of safety on strength."""
 
     lower: float
-    """Strengths divided by this carry the loads: stresses of the mesh show it. Zero if no factor was found."""
+    """Strengths over this factor carry the loads, as stresses of the mesh show. Zero if no factor was found."""
     upper: float
-    """Strengths divided by this do not, on any mesh: a mechanism or a flow shows it. Infinity if no factor was
-    found."""
+    """Strengths over this factor do not carry the loads, as a mechanism or a flow shows. Infinity if none was found."""
 
 
 def strength_reduction_factor(
@@ -352,7 +349,7 @@ def strength_reduction_factor(
     problem : ContactProblem
         The problem, with all its loads.
     of : sequence of str, optional
-        What is divided: names of contacts, of regions, and "body" for the body's own material. By default everything.
+        Contacts and regions whose strengths are divided, "body" for the body's own material; all by default.
     accuracy : float
         Relative width at which the searches for both sides end, below 1.
     degree, time_limit, **retired
@@ -370,26 +367,26 @@ def strength_reduction_factor(
     instance_of(ContactProblem, "problem", problem)
     if not positive_number("accuracy", accuracy) < 1.0:
         raise InputError("accuracy", accuracy, "give a relative width below 1, such as 1e-3")
-    weak = [contact.name for contact in problem.contacts if contact.law != "tied"]
-    weak += [BODY, *(region.name for region in problem.regions if region.name is not None)]
-    chosen = frozenset(weak if of is None else names_among("of", of, "contacts and regions", weak))
-    names = (*loads_of(problem), FLUID)
+    with_strength = [contact.name for contact in problem.contacts if contact.law != "tied"]
+    with_strength += [BODY, *(region.name for region in problem.regions if region.name is not None)]
+    chosen = frozenset(with_strength if of is None else names_among("of", of, "contacts and regions", with_strength))
+    all_loads = (*loads_of(problem), FLUID)
 
-    known: dict[float, tuple[float, float]] = {}  # by logarithms of factors
+    limits: dict[float, tuple[float, float]] = {}  # by logarithms of factors
 
     def spare(u: float, side: int) -> float:
-        """The logarithm of the share of the loads that is carried with strengths over e^u, and never zero."""
-        if u not in known:
-            limit = LimitProblem.of(_reduced(problem, chosen, math.exp(u)), names, degree).limit
-            known[u] = limit.lower, limit.upper
-        share = known[u][side]
+        """The logarithm of the load factor with strengths over e^u; positive if the loads are carried."""
+        if u not in limits:
+            limit = LimitProblem.of(_reduced(problem, chosen, math.exp(u)), all_loads, degree).limit
+            limits[u] = limit.lower, limit.upper
+        share = limits[u][side]
         return max(math.log(min(share, _MOST)), _LEAST) if share >= 1.0 else math.log(max(share, 1.0 / _MOST))
 
     def ends(side: int) -> tuple[float, float]:
-        """The largest u with which the loads are known to be carried, and the least with which they are not."""
-        carried = {u: spare(u, side) > 0.0 for u in known}
-        holds = max((u for u, enough in carried.items() if enough), default=-math.inf)
-        return holds, min((u for u, enough in carried.items() if not enough), default=math.inf)
+        """The largest u at which the loads are known to be carried, and the smallest u at which they are not."""
+        is_carried = {u: spare(u, side) > 0.0 for u in limits}
+        largest = max((u for u, carried in is_carried.items() if carried), default=-math.inf)
+        return largest, min((u for u, carried in is_carried.items() if not carried), default=math.inf)
 
     with deadline(time_limit):
         carried, fallen = (_searched(spare, ends, side, math.log1p(accuracy)) for side in (0, 1))
@@ -399,7 +396,7 @@ def strength_reduction_factor(
 def _searched(
     spare: Callable[[float, int], float], ends: Callable[[int], tuple[float, float]], side: int, width: float
 ) -> tuple[float, float]:
-    """The `ends` of a side where they are this near to each other, or as near as they can be told apart."""
+    """The `ends` of a side once they are nearer than `width`, or as near as rounding lets them be told apart."""
     from scipy.optimize import brentq  # slow to import, and solves do not need it
 
     spare(0.0, side)
@@ -410,37 +407,37 @@ def _searched(
                 return span
             spare(u, side)
         brentq(spare, *span, args=(side,), xtol=width)
-    except SolveError:  # rounding decides where loads are all but at the limit, or far below: what is known is right
-        holds, falls = ends(side)
-        far_below = math.isfinite(holds) and math.isinf(falls) and not deadline.over
-        if falls - holds > _CLOSE and not far_below:
+    except SolveError:  # rounding decides near the limit or far below it: the factors found so far are right
+        carried, fallen = ends(side)
+        is_far_below = math.isfinite(carried) and math.isinf(fallen) and not deadline.over
+        if fallen - carried > _CLOSE and not is_far_below:
             raise
     return ends(side)
 
 
 def _reduced(problem: ContactProblem, chosen: frozenset[str], factor: float) -> ContactProblem:
-    """The problem with strengths of what is chosen over the factor; regions without a name count as the body."""
+    """The problem with the chosen strengths divided by a factor; regions without a name count as the body."""
 
     def flatter(angle: Any) -> Any:
-        """The angle with a tangent that is less."""
+        """The angle whose tangent is smaller by the factor."""
         return np.arctan(np.tan(angle) / factor)
 
     def weakened(material: Material) -> Material:
         law = material.strength
         if law is None:
             return material
-        weaker = _with_times(law, (each.name for each in fields(law) if each.name != "phi"), 1.0 / factor)
+        reduced = _with_times(law, (each.name for each in fields(law) if each.name != "phi"), 1.0 / factor)
         if isinstance(law, MohrCoulomb):
             phi = law.phi
-            weaker = replace(weaker, phi=(lambda x, y: flatter(phi(x, y))) if callable(phi) else float(flatter(phi)))
-        return replace(material, strength=weaker)
+            reduced = replace(reduced, phi=(lambda x, y: flatter(phi(x, y))) if callable(phi) else float(flatter(phi)))
+        return replace(material, strength=reduced)
 
     regions = [
         replace(region, material=weakened(region.material)) if (region.name or BODY) in chosen else region
         for region in problem.regions
     ]
     material = weakened(problem.material) if BODY in chosen else problem.material
-    weaker = replace(problem, material=material, regions=regions)
+    reduced = replace(problem, material=material, regions=regions)
     return with_contacts(
-        weaker, lambda each: _with_times(each, SHEAR_LAW, 1.0 / factor) if each.name in chosen else each
+        reduced, lambda each: _with_times(each, SHEAR_LAW, 1.0 / factor) if each.name in chosen else each
     )

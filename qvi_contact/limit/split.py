@@ -1,10 +1,10 @@
 """Polynomials on the three parts of triangles, split at their barycentres, in Bernstein coefficients.
 
-Rounding breaks smoothness by some 1e-16. So for proofs a function Φ is built again in rational numbers: it is C1 if
-linear equations between its ordinates hold, and so are tractions and velocities. No ordinate depends on others far
-away, since values and slopes at vertices are unknowns of their own. With G = (Φ_y, −Φ_x) along an edge e, d·G is the
-derivative of Φ along (−d_y, d_x), G' is σn for an Airy function with the normal n = (e_y, −e_x), and G the velocity for
-a stream function.
+In floating point a function is C1 only up to rounding, some 1e-16. For proofs a function Φ is therefore built again in
+rational numbers. It is C1, and keeps tractions or velocities, if linear equations between its ordinates hold. These
+equations are local, since values and slopes at vertices are unknowns of their own. With G = (Φ_y, −Φ_x) along an edge
+e, d·G is the derivative of Φ along (−d_y, d_x). For an Airy function G' is σn with the normal n = (e_y, −e_x); for a
+stream function G is the velocity.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.linked import linked
 
 SAMPLES = 6
-"""Degree of the lattice at which fields are looked at."""
+"""Degree of the lattice of points at which fields are evaluated."""
 
 Vector: TypeAlias = tuple[Fraction, Fraction]
 
@@ -47,45 +47,45 @@ def part_corners(corners: FloatArray) -> FloatArray:
 
 
 def lattice(degree: int) -> FloatArray:
-    """Barycentric places (count, 3) of Bernstein coefficients."""
+    """Barycentric coordinates (count, 3) of the points of Bernstein coefficients."""
     return exponents(degree) / max(degree, 1) if degree else np.full((1, 3), 1.0 / 3.0)
 
 
 def sampled(problem: ContactProblem, cells: IntArray, degree: int = SAMPLES) -> tuple[FloatArray, FloatArray]:
-    """Places x and y (n, 3, g) of a lattice on the parts of triangles."""
+    """Coordinates x and y (n, 3, g) of a lattice on the parts of triangles."""
     x, y = np.moveaxis(lattice(degree) @ part_corners(problem.mesh.corners[cells]), -1, 0)
     return x, y
 
 
 def coefficients_of(problem: ContactProblem, degree: int, potential: Field) -> tuple[FloatArray, float]:
-    """Coefficients (cells, 3, count) of polynomials that agree with a potential at their places; the largest misfit.
+    """Coefficients (cells, 3, count) of polynomials equal to a potential at their points, and the largest misfit.
 
-    The misfit is relative to the potential's size.
+    The misfit at other points is relative to the largest value of the potential.
     """
     cells = np.arange(problem.mesh.cell_count)
-    places = (sampled(problem, cells, each) for each in (degree, SAMPLES))
-    at_places, seen = (evaluate("ContactProblem.body_potential", potential, *each) for each in places)
-    found = at_places @ np.linalg.inv(bernstein(degree, lattice(degree))).T
-    misfit = np.abs(found @ bernstein(degree, lattice(SAMPLES)).T - seen).max(initial=0.0)
-    return np.asarray(found), float(misfit / max(np.abs(seen).max(initial=0.0), 1e-300))
+    points = (sampled(problem, cells, each) for each in (degree, SAMPLES))
+    at_points, at_samples = (evaluate("ContactProblem.body_potential", potential, *each) for each in points)
+    coefficients = at_points @ np.linalg.inv(bernstein(degree, lattice(degree))).T
+    misfit = np.abs(coefficients @ bernstein(degree, lattice(SAMPLES)).T - at_samples).max(initial=0.0)
+    return np.asarray(coefficients), float(misfit / max(np.abs(at_samples).max(initial=0.0), 1e-300))
 
 
 def nodes_along(problem: ContactProblem, degree: int, edges: Edges, side: int = 0) -> IntArray:
     """Coefficients (e, degree + 1) of the parts beside edges, (cell · 3 + part) · count + number, along the tangent.
 
-    They are those of the first cell (side 0), or of the one beyond (side 1).
+    Side 0 is the first cell of an edge, side 1 the cell beyond it.
     """
     cells, alpha = edges.cells[:, side], exponents(degree)
     ends = np.stack([edges.first, edges.second], axis=1)
     opposite = np.argmax((problem.mesh.cells[cells][:, :, None] != ends[:, None, :]).all(axis=2), axis=1)
-    found = (3 * cells + opposite)[:, None] * len(alpha) + np.flatnonzero(alpha[:, 2] == 0)
+    nodes = (3 * cells + opposite)[:, None] * len(alpha) + np.flatnonzero(alpha[:, 2] == 0)
     flipped = edges.first > edges.second
-    found[flipped] = found[flipped, ::-1]
-    return np.asarray(found)
+    nodes[flipped] = nodes[flipped, ::-1]
+    return np.asarray(nodes)
 
 
 def numbered(problem: ContactProblem, degree: int) -> IntArray:
-    """Numbers (cells, 3, count) of coefficients, which parts share, also across edges that are no open joint."""
+    """Numbers (cells, 3, count) of coefficients; parts share them, also across edges that are no open joint."""
     edges, count, alpha = whole_edges(problem), problem.mesh.cell_count, exponents(degree)
     first, second = (nodes_along(problem, degree, edges, side).ravel() for side in (0, 1))
     own = np.arange(3 * count * len(alpha)).reshape(count, 3, -1)
@@ -96,7 +96,7 @@ def numbered(problem: ContactProblem, degree: int) -> IntArray:
 
 
 class OutOfBalanceError(ArithmeticError):
-    """Rows contradict each other by an amount. It is affine in the factor of loads: they may hold for one factor."""
+    """Equations contradict each other by an amount, affine in the load factor: they may hold for one factor."""
 
     def __init__(self, amount: Fraction) -> None:
         super().__init__(f"out of balance by {float(amount):.1e}")
@@ -106,16 +106,16 @@ class OutOfBalanceError(ArithmeticError):
 class Smooth:
     """C1 functions Φ of degree p on parts of triangles, whose last corners are barycentres.
 
-    Unknown are (Φ, Φ_x, Φ_y) at all corners, which say nothing at barycentres, then ordinates.
+    Unknowns are first (Φ, Φ_x, Φ_y) at all corners, unused at barycentres, then the ordinates.
 
     Attributes
     ----------
     first : int
         The number of the first unknown.
     columns : (n, count) int array
-        Numbers of the ordinates of each part, those inside parts last.
+        Numbers of the ordinates of each part; ordinates inside parts have the largest numbers.
     sides : dict
-        For edges (i, j) the parts that have them, with their corners i and j there.
+        By edge (i, j), the parts beside it, with the numbers of the corners i and j there.
 
     """
 
@@ -133,46 +133,46 @@ class Smooth:
             for a, b in (*EDGES, *(edge[::-1] for edge in EDGES)):
                 self.sides.setdefault((corners[a], corners[b]), []).append((t, a, b))
         size = float(np.ptp(np.array(points, dtype=float), axis=0).max())
-        self._unit = Fraction(size)  # slopes at vertices are times it, so that rows are not solved for them
+        self._unit = Fraction(size)  # unit of slopes at vertices, large so that rows are not solved for slopes
 
     def at_vertex(self, v: int, parts: Sequence[Fraction]) -> Terms:
-        """A combination of Φ, Φ_x and Φ_y at a vertex."""
+        """Terms of a combination of Φ, Φ_x and Φ_y at a vertex."""
         value, *slopes = parts
-        found = [value, *(slope / self._unit for slope in slopes)]
-        return {column: part for column, part in enumerate(found, self.first + 3 * v) if part}
+        coefficients = [value, *(slope / self._unit for slope in slopes)]
+        return {column: part for column, part in enumerate(coefficients, self.first + 3 * v) if part}
 
     def slope(self, side: tuple[int, int, int], d: Vector, n: int, inner: int = 0) -> Terms:
-        """The ordinate n = 0 … p − 1 of d·∇Φ along a side, from its first corner on, or nearer to the third one."""
+        """The ordinate n = 0 … p − 1 of d·∇Φ along a side from its first corner, or `inner` rows towards the third."""
         (t, a, b), k = side, self.p - 1 - n - inner
         start, end, third = (self.points[self.triangles[t][i]] for i in (a, b, 3 - a - b))
         along, inwards = less(end, start), less(third, start)
         area = cross(along, inwards)
         first, second = cross(d, inwards) / area, cross(along, d) / area
         parts = {(k + 1, n, inner): -first - second, (k, n + 1, inner): first, (k, n, inner + 1): second}
-        own = (a, b, 3 - a - b)
-        return {self._column(t, dict(zip(own, weights, strict=True))): self.p * part
+        order = (a, b, 3 - a - b)
+        return {self._column(t, dict(zip(order, weights, strict=True))): self.p * part
                 for weights, part in parts.items() if part}  # fmt: skip
 
     def _column(self, t: int, weights: Mapping[int, int]) -> int:
-        """The ordinate of a triangle with weights of its corners."""
+        """The number of the ordinate of a triangle with these weights of its corners."""
         return int(self.columns[t, self._place[weights.get(0, 0), weights.get(1, 0), weights.get(2, 0)]])
 
     def solved(self, rows: Iterable[Row], rough: Sequence[Fraction]) -> list[Fraction]:
-        """Values of these unknowns, and of others before them, near rough ones, for which rows hold and Φ is C1."""
+        """Values of the unknowns, and of earlier ones, near the values `rough`, for which the rows hold and Φ is C1."""
         return solved([*self._at_vertices(), *rows, *self._conditions()], list(rough))
 
     def _at_vertices(self) -> Iterator[Row]:
-        """Ordinates at vertices and beside them follow from Φ and ∇Φ there."""
-        found = dict[int, Terms]()
+        """Equations of ordinates at vertices and beside them, which follow from Φ and ∇Φ there."""
+        rows = dict[int, Terms]()
         for t, corners in enumerate(self.triangles):
             for (a, v), (b, w) in product(enumerate(corners[:2]), enumerate(corners)):
                 e = less(self.points[w], self.points[v])
                 column = self._column(t, {b: 1} | {a: self.p - (a != b)})
-                found[column] = {column: ONE, **self.at_vertex(v, [-ONE, -e[0] / self.p, -e[1] / self.p])}
-        yield from ((row, ZERO) for row in found.values())
+                rows[column] = {column: ONE, **self.at_vertex(v, [-ONE, -e[0] / self.p, -e[1] / self.p])}
+        yield from ((row, ZERO) for row in rows.values())
 
     def _conditions(self) -> Iterator[Row]:
-        """Φ is C1 across edges."""
+        """Equations that make Φ C1 across edges."""
         for (i, j), sides in self.sides.items():
             _, a, b = sides[0]
             if len(sides) == 2 and a < 2 and (b == 2 or i < j):
@@ -182,53 +182,53 @@ class Smooth:
                     yield combined((ONE, first), (-ONE, second)), ZERO
 
     def rounded(self, rough: FloatArray) -> list[Fraction]:
-        """Values of all unknowns, from the first on, near rough ordinates (n, count)."""
+        """Values of all unknowns, from the first on, of rough ordinates (n, count)."""
         columns, p = self.columns - self.first, self.p
-        found = np.zeros(int(columns.max()) + 1)
-        found[columns] = rough
+        values = np.zeros(int(columns.max()) + 1)
+        values[columns] = rough
         corners = np.array(self.triangles)
         points = np.array(self.points, dtype=float)[corners]
         for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
             keys = (tuple((p - 1) * (n == a) + (n == each) for n in range(3)) for each in (a, b, c))
-            own, *beside = (rough[:, self._place[key]] for key in keys)
+            at_corner, *neighbours = (rough[:, self._place[key]] for key in keys)
             arms = np.stack([points[:, b] - points[:, a], points[:, c] - points[:, a]], axis=1)
-            rises = p * np.stack([each - own for each in beside], axis=1)
+            rises = p * np.stack([each - at_corner for each in neighbours], axis=1)
             slopes = np.linalg.solve(arms, rises[..., None])[..., 0] * float(self._unit)
-            found[3 * corners[:, a, None] + np.arange(3)] = np.column_stack([own, slopes])
-        return [Fraction(value) for value in found.tolist()]
+            values[3 * corners[:, a, None] + np.arange(3)] = np.column_stack([at_corner, slopes])
+        return [Fraction(value) for value in values.tolist()]
 
     def integrated(self, v: FloatArray) -> FloatArray:
         """Rough ordinates (n, count) of ψ with (ψ_y, −ψ_x) = v, from ordinates (n, ·, 2) of v.
 
-        They are what p (c_(α + e_i) − c_(α + e_0)) = (x_i − x_0) × v_α says, zero at one node of each part.
+        They solve p (c_(α + e_i) − c_(α + e_0)) = (x_i − x_0) × v_α, with c = 0 at one node of each connected part.
         """
-        near = np.array([[self._place[tuple(alpha[m] + (m == i) for m in range(3))] for i in range(3)]
+        neighbours = np.array([[self._place[tuple(alpha[m] + (m == i) for m in range(3))] for i in range(3)]
                          for alpha in exponents(self.p - 1).tolist()])  # fmt: skip
-        known, at = np.unique(self.columns, return_inverse=True)
-        at = at.reshape(self.columns.shape)
+        unknowns, position = np.unique(self.columns, return_inverse=True)
+        position = position.reshape(self.columns.shape)
         corners = np.array(self.points, dtype=float)[np.array(self.triangles)]
         arms = (corners[:, 1:] - corners[:, :1])[:, None]
         right = v[..., None, 0] * arms[..., 1] - v[..., None, 1] * arms[..., 0]
-        start, end = np.broadcast_arrays(at[..., near[:, :1]], at[..., near[:, 1:]])
-        one = sparse.eye_array(len(known), format="csr")
-        A = self.p * (one[end.ravel()] - one[start.ravel()])
-        fixed = np.zeros(len(known))
-        fixed[np.unique(linked(start, end, len(known)), return_index=True)[1]] = 1.0
-        square = sparse.csc_array(A.T @ A + sparse.diags_array(fixed))
-        return np.asarray(linalg.splu(square).solve(np.asarray(A.T @ right.ravel())))[at]
+        start, end = np.broadcast_arrays(position[..., neighbours[:, :1]], position[..., neighbours[:, 1:]])
+        identity = sparse.eye_array(len(unknowns), format="csr")
+        A = self.p * (identity[end.ravel()] - identity[start.ravel()])
+        is_fixed = np.zeros(len(unknowns))
+        is_fixed[np.unique(linked(start, end, len(unknowns)), return_index=True)[1]] = 1.0
+        square = sparse.csc_array(A.T @ A + sparse.diags_array(is_fixed))
+        return np.asarray(linalg.splu(square).solve(np.asarray(A.T @ right.ravel())))[position]
 
 
 def combined(*parts: tuple[Fraction, Terms]) -> Terms:
-    """Sums of multiples of terms."""
-    found: Terms = {}
+    """The sum of multiples of terms."""
+    terms_found: Terms = {}
     for factor, terms in parts:
         for column, value in terms.items():
-            found[column] = found.get(column, ZERO) + factor * value
-    return {column: value for column, value in found.items() if value}
+            terms_found[column] = terms_found.get(column, ZERO) + factor * value
+    return {column: value for column, value in terms_found.items() if value}
 
 
 def solved(rows: Sequence[Row], values: list[Fraction]) -> list[Fraction]:
-    """Values nearest at hand for which the rows hold exactly: the last one of each row follows from the others."""
+    """The values changed so that the rows hold exactly: the last large term of each row follows from the others."""
     pivots: dict[int, Row] = {}
     for row, right in rows:
         rest = dict(row)
@@ -253,6 +253,6 @@ def solved(rows: Sequence[Row], values: list[Fraction]) -> list[Fraction]:
 
 
 def middle(points: Sequence[Vector], weights: Sequence[Fraction] = (ONE / 3,) * 3) -> Vector:
-    """The mean of points with weights."""
+    """The weighted mean of points."""
     x, y = (sum((w * each for w, each in zip(weights, part, strict=True)), ZERO) for part in zip(*points, strict=True))
     return x, y

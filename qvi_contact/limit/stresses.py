@@ -1,12 +1,12 @@
 """Limit loads from below: stresses in equilibrium whose Bernstein coefficients lie in the yield cones.
 
-The program is (D36), in unknowns z, the functions y inside a triangle, and the load factor α;
-contact laws hold on whole edges, (D24). What varies over a part counts from below by its own coefficients if it is
-affine there, from above by its means ∫ a B_i/∫ B_i, since ∫ a |ε| ≤ Σ |ε_i| ∫ a B_i; else by its least and its largest
-value, as far as samples show them.
+The program is (D36). Its unknowns are z, the functions y inside a triangle, and the load factor α. Contact laws hold on
+whole edges, (D24). A strength a that is affine over a part of a triangle counts from below with its own coefficients.
+From above it counts with its means ∫ a B_i/∫ B_i, since ∫ a |ε| ≤ Σ |ε_i| ∫ a B_i. Any other strength counts with its
+least value from below and its largest from above, as far as samples show them.
 
-Bilateral contacts with friction have a bound that grows with |σ_N|: on each edge one sign of σ_N is chosen, or none,
-and then friction does not count. Where no body yields contacts alone limit tractions, and the program is linear.
+The friction bound of a bilateral contact grows with |σ_N|. So one sign of σ_N is chosen on each edge, or no sign, and
+then friction does not count. Where no body yields, only contacts limit tractions, and the program is linear.
 
 In `docs/theory.md`: (D24), (D36).
 """
@@ -41,29 +41,29 @@ from solvers.inner.linear_program import UNBOUNDED as NO_LIMIT
 
 _Limits: TypeAlias = tuple[YieldCone, FloatArray, FloatArray | float]
 
-_AFFINE: Final = 1e-10  # share of a field's size that is rounding
-_TIGHTER: Final = 1e-8  # share of strengths that is kept back, so that rounding of the solver breaks no cone
+_AFFINE: Final = 1e-10  # misfit, relative to the largest value, up to which a field counts as affine
+_TIGHTER: Final = 1e-8  # relative reduction of limits, so that rounding of the solver breaks no cone
 
 PRESSURE, TENSION, EITHER, ROUGH = -1, 1, 0, 2
-"""Signs of σ_N on an edge of a bilateral contact; `EITHER` without friction, `ROUGH` as if that had no limit."""
+"""Signs of σ_N on an edge of a bilateral contact; `EITHER`: no friction counts, `ROUGH`: friction has no limit."""
 
 ALONG: Final = np.linspace(0.0, 1.0, 33)
-"""Places of an edge where fields of contacts are looked at."""
+"""Points on an edge, 0 to 1, at which fields of contacts are evaluated."""
 
 PASSES: Final = 4
-"""Times that cones without room are taken for rays, after which others may have none."""
+"""How often cones without room are replaced by rays; after each time other cones may have no room."""
 
-_DROP: Final = 0.1  # share of what is carried, but for rounding, that passes lose where they take rooms for none
+_DROP: Final = 0.1  # relative loss of the factor, or gap to its bound, that shows that cones with room became rays
 
 WIDER: Final = HELD / 4.0
-"""Of sizes: room that is nothing but rounding."""
+"""Width of limits, relative to the size of their rows, that is nothing but rounding."""
 
 CERTIFIED: Final = 1e-7
-"""Violation of the rows, and gap of the bounds relative to 1 + factor, that is accepted."""
+"""Largest accepted violation of the rows, and largest gap of the bounds relative to 1 + factor."""
 
-_MOST: Final = 1e6  # factor that is asked for where a program without such a bound was not solved
-_LOST: Final = 1e-13  # stress of an unknown over those that stand in the same rows, which is rounding
-_COST: Final = 1e4  # of the factor, so that absolute tolerances of multipliers are as much smaller
+_MOST: Final = 1e6  # upper bound of the factor in a second try, if the program without a bound was not solved
+_LOST: Final = 1e-13  # stress by an unknown, relative to that of others in the same rows, that is rounding
+_COST: Final = 1e4  # cost of the factor, which makes absolute tolerances of multipliers smaller by this factor
 
 _AT_LIMIT: Final = (
     "limit load: the loads that are not multiplied are themselves at the limit of what this mesh carries, to within "
@@ -73,34 +73,34 @@ _AT_LIMIT: Final = (
 
 @dataclass(frozen=True, eq=False)
 class Carried:
-    """What a mesh carries, dimensionless."""
+    """Stresses that a mesh carries, dimensionless."""
 
     factor: float  # α; infinity if there is no limit, minus infinity if no multiple is carried
-    violation: float = 0.0  # the most by which a row is missed, over what stands in them
+    violation: float = 0.0  # largest violation of a row, relative to the size of the rows
     tractions: FloatArray | None = None  # (2 m,) rows [σ_N; σ_T] of the contacts; None if α is not finite
-    bound: float = np.inf  # the dual bound of α, where bodies yield as the solver's multipliers have it
-    # (2 m,) then, too: multipliers of tractions, moments of the opening w and of the slip −[v]_T in the motion with
-    # which the mesh gives way, on which the loads do the work 1
+    bound: float = np.inf  # the dual bound of α; where bodies yield, by the solver's own multipliers
+    # (2 m,): multipliers of tractions, where no body yields: moments of the opening w and of the slip −[v]_T of the
+    # collapse motion of the mesh, with unit work of the loads
     motion: FloatArray | None = None
     unknowns: FloatArray | None = None  # (n,): (z, y, α); None if α is not finite
-    # (cells, 3, count, 3) where bodies yield: coefficients of (σ_xx, σ_yy, σ_xy), φ included
+    # (cells, 3, count, 3) where bodies yield: coefficients of (σ_xx, σ_yy, σ_xy), with the body potential φ
     stress: FloatArray | None = None
-    farthest: float = 0.0  # with which the loads alone, where bodies yield, are as large as what stands in the rows
+    farthest: float = 0.0  # factor at which the loads alone are as large as the rows, where bodies yield
 
 
 def limited(discretization: Discretization) -> list[tuple[ContactRows, Contact]]:
-    """The contacts that limit tractions."""
+    """Rows and conditions of the contacts that limit tractions."""
     pairs = zip(discretization.contacts, discretization.problem.contacts, strict=True)
     return [(rows, contact) for rows, contact in pairs if rows.law != "tied"]
 
 
 def whole_edge_rows(discretization: Discretization, signs: IntArray) -> tuple[sparse.csr_array, FloatArray]:
-    """Rows H [σ_N; σ_T] ≤ limit for the rows of N and T of (D2), dimensionless.
+    """Rows H [σ_N; σ_T] ≤ limit of (D24), for the rows of N and T of (D2), dimensionless.
 
-    The `signs` (e,) are those of σ_N on all edges, and count where `both_signs`.
+    The `signs` (e,) of σ_N on all contact edges count on the edges of `both_signs`.
     """
     problem, stress, m = discretization.problem, discretization.scales.stress, discretization.qvi.m
-    found, limits, first = [sparse.csr_array((0, 2 * m))], [np.zeros(0)], 0
+    blocks, limits, first = [sparse.csr_array((0, 2 * m))], [np.zeros(0)], 0
     for rows, contact in limited(discretization):
         edges, q = rows.points.edges, rows.rule.count
         friction, cohesion = (
@@ -110,46 +110,47 @@ def whole_edge_rows(discretization: Discretization, signs: IntArray) -> tuple[sp
         if rows.law == "bilateral":
             sign = np.where((friction > 0.0).any(axis=1), signs[first : first + len(edges)], EITHER)
         first += len(edges)
-        plain = np.broadcast_to(np.eye(q), (len(edges), q, q))
-        rubbed, elevated = _times(-sign[:, None] * friction, q), _times(np.ones((len(edges), 2)), q)
-        one_sided, every, rubs = abs(sign) == 1, np.ones(len(edges), dtype=bool), sign != ROUGH
-        pressed = -sign[one_sided, None, None] * np.eye(q)
-        groups = [(one_sided, pressed, 0.0 * pressed, np.zeros(len(pressed) * q))]
-        held = _affine(cohesion[rubs], q) / stress
-        groups += [(rubs, rubbed[rubs], one * elevated[rubs], held) for one in (1.0, -1.0)]
+        identity = np.broadcast_to(np.eye(q), (len(edges), q, q))
+        slope, elevation = _times(-sign[:, None] * friction, q), _times(np.ones((len(edges), 2)), q)
+        one_sided, all_edges, has_limit = abs(sign) == 1, np.ones(len(edges), dtype=bool), sign != ROUGH
+        pressure_rows = -sign[one_sided, None, None] * np.eye(q)
+        groups = [(one_sided, pressure_rows, 0.0 * pressure_rows, np.zeros(len(pressure_rows) * q))]
+        held = _affine(cohesion[has_limit], q) / stress
+        groups += [(has_limit, slope[has_limit], way * elevation[has_limit], held) for way in (1.0, -1.0)]
         if contact.shear_limit is not None:
             cap = _affine(_below(problem, edges, "Contact.shear_limit", contact.shear_limit), q - 1) / stress
-            groups += [(every, 0.0 * plain, one * plain, cap) for one in (1.0, -1.0)]
+            groups += [(all_edges, 0.0 * identity, way * identity, cap) for way in (1.0, -1.0)]
         for chosen, normal, shear, limit in groups:
-            numbers = rows.rows.start + q * np.flatnonzero(chosen)[:, None, None] + np.arange(q)
-            at = np.arange(len(limit)).reshape(*normal.shape[:2], 1)
-            values, columns = np.concatenate([normal, shear], axis=2), np.concatenate([numbers, m + numbers], axis=2)
-            at, columns = np.broadcast_arrays(at, columns)
-            part = sparse.csr_array((values.ravel(), (at.ravel(), columns.ravel())), shape=(len(limit), 2 * m))
+            row_of_traction = rows.rows.start + q * np.flatnonzero(chosen)[:, None, None] + np.arange(q)
+            row_numbers = np.arange(len(limit)).reshape(*normal.shape[:2], 1)
+            values = np.concatenate([normal, shear], axis=2)
+            columns = np.concatenate([row_of_traction, m + row_of_traction], axis=2)
+            row_numbers, columns = np.broadcast_arrays(row_numbers, columns)
+            part = sparse.csr_array((values.ravel(), (row_numbers.ravel(), columns.ravel())), shape=(len(limit), 2 * m))
             part.eliminate_zeros()
-            found.append(part)
+            blocks.append(part)
             limits.append(limit)
-    return sparse.csr_array(sparse.vstack(found)), joined(limits)
+    return sparse.csr_array(sparse.vstack(blocks)), joined(limits)
 
 
 def both_signs(discretization: Discretization) -> BoolArray:
-    """Contact edges (e,) where σ_N may have either sign and friction depends on it."""
-    found = [np.zeros(0, dtype=bool)]
+    """Contact edges (e,) on which friction depends on a σ_N that may have either sign."""
+    is_undecided = [np.zeros(0, dtype=bool)]
     for rows, contact in limited(discretization):
         friction = _below(discretization.problem, rows.points.edges, "Contact.friction", contact.friction)
-        found.append(np.asarray((friction > 0.0).any(axis=1) & (rows.law == "bilateral")))
-    return np.concatenate(found)
+        is_undecided.append(np.asarray((friction > 0.0).any(axis=1) & (rows.law == "bilateral")))
+    return np.concatenate(is_undecided)
 
 
 def _times(ends: FloatArray, q: int) -> FloatArray:
     """Matrices (e, q + 1, q) that multiply polynomials of q coefficients by affine functions of end values (e, 2)."""
     k = np.arange(q + 1)[:, None]
-    own, before = (q - k) * np.eye(q + 1, q), k * np.eye(q + 1, q, -1)
-    return np.asarray((ends[:, :1, None] * own + ends[:, 1:, None] * before) / q)
+    same_index, index_before = (q - k) * np.eye(q + 1, q), k * np.eye(q + 1, q, -1)
+    return np.asarray((ends[:, :1, None] * same_index + ends[:, 1:, None] * index_before) / q)
 
 
 def _affine(ends: FloatArray, degree: int) -> FloatArray:
-    """Coefficients of affine functions of end values (e, 2), edge by edge."""
+    """Bernstein coefficients of affine functions with end values (e, 2), edge by edge."""
     return np.asarray(ends[:, :1] + np.diff(ends, axis=1) * np.linspace(0.0, 1.0, degree + 1)).ravel()
 
 
@@ -163,68 +164,69 @@ def _of_contacts(problem: ContactProblem) -> Iterator[float]:
 
 
 def _below(problem: ContactProblem, edges: Edges, name: str, field: Field) -> FloatArray:
-    """End values (e, 2) ≥ 0 of affine functions not above a field: its chord, lowered, or its least value."""
+    """End values (e, 2) ≥ 0 of affine functions below a field: its lowered chord, else its least value."""
     values = evaluate(name, field, *problem.mesh.points_along(edges, ALONG), minimum=0.0)
     ends = values[:, [0, -1]]
     chord = ends[:, :1] + np.diff(ends, axis=1) * ALONG
     lowered = ends - np.maximum(chord - values, 0.0).max(axis=1)[:, None]
-    usable = (lowered >= 0.0).all(axis=1)[:, None]
-    return np.asarray(np.where(usable, lowered, values.min(axis=1)[:, None]))
+    is_nonnegative = (lowered >= 0.0).all(axis=1)[:, None]
+    return np.asarray(np.where(is_nonnegative, lowered, values.min(axis=1)[:, None]))
 
 
 @dataclass(frozen=True, eq=False)
 class YieldCones:
     """Rows |(γ S, σ_xx − σ_yy, 2σ_xy)| ≤ a − β S on coefficients, S = σ_xx + σ_yy, for one side of the limit load.
 
-    What becomes of angles of friction that vary says "Friction that varies" in `docs/theory.md`.
+    "Friction that varies" in `docs/theory.md` has the cones for angles of friction that vary.
     """
 
     mesh: TriangleMesh
     degree: int  # k
-    coefficient: IntArray  # (r,) which coefficient each row is about: ((triangle · 3) + part) · count + its number
+    coefficient: IntArray  # (r,) number of the row's coefficient: ((triangle · 3) + part) · count + its number there
     first: BoolArray  # (r,) whether it is the first cone of its coefficient
-    limit: FloatArray  # (r,) a, for stresses not above the truth, and for dissipation not below it [stress]
-    pressure: FloatArray  # (r,) β and γ
-    mean: FloatArray
+    limit: FloatArray  # (r,) a [stress]; for stresses at most the true one, for dissipation at least
+    pressure: FloatArray  # (r,) β
+    mean: FloatArray  # (r,) γ
     strong: BoolArray  # (cells,) triangles without a strength: they carry any stress, and move as rigid bodies
-    least: float  # of the largest values that strengths have in each material and on each contact; infinity for none
-    most: float  # of them; what is larger does not give way
+    least: float  # of the strengths of materials and contacts, each by its largest value; infinity if there are none
+    most: float  # the largest of these strengths
 
     @classmethod
     def of(cls, problem: ContactProblem, degree: int, *, above: bool) -> YieldCones:
-        """Those of a problem for stresses of a degree, or `above`, for what flow dissipates."""
+        """The cones for stresses of a degree; with `above`, for the dissipation of flow."""
         count, number = len(exponents(degree)), problem.cell_materials
-        found = [(np.zeros(0), np.zeros(0, dtype=bool), *np.zeros((3, 0)))]
+        blocks = [(np.zeros(0), np.zeros(0, dtype=bool), *np.zeros((3, 0)))]
         strengths = list(_of_contacts(problem))
         for index, material in enumerate(problem.materials):
             cells = np.flatnonzero(number == index)
             if material.strength is None or not len(cells):
                 continue
-            at = 3 * count * cells[:, None, None] + np.arange(3 * count).reshape(3, count)
-            for place, (cone, a, pressure) in enumerate(_limits(problem, cells, degree, material, above)):
-                parts = np.broadcast_arrays(at, place == 0, a, pressure, cone.mean)
-                found.append(tuple(part.ravel() for part in parts))
+            numbers = 3 * count * cells[:, None, None] + np.arange(3 * count).reshape(3, count)
+            for rank, (cone, a, pressure) in enumerate(_limits(problem, cells, degree, material, above)):
+                parts = np.broadcast_arrays(numbers, rank == 0, a, pressure, cone.mean)
+                blocks.append(tuple(part.ravel() for part in parts))
                 strengths.append(float(np.max(a)))
-        coefficient, first, limit, pressure, mean = (np.concatenate(part) for part in zip(*found, strict=True))
+        coefficient, first, limit, pressure, mean = (np.concatenate(part) for part in zip(*blocks, strict=True))
         strong = np.array([material.strength is None for material in problem.materials])[number]
         least = min((each for each in strengths if each > 0.0), default=np.inf)
         of_rows = coefficient.astype(np.int64), first, limit, pressure, mean
         return cls(problem.mesh, degree, *of_rows, strong, least, max(strengths, default=0.0))
 
     def nearer(self) -> YieldCones:
-        """Without those above 1e3 times the least, for flows that leave them alone; what has no other one is rigid."""
-        most = APART * self.least
-        kept = self.limit <= most
-        strong = self.strong | (np.bincount(self.cell[kept], minlength=len(self.strong)) == 0)
-        kept |= ~(strong[self.cell] | np.isin(self.coefficient, self.coefficient[kept]))  # or nothing would limit these
+        """The cones with a at most 1e3 times the least strength; parts of the body without such a cone are rigid."""
+        largest = APART * self.least
+        is_kept = self.limit <= largest
+        is_strong = self.strong | (np.bincount(self.cell[is_kept], minlength=len(self.strong)) == 0)
+        # a coefficient of a weak triangle keeps a cone, however strong
+        is_kept |= ~(is_strong[self.cell] | np.isin(self.coefficient, self.coefficient[is_kept]))
         names = ("coefficient", "limit", "pressure", "mean")
-        parts = {name: getattr(self, name)[kept] for name in names}
-        first = np.isin(np.arange(kept.sum()), np.unique(parts["coefficient"], return_index=True)[1])
-        return replace(self, strong=strong, first=first, most=most, **parts)
+        fields_kept = {name: getattr(self, name)[is_kept] for name in names}
+        is_first = np.isin(np.arange(is_kept.sum()), np.unique(fields_kept["coefficient"], return_index=True)[1])
+        return replace(self, strong=is_strong, first=is_first, most=largest, **fields_kept)
 
     @property
     def count(self) -> int:
-        """Coefficients of a part."""
+        """Coefficients on a part of a triangle."""
         return len(exponents(self.degree))
 
     @property
@@ -234,9 +236,9 @@ class YieldCones:
 
     @cached_property
     def rays(self) -> FloatArray:
-        """Directions û (r, k, 2 or 3) of u in cones (t, u) where stress is along, or strain across, an edge nearby.
+        """Directions û (r, k, 2 or 3) of u in cones (t, u) of uniaxial stress along, or strain across, an edge nearby.
 
-        That is a side of the part of the triangle, or any that is parallel to one with a name.
+        These edges are the sides of the part of the triangle, and all directions of edges that have a name.
         """
         parts = part_corners(self.mesh.corners)
         sides = (np.roll(parts, -1, axis=2) - parts).reshape(-1, 3, 2)
@@ -244,12 +246,12 @@ class YieldCones:
         upright = np.where(named[:, :1] < 0.0, -named, named)
         named = named[np.unique(upright.round(9), axis=0, return_index=True)[1]]
         x, y = np.moveaxis(np.concatenate([sides, np.broadcast_to(named, (len(sides), *named.shape))], axis=1), -1, 0)
-        units = np.stack([y**2 - x**2, -2.0 * x * y, *[0.0 * x] * bool(self.mean.any())], axis=-1)
-        return np.asarray(units / (x**2 + y**2)[..., None])[self.coefficient // self.count]
+        directions = np.stack([y**2 - x**2, -2.0 * x * y, *[0.0 * x] * bool(self.mean.any())], axis=-1)
+        return np.asarray(directions / (x**2 + y**2)[..., None])[self.coefficient // self.count]
 
 
 def excess(problem: ContactProblem, x: FloatArray, y: FloatArray, stress: FloatArray) -> FloatArray:
-    """By how much stresses at points of all triangles exceed the strength there, in its unit (cells, g) [stress].
+    """By how much stresses at points of all triangles exceed the strength there (cells, g) [stress]; 0 if they do not.
 
     Parameters
     ----------
@@ -261,83 +263,83 @@ def excess(problem: ContactProblem, x: FloatArray, y: FloatArray, stress: FloatA
         (σ_xx, σ_yy, σ_xy) [stress].
 
     """
-    found = np.zeros(x.shape)
-    total, difference = stress[..., 0] + stress[..., 1], stress[..., 0] - stress[..., 1]
+    over = np.zeros(x.shape)
+    trace, difference = stress[..., 0] + stress[..., 1], stress[..., 0] - stress[..., 1]
     for index, material in enumerate(problem.materials):
-        chosen = problem.cell_materials == index
-        for cone in _cones(material, x[chosen], y[chosen]):
-            S = total[chosen]
-            radius = np.sqrt(difference[chosen] ** 2 + 4.0 * stress[chosen, :, 2] ** 2 + (cone.mean * S) ** 2)
-            strength = evaluate(cone.name, cone.field, x[chosen], y[chosen], minimum=0.0)
-            found[chosen] = np.maximum(found[chosen], (radius + cone.pressure * S) / cone.factor - strength)
-    return found
+        here = problem.cell_materials == index
+        for cone in _cones(material, x[here], y[here]):
+            S = trace[here]
+            radius = np.sqrt(difference[here] ** 2 + 4.0 * stress[here, :, 2] ** 2 + (cone.mean * S) ** 2)
+            strength = evaluate(cone.name, cone.field, x[here], y[here], minimum=0.0)
+            over[here] = np.maximum(over[here], (radius + cone.pressure * S) / cone.factor - strength)
+    return over
 
 
 def _cones(material: Material, x: FloatArray, y: FloatArray, extreme: Any = None) -> list[YieldCone]:
-    """The cones of a material's strength at points, or with the least or the largest angle of friction of each row."""
-    law = material.strength
-    if isinstance(law, MohrCoulomb) and callable(law.phi):
-        phi = law.angles(x, y)
-        return list(law.cones(material.plane, extreme(phi, axis=-1, keepdims=True) if extreme else phi))
-    return [] if law is None else list(law.cones(material.plane))
+    """The yield cones of a material at points; `extreme`, np.min or np.max, takes that friction angle of each row."""
+    strength = material.strength
+    if isinstance(strength, MohrCoulomb) and callable(strength.phi):
+        phi = strength.angles(x, y)
+        return list(strength.cones(material.plane, extreme(phi, axis=-1, keepdims=True) if extreme else phi))
+    return [] if strength is None else list(strength.cones(material.plane))
 
 
 def _limits(
     problem: ContactProblem, cells: IntArray, degree: int, material: Material, above: bool
 ) -> Iterator[_Limits]:
-    """Cones with a and β (n, 3, count): for stresses those of both extreme angles, else one around those of all."""
+    """Cones with a and β (n, 3, count): for stresses, of the least and the largest angle; for flow, one around all."""
     x, y = sampled(problem, cells)
-    least, largest = (_cones(material, x, y, extreme) for extreme in (np.min, np.max))
-    strengths = [_on_parts(problem, cells, degree, cone) for cone in least]
-    reach = np.full((len(cells), 3, 1), np.inf)  # the largest S is the least a/β
-    for cone, (*_, most) in zip(least, strengths, strict=True):
+    flattest, steepest = (_cones(material, x, y, extreme) for extreme in (np.min, np.max))
+    strengths = [_on_parts(problem, cells, degree, cone) for cone in flattest]
+    reach = np.full((len(cells), 3, 1), np.inf)  # the largest S, the least a/β of all cones
+    for cone, (*_, most) in zip(flattest, strengths, strict=True):
         beta = np.broadcast_to(np.asarray(cone.pressure), reach.shape)
         reach = np.minimum(reach, np.divide(cone.factor * most, beta, out=np.full_like(reach, np.inf), where=beta > 0))
-    for one, other, (carried, dissipated, _) in zip(least, largest, strengths, strict=True):
+    for flat, steep, (carried, dissipated, _) in zip(flattest, steepest, strengths, strict=True):
         if not above:
-            yield one, one.factor * carried, one.pressure
-            if np.ndim(one.factor) or np.ndim(one.pressure):
-                yield one, other.factor * carried, other.pressure
+            yield flat, flat.factor * carried, flat.pressure
+            if np.ndim(flat.factor) or np.ndim(flat.pressure):
+                yield flat, steep.factor * carried, steep.pressure
             continue
-        steeper = np.broadcast_to(np.asarray(other.pressure) - np.asarray(one.pressure), reach.shape)
-        if not np.isfinite(reach[steeper > 0.0]).all():
-            remedy = "give it a tension cut-off (tension=…), or a region of its own to what has no friction"
+        slope_change = np.broadcast_to(np.asarray(steep.pressure) - np.asarray(flat.pressure), reach.shape)
+        if not np.isfinite(reach[slope_change > 0.0]).all():
+            remedy = "give it a tension cut-off (tension=…), or a region of their own to parts without friction"
             raise InputError("MohrCoulomb.phi", 0.0, f"is zero beside places where it is not: {remedy}")
-        more = np.multiply(reach, steeper, out=np.zeros_like(reach), where=steeper > 0.0)
-        yield one, np.maximum(one.factor, other.factor) * dissipated + more, other.pressure
+        extra = np.multiply(reach, slope_change, out=np.zeros_like(reach), where=slope_change > 0.0)
+        yield flat, np.maximum(flat.factor, steep.factor) * dissipated + extra, steep.pressure
 
 
 def _on_parts(
     problem: ContactProblem, cells: IntArray, degree: int, cone: YieldCone
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Its field for each coefficient (n, 3, count), for stresses and for what flow dissipates; the most (n, 3, 1)."""
+    """The strength by coefficient (n, 3, count), for stresses and for dissipation, and its largest value (n, 3, 1)."""
     samples = lattice(SAMPLES)
-    seen = evaluate(cone.name, cone.field, *sampled(problem, cells), minimum=0.0)
-    least, most = seen.min(axis=-1, keepdims=True), seen.max(axis=-1, keepdims=True)
-    corners = seen[..., [int(np.flatnonzero(samples[:, i] == 1.0)[0]) for i in range(3)]]
-    affine = np.abs(seen - corners @ samples.T).max(axis=-1, keepdims=True) <= _AFFINE * np.abs(seen).max()
-    own = corners @ lattice(degree).T
+    values = evaluate(cone.name, cone.field, *sampled(problem, cells), minimum=0.0)
+    least, most = values.min(axis=-1, keepdims=True), values.max(axis=-1, keepdims=True)
+    corners = values[..., [int(np.flatnonzero(samples[:, i] == 1.0)[0]) for i in range(3)]]
+    is_affine = np.abs(values - corners @ samples.T).max(axis=-1, keepdims=True) <= _AFFINE * np.abs(values).max()
+    coefficients = corners @ lattice(degree).T
     means = corners @ ((exponents(degree) + 1.0) / (degree + 3.0)).T
-    return np.where(affine, own, least), np.where(affine, means, most), most
+    return np.where(is_affine, coefficients, least), np.where(is_affine, means, most), most
 
 
 @dataclass(frozen=True, eq=False)
 class StressProgram:
-    """The program of a problem discretised at the load factors 1 and 2."""
+    """The cone program (D36) of a problem, discretized at the load factors 1 and 2."""
 
     low: Discretization  # the problem at both factors, in the same units and degrees of freedom
     high: Discretization
 
     @cached_property
     def cones(self) -> YieldCones:
-        """What its body can carry."""
+        """The yield cones of the body."""
         return YieldCones.of(self.low.problem, self.low.space.element.traction_degree, above=False)
 
     def carried(self, share: float = 0.0) -> Carried:
-        """The largest factor. The stresses go a share of the way towards a state inside all limits, as far as can be.
+        """The largest factor, with stresses moved the given share of the way to a state inside all limits.
 
-        They are those of the program in which 1e-8 of all limits is kept back, if it has an answer: where limits leave
-        no room, rounding decides of that. Where no body yields they are those of the simplex method, if it has one.
+        The stresses are those of the program whose limits are reduced by 1e-8, if it has an answer, so that rounding
+        does not break limits. Where no body yields, the answer of the simplex method comes first.
         """
 
         def solve(signs: IntArray) -> Carried:
@@ -345,21 +347,21 @@ class StressProgram:
             with suppress(SolveError):
                 known = None if self.low.problem.yields else self._by_simplex(signs).unknowns
             first = best = self._of_program(program, share, known)
-            left = iter(FACES)
-            for faces in islice(left, 2):  # the finer one, if rooms are known so well
+            resolutions = iter(FACES)
+            for faces in islice(resolutions, 2):  # first the finer resolution of room, if the answer is that accurate
                 best = self._on_faces(program, first, find, faces)
                 if best is not first:
                     break
-            if first.violation <= ROUNDING:  # and is only not known to be the most
+            if first.violation <= ROUNDING:  # valid, although perhaps not the largest factor
                 best = max(first, best, key=lambda one: one.factor)
-            for faces in left:
-                least = first.factor - max(_DROP * abs(first.factor), CERTIFIED)
-                if best is first or best.factor >= least or deadline.over:
+            for faces in resolutions:
+                least_factor = first.factor - max(_DROP * abs(first.factor), CERTIFIED)
+                if best is first or best.factor >= least_factor or deadline.over:
                     break
-                with suppress(SolveError):  # what is known is right without it
-                    found = self._on_faces(program, first, find, faces)
-                    larger = best.violation > ROUNDING or found.factor > best.factor
-                    best = found if found.violation <= ROUNDING and larger else best
+                with suppress(SolveError):  # earlier answers stay valid
+                    next_best = self._on_faces(program, first, find, faces)
+                    is_better = best.violation > ROUNDING or next_best.factor > best.factor
+                    best = next_best if next_best.violation <= ROUNDING and is_better else best
             return best
 
         return self._with_signs(solve)
@@ -367,27 +369,27 @@ class StressProgram:
     def _on_faces(
         self, program: ConicProgram, found: Carried, find: Callable[[ConicProgram], Carried], faces: tuple[float, float]
     ) -> Carried:
-        """What is carried once cones without room are rays, from what was found of the program."""
+        """The answer after cones without room have become rays, starting from the answer `found` of the program."""
         for _ in range(PASSES):
-            doubt = abs(found.bound - found.factor) > max(_DROP * abs(found.factor), CERTIFIED)
-            if doubt and found.violation <= ROUNDING and np.isfinite(found.factor) and program.falls:
+            is_doubtful = abs(found.bound - found.factor) > max(_DROP * abs(found.factor), CERTIFIED)
+            if is_doubtful and found.violation <= ROUNDING and np.isfinite(found.factor) and program.falls:
                 return Carried(np.inf)
-            unsure = found.violation > ROUNDING or found.factor == -np.inf or doubt
-            narrower = program.on_faces(self.cones.rays, *faces, found.unknowns) if unsure else None
+            is_unsure = found.violation > ROUNDING or found.factor == -np.inf or is_doubtful
+            narrower = program.on_faces(self.cones.rays, *faces, found.unknowns) if is_unsure else None
             if narrower is None:
                 break
-            program, found = narrower, find(narrower)  # in which others may have none
+            program, found = narrower, find(narrower)
         return found
 
     def _of_program(self, program: ConicProgram, share: float, known: FloatArray | None = None) -> Carried:
-        """What the first point shows that keeps a program but for rounding: one that is known, or of the solver."""
+        """The first answer within the limits up to rounding: the known point, or the solver's; else the best answer."""
         best, tighter, last = Carried(-np.inf), program.tightened(_TIGHTER), REGULAR[::-1]
         for each, regular in ((None, REGULAR), (tighter, REGULAR), (program, REGULAR), (program, last)):
             if regular is last and np.isfinite(best.factor):
                 break
             answer = each.solve(regular) if each else known
             if isinstance(answer, str) or answer is None:
-                if answer == UNBOUNDED:  # from any state that keeps the limits; the load itself may have none
+                if answer == UNBOUNDED:  # from a state within the limits; the load itself need not be within
                     return self._without_room(program, share, grows=True)
                 continue
             x = answer.x if isinstance(answer, Answer) else answer
@@ -399,30 +401,30 @@ class StressProgram:
         return best if np.isfinite(best.factor) else self._without_room(program, share)
 
     def _held(self, program: ConicProgram, x: FloatArray, violation: float) -> Carried:
-        """What stresses carry; minus infinity if the solver has given up."""
+        """The load factor of an answer x with its stresses; minus infinity if x breaks limits by more than `HELD`."""
         violation = max(violation, -float(program.margins(x).min(initial=0.0)))
         (N, n), (S, s) = self._tractions, self._stress
         tractions, stress = N @ x + n, (S @ x + s).reshape(-1, 3, self.cones.count, 3)
-        size = max(program.size(x), float(np.abs(tractions).max(initial=0.0)))  # beyond loads and limits
+        size = max(program.size(x), float(np.abs(tractions).max(initial=0.0)))  # may exceed that of loads and limits
         if violation * max(1.0, size / max(1.0, program.size(0.0 * x))) > HELD:
             return Carried(-np.inf)
         farthest = program.size(x) / (float(np.abs(program.A[:, [-1]].toarray()).max(initial=0.0)) or 1.0)
         return Carried(float(x[-1]), violation, tractions, unknowns=x, stress=stress, farthest=farthest)
 
     def _without_room(self, program: ConicProgram, share: float, *, grows: bool = False) -> Carried:
-        """The load itself, or more without end: the solver gives up where stresses grow along the tips of cones.
+        """The load itself, or infinity, where the solver gives up because stresses grow along the tips of cones.
 
-        Growth may begin at the least multiple that is carried. The solver may take limits without room for none. Only
-        if nothing keeps wider ones, no multiple is carried.
+        Growth may begin at the least multiple that is carried. The solver may find limits without room infeasible: only
+        if wider limits have no answer either, no multiple is carried.
         """
-        modest, wider = program.up_to(1.0), program.tightened(room=-WIDER * program.size(0.0 * program.q))
+        with_unit_factor, wider = program.up_to(1.0), program.tightened(room=-WIDER * program.size(0.0 * program.q))
         least, carried = replace(program, q=-program.q), Carried(-np.inf)
-        for each in (modest, *[least] * grows, wider.up_to(1.0), wider):
-            with suppress(SolveError):  # what is known is right without it
+        for each in (with_unit_factor, *[least] * grows, wider.up_to(1.0), wider):
+            with suppress(SolveError):  # earlier answers stay valid
                 answer = each.solve()
                 if not isinstance(answer, str):
                     carried = self._held(program, *each.repaired(answer.x, share))
-                if np.isfinite(carried.factor) and each in (modest, least) and (grows or program.falls):
+                if np.isfinite(carried.factor) and each in (with_unit_factor, least) and (grows or program.falls):
                     return Carried(np.inf)
             if np.isfinite(carried.factor):
                 break
@@ -431,57 +433,60 @@ class StressProgram:
     def carried_by_contacts(self) -> Carried:
         """The largest factor where no body yields: max α  s.t.  G z ≤ h + α h',  A z = b + α b'.
 
-        By the simplex method, with a bound from its multipliers: from Σ d (h + α h' − G z) ≥ 0 with Gᵀd + Aᵀν = 0
-        follows α ≤ (h·d + b·ν) / −(h'·d + b'·ν), rounding added. `SolveError` if the linear program is not solved, or
-        not in time.
+        The simplex method solves it. Its multipliers d ≥ 0 and ν with Gᵀd + Aᵀν = 0 give a bound: from Σ d (h + α h' −
+        G z) ≥ 0 follows α ≤ (h·d + b·ν) / −(h'·d + b'·ν), with rounding added. `SolveError` if the linear program is
+        not solved, or not in time.
         """
         return self._with_signs(self._by_simplex)
 
     def _with_signs(self, solve: Callable[[IntArray], Carried]) -> Carried:
-        """The best with signs of bilateral pressure that programs without friction there, and with any, suggest."""
+        """The best answer over signs of bilateral pressure, which programs without friction or its limit suggest."""
         undecided = both_signs(self.low)
         first, most = solve(np.full(len(undecided), EITHER)), Carried(np.inf)
         if not undecided.any():
             return first
-        with suppress(SolveError):  # it need not be solved
+        with suppress(SolveError):  # an upper bound only; without it all signs are tried
             most = solve(np.full(len(undecided), ROUGH))
         if most.factor <= first.factor:
             return first
         trials = [np.full(len(undecided), PRESSURE)]
         for tractions in (each.tractions for each in (first, most) if each.tractions is not None):
             normal = tractions[: self.low.qvi.m].reshape(-1, self.low.rule.count).sum(axis=1)
-            trials.append(np.where(normal > HELD * np.abs(normal).max(), TENSION, PRESSURE))  # none is no tension
+            trials.append(np.where(normal > HELD * np.abs(normal).max(), TENSION, PRESSURE))  # σ_N = 0: pressure
         return max([first, *map(solve, np.unique(trials, axis=0))], key=lambda each: each.factor)
 
     def _by_simplex(self, signs: IntArray) -> Carried:
         H, limit = whole_edge_rows(self.low, signs)
         if not len(limit):
             return Carried(np.inf)
+        # rows scaled so that their largest entry, times forces, is 1: tractions grow where edges are short
         weights = joined([rows.row_weights for rows, _ in limited(self.low)])
-        forces = np.tile(weights.max() / weights, 2)  # they do not grow where edges are short, as tractions do
+        forces = np.tile(weights.max() / weights, 2)
         largest = abs(H @ sparse.diags_array(forces)).max(axis=1).toarray().ravel()
         H, limit = sparse.csr_array(sparse.diags_array(1.0 / largest) @ H), limit / largest
+        # G x ≤ h and E x = b in the unknowns (z, α), with columns of norm 1, for which tolerances are made; columns of
+        # rounding, and of α, keep their size
         (N, n), (A, b), kept = self._tractions, self._equations, np.append(np.arange(self.low.qvi.n), -1)
-        wide, N = np.zeros(N.shape[1]), N[:, kept]
+        unknowns, N = np.zeros(N.shape[1]), N[:, kept]
         rows, h = sparse.csr_array(H @ N), limit - H @ n
         heights, columns = (np.sqrt(np.asarray(rows.multiply(rows).sum(axis=axis))).ravel() for axis in (1, 0))
-        beside = (sparse.diags_array(heights) @ abs(rows).sign()).max(axis=0).toarray().ravel()
-        columns[columns <= _LOST * beside] = columns[-1] = 1.0  # no stress there, which as unit would become one
-        units = sparse.diags_array(1.0 / columns)  # tolerances are for numbers near 1
+        row_heights = (sparse.diags_array(heights) @ abs(rows).sign()).max(axis=0).toarray().ravel()
+        columns[columns <= _LOST * row_heights] = columns[-1] = 1.0
+        units = sparse.diags_array(1.0 / columns)
         G, E = sparse.csc_array(rows @ units), sparse.csc_array(A[:, kept] @ units)
         cost, free = np.append(np.zeros(G.shape[1] - 1), -_COST), [(None, None)] * G.shape[1]
         equations: dict[str, Any] = {"A_eq": E, "b_eq": b} if len(b) else {}
         answer = solved(cost, A_ub=G, b_ub=h, bounds=free, **equations)
-        if not (answer.solved or answer.status in (INFEASIBLE, TIME_LIMIT)):  # HiGHS finds no limit by rounding, too
-            below = solved(cost, A_ub=G, b_ub=h, bounds=[*free[:-1], (None, _MOST)], **equations)
-            grows = below.solved and below.x[-1] >= _MOST * (1.0 - CERTIFIED)
-            decided = below.solved or below.status in (INFEASIBLE, TIME_LIMIT)
-            if answer.status == NO_LIMIT and (grows or not decided):
+        if not (answer.solved or answer.status in (INFEASIBLE, TIME_LIMIT)):  # HiGHS may say "unbounded" by rounding
+            bounded = solved(cost, A_ub=G, b_ub=h, bounds=[*free[:-1], (None, _MOST)], **equations)
+            is_unbounded = bounded.solved and bounded.x[-1] >= _MOST * (1.0 - CERTIFIED)
+            is_decided = bounded.solved or bounded.status in (INFEASIBLE, TIME_LIMIT)
+            if answer.status == NO_LIMIT and (is_unbounded or not is_decided):
                 return Carried(np.inf)
-            if grows:
+            if is_unbounded:
                 raise SolveError(f"limit load: {_MOST:g} times the loads are carried, and no limit was found beyond")
-            answer = below
-        if answer.status == INFEASIBLE:  # the least t ≥ 0 with G x ≤ h + t says by how much
+            answer = bounded
+        if answer.status == INFEASIBLE:  # the least t ≥ 0 with G x ≤ h + t tells infeasibility from rounding
             least, equal = (sparse.csc_array(sparse.hstack([part, sparse.csc_array(np.full((part.shape[0], 1), t))]))
                            for part, t in ((G, -1.0), (E, 0.0)))  # fmt: skip
             equations |= {"A_eq": equal} if len(b) else {}
@@ -493,44 +498,46 @@ class StressProgram:
             raise SolveError("limit load: the time limit was reached: allow more (time_limit=…), or take fewer cells")
         if not answer.solved:
             raise SolveError(f"limit load: the linear program was not solved, use less grading ({answer.message})")
+        # violation of the answer, and the bound of its multipliers, see `carried_by_contacts`
         x, factor = answer.x, float(answer.x[-1])
         size = max(float(np.abs(h).max()), abs(factor) * float(abs(G[:, [-1]]).max()), 1e-300)
-        missed = max(float(np.maximum(G @ x - h, 0.0).max()), float(np.abs(E @ x - b).max(initial=0.0)))
+        violation = max(float(np.maximum(G @ x - h, 0.0).max()), float(np.abs(E @ x - b).max(initial=0.0)))
         d, nu = np.maximum(-answer.inequalities, 0.0) / _COST, -answer.equations / _COST
         *rest, rate = (G.T @ d + E.T @ nu).tolist()
         rounding = float(np.abs(rest) @ np.abs(x[:-1]))
         bound = (float(h @ d + b @ nu) + rounding) / rate if rate > 0.0 else np.inf
-        wide[kept] = np.asarray(units @ x)
-        return Carried(factor, missed / size, np.asarray(N @ wide[kept] + n), bound, np.asarray(H.T @ d), wide)
+        unknowns[kept] = np.asarray(units @ x)
+        tractions, motion = np.asarray(N @ unknowns[kept] + n), np.asarray(H.T @ d)
+        return Carried(factor, violation / size, tractions, bound, motion, unknowns)
 
     def program(self, signs: IntArray | None = None) -> ConicProgram:
-        """The cone program for signs (e,) of σ_N on contact edges, see `whole_edge_rows`; by default for none."""
+        """The cone program for signs (e,) of σ_N on contact edges, see `whole_edge_rows`; by default without signs."""
         (N, n), (S, s) = self._tractions, self._stress
         H, limit = whole_edge_rows(self.low, np.full(len(both_signs(self.low)), EITHER) if signs is None else signs)
-        cones, at = self.cones, 3 * self.cones.coefficient
-        xx, yy, xy = (S[at + i] for i in range(3))
-        c_xx, c_yy, c_xy = (s[at + i] for i in range(3))
-        total, constant, limits = xx + yy, c_xx + c_yy, cones.limit / self.low.scales.stress
-        parts: list[tuple[Any, FloatArray]] = [
-            (sparse.diags_array(cones.pressure) @ total, limits - cones.pressure * constant),
-            (yy - xx, c_xx - c_yy),
-            (-2.0 * xy, 2.0 * c_xy),
-        ]
+        # rows of t = a − β S and u = (σ_xx − σ_yy, 2σ_xy, γ S) of each cone
+        cones, first_rows = self.cones, 3 * self.cones.coefficient
+        xx, yy, xy = (S[first_rows + i] for i in range(3))
+        c_xx, c_yy, c_xy = (s[first_rows + i] for i in range(3))
+        trace, constant, limits = xx + yy, c_xx + c_yy, cones.limit / self.low.scales.stress
+        t_rows = sparse.diags_array(cones.pressure) @ trace, limits - cones.pressure * constant
+        parts: list[tuple[Any, FloatArray]] = [t_rows, (yy - xx, c_xx - c_yy), (-2.0 * xy, 2.0 * c_xy)]
         if cones.mean.any():
-            parts.append((sparse.diags_array(-cones.mean) @ total, cones.mean * constant))
+            parts.append((sparse.diags_array(-cones.mean) @ trace, cones.mean * constant))
+        # max α, with strong cones and rows relative to their own strength
         q = np.append(np.zeros(S.shape[1] - 1), -1.0)
         least = cones.least / self.low.scales.stress
-        on_edges, in_cones = (sparse.diags_array(1.0 / beside(each, least)) for each in (limit, limits))
-        edges = on_edges @ H @ N, np.asarray(on_edges @ (limit - H @ n))
-        parts = [(in_cones @ matrix, np.asarray(in_cones @ constant)) for matrix, constant in parts]
+        edge_scale, cone_scale = (sparse.diags_array(1.0 / beside(each, least)) for each in (limit, limits))
+        edges = edge_scale @ H @ N, np.asarray(edge_scale @ (limit - H @ n))
+        parts = [(cone_scale @ matrix, np.asarray(cone_scale @ constant)) for matrix, constant in parts]
         program = ConicProgram.of(q, self._equations, edges, parts)
+        # unknowns that act on strong parts alone enter the rows as rounding: these columns become zero
         rows, all_stresses = (sparse.linalg.norm(matrix, axis=0) for matrix in (program.A, S))
-        seen = np.append((rows > _LOST * all_stresses)[:-1], True)  # not rounding of stresses of rigid parts
-        return replace(program, A=sparse.csr_array(program.A @ sparse.diags_array(seen.astype(float))))
+        is_used = np.append((rows > _LOST * all_stresses)[:-1], True)
+        return replace(program, A=sparse.csr_array(program.A @ sparse.diags_array(is_used.astype(float))))
 
     @property
     def _tractions(self) -> tuple[sparse.csr_array, FloatArray]:
-        """[σ_N; σ_T] as rows on (z, y, α), and what they are at zero; dimensionless."""
+        """[σ_N; σ_T] as rows on (z, y, α), and their values at zero; dimensionless."""
         first, second = (np.concatenate([part.qvi.n0, part.qvi.t0]) for part in (self.low, self.high))
         return self._wide(self.low.qvi.contact_rows, second - first), 2.0 * first - second
 
@@ -541,14 +548,14 @@ class StressProgram:
         return self._wide(self.low.qvi.A, -b_slope), b - b_slope
 
     def _wide(self, matrix: Any, last: FloatArray) -> sparse.csr_array:
-        """Rows on z and, with the last column, on α."""
+        """Rows on (z, y, α) from rows on z and the column of α."""
         space = self.low.space
         inner = sparse.csr_array((len(last), len(space.triangles) * space.element.interior))
         return sparse.csr_array(sparse.hstack([matrix, inner, sparse.csr_array(last[:, None])]))
 
     @cached_property
     def _stress(self) -> tuple[sparse.csr_array, FloatArray]:
-        """Stress coefficients, three numbers each, as rows on (z, y, α), and what they are at zero; dimensionless."""
+        """Stress coefficients, three numbers each, as rows on (z, y, α), and their values at zero; dimensionless."""
         space = self.low.space
         element, triangles, k = space.element, space.triangles, space.element.shared - 3
         n, inner = len(triangles), element.interior
@@ -557,22 +564,22 @@ class StressProgram:
         w = reference[..., :k] @ element.transformations(triangles)[:, 3:, 3:]
         y = reference[..., k:].copy()
         if len(space.curved.numbers):
-            at = space.curved.numbers
-            own = reference[at] @ space.curved.functions[:, 3:, 3:]
-            w[at], y[at] = own[..., :k], own[..., k:]
+            curved_cells = space.curved.numbers
+            own_part = reference[curved_cells] @ space.curved.functions[:, 3:, 3:]
+            w[curved_cells], y[curved_cells] = own_part[..., :k], own_part[..., k:]
         rows, shared = w.shape[1], space.differences.all_rows(w)
         columns = np.repeat(np.arange(n * inner).reshape(n, inner), rows, axis=0)
         starts = inner * np.arange(n * rows + 1)
-        own = sparse.csr_array((y.ravel(), columns.ravel(), starts), shape=(n * rows, n * inner))
+        own_part = sparse.csr_array((y.ravel(), columns.ravel(), starts), shape=(n * rows, n * inner))
         loaded = [each.problem for each in (self.low, self.high)]
         potentials = [coefficients_of(each, self.cones.degree, each.body_potential)[0].ravel() for each in loaded]
 
         def combined(low: float, high: float) -> FloatArray:
-            """What a multiple of the lower factor's and one of the higher factor's loads give."""
+            """Stress coefficients at zero unknowns under a combination of the loads at both factors."""
             particular = low * self.low.root.particular + high * self.high.root.particular
             phi = (low * potentials[0] + high * potentials[1]) / self.low.scales.stress
             return np.asarray(shared @ particular + np.column_stack([phi, phi, 0.0 * phi]).ravel())
 
         slope = sparse.csr_array(combined(-1.0, 1.0)[:, None])
-        parts = [shared @ self.low.supports.basis.matrix, own, slope]
+        parts = [shared @ self.low.supports.basis.matrix, own_part, slope]
         return sparse.csr_array(sparse.hstack(parts)), combined(2.0, -1.0)

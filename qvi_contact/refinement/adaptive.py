@@ -42,12 +42,12 @@ _COLUMNS = {
     "seconds": ">9.2f",
 }  # fmt: skip
 
-_ROUNDS: Final = 60
+_ROUNDS: Final = 60  # default of `max_rounds`
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Outcome:
-    """What a refinement says of its quantity, whatever that is."""
+    """The quantity of a refinement, its error, and the way to it."""
 
     status: RefinementStatus
     """Only `RefinementStatus.REACHED` means that the estimate is within the target, and guaranteed if that was asked
@@ -57,7 +57,7 @@ class Outcome:
     target: float
     """Relative error asked for."""
     unit: float
-    """What errors are relative to, see `refine`; NaN if no mesh was solved."""
+    """Reference of relative errors, see `refine`; NaN if no mesh was solved."""
     indicator: FloatArray
     """Contribution of each cell of the last mesh, (cells,); they are ≥ 0 and add up to the estimate."""
     rounds: tuple[RefinementRound, ...]
@@ -69,7 +69,7 @@ class Outcome:
         return f"<{type(self).__name__} {self.message}>"
 
     def to_frame(self) -> DataFrame:
-        """A row a round: "round" from 1, fields of `RefinementRound`; `InputError` without pandas (extra ``frame``)."""
+        """One row per round: "round" from 1, fields of `RefinementRound`; `InputError` without pandas (``frame``)."""
         rows = [{"round": number, **asdict(record)} for number, record in enumerate(self.rounds, 1)]
         return frame(columns_of(rows))
 
@@ -80,7 +80,7 @@ class Outcome:
 
     @property
     def estimate(self) -> float:
-        """Estimated relative error of the value, or its bound if `guaranteed`; infinity if there is none."""
+        """Estimated relative error of the value, or its bound if `guaranteed`; infinity if unknown."""
         return self.rounds[-1].estimate if self.rounds else float("inf")
 
     @property
@@ -104,8 +104,8 @@ class Outcome:
         if not self.rounds:
             return f"{self.status.value}: no mesh was solved; {self.reason}"
         last = self.rounds[-1]
-        sure = self.certainty is not Certainty.ESTIMATE
-        error = f"relative error ({self.certainty})" if sure else "estimated relative error"
+        is_bound = self.certainty is not Certainty.ESTIMATE
+        error = f"relative error ({self.certainty})" if is_bound else "estimated relative error"
         sense = "within" if self.status in {RefinementStatus.REACHED, RefinementStatus.NO_GUARANTEE} else "above"
         text = (
             f"{self.status.value}: {self.quantity} = {self.value:.9g}, {error} {self.estimate:.1e}, "
@@ -120,7 +120,7 @@ class Refinement(Outcome):
     """A problem solved on a mesh refined for one quantity, with an estimate of the quantity's error."""
 
     result: ContactResult
-    """On the last mesh that was solved; if there is none, the failed one on the first. Of load steps the last one."""
+    """The result on the last mesh that was solved, or the failed one on the first mesh; of load steps the last."""
     history: History | None = None
     """All load steps on that mesh, if these were refined."""
 
@@ -134,8 +134,8 @@ class Refinement(Outcome):
 class LimitRefinement(Outcome):
     """A limit load on a mesh refined until both of its sides are as near as asked for.
 
-    It is not guaranteed where tractions, or what enters them along contacts, are no polynomials that the mesh can
-    follow: loads are then met in their resultants on every edge.
+    It is not guaranteed where tractions, or data along contacts that add to them, are no polynomials that the mesh can
+    follow. Loads are then met in their resultants on every edge.
     """
 
     limit: LimitLoad
@@ -188,23 +188,23 @@ def refine(
     """Solve a problem on meshes refined where it pays until the error of a quantity is within a target.
 
     Each round solves the problem on a mesh, which gives the answer. Where the contact laws allow it (no friction,
-    Tresca's, or tied contacts) a displacement companion bounds the energy, and the force of one prescribed
-    displacement: the error is guaranteed, see `Bracket.certainty`. Else the answer is compared with a reference
-    solution: one degree more, on a mesh bisected where contact states change and at corners where stresses may be
-    singular (see `refinement.bisection`). Triangles that hold most of the difference are bisected.
+    Tresca's, or tied contacts) a displacement companion bounds the energy, and the force at a single prescribed
+    displacement: the error is guaranteed, see `Bracket.certainty`. Otherwise the answer is compared with a reference
+    solution, of one degree more and on a mesh bisected where contact states change and at corners where stresses may
+    be singular (see `refinement.bisection`). Triangles that hold most of the difference are bisected.
 
     With a `LimitFactor` the limit load of `limit_load_factor` is refined instead, until upper − lower is within the
     target of upper. That is a guaranteed error of either side wherever the mesh can follow the tractions. Contact edges
-    are bisected on which the mesh gives way in another manner than the body would: where a block turns about an edge,
-    or slip ends.
+    are bisected where the collapse of the mesh is not that of the body: where a block turns about an edge, or slip
+    ends.
 
     Parameters
     ----------
     problem : ContactProblem, or a list of them
-        The problem. Its mesh is where the refinement starts: vertices it has are kept, so let it be coarse, but fine
-        enough to show the loads. A list are the load steps of a history, see `solve_history`: each round solves all of
-        them on one mesh, which is refined by the sum of their differences. "dissipation" is then what friction loses in
-        all of them, any other quantity that of the last step, and errors are estimates.
+        The problem. Its mesh is the coarsest one, and its vertices are kept: let it be coarse, but fine enough to
+        show the loads. A list holds the load steps of a history, see `solve_history`: each round solves all of them on
+        one mesh, which is refined by the sum of their differences. "dissipation" is then the friction work of all
+        steps, any other quantity belongs to the last step, and errors are estimates.
     result : ContactResult, optional
         An earlier result of the problem, on its mesh or another: the refinement starts from that mesh.
     target : float
@@ -212,17 +212,17 @@ def refine(
     quantity : str, function of a ContactResult, or LimitFactor
         "energy": the complementary energy, its error relative to the strain energy (½∫cσ:σ; this is the squared
         relative error of the stresses in the energy norm, if there is no friction). "dissipation": the work lost in
-        friction, see `Energies`. All others are relative to themselves:
+        friction, see `Energies`. Errors of all others are relative to their value:
 
         * "NAME.normal_force" or "NAME.tangential_force", the resultant of the contact called NAME; of a rigid plate or
-          pin also "NAME.force_x", "NAME.force_y", "NAME.moment", what it does to the body, and "NAME.x", "NAME.y",
-          "NAME.rotation", how far it moves.
+          pin also "NAME.force_x", "NAME.force_y", "NAME.moment", its action on the body, and "NAME.x", "NAME.y",
+          "NAME.rotation", its motion.
         * "NAME.largest_pressure" of a contact, "NAME.slip(x, y)" at a point of it.
         * "von_mises(x, y)", a stress at a point: "xx", "yy", "xy", "von_mises", and "first", "second" for the principal
-          stresses σ₁ ≥ σ₂ in the plane. Where triangles meet it is that of the mean stress.
+          stresses σ₁ ≥ σ₂ in the plane. Where triangles meet it is taken of their mean stress.
         * "EDGES.largest_von_mises" or "EDGES.smallest_second" and the like: the extreme of such a stress along a named
-          edge set, joint or contact, on both sides of it. Where stresses are singular there is none: the value grows
-          from round to round, and its estimate does not fall.
+          edge set, joint or contact, on both sides of it. Where stresses are singular there is no extreme: the
+          value grows from round to round, and its estimate does not fall.
         * any function of a ContactResult that gives one number.
     max_unknowns : int
         Largest number of unknowns of an answer. The reference solution has up to about three times as many.
@@ -231,10 +231,10 @@ def refine(
     time_limit : float, optional
         Seconds for all rounds together; the answer is that of the last round done in time.
     guaranteed : bool
-        Whether the force of a contact with Coulomb friction is refined until its bounds are within the target, see
-        `Bracket.coulomb`. That takes more unknowns than the estimate, which is used by default. Where these bounds are
-        estimated ones, or there are none, it ends with `RefinementStatus.NO_GUARANTEE` once they, or the estimate, are
-        within the target.
+        Refine the force of a contact with Coulomb friction until its bounds are within the target, see
+        `Bracket.coulomb`. This takes more unknowns than the estimate, which is used by default. If the bounds are
+        estimates, or missing, the refinement ends with `RefinementStatus.NO_GUARANTEE` once the bounds, or the
+        estimate, are within the target.
     callback : callable, optional
         Called with the record of each round.
     verbose : bool
@@ -248,14 +248,14 @@ def refine(
     Refinement or LimitRefinement
         The last answer, the estimate with its status, and the error indicator of every cell; `Refinement.certainty`
         says whether the estimate is a bound. For a `LimitFactor` the answer is a limit load, `LimitRefinement.limit`.
-        A failure does not raise, but on the first mesh: `InputError` if an argument or the problem is wrong,
-        `SolveError` if a linear program of a limit load is not solved.
+        Only failures on the first mesh raise: `InputError` if an argument or the problem is wrong, `SolveError` if a
+        program of a limit load is not solved.
 
     Notes
     -----
-    The error told is 1.5 |q − q(reference solution)| where `Refinement.certainty` is "estimate", and no less than 1.5
-    times the step from the reference of the round before, nor than solves are accurate: it is no bound, see (D22) in
-    `docs/theory.md`. Rounds do not start from the answer before.
+    Where `Refinement.certainty` is "estimate", the error is 1.5 |q − q(reference solution)|, at least 1.5 times the
+    change of the reference since the round before, and at least the accuracy of the solves. It is no bound, see (D22)
+    in `docs/theory.md`. Rounds do not start from the answer before.
 
     """
     steps = tuple(problem) if isinstance(problem, Sequence) else (problem,)
@@ -283,10 +283,10 @@ def refine(
         log.begin({"target": f"{settings.target:g}", "cells at first": problem.mesh.cell_count})
         numbers = count(1)
 
-        def told(record: RefinementRound) -> None:
-            sure = "yes" if record.guaranteed else "no"
-            known = (record.cells, record.unknowns, record.value, record.estimate, sure)
-            log.line(next(numbers), *known, log.seconds)
+        def report(record: RefinementRound) -> None:
+            is_guaranteed = "yes" if record.guaranteed else "no"
+            columns = (record.cells, record.unknowns, record.value, record.estimate, is_guaranteed)
+            log.line(next(numbers), *columns, log.seconds)
             if callback is not None:
                 callback(record)
 
@@ -296,18 +296,18 @@ def refine(
         else:
             _ = SolveSettings.of(None, options)
             strategy = TriangleRefinement(settings, Measure.of(problem, quantity), steps)
-        found = _refined(strategy, mesh, told)
-        log.end(found.status.value, found.message, {}, found.status is RefinementStatus.REACHED)
-        return found
+        outcome = _refined(strategy, mesh, report)
+        log.end(outcome.status.value, outcome.message, {}, outcome.status is RefinementStatus.REACHED)
+        return outcome
 
 
 def _start(own: TriangleMesh, result: ContactResult | None) -> TriangleMesh:
-    """The mesh of an earlier result, or the problem's own; `InputError` for what is none, or that of another body."""
+    """The mesh of an earlier result, or the problem's own; `InputError` if the result is none, or of another body."""
     if result is None:
         return own
     instance_of(ContactResult, "result", result, "give an earlier ContactResult of the problem, or None")
     mesh = result.problem.mesh
-    if any((one.locate(other.vertices) < 0).any() for one, other in ((mesh, own), (own, mesh))):
+    if any((first.locate(second.vertices) < 0).any() for first, second in ((mesh, own), (own, mesh))):
         raise InputError("result", result, "is that of another body: give an earlier one of this problem")
     return mesh
 
@@ -315,44 +315,44 @@ def _start(own: TriangleMesh, result: ContactResult | None) -> TriangleMesh:
 def _refined(
     strategy: LimitStrategy | TriangleRefinement, mesh: TriangleMesh, callback: RoundCallback
 ) -> Refinement | LimitRefinement:
-    """The last answer that was assessed, or the first one."""
+    """The last answer that was assessed, or the first answer."""
     settings, rounds = strategy.settings, list[Round]()
     answer: Any = None
     try:
         while True:
             answer = _answer(strategy, mesh, first=not rounds)
-            found = strategy.assessed(mesh, answer, rounds)
-            record = found.record
+            assessed = strategy.assessed(mesh, answer, rounds)
+            record = assessed.record
             before = rounds[-1].record if rounds and rounds[-1].record.certainty is not Certainty.ESTIMATE else record
-            if deadline.over and record.estimate > before.estimate:  # bounds that were cut short
+            if deadline.over and record.estimate > before.estimate:  # time ran out before the bounds were computed
                 raise StopError(RefinementStatus.TIME_LIMIT)
-            rounds.append(found)
+            rounds.append(assessed)
             callback(record)
             if record.estimate <= settings.target:
-                enough = record.guaranteed or not settings.guaranteed
-                raise StopError(RefinementStatus.REACHED if enough else RefinementStatus.NO_GUARANTEE)
+                is_enough = record.guaranteed or not settings.guaranteed
+                raise StopError(RefinementStatus.REACHED if is_enough else RefinementStatus.NO_GUARANTEE)
             if deadline.over:
                 raise StopError(RefinementStatus.TIME_LIMIT)
             if len(rounds) >= settings.max_rounds:
                 raise StopError(RefinementStatus.ROUNDS)
             mesh = rounds[-1].finer()
     except StopError as stop:
-        said: dict[str, Any] = {"status": stop.status, "reason": stop.reason, "target": settings.target}
-    said |= {"rounds": tuple(each.record for each in rounds), "unit": np.nan, "indicator": np.zeros(mesh.cell_count)}
+        fields: dict[str, Any] = {"status": stop.status, "reason": stop.reason, "target": settings.target}
+    fields |= {"rounds": tuple(each.record for each in rounds), "unit": np.nan, "indicator": np.zeros(mesh.cell_count)}
     if rounds:
         last = rounds[-1]
-        answer, said["unit"], said["indicator"] = last.answer, last.unit, last.indicator
+        answer, fields["unit"], fields["indicator"] = last.answer, last.unit, last.indicator
     if isinstance(strategy, TriangleRefinement):
         history = answer if isinstance(answer, History) else None
-        return Refinement(quantity=strategy.measure.name, result=steps_of(answer)[-1], history=history, **said)
+        return Refinement(quantity=strategy.measure.name, result=steps_of(answer)[-1], history=history, **fields)
     if not rounds:
-        raise SolveError(f"limit load: {said['reason']}: use a coarser or less graded mesh")
+        raise SolveError(f"limit load: {fields['reason']}: use a coarser or less graded mesh")
     name = f"limit load factor of {', '.join(strategy.names)}"
-    return LimitRefinement(quantity=name, limit=answer.limit, problem=answer.problem, **said)
+    return LimitRefinement(quantity=name, limit=answer.limit, problem=answer.problem, **fields)
 
 
 def _answer(strategy: LimitStrategy | TriangleRefinement, mesh: TriangleMesh, *, first: bool) -> Any:
-    """The answer on a mesh; what the first mesh raises is raised, of finer ones it ends the rounds."""
+    """The answer on a mesh; an error on the first mesh is raised, on a finer mesh it ends the rounds."""
     try:
         return strategy.answer(mesh)
     except StopError as stop:
@@ -363,5 +363,5 @@ def _answer(strategy: LimitStrategy | TriangleRefinement, mesh: TriangleMesh, *,
     except QVIError as error:
         if first:
             raise
-        late = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.THIN_CELLS
-        raise StopError(late, str(error)) from error  # the same data were taken on the mesh before
+        status = RefinementStatus.TIME_LIMIT if deadline.over else RefinementStatus.THIN_CELLS
+        raise StopError(status, str(error)) from error  # the data are right, as the mesh before took them

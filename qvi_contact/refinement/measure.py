@@ -1,7 +1,7 @@
 """Numbers of results by name, for refinements: forces, motions, stresses, slip, energies; and their derivatives.
 
-Data enter (D2) as sums, and moduli and stiffnesses as one over a factor of a compliance, which does: a second problem,
-in which the datum is larger by a step, has the direction in which loads, bounds and energies change.
+Data enter (D2) linearly; moduli and stiffnesses enter by their compliance, divided by a factor. So the direction in
+which loads, bounds and energies change follows from a second problem, in which the datum is larger by a step.
 
 In `docs/theory.md`: (D34).
 """
@@ -49,25 +49,25 @@ _UNITS: Final = {
     "rotation": "rotation",
     **dict.fromkeys((*COMPONENTS, "pressure"), "stress"),
 }
-"""Which of the `Units` kinds of numbers are in, all but forces."""
+"""Units of the kinds of numbers, by their names in `Units`; all other kinds are forces."""
 
-_SMALL: Final = 1e-6  # of the problem's unit: numbers below count as this for relative errors
+_SMALL: Final = 1e-6  # of the problem's unit: least reference of relative errors
 _ON: Final = 1e-6  # of the body's length: distance from a contact that is rounding
-_LOOK: Final = np.linspace(1e-9, 1.0 - 1e-9, 33)  # where extremes along an edge are looked for: off vertices
+_LOOK: Final = np.linspace(1e-9, 1.0 - 1e-9, 33)  # samples on an edge for extremes, not at vertices
 _SMOOTH: Final = 0.9  # cosine of the angle between tangents below which a contact has a kink
 
 
 @dataclass(frozen=True)
 class Measure:
-    """A quantity: how it is computed, and what is known of it."""
+    """A quantity: how it is computed, and of which kind it is."""
 
     name: str  # see `refine`
     value: Callable[[ContactResult], float]  # the number
     kind: str = ""  # such as "normal_force", "slip" or "von_mises"; empty for a function
-    point: bool = False  # whether it is that of a point given by its coordinates
+    point: bool = False  # whether it belongs to a point given by its coordinates
 
     def unit(self, result: ContactResult, value: float) -> float:
-        """What the error of its value is relative to."""
+        """The reference of its relative error."""
         if self.kind == "energy":
             return result.energies.strain
         scales = result.discretization.scales
@@ -81,50 +81,50 @@ class Measure:
 
     @classmethod
     def of(cls, problem: ContactProblem, quantity: Quantity) -> Measure:
-        """The measure that `refine` calls by this name, or a function; `InputError` if there is none."""
+        """The measure with a name of `refine`, or of a function; `InputError` if there is no such name."""
         if not isinstance(quantity, str):
             if not callable(quantity):
                 raise InputError("quantity", quantity, "give a name or a function of a ContactResult")
             name = getattr(quantity, "__name__", "quantity")
             return cls(name, lambda result: finite_number("quantity", np.asarray(quantity(result))[()]))
-        called, point = _with_point(quantity)
-        own, _, kind = called.rpartition(".")
-        sign, _, component = kind.partition("_")
+        base_name, point = _with_point(quantity)
+        owner, _, kind = base_name.rpartition(".")
+        which, _, component = kind.partition("_")
         plates = {contact.name for contact in problem.contacts if contact.plate is not None}
         lines = {contact.name: contact.edges for contact in problem.contacts}
         if component != "pressure":
             lines = {name: name for name in (*problem.mesh.edge_names, *problem.mesh.joint_names)} | lines
-        if own in lines and sign in ("largest", "smallest") and component in (*COMPONENTS, "pressure"):
-            value = partial(_extreme, edges=lines[own], component=component, sign=1.0 if sign == "largest" else -1.0)
+        if owner in lines and which in ("largest", "smallest") and component in (*COMPONENTS, "pressure"):
+            value = partial(_extreme, edges=lines[owner], component=component, sign=1.0 if which == "largest" else -1.0)
             return cls(quantity, value, component)
-        known = [*_ENERGIES, *(f"{name}(x, y)" for name in COMPONENTS)]
+        names = [*_ENERGIES, *(f"{name}(x, y)" for name in COMPONENTS)]
         for contact in problem.contacts:
             kinds = [*FORCES, "largest_pressure", "slip(x, y)"]
             kinds += [*_PLATE_FORCES, *_MOTIONS] if contact.name in plates else []
-            known += [f"{contact.name}.{kind}" for kind in kinds]
+            names += [f"{contact.name}.{kind}" for kind in kinds]
         extremes = f"largest or smallest along edges, as in {next(iter(lines), 'EDGES')}.largest_von_mises"
-        known_name("quantity", quantity if point is None else f"{called}(x, y)", {"numbers": known}, extremes)
+        known_name("quantity", quantity if point is None else f"{base_name}(x, y)", {"numbers": names}, extremes)
         if point is None:
-            return cls(quantity, lambda result: _number(result, own, kind), kind)
+            return cls(quantity, lambda result: _number(result, owner, kind), kind)
         if kind == "slip":
-            _places_on(problem.mesh, problem.mesh.edges(lines[own]), point)  # or an error
-            return cls(quantity, partial(_slip, name=own, point=point), kind, point=True)
+            _places_on(problem.mesh, problem.mesh.edges(lines[owner]), point)  # or an error
+            return cls(quantity, partial(_slip, name=owner, point=point), kind, point=True)
         cell = problem.mesh.around(point[None])[1][:1]
         if not len(cell):
             raise InputError("quantity", quantity, "give a point inside the body")
-        t = problem.mesh.reference(cell, point[None]).clip(0.0)  # smaller triangles take less rounding as inside
+        t = problem.mesh.reference(cell, point[None]).clip(0.0)  # rounding may put a point outside of finer triangles
         point = (problem.mesh.placed(cell, t / t.sum()) @ problem.mesh.corners[cell[0]]).ravel()
         return cls(quantity, partial(_stress, component=kind, point=point), kind, point=True)
 
 
 def unit_of(quantity: str, units: Units) -> str:
-    """The unit of a quantity of a refinement by its name, that of forces for a function."""
+    """The unit of a quantity with this name; for a function the unit of forces."""
     kind = quantity.partition("(")[0].rpartition(".")[2]
     return str(getattr(units, _UNITS.get(kind.removeprefix("largest_").removeprefix("smallest_"), "force")))
 
 
 def _with_point(quantity: str) -> tuple[str, FloatArray | None]:
-    """The name and the point of "NAME(x, y)"."""
+    """The name and the point of "NAME(x, y)"; None without a point."""
     called, _, numbers = quantity.removesuffix(")").partition("(")
     if not quantity.endswith(")"):
         return quantity, None
@@ -135,94 +135,94 @@ def _with_point(quantity: str) -> tuple[str, FloatArray | None]:
     raise InputError("quantity", quantity, f"give the coordinates of a point, as in {called}(0.5, 1.0)")
 
 
-def _number(result: ContactResult, own: str, kind: str) -> float:
+def _number(result: ContactResult, owner: str, kind: str) -> float:
     """An energy, or a force or motion on a contact."""
     if kind in _ENERGIES:
         return float(result.energies.complementary if kind == "energy" else result.energies.dissipation)
     if kind in FORCES:
-        return float(getattr(result.contacts[own], kind))
+        return float(getattr(result.contacts[owner], kind))
     if kind in _PLATE_FORCES:
-        return float(getattr(result.plate_force(own), _PLATE_FORCES[kind]))
-    return float(getattr(result.plates[own], kind))
+        return float(getattr(result.plate_force(owner), _PLATE_FORCES[kind]))
+    return float(getattr(result.plates[owner], kind))
 
 
 def _stress(result: ContactResult, component: str, point: FloatArray) -> float:
-    """A stress at a point, between cells that of the mean."""
+    """A stress at a point; where cells meet, of their mean stress."""
     problem, known = result.problem, result.discretization
     cells = problem.mesh.around(point[None])[1]
-    x, y = places = np.tile(point[:, None], len(cells))
-    at = problem.mesh.reference(cells, places.T)[:, None]
-    stress = known.scales.stress * stress_in_cells(known, known.coefficients(result.dofs), cells, at)[1][:, 0]
+    x, y = points = np.tile(point[:, None], len(cells))
+    t = problem.mesh.reference(cells, points.T)[:, None]
+    stress = known.scales.stress * stress_in_cells(known, known.coefficients(result.dofs), cells, t)[1][:, 0]
     along_z = float(stress_along_z(problem, cells, x, y, stress).mean())
     return float(stress_component(stress.mean(axis=0), component, along_z))
 
 
 def _slip(result: ContactResult, name: str, point: FloatArray) -> float:
-    """The slip at a point of a contact: of polynomials through the points of edges, the mean of `_places_on`."""
+    """The slip at a point of a contact, by polynomials through the points of edges; the mean over the edges there."""
     points = next(rows.points for rows in result.discretization.contacts if rows.name == name)
     slip = result.contacts[name].slip.reshape(-1, points.count)
-    fitted = (
+    values = (
         Polynomial.fit(points.reference, slip[number], points.count - 1, domain=[0.0, 1.0])(t)
         for number, t in _places_on(result.problem.mesh, points.edges, point)
     )
-    return float(np.mean(list(fitted)))
+    return float(np.mean(list(values)))
 
 
 def _places_on(mesh: TriangleMesh, edges: Edges, point: FloatArray) -> list[tuple[int, float]]:
     """The edges that hold a point of a contact, with the coordinate on each, 0 to 1.
 
-    In a vertex these are both edges where the contact goes on smoothly, in a kink the one of lower number.
+    At a vertex these are both edges if the contact is smooth there, at a kink the edge of lower number.
     """
     first, second = mesh.vertices[edges.first], mesh.vertices[edges.second]
     t = shares_along(second - first, edges.bend, point - first).clip(0.0, 1.0)
-    away = points_along(mesh.vertices, edges, t[:, None])[:, 0] - point
-    near = np.flatnonzero(np.hypot(*away.T) <= _ON * mesh.length)
+    offset = points_along(mesh.vertices, edges, t[:, None])[:, 0] - point
+    near = np.flatnonzero(np.hypot(*offset.T) <= _ON * mesh.length)
     if not len(near):
         raise InputError("quantity", tuple(point.tolist()), "give a point on the contact")
     tangents = frames_along(edges, t[:, None])[1][near, 0]
-    smooth = tangents @ tangents[0] >= _SMOOTH
-    return list(zip(near[smooth].tolist(), t[near[smooth]].tolist(), strict=True))
+    is_smooth = tangents @ tangents[0] >= _SMOOTH
+    return list(zip(near[is_smooth].tolist(), t[near[is_smooth]].tolist(), strict=True))
 
 
 def _extreme(result: ContactResult, edges: str, component: str, sign: float) -> float:
-    """The largest or smallest stress along edges, on both sides of joints, or pressure on them.
+    """The largest (sign 1) or smallest (−1) stress along edges, on both sides of joints, or pressure on them.
 
-    A parabola goes through the largest of the values looked at and its neighbours on that edge.
+    A parabola goes through the extreme of the sampled values and its neighbours on the edge.
     """
     problem, discretization = result.problem, result.discretization
     mesh, space, scales = problem.mesh, discretization.space, discretization.scales
-    chosen = mesh.edges(edges)
+    line = mesh.edges(edges)
     if component == "pressure":
-        points = points_along(space.vertices, chosen, _LOOK)
-        normal = space.tractions(result.dofs, chosen, _LOOK)[0].reshape(points.shape[:2])
+        points = points_along(space.vertices, line, _LOOK)
+        normal = space.tractions(result.dofs, line, _LOOK)[0].reshape(points.shape[:2])
         values = -scales.stress * (normal + potential_at(problem, scales, points))
     else:
-        side, edge = (chosen.cells.T >= 0).nonzero()
-        cells, chosen = chosen.cells[edge, side], chosen.take(edge)
+        side, edge = (line.cells.T >= 0).nonzero()
+        cells, line = line.cells[edge, side], line.take(edge)
         corners, t = mesh.cells[cells, None], _LOOK[:, None]  # coordinates of places lose digits far from the origin
-        at = (corners == chosen.first[:, None, None]) * (1.0 - t) + (corners == chosen.second[:, None, None]) * t
-        coefficients, (x, y) = discretization.coefficients(result.dofs), mesh.points_along(chosen, _LOOK)
+        at = (corners == line.first[:, None, None]) * (1.0 - t) + (corners == line.second[:, None, None]) * t
+        coefficients, (x, y) = discretization.coefficients(result.dofs), mesh.points_along(line, _LOOK)
         stress = scales.stress * stress_in_cells(discretization, coefficients, cells, at)[1]
         values = stress_component(stress, component, stress_along_z(problem, cells, x, y, stress))
-    number, k = np.unravel_index(np.argmax(sign * values), values.shape)
-    value = float(values[number, k])
+    row, k = np.unravel_index(np.argmax(sign * values), values.shape)
+    value = float(values[row, k])
     if 0 < k < len(_LOOK) - 1:
-        before, after = values[number, [k - 1, k + 1]]
-        bend = before - 2.0 * value + after
-        value -= float((after - before) ** 2 / (8.0 * bend)) if bend != 0.0 else 0.0
+        before, after = values[row, [k - 1, k + 1]]
+        curvature = before - 2.0 * value + after
+        value -= float((after - before) ** 2 / (8.0 * curvature)) if curvature != 0.0 else 0.0
     return value
 
 
 # derivatives
 
 Side: TypeAlias = Literal["above", "below"]
-"""From where a parameter comes to its value."""
+"""The side from which a parameter approaches its value."""
 
-_AGREE: Final = 1e-6  # relative difference of two one-sided derivatives that is none
-_NEXT: Final = 1e-7  # of a datum: step between two programs whose rows are compared
-_CLOSED: Final = 1e-6  # duality gap of programs whose multipliers are good enough
-_NEAR: Final = 1e-3  # the same for derivatives at either side of a change of mechanism
-_SAME: Final = 1e-4  # relative difference of these that counts as none: they are extrapolated
+_AGREE: Final = 1e-6  # relative difference of one-sided derivatives up to which they agree
+_NEXT: Final = 1e-7  # of a datum: step between two programs whose rows are subtracted
+_CLOSED: Final = 1e-6  # largest relative duality gap of programs with accurate multipliers
+_NEAR: Final = 1e-3  # of a datum: steps to either side from which one-sided derivatives are extrapolated
+_SAME: Final = 1e-4  # relative difference up to which these extrapolated derivatives agree
 
 
 def derivative(result: ContactResult, quantity: str, parameter: str, side: Side | None = None) -> float:
@@ -235,27 +235,25 @@ def derivative(result: ContactResult, quantity: str, parameter: str, side: Side 
     if not at_point and (measure.kind == "energy" or not measure.bounded):  # no affine function of the solution
         remedy = "give a force, a motion of a plate, or at a point NAME.slip(x, y), xx(x, y), yy(x, y) or xy(x, y)"
         raise InputError("quantity", quantity, remedy)
-    known = result.discretization
-    chosen = _datum(result.problem, known.scales, parameter)
-    base = known.with_data(known.problem, known.scales)
-    moved = known.with_data(chosen.moved(1.0), known.scales)
+    discretization = result.discretization
+    datum = _datum(result.problem, discretization.scales, parameter)
+    base = discretization.with_data(discretization.problem, discretization.scales)
+    moved = discretization.with_data(datum.moved(1.0), discretization.scales)
     if moved.qvi.A.shape != base.qvi.A.shape or moved.qvi.n != base.qvi.n:
         raise InputError("parameter", parameter, "a step changes which unknowns there are: give its load a value first")
     value, solution = measure.value, result.solution
-    further, here = (ContactResult(each, replace(solution, problem=each.qvi)) for each in (moved, base))
-    at_rest = value(further) - value(here)
+    moved_result, base_result = (ContactResult(each, replace(solution, problem=each.qvi)) for each in (moved, base))
+    direct_change = value(moved_result) - value(base_result)
 
     def one_sided(sign: float) -> tuple[float, bool]:
-        found = change(solution, base.qvi, moved.qvi, sign)
-        there = replace(
-            solution,
-            z=solution.z + found.z,
-            normal_multiplier=solution.normal_multiplier + found.normal,
-            tangential_multiplier=solution.tangential_multiplier + found.tangential,
-            equality_multiplier=solution.equality_multiplier + found.equality,
-        )
-        differs = value(ContactResult(known, there)) - value(result)
-        return (differs * sign + at_rest) / chosen.unit, found.changes_state
+        direction = change(solution, base.qvi, moved.qvi, sign)
+        next_solution = replace(
+            solution, z=solution.z + direction.z, normal_multiplier=solution.normal_multiplier + direction.normal,
+            tangential_multiplier=solution.tangential_multiplier + direction.tangential,
+            equality_multiplier=solution.equality_multiplier + direction.equality,
+        )  # fmt: skip
+        difference = value(ContactResult(discretization, next_solution)) - value(result)
+        return (difference * sign + direct_change) / datum.unit, direction.changes_state
 
     above, changes = one_sided(1.0)
     if not changes or side == "above":
@@ -277,24 +275,24 @@ def _sides_differ(why: str, below: float, above: float) -> InputError:
 
 
 _Path: TypeAlias = tuple[str | int, ...]
-"""Fields and places in lists that lead from a problem to a datum; ("load", NAME) to the factor of a load."""
+"""Fields, and indices of lists, that lead from a problem to a datum; ("load", NAME) is the factor of a load."""
 
 
 def _paths(problem: ContactProblem, *, limit: bool = False) -> Iterator[tuple[str, _Path]]:
-    """All data by name, or those of limit loads."""
+    """All data by name, with their paths; only those of limit loads if `limit`."""
     for number, condition in enumerate(problem.conditions):
-        at = "conditions", number
+        start = "conditions", number
         if isinstance(condition, Contact):
             names = [] if condition.law == "tied" else [*SHEAR_LAW]
-            driven: list[str] = []
+            of_plate: list[str] = []
             if not limit:
                 names += ["gap", "offset", *(name for name in SPRINGS if not callable(getattr(condition, name)))]
-                driven += [*_MOTIONS, *_PLATE_FORCES]
-            known: list[_Path] = [(name,) for name in names if getattr(condition, name) is not None]
-            known += [("plate", name) for name in driven if getattr(condition.plate, name, None) is not None]
-            yield from ((f"{condition.name}.{path[-1]}", (*at, *path)) for path in known)
+                of_plate += [*_MOTIONS, *_PLATE_FORCES]
+            paths: list[_Path] = [(name,) for name in names if getattr(condition, name) is not None]
+            paths += [("plate", name) for name in of_plate if getattr(condition.plate, name, None) is not None]
+            yield from ((f"{condition.name}.{path[-1]}", (*start, *path)) for path in paths)
         elif isinstance(condition, Displacement) and not limit:
-            yield from ((f"{condition.edges}.{name}", (*at, name)) for name in components(condition))
+            yield from ((f"{condition.edges}.{name}", (*start, name)) for name in components(condition))
     yield from ((f"load.{name}", ("load", name)) for name in loads_of(problem))
     if any(material.expansion for material in problem.materials) and not limit:
         yield "temperature", ("temperature",)
@@ -303,24 +301,24 @@ def _paths(problem: ContactProblem, *, limit: bool = False) -> Iterator[tuple[st
                 yield f"{region.name}.temperature", ("regions", number, "temperature")
     materials: list[tuple[str, _Path]] = [("material", ("material",))]  # of the body, and of regions with a name
     materials += [(each.name, ("regions", k, "material")) for k, each in enumerate(problem.regions) if each.name]
-    for title, where in materials:
+    for title, place in materials:
         inner: list[_Path] = [("young",)]
         if limit:
-            strength = _at(problem, where).strength
-            held = () if strength is None else (each.name for each in fields(strength))
-            inner = [("strength", name) for name in held if getattr(strength, name) is not None]
-        yield from ((f"{title}.{path[-1]}", (*where, *path)) for path in inner)
+            strength = _at(problem, place).strength
+            names_of_strength = () if strength is None else (each.name for each in fields(strength))
+            inner = [("strength", name) for name in names_of_strength if getattr(strength, name) is not None]
+        yield from ((f"{title}.{path[-1]}", (*place, *path)) for path in inner)
 
 
 def _at(part: Any, path: _Path) -> Any:
-    """What a path leads to."""
+    """The part of a problem at the end of a path."""
     for place in path:
         part = part[place] if isinstance(place, int) else getattr(part, place)
     return part
 
 
 def _with(part: Any, path: _Path, value: Any) -> Any:
-    """The same with another value at the end of a path."""
+    """The part with another value at the end of a path."""
     place, *rest = path
     if rest:
         value = _with(_at(part, (place,)), tuple(rest), value)
@@ -328,9 +326,9 @@ def _with(part: Any, path: _Path, value: Any) -> Any:
 
 
 class _Datum(NamedTuple):
-    """The problem with a datum larger by so many units, what a unit is, and whether the datum is 0 and may not be less.
+    """The problem with a datum larger by a number of units, the unit, and whether the datum is 0 and has no less.
 
-    One unit more of a modulus makes its compliance twice as large: that is less than the modulus.
+    One more unit of a modulus doubles the compliance: the unit is the negative modulus.
     """
 
     moved: Callable[[float], ContactProblem]
@@ -339,7 +337,7 @@ class _Datum(NamedTuple):
 
 
 def _datum(problem: ContactProblem, scales: Scales, parameter: str, *, limit: bool = False) -> _Datum:
-    """The datum of a name, its own size as unit in limit loads; temperatures grow by what has that of stress."""
+    """The datum of a name. Its unit is its own size in limit loads; temperatures have the unit of thermal stress 1."""
     paths = dict(_paths(problem, limit=limit))
     path = paths[known_name("parameter", parameter, {"parameters": paths})]
     name = str(path[-1])
@@ -350,7 +348,7 @@ def _datum(problem: ContactProblem, scales: Scales, parameter: str, *, limit: bo
         return _Datum(lambda step: _with(problem, path, value / (1.0 + step)), -value, least=False)
     force, length = scales.stress * scales.length, scales.displacement
     expansion = max(abs(each.expansion) for each in problem.materials) or 1.0
-    units = {  # of others that of stress
+    units = {  # all others have the unit of stress
         **dict.fromkeys(("friction", "phi"), 1.0),
         **dict.fromkeys(("gap", "offset", "x", "y", "normal", "tangential"), length),
         **dict.fromkeys(("force_x", "force_y"), force),
@@ -359,16 +357,16 @@ def _datum(problem: ContactProblem, scales: Scales, parameter: str, *, limit: bo
         "temperature": scales.stress * scales.compliance / expansion,
     }
     unit = units.get(name, scales.stress)
-    number = not callable(value)
-    if limit and number:
+    is_number = not callable(value)
+    if limit and is_number:
         unit = abs(value) or unit
 
-    return _Datum(lambda step: _with(problem, path, plus(value, step * unit)), unit, number and value == 0.0)
+    return _Datum(lambda step: _with(problem, path, plus(value, step * unit)), unit, is_number and value == 0.0)
 
 
 @dataclass(frozen=True)
 class LimitFactor:
-    """The quantity of a limit analysis: the largest multiple of loads that the contacts can carry."""
+    """The quantity of a limit analysis: the largest multiple of loads that contacts and bodies can carry."""
 
     loads: Sequence[str]
     """Names of the loads to multiply, see `limit_load_factor`."""
@@ -378,48 +376,48 @@ class LimitFactor:
 
             LimitFactor(["drag"]).derivative(problem, "ground.friction")
 
-        It is that of `LimitLoad.lower`, the factor of the mesh, which is that of the body where both sides agree, from
-        the multipliers of its program; `SolveError` if these are not found. `InputError` if there is no such name, no
-        finite factor, derivatives from both sides differ, or bilateral contacts have friction.
+        This is the derivative of `LimitLoad.lower`, the factor of the mesh, and of the body's factor where both sides
+        agree. It follows from the multipliers of the program; `SolveError` if these are not found. `InputError` if
+        there is no such name or no finite factor, if the derivatives from both sides differ, or if bilateral contacts
+        have friction.
 
         Parameters
         ----------
         problem : ContactProblem
             The problem.
         parameter : str
-            "NAME.friction" and the like of a contact, what bounds its shear; "load.NAME", a factor of a load; of
-            strengths "material.c" and the like, "NAME.phi" of a region. A function counts as larger by the same number
-            everywhere.
+            "NAME.friction" and other bounds of the shear of a contact; "load.NAME", the factor of a load; "material.c"
+            and other strengths, "NAME.phi" of a region. A function grows by the same number everywhere.
         side : "above" or "below", optional
-            Needed where another mechanism begins at this value, to within 0.2 %, so that the derivatives from both
-            sides differ; such values are good to about five digits. What is zero has only the one from above.
+            Needed where another mechanism begins within 0.2 % of this value, so that the derivatives from both sides
+            differ; they are good to about five digits. A datum that is zero has only the derivative from above.
 
         """
-        posed = LimitProblem.of(problem, checked_loads(problem, self.loads))
-        if both_signs(posed.low).any():
+        analysis = LimitProblem.of(problem, checked_loads(problem, self.loads))
+        if both_signs(analysis.low).any():
             raise InputError("problem", "bilateral", "bilateral contacts with friction have no derivative: give none")
         _check_side(side)
-        datum = _datum(problem, posed.low.scales, parameter, limit=True)
+        datum = _datum(problem, analysis.low.scales, parameter, limit=True)
         unit = datum.unit
 
         def program(step: float) -> ConicProgram:
-            low, high = (multiplied(datum.moved(step), posed.names, factor) for factor in (1.0, 2.0))
-            first = posed.low.with_data(low, posed.low.scales)
-            return StressProgram(first, first.with_data(high, posed.low.scales)).program()
+            low, high = (multiplied(datum.moved(step), analysis.names, factor) for factor in (1.0, 2.0))
+            first = analysis.low.with_data(low, analysis.low.scales)
+            return StressProgram(first, first.with_data(high, analysis.low.scales)).program()
 
         def at(step: float) -> float:
-            base, further = program(step), program(step + _NEXT)
-            found = base.solve()
-            if isinstance(found, str):
+            base, next_program = program(step), program(step + _NEXT)
+            answer = base.solve()
+            if isinstance(answer, str):
                 raise InputError(
-                    "loads", ", ".join(posed.names), "there is no finite limit load here: it has no derivative"
+                    "loads", ", ".join(analysis.names), "there is no finite limit load here: it has no derivative"
                 )
-            value = float(base.q @ found.x)
-            if not abs(value + float(base.b @ found.multipliers)) <= _CLOSED * abs(value):
+            value = float(base.q @ answer.x)
+            if not abs(value + float(base.b @ answer.multipliers)) <= _CLOSED * abs(value):
                 remedy = "the solver does not find its multipliers; compare factors of limit_load_factor at two values"
                 raise SolveError(f"derivative by {parameter}: {remedy}")
-            moved = further.b - base.b - (further.A @ found.x - base.A @ found.x)
-            return float(found.multipliers @ moved) / (_NEXT * unit)
+            change_of_rows = next_program.b - base.b - (next_program.A @ answer.x - base.A @ answer.x)
+            return float(answer.multipliers @ change_of_rows) / (_NEXT * unit)
 
         above = 2.0 * at(_NEAR) - at(2.0 * _NEAR)
         if datum.least or side == "above":

@@ -369,7 +369,7 @@ class TestScope:
         assert np.isfinite(found.error)
         assert found.forces == {}
 
-    @pytest.mark.parametrize(("x", "y", "what"), [(1e-3, 0.0, "what holds the slip"), (0.0, -1e-3, "the obstacle")])
+    @pytest.mark.parametrize(("x", "y", "what"), [(1e-3, 0.0, "the slip condition"), (0.0, -1e-3, "the obstacle")])
     def test_supports_that_contradict_the_contact_are_named(self, x, y, what):
         """In the corner where the side that they hold meets the contact, or the top: no displacement is admissible."""
         held = [Displacement("left", x=x, y=y), Displacement("top", x=x, y=-0.05), Displacement("right", x=-x / 2.0)]
@@ -595,7 +595,7 @@ class TestFrictionAlone:
     def test_where_nothing_sticks(self):
         """A force that friction can just bear: the message says what is missing."""
         found = solve(self.block(0.2, 0.2), degree=4)
-        assert "no part of 'bottom' sticks that would hold it, nor does pressure. Its errors" in found.bracket.message
+        assert "neither a sticking part of 'bottom' nor pressure stops its motion. Errors" in found.bracket.message
         assert found.uniqueness.apart == np.inf
         pulled = [Contact("bottom", 0.2), Displacement("top", y=-0.01), Traction("top", x=0.0)]
         pulled += [Traction("right", 0.004, 0.0), FREE[0]]
