@@ -25,6 +25,7 @@ _COARSER: Final = 1e-7  # gap of the solver in programs of more than so many blo
 _LARGE: Final = 4000
 REGULAR: Final = (1e-12, 1e-11, 1e-10)  # added to its matrices: in more, thin triangles are lost
 _USUAL: Final = 1e-8  # by default; where stresses of rigid parts say nothing it does not solve with less
+_STRONGER: Final = 1e-6  # where equations depend on each other and it breaks down with the usual one
 _REFINED: Final = 30  # steps of its iterative refinement, at most
 _ROUNDED: Final = 1e-14  # of the largest column: columns that are nothing but rounding
 _DAMPED: Final = 1e-14  # added to the normal equations, whose rows may depend on each other
@@ -41,6 +42,8 @@ _LITTLE: Final = 1e-5  # share of the way to it for which no second program is s
 _NEAR: Final = 1e-3  # room that is enough in each row: more of it in some rows may leave none in others
 _TIGHTER: Final = 4.0  # times what an answer misses, which is asked for in a second program
 APART: Final = 1e3  # times the least strength: those up to it count as equal
+_GAIN: Final = 1e-9  # of what is done for and against it: what falls by more falls for ever
+_MISSED: Final = 0.1  # of a gain, what may come from rows that are missed
 _ENDLESS: Final = 1e50  # points that are larger are directions, whose squares are numbers still
 _NEVER: Final = 1e-300  # what "unbounded" must reach once it was found to be rounding
 _LEAST_TIME: Final = 1.0  # seconds for one program, at least
@@ -121,7 +124,8 @@ class ConicProgram:
         settings.iterative_refinement_max_iter = _REFINED
         data = sparse.csc_matrix((len(q), len(q))), q / size, sparse.csc_matrix(A), self.b / unit, kinds
         stuck: list[Any] = []
-        for added in (None,) if self.dependent else (*regular, _USUAL):  # it may break down or get stuck with one
+        usual = self.dependent and _STRONGER not in regular
+        for added in (None, _STRONGER) if usual else (*regular, _USUAL):  # it may break down or get stuck with one
             if added is not None:
                 settings.static_regularization_constant, settings.static_regularization_proportional = added, 0.0
             settings.time_limit = max(deadline.left, _LEAST_TIME)
@@ -157,18 +161,23 @@ class ConicProgram:
 
     @cached_property
     def falls(self) -> bool:
-        """Whether there is a direction in which q·x falls for ever, and not by rounding only; no if none is found."""
-        program = replace(self, b=np.zeros_like(self.b)).up_to(1.0)
+        """Whether there is a direction in which q·x falls for ever, and not by rounding only; no if none is found.
+
+        q·x falls by no more than 1 while inequalities and cones leave a sum of no more than 1: it may fall by a
+        millionth of that.
+        """
+        rows, program = [-self.q, -self.A[self._heads].sum(axis=0)], replace(self, b=np.zeros_like(self.b))
+        program = program._extended(self.q, sparse.csr_array((len(self.b), 0)), np.vstack(rows), np.ones(2))
         found: Answer | str = INFEASIBLE
         with suppress(SolveError):
-            found = program.solve()
+            found = program.solve((_STRONGER,) if self.dependent else REGULAR)
         if isinstance(found, str):
             return False
         x, violation = program.repaired(found.x)
-        gained = -float(self.q @ x)  # 1, which the last inequality allows, if there is such a direction
-        seen = float(np.abs(self.A[:, self.q != 0.0].data).max(initial=1.0)) / max(1.0, float(np.abs(self.q).max()))
-        held = violation * program.size(x) <= HELD * seen  # beside what a gain of 1 puts into the rows, at least
-        return gained > max(0.5, ROUNDING * float(np.abs(self.q) @ np.abs(x))) and held
+        gained, power = -float(self.q @ x), float(np.abs(self.q) @ np.abs(x))
+        prices = np.append(self.q, found.multipliers[program._heads])  # of what is missed; limits of gains hide some
+        missed = violation * program.size(x) * float(np.abs(prices).sum())
+        return gained > _GAIN * power and missed <= _MISSED * gained
 
     def on_faces(
         self, units: FloatArray, narrow_below: float, aside: float, known: FloatArray | None = None
@@ -344,4 +353,7 @@ class ConicProgram:
         """The program with limits less by a share of them, if positive, and by a room."""
         b = self.b.copy()
         b[self._heads] -= share * np.maximum(b[self._heads], 0.0) + room
-        return replace(self, b=b)
+        program = replace(self, b=b)
+        if "falls" in vars(self):  # it does not depend on b, and takes as long as several solves
+            vars(program)["falls"] = self.falls
+        return program

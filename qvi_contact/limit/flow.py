@@ -196,10 +196,11 @@ class FlowProgram:
         self._slopes = np.swapaxes(np.linalg.inv(corners)[..., :2, :], -1, -2)
         self._weights = np.repeat(self._areas.ravel() / self.cones.count, self.cones.count)
 
-    def solved(self, share: float = 0.0, *, known: bool = False) -> Flow:
+    def solved(self, share: float = 0.0, *, known: bool = False, doubted: bool = False) -> Flow:
         """The flow with the least bound that is found; `SolveError` if the one found breaks its conditions.
 
         Infinity instead if a bound is `known`, of rigid blocks, or that there is none, since any multiple is carried.
+        A bound that is `doubted` is kept only if no flow without power of these loads is found that falls for ever.
 
         It goes a share of the way towards a flow inside all limits, as far as they leave room. Without such a share,
         strain of what has no tension that nothing can open otherwise is across an edge, by equations.
@@ -247,7 +248,7 @@ class FlowProgram:
                 x, violation = (other, off) if off < violation + HELD * gained else (x, violation)
         power = float(live @ x[:n])
         held = violation <= HELD and power > 0.0
-        beyond = not (held and every.q @ x >= 0.0) and any(each.falls for each in (every, program))
+        beyond = not (held and every.q @ x >= 0.0 and not doubted) and any(each.falls for each in (every, program))
         if beyond or (known and not held):  # the others do too much work where these loads do none
             return Flow(-np.inf if beyond else np.inf)
         if not held:

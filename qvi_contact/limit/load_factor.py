@@ -16,7 +16,7 @@ from qvi_contact.basics.checks import FloatArray, instance_of, names_among, posi
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
-from qvi_contact.limit.conic import APART
+from qvi_contact.limit.conic import APART, ROUNDING
 from qvi_contact.limit.flow import BodyMotion, Flow, FlowProgram
 from qvi_contact.limit.split import coefficients_of
 from qvi_contact.limit.stresses import CERTIFIED, WIDER, Carried, StressProgram, YieldCones
@@ -204,17 +204,18 @@ class LimitProblem:
     def _flow(self, *, known: bool) -> tuple[Flow, FlowProgram]:
         """The flow with the least bound, and its program; that of all only if what is far stronger may help."""
         *nearer, every = self.flows
+        doubted = self.carried.factor == -np.inf  # the mesh carries no multiple: perhaps no stress does
         found = list[tuple[Flow, FlowProgram]]()
         for program in nearer:
             with suppress(SolveError):  # that of all says why
-                found.append((program.solved(known=True), program))
+                found.append((program.solved(known=True, doubted=doubted), program))
         cones, stress = every.cones, self.carried.stress
         spared = stress is not None and float(np.abs(stress).max()) * self.low.scales.stress < _SPARED * cones.least
         spared &= cones.most > _FAR * cones.least
         if any(flow.bound == -np.inf or (spared and flow.bound < np.inf) for flow, _ in found):
             return found[0]
         known |= any(flow.bound < np.inf for flow, _ in found)
-        return min([*found, (every.solved(known=known), every)], key=lambda each: each[0].bound)
+        return min([*found, (every.solved(known=known, doubted=doubted), every)], key=lambda each: each[0].bound)
 
     @cached_property
     def of_blocks(self) -> tuple[float, Mechanism | None]:
@@ -268,7 +269,7 @@ def _checked(carried: Carried, upper: float, straight: bool) -> float:
     lower = carried.factor
     if upper < lower <= upper + _MET * (1.0 + abs(upper)) + WIDER * carried.farthest:
         return upper
-    if lower > upper and carried.violation > WIDER:
+    if lower > upper and carried.violation > ROUNDING:
         return -np.inf  # what keeps limits but for rounding is nothing beside a motion
     if straight and lower > upper:
         raise SolveError(
@@ -329,6 +330,9 @@ class StrengthReduction:
     upper: float
     """Strengths divided by this do not, on any mesh: a mechanism or a flow shows it. Infinity if no factor was
     found."""
+    in_time: bool = True
+    """Whether the searches ended within the time limit. If not, both bounds hold, but may be farther apart than asked
+    for."""
 
 
 def strength_reduction_factor(
@@ -355,14 +359,14 @@ def strength_reduction_factor(
     accuracy : float
         Relative width at which the searches for both sides end, below 1.
     degree, time_limit, **retired
-        As for `limit_load_factor`.
+        As for `limit_load_factor`. At the time limit the searches end with the bounds that they have.
 
     Raises
     ------
     InputError
         If a name is unknown, or the accuracy is out of range.
     SolveError
-        If a program is not solved, or not in time.
+        If a program is not solved, or not even the first one in time.
 
     """
     refuse_arguments(retired, ("of", "accuracy", *OPTIONS))
@@ -379,6 +383,8 @@ def strength_reduction_factor(
     def spare(u: float, side: int) -> float:
         """The logarithm of the share of the loads that is carried with strengths over e^u, and never zero."""
         if u not in known:
+            if known and deadline.over:  # or each program of one more factor would take its least time
+                raise SolveError("limit load: the time limit was reached")
             limit = LimitProblem.of(_reduced(problem, chosen, math.exp(u)), names, degree).limit
             known[u] = limit.lower, limit.upper
         share = known[u][side]
@@ -392,7 +398,7 @@ def strength_reduction_factor(
 
     with deadline(time_limit):
         carried, fallen = (_searched(spare, ends, side, math.log1p(accuracy)) for side in (0, 1))
-    return StrengthReduction(math.exp(carried[0]), math.exp(fallen[1]))
+        return StrengthReduction(math.exp(carried[0]), math.exp(fallen[1]), not deadline.over)
 
 
 def _searched(
@@ -411,8 +417,8 @@ def _searched(
         brentq(spare, *span, args=(side,), xtol=width)
     except SolveError:  # rounding decides where loads are all but at the limit, or far below: what is known is right
         holds, falls = ends(side)
-        far_below = math.isfinite(holds) and math.isinf(falls) and not deadline.over
-        if falls - holds > _CLOSE and not far_below:
+        far_below = math.isfinite(holds) and math.isinf(falls)
+        if falls - holds > _CLOSE and not (far_below or deadline.over):
             raise
     return ends(side)
 

@@ -10,6 +10,7 @@ import pytest
 
 from qvi_contact import (
     InputError,
+    LimitLoad,
     SolveError,
     TriangleMesh,
     limit_load_factor,
@@ -299,6 +300,17 @@ def test_what_the_other_loads_break_carries_no_multiple():
     crushed = stretched(Tresca(1.0))  # by a millionth more than it carries
     loads = [Traction("top", x=0.0, y=-2.0 - 2e-6), Traction("right", x=0.0, y=0.1), *crushed.conditions[2:]]
     assert limit_load_factor(replace(crushed, conditions=loads), ["right"], degree=3).upper == -np.inf
+    grid = TriangleMesh.rectangle((1, 4), 1.0, 2.0)  # or a block on another one that alone is pushed
+    sets = {**grid.edge_sets, "push": grid.edge_sets["left"][:2], "left": grid.edge_sets["left"][2:]}
+    mesh = replace(grid, edge_sets=sets).with_joint("joint", lambda _, y: np.isclose(y, 1.0))
+    own, other = (Material(1.0, 0.3, "strain", law) for law in (MohrCoulomb(300.0, 0.3), Tresca(1.0)))
+    held = [Contact("bottom", 0.0, cohesion=100.0, law="bilateral"), Contact("joint", 0.0)]
+    loads = [Traction(side, x=x, y=0.0) for side, x in (("push", 1.0), ("left", 0.0), ("right", 0.0))]
+    for degree, excess in ((3, 6e-5), (4, 2e-4)):
+        conditions = [*held, *loads, Traction("top", x=0.0, y=-2.0 - excess)]
+        parts = mesh.with_region("part", lambda _, y: y > 1.0), own, conditions, 0.0, [Region(other, name="part")]
+        limit = limit_load_factor(ContactProblem(*parts), ["push"], degree=degree)
+        assert (limit.lower, limit.upper) == (-np.inf, -np.inf)
     grid = TriangleMesh.rectangle((1, 2))
     r, a = (grid.vertices * [1.4, 1.8] + [0.9, 0.0]).T
     sets = {**grid.edge_sets, "roll": grid.edge_sets["left"][:1], "wall": grid.edge_sets["left"][1:]}
@@ -509,6 +521,23 @@ def test_a_factor_is_found_as_closely_as_rounding_allows(pytestconfig):
     upright = load_problem(pytestconfig.rootpath / "examples" / "dry_stone_wall.toml").problem
     found = strength_reduction_factor(upright)
     assert (found.lower > 900.0, found.upper) == (True, np.inf)
+
+
+def test_at_its_time_limit_safety_has_the_bounds_that_are_known(tmp_path, shell, monkeypatch):
+    """Here after three limit loads, by a clock that each of them moves on by a second."""
+    clock = [0.0]
+
+    def found(*given):
+        clock[0] += 1.0
+        return LimitLoad(*given)
+
+    monkeypatch.setattr("solvers.basics.progress.time", SimpleNamespace(monotonic=lambda: clock[0]))
+    monkeypatch.setattr("qvi_contact.limit.load_factor.LimitLoad", found)
+    save_problem(tmp_path / "block.toml", block(Tresca(1.5), 0.9, 2.0, (2, 1)))
+    told = json.loads(shell("safety", tmp_path / "block.toml", "--time-limit=2.5", "--accuracy=1e-9", "--json")[1])
+    assert 1.0 <= told["lower"] <= 1.5 * (1.0 + 1e-6) <= told["upper"] * (1.0 + 2e-6) < 2.1
+    assert told["upper"] - told["lower"] > 1e-3
+    assert "more time" in told["remarks"][0]
 
 
 def test_strength_that_is_not_enough_has_a_factor_below_one():
