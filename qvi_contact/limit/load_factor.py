@@ -198,7 +198,9 @@ class LimitProblem:
     def flows(self) -> list[FlowProgram]:
         """Programs from above of a body that yields: one that leaves alone what is far stronger, and that of all."""
         every = YieldCones.of(self.problem, self.low.space.element.traction_degree, above=True)
-        several = [every.nearer(), every] if every.most > APART * every.least else [every]
+        loads = np.inf if every.limit.all() else self.carried.loads * self.low.scales.stress
+        near = replace(every, least=min(every.least, loads))  # no tension has no size, loads have
+        several = [near.nearer(), every] if every.most > APART * near.least else [every]
         return [FlowProgram(self.problem, self.names, cones, self.low.scales) for cones in several]
 
     def _flow(self, *, known: bool) -> tuple[Flow, FlowProgram]:

@@ -87,6 +87,11 @@ class Carried:
     stress: FloatArray | None = None
     farthest: float = 0.0  # with which the loads alone, where bodies yield, are as large as what stands in the rows
 
+    @property
+    def loads(self) -> float:
+        """How large stresses are that loads suggest; infinity where they grow without end."""
+        return 1.0 if self.factor == -np.inf else max(1.0, abs(self.factor))
+
 
 def limited(discretization: Discretization) -> list[tuple[ContactRows, Contact]]:
     """The contacts that limit tractions."""
@@ -327,6 +332,7 @@ class StressProgram:
 
     low: Discretization  # the problem at both factors, in the same units and degrees of freedom
     high: Discretization
+    most: float = np.inf  # what the least strength counts for at most, dimensionless
 
     @cached_property
     def cones(self) -> YieldCones:
@@ -362,7 +368,10 @@ class StressProgram:
                     best = found if found.violation <= ROUNDING and larger else best
             return best
 
-        return self._with_signs(solve)
+        found, least = self._with_signs(solve), self.cones.least / self.low.scales.stress
+        if APART * found.loads >= least or self.most < np.inf or self.cones.limit.all():
+            return found
+        return replace(self, most=found.loads).carried(share)  # no tension has no size, loads have
 
     def _on_faces(
         self, program: ConicProgram, found: Carried, find: Callable[[ConicProgram], Carried], faces: tuple[float, float]
@@ -519,7 +528,7 @@ class StressProgram:
         if cones.mean.any():
             parts.append((sparse.diags_array(-cones.mean) @ total, cones.mean * constant))
         q = np.append(np.zeros(S.shape[1] - 1), -1.0)
-        least = cones.least / self.low.scales.stress
+        least = min(cones.least / self.low.scales.stress, self.most)
         on_edges, in_cones = (sparse.diags_array(1.0 / beside(each, least)) for each in (limit, limits))
         edges = on_edges @ H @ N, np.asarray(on_edges @ (limit - H @ n))
         parts = [(in_cones @ matrix, np.asarray(in_cones @ constant)) for matrix, constant in parts]

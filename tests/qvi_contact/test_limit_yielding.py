@@ -349,6 +349,9 @@ def test_strengths_far_apart_count_each_beside_its_own(apart):
     dry = replace(stretched(NoTension(1e8), mesh=mesh), conditions=pressed, regions=[replace(strong, material=weak)])
     assert limit_load_factor(dry, ["top"], degree=3).upper == pytest.approx(7.617, rel=1e-3)
     assert check(limit_proof(dry, ["top"], degree=3))[1] < 7.7
+    bare = replace(dry, material=replace(dry.material, strength=NoTension()), regions=[strong])  # beside the loads
+    limit = limit_load_factor(bare, ["left"], degree=3)
+    assert [limit.lower, limit.upper] == pytest.approx([2.7925, 8.5714], rel=1e-3)  # 2.96 and 42.6, 13.8 and 20882
     sheared = block(MohrCoulomb(500.0, 0.3), 0.0, 1.0)
     glued = [Contact("bottom", 0.0, cohesion=1e3 * apart), *sheared.conditions[1:]]
     limit = limit_load_factor(replace(sheared, conditions=glued), ["shear"], degree=3)
