@@ -163,8 +163,7 @@ class ConicProgram:
     def falls(self) -> bool:
         """Whether there is a direction in which q·x falls for ever, and not by rounding only; no if none is found.
 
-        q·x falls by no more than 1 while inequalities and cones leave a sum of no more than 1: it may fall by a
-        millionth of that.
+        Inequalities and cones leave a sum of 1 at most, of which q·x may fall by a millionth.
         """
         rows, program = [-self.q, -self.A[self._heads].sum(axis=0)], replace(self, b=np.zeros_like(self.b))
         program = program._extended(self.q, sparse.csr_array((len(self.b), 0)), np.vstack(rows), np.ones(2))

@@ -333,8 +333,7 @@ class StrengthReduction:
     """Strengths divided by this do not, on any mesh: a mechanism or a flow shows it. Infinity if no factor was
     found."""
     in_time: bool = True
-    """Whether the searches ended within the time limit. If not, both bounds hold, but may be farther apart than asked
-    for."""
+    """Whether the searches ended within the time limit. If not, both bounds hold all the same."""
 
 
 def strength_reduction_factor(
