@@ -321,7 +321,7 @@ def test_what_the_other_loads_break_carries_no_multiple():
 
 def test_a_rigid_punch_by_force_is_two_plus_pi_at_most():
     """Prandtl's punch, half of it; friction under it does not matter, and bounds hold 2 + π."""
-    pressed, found = ground(Tresca(1.0), (0, 0.5, 0.75, 1, 1.25, 1.5, 2, 3, 4), (-2, -1, -0.5, -0.25, 0)), []
+    pressed = ground(Tresca(1.0), (0, 0.5, 0.75, 1, 1.25, 1.5, 2, 3, 4), (-2, -1, -0.5, -0.25, 0))
     others = [each for each in pressed.conditions if each.edges != "foot"]
     for mu in (0.0, 0.3):
         punch = Contact("foot", mu, name="punch", plate=RigidPlate(force_y=-1.0, x=0.0, rotation=0.0))
@@ -329,8 +329,7 @@ def test_a_rigid_punch_by_force_is_two_plus_pi_at_most():
         assert limit.lower < 2 + np.pi < limit.upper
         moved = limit.collapse.motion.plates["punch"]
         assert moved.y < moved.x == moved.rotation == 0.0
-        found.append((limit.lower, limit.upper))
-    assert 4.3 < found[0][0] < found[0][1] < 5.6
+        assert mu or 4.3 < limit.lower < limit.upper < 5.6
 
 
 @pytest.mark.parametrize("apart", [1e8, 1e12])
@@ -415,8 +414,7 @@ def test_strength_may_be_divided_by_what_the_shear_leaves(c, of, fluid, exact):
     dry = block(c and Tresca(c), 0.9, 2.0, (2, 1))
     wet = replace(dry, conditions=[Contact("bottom", 0.9, pore_pressure=fluid), *dry.conditions[1:]])
     found = strength_reduction_factor(wet, of=of, accuracy=1e-2)
-    assert found.lower <= exact * (1.0 + 1e-6) <= found.upper * (1.0 + 2e-6)
-    assert found.upper - found.lower < 2e-2 * exact
+    assert found.lower <= exact * (1.0 + 1e-6) <= found.upper * (1.0 + 2e-6) < found.lower + 2e-2 * exact
 
 
 @pytest.mark.parametrize("phi", [0.5, lambda x, _: 0.5 + 0.0 * x])
@@ -587,10 +585,8 @@ def test_cones_are_criteria_as_textbooks_write_them_in_principal_stresses(plane)
         (MohrCoulomb(c, phi, 0.2), rubs & (most <= 0.2)), (NoTension(), most <= 0),
         (NoTension(3.0), (most <= 0) & (least >= -3.0)),
     ):  # fmt: skip
-        within = [
-            np.hypot(cone.mean * 2 * mean, 2 * radius) <= cone.factor * cone.field - cone.pressure * 2 * mean
-            for cone in strength.cones(plane)
-        ]
+        within = [np.hypot(each.mean * 2 * mean, 2 * radius) <= each.factor * each.field - each.pressure * 2 * mean
+                  for each in strength.cones(plane)]  # fmt: skip
         assert (np.all(within, axis=0) == holds).all()
 
 
