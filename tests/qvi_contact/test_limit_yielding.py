@@ -21,7 +21,7 @@ from qvi_contact import (
     strength_reduction_factor,
 )
 from qvi_contact.files import problem_from_toml, problem_to_toml
-from qvi_contact.limit import check
+from qvi_contact.limit import LimitProblem, check
 from qvi_contact.problem import (
     Contact,
     ContactProblem,
@@ -121,6 +121,9 @@ def test_what_does_not_carry_its_weight_carries_no_multiple_of_an_even_pressure(
     lifted = replace(stretched(NoTension()), body_potential=lambda _, y: -4.0 * y)
     lifted = replace(lifted, conditions=[Traction("top", x=0.0, y=-1.0), *lifted.conditions[1:]])
     assert limit_load_factor(lifted, ["top"], degree=3).lower == np.inf  # from 4 on
+    program = LimitProblem.of(heavy, ("body",), 3).stresses.program()
+    vars(program)["falls"] = True  # which takes as long as several solves, and has nothing to do with limits
+    assert program.tightened(room=1e-9).falls
 
 
 def test_friction_that_varies():
@@ -151,8 +154,7 @@ def test_friction_that_begins_at_zero_has_a_bound_with_a_cut_off_only_and_none_w
     with pytest.raises(InputError, match="cut-off"):
         limit_load_factor(stretched(MohrCoulomb(0.5, growing)), ["top"])
     limit = limit_load_factor(stretched(MohrCoulomb(0.5, growing, 0.2)), ["top"])
-    assert limit.lower == pytest.approx(0.2, rel=1e-5)
-    assert 0.2 <= limit.upper < 0.25
+    assert (limit.lower, 0.2 <= limit.upper < 0.25) == (pytest.approx(0.2, rel=1e-5), True)
 
 
 def block(strength, mu, pressure, cells=(4, 2)):
@@ -230,8 +232,7 @@ def test_cones_without_room_are_along_rays_of_an_answer():
     own, other = (Material(1.0, 0.2, "strain", law) for law in (Tresca(2.3), MohrCoulomb(0.5, 0.4, 0.0)))
     held, part = Displacement("bottom", x=0.0, y=0.0), Region(other, name="part")
     limit = limit_load_factor(ContactProblem(mesh, own, [held, *loads], regions=[part]), ["left"], degree=3)
-    assert limit.lower == pytest.approx(23.9464, rel=1e-4)
-    assert limit.violation < 1e-12
+    assert (limit.lower, limit.violation < 1e-12) == (pytest.approx(23.9464, rel=1e-4), True)
 
 
 def test_a_rigid_part_beside_a_bilateral_plate_with_friction():
@@ -546,9 +547,8 @@ def test_the_commands_say_both_sides_and_draw_the_flow(tmp_path, shell, monkeypa
     save_problem(file, block(Tresca(0.5), 0.6, 2.0))
     status, out, _ = shell("limit", file, "--load", "shear", "--json", "--plot", picture, "--vtk", flow)
     found = json.loads(out)
-    assert (status, found["bounds"]) == (0, True)
+    assert (status, found["bounds"], picture.stat().st_size > 1000) == (0, True, True)
     assert [found["factor"], found["upper"]] == pytest.approx([0.5, 0.5], rel=1e-5)
-    assert picture.stat().st_size > 1000
     grid = pytest.importorskip("meshio").read(flow)
     stress = next(values for name, values in grid.point_data.items() if name.startswith("stress"))
     assert stress[:, 3] == pytest.approx(0.5, rel=1e-3)  # shear at its limit
