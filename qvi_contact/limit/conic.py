@@ -28,6 +28,7 @@ _COARSER: Final = 1e-7  # duality gap of the solver in large programs; bounds ar
 _LARGE: Final = 4000  # blocks of a large program
 REGULAR: Final = (1e-12, 1e-11, 1e-10)  # regularisations of the solver, tried in turn: larger ones lose thin triangles
 _USUAL: Final = 1e-8  # the solver's default regularisation; without it, undetermined stresses of rigid parts stop it
+_STRONGER: Final = 1e-6  # regularisation for dependent equations, if the solver breaks down with its default
 _REFINED: Final = 30  # largest number of the solver's steps of iterative refinement
 _ROUNDED: Final = 1e-14  # of the norm of the largest column: columns below are rounding
 _DAMPED: Final = 1e-14  # relative damping of normal equations whose rows may be dependent
@@ -44,6 +45,8 @@ _LITTLE: Final = 1e-5  # share of an inner point up to which no second program i
 _NEAR: Final = 1e-3  # largest margin asked for in each row: more in some rows may leave none in others
 _TIGHTER: Final = 4.0  # times the violation of an answer: room asked for in a second program
 APART: Final = 1e3  # ratio to the least strength up to which strengths are weighted alike
+_GAIN: Final = 1e-9  # of the sum of |q_i x_i|: a smaller fall of q·x is rounding
+_MISSED: Final = 0.1  # of the fall of q·x: largest share that may come from violated rows
 _ENDLESS: Final = 1e50  # largest point: a larger one is a direction, and its square might overflow
 _NEVER: Final = 1e-300  # tolerance that turns the solver's test for "unbounded" off
 _LEAST_TIME: Final = 1.0  # least time limit of one program, in seconds
@@ -125,7 +128,8 @@ class ConicProgram:
         settings.iterative_refinement_max_iter = _REFINED
         data = sparse.csc_matrix((len(q), len(q))), q / size, sparse.csc_matrix(A), self.b / unit, cones
         failed: list[Any] = []
-        for regularisation in (None,) if self.dependent else (*regular, _USUAL):  # a regularisation may fail
+        usual = self.dependent and _STRONGER not in regular
+        for regularisation in (None, _STRONGER) if usual else (*regular, _USUAL):  # a regularisation may fail
             if regularisation is not None:
                 settings.static_regularization_constant = regularisation
                 settings.static_regularization_proportional = 0.0
@@ -162,18 +166,24 @@ class ConicProgram:
 
     @cached_property
     def falls(self) -> bool:
-        """Whether q·x falls without end along some direction, by more than rounding; False if no direction is found."""
-        program = replace(self, b=np.zeros_like(self.b)).up_to(1.0)
+        """Whether q·x falls without end along some direction, by more than rounding; False if no direction is found.
+
+        The direction sought has b = 0, q·x ≥ −1, and heads of the cones and slacks of the inequalities that sum up to
+        at most 1: its size is bounded.
+        """
+        rows, program = [-self.q, -self.A[self._heads].sum(axis=0)], replace(self, b=np.zeros_like(self.b))
+        program = program._extended(self.q, sparse.csr_array((len(self.b), 0)), np.vstack(rows), np.ones(2))
         answer: Answer | str = INFEASIBLE
         with suppress(SolveError):
-            answer = program.solve()
+            answer = program.solve((_STRONGER,) if self.dependent else REGULAR)
         if isinstance(answer, str):
             return False
         x, violation = program.repaired(answer.x)
-        gained = -float(self.q @ x)  # 1, the limit of `up_to`, if there is such a direction
-        row_size = float(np.abs(self.A[:, self.q != 0.0].data).max(initial=1.0)) / max(1.0, float(np.abs(self.q).max()))
-        is_kept = violation * program.size(x) <= HELD * row_size  # relative to the effect of a gain of 1 on the rows
-        return gained > max(0.5, ROUNDING * float(np.abs(self.q) @ np.abs(x))) and is_kept
+        fall, magnitude = -float(self.q @ x), float(np.abs(self.q) @ np.abs(x))
+        # effect of the violation on q·x, by the multipliers; q stands in where limits of the fall hide a multiplier
+        prices = np.append(self.q, answer.multipliers[program._heads])
+        effect = violation * program.size(x) * float(np.abs(prices).sum())
+        return fall > _GAIN * magnitude and effect <= _MISSED * fall
 
     def on_faces(
         self, units: FloatArray, narrow_below: float, aside: float, known: FloatArray | None = None
@@ -354,4 +364,7 @@ class ConicProgram:
         """The program with positive limits reduced by a share, and all limits by a room."""
         b = self.b.copy()
         b[self._heads] -= share * np.maximum(b[self._heads], 0.0) + room
-        return replace(self, b=b)
+        program = replace(self, b=b)
+        if "falls" in vars(self):  # it does not depend on b, and takes as long as several solves
+            vars(program)["falls"] = self.falls
+        return program

@@ -193,11 +193,11 @@ class FlowProgram:
         self._slopes = np.swapaxes(np.linalg.inv(corners)[..., :2, :], -1, -2)
         self._weights = np.repeat(self._areas.ravel() / self.cones.count, self.cones.count)
 
-    def solved(self, share: float = 0.0, *, known: bool = False) -> Flow:
+    def solved(self, share: float = 0.0, *, known: bool = False, doubted: bool = False) -> Flow:
         """The flow with the least bound found; `SolveError` if it breaks its conditions.
 
         If a finite bound of rigid blocks is `known`, or that every multiple is carried, an infinite bound is returned
-        instead.
+        instead. A `doubted` bound counts only if `falls` finds no motion in which the other loads do positive work.
 
         The flow moves a share of the way to a flow inside all limits, as far as they leave room. With a share of 0,
         strain of parts without tension that have no room is, by equations, across an edge.
@@ -245,7 +245,8 @@ class FlowProgram:
         # scaled to the power 1, if the conditions hold; beyond: the other loads have power where these have none
         power = float(live @ x[:n])
         is_kept = violation <= HELD and power > 0.0
-        is_beyond = not (is_kept and full.q @ x >= 0.0) and any(each.falls for each in (full, program))
+        is_trusted = is_kept and full.q @ x >= 0.0 and not doubted
+        is_beyond = not is_trusted and any(each.falls for each in (full, program))
         if is_beyond or (known and not is_kept):
             return Flow(-np.inf if is_beyond else np.inf)
         if not is_kept:

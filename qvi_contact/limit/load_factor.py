@@ -16,7 +16,7 @@ from qvi_contact.basics.checks import FloatArray, acts, instance_of, names_among
 from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError, SolveError, refuse_arguments
-from qvi_contact.limit.conic import APART
+from qvi_contact.limit.conic import APART, ROUNDING
 from qvi_contact.limit.flow import BodyMotion, Flow, FlowProgram
 from qvi_contact.limit.split import coefficients_of
 from qvi_contact.limit.stresses import CERTIFIED, WIDER, Carried, StressProgram, YieldCones
@@ -197,23 +197,26 @@ class LimitProblem:
     def flows(self) -> list[FlowProgram]:
         """Programs from above of a body that yields: the full one last, before it one with very strong parts rigid."""
         all_cones = YieldCones.of(self.problem, self.low.space.element.traction_degree, above=True)
-        cone_sets = [all_cones.nearer(), all_cones] if all_cones.most > APART * all_cones.least else [all_cones]
+        loads = np.inf if all_cones.limit.all() else self.carried.load_size * self.low.scales.stress
+        near = replace(all_cones, least=min(all_cones.least, loads))  # a strength of 0 has no size, the loads have one
+        cone_sets = [near.nearer(), all_cones] if all_cones.most > APART * near.least else [all_cones]
         return [FlowProgram(self.problem, self.names, cones, self.low.scales) for cones in cone_sets]
 
     def _flow(self, *, known: bool) -> tuple[Flow, FlowProgram]:
         """The flow with the least bound, and its program; the full one is solved only if very strong parts may help."""
         *partial, full = self.flows
+        doubted = self.carried.factor == -np.inf  # the mesh carries no multiple, so perhaps no stress does
         flows = list[tuple[Flow, FlowProgram]]()
         for program in partial:
             with suppress(SolveError):  # the full program raises if it fails too
-                flows.append((program.solved(known=True), program))
+                flows.append((program.solved(known=True, doubted=doubted), program))
         cones, stress = full.cones, self.carried.stress
         is_spared = stress is not None and float(np.abs(stress).max()) * self.low.scales.stress < _SPARED * cones.least
         is_spared &= cones.most > _FAR * cones.least
         if any(flow.bound == -np.inf or (is_spared and flow.bound < np.inf) for flow, _ in flows):
             return flows[0]
         known |= any(flow.bound < np.inf for flow, _ in flows)
-        return min([*flows, (full.solved(known=known), full)], key=lambda each: each[0].bound)
+        return min([*flows, (full.solved(known=known, doubted=doubted), full)], key=lambda each: each[0].bound)
 
     @cached_property
     def of_blocks(self) -> tuple[float, Mechanism | None]:
@@ -266,7 +269,7 @@ def _checked(carried: Carried, upper: float, straight: bool) -> float:
     lower = carried.factor
     if upper < lower <= upper + _MET * (1.0 + abs(upper)) + WIDER * carried.farthest:
         return upper
-    if lower > upper and carried.violation > WIDER:
+    if lower > upper and carried.violation > ROUNDING:
         return -np.inf  # stresses that break limits, if only by rounding, do not contradict a motion
     if straight and lower > upper:
         raise SolveError(
@@ -327,6 +330,8 @@ class StrengthReduction:
     """Strengths over this factor carry the loads, as stresses of the mesh show. Zero if no factor was found."""
     upper: float
     """Strengths over this factor do not carry the loads, as a mechanism or a flow shows. Infinity if none was found."""
+    in_time: bool = True
+    """Whether the searches ended within the time limit. If not, both bounds hold all the same."""
 
 
 def strength_reduction_factor(
@@ -353,14 +358,14 @@ def strength_reduction_factor(
     accuracy : float
         Relative width at which the searches for both sides end, below 1.
     degree, time_limit, **retired
-        As for `limit_load_factor`.
+        As for `limit_load_factor`. At the time limit the searches end with the bounds that they have.
 
     Raises
     ------
     InputError
         If a name is unknown, or the accuracy is out of range.
     SolveError
-        If a program is not solved, or not in time.
+        If a program is not solved, or not even the first one in time.
 
     """
     refuse_arguments(retired, ("of", "accuracy", *OPTIONS))
@@ -377,6 +382,8 @@ def strength_reduction_factor(
     def spare(u: float, side: int) -> float:
         """The logarithm of the load factor with strengths over e^u; positive if the loads are carried."""
         if u not in limits:
+            if limits and deadline.over:  # else each program of one more factor would take its least time
+                raise SolveError("limit load: the time limit was reached")
             limit = LimitProblem.of(_reduced(problem, chosen, math.exp(u)), all_loads, degree).limit
             limits[u] = limit.lower, limit.upper
         share = limits[u][side]
@@ -390,7 +397,7 @@ def strength_reduction_factor(
 
     with deadline(time_limit):
         carried, fallen = (_searched(spare, ends, side, math.log1p(accuracy)) for side in (0, 1))
-    return StrengthReduction(math.exp(carried[0]), math.exp(fallen[1]))
+        return StrengthReduction(math.exp(carried[0]), math.exp(fallen[1]), not deadline.over)
 
 
 def _searched(
@@ -409,8 +416,8 @@ def _searched(
         brentq(spare, *span, args=(side,), xtol=width)
     except SolveError:  # rounding decides near the limit or far below it: the factors found so far are right
         carried, fallen = ends(side)
-        is_far_below = math.isfinite(carried) and math.isinf(fallen) and not deadline.over
-        if fallen - carried > _CLOSE and not is_far_below:
+        is_far_below = math.isfinite(carried) and math.isinf(fallen)
+        if fallen - carried > _CLOSE and not (is_far_below or deadline.over):
             raise
     return ends(side)
 

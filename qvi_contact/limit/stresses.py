@@ -87,6 +87,11 @@ class Carried:
     stress: FloatArray | None = None
     farthest: float = 0.0  # factor at which the loads alone are as large as the rows, where bodies yield
 
+    @property
+    def load_size(self) -> float:
+        """Size of stresses that balance the loads; infinity if every multiple of the loads is carried."""
+        return 1.0 if self.factor == -np.inf else max(1.0, abs(self.factor))
+
 
 def limited(discretization: Discretization) -> list[tuple[ContactRows, Contact]]:
     """Rows and conditions of the contacts that limit tractions."""
@@ -329,6 +334,7 @@ class StressProgram:
 
     low: Discretization  # the problem at both factors, in the same units and degrees of freedom
     high: Discretization
+    most: float = np.inf  # rows are weighted as if the least strength were at most this, dimensionless
 
     @cached_property
     def cones(self) -> YieldCones:
@@ -364,7 +370,11 @@ class StressProgram:
                     best = next_best if next_best.violation <= ROUNDING and is_better else best
             return best
 
-        return self._with_signs(solve)
+        carried, least = self._with_signs(solve), self.cones.least / self.low.scales.stress
+        if APART * carried.load_size >= least or self.most < np.inf or self.cones.limit.all():
+            return carried
+        # cones with a = 0 have no size of their own: rows are weighted again, relative to the loads
+        return replace(self, most=carried.load_size).carried(share)
 
     def _on_faces(
         self, program: ConicProgram, found: Carried, find: Callable[[ConicProgram], Carried], faces: tuple[float, float]
@@ -525,7 +535,7 @@ class StressProgram:
             parts.append((sparse.diags_array(-cones.mean) @ trace, cones.mean * constant))
         # max α, with strong cones and rows relative to their own strength
         q = np.append(np.zeros(S.shape[1] - 1), -1.0)
-        least = cones.least / self.low.scales.stress
+        least = min(cones.least / self.low.scales.stress, self.most)
         edge_scale, cone_scale = (sparse.diags_array(1.0 / beside(each, least)) for each in (limit, limits))
         edges = edge_scale @ H @ N, np.asarray(edge_scale @ (limit - H @ n))
         parts = [(cone_scale @ matrix, np.asarray(cone_scale @ constant)) for matrix, constant in parts]

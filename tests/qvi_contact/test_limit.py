@@ -116,10 +116,6 @@ def test_programs_of_many_blocks_are_sparse(linprog):
     assert (matrix := linprog.calls[0][1]).nnz < 4 * matrix.shape[0]
 
 
-def _raised(_):
-    raise RuntimeError("broken")
-
-
 BROKEN = {
     "x is None": lambda _: {"x": None},
     "x is NaN": lambda found: {"x": np.full(len(found.x), np.nan)},
@@ -127,7 +123,7 @@ BROKEN = {
     "no marginals": lambda _: {"ineqlin": None},
     "marginals are NaN": lambda found: {"ineqlin": optimize.OptimizeResult(marginals=np.nan * found.ineqlin.marginals)},
     "fails": lambda _: {"status": 4},
-    "raises": _raised,
+    "raises": lambda _: 1 // 0,
 }
 
 
