@@ -255,13 +255,16 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 SHARE: Final = 0.1
-"""Doubt of the reference over a bound up to which the bound is judged."""
+"""Largest uncertainty of the reference over a bound for which the bound is judged."""
 
 ROUNDING: Final = 1e-9
-"""Share of the largest force that is rounding."""
+"""Differences of forces below this share of the largest force are rounding."""
+
+EXACT: Final = 1e-6
+"""Bound over the norm of the stress below which the mesh solves the problem exactly: it is the root of rounding."""
 
 TARGET, QUICK = 0.01, 10.0
-"""Of the polygons: the error that is asked for, over the force, and the seconds in which most should have it."""
+"""Of the polygons: the error asked for, relative to the force, and the seconds in which most should reach it."""
 
 _NUMBERS: Final = ("bound", "moved", "stress", "displacement", "doubt", "reach", "unknowns", "reference_unknowns")
 _OTHERS: Final = ("message", "law", "guaranteed", "forces")
@@ -288,7 +291,7 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
     kind = [f"{one}, {other}" for one, other in zip(law, sure, strict=True)]
     return runs.assign(
         judged=judged, inside=judged & inside, outside=judged & outside, ratio=(runs.bound / runs.stress).where(judged),
-        together=(runs.bound / both).where(judged & energy), kind=kind,
+        together=(runs.bound / both).where(judged & energy & (runs.bound > EXACT)), kind=kind,
     )  # fmt: skip
 
 
