@@ -1,8 +1,8 @@
-"""What is known of the problem files in the folder examples without this package: the one table of it.
+"""Known values of the problem files in the folder examples, from sources other than this package.
 
-The chapter on these files below, the gallery of the documentation and the tests read it. A line has a quantity with
-its unit, how it is measured, its known value, the tolerance, and the source. A tolerance is relative to the known
-value, and in units of the quantity where that is zero, or where the comparison is another one (`Known.compare`).
+The chapter on these files below, the gallery of the documentation and the tests read this table. A line has a quantity
+with its unit, its measure, known value, tolerance and source. A tolerance is relative to the known value, or in the
+unit of the quantity where that is zero, or where the comparison is not relative (`Known.compare`).
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ CYLINDER: Final = (358.536, 0.62146)
 """Hertz, under a hundredth of the load of `gallery.cylinder_on_block`: peak pressure [MPa] and half-width [mm]."""
 
 HALF_DISCS: Final = (9.351351, 0.680778, 0.496511)
-"""The same of `gallery.half_discs`, and Cattaneo's half-width that sticks [mm]."""
+"""Peak pressure and half-width of `gallery.half_discs`, and the half-width that sticks by Cattaneo [mm]."""
 
 
 def read_example(name: str) -> ProblemFile:
