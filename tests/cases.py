@@ -38,10 +38,7 @@ def thinned(cases, count):
 
 
 def every_pair(first: Sequence[Any], second: Sequence[Any], third: Sequence[Any]) -> list[tuple[Any, Any, Any]]:
-    """All pairs of the first two, each with one value of the third, the shortest.
-
-    Each value of the third occurs with each value of the first and with each value of the second.
-    """
+    """All pairs of the first two, each with one value of the third, the shortest, which meets all values of both."""
     assert len(third) <= min(len(first), len(second))
     return [(a, b, third[(i + j) % len(third)]) for i, a in enumerate(first) for j, b in enumerate(second)]
 
