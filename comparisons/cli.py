@@ -416,7 +416,7 @@ def _written(file: str, result: "ContactResult") -> int:
 
 
 for command in (
-    paper, benchmark, benchmark_wall, verify, solvers, *(_convergence(*told) for told in _CONVERGENCE), peers, bounds,
+    paper, benchmark, benchmark_wall, verify, solvers, *(_convergence(*entry) for entry in _CONVERGENCE), peers, bounds,
     wild, limits, export,
 ):  # fmt: skip
     group.add_command(command)

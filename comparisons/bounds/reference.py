@@ -331,62 +331,62 @@ class _Model:
     def _contact(self, S: FloatArray, f: FloatArray, known: FloatArray) -> FloatArray:
         """The nodal displacements u whose forces Su − f obey the law; `known` has the displacements of held nodes."""
         free, where = self._space.FreeDofs(), [each.where for each in self._contacts]
-        touched = abs(self._basis.T) @ np.array([float(not free[k]) for k in self._inner.tolist()])
-        held = touched > _TURN
+        share_held = abs(self._basis.T) @ np.array([float(not free[k]) for k in self._inner.tolist()])
+        is_held = share_held > _TURN
         N, T = np.concatenate(where), np.concatenate([each + len(each) for each in where])
-        gap, offset, friction, cohesion, across, along = (
+        gap, offset, friction, cohesion, normal_compliance, shear_compliance = (
             np.concatenate([each.values(name) for each in self._contacts])
             for name in ("gap", "offset", "friction", "cohesion", "normal_stiffness", "tangential_stiffness")
         )
-        kept = np.concatenate([np.full(len(each.where), each.contact.law == "tied") for each in self._contacts])
+        is_tied = np.concatenate([np.full(len(each.where), each.contact.law == "tied") for each in self._contacts])
         C = np.zeros(len(f))
-        C[N], C[T] = across, along
-        C[held] = 0.0
+        C[N], C[T] = normal_compliance, shear_compliance
+        C[is_held] = 0.0
         S, f = (np.asarray(np.linalg.solve(np.eye(len(f)) + S * C, each), np.float64) for each in (S, f))
-        closed, sense = np.ones(len(N), dtype=bool), np.zeros(len(N))
+        is_closed, slip_direction = np.ones(len(N), dtype=bool), np.zeros(len(N))
         stiff, dice = S.diagonal(), np.random.default_rng(0)
         for step in range(_STEPS):
             M, b = S.copy(), f.copy()
 
-            def given(rows: IntArray, values: FloatArray, M: FloatArray = M, b: FloatArray = b) -> None:
+            def prescribe(rows: IntArray, values: FloatArray, M: FloatArray = M, b: FloatArray = b) -> None:
                 M[rows], b[rows] = 0.0, values
                 M[rows, rows] = 1.0
 
-            slips, presses = sense != 0.0, closed & ~held[N]
-            coupled = slips & presses & (friction > 0.0)
-            factor = (sense * friction)[coupled]
-            b[T] -= sense * cohesion
+            is_slipping, is_pressed = slip_direction != 0.0, is_closed & ~is_held[N]
+            coupled = is_slipping & is_pressed & (friction > 0.0)
+            factor = (slip_direction * friction)[coupled]
+            b[T] -= slip_direction * cohesion
             M[T[coupled]] -= factor[:, None] * S[N[coupled]]
             b[T[coupled]] -= factor * f[N[coupled]]
-            given(N[closed], gap[closed])
-            given(T[~slips], offset[~slips])
-            given(np.flatnonzero(held), known[held])
+            prescribe(N[is_closed], gap[is_closed])
+            prescribe(T[~is_slipping], offset[~is_slipping])
+            prescribe(np.flatnonzero(is_held), known[is_held])
             y: FloatArray = np.asarray(np.linalg.solve(M, b), np.float64)
             r = S @ y - f
-            pressure = np.where(held[N], 0.0, np.maximum(-r[N], 0.0))
-            bound = np.where(kept, np.inf, cohesion + friction * pressure)
-            pushed = -r[T] + stiff[T] * (y[T] - offset)
-            lifted = np.where(kept, 1.0, -r[N] + stiff[N] * (y[N] - gap))
-            state = np.where(np.abs(pushed) < bound, 0.0, np.where(pushed < 0.0, -1.0, 1.0))
-            state[(state == -sense) & (bound > 0.0)] = 0.0  # a node sticks before it slips the other way
-            wrong = np.flatnonzero((closed != (lifted > 0.0)) | (sense != state))
+            pressure = np.where(is_held[N], 0.0, np.maximum(-r[N], 0.0))
+            bound = np.where(is_tied, np.inf, cohesion + friction * pressure)
+            trial_shear = -r[T] + stiff[T] * (y[T] - offset)
+            trial_pressure = np.where(is_tied, 1.0, -r[N] + stiff[N] * (y[N] - gap))
+            state = np.where(np.abs(trial_shear) < bound, 0.0, np.where(trial_shear < 0.0, -1.0, 1.0))
+            state[(state == -slip_direction) & (bound > 0.0)] = 0.0  # a node sticks before it slips back
+            wrong = np.flatnonzero((is_closed != (trial_pressure > 0.0)) | (slip_direction != state))
             if not len(wrong):
                 break
             if step >= _STEPS // 6:  # probably a cycle: change half of the nodes, by chance
                 wrong = wrong[dice.random(len(wrong)) < 0.5]
-            closed[wrong], sense[wrong] = lifted[wrong] > 0.0, state[wrong]
+            is_closed[wrong], slip_direction[wrong] = trial_pressure[wrong] > 0.0, state[wrong]
         else:
             raise NoReferenceError("the contact iteration did not end")
         self.forces, changes, states = {}, [], set[str]()
         for each in self._contacts:
             chosen = np.isin(N, each.where)
-            normal, shear = (np.where(held[rows], 0.0, r[rows])[chosen] for rows in (N, T))
+            normal, shear = (np.where(is_held[rows], 0.0, r[rows])[chosen] for rows in (N, T))
             self.forces[f"{each.contact.name}.normal_force"] = float(-normal.sum())
             self.forces[f"{each.contact.name}.tangential_force"] = float(shear.sum())
-            rough = kept | (friction > 0.0) | (cohesion > 0.0)
-            state = np.where(closed, np.where(rough, 2.0 + sense, 4.0), 0.0)[chosen]
+            has_friction = is_tied | (friction > 0.0) | (cohesion > 0.0)
+            state = np.where(is_closed, np.where(has_friction, 2.0 + slip_direction, 4.0), 0.0)[chosen]
             states |= {_STATES[value] for value in np.unique(state).tolist()}
-            state[held[N][chosen] | held[T][chosen]] = np.nan
+            state[is_held[N][chosen] | is_held[T][chosen]] = np.nan
             changed = np.flatnonzero(np.abs(np.diff(state)) > 0.0)
             changes.append((each.at[changed] + each.at[changed + 1]) / 2.0)
         self.states = ", ".join(name for name in _STATES.values() if name in states)

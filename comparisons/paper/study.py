@@ -233,13 +233,13 @@ def principal_stresses(study: PaperStudy) -> Figure:
     figure = new_figure(13.0, 7.9)
     axes = figure.subplots(2, 4, sharex=True, sharey=True)
     full = max(printed for _, printed in study.reference.figures.values())
-    for (upper, lower), told in zip(axes.T, figure_rows(study), strict=True):
-        row = study.row(told["friction"])
+    for (upper, lower), numbers in zip(axes.T, figure_rows(study), strict=True):
+        row = study.row(numbers["friction"])
         _crosses(upper, row.plate, row.runs["uzawa_30"], full)
         _crosses(lower, row.plate, row.reference, full)
-        upper.set_title(f"Fig. {told['figure']}, μ = {row.friction:g}, Uzawa {study.reference.iterations}\n"
-                        f"max {told['uzawa_30']:.2f}, printed {told['paper']:.2f} MPa")  # fmt: skip
-        lower.set_title(f"converged, μ = {row.friction:g}\nmax {told['converged']:.2f} MPa")
+        upper.set_title(f"Fig. {numbers['figure']}, μ = {row.friction:g}, Uzawa {study.reference.iterations}\n"
+                        f"max {numbers['uzawa_30']:.2f}, printed {numbers['paper']:.2f} MPa")  # fmt: skip
+        lower.set_title(f"converged, μ = {row.friction:g}\nmax {numbers['converged']:.2f} MPa")
         lower.set_xlabel("x [length]")
     for left in axes[:, 0]:
         left.set_ylabel("y [length]")

@@ -54,8 +54,8 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
     the number of problems; "feasible", whether there is a solution; "time", the seconds of certified runs.
     """
     runs = frame_of(rows, (), ("seconds", "options"))
-    told = DataFrame([row.result.get("outcomes", {NO_ANSWER: 1}) for row in rows], columns=[*OUTCOMES])
-    runs[[*OUTCOMES]] = told.fillna(0).astype(int)
+    counts = DataFrame([row.result.get("outcomes", {NO_ANSWER: 1}) for row in rows], columns=[*OUTCOMES])
+    runs[[*OUTCOMES]] = counts.fillna(0).astype(int)
     runs["certified"] = [
         bool(row.certificate["passed"]) if row.certificate else set(row.result.get("outcomes", ())) == {RIGHT}
         for row in rows
@@ -96,7 +96,7 @@ def geometric_mean(values: "Series[float]") -> float:
     return math.exp(np.log(values).mean())
 
 
-def told_by(runs: DataFrame) -> DataFrame:
+def outcome_counts(runs: DataFrame) -> DataFrame:
     """Solver → number of inner problems with a solution for each outcome; problems of sequences count one by one.
 
     "said" is the number of answers called solved, "share" the share of them that are untrue (NaN if there are none).
@@ -141,8 +141,8 @@ def method_of(runs: DataFrame, name: str) -> dict[str, Any]:
 
 def values_of(runs: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences."""
-    solvers, told = set(runs.solver), told_by(runs)
-    often = told[told.share >= RARELY].sort_values("share", ascending=False, kind="stable")
+    solvers, counts = set(runs.solver), outcome_counts(runs)
+    often = counts[counts.share >= RARELY].sort_values("share", ascending=False, kind="stable")
     hopeless = runs[(runs.task == INNER) & ~runs.feasible]
     recognised = hopeless.groupby("solver", sort=False).certified.agg(["sum", "size"])
     every = len(hopeless.drop_duplicates([*INSTANCE]))
@@ -154,10 +154,10 @@ def values_of(runs: DataFrame) -> dict[str, Any]:
         "feasible": int(runs.feasible.sum()), "certified": int((runs.feasible & runs.certified).sum()),
         # solvers whose answers called solved are often untrue
         "often": [f"{each.Index} ({percent(each.share)} of {each.said})" for each in often.itertuples()],
-        "seldom": int((told.share < RARELY).sum()), "alarms": int(told[FALSE_ALARM].sum()),
+        "seldom": int((counts.share < RARELY).sum()), "alarms": int(counts[FALSE_ALARM].sum()),
         # solvers that recognise all inner problems without a solution; how many of these problems are called solved
         "asked": int((recognised["size"] == every).sum()), "right": [*recognised.index[recognised["sum"] == every]],
-        "lied": int(hopeless[UNTRUE].sum()),
+        "called_solved": int(hopeless[UNTRUE].sum()),
     }  # fmt: skip
 
 
@@ -165,11 +165,11 @@ def tables_of(runs: DataFrame) -> dict[str, DataFrame]:
     """The tables by name."""
     first = [(name, solver, f"{solved} of {given}", within)
              for kind, name in KINDS.items() for solver, solved, given, within in ranking(runs, kind)]  # fmt: skip
-    told = told_by(runs).reset_index()
+    truth = outcome_counts(runs).reset_index()
     hopeless = runs[~runs.feasible]
     hopeless = hopeless.assign(column=hopeless.problem + ", " + hopeless.task + ", " + hopeless.form)
     return {
-        "overview": overview(runs), "truth": told.assign(true=1.0 - told.share),
+        "overview": overview(runs), "truth": truth.assign(true=1.0 - truth.share),
         "first": DataFrame(first, columns=["kind", "solver", "solved", "within"]),
         **{f"times-{kind}": speeds(of_kind(runs, kind)) for kind in KINDS},
         "infeasible": _crossed(hopeless, "column", "status", _words),
@@ -182,8 +182,8 @@ def overview(runs: DataFrame) -> DataFrame:
     by_kind = concat({kind: of_kind(runs, kind) for kind in KINDS}, names=["which"]).reset_index("which")
     columns = by_kind.which + ", " + by_kind.level
     shares = by_kind.certified.groupby([by_kind.solver, columns]).agg(_share).unstack().reindex(columns=names)
-    told = shares.join(told_by(runs)[["share", FALSE_ALARM]], how="outer").reindex(runs.solver.unique())
-    return told.rename_axis("solver").reset_index()
+    table = shares.join(outcome_counts(runs)[["share", FALSE_ALARM]], how="outer").reindex(runs.solver.unique())
+    return table.rename_axis("solver").reset_index()
 
 
 def _share(certified: "Series[bool]") -> str:
@@ -197,18 +197,18 @@ def speeds(chosen: DataFrame) -> DataFrame:
     for level in LEVELS:
         runs = chosen[chosen.level == level]
         ratios, times = performance_ratios(runs), runs.dropna(subset="time").groupby("solver").time
-        told = {
+        columns = {
             **{name: profile(ratios, at).map(percent) for name, at in _WITHIN.items()},
             "mean time": times.agg(geometric_mean).map(seconds) + times.size().map(" ({})".format),
         }
-        parts.append(DataFrame(told).add_prefix(f"{level}: "))
+        parts.append(DataFrame(columns).add_prefix(f"{level}: "))
     return concat(parts, axis=1).reindex(chosen.solver.unique()).rename_axis("solver").reset_index()
 
 
 def _crossed(runs: DataFrame, column: str, value: str, cell: Callable[[Series], str]) -> DataFrame:
     """A line for each solver, under each value of the column a text of the values there, in the order of the runs."""
-    told = runs.pivot_table(value, "solver", column, cell, sort=False)
-    return told.reindex(runs.solver.unique(), columns=runs[column].unique()).rename_axis("solver").reset_index()
+    table = runs.pivot_table(value, "solver", column, cell, sort=False)
+    return table.reindex(runs.solver.unique(), columns=runs[column].unique()).rename_axis("solver").reset_index()
 
 
 def _words(statuses: Series) -> str:

@@ -60,7 +60,7 @@ _ROUNDS: Final = 2  # solves of the first step, the second at the first one's an
 
 
 @dataclass(frozen=True)
-class Described:
+class ProblemSpec:
     """A problem before it is built: kind, whether it has a solution, and whether all tasks run in all unknowns."""
 
     build: Callable[[], FrictionQVI]
@@ -72,9 +72,9 @@ class Described:
 class Instance:
     """A problem, and the reference solution, friction bounds and forms that its runs share."""
 
-    def __init__(self, described: Described) -> None:
-        self.described = described
-        self.qvi = described.build()
+    def __init__(self, spec: ProblemSpec) -> None:
+        self.spec = spec
+        self.qvi = spec.build()
 
     @cached_property
     def reference(self) -> QVISolution:
@@ -89,7 +89,7 @@ class Instance:
     @cached_property
     def bound(self) -> Vector:
         """The friction bound (m,) of the inner problem: that of the solution, or of the bonded state without one."""
-        if not self.described.feasible:
+        if not self.spec.feasible:
             return self._first_bound
         return self.qvi.threshold(self.qvi.pressure(self.reference.z))
 
@@ -117,7 +117,7 @@ class Instance:
         """
         form = self.form(name)
         centre = form.centre(None, None)
-        for _ in range(_ROUNDS if self.described.feasible else 0):
+        for _ in range(_ROUNDS if self.spec.feasible else 0):
             solver = make_inner(_RECORDED, form.problem, _REFERENCE)
             found = solver.solve(form.threshold(self._first_bound), centre, None)
             if not found.finite:
@@ -159,18 +159,18 @@ def doubled_rows(qvi: FrictionQVI) -> FrictionQVI:
     return FrictionQVI(qvi.stiffness, contact, loads, law)
 
 
-PROBLEMS: Final[Mapping[str, Described]] = {
-    "plate_4": Described(_plate(4), "well conditioned"),
-    "plate_8": Described(_plate(8), "well conditioned"),
-    "plate_16": Described(_plate(16), "well conditioned", small=False),
-    "graded_8": Described(_plate(8, grading=GRADING), "ill conditioned"),
-    "graded_16": Described(_plate(16, grading=GRADING), "ill conditioned", small=False),
-    "ssnv128_4": Described(lambda: _algebra(ssnv128((4, 4))), "open contact"),
-    "stick_8": Described(_plate(8, friction=2.0), "sticking"),
-    "stick_16": Described(_plate(16, friction=2.0), "sticking", small=False),
-    "doubled_rows": Described(lambda: doubled_rows(_plate(8)()), "redundant rows"),
-    "dragged_block": Described(_block(5.05, 10.0), "no solution", feasible=False),
-    "pulled_block": Described(_block(0.0, -1.0), "no solution", feasible=False),
+PROBLEMS: Final[Mapping[str, ProblemSpec]] = {
+    "plate_4": ProblemSpec(_plate(4), "well conditioned"),
+    "plate_8": ProblemSpec(_plate(8), "well conditioned"),
+    "plate_16": ProblemSpec(_plate(16), "well conditioned", small=False),
+    "graded_8": ProblemSpec(_plate(8, grading=GRADING), "ill conditioned"),
+    "graded_16": ProblemSpec(_plate(16, grading=GRADING), "ill conditioned", small=False),
+    "ssnv128_4": ProblemSpec(lambda: _algebra(ssnv128((4, 4))), "open contact"),
+    "stick_8": ProblemSpec(_plate(8, friction=2.0), "sticking"),
+    "stick_16": ProblemSpec(_plate(16, friction=2.0), "sticking", small=False),
+    "doubled_rows": ProblemSpec(lambda: doubled_rows(_plate(8)()), "redundant rows"),
+    "dragged_block": ProblemSpec(_block(5.05, 10.0), "no solution", feasible=False),
+    "pulled_block": ProblemSpec(_block(0.0, -1.0), "no solution", feasible=False),
 }  # fmt: skip
 """Name → problem, in the order of the tables."""
 
@@ -290,14 +290,14 @@ def keep(case: Mapping[str, Any], quick: bool = False) -> bool:
     * On fine meshes only single inner problems are solved in all unknowns.
     * Quick runs have sequences and outer loops in condensed form only, at one level, for problems with a solution.
     """
-    task, described = case["task"], PROBLEMS[case["problem"]]
+    task, spec = case["task"], PROBLEMS[case["problem"]]
     if case["solver"] in METHODS and (task, case["form"]) != (OUTER, "condensed"):
         return False
-    if task == COLD and (not described.feasible or described.kind == "sticking"):
+    if task == COLD and (not spec.feasible or spec.kind == "sticking"):
         return False
     if quick and task != INNER:
-        return case["form"] == "condensed" and case["level"] == "mid" and described.feasible
-    return task == INNER or case["form"] == "condensed" or described.small
+        return case["form"] == "condensed" and case["level"] == "mid" and spec.feasible
+    return task == INNER or case["form"] == "condensed" or spec.small
 
 
 RIGHT, UNTRUE, FALSE_ALARM, MODEST, GAVE_UP = "right", "untrue", "false alarm", "modest", "gave up"

@@ -53,7 +53,7 @@ def choose(names: Sequence[str]) -> Chapters:
     return {chapter: problems for chapter, problems in chosen.items() if problems}
 
 
-class Told(NamedTuple):
+class ProblemRows(NamedTuple):
     """A problem's name, the name of its table, the first paragraph of its docstring, and its rows."""
 
     name: str
@@ -62,14 +62,14 @@ class Told(NamedTuple):
     rows: Sequence[Row]
 
 
-def run(chapters: Chapters, quick: bool, advance: Advance) -> dict[str, list[Told]]:
+def run(chapters: Chapters, quick: bool, advance: Advance) -> dict[str, list[ProblemRows]]:
     """Compute the rows of all problems, by chapter; `advance` is called after each problem.
 
     A problem that raises an exception, or has no rows, gets a failed row with the reason.
     """
     done = {}
     for chapter, problems in chapters.items():
-        done[chapter] = list[Told]()
+        done[chapter] = list[ProblemRows]()
         for name, problem in problems.items():
             rows: list[Row] = []
             try:
@@ -78,12 +78,12 @@ def run(chapters: Chapters, quick: bool, advance: Advance) -> dict[str, list[Tol
             except Exception as error:  # any exception: the other problems are run
                 rows.append(crash(f"{type(error).__name__}: {' '.join(str(error).split())}"))
             about = " ".join((problem.__doc__ or "").strip().split("\n\n")[0].split())
-            done[chapter].append(Told(name, name.replace("/", "-"), about, rows or [crash("it has no rows")]))
+            done[chapter].append(ProblemRows(name, name.replace("/", "-"), about, rows or [crash("it has no rows")]))
             advance(name)
     return done
 
 
-POSED: Final[Mapping[str, tuple[Callable[[], ContactProblem], Units | None]]] = {
+PICTURED: Final[Mapping[str, tuple[Callable[[], ContactProblem], Units | None]]] = {
     "rings": (partial(gallery.rings, 4), Units(length="m", stress="Pa")),
     "press-fit": (partial(gallery.press_fit, 2), MM),
     "cylinder-in-bore": (partial(gallery.cylinder_in_bore, 2, extent=2.0), MM),
@@ -101,15 +101,15 @@ POSED: Final[Mapping[str, tuple[Callable[[], ContactProblem], Units | None]]] = 
 
 def drawings(names: Sequence[str]) -> dict[str, str]:
     """Figure names → pictures of the bodies of these problems, as SVG."""
-    chosen = {name: posed for name, posed in POSED.items() if name in names}
+    chosen = {name: pictured for name, pictured in PICTURED.items() if name in names}
     return {
-        f"problem-{name}": drawn(f"verification-{name}", partial(problem_figure, posed(), units))
-        for name, (posed, units) in chosen.items()
+        f"problem-{name}": drawn(f"verification-{name}", partial(problem_figure, make(), units))
+        for name, (make, units) in chosen.items()
     }
 
 
 def report(
-    done: Mapping[str, Sequence[Told]], figures: Mapping[str, str], quick: bool = False, only: Sequence[str] = ()
+    done: Mapping[str, Sequence[ProblemRows]], figures: Mapping[str, str], quick: bool = False, only: Sequence[str] = ()
 ) -> Report:
     """The manual, from rows and `drawings` only; `only` are the names that were chosen."""
     every = [(chapter, each, row) for chapter, found in done.items() for each in found for row in each.rows]
