@@ -1,6 +1,6 @@
-"""Commands of ``python -m comparisons``: one function each, in which what it runs is loaded.
+"""Commands of ``python -m comparisons``: a function each, which imports what it runs.
 
-What an experiment runs and reports is a `Plan`; the name of the function is that of the command and of the report.
+The function of an experiment returns a `Plan`. Its name is that of the command and of the report.
 """
 
 import math
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from qvi_contact.solution.result import ContactResult
 
 _NEEDED: Final = {"markdown-it-py": "markdown_it", "matplotlib": "matplotlib", "pandas": "pandas"}
-"""Distributions that every report needs → their modules."""
+"""Packages that every report needs → their modules."""
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -66,11 +66,11 @@ def paper(out: Path) -> None:
 @click.option("--factorisation", metavar="NAME", default="auto", show_default=True,
               help="Factorisation to measure, see: qvi-contact methods")  # fmt: skip
 def benchmark(cells: tuple[int, ...], friction: tuple[float, ...], factorisation: str) -> Plan:
-    """Compare a whole solve with Coulomb friction with one factorisation of the same matrix.
+    """Compare the time of a whole solve with Coulomb friction with one factorisation of the same matrix.
 
-    The problem is the paper's compressed plate on triangles, on n × n equal cells; and there are
-    histories and sweeps, whose problems share a factorisation. Measured are time, iterations, peak memory and accuracy,
-    and how they grow with n. How other methods do is compared by `comparisons solvers`.
+    The problems are the paper's compressed plate on n × n equal cells, cut into triangles, and histories and sweeps,
+    whose problems share a factorisation. The report has time, iterations, peak memory and accuracy, and their growth
+    with n. `comparisons solvers` compares other methods.
 
     \b
     Examples:
@@ -88,10 +88,10 @@ def benchmark(cells: tuple[int, ...], friction: tuple[float, ...], factorisation
 @click.option("--load", type=FiniteRange(0.0), multiple=True, default=(0.02, 0.3, 0.45), show_default=True,
               help="Load of a wall from the side, over its weight; may take several numbers.")  # fmt: skip
 def benchmark_wall(blocks: tuple[int, ...], load: tuple[float, ...]) -> Plan:
-    """Measure the solve of walls of n × n blocks with dry joints between their courses, pushed from the side.
+    """Measure the time to solve walls of n × n blocks with dry joints between their courses, pushed from the side.
 
-    Times are CPU seconds. Pushed by 0.02 of its weight a wall sticks, by 0.3 it opens and slips, by 0.45 it is close to
-    its limit.
+    Times are CPU seconds. A wall that is pushed by 0.02 of its weight sticks, by 0.3 it opens and slips, by 0.45 it is
+    close to its limit.
 
     \b
     Example:
@@ -106,12 +106,12 @@ def benchmark_wall(blocks: tuple[int, ...], load: tuple[float, ...]) -> Plan:
 @click.option("--out", metavar="FOLDER", callback=folder_option, help="Folder for Markdown, HTML page and picture.")
 @click.option("--only", metavar="NAME…", multiple=True, help="Chapters or problems to run, such as ssnv128.")
 @click.option("--quick", is_flag=True, help="Coarse meshes and few cases of every problem.")
-@click.option("-v", "--verbose", is_flag=True, help="The table of the chapters too.")
+@click.option("-v", "--verbose", is_flag=True, help="Print the table of the chapters too.")
 def verify(out: Path | None, only: tuple[str, ...], quick: bool, verbose: bool) -> int:
     """Compare numbers of this package with known ones, row by row: the verification manual.
 
-    Closed forms, equilibrium, printed numbers, other codes, and methods against each other. The exit status is 0 if
-    every row passed, 1 if not.
+    References are closed forms, equilibrium, printed numbers, other codes, and other methods of this package. The exit
+    status is 0 if every row passed, 1 if not.
 
     \b
     Examples:
@@ -124,7 +124,7 @@ def verify(out: Path | None, only: tuple[str, ...], quick: bool, verbose: bool) 
 
     chapters = manual.choose(only)
     folder = None if out is None else writable_folder(out, "--out")
-    # drawn first, so that a picture that fails costs no rows
+    # first, so that a picture that fails does not lose computed rows
     drawings = manual.drawings([name for problems in chapters.values() for name in problems]) if folder else {}
     with progress("verify", sum(map(len, chapters.values()))) as advance:
         done = manual.run(chapters, quick, advance)
@@ -139,9 +139,9 @@ def verify(out: Path | None, only: tuple[str, ...], quick: bool, verbose: bool) 
 def solvers(quick: bool, only: tuple[str, ...]) -> Plan:
     """Compare solvers of quadratic and conic programs on frictional contact, judged by the package's certificate.
 
-    The tasks are single inner problems, sequences of them, and whole outer loops, in all
-    unknowns and condensed, at three accuracies. The meshes are well and badly conditioned. Contacts open or stick, some
-    problems have redundant rows, and some have no solution.
+    The tasks are single inner problems, sequences of them, and whole outer loops, in all unknowns and condensed, at
+    three accuracies. The problems are well or badly conditioned, have open or sticking contacts, redundant rows, or no
+    solution.
 
     \b
     Examples:
@@ -166,7 +166,7 @@ def solvers(quick: bool, only: tuple[str, ...]) -> Plan:
 
 
 def _convergence(name: str, short_help: str, about: str) -> Experiment:
-    """The command of the study in the module of that name."""
+    """The command of the study in `comparisons.convergence.NAME`."""
 
     def plan(quick: bool) -> Plan:
         module = import_module(f"comparisons.convergence.{name}")
@@ -199,13 +199,13 @@ _CONVERGENCE: Final = (
               help="Largest number of repetitions within 5 s.")  # fmt: skip
 @click.option("--getfem", metavar="PYTHON", help="Python interpreter that has GetFEM, if this one has not.")
 def peers(friction: tuple[float, ...], cells: tuple[int, ...], levels: int, repeat: int, getfem: str | None) -> Plan:
-    """Compare the force of the compressed plate with that of displacement codes, for its cost.
+    """Compare the accuracy and cost of the force of the compressed plate with displacement codes.
 
     The codes are NGSolve (Nitsche's method, degrees 2 to 8), GetFEM (its contact brick, degrees 2 to 4), and this
-    package on triangles of degree 3 to 8. Its stresses and displacements together also bound the force, under slip too.
+    package on triangles of degree 3 to 8, which also computes bounds of the force.
 
     The meshes have equal cells, cells graded to the free corner, and cells graded to the corner and to the end of the
-    stick zone. Measured are force, unknowns, time and memory. Each case runs in a process of its own, on one thread.
+    stick zone. The report has force, unknowns, time and memory. Each case runs in a process of its own, on one thread.
     For a code that is not installed the report says how to get it. On a cluster the environment variable
     PYTHON_WITH_GETFEM of each worker names its Python for GetFEM.
 
@@ -229,9 +229,10 @@ def peers(friction: tuple[float, ...], cells: tuple[int, ...], levels: int, repe
 def bounds(count: int, polygons: int) -> Plan:
     """Bound the errors of generated problems with friction, temperature and springs, and compare with NGSolve.
 
-    Displacements of degree 5 on graded meshes, with a frictional contact iteration of their own, stand for the exact
-    solution. The report says whether they are within the bounds of stress, displacement and forces, and how far the
-    bounds are from the errors found. The exit status is 1 if one is outside. It needs `python -m pip install ngsolve`.
+    NGSolve's displacements of degree 5 on graded meshes, with a frictional contact iteration of their own, stand for
+    the exact solution. The report says whether they are within the bounds of stress, displacement and forces, and how
+    much larger the bounds are than the errors. The exit status is 1 if a solution is outside. It needs
+    `python -m pip install ngsolve`.
 
     \b
     Example:
@@ -243,18 +244,18 @@ def bounds(count: int, polygons: int) -> Plan:
 
 
 @experiment(timeout=120.0, memory=4096, needs=("daqp", "quadprog"),
-            short_help="Generated problems: what becomes of each.")  # fmt: skip
+            short_help="Generated problems: is every answer right?")  # fmt: skip
 @click.option("--each", type=COUNT, metavar="NUMBER", default=20, show_default=True, help="Problems of each family.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True,
-              help="Number of the first one; each number makes another problem, always the same.")  # fmt: skip
+              help="Number of the first problem; each number determines a problem.")  # fmt: skip
 @click.option("--only", multiple=True, metavar="FAMILY…", help="Only these families.")
 def wild(each: int, seed: int, only: tuple[str, ...]) -> Plan:
-    """Solve generated problems as unusual as users may state them, and check what becomes of each.
+    """Solve generated problems as unusual as users may state them, and check every answer.
 
     They have thin bodies, odd units, large friction, polygons, arcs, holes, joints, several bodies, meshes from files,
-    distant gaps, every contact law, plates with moments, or no load at all. Every answer that is
-    called solved is checked again from its stresses and the data alone. The exit status is 1 if such an answer is
-    wrong, if an exception is not one of the package's own, or if a problem takes more than --timeout or --memory.
+    distant gaps, every contact law, plates with moments, or no load at all. An answer that is called solved is checked
+    from its stresses and the data alone. The exit status is 1 if such an answer is wrong, if an exception is not one of
+    the package's own, or if a problem takes more than --timeout or --memory.
 
     \b
     Examples:
@@ -269,9 +270,9 @@ def wild(each: int, seed: int, only: tuple[str, ...]) -> Plan:
 @experiment(timeout=300.0, short_help="Limit loads of generated bodies, and their proofs.")
 @click.option("--count", type=COUNT, metavar="NUMBER", default=200, show_default=True, help="Problems.")
 def limits(count: int) -> Plan:
-    """Bound the limit loads of generated bodies that yield, with contacts, from both sides, and prove both.
+    """Bound the limit loads of generated bodies that yield, with contacts, from both sides, and prove both bounds.
 
-    The report says whether the sides are in order, and whether the proofs hold in exact arithmetic.
+    The report says whether lower bounds are below upper bounds, and whether the proofs hold in exact arithmetic.
 
     \b
     Example:
@@ -394,7 +395,7 @@ def npz(problem: str, file: str) -> int:
 def _solved(path: str, file: str, suffix: str) -> "tuple[ProblemFile, ContactResult]":
     """The problem file, and its result with the file's own options; of a history the first step.
 
-    Before that is found out whether `file` can be written; a missing folder is made.
+    The name of `file` is checked before the solve, and a missing folder is made.
     """
     import numpy as np
 
@@ -415,7 +416,7 @@ def _written(file: str, result: "ContactResult") -> int:
 
 
 for command in (
-    paper, benchmark, benchmark_wall, verify, solvers, *(_convergence(*told) for told in _CONVERGENCE), peers, bounds,
+    paper, benchmark, benchmark_wall, verify, solvers, *(_convergence(*entry) for entry in _CONVERGENCE), peers, bounds,
     wild, limits, export,
 ):  # fmt: skip
     group.add_command(command)

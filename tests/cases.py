@@ -1,4 +1,4 @@
-"""How many cases a test tries, of generated ones and of combinations; and that an input is refused.
+"""The number of generated cases and of combinations in a test; assertions that an input is refused.
 
 The suite tries few of each kind, the same ones every time. ``QVI_CONTACT_EFFORT=10 python -m pytest FILE`` tries ten
 times as many: a search for rare faults after a change to what the file tests.
@@ -24,9 +24,9 @@ def examples(count: int) -> int:
 
 
 def thinned(cases, count):
-    """`count` of the cases, the same ones every time; all of them where the effort pays for as many.
+    """`count` of the cases, times the effort, the same ones in every run.
 
-    Cases that are tuples show each value at each place before any is shown for the sake of its combination alone.
+    Of cases that are tuples, those with a new value at some place are taken first, then other combinations.
     """
     cases, needed, others, seen = list(cases), [], [], set()
     for index in random.Random(0).sample(range(len(cases)), len(cases)):
@@ -38,10 +38,7 @@ def thinned(cases, count):
 
 
 def every_pair(first: Sequence[Any], second: Sequence[Any], third: Sequence[Any]) -> list[tuple[Any, Any, Any]]:
-    """All pairs of the first two with one value of the third each, which runs through its values along both.
-
-    So each value of the third meets each of the first and each of the second, the third being the shortest.
-    """
+    """All pairs of the first two, each with one value of the third, the shortest, which meets all values of both."""
     assert len(third) <= min(len(first), len(second))
     return [(a, b, third[(i + j) % len(third)]) for i, a in enumerate(first) for j, b in enumerate(second)]
 
@@ -56,7 +53,7 @@ def refusal(call: Callable[..., object], *given: Any) -> InputError:
 
 @contextmanager
 def refused_at(field: str, words: str | None = None, value: object = ANY) -> Iterator[None]:
-    """That what is done inside is refused by one line that names field and value, and has these words (a pattern)."""
+    """Assert that the block raises an `InputError` of one line with this field, value, and words (a pattern)."""
     with pytest.raises(InputError, match=words) as caught:
         yield
     assert (field, value, 1) == (caught.value.field, caught.value.value, len(str(caught.value).splitlines()))

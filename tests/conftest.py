@@ -1,4 +1,4 @@
-"""The whole suite on one factorisation back end, ``pytest --factorisation multifrontal``; what many tests share."""
+"""Options of the suite, such as ``--factorisation multifrontal``, its set-up, and fixtures that many tests share."""
 
 import gc
 import os
@@ -6,7 +6,7 @@ import shutil
 import sys
 from types import SimpleNamespace
 
-# Before NumPy is loaded. Each core has a process of tests already, and BLAS waits for its threads by spinning.
+# Set before NumPy is imported: each core runs a process of tests already, and idle BLAS threads would spin.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from importlib.util import find_spec
@@ -14,17 +14,17 @@ from importlib.util import find_spec
 import pytest
 from xdist import is_xdist_controller
 
-# What is tested is imported below, where it is needed: the process that hands out the tests waits for no import of it.
+# The tested packages are imported inside functions, so that the process that distributes tests does not wait for them.
 
 
 def pytest_addoption(parser):
-    parser.addoption("--factorisation", metavar="NAME", help="back end that 'auto' means in all tests")
+    parser.addoption("--factorisation", metavar="NAME", help="back end of 'auto' in all tests")
 
 
 def pytest_configure(config):
     if config.getoption("factorisation") is not None:
         _force(config.getoption("factorisation"))
-    config.option.loadscopereorder = False  # else files of few long tests come last, and one process waits for another
+    config.option.loadscopereorder = False  # or files of few long tests would be last, and processes wait for one
 
 
 def _force(name):
@@ -39,7 +39,7 @@ def _force(name):
 
 
 def _hypothesis_starts():
-    """Neither time nor chance decides a test."""
+    """Load a profile in which neither time nor chance decides a test."""
     from hypothesis import given, settings
     from hypothesis import strategies as st
 
@@ -48,7 +48,7 @@ def _hypothesis_starts():
     @settings(max_examples=1)
     @given(st.none())
     def first_example(_nothing):
-        """Hypothesis looks for whoever holds NumPy's generator, which it could not see among what is frozen, once."""
+        """Hypothesis searches, once, for references to NumPy's generator, and would not see them after `gc.freeze`."""
 
     settings.register_profile("suite", max_examples=examples(25), deadline=None, derandomize=True)
     settings.load_profile("suite")
@@ -57,7 +57,7 @@ def _hypothesis_starts():
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection(session):
-    """What is imported and collected stays: to look through it for garbage again and again is a third of the time."""
+    """Freeze imported and collected objects: to search them for garbage again and again takes a third of the time."""
     if is_xdist_controller(session):
         return (yield)
     first_example = _hypothesis_starts()
@@ -68,7 +68,7 @@ def pytest_collection(session):
         gc.enable()
         first_example()
         gc.freeze()
-        gc.set_threshold(10_000, 20, 100)  # nor is it looked through at every few tests
+        gc.set_threshold(10_000, 20, 100)  # fewer searches in tests, too
 
 
 class _FromTheLast(pytest.Dir):
@@ -79,19 +79,19 @@ class _FromTheLast(pytest.Dir):
 
 
 def pytest_collect_directory(path, parent):
-    """Every other process begins at the other end: what one has rewritten of Python's bytecode the next one reads."""
+    """Every second process collects from the last file on, so that it reads bytecode that others have compiled."""
     worker = getattr(parent.config, "workerinput", {"workerid": "gw0"})["workerid"]
     return _FromTheLast.from_parent(parent, path=path) if int(worker.removeprefix("gw")) % 2 else None
 
 
 def pytest_collection_modifyitems(items):
-    """Whole pages and examples first, single formulas last: processes that share files end at about the same time."""
+    """Long tests of pages and examples first, short ones last, so that processes end at about the same time."""
     items.sort(key=lambda item: (len(item.path.parts), item.path.parts))
 
 
 @pytest.fixture(autouse=True, scope="module")
 def _forced_factorisation(request):
-    """Again for each file, since some of them change it, and for the processes they start."""
+    """Set the back end again for each file, since some tests change it, and for the processes they start."""
     name = request.config.getoption("factorisation")
     if name is None:
         yield
@@ -105,7 +105,7 @@ def _forced_factorisation(request):
 
 @pytest.fixture
 def clock(monkeypatch):
-    """Seconds of `solvers.basics.progress`, which pass only when `passes` lets them."""
+    """The clock of `solvers.basics.progress`, which only its method `passes(seconds)` advances."""
     clock = SimpleNamespace(now=0.0)
     clock.passes = lambda seconds: setattr(clock, "now", clock.now + seconds)
     monkeypatch.setattr("solvers.basics.progress.time", SimpleNamespace(monotonic=lambda: clock.now))
@@ -114,19 +114,19 @@ def clock(monkeypatch):
 
 @pytest.fixture
 def without(monkeypatch):
-    """A function that hides a package, as where it is not installed."""
+    """A function that hides a package, as if it were not installed."""
     return lambda package: monkeypatch.setitem(sys.modules, package, None)
 
 
 @pytest.fixture
 def in_tmp_path(tmp_path, monkeypatch):
-    """The working folder is the test's own."""
+    """Run the test in its own working folder."""
     monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture
 def outlined():
-    """Pictures without the time it takes to lay them out and to draw them."""
+    """Write pictures as texts and data, which saves the time to lay them out and draw them."""
     pytest.importorskip("matplotlib")
     from tests.comparisons.conftest import outlines
 
@@ -136,7 +136,7 @@ def outlined():
 
 @pytest.fixture
 def environ(monkeypatch):
-    """A function that sets variables of the environment, or takes away those that are None."""
+    """A function that sets variables of the environment, or deletes those whose value is None."""
 
     def change(**variables):
         for name, value in variables.items():
@@ -172,7 +172,7 @@ def sliding(tmp_path, pytestconfig):
 
 @pytest.fixture(scope="module")
 def browser():
-    """A Chromium without a window. Tests that miss it are skipped; where CI is set, they fail."""
+    """A Chromium without a window. Without Chromium tests are skipped; they fail where CI is set."""
     found = (shutil.which(name) for name in ("chromium", "chromium-browser", "google-chrome", "chrome"))
     program = next(filter(None, found), None)
     if program is None or find_spec("playwright") is None:

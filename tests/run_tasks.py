@@ -1,4 +1,4 @@
-"""Jobs and tasks for tests of runs, which fail in every way there is; apart, as what loads them is waited for."""
+"""Jobs and tasks for tests of runs, which fail in every possible way; few imports, so that the module loads fast."""
 
 import ctypes
 import math
@@ -14,7 +14,7 @@ from uuid import uuid4
 
 
 def opened(about=None):
-    """The job of these tasks, by their names."""
+    """The job that runs these tasks by their names."""
     return about, lambda way: WAYS[way]()
 
 
@@ -23,7 +23,7 @@ def unloadable():
 
 
 def numbers():
-    """The job that returns its orders, after so many seconds."""
+    """The job that returns the number of an order after its seconds."""
     return None, waited
 
 
@@ -34,7 +34,7 @@ def waited(order):
 
 
 def failing(case):
-    """A study's task: fail as the case says."""
+    """A study's task that fails in the way of the case."""
     return WAYS[case["way"]]()
 
 

@@ -1,9 +1,9 @@
-"""How long the way through the code is: calls of one small solve, counted by cProfile, built-in functions included.
+"""Count the function calls of one small solve by cProfile, built-in functions included.
 
     python -m comparisons.benchmark.calls
 
-The problem is the paper's plate on 4 × 4 cells cut into triangles of degree 4: 192 unknowns, 12 contact points. It has
-been solved before, so that nothing is imported: on another mesh, or on the same one, which keeps what depends on it
+The problem is the paper's plate on 4 × 4 cells cut into triangles of degree 4: 192 unknowns, 12 contact points. An
+earlier solve has imported all modules, on another mesh or on the same mesh, which keeps the matrices that depend on it
 alone.
 """
 
@@ -20,11 +20,11 @@ _FOLDERS = tuple(str(Path(each.__file__).parent) for each in (qvi_contact, solve
 
 
 class Calls(NamedTuple):
-    """Of one solve."""
+    """Counts of one solve."""
 
-    calls: int  # of everything, libraries and built-in functions too
-    files: int  # of the packages `qvi_contact` and `solvers`, that were passed
-    functions: int
+    calls: int  # of all functions, in libraries too
+    files: int  # of the packages `qvi_contact` and `solvers` in which functions were called
+    functions: int  # of these packages
 
 
 def counted(friction: float = 0.2, *, same_mesh: bool = False) -> Calls:
@@ -35,7 +35,7 @@ def counted(friction: float = 0.2, *, same_mesh: bool = False) -> Calls:
     problem = problems[-1] if same_mesh else compressed_plate(friction, (4, 4))
     profile = Profile()
     profile.runcall(qvi_contact.solve, problem)
-    found: Any = Stats(profile)  # what it has found is not part of its type
+    found: Any = Stats(profile)  # its attributes are not typed
     own = [place for place in found.stats if place[0].startswith(_FOLDERS)]
     return Calls(found.total_calls, len({file for file, *_ in own}), len(own))
 

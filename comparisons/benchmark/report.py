@@ -1,4 +1,4 @@
-"""The reports on the plate, on sequences and on walls: numbers and tables, from the stored rows alone."""
+"""The reports on the plate and sequences, and on walls: numbers and tables from the stored rows."""
 
 import math
 import statistics
@@ -18,7 +18,7 @@ from comparisons.lab.studies import DONE, Row, frame_of
 from comparisons.settled import LIMITS
 
 MEANINGLESS: Final = 1e-9
-"""Relative errors below this say nothing: so uncertain are the values of `LIMITS`."""
+"""Relative errors of P/2 below this are within the uncertainty of `LIMITS`."""
 
 Rows = Sequence[Row]
 
@@ -28,9 +28,9 @@ def _median(values: Sequence[float] | None) -> float | None:
 
 
 def solves_of(rows: Rows) -> DataFrame:
-    """One line for each number of cells and μ: the answer, medians of times, and the solve over one factorisation of K.
+    """One line for each number of cells and μ: the answer, medians of times, the ratio of solve to factorisation of K.
 
-    That is the fastest one measured beside the solve. Memory is the peak of the process after the first solve.
+    The factorisation is the fastest one in the same process. Memory is the peak after the first solve.
     """
     lines = []
     for row in rows:
@@ -67,12 +67,12 @@ def growth_of(found: DataFrame, by: str, size: str, over: str, values: Sequence[
 
 
 def runs_of(rows: Rows) -> DataFrame:
-    """One line a sequence and way.
+    """One line for each sequence and way of `WAYS`.
 
     The columns are sequence, way, solved and planned (numbers of problems), later (mean processor time of a problem
     after the first) and together (time of all), both over the median of single solves, force (largest difference of a
-    force from that of single solves, of histories from cold starts, over the largest normal force), and accuracy (the
-    worst that a certificate confirms).
+    force to single solves, in histories to cold starts, over the largest normal force), and accuracy (the worst of the
+    certificates).
     """
     lines = []
     for row, way in ((row, way) for row in rows if row.status == DONE for way in WAYS):
@@ -142,7 +142,7 @@ _FORMS: Final[dict[str, Form]] = {
 
 
 def report(whole: Rows, sequences: Rows) -> Report:
-    """The report on the plate and on sequences; the same rows give the same one."""
+    """The report on the plate and on sequences, a function of the rows only."""
     solves = solves_of(whole)
     growth = growth_of(solves, "friction", "cells", "unknowns", [*_POWERS]).rename(columns=_POWERS)
     frames = {"solves": solves, "growth": growth, "sequences": runs_of(sequences)}
@@ -166,10 +166,7 @@ def walls_of(rows: Rows) -> DataFrame:
 
 
 def wall_report(rows: Rows) -> Report:
-    """The report on walls.
-
-    Of each load it tells the ratio, and the exponent from the smallest to the largest wall, if there are several.
-    """
+    """The report on walls: for each load the largest ratio, and the exponent from the smallest to the largest wall."""
     walls = walls_of(rows)
     powers = growth_of(walls, "load", "blocks", "size", ["solve"]).rename(columns={"solve": "power"})
     loads = walls.groupby("load").ratio.max().to_frame("ratio").join(powers.groupby("load").power.last())

@@ -1,7 +1,7 @@
-"""The benchmark's studies and what is done for a case: whole solves, sequences, walls.
+"""The studies of the benchmark and their tasks: whole solves, sequences, walls.
 
-Every case has a process of its own: its peak memory is that of one problem, and no time depends on what ran before.
-Times are wall times [s], of sequences and walls CPU times. Problems are on triangles, by the defaults of `solve`.
+Every case has a process of its own, so that peak memory and times do not depend on earlier cases. Times of whole solves
+are wall times [s], of sequences and walls CPU times. Solves use the defaults of `solve`.
 """
 
 import gc
@@ -28,7 +28,7 @@ from solvers.basics.types import Sparse
 from solvers.factorisation.choice import CHOICES, available_backends, factorise, resolve
 
 TOLERANCE: Final = 1e-8
-"""That the certificate of every solve must confirm."""
+"""Tolerance of the certificate of every solve."""
 
 
 def _study(name: str, version: int, cases: Iterable[dict[str, Any]], **limits: Any) -> Study:
@@ -63,16 +63,16 @@ _NOTHING: Final = np.zeros(0, dtype=np.int64)
 PARTS: Final = ("whole", "assembly", "solve", "factorisation", "interior_point", "certificate", "rest")
 """Times of a solve [s]: whole = assembly + solve; the other four are parts of solve."""
 
-_WARM_UP: Final = 4  # cells a side of a solve that loads all libraries
-_REPETITIONS: Final = ((32, 5), (64, 3))  # up to so many cells a side; beyond the last one, two
+_WARM_UP: Final = 4  # cells a side of a first solve, which loads all libraries
+_REPETITIONS: Final = ((32, 5), (64, 3))  # most cells a side, repetitions; two for more cells
 
 
 def solve_whole(case: Mapping[str, Any]) -> dict[str, Any]:
     """Whole solves on n × n equal cells for each μ, in turn with plain factorisations of the same K.
 
     "solves" has an entry for each μ, see `_whole`, "plain" one for each back end, see `_factorised`; their "seconds"
-    are the times of all repetitions, of which other back ends on large meshes have one. "peak" is
-    the largest resident memory [bytes] after the first solve.
+    are the times of all repetitions (on large meshes one only for back ends other than the solve's). "peak" is the
+    largest resident memory [bytes] after the first solve.
     """
     cells, backend = case["cells"], case["sparse"]
     settings = {"method": "condensed", "factorisation": backend, "threads": _THREADS, "tolerance": TOLERANCE}
@@ -95,7 +95,7 @@ def solve_whole(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _together(found: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """The first repetition that went wrong, or the last one, with the times of all."""
+    """The first failed repetition, or else the last one, with the times of all repetitions."""
     shown = next((each for each in found if each["status"] not in ("solved", "done")), found[-1])
     seconds = {part: [each["seconds"][part] for each in found] for part in shown["seconds"]}
     return {name: value for name, value in shown.items() if name != "peak"} | {"seconds": seconds}
@@ -106,9 +106,9 @@ def _plate(friction: float, cells: int) -> ContactProblem:
 
 
 def _whole(cells: int, friction: float, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """One solve from the problem to the certified result, then `discretize` alone on a problem of its own.
+    """One solve from the problem to the certified result, then `discretize` alone on another problem.
 
-    The parts of "seconds" are those of `PARTS`.
+    "seconds" has the times of `PARTS`.
     """
     gc.collect()
     began = time.perf_counter()
@@ -145,7 +145,7 @@ def _factorised(K: Sparse, backend: str) -> dict[str, Any]:
 
 
 def solve_wall(case: Mapping[str, Any]) -> dict[str, Any]:
-    """A wall's solve, after a small one that loads all libraries, and then a plain factorisation of the same K."""
+    """Solve a wall, after a small solve that loads all libraries; then one plain factorisation of the same K."""
     blocks, load = case["blocks"], case["load"]
     solve(wall_of(2, load), method="condensed", system="sparse", threads=_THREADS)
     began = time.process_time()
@@ -172,19 +172,19 @@ _DEPTH: Final = 0.01
 
 
 class Chain(NamedTuple):
-    """A sequence."""
+    """A sequence of problems."""
 
-    title: str  # what it is called in tables
+    title: str  # name in tables
     problem: Callable[[tuple[int, int]], ContactProblem]  # by numbers of cells
     cells: tuple[int, int]
-    coarse: tuple[int, int]  # of a quick run
-    parameter: Parameter  # what changes
-    values: Sequence[float]  # a quick run takes every fifth
-    history: bool = False  # whether slip accumulates from one to the next
+    coarse: tuple[int, int]  # cells of a quick run
+    parameter: Parameter  # the datum that changes
+    values: Sequence[float]  # its values; a quick run takes every fifth
+    history: bool = False  # whether slip accumulates over the steps
 
 
 _PUNCH: Final = Polynomial([[2.0 * _DEPTH], [-4.0 * _DEPTH], [2.0 * _DEPTH]])
-"""2 (x − 1)² over its depth."""
+"""The gap 2 (x − 1)² times `_DEPTH`."""
 
 
 def layer(cells: tuple[int, int], gap: Field = -_DEPTH, offset: float = 0.0) -> ContactProblem:
@@ -213,71 +213,70 @@ CHAINS: Final = {
         np.linspace(-0.2 * _DEPTH, -2.0 * _DEPTH, 11).tolist(),
     ),
 }  # fmt: skip
-"""Name → sequence; in the last one the contact grows with each step."""
+"""Name → sequence. In "depth" the contact grows with each problem."""
 
 
 WAYS: Final = ("single", "cold", "warm")
-"""Each problem by itself; one factorisation for all; the same, each started from the one before."""
+"""Each problem by itself; one factorisation for all; one factorisation, and a start from the problem before."""
 
 EVERY: Final = 4
-"""Every fourth problem is solved by itself."""
+"""Single solves take every fourth problem."""
 
 
 def solve_sequences(case: Mapping[str, Any]) -> dict[str, Any]:
     """Solve a sequence in all ways, one after the other in this process.
 
-    Meshes keep matrices, so each way has one of its own, and each problem that is solved by itself. The problems of a
-    history are solved by themselves without the slip before them, for their time alone. Of each way:
-    seconds of processor time, iterations, status, accuracy, and normal and tangential force on the contact, one number
-    for each problem, of single solves for every fourth.
+    Meshes keep matrices, so each way, and each single solve, has a new mesh. Single solves of a history do not know the
+    slip of earlier steps; only their times are used. Every way has lists, an entry for each problem (single solves: for
+    every fourth): processor seconds, iterations, status, accuracy, normal and tangential force on the contact.
     """
     chain, every = CHAINS[case["sequence"]], 5 if case["quick"] else 1
     values = chain.values[::every]
 
-    def made() -> SweepTask:
+    def new_task() -> SweepTask:
         base = chain.problem(chain.coarse if case["quick"] else chain.cells)
         return SweepTask(base, chain.parameter, tuple(contact.name for contact in base.contacts))
 
     names = ("seconds", "iterations", "status", "accuracy", "normal", "tangential")
     found: dict[str, Any] = {}
     for way in WAYS:
-        told: list[tuple[Any, ...]] = []
+        entries: list[tuple[Any, ...]] = []
         last = [0.0]
 
-        def hear(_: int, result: ContactResult, told: list[Any] = told, last: list[float] = last) -> None:
+        def record(_: int, result: ContactResult, entries: list[Any] = entries, last: list[float] = last) -> None:
             seconds, line = time.process_time() - last[0], next(iter(result.contacts.values()))
-            told.append((seconds, result.iterations, str(result.status), result.certificate.accuracy,
+            entries.append((seconds, result.iterations, str(result.status), result.certificate.accuracy,
                          line.normal_force, line.tangential_force))  # fmt: skip
             last[0] = time.process_time()
 
         if way == "single":
-            for problem in [made().changed(value) for value in values[::EVERY]]:
+            for problem in [new_task().changed(value) for value in values[::EVERY]]:
                 last[0] = time.process_time()
-                hear(0, solve(problem))
+                record(0, solve(problem))
         else:
-            task = made()
+            task = new_task()
             problems = [task.changed(value) for value in values]
             last[0] = time.process_time()
             if chain.history:
-                solve_history(problems, hear, warm_start=way == "warm")
+                solve_history(problems, record, warm_start=way == "warm")
             else:
-                solve_sweep(task.problem, chain.parameter, values, callback=hear, warm_start=way == "warm")
-        found[way] = dict(zip(names, map(list, zip(*told, strict=True)), strict=True))
+                solve_sweep(task.problem, chain.parameter, values, callback=record, warm_start=way == "warm")
+        found[way] = dict(zip(names, map(list, zip(*entries, strict=True)), strict=True))
     return found
 
 
 # walls
 
-_CELLS: Final = 4  # a side of a block
+_CELLS: Final = 4  # cells along a side of a block
 _WEIGHT: Final = 24.0  # kN/m³
 _FRICTION: Final = 0.6
 
 
 def wall_of(blocks: int, load: float) -> ContactProblem:
-    """A wall of blocks × blocks metres on the ground, under its weight and a load from the left, over that weight.
+    """A wall of blocks × blocks metres on the ground, under its weight and a push from the left of `load` times it.
 
-    Units are m and kPa. Pushed by 0.02 of its weight nothing slides but under single edges, by 0.3 beds open and slip;
-    with the friction 0.6 every bed slides as a whole at 0.6.
+    Units are m and kPa. For load = 0.02 only single edges slip, for 0.3 beds open and slip; with the friction 0.6 every
+    bed slides as a whole at 0.6.
     """
     cells, size = _CELLS * blocks, float(blocks)
     lines = np.linspace(0.0, size, cells + 1)

@@ -1,17 +1,17 @@
-"""Displacements of a contact problem by NGSolve, with a frictional contact iteration of this module's own.
+"""Displacements of a contact problem by NGSolve, with a frictional contact iteration of its own.
 
-Nothing of `solvers`, of the Airy functions or of the package's displacement model is used: only the statement of the
-problem and the handling of meshes. NGSolve assembles displacements u of degree p. They are condensed on the nodes of
-Gauss and Lobatto along the contacts. With the nodal forces r = Su − f the law holds node by node, |r_T| ≤ μ|r_N|,
-and is solved by a semismooth Newton method (Alart and Curnier), which in a cycle changes the state of half of the nodes
-that are wrong. Where springs of nodal compliances C are between, it holds for y = u + Cr, r = (1 + SC)⁻¹(Sy − f).
+The module shares the problem statement and the mesh classes with the package, but nothing of `solvers`, of the Airy
+functions or of the displacement model. NGSolve assembles displacements u of degree p, condensed on the Gauss-Lobatto
+nodes of the contacts: stiffness S, load f, nodal forces r = Su − f. The law |r_T| ≤ μ|r_N| holds node by node. A
+semismooth Newton method (Alart and Curnier) solves it; if it cycles, only half of the nodes in a wrong state change
+their state. With springs of nodal compliances C the law holds for y = u + Cr, r = (1 + SC)⁻¹(Sy − f).
 
-The mesh is that of the problem, each triangle cut in three at its centre as Hsieh, Clough and Tocher do, so that the
-package's stress is one polynomial on each cell; then graded to corners, ends of conditions and joints, and, in two
-steps, to where the state of the nodes changes.
+Each triangle of the problem's mesh is cut in three at its centre, as Hsieh, Clough and Tocher do, so that the package's
+stress is one polynomial on each cell. Then the mesh is graded to corners, ends of conditions and joints, and, in two
+steps, to the places where the state of the nodes changes.
 
-Only problems as `study.stated` makes them are taken: with polynomials, conditions along x and y, and straight contacts
-that do not meet, unilateral or tied, whose joints do not end inside the body.
+The problems are those of `study.stated`: data are polynomials, conditions are along x and y, contacts are straight, do
+not meet, and are unilateral or tied; joints do not end inside the body.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from solvers.basics.linked import linked
 ng: Any = import_module("ngsolve")  # it has no types
 
 STEPS: Final = ((3, 3, 0), (4, 2, 3), (5, 2, 3))
-"""By step the degree, and how often triangles at corners and at changes of state are halved; the last is the answer."""
+"""Degree, and halvings of triangles at corners and at changes of state, of each step. The last one is the answer."""
 
 _STATES: Final = {2.0: "sticks", 3.0: "slips forwards", 1.0: "slips backwards", 4.0: "presses", 0.0: "opens"}
-_STEPS: Final = 90  # of Newton's method
-_TURN: Final = 1e-6  # of the direction of a boundary: a corner
+_STEPS: Final = 90  # most steps of Newton's method
+_TURN: Final = 1e-6  # turns of the boundary below this are rounding
 
 
 class NoReferenceError(RuntimeError):
@@ -45,7 +45,7 @@ class NoReferenceError(RuntimeError):
 
 
 class Reference(NamedTuple):
-    """The last step at points of its mesh, and by how much the one before differs; so forces, (value, difference)."""
+    """Stress of the last step at points of its mesh, and the change from the step before; forces (value, change)."""
 
     x: FloatArray
     y: FloatArray
@@ -89,7 +89,7 @@ def _split(mesh: TriangleMesh) -> TriangleMesh:
 
 
 def _corners(problem: ContactProblem) -> FloatArray:
-    """Vertices where stresses may be singular: ends of conditions and joints, and corners, but convex ones of loads."""
+    """Vertices where stresses may be singular: ends of conditions and joints, corners except convex loaded ones."""
     mesh, sides = problem.mesh, list[tuple[int, int, bool, FloatArray]]()  # vertex, set of edges, whether held, normal
     held = {each.edges for each in problem.conditions if not isinstance(each, Traction)}
     for number, name in enumerate(dict.fromkeys(each.edges for each in problem.conditions)):
@@ -113,7 +113,7 @@ def _corners(problem: ContactProblem) -> FloatArray:
 
 
 def _function(field: Any) -> Any:
-    """A number or a polynomial for NGSolve."""
+    """A number or a `Polynomial` as a coefficient function of NGSolve."""
     if not callable(field):
         return ng.CF(float(field or 0.0))
     rows = enumerate(field.coefficients)
@@ -121,14 +121,14 @@ def _function(field: Any) -> Any:
 
 
 def _lobatto(order: int) -> tuple[FloatArray, FloatArray]:
-    """Points and weights of Gauss and Lobatto on [0, 1], order + 1 of them."""
+    """The order + 1 Gauss-Lobatto points on [0, 1], and their weights."""
     legendre = np.polynomial.Legendre.basis(order)
     points = np.concatenate([[-1.0], np.sort(legendre.deriv().roots().real), [1.0]])
     return (points + 1.0) / 2.0, 1.0 / (order * (order + 1) * legendre(points) ** 2)
 
 
 class _Nodes(NamedTuple):
-    """A contact, the places (k, 2) and lengths (k,) of its nodes, and where their normal displacements are among y."""
+    """A contact, points (k, 2) and lengths (k,) of its nodes, and the indices of their normal displacements in y."""
 
     contact: Contact
     at: FloatArray
@@ -136,7 +136,7 @@ class _Nodes(NamedTuple):
     where: IntArray
 
     def values(self, name: str) -> FloatArray:
-        """A field at the nodes, the cohesion as a force and stiffnesses as compliances."""
+        """A field of the contact at the nodes; cohesion as a nodal force, a stiffness as a nodal compliance."""
         value = getattr(self.contact, name)
         if value is None:
             return np.zeros(len(self.at))
@@ -163,7 +163,7 @@ class _Model:
         self._assemble(loads)
 
     def _conditions(self) -> tuple[tuple[dict[str, Any], dict[str, Any]], dict[str, Any]]:
-        """Displacements along x and y, and tractions, by the name of their edges."""
+        """Prescribed displacements along x and along y, and tractions, by the names of their edges."""
         given: tuple[dict[str, Any], dict[str, Any]] = ({}, {})
         loads: dict[str, list[Any]] = {}
         for each in self._problem.conditions:
@@ -179,7 +179,7 @@ class _Model:
         return given, {name: ng.CF(tuple(parts)) for name, parts in loads.items()}
 
     def _made(self, mesh: TriangleMesh) -> Any:
-        """The mesh for NGSolve; along joints either side has vertices of its own."""
+        """The mesh for NGSolve; along joints the two sides have separate vertices."""
         inside, cells = mesh.interior, mesh.cells
         joints = [name for name in self._names if name in mesh.joint_names]
         apart = np.zeros(len(inside.first), dtype=bool)
@@ -209,7 +209,7 @@ class _Model:
         return ng.Mesh(made)
 
     def _assemble(self, loads: dict[str, Any]) -> None:
-        """The form with the unknowns inside cells condensed, and the loads."""
+        """Assemble the stiffness, with unknowns inside cells condensed, and the loads."""
         problem, mesh = self._problem, self._fine
         numbers = problem.cell_materials[mesh.parents(problem.mesh)]
         constants = np.array([
@@ -247,7 +247,7 @@ class _Model:
         self.stress = ng.CF((whole[0, 0], whole[1, 1], whole[0, 1]))
 
     def solve(self) -> FloatArray:
-        """Solve, and say where the state of contact nodes changes, (k, 2)."""
+        """Solve; return the points (k, 2) where the state of the contact nodes changes."""
         self._nodes()
         form, u, matrix = self._form, self._u, self._form.mat
         rows, columns, values = matrix.COO()
@@ -274,7 +274,7 @@ class _Model:
         return self._changes
 
     def _nodes(self) -> None:
-        """Nodes along the contacts, and the basis of nodal displacements in the unknowns of NGSolve."""
+        """Find the nodes along the contacts, and the matrix from nodal displacements to NGSolve's unknowns."""
         order, mesh = self._order, self.mesh
         points, weights = _lobatto(order)
         rule = ng.IntegrationRule([(s,) for s in points], weights.tolist())
@@ -302,7 +302,7 @@ class _Model:
                     continue
                 chosen = chosen[np.argsort(places[chosen].mean(axis=1) @ t)]
                 numbers = np.unique(dofs[chosen])
-                values = np.zeros((len(numbers), len(numbers)))  # of the unknowns at the nodes
+                values = np.zeros((len(numbers), len(numbers)))  # shape functions of the unknowns at the nodes
                 at, length = np.zeros((len(numbers), 2)), np.zeros(len(numbers))
                 for e, k in enumerate(chosen):
                     along, size = np.argsort(places[k] @ t), np.ptp(places[k] @ t)
@@ -314,7 +314,7 @@ class _Model:
                     values[np.ix_(nodes, np.searchsorted(numbers, dofs[k]))] = own
                 sides.append((numbers, np.linalg.inv(values), at, length))
             (numbers, basis, at, length), *beyond = sides
-            # unknowns: normal and tangential displacement (relative on joints), then x and y beyond
+            # unknowns: normal and tangential displacement (relative on joints), then x and y of the far side
             turned = np.block([[n[i] * basis, t[i] * basis] for i in (0, 1)])
             inner += [numbers, second + numbers]
             if beyond:
@@ -329,64 +329,64 @@ class _Model:
         self._basis = np.asarray(block_diag(*blocks))
 
     def _contact(self, S: FloatArray, f: FloatArray, known: FloatArray) -> FloatArray:
-        """The nodal displacements y for which the forces Sy − f obey the law; `known` has those of held nodes."""
+        """The nodal displacements u whose forces Su − f obey the law; `known` has the displacements of held nodes."""
         free, where = self._space.FreeDofs(), [each.where for each in self._contacts]
-        touched = abs(self._basis.T) @ np.array([float(not free[k]) for k in self._inner.tolist()])
-        held = touched > _TURN
+        share_held = abs(self._basis.T) @ np.array([float(not free[k]) for k in self._inner.tolist()])
+        is_held = share_held > _TURN
         N, T = np.concatenate(where), np.concatenate([each + len(each) for each in where])
-        gap, offset, friction, cohesion, across, along = (
+        gap, offset, friction, cohesion, normal_compliance, shear_compliance = (
             np.concatenate([each.values(name) for each in self._contacts])
             for name in ("gap", "offset", "friction", "cohesion", "normal_stiffness", "tangential_stiffness")
         )
-        kept = np.concatenate([np.full(len(each.where), each.contact.law == "tied") for each in self._contacts])
+        is_tied = np.concatenate([np.full(len(each.where), each.contact.law == "tied") for each in self._contacts])
         C = np.zeros(len(f))
-        C[N], C[T] = across, along
-        C[held] = 0.0
+        C[N], C[T] = normal_compliance, shear_compliance
+        C[is_held] = 0.0
         S, f = (np.asarray(np.linalg.solve(np.eye(len(f)) + S * C, each), np.float64) for each in (S, f))
-        closed, sense = np.ones(len(N), dtype=bool), np.zeros(len(N))
+        is_closed, slip_direction = np.ones(len(N), dtype=bool), np.zeros(len(N))
         stiff, dice = S.diagonal(), np.random.default_rng(0)
         for step in range(_STEPS):
             M, b = S.copy(), f.copy()
 
-            def given(rows: IntArray, values: FloatArray, M: FloatArray = M, b: FloatArray = b) -> None:
+            def prescribe(rows: IntArray, values: FloatArray, M: FloatArray = M, b: FloatArray = b) -> None:
                 M[rows], b[rows] = 0.0, values
                 M[rows, rows] = 1.0
 
-            slips, presses = sense != 0.0, closed & ~held[N]
-            coupled = slips & presses & (friction > 0.0)
-            factor = (sense * friction)[coupled]
-            b[T] -= sense * cohesion
+            is_slipping, is_pressed = slip_direction != 0.0, is_closed & ~is_held[N]
+            coupled = is_slipping & is_pressed & (friction > 0.0)
+            factor = (slip_direction * friction)[coupled]
+            b[T] -= slip_direction * cohesion
             M[T[coupled]] -= factor[:, None] * S[N[coupled]]
             b[T[coupled]] -= factor * f[N[coupled]]
-            given(N[closed], gap[closed])
-            given(T[~slips], offset[~slips])
-            given(np.flatnonzero(held), known[held])
+            prescribe(N[is_closed], gap[is_closed])
+            prescribe(T[~is_slipping], offset[~is_slipping])
+            prescribe(np.flatnonzero(is_held), known[is_held])
             y: FloatArray = np.asarray(np.linalg.solve(M, b), np.float64)
             r = S @ y - f
-            pressure = np.where(held[N], 0.0, np.maximum(-r[N], 0.0))
-            bound = np.where(kept, np.inf, cohesion + friction * pressure)
-            pushed = -r[T] + stiff[T] * (y[T] - offset)
-            lifted = np.where(kept, 1.0, -r[N] + stiff[N] * (y[N] - gap))
-            state = np.where(np.abs(pushed) < bound, 0.0, np.where(pushed < 0.0, -1.0, 1.0))
-            state[(state == -sense) & (bound > 0.0)] = 0.0  # from one sense to the other by way of stick
-            wrong = np.flatnonzero((closed != (lifted > 0.0)) | (sense != state))
+            pressure = np.where(is_held[N], 0.0, np.maximum(-r[N], 0.0))
+            bound = np.where(is_tied, np.inf, cohesion + friction * pressure)
+            trial_shear = -r[T] + stiff[T] * (y[T] - offset)
+            trial_pressure = np.where(is_tied, 1.0, -r[N] + stiff[N] * (y[N] - gap))
+            state = np.where(np.abs(trial_shear) < bound, 0.0, np.where(trial_shear < 0.0, -1.0, 1.0))
+            state[(state == -slip_direction) & (bound > 0.0)] = 0.0  # a node sticks before it slips back
+            wrong = np.flatnonzero((is_closed != (trial_pressure > 0.0)) | (slip_direction != state))
             if not len(wrong):
                 break
-            if step >= _STEPS // 6:  # in a cycle: half of them
+            if step >= _STEPS // 6:  # probably a cycle: change half of the nodes, by chance
                 wrong = wrong[dice.random(len(wrong)) < 0.5]
-            closed[wrong], sense[wrong] = lifted[wrong] > 0.0, state[wrong]
+            is_closed[wrong], slip_direction[wrong] = trial_pressure[wrong] > 0.0, state[wrong]
         else:
             raise NoReferenceError("the contact iteration did not end")
         self.forces, changes, states = {}, [], set[str]()
         for each in self._contacts:
             chosen = np.isin(N, each.where)
-            normal, shear = (np.where(held[rows], 0.0, r[rows])[chosen] for rows in (N, T))
+            normal, shear = (np.where(is_held[rows], 0.0, r[rows])[chosen] for rows in (N, T))
             self.forces[f"{each.contact.name}.normal_force"] = float(-normal.sum())
             self.forces[f"{each.contact.name}.tangential_force"] = float(shear.sum())
-            rough = kept | (friction > 0.0) | (cohesion > 0.0)
-            state = np.where(closed, np.where(rough, 2.0 + sense, 4.0), 0.0)[chosen]
+            has_friction = is_tied | (friction > 0.0) | (cohesion > 0.0)
+            state = np.where(is_closed, np.where(has_friction, 2.0 + slip_direction, 4.0), 0.0)[chosen]
             states |= {_STATES[value] for value in np.unique(state).tolist()}
-            state[held[N][chosen] | held[T][chosen]] = np.nan
+            state[is_held[N][chosen] | is_held[T][chosen]] = np.nan
             changed = np.flatnonzero(np.abs(np.diff(state)) > 0.0)
             changes.append((each.at[changed] + each.at[changed + 1]) / 2.0)
         self.states = ", ".join(name for name in _STATES.values() if name in states)

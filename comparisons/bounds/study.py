@@ -1,7 +1,7 @@
-"""Bounds of the package beside displacements of another code, one row a generated problem; and the report.
+"""Error bounds of the package compared with displacements of another code, one row a generated problem; the report.
 
-A family and a number make a problem, always the same. Contacts are straight lines: an obstacle below, flat, inclined or
-bent, or a joint between two blocks. Above, the body is held and moved, or loaded.
+A family and a number determine a problem. Contacts are straight: an obstacle below, flat, inclined or bent, or a joint
+between two blocks. The opposite side of the body is held and moved, or loaded.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,11 +22,11 @@ from qvi_contact.problem import Contact, ContactProblem, Displacement, Material,
 from qvi_contact.types import Condition, Field, FloatArray
 
 FAMILIES: Final = ("grids", "polygons", "joints", "strains", "springs")
-"""What each has is said in `report.md`. All but a tenth have friction."""
+"""Families of problems, described in `report.md`. A tenth of the problems is without friction."""
 
 _FRICTION: Final = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8)
 _FEW: Final = 28
-"""Triangles below which a mesh is divided once more."""
+"""Meshes with fewer triangles are refined once more."""
 
 
 def stated(family: str, number: int) -> tuple[ContactProblem, int]:
@@ -56,10 +56,10 @@ def stated(family: str, number: int) -> tuple[ContactProblem, int]:
 
 
 def _on_springs(dice: Dice, conditions: list[Condition], young: float) -> list[Condition]:
-    """The same, the contact compliant or, for one in four, tied; and some lower blocks on a bed."""
+    """The conditions with springs along the contact, which is tied in one of four cases; some lower blocks on a bed."""
 
     def on_springs(contact: Contact) -> Contact:
-        """With a stiffness across, and for most along; for bodies about as large as 1."""
+        """The contact with a stiffness across it, and mostly one along it, for bodies of a size of about 1."""
         across = young * dice.magnitude(-1.0, 2.0)
         along = across * dice.pick((0.1, 0.4, 1.0)) if dice.chance(0.7) else None
         return replace(contact, normal_stiffness=across, tangential_stiffness=along)
@@ -112,7 +112,7 @@ def _block(dice: Dice, strain: float, size: float, joint: bool) -> tuple[Triangl
 
 
 def _polygon(dice: Dice, strain: float, size: float, joint: bool) -> tuple[TriangleMesh, list[Condition]]:  # noqa: ARG001
-    """A polygon on an obstacle along a side, held along the side across or loaded there."""
+    """A polygon with one side on an obstacle, held or loaded on the opposite side."""
     corners, start = dice.whole(5, 8), dice.between(0.0, 2.0 * np.pi)
     angles = start + 2.0 * np.pi * (np.arange(corners) + [dice.between(-0.3, 0.3) for _ in range(corners)]) / corners
     radii = np.array([dice.between(0.4, 0.6) for _ in range(corners)])
@@ -140,13 +140,13 @@ def _polygon(dice: Dice, strain: float, size: float, joint: bool) -> tuple[Trian
 def _contact(
     dice: Dice, edges: str, strain: float, size: float, length: float, t: FloatArray, first: tuple[float, ...]
 ) -> Contact:
-    """A contact along a line from `first` along t."""
-    s = Polynomial([[-float(t @ np.array(first)), float(t[1])], [float(t[0])]])  # distance along it
+    """A contact on a line of this length from the point `first` in the direction t."""
+    s = Polynomial([[-float(t @ np.array(first)), float(t[1])], [float(t[0])]])  # distance from `first`
     kind, gap = dice.pick(("flat", "flat", "inclined", "bent")), dice.between(-0.5, 0.5) * strain
     shape: Field = 0.0
     if kind == "inclined":
         shape = Polynomial([[gap / length * c for c in row] for row in s.coefficients])
-    elif kind == "bent":  # strain · length/4 … (s/length − ½)²
+    elif kind == "bent":  # gap = share (s − length/2)²
         (c, b), (a, *_) = s.coefficients
         c -= length / 2.0
         share = strain * dice.pick((1.0, 0.4)) / length
@@ -158,24 +158,24 @@ def _contact(
 
 
 def declared(count: int) -> Study:
-    """The study of the first problems of each family, which take turns, and of as many more with springs."""
+    """The study of the first `count` problems of each family, in turns, and of as many more with springs."""
     cases = [{"family": family, "number": number} for number in range(count) for family in FAMILIES]
     cases += [{"family": "springs", "number": number} for number in range(count, 2 * count)]
     return Study("bounds", 1, "comparisons.bounds.study:solve_case", cases, packages=(*PACKAGES, "ngsolve"))
 
 
 def refined(count: int) -> Study:
-    """The study of the first polygons: which slip, of which there are bounds, and how long 1 % of the force takes."""
+    """The study of the first polygons: which slip, which have bounds, and the time for the force to 1 %."""
     cases = [{"number": number} for number in range(count)]
     return Study("bounds-refined", 1, "comparisons.bounds.study:refine_case", cases)
 
 
 def refine_case(case: Mapping[str, Any]) -> dict[str, Any]:
-    """The task of the second study, on a polygon without NGSolve.
+    """The task of the second study: a polygon, without NGSolve.
 
-    "status" is "slips", "sticks", "no friction", or of `solve`. Of what slips: "bounded" and "guaranteed" on the first
-    mesh; of the force of the contact what `refine` says, "refined" its status, "error" over the force, "rounds",
-    "unknowns" and "processor", its seconds.
+    "status" is "slips", "sticks", "no friction", or the status of `solve`. Polygons that slip have "bounded" and
+    "guaranteed", the bound on the first mesh, and the result of `refine` for the contact's normal force: "refined", its
+    status, "error", relative to the force, "rounds", "unknowns" and "processor" [s].
     """
     problem, degree = stated("polygons", case["number"])
     result = solve(problem, degree=degree)
@@ -197,15 +197,15 @@ def refine_case(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
-    """The task of the study.
+    """The task of the first study: bounds of a problem, and the distance of the solution to the reference.
 
-    "status" is "bounded" where there are a bound and a reference; "unbounded", "no reference" and the status of a
-    solver that failed have a "message". Of bounded problems: "law" ("energy" or "coulomb"), "guaranteed", "reach" (None
-    for all solutions), "states" of the contact; over the energy norm of the stress "bound" and "moved" (bounds of the
-    errors of stress and displacement), "stress" and "displacement" (distances to the reference), "doubt" (what its last
-    step changed); "forces" as [name, lower, upper, reference, doubt].
+    "status" is "bounded" if there are a bound and a reference; otherwise "unbounded", "no reference" or the status of
+    the failed solve, with a "message". Bounded problems have "law" ("energy" or "coulomb"), "guaranteed", "reach" (None
+    if the bound holds for all solutions) and "states" of the contact; relative to the energy norm of the stress "bound"
+    and "moved" (bounds of the errors of stress and displacement), "stress" and "displacement" (distances to the
+    reference), "doubt" (change of the reference in its last step); "forces" as [name, lower, upper, reference, doubt].
     """
-    from comparisons.bounds.reference import NoReferenceError, reference  # NGSolve, which reports do not need
+    from comparisons.bounds.reference import NoReferenceError, reference  # imports NGSolve, which reports do not need
 
     problem, degree = stated(case["family"], case["number"])
     friction = max(each.friction for each in problem.contacts if not callable(each.friction))
@@ -221,7 +221,7 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
     known = found.coulomb
     energy = found.kind is BracketKind.PROBLEM
     bound, moved, companion = np.inf, np.inf, found.companion
-    if energy and np.isfinite(found.gap):  # bounds even the root of the sum of the squares of both errors
+    if energy and np.isfinite(found.gap):  # bounds also the root of the sum of the squares of both errors
         bound = moved = float(np.sqrt(2.0 * max(found.gap, 0.0)))
     elif known is not None and not energy:
         bound, moved, companion = known.error, known.within, known.displacement
@@ -255,25 +255,28 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 SHARE: Final = 0.1
-"""Doubt of the reference over a bound up to which the bound is judged."""
+"""Largest uncertainty of the reference over a bound for which the bound is judged."""
 
 ROUNDING: Final = 1e-9
-"""Share of the largest force that is rounding."""
+"""Differences of forces below this share of the largest force are rounding."""
+
+EXACT: Final = 1e-6
+"""Bound over the norm of the stress below which the mesh solves the problem exactly: it is the root of rounding."""
 
 TARGET, QUICK = 0.01, 10.0
-"""Of the polygons: the error that is asked for, over the force, and the seconds in which most should have it."""
+"""Of the polygons: the error asked for, relative to the force, and the seconds in which most should reach it."""
 
 _NUMBERS: Final = ("bound", "moved", "stress", "displacement", "doubt", "reach", "unknowns", "reference_unknowns")
 _OTHERS: Final = ("message", "law", "guaranteed", "forces")
 
 
 def runs_of(rows: Sequence[Row]) -> DataFrame:
-    """One line a problem: what `study.solve_case` says, and what follows.
+    """One line a problem: the entries of `solve_case`, and further columns.
 
-    "judged", whether the reference is accurate enough, of solutions within the bound's reach; "inside" and "outside",
-    whether stress and displacement are so beyond its doubt, with bounds of the energy also both together; "ratio" of
-    the bound to the error of the stress; "together", for bounds of the energy, that to the root of the sum of both
-    squares; "kind" of the bound.
+    "judged": whether the reference is accurate enough, and within the reach of the bound. "inside", "outside": whether
+    stress and displacement are inside, or one of them outside, by more than the doubt of the reference; bounds of the
+    energy are tested for both errors together, too. "ratio": the bound over the error of the stress. "together", for
+    bounds of the energy: the bound over the root of the sum of the squares of both errors. "kind" of the bound.
     """
     runs = frame_of(rows, _NUMBERS, _OTHERS)
     energy, with_reach = runs.law == "energy", runs.reach.notna()
@@ -288,12 +291,12 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
     kind = [f"{one}, {other}" for one, other in zip(law, sure, strict=True)]
     return runs.assign(
         judged=judged, inside=judged & inside, outside=judged & outside, ratio=(runs.bound / runs.stress).where(judged),
-        together=(runs.bound / both).where(judged & energy), kind=kind,
+        together=(runs.bound / both).where(judged & energy & (runs.bound > EXACT)), kind=kind,
     )  # fmt: skip
 
 
 def forces_of(runs: DataFrame) -> DataFrame:
-    """One line a force with bounds of a judged problem, with "judged", "inside", "outside" in the same sense."""
+    """One line a bounded force of a judged problem, with "judged", "inside", "outside" as in `runs_of`."""
     columns = ("force", "lower", "upper", "reference", "doubt")
     lines = [
         {"family": run.family, "number": run.number, **dict(zip(columns, force, strict=True)),
@@ -312,7 +315,7 @@ def forces_of(runs: DataFrame) -> DataFrame:
 
 
 def values_of(runs: DataFrame, forces: DataFrame) -> dict[str, Any]:
-    """The numbers in sentences."""
+    """The numbers in the sentences of the report."""
     bounded, judged, measured = runs[runs.status == "bounded"], runs[runs.judged], forces[forces.judged]
     families = judged.family.value_counts()
     strained, sprung = (int(families.get(name, 0)) for name in ("strains", "springs"))
@@ -332,7 +335,7 @@ def values_of(runs: DataFrame, forces: DataFrame) -> dict[str, Any]:
 
 
 def polygons_of(rows: Sequence[Row]) -> dict[str, Any]:
-    """What sentences say of the second study."""
+    """The numbers of the second study in the sentences of the report."""
     slipping = frame_of(rows, ("error", "rounds", "processor"), ("bounded", "guaranteed", "refined", "message"))
     slipping = slipping[slipping.status == "slips"]
     bounded = slipping[slipping.bounded == True]  # noqa: E712 - missing where nothing slips
@@ -346,7 +349,7 @@ def polygons_of(rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def report(rows: Sequence[Row], polygons: Sequence[Row]) -> Report:
-    """The report; the same rows give the same one."""
+    """The report of both studies, a function of their rows only."""
     runs = runs_of(rows)
     forces, judged = forces_of(runs), runs[runs.judged]
 

@@ -1,9 +1,9 @@
-r"""The problems that loops are compared on, by name, mesh and friction.
+r"""The problems on which loops over the friction bound are compared, by name, mesh and friction.
 
-plate       the paper's quarter plate with the paper's elements (`paper.plate`); sticks everywhere from μ = 0.25 on
+plate       the paper's quarter plate with the paper's elements (`paper.plate`); all of it sticks from μ = 0.25 on
 ssnv128     Code_Aster's SSNV128 on triangles, with the law at Gauss points; opens, slips and sticks, hard from μ = 2 on
-block       a block on such triangles, under the pressure p = 1, dragged by uniform shear T = 0.1: carried where μ > 0.1
-contacts    no mesh: unknowns are the tractions of 8 points themselves, with an answer and a contraction known exactly
+block       a block on triangles, under the pressure p = 1, dragged by uniform shear T = 0.1: carried for μ > 0.1
+contacts    no mesh: unknowns are the tractions of 8 points; solution and contraction of the loop are known exactly
 
 **Contacts.** z = (p, t), σ_N = −p, σ_T = t, K = [[I, C], [C, I]], C = Q diag(c) Qᵀ with orthonormal cosine vectors Q
 and c = 0.8, 0.7, …, 0.1. For any pressures p* > 0 and push q* > 0 the loads
@@ -30,10 +30,10 @@ from qvi_contact.problem.conditions import Condition
 from solvers import FrictionQVI, QVISolution, solve_qvi
 
 PLACE: Final = ["problem", "cells", "friction"]
-"""What names a problem that is ready to be solved, see `body`."""
+"""Columns that identify a problem, see `body`."""
 
 NAMES: Final = {"contacts": "8 contacts", "block": "dragged block", "ssnv128": "SSNV128"}
-"""Problem → what it is called in texts, if that is another word."""
+"""Problem → its name in texts, if it differs."""
 
 POINTS: Final = 8
 """Points of the problem without a mesh."""
@@ -41,14 +41,11 @@ POINTS: Final = 8
 COUPLINGS: Final = np.arange(POINTS, 0, -1) / 10.0
 """Eigenvalues c of the coupling of "contacts"."""
 
-_PUSH: Final = 0.1 + 0.05 * np.sin(1.0 + np.arange(POINTS) ** 2)  # has a share of every mode
+_PUSH: Final = 0.1 + 0.05 * np.sin(1.0 + np.arange(POINTS) ** 2)  # q*, with a part of every mode
 
 
 class Body(NamedTuple):
-    """A problem ready to be solved, dimensionless, and its units, 1 without a mesh.
-
-    They are those of resultants [stress × length] and of displacements [length].
-    """
+    """A dimensionless problem; its units of resultants [stress × length] and displacements [length], 1 without mesh."""
 
     qvi: FrictionQVI
     force: float = 1.0
@@ -67,7 +64,7 @@ def dragged_block(
 
 
 def contacts(friction: float) -> FrictionQVI:
-    """The problem without a mesh of this module."""
+    """The problem "contacts", without a mesh."""
     Q = dct(np.eye(POINTS), norm="ortho", axis=0)
     C = (Q.T * COUPLINGS) @ Q
     p = 1.0 + 0.3 * np.cos(np.arange(POINTS))
@@ -82,7 +79,7 @@ def contacts(friction: float) -> FrictionQVI:
 
 
 def body(problem: str, cells: int, friction: float) -> Body:
-    """Build a problem by its name; `cells` a side (height), 0 where there is no mesh."""
+    """Build a problem by its name, with `cells` a side (along the height), 0 without a mesh."""
     if problem == "contacts":
         return Body(contacts(friction))
     if problem == "plate":
@@ -95,7 +92,7 @@ def body(problem: str, cells: int, friction: float) -> Body:
 
 
 class Reference(NamedTuple):
-    """A problem with its solution by the condensed method, and the resultant of σ_N of that, dimensionless."""
+    """A problem, its solution by the condensed method, and the dimensionless resultant of σ_N of the solution."""
 
     body: Body
     solution: QVISolution
@@ -104,7 +101,7 @@ class Reference(NamedTuple):
 
 @lru_cache(maxsize=8)
 def reference(problem: str, cells: int, friction: float) -> Reference:
-    """The reference of a problem; the last ones are kept, since many cases have the same."""
+    """The reference of a problem; the last eight are kept, since many cases share one."""
     found = body(problem, cells, friction)
     solution = solve_qvi(found.qvi, method="condensed", tolerance=1e-9)
     if not solution.solved:
@@ -112,17 +109,17 @@ def reference(problem: str, cells: int, friction: float) -> Reference:
     return Reference(found, solution, found.qvi.resultant(solution.z))
 
 
-# Solves of the studies of loops: how long they take, what rows keep of how they ended, and frames of these rows.
+# Solves of the studies of loops: times, entries of rows, and frames of these rows.
 
 
 REPEATS: Final = 3
-"""How often a solve is timed, if it is quick."""
+"""Repetitions of a quick solve."""
 
 _BUDGET: Final = 0.5  # seconds after which no further repetition begins
 
 
 def timed(place: tuple[str, int, float], **options: Any) -> tuple[QVISolution, list[float]]:
-    """The solution, and the times of solves of problems built anew, so that none finds a factorisation made before."""
+    """The solution, and the times of solves [s], each of a problem built anew, so that none finds a factorisation."""
     seconds: list[float] = []
     while True:
         qvi = body(*place).qvi
@@ -134,7 +131,7 @@ def timed(place: tuple[str, int, float], **options: Any) -> tuple[QVISolution, l
 
 
 def ending(solution: QVISolution) -> dict[str, Any]:
-    """Status, message, iterations; whether the certificate passed, at what tolerance, and its worst measure."""
+    """Status, message, iterations; of the certificate whether it passed, tolerance, accuracy and worst measure."""
     return {
         "status": solution.status.value, "message": solution.message, "iterations": solution.iterations,
         "certificate": {
@@ -144,7 +141,7 @@ def ending(solution: QVISolution) -> dict[str, Any]:
 
 
 def in_words(runs: DataFrame) -> DataFrame:
-    """The runs with the median of their times, and name and body: the problem, and with its mesh, in words."""
+    """The runs with median times, and in words "name", the problem, and "body", the problem with its mesh."""
     names = runs.problem.replace(NAMES)
     bodies = names + [f", {cells}²" if cells else "" for cells in runs.cells]
     return runs.assign(seconds=runs.seconds.map(median, na_action="ignore"), name=names, body=bodies)

@@ -1,6 +1,6 @@
-"""How answers converge with the mesh: bodies, where their stresses are singular, what is known of them; and the report.
+"""Convergence in the mesh: the problems with their singular points and known forces, the study and its report.
 
-All bodies are rectangles. On equal cells errors are ruled by the singularity where a contact ends in a corner.
+All bodies are rectangles. On equal cells the singularity where a contact ends in a corner dominates the error.
 """
 
 import time
@@ -26,18 +26,18 @@ from qvi_contact.refinement import RefinementRound
 from qvi_contact.types import Condition
 from solvers import QVISolution, Status, solve_qvi
 
-_PUSH: Final = 1e-3  # of the punch [mm]
-_RADIUS: Final = 800.0  # of the punch [mm]
-_STICKING: Final = 0.25  # from here on the plate sticks everywhere
+_PUSH: Final = 1e-3  # displacement of the punch [mm]
+_RADIUS: Final = 800.0  # radius of the punch [mm]
+_STICKING: Final = 0.25  # μ from which on all of the plate sticks
 
 
 @dataclass(frozen=True)
 class Problem:
     """A problem of the study.
 
-    The force is the one that balance alone does not give, on the contact of that name; `known` is its value and
+    `force` is a component of the force on `contact` that balance alone does not determine; `known` is its value and
     uncertainty from elsewhere. The body is a rectangle of this size [length], with `coarse` cells along x and y on the
-    coarsest mesh; at `singular` points stresses are singular, or a zone of the contact ends.
+    coarsest mesh. At `singular` points stresses are singular, or a zone of the contact ends.
     """
 
     name: str
@@ -52,12 +52,12 @@ class Problem:
     source: str = ""
 
     def equal(self, times: int) -> ContactProblem:
-        """The problem on equal cells, so many times as many each way as on the coarsest mesh."""
+        """The problem on equal cells, in each direction `times` as many as on the coarsest mesh."""
         across, up = self.coarse
         return replace(self.stated(), mesh=TriangleMesh.rectangle((times * across, times * up), *self.size))
 
     def graded(self, depth: int) -> ContactProblem:
-        """The problem on twice the coarsest mesh, whose triangles at singular points are halved again and again."""
+        """The problem on a mesh twice as fine as the coarsest, triangles at singular points halved `depth` times."""
         problem = self.equal(2)
         assert isinstance(problem.mesh, TriangleMesh)
         return replace(problem, mesh=problem.mesh.graded(self.singular, depth))
@@ -110,22 +110,22 @@ PROBLEMS: Final = {problem.name: problem for problem in _ALL}
 
 
 TOLERANCE: Final = 1e-8
-"""That every certificate confirms."""
+"""Tolerance of every certificate."""
 
 EQUAL, GRADED, ADAPTIVE, PAPER = "equal", "graded", "adaptive", "paper"
 """Sequences of meshes, see `mesh.md`; "paper" are equal cells of the paper's element."""
 
 DEGREES: Final = (3, 4, 5, 6, 8)
 REFINED_DEGREE: Final = 5
-"""Of adaptive meshes, the default of `refine`."""
+"""Degree on adaptive meshes, the default of `refine`."""
 
 TIMES: Final = (1, 2, 4, 8, 16)
 DEPTHS: Final = (0, 2, 4, 6, 8, 10)
 PAPER_CELLS: Final = (2, 4, 8, 16, 32, 64, 128)
 
-_MOST: Final = 30_000  # unknowns of a mesh
-_OUT_OF_REACH: Final = 1e-9  # relative error asked of refine, so that it goes on to its limit of unknowns
-_MOST_REFINED: Final = 3_000
+_MOST: Final = 30_000  # largest number of unknowns of equal cells
+_OUT_OF_REACH: Final = 1e-9  # target of `refine`, so small that it refines to its limit of unknowns
+_MOST_REFINED: Final = 3_000  # that limit
 
 Record = dict[str, Any]
 
@@ -149,10 +149,10 @@ def study(quick: bool) -> Study:
 
 
 def run(case: Mapping[str, Any]) -> Record:
-    """Task of the study: one mesh, or all rounds of an adaptive one.
+    """Task of the study: one mesh, or all rounds of an adaptive mesh.
 
-    "meshes" are records with status, message, unknowns, cells (their number), force, and seconds of the solve, of
-    adaptive meshes all that was spent up to them.
+    "meshes" are records with status, message, unknowns, number of cells, force, and seconds of the solve, for adaptive
+    meshes the time up to this round.
     """
     problem, sequence, size, degree = PROBLEMS[case["problem"]], case["sequence"], case["size"], case["degree"]
     if sequence == ADAPTIVE:
@@ -180,7 +180,7 @@ def run(case: Mapping[str, Any]) -> Record:
 
 
 def _adaptive(problem: Problem, degree: int, most: int) -> list[Record]:
-    """A record of each round."""
+    """A record for each round of `refine`."""
     records: list[Record] = []
     began = time.perf_counter()
 
@@ -197,13 +197,13 @@ def _adaptive(problem: Problem, degree: int, most: int) -> list[Record]:
 
 
 FLOOR: Final = 1e-8
-"""Relative errors that the accuracy of the solves leaves."""
+"""Relative errors below this are not resolved by the solves."""
 
 TARGETS: Final = (1e-4, 1e-5, 1e-6)
-"""Relative errors of the force whose cost is told."""
+"""Relative errors of the force whose cost is reported."""
 
 TARGET: Final = 1e-5
-"""That of which sentences tell."""
+"""The error in the findings."""
 
 _USUAL: Final = 4  # the degree that `solve` takes
 _NUMBERS: Final = ("force", "unknowns", "cells")
@@ -213,8 +213,8 @@ _REFERENCE_DEGREE: Final = 8
 def meshes_of(rows: Sequence[Row]) -> DataFrame:
     """One line a mesh, in the order of the rows.
 
-    The columns are those of `frame_of` and of the records, see `run`, and solved, error (relative, of the force), least
-    (what the reference's uncertainty and the solves leave).
+    The columns are those of `frame_of` and of the records, see `run`, and "solved", "error" (relative, of the force),
+    "least" (the smallest error that the reference's uncertainty and the solves resolve).
     """
     meshes = frame_of(rows, _NUMBERS, parts="meshes")
     meshes["solved"] = meshes.status == "solved"
@@ -226,7 +226,7 @@ def meshes_of(rows: Sequence[Row]) -> DataFrame:
 
 
 def references_of(meshes: DataFrame) -> DataFrame:
-    """One line a problem: the force, its uncertainty and its source; from elsewhere, or of our finest graded meshes."""
+    """One line a problem: the force, its uncertainty and source, from elsewhere or from the finest graded meshes."""
     lines = []
     for name in meshes.problem.unique():
         problem = PROBLEMS[name]
@@ -248,8 +248,8 @@ def references_of(meshes: DataFrame) -> DataFrame:
 def cost(points: DataFrame, target: float) -> float:
     """The least number of unknowns from which on all errors stay within the target.
 
-    NaN without errors, infinite if even the last one does not. An error that a finer mesh does not confirm is small by
-    chance and does not count.
+    NaN without errors, infinite if the finest mesh misses the target. A small error does not count if a finer mesh has
+    a larger one.
     """
     finest_first = points.sort_values(["unknowns", "error"], ascending=False)
     lasting = finest_first.unknowns[finest_first.error.cummax() <= target]
@@ -257,7 +257,7 @@ def cost(points: DataFrame, target: float) -> float:
 
 
 def costs_of(meshes: DataFrame) -> DataFrame:
-    """One line a problem and target that its reference can tell: unknowns by sequence, and the degree that is best."""
+    """One line a problem and target that its reference resolves: unknowns by sequence, and the best degree."""
     shown, lines = meshes[meshes.solved & meshes.error.notna()], []
     curves = dict(list(shown.groupby(["problem", "sequence", "degree"], sort=False)))
     for problem, found in meshes.groupby("problem", sort=False):
@@ -298,7 +298,7 @@ def values_of(meshes: DataFrame) -> dict[str, Any]:
 
 
 def _known(form: Form) -> Form:
-    """What is missing is left empty."""
+    """The form, with an empty text for missing values."""
     return lambda value: "" if value is None or value != value else form(value)
 
 
@@ -343,7 +343,7 @@ def _picture(meshes: DataFrame) -> Figure:
 
 
 def report(rows: Sequence[Row]) -> Report:
-    """The report; the same rows give the same report."""
+    """The report, a function of the rows only."""
     meshes = meshes_of(rows)
     costs = costs_of(meshes)
     tables = {"costs": costs, "degrees": costs, "references": references_of(meshes), "failures": meshes[~meshes.solved]}

@@ -1,4 +1,4 @@
-"""How loops over the friction bound converge: problems × meshes × μ × loops, their iterations; and the report."""
+"""Convergence of loops over the friction bound: problems × meshes × μ × loops; the study and its report."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -16,12 +16,12 @@ INNER: Final = "direct:clarabel"
 """Inner solver of all loops."""
 
 TOLERANCE: Final = 1e-8
-"""That of the residual and of the certificate."""
+"""Tolerance of residual and certificate."""
 
 MAX_ITERATIONS: Final = 200
 
 PATIENCE: Final = 60
-"""Iterations without progress after which a loop is given up; long, so that slow convergence is seen for what it is."""
+"""Iterations without progress after which a loop stops; many, so that slow convergence does not count as failure."""
 
 _SHARED: Final = {"method": "fixed-point", "inner": INNER, "tolerance": TOLERANCE}
 _LIMITS: Final = {"max_iterations": MAX_ITERATIONS, "patience": PATIENCE}
@@ -35,7 +35,7 @@ LOOPS: Final[Mapping[str, Mapping[str, Any]]] = {
        for name, (variant, step) in {PLAIN: ("plain", 1.0), **_DAMPED, "Anderson": ("anderson", 0.5)}.items()},
     CONDENSED: {"method": "condensed", "tolerance": TOLERANCE},
 }  # fmt: skip
-"""All loops, and the condensed method beside them, in the order of tables: keyword arguments of `solve_qvi`."""
+"""Loops, and the condensed method, in the order of tables → keyword arguments of `solve_qvi`."""
 
 Meshes = Mapping[tuple[str, int], tuple[float, ...]]
 
@@ -72,10 +72,10 @@ def study(quick: bool) -> Study:
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Task of the study: solve a problem by a loop; what `bodies.ending` tells, and more.
+    """Task of the study: solve a problem by a loop; entries of `bodies.ending`, and more.
 
-    "seconds" are wall times of repeated solves, factorisation included, "residuals" those of every iteration, and of
-    the plain loop "sharper" is 1/γ of `solvers.certificate`, None where it was not computed.
+    "seconds" are wall times of repeated solves, factorisation included; "residuals" are those of all iterations; the
+    plain loop has "sharper", 1/γ of `solvers.certificate`, None if it was not computed.
     """
     solution, seconds = timed((case["problem"], case["cells"], case["friction"]), **LOOPS[case["loop"]])
     return {
@@ -110,7 +110,7 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
 
 
 def by_loop(runs: DataFrame) -> list[tuple[str, DataFrame]]:
-    """Loops that were run, in their order."""
+    """The loops with runs, in the order of `LOOPS`."""
     return [(loop, found) for loop in LOOPS if len(found := runs[runs.loop == loop])]
 
 
@@ -125,7 +125,7 @@ def values_of(runs: DataFrame) -> dict[str, Any]:
         "counts": {loop: (int(each.solved.sum()), len(each)) for loop, each in by_loop(runs)},
         "least": direct.steps.min(), "most": direct.steps.max(), "low": runs.friction.min(),
         "high": runs.friction.max(), "worst": largest_of(ratios, runs),
-        # the plain loop below and beyond the bound of uniqueness
+        # the plain loop for μγ < 1 and μγ ≥ 1
         "sure": len(sure), "sure_solved": int(sure.solved.sum()), "beyond": len(beyond),
         "beyond_solved": int(beyond.solved.sum()), "farthest": plain[plain.solved].bound.max(),
         "loops": LOOPS, "inner": INNER, "tolerance": TOLERANCE, "iterations": MAX_ITERATIONS, "patience": PATIENCE,
@@ -133,7 +133,7 @@ def values_of(runs: DataFrame) -> dict[str, Any]:
 
 
 def _loops(found: DataFrame) -> DataFrame:
-    """Each loop beside the plain one and beside the condensed method."""
+    """Each loop compared with the plain loop and the condensed method."""
     plain = found[found.loop == PLAIN].set_index(PLACE)[["steps", "solved"]].add_suffix("_plain")
     lines = []
     for loop, runs in by_loop(found):
@@ -149,7 +149,7 @@ def _loops(found: DataFrame) -> DataFrame:
 
 
 def report(rows: Sequence[Row]) -> Report:
-    """The report; the same rows give the same report."""
+    """The report, a function of the rows only."""
     runs = runs_of(rows)
     tables = {"loops": _loops(runs), "runs": runs}
     return render("comparisons.convergence", "convergence-outer", values_of(runs), tables, {}, rows, forms=FORMS,

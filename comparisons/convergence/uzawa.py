@@ -1,14 +1,14 @@
-r"""How the paper's iteration converges: its run, other steps; and the report.
+r"""Convergence of the paper's iteration: the paper's run, runs with other steps, and the report.
 
-On slipping points (4.3) and (4.4) are gradient steps of the length ω_T/θ, θ the friction bound, for the dual operator,
-and (4.2) is one of the length ω_N on open points. With the compliance of the body seen by the contact at the solution,
-Ĉ = √W B K⁻¹ Bᵀ √W, B = [N; T], steps are shares of two limits, both for all points with a bound above zero,
+At slipping points (4.3) and (4.4) are gradient steps of length ω_T/θ for the dual operator, with the friction bound θ,
+Θ = diag(θ); at open points (4.2) is a gradient step of length ω_N. With the compliance of the body at the contact,
+Ĉ = √W B K⁻¹ Bᵀ √W, B = [N; T], steps are given as shares of two limits, ω_T* for all points with θ > 0,
 
     ω_T* = 2 / λ_max(Θ^(−1/2) Ĉ_TT Θ^(−1/2)),    ω_N* = 2 / λ_max(Ĉ_NN)
 
 A run *settles* if in its last quarter the resultant normal force stays within `NEAR` of the condensed method's and the
-multipliers change by less than `STILL` of the largest one per iteration. Beyond their limit steps never do: the changes
-go on for ever.
+multipliers change by less than `STILL` of the largest multiplier per iteration. Runs with steps beyond the limit never
+settle.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,29 +29,29 @@ from solvers import QVISolution, solve_qvi
 from solvers.inequality.problem import Compliance
 
 HALF: Final = 0.5
-"""The step ω_N of runs with other steps, as a share of its limit; it hardly matters here."""
+"""The step ω_N of all runs, as a share of its limit; it has little influence here."""
 
 ITERATIONS: Final = 2000
-"""Of the paper's run and of one with a given step."""
+"""Iterations of the paper's run and of runs with a given step."""
 
 TARGETS: Final = (1e-4, 1e-6)
-"""Relative errors of the normal force of which it is noted when they are reached for good."""
+"""Relative errors of the normal force for which the first lasting iteration is stored."""
 
 NEAR: Final = 1e-3
 STILL: Final = 1e-3
 
 _SHOWN: Final = 400  # iterations of the paper's run that are kept one by one
-_NOTHING: Final = 1e-9  # share of the largest eigenvalue below which one is zero
-_LAST_DIGIT: Final = 0.00501  # of P/2: half of the last digit printed, and rounding
+_NOTHING: Final = 1e-9  # eigenvalues below this share of the largest are zero
+_LAST_DIGIT: Final = 0.00501  # half of the last printed digit of P/2, and rounding
 
 Record = dict[str, Any]
 
 
 def study(quick: bool) -> Study:
-    """The paper's run and steps, or coarse meshes of them.
+    """The study: the paper's run and runs with other steps, or only coarse meshes.
 
-    A step ω_T is a share of its limit, a power of √2 rounded so that it means the same on every machine, and None where
-    a run has its own.
+    "share" is ω_T over its limit, a power of √2, rounded so that it is the same on every machine; None in the paper's
+    run.
     """
     frictions, cells = ((0.1,), (2,)) if quick else ((0.05, 0.1, 0.2), (2, 8, 16))
     shares = [round(2.0 ** (power / 2.0), 6) for power in (range(-2, 3) if quick else range(-6, 5))]
@@ -63,7 +63,7 @@ def study(quick: bool) -> Study:
 
 
 def run(case: Mapping[str, Any]) -> Record:
-    """Task of the study: Uzawa with a given step, or the paper's run; what `bodies.ending` tells, and more.
+    """Task of the study: Uzawa with a given step, or the paper's run; entries of `bodies.ending`, and more.
 
     "omega" and "limit" are ω_T and ω_T* [length], None where no point has a bound above zero, "condition" is λ_max /
     λ_min of Θ^(−1/2) Ĉ_TT Θ^(−1/2) on the slipping points, None if there are none, "force" P of the solution.
@@ -93,7 +93,7 @@ def limits_of(known: Reference) -> tuple[float | None, float, float | None]:
     pulled, slip = (each / qvi.W * qvi.contact_stiffness
                     for each in (solution.normal_multiplier, solution.tangential_multiplier))  # fmt: skip
     is_open = (pulled > -qvi.normal(z)) & ~qvi.bilateral
-    threshold = qvi.threshold(np.where(is_open, 0.0, qvi.pressure(z)))  # what is left of it there is rounding
+    threshold = qvi.threshold(np.where(is_open, 0.0, qvi.pressure(z)))  # at open points the pressure is rounding
     rough = threshold > 0.0
     slipping = rough & (np.abs(slip) > threshold - np.abs(qvi.tangential(z)))
 
@@ -110,13 +110,13 @@ def limits_of(known: Reference) -> tuple[float | None, float, float | None]:
 
 
 def _march(known: Reference, omega_T: float, omega_N: float, iterations: int, **options: Any) -> QVISolution:
-    """So many iterations."""
+    """Uzawa's iteration with these steps, for so many iterations."""
     settings = {"omega_T": omega_T, "omega_N": omega_N, "iterations": iterations, **options}
     return solve_qvi(known.body.qvi, method="uzawa", tolerance=1e-8, **settings)
 
 
 def _course(known: Reference, solution: QVISolution, omega: float) -> Record:
-    """What a run of a given number of iterations did."""
+    """The course of a run: last errors and changes, whether it settles, and iterations needed for each target."""
     numbers, errors = [entry.number for entry in solution.history], np.array(_errors(known, solution))
     changes = np.array([entry.residual for entry in solution.history])
     last = np.array(numbers) > 0.75 * numbers[-1]
@@ -133,11 +133,11 @@ def _errors(known: Reference, solution: QVISolution) -> list[float]:
 
 
 def _paper(case: Mapping[str, Any], known: Reference, omega_T: float, omega_N: float, long: QVISolution) -> Record:
-    """What the paper's own number of iterations gives, beside the long run of its steps.
+    """The results of the paper's own number of iterations, and errors of the long run with its step.
 
-    P/2 as "printed" in the paper, after its iterations by the accumulating rule ("after") and by the printed one
-    ("after_printed_rule"), the error of the bonded state ("before"), tractions' largest error over the mean pressure
-    ("tractions"), and the relative error of P/2 after each iteration ("errors").
+    P/2 as "printed" in the paper, after its iterations by the accumulating rule ("after") and by the printed rule
+    ("after_printed_rule"); the error of the bonded state ("before"); the largest error of tractions over the mean
+    pressure ("tractions"); the relative error of P/2 after each iteration of the long run ("errors").
     """
     paper, qvi, unit = load(), known.body.qvi, known.body.force
     after, as_printed = (_march(known, omega_T, omega_N, paper.iterations, rule=rule)
@@ -153,10 +153,9 @@ def _paper(case: Mapping[str, Any], known: Reference, omega_T: float, omega_N: f
 
 
 def first_lasting(errors: Sequence[float], numbers: Sequence[int], target: float) -> int | None:
-    """The first iteration, by its number, from which all errors on record are at the target or below.
+    """The number of the first iteration from which on all errors are within the target.
 
-    None if there is none, or less than a fifth of all iterations are left after it: what comes that late may be a phase
-    of a cycle.
+    None if there is none, or if less than a fifth of the iterations follows, since it may then be a phase of a cycle.
     """
     outside = np.flatnonzero(~(np.asarray(errors) <= target))  # nan is outside
     first = int(outside[-1]) + 1 if len(outside) else 0
@@ -164,7 +163,7 @@ def first_lasting(errors: Sequence[float], numbers: Sequence[int], target: float
 
 
 SOON: Final = "to 1e-04"
-"""Iterations until the normal force is within 1e-4 for good."""
+"""Column: iterations until the normal force stays within 1e-4."""
 
 _TARGETS: Final = tuple(f"to {target:.0e}" for target in TARGETS)
 _NUMBERS: Final = (
@@ -192,7 +191,7 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
 
 
 def paper_runs(runs: DataFrame) -> DataFrame:
-    """The paper's runs, with the quickest step that settles on the same problem beside them."""
+    """The paper's runs, with the fewest iterations of a run with another step that settles on the same problem."""
     steps = runs[(runs.run == "step") & runs.has]
     quickest = steps[steps.settles == 1].groupby(PLACE)[SOON].min().rename("quickest")
     found = runs[(runs.run == "paper") & runs.has].join(quickest, on=PLACE)

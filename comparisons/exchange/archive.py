@@ -5,11 +5,10 @@
     traces_rows, …_interpolation     `TractionFactor`, if there are any
     solution_z, …                    vectors of `QVISolution`; solution_record: its words and numbers as JSON
 
-Everything of (D2) is kept to the last bit. Lost are what only code can express: `root` and `load` (an energy evaluated
-without the rounding inside K: on fine meshes the certificate of a problem read back is that of K alone, and looser),
-`structure` and `places` (only the speed of factorisations), and of a solution its history. Nothing is pickled: reading
-a file never runs code. A solution that is read is certified again, on the problem as read, and is no longer "solved"
-if that fails.
+All data of (D2) are kept to the last bit. Data that only code can express are lost: `root` and `load`, which evaluate
+the energy without the rounding inside K (so on fine meshes the certificate of the problem as read is looser),
+`structure` and `places`, which only speed up factorisations, and the history of a solution. Nothing is pickled: reading
+a file never runs code. A solution is certified again, on the problem as read, and is no longer "solved" if that fails.
 """
 
 import json
@@ -96,13 +95,13 @@ def load_qvi(path: str | Path) -> tuple[FrictionQVI, QVISolution | None]:
         return qvi, _read_solution(qvi, arrays) if "solution_record" in arrays else None
     except InputError:
         raise
-    except Exception as error:  # of zip, zlib, NumPy and SciPy: what broken bytes raise there is not documented
+    except Exception as error:  # zip, zlib, NumPy and SciPy do not document their exceptions for broken bytes
         reason = getattr(error, "strerror", None) or " ".join(str(error).split()) or type(error).__name__
         raise InputError("file", str(path), f"cannot be read ({reason}): give {_KIND}") from error
 
 
 def parts_of(name: str, matrix: Sparse) -> Arrays:
-    """A matrix by columns as arrays whose names begin with its own."""
+    """The arrays of a matrix in compressed columns, with names that begin with the matrix's name."""
     parts = {"data": matrix.data, "indices": matrix.indices, "indptr": matrix.indptr, "shape": np.array(matrix.shape)}
     return {f"{name}_{part}": value for part, value in parts.items()}
 
@@ -126,7 +125,7 @@ def _arrays(qvi: FrictionQVI) -> Arrays:
 
 
 def _read_solution(qvi: FrictionQVI, arrays: Arrays) -> QVISolution:
-    """The solution, its certificate computed anew."""
+    """The solution in the arrays, with a certificate computed on the problem as read."""
     record = json.loads(str(arrays["solution_record"]))
     z, m_N, m_T, nu, threshold = (arrays[f"solution_{name}"] for name in _SOLUTION)
     certificate = certify(qvi, z, m_N, m_T, nu, record["tolerance"])

@@ -4,8 +4,7 @@
     qpbenchmark friction_contact_sparse.py --results-path results_sparse.csv run
 
 The problems are the files beside this one, problems/*.npz, written by ``python -m comparisons export qpbenchmark``.
-Each is what a frictional contact problem becomes for a friction bound that is given, in stresses z (equilibrium
-elements):
+Each is a frictional contact problem with a given friction bound thr, in stresses z (equilibrium elements):
 
     min ½ zᵀPz + qᵀz   s.t.   G z ≤ h,  A z = b,      G = [N; T; −T],  h = [−n0; thr − t0; thr + t0]
 
@@ -38,7 +37,7 @@ class FrictionContact(qpbenchmark.TestSet):
     sparse_only = False
 
     def __iter__(self) -> Iterator[qpbenchmark.Problem]:
-        """Yield the problems, by name; as sparse ones those in all unknowns."""
+        """Yield the problems in the order of their names; if `sparse_only`, those in all unknowns."""
         for file in sorted(FOLDER.glob("*_full_*.npz" if self.sparse_only else "*.npz")):
             problem: Any = load_problem(file)
             yield problem if self.sparse_only else problem.to_dense()
@@ -53,7 +52,7 @@ class FrictionContactSparse(FrictionContact):
 
 
 def load_problem(file: Path) -> qpbenchmark.Problem:
-    """A problem, matrices by columns; its name is that of the file."""
+    """Read a problem, named as the file, with matrices in compressed columns."""
     with np.load(file, allow_pickle=False) as arrays:
         G, A = _matrix(arrays, "G"), _matrix(arrays, "A")
         h, b = (arrays["h"] if G is not None else None), (arrays["b"] if A is not None else None)

@@ -153,7 +153,7 @@ def local_problem(qvi: FrictionQVI) -> LocalProblem:
 def state_of(problem: LocalProblem, solution: QVISolution) -> ContactState:
     """Forces, displacements and λ of a solution of the `FrictionQVI` that `problem` was condensed from.
 
-    u = −D⁻¹ m is that of the solution's own multipliers, and λ what explains it best: V λ ≈ u − W r − q.
+    u = −D⁻¹ m has the solution's own multipliers m; λ is the least-squares solution of V λ = u − W r − q.
     """
     qvi = solution.problem
     r = np.column_stack([-qvi.W * qvi.normal(solution.z), qvi.W * qvi.tangential(solution.z)]).ravel()

@@ -1,4 +1,4 @@
-"""Inner quadratic programs of frictional contact problems, and the folder of them that `qpbenchmark` runs."""
+"""Inner quadratic programs of frictional contact problems, written as a test set of `qpbenchmark`."""
 
 import shutil
 from collections.abc import Callable, Iterator, Mapping
@@ -49,26 +49,26 @@ def standard_problems() -> Iterator[tuple[str, ContactProblem]]:
 
 
 def programs_of(name: str, qvi: FrictionQVI, pressure: Vector | None) -> Iterator[tuple[str, QuadraticProgram]]:
-    """The inner problems of a `FrictionQVI`, posed about z = 0, in both forms, with names that begin with this one.
+    """The inner problems of a `FrictionQVI` about z = 0, in both forms, and their names, which begin with `name`.
 
-    The pressure (m,) is that of its solution, for the bound "converged"; None leaves that out.
+    `pressure` (m,) is that of the solution and gives the bound "converged"; None leaves this bound out.
     """
     bounds = {"cold": qvi.threshold(qvi.pressure(qvi.bonded))}
     if pressure is not None:
         bounds = {"converged": qvi.threshold(pressure)} | bounds
     for form in FORMS:
-        posed = make_form(qvi, form)
-        inner = posed.problem
+        in_form = make_form(qvi, form)
+        inner = in_form.problem
         centre = Centre(inner, np.zeros(inner.n))
         shared: QuadraticProgram = {"P": inner.K, "q": -centre.f, "G": limited_rows(inner), "A": inner.A}
         for bound, threshold in bounds.items():
-            yield f"{name}_{form}_{bound}", {**shared, "h": centre.h(posed.threshold(threshold)), "b": centre.b}
+            yield f"{name}_{form}_{bound}", {**shared, "h": centre.h(in_form.threshold(threshold)), "b": centre.b}
 
 
 def write_test_set(folder: Path, problems: dict[str, ContactProblem], advance: Callable[[str], object]) -> list[Path]:
-    """Solve the problems and write their inner problems, with the test set that reads them.
+    """Solve the problems and write their inner problems, and the modules of the test set.
 
-    Of problems that are not solved only the cold bound is written. `advance` is called with the name of each.
+    For unsolved problems only the bound "cold" is written. `advance` is called with the name of each problem.
     """
     target = folder / "problems"
     target.mkdir(exist_ok=True)
@@ -76,11 +76,11 @@ def write_test_set(folder: Path, problems: dict[str, ContactProblem], advance: C
     for name, problem in problems.items():
         solution = solve(problem, law_on="points").solution
         qvi, pressure = solution.problem, solution.problem.pressure(solution.z) if solution.solved else None
-        for own, program in programs_of(name, qvi, pressure):
+        for program_name, program in programs_of(name, qvi, pressure):
             arrays: dict[str, Any] = {key: program[key] for key in "qhb"}
             for key in "PGA":
                 arrays |= parts_of(key, csc_array(program[key]))
-            written.append(target / f"{own}.npz")
+            written.append(target / f"{program_name}.npz")
             with replacing(written[-1]) as temporary, temporary.open("wb") as stream:
                 np.savez_compressed(stream, **arrays)
         advance(name)

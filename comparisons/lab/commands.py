@@ -1,6 +1,6 @@
-"""Commands of experiments: options that they share, and what becomes of the rows.
+"""Commands of experiments: the options they share, the run of their studies, and the report of the rows.
 
-    @experiment(timeout=120.0, short_help="Generated problems: what becomes of each.")
+    @experiment(timeout=120.0, short_help="Generated problems: is every answer right?")
     @click.option("--each", type=COUNT, default=50)
     def wild(each: int) -> Plan:
         \"\"\"Solve generated problems.\"\"\"
@@ -24,18 +24,18 @@ import click
 from qvi_contact.basics.terminal import Command
 from qvi_contact.errors import InputError
 
-if TYPE_CHECKING:  # help comes at once: what runs studies is loaded by those who do
+if TYPE_CHECKING:  # so that --help is quick: the modules that run studies are loaded when a study runs
     from comparisons.lab.reports import Report
     from comparisons.lab.studies import Study
 
 COUNT: Final = click.IntRange(1, 10_000)
 """Type of options that count: cells along a side, processes, repetitions."""
 
-_MOST_MEMORY: Final = 2**40  # MiB, whose bytes the system can still count
+_MOST_MEMORY: Final = 2**40  # MiB: the largest limit whose bytes the system can count
 
 
 class FiniteRange(click.FloatRange):
-    """Type of options that take finite numbers of a range; click's own lets nan and inf pass."""
+    """Type of options that take finite numbers in a range; click's own type accepts nan and inf."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """The number."""
@@ -46,37 +46,37 @@ class FiniteRange(click.FloatRange):
 class ListCommand(Command):
     """A command whose repeatable options take lists: ``--cells 4 8`` means ``--cells 4 --cells 8``.
 
-    For commands without arguments, where nothing else can follow a value.
+    Only for commands without arguments, where a word after a value can only be a further value.
     """
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Repeat the options' names before each of their values, then parse as always."""
+        """Repeat the option's name before each of its values, then parse as usual."""
         options = [each for each in self.params if isinstance(each, click.Option) and each.multiple]
         names = {name for option in options for name in option.opts}
 
-        def spread() -> Iterator[str]:
-            current, values = "", 0
+        def repeated() -> Iterator[str]:
+            option, n_values = "", 0
             for word in args:
                 if word[:1] == "-" and not word[1:2].isdigit():  # an option, not a negative number
-                    current, values = (word if word in names else ""), 0
-                elif current:
-                    values += 1
-                    if values > 1:
-                        yield current
+                    option, n_values = (word if word in names else ""), 0
+                elif option:
+                    n_values += 1
+                    if n_values > 1:
+                        yield option
                 yield word
 
-        return super().parse_args(ctx, list(spread()))
+        return super().parse_args(ctx, list(repeated()))
 
 
 def folder_option(context: click.Context, parameter: click.Parameter, value: str | None) -> Path | None:  # noqa: ARG001
-    """Callback: a folder's name; an empty one, as from an unset shell variable, is not the current folder."""
+    """Callback: the folder as a path; an empty name, as from an unset shell variable, is refused."""
     if value == "":
         raise click.BadParameter("give the name of a folder")
     return None if value is None else Path(value)
 
 
 class Plan(NamedTuple):
-    """What a command is to do: run these studies, and make a report of the rows of each, one argument a study."""
+    """The studies that a command runs, and the function that makes its report from their rows, one argument a study."""
 
     studies: Sequence[Study]
     report: Callable[..., Report]
@@ -89,19 +89,19 @@ class Experiment(ListCommand):
 def experiment(
     *, timeout: float | None = None, memory: int | None = None, needs: Sequence[str] = (), short_help: str
 ) -> Callable[[Callable[..., Plan]], Experiment]:
-    """Decorator of a function that makes a `Plan` of a command's own options: the command, with those that all have.
+    """Decorator that makes a command of a function from the command's own options to a `Plan`; adds the shared options.
 
-    `timeout` [s] and `memory` [MiB] are defaults of what a case may take. Without the packages `needs` nothing is run.
+    `timeout` [s] and `memory` [MiB] are the default limits of a case. No case is run without the packages `needs`.
     """
 
-    def made(plan: Callable[..., Plan]) -> Experiment:
+    def command_of(plan: Callable[..., Plan]) -> Experiment:
         name = plan.__name__.replace("_", "-")
         folder = f"results/{name.partition('-')[0]}"
 
         def run(out: Path, again: bool, store: Path, **given: Any) -> int:
-            """Run what is missing, write and show the report; exit status 1 if the report says that something failed.
+            """Run the missing cases, write and show the report; exit status 1 if the report has failed.
 
-            A folder that cannot be written, and a store that cannot be used, are found before anything is run.
+            The folder and the store are tested before any case is run.
             """
             from comparisons.lab.studies import read_rows, run_study, write_rows, written_rows
             from qvi_contact.basics.writing import writable_folder
@@ -112,19 +112,19 @@ def experiment(
             tables = [place / f"{study.name}.jsonl.gz" for study in studies]
             if not again:
                 writable_folder(store.parent, "--store")
-                pending = sum(len(study.cases) - len(read_rows(study, store)) for study in studies)
-                lacking = [name for name in needs if find_spec(name) is None]
-                if pending and lacking and limits["dask"] is None:  # workers of a cluster have their own
-                    remedy = f"is missing: python -m pip install {' '.join(lacking)}"
-                    raise InputError("installation", ", ".join(lacking), remedy)
+                n_pending = sum(len(study.cases) - len(read_rows(study, store)) for study in studies)
+                missing = [name for name in needs if find_spec(name) is None]
+                if n_pending and missing and limits["dask"] is None:  # a cluster's workers have their own packages
+                    remedy = f"is missing: python -m pip install {' '.join(missing)}"
+                    raise InputError("installation", ", ".join(missing), remedy)
                 try:
-                    done = [run_study(study, store, **limits) for study in studies]
+                    rows_by_study = [run_study(study, store, **limits) for study in studies]
                 except KeyboardInterrupt:
-                    finished = sum(len(read_rows(study, store)) for study in studies)
-                    told = f"{finished} of {sum(len(study.cases) for study in studies)} rows are in {store}"
-                    click.echo(f"interrupted: {told}; the same command goes on from there", err=True)
+                    n_finished = sum(len(read_rows(study, store)) for study in studies)
+                    stored = f"{n_finished} of {sum(len(study.cases) for study in studies)} rows are in {store}"
+                    click.echo(f"interrupted: {stored}; the same command goes on from there", err=True)
                     click.get_current_context().exit(130)
-                for table, rows in zip(tables, done, strict=True):
+                for table, rows in zip(tables, rows_by_study, strict=True):
                     write_rows(table, rows)
             report = report_of(*map(written_rows, tables))
             report.show([*report.write(place), *tables])
@@ -147,4 +147,4 @@ def experiment(
         own = list(reversed(getattr(plan, "__click_params__", [])))
         return Experiment(name, callback=run, params=[*own, *options], help=plan.__doc__, short_help=short_help)
 
-    return made
+    return command_of

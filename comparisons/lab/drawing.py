@@ -1,4 +1,4 @@
-"""Pictures of reports, and what many of them have in common."""
+"""Pictures of reports: figures with panels, legends, grids and ticks."""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -14,7 +14,7 @@ LOOKS: Final = (
     (BLUE, "o", "-"), (VERMILLION, "s", "--"), (GREEN, "^", "-."), (ORANGE, "D", ":"), (PURPLE, "v", "-"),
     (SKY, "P", "--"), (GREY, "X", "-."),
 )  # fmt: skip
-"""Colour, marker and line of curves of no names of their own, in order."""
+"""Colour, marker and line style of the curves of a figure, in their order."""
 
 
 def drawn(name: str, draw: Callable[[], Figure | None]) -> str:
@@ -25,7 +25,7 @@ def drawn(name: str, draw: Callable[[], Figure | None]) -> str:
 
 
 def panelled(number: int, width: float, height: float, beside: float) -> tuple[Figure, list[Axes]]:
-    """A figure with so many panels in rows of two; it is `beside` higher than its rows of this height [inch]."""
+    """A figure with `number` panels in rows of two, each row `height` high, and `beside` more for the legend [inch]."""
     columns = max(min(2, number), 1)
     rows = max(1, -(-number // columns))
     figure = new_figure(width, beside + height * rows)

@@ -1,6 +1,6 @@
 """Numbers as the texts that reports print, in sentences and in tables.
 
-What is missing (None) or no number (nan, infinity) is `NOTHING` everywhere.
+A missing number (None), nan and infinity are printed as `NOTHING`.
 """
 
 import math
@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 NOTHING: Final = "none"
-"""Text of a number there is not."""
+"""Text of a missing number."""
 
 _UNITS_OF_TIME: Final = ((7200.0, "h", 3600.0), (120.0, "min", 60.0), (1.0, "s", 1.0), (1e-3, "ms", 1e-3),
                          (0.0, "µs", 1e-6))  # fmt: skip
@@ -19,12 +19,12 @@ _UNITS_OF_MEMORY: Final = ((2.0**30, "GiB"), (2.0**20, "MiB"), (2.0**10, "KiB"))
 
 
 def fixed(form: str) -> Callable[[float | None], str]:
-    """What makes the text of a number by this format, as ".2f"."""
+    """A function that formats a number by this format specification, such as ".2f"."""
     return lambda value: NOTHING if value is None or not math.isfinite(value) else format(value, form)
 
 
 count: Final = fixed(".0f")
-"""The text of a whole number, of iterations or points, also where a frame keeps it as a float."""
+"""The text of a whole number, of iterations or points, also if a frame stores it as a float."""
 
 
 def scientific(value: float | None, digits: int = 2) -> str:
@@ -65,7 +65,7 @@ def memory(size: float | None) -> str:
 
 
 def percent(share: float | None, digits: int = 0) -> str:
-    """A share of 1 in percent; "0 %" is nothing at all and "100 %" is everything, whatever rounding would say."""
+    """A share of 1 in percent; "0 %" and "100 %" are exact: numbers that round to them become "< 1 %" and "> 99 %"."""
     if share is None or not math.isfinite(share):
         return NOTHING
     value, step = 100.0 * share, 10.0**-digits

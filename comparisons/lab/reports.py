@@ -1,6 +1,6 @@
-"""Reports: a template that a person writes, filled in, as Markdown with pictures beside it, and as one page of HTML.
+"""Reports: templates written by a person and filled in, as Markdown with pictures beside it, and as one HTML page.
 
-The template of an experiment is `report.md` in its folder, Markdown with numbers, tables and pictures to be filled in:
+The template of an experiment is `report.md` in its folder, Markdown with places for numbers, tables and pictures:
 
     1. The condensed method takes {{ fastest | seconds }} ([table](#times)).
 
@@ -54,7 +54,7 @@ _MACHINE: Final = {
 
 @dataclass(frozen=True)
 class Report:
-    """A report as it is written: stem of its files, Markdown, pictures by file name; whether something must not be."""
+    """A filled-in report: the stem of its files, Markdown, pictures by file name; `failed` sets the exit status 1."""
 
     name: str
     text: str
@@ -63,7 +63,7 @@ class Report:
 
     @classmethod
     def read(cls, path: str | Path) -> "Report":
-        """The report in a file of Markdown, with the pictures beside it; `InputError` if one cannot be read."""
+        """Read a Markdown report and the pictures beside it; `InputError` if a file cannot be read."""
         file = Path(path)
         try:
             text = file.read_text(encoding="utf-8")
@@ -78,7 +78,7 @@ class Report:
         return self.text.partition("\n")[0].lstrip("# ")
 
     def html(self) -> str:
-        """The report as a page that loads nothing: tables that scroll and can be sorted, pictures inside."""
+        """The report as one HTML page without external files: tables that scroll and can be sorted, pictures inside."""
         body = MarkdownIt("commonmark").enable("table").render(self.text)
         box = '<div class="box{}" role="region" tabindex="0" aria-label="{}">\n'
         body = body.replace("<table>", f'{box.format("", "table")}<table class="sortable">')
@@ -92,21 +92,20 @@ class Report:
         return page_template("comparisons.lab").render(title=self.title, body=body)
 
     def write(self, folder: str | Path) -> list[Path]:
-        """Write ``<name>.html``, ``<name>.md`` and ``<name>-<figure>.svg``, each whole or not at all; their paths.
+        """Write ``<name>.html``, ``<name>.md`` and ``<name>-<figure>.svg``, each whole or not at all; return the paths.
 
-        A picture of an earlier report that this one has not is left where it is. `InputError` if the folder or a file
-        cannot be written.
+        Pictures of an earlier report are not deleted. `InputError` if the folder or a file cannot be written.
         """
         texts = {f"{self.name}.html": self.html(), f"{self.name}.md": self.text, **self.pictures}
         place = writable_folder(folder)
-        for name, text in reversed(texts.items()):  # pictures first: no text shows one that is not there
+        for name, text in reversed(texts.items()):  # pictures first, so that no text shows a missing picture
             write_text(place / name, text)
         return [place / name for name in texts]
 
     def show(self, written: Sequence[Path] = (), *, tables: bool = True) -> None:
-        """Print what is not folded, or the findings alone, and then the names of the files."""
+        """Print the parts of the text that are not folded, or the findings only, and then the names of the files."""
         text = re.sub(r"<details>.*?</details>|^<a id=[^\n]*$|^!\[[^\n]*$", "", self.text, flags=re.M | re.S)
-        text = re.sub(r"^(#+) [^\n]*\s+(?=(?!\1#)#|\Z)", "", text, flags=re.M)  # headings with nothing below
+        text = re.sub(r"^(#+) [^\n]*\s+(?=(?!\1#)#|\Z)", "", text, flags=re.M)  # headings of empty sections
         if not tables:
             text = "".join([f"# {self.title}\n", *(match[0] for match in _FINDINGS.finditer(text))])
         console = Console(highlight=False, emoji=False)
@@ -129,14 +128,13 @@ def render(
     template: str = "report.md",
     failed: bool = False,
 ) -> Report:
-    """The report of an experiment, by a template in the folder of its package.
+    """Fill in the template of an experiment, a file in the folder of its package, or a text of several lines.
 
-    A template of several lines is the template itself. In it Jinja finds `values` by their names, ``table(name,
-    columns)`` with the columns of a frame and their headings (all if none are named), ``figure(name, title)`` of
-    `figures`, see `drawing.drawn`, and ``settings``: the environment of the rows. None is
-    printed as "none", numbers by the filters of `numbers`, columns of frames by `forms`. `name` is the stem of the
-    report's files. `ValueError` if a table or figure is shown twice or not at all, a link within the report leads
-    nowhere, or a name is none: a mistake of the program, not of its user.
+    The Jinja template uses `values` by their names; ``table(name, columns)``, with the columns of a frame and their
+    headings, all columns by default; ``figure(name, title)`` of `figures`, see `drawing.drawn`; and ``settings``, the
+    environment of the rows. None is printed as "none", numbers by the filters of `numbers`, columns of frames by
+    `forms`. `name` is the stem of the report's files. `ValueError`, a mistake of the program and not of its user, if a
+    table or figure is shown twice or not at all, a link within the report leads nowhere, or a name is not allowed.
     """
     shown: Counter[str] = Counter()
     pictures = {f"{name}-{each}.svg": svg for each, svg in figures.items() if svg}
@@ -147,8 +145,8 @@ def render(
 
     def figure(which: str, title: str) -> str:
         shown[which] += 1
-        told = f"![{title}]({name}-{which}.svg)" if figures[which] else f"{title}. {NO_ROWS}"
-        return f'<a id="{which}"></a>\n\n{told}\n'
+        picture = f"![{title}]({name}-{which}.svg)" if figures[which] else f"{title}. {NO_ROWS}"
+        return f'<a id="{which}"></a>\n\n{picture}\n'
 
     environment = Environment(
         undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
@@ -157,8 +155,8 @@ def render(
     environment.filters |= {each: getattr(numbers, each) for each in _FILTERS}
     source = template if "\n" in template else files(package).joinpath(template).read_text(encoding="utf-8")
     frame = files(__package__).joinpath("settings.md").read_text(encoding="utf-8")
-    told = environment.from_string(frame).render(_environment(rows)) if rows else ""
-    text = environment.from_string(source).render(**values, table=table, figure=figure, settings=told)
+    settings = environment.from_string(frame).render(_environment(rows)) if rows else ""
+    text = environment.from_string(source).render(**values, table=table, figure=figure, settings=settings)
     problems = [f"{each!r} is shown {shown[each]} times" for each in (*tables, *figures) if shown[each] != 1]
     problems += [f"no table or figure is named {each!r}" for each in _LINK.findall(text) if not shown[each]]
     problems += [f"{each!r} is no name of lower-case letters, digits, hyphens and underscores"
@@ -170,7 +168,7 @@ def render(
 
 # tables
 
-_SPACES: Final = re.compile("[ \t-\r\x1c-\x1f\x85\u2028\u2029]+")  # not those that keep a number and its unit together
+_SPACES: Final = re.compile("[ \t-\r\x1c-\x1f\x85\u2028\u2029]+")  # without spaces that bind a unit to its number
 _UNPRINTABLE: Final = re.compile("[\x00-\x08\x0e-\x1f\x7f-\x9f\ufffe\uffff]")
 _ACTIVE: Final = re.compile(
     r"[\\`*~|]"  # escapes, code, emphasis, strike-through, cells
@@ -180,7 +178,7 @@ _ACTIVE: Final = re.compile(
     r"|\](?=[(\[:])"  # links
 )
 _MISSING: Final = frozenset({"", "-", "−", "–", "—", "n/a", "nan", NOTHING})
-_LONGEST: Final = 24  # letters of a cell that is a number and no sentence
+_LONGEST: Final = 24  # letters: a longer cell counts as a sentence, not as a number
 _NUMBER: Final = re.compile(
     r"[<>≤≥~≈±=]?\s*[-−+]?(?:\d[\d,]*\.?\d*(?:[eE][-−+]?\d+)?|\.\d+|inf(?![A-Za-z])|∞)[²³]?\s*(?:%|[µμA-Za-z]+)?"
     r"(?![\w.:-]*\w)"  # a version, a date, a time of day, a word that begins with digits
@@ -188,7 +186,7 @@ _NUMBER: Final = re.compile(
 
 
 def escaped(text: str) -> str:
-    """The text for Markdown, in one line, in which nothing means anything but what it says."""
+    """The text as one line of Markdown, with all characters escaped that Markdown would interpret."""
     line = _UNPRINTABLE.sub("\N{REPLACEMENT CHARACTER}", _SPACES.sub(" ", text).strip(" "))
     return _ACTIVE.sub(lambda match: f"\\{match[0]}", line)
 
@@ -196,22 +194,22 @@ def escaped(text: str) -> str:
 def markdown_table(
     frame: DataFrame, headings: Mapping[str, str] | None = None, forms: Mapping[str, Form] | None = None
 ) -> str:
-    """Columns of a frame, by the headings that they get, or all of them; what is missing is `NOTHING`.
+    """The columns of a frame in `headings`, or all, as a Markdown table; missing values are `NOTHING`.
 
-    Columns of numbers, whatever stands around them, are on the right.
+    Columns of numbers, also with units or signs, are aligned on the right.
     """
     if not len(frame):
         return f"{NO_ROWS}\n"
     names = headings or {name: name for name in frame}
 
-    def told(value: Any) -> str:
+    def text_of(value: Any) -> str:
         return NOTHING if value is None or value != value else str(value)
 
     def numeric(cells: Sequence[str]) -> bool:
-        said = [cell.strip() for cell in cells if cell.strip().lower() not in _MISSING]
-        return bool(said) and all(_NUMBER.match(cell) is not None and len(cell) <= _LONGEST for cell in said)
+        known = [cell.strip() for cell in cells if cell.strip().lower() not in _MISSING]
+        return bool(known) and all(_NUMBER.match(cell) is not None and len(cell) <= _LONGEST for cell in known)
 
-    columns = [[(forms or {}).get(name, told)(value) for value in frame[name]] for name in names]
+    columns = [[(forms or {}).get(name, text_of)(value) for value in frame[name]] for name in names]
     lines = [names.values(), *zip(*columns, strict=True)]
     head, *body = [f"| {' | '.join(map(escaped, line))} |" for line in lines]
     marks = " | ".join("---:" if numeric(column) else "---" for column in columns)
@@ -219,9 +217,9 @@ def markdown_table(
 
 
 def _environment(rows: Sequence[Row]) -> dict[str, Any]:
-    """What `settings.md` says of runs, their machines, and the versions of what they used.
+    """The values in `settings.md`: status and limits of the runs, their machines, and the versions of packages.
 
-    Where rows differ each value stands with the number of its rows. The same rows in another order give the same.
+    Where rows differ, each value has the number of its rows. The order of the rows has no influence.
     """
 
     def counts(values: Iterable[Any]) -> list[tuple[Any, int]]:
@@ -233,25 +231,26 @@ def _environment(rows: Sequence[Row]) -> dict[str, Any]:
         found = counts(values)
         return form(found[0][0]) if len(found) == 1 else ", ".join(f"{form(value)} ({n})" for value, n in found)
 
-    given = [row.environment for row in rows]
+    environments = [row.environment for row in rows]
     loads = [row.load_average for row in rows if row.load_average is not None]
-    machines = [{**(found or {}), "rows": number} for found, number in counts(each.get("machine") for each in given)]
-    told = DataFrame(machines, columns=[*_MACHINE], dtype=object)
-    told = told.where(told.notna(), "unknown")
-    told["memory_bytes"] = [each if each == "unknown" else memory(each) for each in told.memory_bytes]
-    used = [each.get("versions") or {} for each in given]
+    kinds = counts(each.get("machine") for each in environments)
+    machines = [{**(machine or {}), "rows": number} for machine, number in kinds]
+    table = DataFrame(machines, columns=[*_MACHINE], dtype=object)
+    table = table.where(table.notna(), "unknown")
+    table["memory_bytes"] = [each if each == "unknown" else memory(each) for each in table.memory_bytes]
+    used = [each.get("versions") or {} for each in environments]
     packages = sorted({name for each in used for name in each}, key=str.casefold)
     found = {name: counts(each.get(name, "unknown") for each in used) for name in packages}
     versions = [{"package": name, "version": "not installed" if version is None else version, "rows": number}
                 for name, each in found.items() for version, number in each]  # fmt: skip
     return {
         "rows": len(rows), "status": shares(row.status for row in rows),
-        "threads": shares(each.get("threads") for each in given),
-        "limit": shares((each.get("timeout_seconds") for each in given), seconds),
-        "most": shares((each.get("memory_mib") for each in given),
+        "threads": shares(each.get("threads") for each in environments),
+        "limit": shares((each.get("timeout_seconds") for each in environments), seconds),
+        "most": shares((each.get("memory_mib") for each in environments),
                        lambda value: NOTHING if value is None else f"{value} MiB"),
         "loads": span(loads) if loads else "unknown", "unknown": len(rows) - len(loads),
-        "machines": markdown_table(told, _MACHINE), "count": len(machines),
+        "machines": markdown_table(table, _MACHINE), "count": len(machines),
         "versions": markdown_table(DataFrame(versions)),
         "mixed": [name for name, each in found.items() if sum(version != "unknown" for version, _ in each) > 1],
     }  # fmt: skip

@@ -1,9 +1,9 @@
-"""Studies: cases, run in processes with limits, one durable row for each, in a store that any study may share.
+"""Studies: cases, run in processes with limits, one durable row for each, in a store that several studies may share.
 
 Cases and results are *plain*: None, booleans, integers, floats, texts, and lists and named mappings of these. They mean
-the same in this process, in another one, on a cluster and in a file. A row is found by the study's name, its version
-and the case, so an interrupted study goes on where it stopped, and a larger one takes the rows of a smaller one.
-Whatever happens to a case is a row: its result, or why there is none.
+the same in this process, in another process, on a cluster and in a file. The key of a row is the study's name, its
+version and the case. So an interrupted study continues where it stopped, and a full study reuses the rows of a smaller
+one. Every case gives a row: its result, or the reason of its failure.
 """
 
 import gzip
@@ -36,7 +36,7 @@ Case = Mapping[str, Any]
 PACKAGES: Final = (
     "qvi-contact", "numpy", "scipy", "mkl", "cvxopt", "cvxpy", "clarabel", "qpsolvers", "threadpoolctl",
 )  # fmt: skip
-"""Distributions whose versions rows tell, if a study names no others: what may matter for a time."""
+"""Distributions whose versions are stored in rows, unless a study names others: those that influence times."""
 
 DONE: Final = "done"
 """Status of a row with a result; all others are in `qvi_contact.runs.processes.FAILURES`."""
@@ -47,14 +47,14 @@ DONE: Final = "done"
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """Cases, and what is done for each.
+    """Cases, and the task that is run for each of them.
 
-    The version is to be raised when the task changes what it computes: earlier rows are then another study's. The task
-    is a function by its name "module:function", importable wherever the study runs; what its module imports at the top
-    is loaded before any time is taken. It takes a case and returns a mapping of plain values, whose entry "certificate"
-    is kept apart. Cases map factors to plain values; one that is there twice is done once, and `InputError` is raised
-    without any. Rows tell the versions of `packages`. `fresh` gives each case a process of its own, where peak memory
-    is measured; `threads` are those of studies whose user has no choice.
+    Raise the version when the task computes something else: rows of other versions are not used. The task is the name
+    "module:function" of a function that can be imported wherever the study runs; its module is imported before times
+    are measured. It takes a case and returns a mapping of plain values; its entry "certificate" is stored apart. Cases
+    map factors to plain values; equal cases are run once. `InputError` is raised if there are no cases. Rows store the
+    versions of `packages`. With `fresh` every case has a process of its own, so that peak memory can be measured.
+    `threads` fixes the number of threads, which the user chooses otherwise.
     """
 
     name: str
@@ -91,20 +91,20 @@ class Study:
 
 
 def plain(value: Any, name: str) -> Any:
-    """The same value in `dict`, `list` and Python's own scalars, as JSON has them; `name` says what it is.
+    """The value as `dict`, `list` and Python's scalars, as JSON reads it back; `name` stands in error messages.
 
     Sequences become lists, NumPy's scalars Python's, members of enumerations of texts or numbers their values.
-    `TypeError` if something in it is not plain.
+    `TypeError` if a part of the value is not plain.
     """
 
-    def told(item: Any) -> Any:
+    def as_plain(item: Any) -> Any:
         found = dict(item) if isinstance(item, Mapping) else item.item() if getattr(item, "ndim", None) == 0 else item
         if type(found) is type(item):
             raise TypeError(f"{type(item).__name__} is no plain value")
         return found
 
     try:
-        return json.loads(json.dumps(value, default=told))
+        return json.loads(json.dumps(value, default=as_plain))
     except (TypeError, ValueError) as error:
         raise TypeError(f"{name}: {error}") from error
 
@@ -132,8 +132,8 @@ def machine() -> dict[str, Any]:
 
 
 def versions(packages: Sequence[str] = PACKAGES) -> dict[str, str | None]:
-    """Package → version, None of those that are not installed."""
-    from importlib.metadata import PackageNotFoundError, version  # as long to load as all else of a worker process
+    """Package → version, None if it is not installed."""
+    from importlib.metadata import PackageNotFoundError, version  # loading it doubles the start of a worker process
 
     found: dict[str, str | None] = dict.fromkeys(packages)
     for package in packages:
@@ -147,10 +147,10 @@ def versions(packages: Sequence[str] = PACKAGES) -> dict[str, str | None]:
 
 @dataclass(frozen=True)
 class Row:
-    """What became of one case, as it is stored; status, reason, seconds and load_average as `Outcome`.
+    """The stored outcome of one case; status, reason, seconds and load_average as in `Outcome`.
 
-    The result is what the task returned, empty if it failed, the certificate its entry of that name or None. The
-    environment has threads, timeout_seconds, memory_mib, machine (see `machine`) and versions.
+    `result` is the mapping that the task returned, empty if the task failed; `certificate` its entry of that name, or
+    None. `environment` has threads, timeout_seconds, memory_mib, machine (see `machine`) and versions.
     """
 
     case: Case
@@ -167,12 +167,12 @@ class Row:
 def frame_of(
     rows: Sequence[Row], numbers: Sequence[str] = (), others: Sequence[str] = (), parts: str = ""
 ) -> "DataFrame":
-    """One line a row: the factors of the case, and the entries of the result.
+    """A frame with one line for each row: the factors of the case, and the entries of the result.
 
-    Besides "status" and "message", those which the task tells or else status and reason of the row, "reason", "spent",
-    its seconds, "has", whether there is a result, and "accuracy", which the certificate confirms. The columns `numbers`
-    and `others` are there in any case, those as numbers, NaN where a row has none. `parts` is an entry that lists
-    several results: there is a line for each of them.
+    Further columns: "status" and "message", from the task or else status and reason of the row; "reason"; "spent", the
+    seconds of the row; "has", whether there is a result; "accuracy", which the certificate confirms. The columns
+    `numbers` (NaN where a row has no value) and `others` always exist. If `parts` names an entry that lists several
+    results, there is a line for each of these results.
     """
     from pandas import DataFrame, to_numeric
 
@@ -189,7 +189,7 @@ def frame_of(
 
 
 def largest_of(values: "Series", frame: "DataFrame") -> dict[Any, Any]:
-    """The line of the frame with the largest of these values, by columns; without any, one that has nothing."""
+    """The line of the frame with the largest of these values, as a mapping; all None if there are no values."""
     return dict.fromkeys(frame) if values.dropna().empty else frame.loc[values.idxmax()].to_dict()
 
 
@@ -201,7 +201,7 @@ def write_rows(path: str | Path, rows: Sequence[Row]) -> None:
 
 
 def written_rows(path: str | Path) -> tuple[Row, ...]:
-    """The rows that `write_rows` wrote. `InputError` if they are none."""
+    """Read the rows that `write_rows` wrote; `InputError` if the file cannot be read."""
     try:
         lines = gzip.decompress(Path(path).read_bytes()).decode().splitlines()
         return tuple(Row(**json.loads(line)) for line in lines)
@@ -220,7 +220,7 @@ _STORE: Final = Database(
 
 
 def read_rows(study: Study, store: str | Path) -> tuple[Row, ...]:
-    """The rows that a store has of a study, in its order; none without a store, `InputError` if it is damaged."""
+    """The rows of a study in a store, in the order of its cases; none without a store. `InputError` if damaged."""
     path = Path(store)
     if not path.exists():
         return ()
@@ -235,10 +235,10 @@ def read_rows(study: Study, store: str | Path) -> tuple[Row, ...]:
 
 @contextmanager
 def writing(path: Path, study: Study) -> Iterator[Callable[[Case, Outcome, Mapping[str, Any]], None]]:
-    """Open a store for appending, made if it is missing, and keep all other runs away from it.
+    """Open a store for appending, made if it is missing, and lock it against other runs.
 
-    What this gives writes the row of a case: its outcome, and the environment. When it returns, the row is on disk;
-    `InputError` if that fails, or the row was there.
+    Yields a function that writes the row of a case from its outcome and environment. When the function returns, the row
+    is on disk; `InputError` if writing fails or the row exists.
     """
     with _STORE.writing(path, lambda _: None) as connection:
 
@@ -268,18 +268,18 @@ def run_study(
     memory: int | None = None,
     threads: int = 1,
 ) -> tuple[Row, ...]:
-    """Do the cases that the store has no row of; a failure of a case is a row too, and not done again.
+    """Run the cases without a row in the store, and return all rows in the order of the cases.
 
-    `dask` is the address of a scheduler of a Dask cluster to run on instead of worker processes of this machine;
-    timeout [s], memory [MiB] of address space and threads are what each case may have. The store is made if it is
-    missing; one that is complete may be read-only. Rows come in the order of the study. Whatever ends a run, an
-    interrupt or an `InputError`, finished rows are in the store.
+    A failed case has a row too, and is not repeated. `dask` is the address of the scheduler of a Dask cluster, which
+    then runs the cases instead of worker processes on this machine. timeout [s], memory [MiB] of address space and
+    threads are the limits of each case. The store is made if it is missing; a complete store may be read-only. If an
+    interrupt or an `InputError` ends the run, finished rows are in the store.
     """
     threads = study.threads or threads
     for name, value in (("workers", workers), ("timeout", timeout), ("memory", memory), ("threads", threads)):
         if value is not None and not value > 0:
             raise InputError(name, value, "give a number above 0")
-    path, shared = Path(store), Workers(workers, dask)
+    path, pool = Path(store), Workers(workers, dask)
     found = read_rows(study, path)
     if len(found) == len(study.cases):
         return found
@@ -290,40 +290,40 @@ def run_study(
         with writing(path, study) as append:
             finished = {study.key(row.case) for row in read_rows(study, path)}
             pending = deque((key, dict(case)) for key, case in study.keys.items() if key not in finished)
-            begun = len(study.cases) - len(pending)
+            n_finished = len(study.cases) - len(pending)
             with (
-                progress(study.name, len(study.cases), begun) as advance,
-                shared.ready(job, limits) as (_, outcomes),
+                progress(study.name, len(study.cases), n_finished) as advance,
+                pool.ready(job, limits) as (_, outcomes),
                 closing(outcomes(pending)) as done,
             ):
                 for (_, case), outcome in done:
-                    about = outcome.about or {"machine": None, "versions": {}}  # of a worker that a cluster has lost
+                    about = outcome.about or {"machine": None, "versions": {}}  # a worker lost by the cluster
                     append(case, outcome, {**about, **terms})
                     advance()
     except NotLoadedError as error:
-        within = "" if memory is None else f" within memory = {memory} MiB"  # of which libraries seldom speak
+        within = "" if memory is None else f" within memory = {memory} MiB"  # libraries seldom name this reason
         raise InputError("Study.task", study.task, f"cannot be loaded{within}: {error.reason}") from error
     return read_rows(study, path)
 
 
 def opened(task: str, packages: tuple[str, ...]) -> tuple[dict[str, Any], Callable[[Any], dict[str, Any]]]:
-    """What a worker process of a study does: machine and versions, and the function that does a case."""
+    """Run first in a worker process of a study: machine and versions, and the function that runs a case."""
     module, _, name = task.partition(":")
     function = getattr(import_module(module), name)
 
-    def done(order: tuple[str, dict[str, Any]]) -> dict[str, Any]:
+    def run(order: tuple[str, dict[str, Any]]) -> dict[str, Any]:
         returned = function(order[1])
         if not isinstance(returned, Mapping):
             raise TypeError(f"the task returned {type(returned).__name__}, not a mapping")
         result: dict[str, Any] = plain(returned, "result")
         return result
 
-    return {"machine": machine(), "versions": versions(packages)}, done
+    return {"machine": machine(), "versions": versions(packages)}, run
 
 
 @contextmanager
 def progress(title: str, total: int, finished: int = 0) -> Iterator[Advance]:
-    """A bar on standard error, silent when that is no terminal; what an earlier run finished is not in the rate."""
+    """A progress bar on standard error, silent if it is no terminal; rows of earlier runs do not count in the rate."""
     console = error_console()
     if not console.is_terminal:  # before release 14.3 of rich even a disabled bar writes an empty line
         yield lambda *_: None

@@ -1,4 +1,4 @@
-"""What Więckowski (1992) prints of his plate, and all that is computed of it; report, tables as CSV, Figures 2-5."""
+"""The plate of Więckowski (1992): printed and computed numbers; report, tables as CSV, Figures 2-5."""
 
 import tomllib
 from dataclasses import dataclass
@@ -71,16 +71,16 @@ SHRINKING: Final = 100.0
 
 TOLERANCE: Final = 1e-8
 PATIENCE: Final = 3
-"""Outer iterations without progress after which a back end is taken at its word that it can do no better."""
+"""Outer iterations without progress after which the fixed point with a back end stops."""
 
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """All runs for one friction coefficient, and P/2 as Table 1 prints it.
+    """All runs for one friction coefficient, and P/2 as printed in Table 1.
 
-    "back_ends" are fixed points by inner solver, "runs" what the columns of the table have: the paper's number of
-    iterations, with the accumulating rule and with that as printed, the former to the tolerance, at μ = 0 with a
-    shrinking step, two of the fixed points, and the inequality solved directly.
+    "back_ends" are fixed points by inner solver. "runs" are the columns of the table: Uzawa for the paper's number of
+    iterations, by the accumulating and by the printed rule; the accumulating rule to the tolerance, at μ = 0 with a
+    shrinking step; two fixed points; the condensed method.
     """
 
     friction: float
@@ -91,11 +91,11 @@ class Row:
 
     @property
     def reference(self) -> QVISolution:
-        """The fixed point that all others are compared with."""
+        """The solution that all others are compared with: the fixed point with direct Clarabel."""
         return self.back_ends["direct:clarabel"]
 
     def traction_difference(self, solution: QVISolution) -> float:
-        """Largest difference of tractions from the reference's over its mean pressure, NaN without a stress state."""
+        """Largest difference of tractions to the reference, over its mean pressure; NaN without a stress state."""
         ours, theirs = (np.stack(self.plate.tractions(z)[1:]) for z in (solution.z, self.reference.z))
         mean_pressure = self.plate.force(self.reference.z) / float(self.plate.x[-1])
         return float(np.abs(ours - theirs).max()) / mean_pressure
@@ -196,7 +196,7 @@ def back_end_rows(study: PaperStudy) -> list[dict[str, Any]]:
 
 
 def verdict(force: float, traction: float) -> str:
-    """How far it agrees, against what the comparison asks for."""
+    """The agreement with the reference, in words, by the tolerances above."""
     if force <= FORCE_TOLERANCE and traction <= TRACTION_TOLERANCE:
         return f"≤ {FORCE_TOLERANCE:.0e}"
     if force <= LOW_FORCE_TOLERANCE and traction <= LOW_TRACTION_TOLERANCE:
@@ -210,7 +210,7 @@ def values_of(study: PaperStudy) -> dict[str, Any]:
     worst = max(rows, key=lambda row: abs(row["paper_minus_solution_percent"]))
     deviations = [row for row in rows if f"{row['uzawa_30_printed_rule']:.2f}" != f"{row['paper']:.2f}"]
     full = verdict(0.0, 0.0)
-    # what the bound at four points an edge leaves open between them, as a share of the mean pressure
+    # by how much the friction bound is exceeded between the four points of an edge, over the mean pressure
     shares = {row.friction: row.plate.excess_between_points(row.reference.z) * row.plate.x[-1]
               / row.plate.force(row.reference.z) for row in study.rows}  # fmt: skip
     between = max(shares, key=lambda mu: shares[mu])
@@ -233,13 +233,13 @@ def principal_stresses(study: PaperStudy) -> Figure:
     figure = new_figure(13.0, 7.9)
     axes = figure.subplots(2, 4, sharex=True, sharey=True)
     full = max(printed for _, printed in study.reference.figures.values())
-    for (upper, lower), told in zip(axes.T, figure_rows(study), strict=True):
-        row = study.row(told["friction"])
+    for (upper, lower), numbers in zip(axes.T, figure_rows(study), strict=True):
+        row = study.row(numbers["friction"])
         _crosses(upper, row.plate, row.runs["uzawa_30"], full)
         _crosses(lower, row.plate, row.reference, full)
-        upper.set_title(f"Fig. {told['figure']}, μ = {row.friction:g}, Uzawa {study.reference.iterations}\n"
-                        f"max {told['uzawa_30']:.2f}, printed {told['paper']:.2f} MPa")  # fmt: skip
-        lower.set_title(f"converged, μ = {row.friction:g}\nmax {told['converged']:.2f} MPa")
+        upper.set_title(f"Fig. {numbers['figure']}, μ = {row.friction:g}, Uzawa {study.reference.iterations}\n"
+                        f"max {numbers['uzawa_30']:.2f}, printed {numbers['paper']:.2f} MPa")  # fmt: skip
+        lower.set_title(f"converged, μ = {row.friction:g}\nmax {numbers['converged']:.2f} MPa")
         lower.set_xlabel("x [length]")
     for left in axes[:, 0]:
         left.set_ylabel("y [length]")
@@ -248,7 +248,7 @@ def principal_stresses(study: PaperStudy) -> Figure:
 
 
 def _crosses(axes: Axes, plate: QuarterPlate, solution: QVISolution, full: float) -> None:
-    """Principal stresses as crosses; one of the size `full` is as long as the distance of neighbouring points."""
+    """Principal stresses as crosses; an arm for the stress `full` is as long as the distance of neighbouring points."""
     axes.vlines(plate.x, plate.y[0], plate.y[-1], color="#cccccc", linewidth=0.6)
     axes.hlines(plate.y, plate.x[0], plate.x[-1], color="#cccccc", linewidth=0.6)
     axes.set_aspect("equal")
@@ -259,10 +259,10 @@ def _crosses(axes: Axes, plate: QuarterPlate, solution: QVISolution, full: float
     for values, turn in ((first, 0.0), (second, np.pi / 2)):
         half = scale * np.abs(values) * np.stack([np.cos(angle + turn), np.sin(angle + turn)])
         ends = np.stack([x, y])[..., None] + half[..., None] * np.array([-1.0, 1.0])
-        pushed, pulled = (np.moveaxis(ends[:, chosen], 0, -1) for chosen in (values < -least, values > least))
-        axes.add_collection(lines(pushed, BLUE, "solid", 0.8))
-        axes.add_collection(lines(pulled, VERMILLION, (0, (1, 1)), 0.8))
-        axes.plot(*pulled.reshape(-1, 2).T, "o", color=VERMILLION, markersize=2.0, markeredgewidth=0.0)
+        pressed, tensed = (np.moveaxis(ends[:, chosen], 0, -1) for chosen in (values < -least, values > least))
+        axes.add_collection(lines(pressed, BLUE, "solid", 0.8))
+        axes.add_collection(lines(tensed, VERMILLION, (0, (1, 1)), 0.8))
+        axes.plot(*tensed.reshape(-1, 2).T, "o", color=VERMILLION, markersize=2.0, markeredgewidth=0.0)
 
 
 TABLES: Final = {"table_1.csv": table_rows, "figures_2_to_5.csv": figure_rows, "back_ends.csv": back_end_rows}
@@ -277,7 +277,7 @@ _FORMS: Final[dict[str, Form]] = {
 
 
 def write(study: PaperStudy, folder: Path) -> tuple[Report, list[Path]]:
-    """Write the report, which is the same for the same study, and its tables as CSV; each file whole or not at all."""
+    """Write the report and its tables as CSV, each file whole or not at all."""
     picture = drawn("paper-figures-2-to-5", partial(principal_stresses, study))
     used = versions(("numpy", "scipy", "cvxpy", "clarabel", "osqp", "qpsolvers"))
     frames = {name: DataFrame(rows(study)) for name, rows in TABLES.items()}

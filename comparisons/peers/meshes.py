@@ -1,8 +1,8 @@
-"""Families of meshes of the plate: each member has a number, the larger the finer; every code gets it as plain data.
+"""Families of meshes of the plate. A larger number is a finer mesh; every code gets the mesh as plain data.
 
-The stresses of the plate have two places that want a finer mesh: the free corner (1, 1), and, where the contact slips
-in part, the point of the contact at which stick ends and slip begins. `TRANSITIONS` has its place, by μ; where that is
-not known, or the whole contact sticks, meshes are graded to the corner alone.
+The mesh has to be fine at the free corner (1, 1) and, if a part of the contact slips, at the transition: the point of
+the contact where stick ends and slip begins. `TRANSITIONS` has it by μ; where it is not known, or the whole contact
+sticks, meshes are graded to the corner alone.
 """
 
 import math
@@ -15,7 +15,7 @@ from comparisons.settled import TRANSITIONS
 from qvi_contact import TriangleMesh, graded_lines
 from qvi_contact.basics.checks import FloatArray
 
-_RATIOS: Final = ((12, 0.6), (24, 0.7), (48, 0.8))  # up to so many cells a side
+_RATIOS: Final = ((12, 0.6), (24, 0.7), (48, 0.8))  # most cells a side, ratio of neighbouring cells
 _FINEST_RATIO: Final = 0.9
 
 _STRIPS: Final = (
@@ -24,30 +24,30 @@ _STRIPS: Final = (
 """By number: columns left of the transition, right of it, beside the corner; rows."""
 
 _DEPTHS: Final = ((0, 0), (1, 0), (1, 1), (2, 1), (2, 2), (3, 2), (4, 6), (6, 8))
-"""By number: how often triangles at the corner are halved in size, and those at the transition."""
+"""By number: halvings of triangles at the corner, and at the transition."""
 
 _DEPTHS_WITHOUT_LINE: Final = ((0, 2), (0, 4), (0, 6), (1, 6), (2, 8), (3, 8), (4, 10), (4, 12))
-"""The same where no column of the coarsest mesh ends at the transition."""
+"""The same for meshes without a vertex at the transition."""
 
 _LAYERS: Final = ((0, 0), (1, 0), (1, 1), (2, 1), (3, 2), (4, 2), (5, 3), (6, 3))
-"""By number: how many layers of triangles are at the corner and at the transition, if there is one."""
+"""By number: layers of triangles at the corner, and at the transition."""
 
-_LAYER: Final = 0.15  # distance of a layer from its point over that of the one before it
-_NEEDLE: Final = 0.1  # columns narrower than this are not made for the sake of a transition
+_LAYER: Final = 0.15  # ratio of the distances of neighbouring layers from their point
+_NEEDLE: Final = 0.1  # narrowest column that may end at a transition
 
 
 Lines: TypeAlias = tuple[FloatArray, FloatArray]
-"""x and y of a grid of rectangles, for codes that take such."""
+"""x and y of the lines of a grid of rectangles."""
 
 
 class Family(NamedTuple):
-    """Meshes of one kind, by a number: of cells a side if it is `counted`, else a level from 0; see `report.md`."""
+    """Meshes of one kind, see `report.md`, by number: cells a side if `counted`, otherwise a level from 0."""
 
     counted: bool
     make: Callable[[float, int], Lines | TriangleMesh]
 
     def label(self, number: int) -> str:
-        """How a table names a member."""
+        """The name of a mesh in tables."""
         return f"{number}² cells" if self.counted else f"level {number}"
 
 
@@ -79,12 +79,12 @@ def plain_mesh(family: str, friction: float, number: int) -> dict[str, Any]:
 
 
 def ratio(cells: int) -> float:
-    """Ratio of each cell to the one before it on meshes graded to the corner, with so many cells a side."""
+    """Ratio of neighbouring cells of a mesh graded to the corner, for this number of cells a side."""
     return next((each for most, each in _RATIOS if cells <= most), _FINEST_RATIO)
 
 
 def _strips(shrinking: float) -> Callable[[float, int], Lines]:
-    """Rectangles that shrink towards corner and transition, each by this ratio to the one before it."""
+    """Rectangles that shrink towards corner and transition by this ratio from one to the next."""
 
     def make(friction: float, number: int) -> Lines:
         left, right, beside, rows = _STRIPS[number]
@@ -93,7 +93,7 @@ def _strips(shrinking: float) -> Callable[[float, int], Lines]:
             both = graded_lines(0.0, 1.0, left + beside, shrinking)
             return both, both
         middle = (transition + 1.0) / 2.0
-        # the more, the nearer the transition is to x = 0: the columns on both sides of it are then alike
+        # more columns for a transition near x = 0, so that columns on both sides of it have similar widths
         right += max(0, round(math.log(transition / (1.0 - transition)) / math.log(shrinking)))
         parts = (
             graded_lines(0.0, transition, left, shrinking),
@@ -106,7 +106,7 @@ def _strips(shrinking: float) -> Callable[[float, int], Lines]:
 
 
 def _bisected(friction: float, number: int) -> TriangleMesh:
-    """Four squares, a column ending at the transition where none gets narrow by that; triangles at both bisected."""
+    """Four squares, or a column more that ends at the transition if it is not narrow; bisected at both points."""
     transition = TRANSITIONS.get(friction)
     lines = np.array([0.0, 0.5, 1.0])
     if transition is None:
@@ -119,7 +119,7 @@ def _bisected(friction: float, number: int) -> TriangleMesh:
 
 
 def _layered(friction: float, number: int) -> TriangleMesh:
-    """A square, or two that meet at the transition where neither gets narrow by that; layers of triangles at both."""
+    """A square, or two rectangles that meet at the transition if neither is narrow; layers at both points."""
     transition = TRANSITIONS.get(friction, 0.0)
     if transition < _NEEDLE:
         return TriangleMesh.grid([0.0, 1.0], [0.0, 1.0]).graded([(1.0, 1.0)], number, ratio=_LAYER)
@@ -128,7 +128,7 @@ def _layered(friction: float, number: int) -> TriangleMesh:
 
 
 def counter_clockwise(vertices: FloatArray, cells: Any) -> Any:
-    """The same triangles with their vertices in the positive sense."""
+    """The triangles with their vertices in counter-clockwise order."""
     (ax, ay), (bx, by) = ((vertices[cells[:, k]] - vertices[cells[:, 0]]).T for k in (1, 2))
     return np.where((ax * by < ay * bx)[:, None], cells[:, ::-1], cells)
 

@@ -1,4 +1,4 @@
-"""The report of the plate: its runs as one frame, what an error costs each code, guaranteed intervals, a picture."""
+"""The report on the plate: its runs as one frame, the cost of an error by code, guaranteed intervals, a picture."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -30,45 +30,43 @@ from comparisons.settled import LIMITS, LIMITS_SOURCE, SETTLED, SOURCE, UNCERTAI
 from qvi_contact.plots.style import BLUE, GREEN, GREY, VERMILLION
 
 INVERTED: Final = "inverted"
-"""Status of a bracket whose lower end is above its upper one by more than twice `RESOLUTION`: it proves nothing."""
+"""Status of a bracket whose lower end is above its upper end by more than twice `RESOLUTION`: it proves nothing."""
 
 STICKING: Final = 0.25
 """From this μ on the whole contact sticks."""
 
 RESOLUTION: Final = 1e-8
-"""Relative: bounds hold up to the tolerance of the solves, so that nothing smaller is resolved by any of them."""
+"""Relative resolution of bounds, which hold up to the tolerance of the solves."""
 
 TARGETS: Final = (1e-4, 2e-5, 3e-6, 1e-6, 1e-7, 1e-8)
-"""Relative errors of P/2 that codes are asked for."""
+"""Relative errors of P/2 for which costs are compared."""
 
 COARSE: Final = 3e-6
-"""The error whose cost is told beside that of the smallest one that is compared."""
+"""The error in the second finding; the first has the smallest error that is compared."""
 
 OTHERS: Final = ("ngsolve", "getfem")
-"""Keys of the codes that are not this package's."""
+"""Keys of the codes other than this package."""
 
 NUMBERS: Final = ("half_force", "unknowns", "iterations", "residual", "before", "peak")
 """Entries of a result that are numbers; NaN where a run has none."""
 
 BOUNDS: Final = ("lower", "upper", "width", "strain_error")
-"""The same of a bracket, see `codes.own`."""
+"""Entries of a bracket that are numbers, see `codes.own`."""
 
 
 def runs_of(rows: Sequence[Row]) -> DataFrame:
     """One line a run, by μ, model and mesh.
 
     The columns are friction (μ), model, code and mesh (keys of `CODES` and `FAMILIES`), number and label of the mesh,
-    run (model and mesh in words), status, message, solved,
-    half_force (P/2) [N/mm], unknowns, iterations, residual of the code's own check, setup (the smallest time) [s],
-    seconds (the smallest time with the solve: what else the machine does can only add to it), spread (the largest less
-    the smallest over the median), before and peak (largest resident memory before the case and after its
-    first solve) [bytes], version; of brackets lower, upper, width, strain_error, guaranteed, and low and high:
-    guaranteed bounds of P/2, wider by `RESOLUTION`. Of runs that are solved, where P/2 is known: floor (what is
-    resolved), error (relative), lasting, confirmed.
+    run (model and mesh in words), status, message, solved, half_force (P/2) [N/mm], unknowns, iterations, residual of
+    the code's own check, setup (the smallest time) [s], seconds (the smallest time of set-up and solve, as other load
+    of the machine only adds to it), spread (largest less smallest over median), before and peak (largest resident
+    memory before the case and after its first solve) [bytes], version. Brackets have lower, upper, width, strain_error,
+    guaranteed, and low and high: guaranteed bounds of P/2, wider by `RESOLUTION`. Solved runs with known P/2 have floor
+    (the uncertainty of the reference), error (both relative), lasting and confirmed.
 
-    An error that a finer mesh contradicts is small by chance, since forces of contact with friction may cross the right
-    value. So lasting is the largest error of the model on this and all finer meshes that are solved; confirmed says
-    whether there is a finer one.
+    An error may be small by chance, since the force may cross the right value under refinement. So "lasting" is the
+    largest error of the model on this and all finer solved meshes, and "confirmed" says whether there is a finer mesh.
     """
     runs = frame_of(rows, (*NUMBERS, *BOUNDS), ("setup", "solve", "version", "guaranteed"))
     models = [MODELS[name] for name in runs.model]
@@ -109,7 +107,7 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
 def intervals_of(runs: DataFrame) -> DataFrame:
     """The narrowest guaranteed interval of P/2 at each μ that has one.
 
-    The columns are those of the runs, and for each code of `OTHERS` how many of its solved forces are outside, as
+    The columns are those of the runs, and for each code of `OTHERS` the number of its solved forces outside, such as
     "5 of 88".
     """
     lines = []
@@ -122,7 +120,7 @@ def intervals_of(runs: DataFrame) -> DataFrame:
 
 
 def contradictory(runs: DataFrame) -> bool:
-    """Whether at some μ no value of P/2 is inside all guaranteed bounds of these runs, so that some are wrong."""
+    """Whether at some μ no value of P/2 is inside all guaranteed bounds, so that at least one is wrong."""
     sure = runs[runs.bounded].groupby("friction")
     return bool((sure.low.max() > sure.high.min()).any())
 
@@ -136,11 +134,11 @@ def reference(friction: float) -> tuple[float, float, str] | None:
 
 
 def costs_of(runs: DataFrame) -> DataFrame:
-    """What each code needs for an error: a line for each μ, target and code that reaches it.
+    """The cost of each error: a line for each μ, target and code that reaches it.
 
-    A target is reached by runs whose lasting error is within it, and the uncertainty of the reference counts against
-    them. The columns are friction, target, code, run (the quickest), seconds, unknowns, sure (whether a finer mesh
-    confirms it: such runs come before all others), and time_ratio, over triangles.
+    A run reaches a target if its lasting error plus the uncertainty of the reference is within it. The columns are
+    friction, target, code, run (the quickest; runs that a finer mesh confirms come first), seconds, unknowns, sure
+    (whether a finer mesh confirms the run), and time_ratio, over triangles.
     """
     key = ["friction", "target", "code"]
     reach = runs.lasting + runs.floor
@@ -160,7 +158,7 @@ def compared_of(costs: DataFrame) -> DataFrame:
 
 
 def values_of(runs: DataFrame, costs: DataFrame) -> dict[str, Any]:
-    """The numbers of the report's sentences, with what errors cost, see `costs_of`."""
+    """The numbers of the report's sentences; `costs` are those of `costs_of`."""
     compared, failed = compared_of(costs), runs[~runs.solved]
     return {
         "fine": _compared(compared, compared.target.min()),
@@ -182,7 +180,7 @@ def _compared(compared: DataFrame, target: float) -> dict[str, Any] | None:
 
 
 def _factor(value: float) -> str:
-    """How many times as much."""
+    """A ratio of times, to two digits."""
     return significant(value, 2)
 
 
@@ -225,10 +223,10 @@ def tables_of(runs: DataFrame, costs: DataFrame) -> dict[str, DataFrame]:
 
 
 def report(rows: Sequence[Row]) -> Report:
-    """The report of these rows; the same rows give the same report."""
+    """The report, a function of the rows only."""
     runs = runs_of(rows)
     costs = costs_of(runs)
-    # the command that measures the same, without the place of its files and of other Pythons
+    # the command that repeats the study, without paths of files and interpreters
     counted = runs.mesh.isin([name for name, family in FAMILIES.items() if family.counted])
     words = ["python -m comparisons peers --friction", *(f"{friction:g}" for friction in runs.friction.unique())]
     words += ["--cells", *map(str, sorted(set(runs.number[counted])))] if counted.any() else []
@@ -247,7 +245,7 @@ _COLOURS: Final = {TRIANGLES: BLUE, BRACKET: GREY, "ngsolve": VERMILLION, "getfe
 
 
 def _fronts(runs: DataFrame) -> Figure:
-    """A panel for each μ: the best error that each code has over all its models and meshes, against time."""
+    """A panel for each μ: the smallest error of each code over all models and meshes, against time."""
     groups = list(runs[runs.error.notna()].groupby("friction", sort=False))
     figure, panels = panelled(len(groups), 8.0, 2.9, 0.6)
     for axes, (friction, known) in zip(panels, groups, strict=True):

@@ -1,8 +1,8 @@
-"""The study of the plate: its models, one line each, and what a worker does for a case.
+"""The study of the plate: its models, one line each, and the task of a case.
 
-A further model is a line in `MODELS`; a further code is a module in `codes` that has `plate` (`codes.process.Build`),
-and a line in `CODES`. A case is the plate as plain data, solved by one code in a process of its own, so that its memory
-is its own.
+To add a model, add a line to `MODELS`. To add a code, add a module to `codes` with a function `plate`
+(`codes.process.Build`), and a line to `CODES`. A case is the plate as plain data, solved by one code in a process
+of its own, which shows the memory.
 """
 
 import json
@@ -22,18 +22,18 @@ from qvi_contact.gallery import compressed_plate
 from qvi_contact.runs.processes import THREADS
 
 GETFEM: Final = "PYTHON_WITH_GETFEM"
-"""Environment variable: another Python, in which GetFEM is installed."""
+"""Environment variable with the path of a Python in which GetFEM is installed."""
 
 TRIANGLES: Final = "triangles"
 BRACKET: Final = "bracket"
 
-_WARM_UP: Final = {True: 2, False: 0}  # number, by `Family.counted`, of the case that loads all libraries
-_LAST_WORDS: Final = 200
-_LOOKING: Final = 60.0  # seconds for another Python to say what it has
+_WARM_UP: Final = {True: 2, False: 0}  # number, by `Family.counted`, of the mesh of the case that loads all libraries
+_LAST_WORDS: Final = 200  # characters of a failed process's last line that are reported
+_LOOKING: Final = 60.0  # seconds for another Python to import its packages
 
 
 class Code(NamedTuple):
-    """A code: its name, the module it comes as, the module of `codes` that uses it, its marker, and how to get it."""
+    """A code: name, its Python module, the module of `codes` that calls it, marker, and how to install it."""
 
     name: str
     library: str
@@ -53,7 +53,7 @@ CODES: Final[Mapping[str, Code]] = {
 
 
 class Model(NamedTuple):
-    """A discretisation of the plate: a key of `CODES`, one of `meshes.FAMILIES`, and what the code takes besides."""
+    """A discretisation of the plate: a key of `CODES`, one of `meshes.FAMILIES`, and options of the code."""
 
     code: str
     mesh: str
@@ -61,7 +61,7 @@ class Model(NamedTuple):
 
     @property
     def family(self) -> Family:
-        """Its meshes."""
+        """The family of its meshes."""
         return FAMILIES[self.mesh]
 
 
@@ -89,10 +89,10 @@ MODELS: Final[Mapping[str, Model]] = {
 
 
 def peers_study(friction: Sequence[float], cells: Sequence[int], repetitions: int, levels: int = LEVELS) -> Study:
-    """Every model whose code is installed, at every coefficient μ, on the meshes of its family.
+    """The study of every model whose code is installed, at every μ, on the meshes of its family.
 
-    Those are of so many `cells` a side, or the first `levels`. Codes take turns on meshes of one number, so that what
-    else the machine does meets all of them. `InputError` if the Python that should have GetFEM has not.
+    Meshes have `cells` a side, or are the first `levels` of the family. Codes take turns on meshes of one number, so
+    that other load of the machine affects all of them. `InputError` if the Python named for GetFEM lacks it.
     """
     missing, chosen = missing_codes(), {True: set(cells), False: set(range(levels))}
     cases = [
@@ -107,7 +107,7 @@ def peers_study(friction: Sequence[float], cells: Sequence[int], repetitions: in
 
 
 def missing_codes() -> tuple[str, ...]:
-    """Keys of the codes that neither this Python finds nor, of GetFEM, another one that was named, which has to."""
+    """Keys of the codes that are not installed; `InputError` if a Python named for GetFEM does not have it."""
     other = os.environ.get(GETFEM)
     missing = [key for key, code in CODES.items() if not (key == "getfem" and other) and not find_spec(code.library)]
     if other:
@@ -134,7 +134,7 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
         "case": plate(case["friction"], model.mesh, case["number"]),
         "warm_up": plate(case["friction"], model.mesh, _WARM_UP[model.family.counted]),
     }  # fmt: skip
-    # another Python for GetFEM must not find the packages of this one
+    # another Python must not import the packages of this one
     other = os.environ.get(GETFEM) if model.code == "getfem" else None
     interpreter, surroundings = other or sys.executable, {**os.environ, **dict.fromkeys(THREADS, "1")}
     surroundings["PYTHONPATH"] = "" if other else os.pathsep.join(sys.path)
@@ -152,7 +152,7 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
 def plate(friction: float, family: str, number: int) -> dict[str, Any]:
     """`compressed_plate` as plain data.
 
-    A mesh (see `plain_mesh`) and its number, "young", "poisson" (plane stress), "displacement" U and "friction" μ.
+    A mesh, see `plain_mesh`, and its "number", "young", "poisson" (plane stress), "displacement" U and "friction" μ.
     """
     problem = compressed_plate(friction)
     material: Any = problem.material

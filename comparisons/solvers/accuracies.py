@@ -1,8 +1,7 @@
-"""What every solver is asked for at each level of accuracy: the one table that all runs take their settings from.
+"""Options of every solver at each level of accuracy: all runs take their settings from this table.
 
-Each solver measures its errors in norms of its own. So all are asked for a hundredth of the level's target, and judged
-by the package's certificate at the target itself. Iteration limits are part of the table too: they decide when a
-solver that does not converge gives up.
+Solvers measure errors in different norms. So all are asked for a hundredth of the level's tolerance, and judged by the
+package's certificate at the tolerance itself. Iteration limits decide when a solver that does not converge gives up.
 """
 
 from collections.abc import Iterable, Mapping
@@ -14,16 +13,16 @@ LEVELS: Final[Mapping[str, float]] = {"low": 1e-3, "mid": 1e-6, "high": 1e-9}
 """Level → tolerance of the certificate."""
 
 MARGIN: Final = 1e-2
-"""What a solver is asked for, over the tolerance of the certificate."""
+"""Tolerance that a solver is asked for, over that of the certificate."""
 
 METHODS: Final = ("condensed", "uzawa")
-"""Lines of the comparison that are whole methods of this package, not inner solvers."""
+"""Solvers of the comparison that are whole methods of this package, not inner solvers."""
 
 Options = Mapping[str, Any]
 
 
 def _levels(names: Iterable[str], least: float = 0.0, **fixed: Any) -> dict[str, dict[str, Any]]:
-    """The tolerance of each level, but not below `least`, under these names, beside options that no level changes."""
+    """Options by level: the tolerance, at least `least`, under each of these names, and the fixed options."""
     names = tuple(names)
     return {level: {**dict.fromkeys(names, max(asked(level), least)), **fixed} for level in LEVELS}
 
@@ -42,7 +41,7 @@ _INTERIOR_ITERATIONS: Final = 100
 
 
 class Backend(NamedTuple):
-    """What a solver is, and its own options at each level."""
+    """A solver: a remark on its method, and its options at each level."""
 
     remark: str
     levels: Mapping[str, Options]

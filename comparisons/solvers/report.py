@@ -31,7 +31,7 @@ KINDS: Final = {
 """Kind of task → its name."""
 
 RARELY: Final = 0.05
-"""Share of untrue answers below which a solver is not named in a sentence."""
+"""Share of untrue answers from which a solver is named in a finding."""
 
 UNTIL: Final = 100.0
 """Largest ratio of times that profiles show."""
@@ -40,22 +40,22 @@ HIGHLIGHTED: Final = 5
 """Curves of a panel that have a colour."""
 
 INSTANCE: Final = ("level", "problem", "form")
-"""What solvers are compared on, task by task."""
+"""Columns that identify an instance, on which the solvers of a task are compared."""
 
-_NAMED: Final = 3  # solvers that are ranked
-_WITHIN: Final = {"fastest": 1.0, "within 2 ×": 2.0, "within 10 ×": 10.0}  # the fastest time
+_NAMED: Final = 3  # solvers in a ranking
+_WITHIN: Final = {"fastest": 1.0, "within 2 ×": 2.0, "within 10 ×": 10.0}  # multiples of the fastest time
 
 
 def runs_of(rows: Sequence[Row]) -> DataFrame:
-    """One line a row, those without a result too.
+    """One line for each row, also for rows without a result.
 
-    The columns are those of `frame_of`, with status, what was said last, and seconds, the median wall time [s];
-    certified, whether the certificate passed at the level's tolerance, or where there is no solution, whether that was
-    said; a number of problems for each outcome; feasible, whether there is a solution; time of a success.
+    The columns are those of `frame_of`, and: "seconds", the median wall time [s]; "certified", whether the certificate
+    passed at the level's tolerance, or, for problems without a solution, whether the solver said so; for each outcome,
+    the number of problems; "feasible", whether there is a solution; "time", the seconds of certified runs.
     """
     runs = frame_of(rows, (), ("seconds", "options"))
-    told = DataFrame([row.result.get("outcomes", {NO_ANSWER: 1}) for row in rows], columns=[*OUTCOMES])
-    runs[[*OUTCOMES]] = told.fillna(0).astype(int)
+    counts = DataFrame([row.result.get("outcomes", {NO_ANSWER: 1}) for row in rows], columns=[*OUTCOMES])
+    runs[[*OUTCOMES]] = counts.fillna(0).astype(int)
     runs["certified"] = [
         bool(row.certificate["passed"]) if row.certificate else set(row.result.get("outcomes", ())) == {RIGHT}
         for row in rows
@@ -68,17 +68,17 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
 def of_kind(runs: DataFrame, kind: str) -> DataFrame:
     """The runs of a kind of task on problems that have a solution.
 
-    Outer loops are those in condensed form, which is what the package's own methods are compared with.
+    Of outer loops only those in condensed form, with which the package's methods are compared.
     """
     task = COLD if kind == "sequence" else kind
     return runs[runs.feasible & (runs.task == task) & ((kind != OUTER) | (runs.form == "condensed"))]
 
 
 def performance_ratios(runs: DataFrame) -> DataFrame:
-    """For each instance and solver its time over the best time; infinite where it failed, NaN where it was not tried.
+    """Time over the best time, for each instance with a solution and each solver; ∞ if it failed, NaN if not run.
 
-    Of problems that have a solution. An instance that nobody solves is infinite for everybody: no profile reaches 1
-    then. Source: E. D. Dolan, J. J. Moré, Math. Program. 91 (2002).
+    An instance that no solver solves is ∞ for all solvers, and no profile reaches 1. Source: E. D. Dolan, J. J. Moré,
+    Math. Program. 91 (2002).
     """
     tried = runs[runs.feasible]
     times = tried.assign(time=tried.time.fillna(math.inf)).pivot(index=[*INSTANCE], columns="solver", values="time")
@@ -96,10 +96,10 @@ def geometric_mean(values: "Series[float]") -> float:
     return math.exp(np.log(values).mean())
 
 
-def told_by(runs: DataFrame) -> DataFrame:
-    """Solver → number of inner problems that have a solution for each outcome, those of sequences one by one.
+def outcome_counts(runs: DataFrame) -> DataFrame:
+    """Solver → number of inner problems with a solution for each outcome; problems of sequences count one by one.
 
-    The column said tells how often "solved" was said, share how much of that was untrue (NaN if it was never said).
+    "said" is the number of answers called solved, "share" the share of them that are untrue (NaN if there are none).
     """
     counts = runs[runs.feasible & (runs.task != OUTER)].groupby("solver", sort=False)[[*OUTCOMES]].sum()
     said = counts[RIGHT] + counts[UNTRUE]
@@ -107,9 +107,9 @@ def told_by(runs: DataFrame) -> DataFrame:
 
 
 def ranking(runs: DataFrame, kind: str) -> list[tuple[str, int, int, float]]:
-    """Solver, problems solved of how many, share within twice the fastest time: the best ones.
+    """The best solvers: name, problems solved, problems given, share within twice the fastest time.
 
-    At the accuracy in the middle that was run; none unless there are several solvers, all given every problem.
+    At the accuracy "mid", or else the first that was run; empty unless several solvers were run on every problem.
     """
     chosen = of_kind(runs, kind)
     levels = [level for level in LEVELS if level in set(chosen.level)]
@@ -125,7 +125,7 @@ def ranking(runs: DataFrame, kind: str) -> list[tuple[str, int, int, float]]:
 
 
 def method_of(runs: DataFrame, name: str) -> dict[str, Any]:
-    """One of the package's own methods: its step, what it solves, and how much longer the fastest outer loop takes."""
+    """A method of the package: its step, the problems it solves, and the time ratio of the fastest outer loop."""
     mine = runs[(runs.solver == name) & (runs.task == OUTER) & runs.feasible]
     loops = runs[(runs.task == OUTER) & ~runs.solver.isin(METHODS)]
     fastest = loops.groupby([*INSTANCE], as_index=False).time.min()
@@ -141,8 +141,8 @@ def method_of(runs: DataFrame, name: str) -> dict[str, Any]:
 
 def values_of(runs: DataFrame) -> dict[str, Any]:
     """The numbers of the report's sentences."""
-    solvers, told = set(runs.solver), told_by(runs)
-    often = told[told.share >= RARELY].sort_values("share", ascending=False, kind="stable")
+    solvers, counts = set(runs.solver), outcome_counts(runs)
+    often = counts[counts.share >= RARELY].sort_values("share", ascending=False, kind="stable")
     hopeless = runs[(runs.task == INNER) & ~runs.feasible]
     recognised = hopeless.groupby("solver", sort=False).certified.agg(["sum", "size"])
     every = len(hopeless.drop_duplicates([*INSTANCE]))
@@ -152,12 +152,12 @@ def values_of(runs: DataFrame) -> dict[str, Any]:
         "backends": len(solvers - set(METHODS)), "first": ranking(runs, "inner"),
         "methods": [method_of(runs, name) for name in METHODS if name in solvers],
         "feasible": int(runs.feasible.sum()), "certified": int((runs.feasible & runs.certified).sum()),
-        # who says "solved" of what is not
+        # solvers whose answers called solved are often untrue
         "often": [f"{each.Index} ({percent(each.share)} of {each.said})" for each in often.itertuples()],
-        "seldom": int((told.share < RARELY).sum()), "alarms": int(told[FALSE_ALARM].sum()),
-        # who recognises inner problems without a solution, always; and who says "solved"
+        "seldom": int((counts.share < RARELY).sum()), "alarms": int(counts[FALSE_ALARM].sum()),
+        # solvers that recognise all inner problems without a solution; how many of these problems are called solved
         "asked": int((recognised["size"] == every).sum()), "right": [*recognised.index[recognised["sum"] == every]],
-        "lied": int(hopeless[UNTRUE].sum()),
+        "called_solved": int(hopeless[UNTRUE].sum()),
     }  # fmt: skip
 
 
@@ -165,11 +165,11 @@ def tables_of(runs: DataFrame) -> dict[str, DataFrame]:
     """The tables by name."""
     first = [(name, solver, f"{solved} of {given}", within)
              for kind, name in KINDS.items() for solver, solved, given, within in ranking(runs, kind)]  # fmt: skip
-    told = told_by(runs).reset_index()
+    truth = outcome_counts(runs).reset_index()
     hopeless = runs[~runs.feasible]
     hopeless = hopeless.assign(column=hopeless.problem + ", " + hopeless.task + ", " + hopeless.form)
     return {
-        "overview": overview(runs), "truth": told.assign(true=1.0 - told.share),
+        "overview": overview(runs), "truth": truth.assign(true=1.0 - truth.share),
         "first": DataFrame(first, columns=["kind", "solver", "solved", "within"]),
         **{f"times-{kind}": speeds(of_kind(runs, kind)) for kind in KINDS},
         "infeasible": _crossed(hopeless, "column", "status", _words),
@@ -182,8 +182,8 @@ def overview(runs: DataFrame) -> DataFrame:
     by_kind = concat({kind: of_kind(runs, kind) for kind in KINDS}, names=["which"]).reset_index("which")
     columns = by_kind.which + ", " + by_kind.level
     shares = by_kind.certified.groupby([by_kind.solver, columns]).agg(_share).unstack().reindex(columns=names)
-    told = shares.join(told_by(runs)[["share", FALSE_ALARM]], how="outer").reindex(runs.solver.unique())
-    return told.rename_axis("solver").reset_index()
+    table = shares.join(outcome_counts(runs)[["share", FALSE_ALARM]], how="outer").reindex(runs.solver.unique())
+    return table.rename_axis("solver").reset_index()
 
 
 def _share(certified: "Series[bool]") -> str:
@@ -197,18 +197,18 @@ def speeds(chosen: DataFrame) -> DataFrame:
     for level in LEVELS:
         runs = chosen[chosen.level == level]
         ratios, times = performance_ratios(runs), runs.dropna(subset="time").groupby("solver").time
-        told = {
+        columns = {
             **{name: profile(ratios, at).map(percent) for name, at in _WITHIN.items()},
             "mean time": times.agg(geometric_mean).map(seconds) + times.size().map(" ({})".format),
         }
-        parts.append(DataFrame(told).add_prefix(f"{level}: "))
+        parts.append(DataFrame(columns).add_prefix(f"{level}: "))
     return concat(parts, axis=1).reindex(chosen.solver.unique()).rename_axis("solver").reset_index()
 
 
 def _crossed(runs: DataFrame, column: str, value: str, cell: Callable[[Series], str]) -> DataFrame:
     """A line for each solver, under each value of the column a text of the values there, in the order of the runs."""
-    told = runs.pivot_table(value, "solver", column, cell, sort=False)
-    return told.reindex(runs.solver.unique(), columns=runs[column].unique()).rename_axis("solver").reset_index()
+    table = runs.pivot_table(value, "solver", column, cell, sort=False)
+    return table.reindex(runs.solver.unique(), columns=runs[column].unique()).rename_axis("solver").reset_index()
 
 
 def _words(statuses: Series) -> str:
@@ -250,7 +250,7 @@ _FORMS: Final[Mapping[str, Form]] = {**dict.fromkeys(("share", "true", "within")
 
 
 def report(rows: Sequence[Row]) -> Report:
-    """The report; the same rows give the same one."""
+    """The report, a function of the rows only."""
     runs = runs_of(rows)
     given = _crossed(
         runs.dropna(subset="options"), "level", "options",

@@ -1,19 +1,19 @@
-"""What is done for one case of the study: a solver, a task, a problem, a form, a level of accuracy.
+"""The task of one case of the study: a solver, a task, a problem, a form, a level of accuracy.
 
 | task  | what is timed                                                                                       |
 |-------|-----------------------------------------------------------------------------------------------------|
-| inner | the inner problem with the bound of the solution: the solver's object made, and solved              |
-| cold  | the bounds that an outer loop meets, one after the other, each with a new object and no start       |
+| inner | construction and solve of the inner problem with the friction bound of the solution                 |
+| cold  | the inner problems of an outer loop one after the other, each with a new object and a cold start    |
 | outer | the whole inequality: the fixed point on σ_N with this inner solver, or a method of the package     |
 
-Before anything is timed the solver does the task once on the smallest problem, so that imports and first uses do not
-count. Problem and form are there already: the factorisation of K and the condensation of an inner problem belong to no
-solver. Inner problems are posed at `Instance.centre`, the same for all solvers. Every run of an outer loop with
-condensed inner problems condenses anew; the package's own methods find what they need in the factors.
+Before times are taken the solver runs the task once on the smallest problem, so that imports do not count. Problem and
+form exist before: the factorisation of K and the condensation of an inner problem are not timed. Inner problems are
+posed about `Instance.centre`, the same for all solvers. Every run of an outer loop in condensed form condenses anew;
+the package's own methods compute what they need from the factors.
 
-The problems, as algebra, are built once in each process and kept:
+The algebraic problems are built once in each process:
 
-| name            | what it is                                                                                      |
+| name            | problem                                                                                         |
 |-----------------|-------------------------------------------------------------------------------------------------|
 | plate_n         | the paper's plate, μ = 0.2, n × n of its elements: well conditioned, slip and stick             |
 | graded_n        | the same, each cell 0.6 times the one before it: badly conditioned                              |
@@ -52,7 +52,7 @@ from solvers.inner.registry import make_inner
 
 GRADING: Final = 0.6
 STEPS: Final = 6
-"""Most bounds of a sequence."""
+"""Largest number of friction bounds in a sequence."""
 
 _REFERENCE: Final = 1e-10  # tolerance of the solutions that bounds are taken from
 _RECORDED: Final = "direct:clarabel"  # inner solver of the outer loop whose bounds are recorded
@@ -60,8 +60,8 @@ _ROUNDS: Final = 2  # solves of the first step, the second at the first one's an
 
 
 @dataclass(frozen=True)
-class Described:
-    """A problem before it is built: its kind, whether it has a solution, whether all is affordable in all unknowns."""
+class ProblemSpec:
+    """A problem before it is built: kind, whether it has a solution, and whether all tasks run in all unknowns."""
 
     build: Callable[[], FrictionQVI]
     kind: str
@@ -70,32 +70,32 @@ class Described:
 
 
 class Instance:
-    """A problem with what its runs share: reference solution, bounds, forms."""
+    """A problem, and the reference solution, friction bounds and forms that its runs share."""
 
-    def __init__(self, described: Described) -> None:
-        self.described = described
-        self.qvi = described.build()
+    def __init__(self, spec: ProblemSpec) -> None:
+        self.spec = spec
+        self.qvi = spec.build()
 
     @cached_property
     def reference(self) -> QVISolution:
-        """By the condensed method; for bounds and facts only, never for judging a result."""
+        """The solution by the condensed method. It gives friction bounds only; results are judged by certificates."""
         return solve_qvi(self.qvi, tolerance=_REFERENCE)
 
     @cache  # noqa: B019  # an instance is kept for the process
     def form(self, name: str) -> ProblemForm:
-        """The problem in these unknowns; what that costs is not part of any time."""
+        """The problem in this form; its making is not part of any time."""
         return make_form(self.qvi, name)
 
     @cached_property
     def bound(self) -> Vector:
-        """The bound (m,) of the inner problem: that of the solution, without one that of the bonded state."""
-        if not self.described.feasible:
+        """The friction bound (m,) of the inner problem: that of the solution, or of the bonded state without one."""
+        if not self.spec.feasible:
             return self._first_bound
         return self.qvi.threshold(self.qvi.pressure(self.reference.z))
 
     @cached_property
     def bounds(self) -> tuple[Vector, ...]:
-        """The bounds that the plain outer loop meets after its first step, up to the first it cannot solve."""
+        """The friction bounds of the plain outer loop after its first step, up to the first that it cannot solve."""
         form = self.form("condensed")
         solver = make_inner(_RECORDED, form.problem, _REFERENCE)
         met: list[Vector] = []
@@ -110,14 +110,14 @@ class Instance:
 
     @cache  # noqa: B019
     def centre(self, name: str) -> Centre:
-        """Where all inner problems are posed: at the answer of the loop's first step, which is not one of them.
+        """The state z about which all inner problems are posed: the answer of the outer loop's first step.
 
-        As in the outer loop itself, whose problems are posed at its last answer: rounding in what they are made of then
-        decays. Without a solution it is the bonded state.
+        The outer loop poses each problem about its last answer, too, so that rounding in the data decays. For problems
+        without a solution the centre is the bonded state.
         """
         form = self.form(name)
         centre = form.centre(None, None)
-        for _ in range(_ROUNDS if self.described.feasible else 0):
+        for _ in range(_ROUNDS if self.spec.feasible else 0):
             solver = make_inner(_RECORDED, form.problem, _REFERENCE)
             found = solver.solve(form.threshold(self._first_bound), centre, None)
             if not found.finite:
@@ -151,7 +151,7 @@ def _block(drag: float, push: float) -> Callable[[], FrictionQVI]:
 
 
 def doubled_rows(qvi: FrictionQVI) -> FrictionQVI:
-    """The same problem with every contact point twice, each at half the weight: row multipliers are shared out."""
+    """The problem with every contact point twice, each at half the weight, so that row multipliers are not unique."""
     N, T = (csc_array(vstack([rows, rows])) for rows in (qvi.N, qvi.T))
     contact = replace(qvi.contact, N=N, T=T, W=np.tile(qvi.W, 2) / 2.0, traces=None)
     loads = replace(qvi.loads, n0=np.tile(qvi.n0, 2), t0=np.tile(qvi.t0, 2))
@@ -159,18 +159,18 @@ def doubled_rows(qvi: FrictionQVI) -> FrictionQVI:
     return FrictionQVI(qvi.stiffness, contact, loads, law)
 
 
-PROBLEMS: Final[Mapping[str, Described]] = {
-    "plate_4": Described(_plate(4), "well conditioned"),
-    "plate_8": Described(_plate(8), "well conditioned"),
-    "plate_16": Described(_plate(16), "well conditioned", small=False),
-    "graded_8": Described(_plate(8, grading=GRADING), "ill conditioned"),
-    "graded_16": Described(_plate(16, grading=GRADING), "ill conditioned", small=False),
-    "ssnv128_4": Described(lambda: _algebra(ssnv128((4, 4))), "open contact"),
-    "stick_8": Described(_plate(8, friction=2.0), "sticking"),
-    "stick_16": Described(_plate(16, friction=2.0), "sticking", small=False),
-    "doubled_rows": Described(lambda: doubled_rows(_plate(8)()), "redundant rows"),
-    "dragged_block": Described(_block(5.05, 10.0), "no solution", feasible=False),
-    "pulled_block": Described(_block(0.0, -1.0), "no solution", feasible=False),
+PROBLEMS: Final[Mapping[str, ProblemSpec]] = {
+    "plate_4": ProblemSpec(_plate(4), "well conditioned"),
+    "plate_8": ProblemSpec(_plate(8), "well conditioned"),
+    "plate_16": ProblemSpec(_plate(16), "well conditioned", small=False),
+    "graded_8": ProblemSpec(_plate(8, grading=GRADING), "ill conditioned"),
+    "graded_16": ProblemSpec(_plate(16, grading=GRADING), "ill conditioned", small=False),
+    "ssnv128_4": ProblemSpec(lambda: _algebra(ssnv128((4, 4))), "open contact"),
+    "stick_8": ProblemSpec(_plate(8, friction=2.0), "sticking"),
+    "stick_16": ProblemSpec(_plate(16, friction=2.0), "sticking", small=False),
+    "doubled_rows": ProblemSpec(lambda: doubled_rows(_plate(8)()), "redundant rows"),
+    "dragged_block": ProblemSpec(_block(5.05, 10.0), "no solution", feasible=False),
+    "pulled_block": ProblemSpec(_block(0.0, -1.0), "no solution", feasible=False),
 }  # fmt: skip
 """Name → problem, in the order of the tables."""
 
@@ -185,7 +185,7 @@ _FIRST: Final = "plate_4"
 
 
 class Answer(NamedTuple):
-    """What a solver said of one problem, and what the certificate says."""
+    """The status of one problem according to its solver, and the certificate."""
 
     status: Status
     message: str
@@ -194,11 +194,11 @@ class Answer(NamedTuple):
 
 
 def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
-    """The task of the study; see the module for what a case is.
+    """The task of the study; the module describes cases.
 
-    "steps" is the number of answers, "outcomes" that of each outcome; "status" and "message" are those of the first
-    answer that was not solved, or else of the last, "iterations" those of all, "seconds" wall times of the runs,
-    "accuracy" and "certificate" those of the worst step, where there is a solution.
+    "steps" is the number of answers, "outcomes" the number of each outcome, "iterations" the sum over all answers,
+    "seconds" are wall times of the runs. "status" and "message" belong to the first answer that was not solved, or else
+    to the last. If there is a solution, "accuracy" and "certificate" are those of the worst step.
     """
     task, form, solver, level = (case[name] for name in ("task", "form", "solver", "level"))
     feasible = PROBLEMS[case["problem"]].feasible
@@ -208,11 +208,11 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
     seconds = [first]
     while len(seconds) < case["runs"] and sum(seconds) < BUDGET:
         seconds.append(run()[0])
-    told = next((each for each in answers if each.status is not Status.SOLVED), answers[-1])
+    shown = next((each for each in answers if each.status is not Status.SOLVED), answers[-1])
     counts = Counter(outcome(each.status, each.certificate.passed, feasible) for each in answers)
     found: dict[str, Any] = {
-        "steps": len(answers), "outcomes": dict(sorted(counts.items())), "status": told.status.value,
-        "message": " ".join(told.message.split()), "iterations": sum(each.iterations for each in answers),
+        "steps": len(answers), "outcomes": dict(sorted(counts.items())), "status": shown.status.value,
+        "message": " ".join(shown.message.split()), "iterations": sum(each.iterations for each in answers),
         "seconds": seconds, "options": accuracies.options(solver, level),
     }  # fmt: skip
     if not feasible:
@@ -224,14 +224,14 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
 
 @cache
 def _first_use(task: str, form: str, solver: str, level: str) -> None:
-    """Once in a process, on the smallest problem."""
+    """Run once in a process, on the smallest problem, so that libraries are loaded before times are taken."""
     (_outer if task == OUTER else _inner)(instance(_FIRST), task, form, solver, level)
 
 
 def _inner(problem: Instance, task: str, name: str, solver: str, level: str) -> tuple[float, list[Answer]]:
-    """Inner problems, all posed at one centre.
+    """Solve inner problems, all posed about one centre.
 
-    They are judged by the certificate of the inner problem on the original data, in all unknowns whatever the form.
+    The certificate of the inner problem judges them on the original data, in all unknowns, for either form.
     """
     form, options, tolerance = problem.form(name), accuracies.options(solver, level), LEVELS[level]
     bounds, centre = (problem.bound,) if task == INNER else problem.bounds, problem.centre(name)
@@ -268,7 +268,7 @@ QUICK: Final = ("plate_8", "graded_8", "ssnv128_4", "dragged_block")
 """Problems of the quick study."""
 
 LIBRARIES: Final = ("daqp", "ecos", "highspy", "osqp", "piqp", "proxsuite", "qpalm", "quadprog", "scs")
-"""Distributions of solvers beside those of most studies."""
+"""Packages of solvers whose versions are stored, too."""
 
 
 def declared(solvers: Sequence[str], quick: bool = False) -> Study:
@@ -285,34 +285,33 @@ def declared(solvers: Sequence[str], quick: bool = False) -> Study:
 def keep(case: Mapping[str, Any], quick: bool = False) -> bool:
     """Whether a case is part of the study.
 
-    * Methods of the package solve whole inequalities, condensed; the rest of the table does everything.
-    * Sequences only where there is a solution, and where the bounds change: not where everything sticks.
-    * On fine meshes in all unknowns only single inner problems.
-    * In quick runs sequences and outer loops only condensed, at one level, and where there is a solution.
+    * Methods of the package solve whole inequalities in condensed form only; all other solvers have all tasks.
+    * Sequences need a solution, and bounds that change: they are left out where everything sticks.
+    * On fine meshes only single inner problems are solved in all unknowns.
+    * Quick runs have sequences and outer loops in condensed form only, at one level, for problems with a solution.
     """
-    task, described = case["task"], PROBLEMS[case["problem"]]
+    task, spec = case["task"], PROBLEMS[case["problem"]]
     if case["solver"] in METHODS and (task, case["form"]) != (OUTER, "condensed"):
         return False
-    if task == COLD and (not described.feasible or described.kind == "sticking"):
+    if task == COLD and (not spec.feasible or spec.kind == "sticking"):
         return False
     if quick and task != INNER:
-        return case["form"] == "condensed" and case["level"] == "mid" and described.feasible
-    return task == INNER or case["form"] == "condensed" or described.small
+        return case["form"] == "condensed" and case["level"] == "mid" and spec.feasible
+    return task == INNER or case["form"] == "condensed" or spec.small
 
 
 RIGHT, UNTRUE, FALSE_ALARM, MODEST, GAVE_UP = "right", "untrue", "false alarm", "modest", "gave up"
 
 NO_ANSWER: Final = "no answer"
-"""Of a run that ended without a result: out of time or memory, or the process died."""
+"""Outcome of a run without a result: out of time or memory, or the process died."""
 
 OUTCOMES: Final = (RIGHT, UNTRUE, FALSE_ALARM, MODEST, GAVE_UP, NO_ANSWER)
 
 
 def outcome(said: Status, passed: bool, feasible: bool) -> str:
-    """What an answer was worth: what the solver said of it, beside whether the certificate passes.
+    """The outcome of an answer, from the solver's status and the certificate.
 
-    Untrue is a lie told in good faith: the solver's own test passed. Unbounded counts as infeasible where there is a
-    solution, and as giving up where there is none.
+    Unbounded counts as infeasible if there is a solution, and as giving up if there is none.
     """
     if said is Status.SOLVED:
         return RIGHT if passed and feasible else UNTRUE

@@ -1,8 +1,8 @@
-"""What is known of the problem files in the folder examples without this package: the one table of it.
+"""Known values of the problem files in the folder examples, from sources other than this package.
 
-The chapter on these files below, the gallery of the documentation and the tests read it. A line has a quantity with
-its unit, how it is measured, its known value, the tolerance, and the source. A tolerance is relative to the known
-value, and in units of the quantity where that is zero, or where the comparison is another one (`Known.compare`).
+The chapter on these files below, the gallery of the documentation and the tests read this table. A line has a quantity
+with its unit, its measure, known value, tolerance and source. A tolerance is relative to the known value, or in the
+unit of the quantity where that is zero, or where the comparison is not relative (`Known.compare`).
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ CYLINDER: Final = (358.536, 0.62146)
 """Hertz, under a hundredth of the load of `gallery.cylinder_on_block`: peak pressure [MPa] and half-width [mm]."""
 
 HALF_DISCS: Final = (9.351351, 0.680778, 0.496511)
-"""The same of `gallery.half_discs`, and Cattaneo's half-width that sticks [mm]."""
+"""Peak pressure and half-width of `gallery.half_discs`, and the half-width that sticks by Cattaneo [mm]."""
 
 
 def read_example(name: str) -> ProblemFile:
@@ -58,7 +58,7 @@ def read_example(name: str) -> ProblemFile:
 
 
 class Answer:
-    """What the package finds for a problem file, each part when it is asked for, by triangles of this degree."""
+    """The package's results for a problem file, each computed at its first use, by triangles of this degree."""
 
     def __init__(self, name: str, degree: int) -> None:
         self.file = read_example(name)
@@ -67,35 +67,35 @@ class Answer:
 
     @cached_property
     def result(self) -> ContactResult:
-        """Of `solve`."""
+        """The result of `solve`."""
         return solve(self.problem, **self.options)
 
     @cached_property
     def history(self) -> History:
-        """Of `solve_history`.
+        """The result of `solve_history`, with the law at Gauss points.
 
-        At Gauss points: nothing opens there in the files there are. A Bernstein coefficient in a toe does, and then
-        pressure does work between steps.
+        In these files no Gauss point opens. A Bernstein coefficient at a toe does, and then pressure does work between
+        steps.
         """
         return solve_history(self.file.problems, law_on="points", **self.options)
 
     @cached_property
     def safety(self) -> StrengthReduction:
-        """Of `strength_reduction_factor`, to 1 %."""
+        """The result of `strength_reduction_factor`, to 1 %."""
         return strength_reduction_factor(self.problem, accuracy=0.01, degree=self.options["degree"])
 
 
 @lru_cache(maxsize=1)
 def limit_of(answer: Answer, load: str) -> LimitLoad:
-    """What `limit_load_factor` finds for the load of this name."""
+    """The result of `limit_load_factor` for the load of this name."""
     return limit_load_factor(answer.problem, [load], degree=answer.options["degree"])
 
 
 Measure: TypeAlias = Callable[[Answer], tuple[Value, Proof]]
-"""The computed value of a quantity, and what certifies it."""
+"""The computed value of a quantity, and its proof."""
 
 Further: TypeAlias = Callable[[Answer, bool], Iterator[Row]]
-"""What another method, or another model on the same mesh, says of a problem file; less in quick runs."""
+"""Rows that compare with another method, or another model on the same mesh; fewer in quick runs."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class Known:
     compare: str = ""
 
     def row(self, answer: Answer) -> Row:
-        """The known value beside the computed one."""
+        """The row that compares the computed with the known value."""
         if isinstance(self.measure, str):
             ours: Value = Quantity.of(answer.problem, self.measure).value(answer.result)
             proof = certified(answer.result)
@@ -158,7 +158,7 @@ def _edges(edges: str, axis: str) -> Measure:
 
 
 def _beside(edges: str, axis: str, contact: str, sign: float = 1.0) -> Measure:
-    """A contact's force less the one on edges, over the normal force: zero in balance."""
+    """A contact's force less the force on edges, over the normal force: zero in balance."""
 
     def unbalanced(result: ContactResult) -> float:
         line, other = result.contacts[contact], getattr(result.resultant(edges), axis)
@@ -177,7 +177,7 @@ def _bound(quantity: str, side: str) -> Measure:
 
 
 def _cycle(value: Callable[..., float]) -> Measure:
-    """Of a history of two cycles: its normal forces N, motions w and shears T, and the work lost in the second one."""
+    """`value` of the normal forces N, motions w and shears T of a history, and of the work lost in its second cycle."""
 
     def measured(answer: Answer) -> tuple[float, Proof]:
         history = answer.history
@@ -209,7 +209,7 @@ def _safety(side: str) -> Measure:
 
 
 def _displacements(answer: Answer, quick: bool, tolerance: float) -> tuple[CompanionResult, Check]:
-    """Displacements on the same mesh, of the degree that goes with the stresses; in quick runs of degree 2."""
+    """The displacement model on the same mesh, of the default degree, in quick runs of degree 2."""
     companion = solve_companion(answer.problem, degree=2 if quick else None)
     proof = both(certified(answer.result), certified_companion(companion))
     return companion, Check(proof, "displacement model on the same mesh", tolerance, Kind.METHODS)
@@ -223,7 +223,7 @@ _BY_DISPLACEMENTS: Final = {
 
 
 def _by_displacements(tolerance: float, *quantities: str) -> list[Further]:
-    """Forces, and motions of plates and pins, on the same mesh; the tolerance is what both models leave open."""
+    """Forces, and motions of plates and pins, by both models; the tolerance is the discretisation error of both."""
 
     def rows(answer: Answer, quick: bool) -> Iterator[Row]:
         companion, rows = _displacements(answer, quick, tolerance)
@@ -236,7 +236,7 @@ def _by_displacements(tolerance: float, *quantities: str) -> list[Further]:
 
 
 def _toe(answer: Answer, quick: bool) -> Iterator[Row]:
-    """How far the toe of the retaining wall settles."""
+    """The settlement of the toe of the retaining wall."""
     companion, rows = _displacements(answer, quick, 0.01)
     known = 2.0 * _WALL[0] / (3.0 * _WALL[2]) / 30.0
     settlement = -float(companion.displacement(0.0, 0.0)[1])
@@ -245,7 +245,7 @@ def _toe(answer: Answer, quick: bool) -> Iterator[Row]:
 
 @dataclass(frozen=True)
 class Table:
-    """What a problem file is about, in one sentence, the lines known of it, what else is compared, and the degree."""
+    """Known values of a problem file: its subject in one sentence, lines, further rows, and the degree."""
 
     about: str
     lines: Sequence[Known]
@@ -255,10 +255,10 @@ class Table:
 
 _HERTZ: Final = "Hertz; half planes, a/R = "
 _DAM: Final = (10.44, 0.00981 * 28.0 * 12.0, 0.00981 * 28.0**2 / 2.0)  # weight, uplift and thrust [MN/m]
-_SEAM: Final = (15.24, 0.00981 * 33.0 * 40.0 / 2.0, 0.00981 * 33.0**2 / 2.0)  # the same of the dam on a seam
+_SEAM: Final = (15.24, 0.00981 * 33.0 * 40.0 / 2.0, 0.00981 * 33.0**2 / 2.0)  # those of the dam on a seam
 _SLIDING: Final = (0.5 * (_SEAM[0] - _SEAM[1]) + 0.05 * 40.0) / _SEAM[2]
 _WALL: Final = (0.1539, 0.36 * 0.018 * 4.5**2 / 2.0, (0.20049 - 0.36 * 0.018 * 4.5**3 / 6.0) / 0.1539)
-"""Weight and thrust of the retaining wall [MN/m], and how far behind the toe the base is pressed [m]."""
+"""Weight and thrust of the retaining wall [MN/m], and distance of the resultant pressure behind the toe [m]."""
 
 _UPHILL: Final = 0.99 * (0.1 + 0.3) / (1.0 - 0.1 * 0.3)  # 0.99 of the push that moves the wedge, over its weight
 _EXTERNAL, _METHODS, _PUBLISHED = Kind.EXTERNAL, Kind.METHODS, Kind.PUBLISHED

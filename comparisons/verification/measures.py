@@ -1,4 +1,4 @@
-"""Quantities that several chapters compare, and what both models say of the same problem."""
+"""Quantities that several chapters compare, and rows that compare the stress and the displacement model."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -23,8 +23,8 @@ FORCE, ENERGY = MM.force, MM.energy
 Stress = Callable[[FloatArray, FloatArray], FloatArray]
 """σ_xx, σ_yy, σ_xy (…, 3) at points x, y (…)."""
 
-_MEASURED: Final = 0.3  # part of the peak above which pressures are compared with an ellipse
-_POINTS: Final = 12  # of Gauss an edge: exact for tractions of triangles
+_MEASURED: Final = 0.3  # an ellipse is fitted to pressures above this share of the peak
+_POINTS: Final = 12  # Gauss points an edge, exact for tractions of triangles
 
 
 def plate_under(contact: Contact, cells: int, grading: float = 1.0) -> ContactProblem:
@@ -35,7 +35,7 @@ def plate_under(contact: Contact, cells: int, grading: float = 1.0) -> ContactPr
 
 
 def scattered(result: ContactResult) -> tuple[FloatArray, FloatArray]:
-    """60 points of the rectangle around the body, the same in every run."""
+    """60 points in the rectangle around the body, the same in every run."""
     vertices = result.problem.mesh.vertices
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     shares = np.random.default_rng(7).uniform(0.02, 0.98, size=(2, 60))
@@ -51,7 +51,7 @@ def stress_error(result: ContactResult, state: ExactState) -> float:
 
 
 def stress_deviation(result: ContactResult, exact: Stress) -> float:
-    """Error of σ in the mean square over the body, relative."""
+    """Relative error of σ in the mean square over the body."""
     known, mesh = result.discretization, result.problem.mesh
     space, cells = known.space, np.arange(mesh.cell_count)
     t, weights = space.cell_quadrature[0], space.cell_measures(*space.cell_quadrature)
@@ -69,9 +69,9 @@ def ellipse(x: FloatArray, values: FloatArray) -> tuple[float, float]:
 
 
 def value_at(line: ContactLine, values: FloatArray, x: float) -> float:
-    """Value at x of a quantity on a horizontal contact, by the polynomial through the points of an edge.
+    """Value at x of a quantity on a horizontal contact, by the polynomial through the points of the nearest edge.
 
-    The edge whose middle is nearest counts; its polynomial is carried on to its ends.
+    The polynomial is extrapolated to the ends of the edge.
     """
     count = line.points_per_edge
     edge = int(np.argmin(np.abs(line.x.reshape(-1, count).mean(axis=1) - x)))
@@ -80,7 +80,7 @@ def value_at(line: ContactLine, values: FloatArray, x: float) -> float:
 
 
 def runs(states: IntArray) -> str:
-    """States in the order they follow each other, such as "open, slip, stick"."""
+    """The states along a contact without repetitions, such as "open, slip, stick"."""
     first = np.r_[True, np.diff(states) != 0]
     return ", ".join(ContactState(state).name.lower() for state in states[first])
 
@@ -91,9 +91,9 @@ def point_states(line: ContactLine) -> IntArray:
 
 
 def edge_states(line: ContactLine) -> IntArray:
-    """State of each edge along the contact: that of most of its points, in a tie that of the first of them.
+    """State of each edge along the contact: that of most of its points; the first point's state if it is among these.
 
-    Gap and slip are projections, so that points of the edge where a zone ends may be in either state.
+    Gap and slip are projections, so that points of an edge where a zone ends may be in either state.
     """
     points = point_states(line).reshape(-1, line.points_per_edge)
     counts = np.stack([(points == state).sum(axis=1) for state in ContactState], axis=1)
@@ -103,7 +103,7 @@ def edge_states(line: ContactLine) -> IntArray:
 
 
 def zone_ends(line: ContactLine) -> FloatArray:
-    """Lengths along the contact at which edges of different states meet [length]."""
+    """Arc lengths along the contact at which edges of different states meet [length]."""
     return np.asarray(line.path.starts[1 + np.flatnonzero(np.diff(edge_states(line)))])
 
 
@@ -127,10 +127,10 @@ def two_models(quick: bool, result: ContactResult, contact: str, tolerance: floa
 
 
 def left_by_stresses(result: ContactResult) -> float:
-    """The largest resultant force or moment on a body over the sum of the forces on its edges.
+    """The largest unbalanced force or moment of a body, over the sum of the forces on its edges.
 
-    Of the tractions all around each body, and its own weight: a body force −∇φ has the resultant −∮ φ n ds, and its
-    moment likewise.
+    Sums the tractions around each body and its weight: a body force −∇φ has the resultant −∮ φ n ds, and the moment
+    of these forces.
     """
     discretization, problem, mesh = result.discretization, result.problem, result.problem.mesh
     bodies = Bodies.of(problem)

@@ -1,4 +1,4 @@
-"""The manual: its chapters, a run of them as plain data, the tables and pictures of its rows, and the report."""
+"""The verification manual: its chapters, their run, tables and pictures, and the report."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -28,7 +28,7 @@ CHAPTERS: Final[Chapters] = {
     "invariance": exact.INVARIANCE, "plate": plate.PLATE, "energies": plate.ENERGIES, "bounds": plate.BOUNDS,
     "numbers": numbers.NUMBERS, "examples": EXAMPLES,
 }  # fmt: skip
-"""The manual in its order."""
+"""The chapters in the order of the manual."""
 
 HEADINGS: Final = (
     "quantity", "element", "reference", "kind", "source", "ours", "error", "tolerance", "certificate", "result",
@@ -36,8 +36,8 @@ HEADINGS: Final = (
 _LARGEST: Final = "largest error / tolerance"
 _DIGITS: Final = 10
 _SENSES: Final = {EXCESS: "≤ ", SHORTFALL: "≥ "}
-_DIGITS_OF_BOUNDS: Final = 1e-7  # what holds with room to spare needs no more digits
-_ROUNDING: Final = 1e-10  # errors below this are one and the same on all machines
+_DIGITS_OF_BOUNDS: Final = 1e-7  # relative resolution of numbers in inequalities
+_ROUNDING: Final = 1e-10  # smaller errors differ between machines, and are shown as "< 1e-10"
 
 
 def choose(names: Sequence[str]) -> Chapters:
@@ -53,7 +53,7 @@ def choose(names: Sequence[str]) -> Chapters:
     return {chapter: problems for chapter, problems in chosen.items() if problems}
 
 
-class Told(NamedTuple):
+class ProblemRows(NamedTuple):
     """A problem's name, the name of its table, the first paragraph of its docstring, and its rows."""
 
     name: str
@@ -62,28 +62,28 @@ class Told(NamedTuple):
     rows: Sequence[Row]
 
 
-def run(chapters: Chapters, quick: bool, advance: Advance) -> dict[str, list[Told]]:
+def run(chapters: Chapters, quick: bool, advance: Advance) -> dict[str, list[ProblemRows]]:
     """Compute the rows of all problems, by chapter; `advance` is called after each problem.
 
-    A problem that breaks off, or has no rows, ends in a failed row with the reason.
+    A problem that raises an exception, or has no rows, gets a failed row with the reason.
     """
     done = {}
     for chapter, problems in chapters.items():
-        done[chapter] = list[Told]()
+        done[chapter] = list[ProblemRows]()
         for name, problem in problems.items():
             rows: list[Row] = []
             try:
                 for row in problem(quick):
                     rows.append(row)  # noqa: PERF402  # the rows before an error stay
-            except Exception as error:  # whatever it is, the other problems go on
+            except Exception as error:  # any exception: the other problems are run
                 rows.append(crash(f"{type(error).__name__}: {' '.join(str(error).split())}"))
             about = " ".join((problem.__doc__ or "").strip().split("\n\n")[0].split())
-            done[chapter].append(Told(name, name.replace("/", "-"), about, rows or [crash("it has no rows")]))
+            done[chapter].append(ProblemRows(name, name.replace("/", "-"), about, rows or [crash("it has no rows")]))
             advance(name)
     return done
 
 
-POSED: Final[Mapping[str, tuple[Callable[[], ContactProblem], Units | None]]] = {
+PICTURED: Final[Mapping[str, tuple[Callable[[], ContactProblem], Units | None]]] = {
     "rings": (partial(gallery.rings, 4), Units(length="m", stress="Pa")),
     "press-fit": (partial(gallery.press_fit, 2), MM),
     "cylinder-in-bore": (partial(gallery.cylinder_in_bore, 2, extent=2.0), MM),
@@ -96,22 +96,22 @@ POSED: Final[Mapping[str, tuple[Callable[[], ContactProblem], Units | None]]] = 
     "cylinder-in-bore-friction": (partial(gallery.cylinder_in_bore, 2, 0.4, extent=2.0), MM),
     "oblique-block": (partial(limits.oblique, 0.99), MM),
 }
-"""Problem of the manual → its bodies on few cells, and the units of their picture."""
+"""Problem of the manual → a function that makes it on few cells, and the units of its picture."""
 
 
 def drawings(names: Sequence[str]) -> dict[str, str]:
-    """Names of figures → pictures, as SVG, of the bodies of these problems."""
-    chosen = {name: posed for name, posed in POSED.items() if name in names}
+    """Figure names → pictures of the bodies of these problems, as SVG."""
+    chosen = {name: pictured for name, pictured in PICTURED.items() if name in names}
     return {
-        f"problem-{name}": drawn(f"verification-{name}", partial(problem_figure, posed(), units))
-        for name, (posed, units) in chosen.items()
+        f"problem-{name}": drawn(f"verification-{name}", partial(problem_figure, make(), units))
+        for name, (make, units) in chosen.items()
     }
 
 
 def report(
-    done: Mapping[str, Sequence[Told]], figures: Mapping[str, str], quick: bool = False, only: Sequence[str] = ()
+    done: Mapping[str, Sequence[ProblemRows]], figures: Mapping[str, str], quick: bool = False, only: Sequence[str] = ()
 ) -> Report:
-    """The manual, with `drawings`; the same rows and pictures give the same one. `only` are the names asked for."""
+    """The manual, from rows and `drawings` only; `only` are the names that were chosen."""
     every = [(chapter, each, row) for chapter, found in done.items() for each in found for row in each.rows]
     failed = [
         {**dict(zip(HEADINGS, map(escaped, cells(row)), strict=True)), "name": each.name, "table": each.table}
@@ -138,7 +138,7 @@ def report(
 
 
 def cells(row: Row) -> tuple[str, ...]:
-    """A row's texts, in the order of `HEADINGS`; inequalities have their sense, small errors a bound."""
+    """A row's texts, in the order of `HEADINGS`; inequalities with ≤ or ≥, small errors with <."""
     ours, tolerance, resolution = row.ours, row.tolerance, 0.0  # a hundredth of the tolerance, in the quantity's unit
     if not isinstance(ours, str) and not isinstance(row.reference, str):
         scale = abs(row.reference) if row.measure == RELATIVE else 1.0

@@ -1,4 +1,4 @@
-"""A row of the manual: one number of ours beside a reference, what certifies it, and whether it passes."""
+"""A row of the manual: a computed number, its reference, the proof of the result, and whether the row passes."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from solvers import QVISolution, Status
 from solvers.certificate.feasibility import is_farkas
 
 GAP: Final = 1e-7
-"""Largest relative gap between a limit load and its dual bound, and largest violation of the laws at it."""
+"""Largest relative gap between a limit load and its dual bound, and largest violation of the contact laws."""
 
 Value = float | str
 """A number, or a word such as a status."""
@@ -24,7 +24,7 @@ RELATIVE, ABSOLUTE, EXCESS, SHORTFALL, EQUAL = "relative", "absolute", "excess",
 
 
 class Kind(StrEnum):
-    """Where a reference comes from; nothing is compared with itself."""
+    """Where a reference comes from."""
 
     ANALYTIC = "analytic"
     PUBLISHED = "published"
@@ -34,14 +34,14 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class Proof:
-    """Whether something certifies a number, and what, in a few words; without it a row fails."""
+    """Whether a result is certified, and by what, in a few words; a row whose proof has not passed fails."""
 
     passed: bool
     text: str
 
 
 def certified(*results: ContactResult | QVISolution) -> Proof:
-    """The certificates of results, or of algebraic solutions, that must all be solved."""
+    """The certificates of results or algebraic solutions, all of which must be solved."""
     solutions = [result.solution if isinstance(result, ContactResult) else result for result in results]
     failed = [
         each.status.value for each in solutions if each.status is not Status.SOLVED or not each.certificate.passed
@@ -50,7 +50,7 @@ def certified(*results: ContactResult | QVISolution) -> Proof:
 
 
 def certified_companion(companion: CompanionResult, *, guaranteed: bool = False) -> Proof:
-    """The certificate of a displacement model, and if asked that its energy is an upper bound."""
+    """The certificate of a displacement model; with `guaranteed` its energy must be an upper bound."""
     if not (companion.status is Status.SOLVED and companion.certificate.passed):
         return Proof(passed=False, text=f"failed, {companion.status.value}")
     if guaranteed and companion.reasons:
@@ -59,16 +59,16 @@ def certified_companion(companion: CompanionResult, *, guaranteed: bool = False)
 
 
 def infeasible(result: ContactResult) -> Proof:
-    """A mechanism that proves that nothing carries the load; multipliers (Farkas) for the mesh are checked too."""
+    """A mechanism proves that no stress carries the load, and multipliers (Farkas) prove it for the mesh."""
     proof, moved = result.solution.farkas, result.mechanism is not None and result.mechanism.overload > 1.0
     passed = moved and proof is not None and is_farkas(result.solution.problem, *proof)
     return Proof(passed, "mechanism, Farkas proof" if passed else "failed, no proof")
 
 
 def bounded(limit: LimitLoad) -> Proof:
-    """A dual bound that closes on the limit load of a mesh, which lies below that of a mechanism.
+    """The dual bound of a mesh's limit load agrees with it, and the limit load is below that of the mechanism.
 
-    Of a body that yields, stresses that carry the one number, and a flow that exceeds the other.
+    For a body that yields: stresses carry the lower number, and a flow proves the upper one.
     """
     room = GAP * (1.0 + abs(limit.lower))
     passed = bool(np.isfinite(limit.lower)) and limit.lower <= limit.upper + room and limit.violation <= GAP
@@ -85,18 +85,18 @@ def both(*proofs: Proof) -> Proof:
 
 
 def by_hand(passed: bool, text: str) -> Proof:
-    """A proof computed for the row itself, where the result is that there is none."""
+    """A proof computed by the chapter, for results without a certificate."""
     return Proof(bool(passed), text if passed else f"failed: {text}")
 
 
 @dataclass(frozen=True)
 class Row:
-    """One comparison of a quantity, named with its unit: the known value and ours.
+    """One comparison of a quantity, named with its unit: the reference and the computed value.
 
-    The kind is None where a problem did not get so far; the source is an equation, a test case, an uncertainty. The
-    error ≥ 0, infinity or NaN where there is none, is "relative" to the reference, "absolute" in the unit of the
-    quantity, "excess" over a reference that must not be exceeded, "shortfall" from one that must be reached, or "equal"
-    for words, as `measure` says. The element is empty where there is none, or only the one the problem is about.
+    `kind` is None if the problem failed; `source` is an equation, a test case or a code, with its uncertainty. The
+    error is ≥ 0, infinite or NaN without a number. By `measure` it is "relative" to the reference, "absolute" in the
+    unit of the quantity, the "excess" over an upper limit, the "shortfall" from a lower limit, or "equal" for words.
+    `element` is empty for rows that concern no element.
     """
 
     quantity: str
@@ -117,7 +117,7 @@ class Row:
 
     @property
     def ratio(self) -> float:
-        """Error over tolerance; infinity where there is none."""
+        """Error over tolerance; infinite if the error is not finite."""
         if not np.isfinite(self.error):
             return np.inf
         if self.tolerance == 0.0:
@@ -127,9 +127,9 @@ class Row:
 
 @dataclass(frozen=True)
 class Check:
-    """Makes the rows of one result: what they share, unless a row says otherwise.
+    """Makes the rows of one result, with the values they share; a row may replace them.
 
-    What a row says of its own source stands before the one they share.
+    The source of a row stands before the shared source.
     """
 
     proof: Proof
@@ -154,7 +154,7 @@ class Check:
         return self._row(quantity, ours, limit, np.maximum(limit - ours, 0.0), SHORTFALL, source, other)
 
     def enclosed(self, quantity: str, bounds: tuple[float, float], known: float) -> Iterator[Row]:
-        """Lower and upper bound around what is known; {} in the quantity says which of them."""
+        """Rows of a lower and an upper bound of a known value; {} in the quantity is replaced by their names."""
         yield self.at_most(quantity.format("lower bound"), bounds[0], known)
         yield self.at_least(quantity.format("upper bound"), bounds[1], known)
 
@@ -173,7 +173,7 @@ class Check:
 
 
 def crash(reason: str) -> Row:
-    """The row of a problem that did not come to its end."""
+    """The row of a problem that ended with an error."""
     return Row("runs to its end", "no error", reason, None, "", np.inf, EQUAL, 0.0, Proof(passed=False, text="none"))
 
 

@@ -1,6 +1,6 @@
-"""The generator: a family and a number make a problem, always the same: a body, and what happens on its boundary.
+"""The generator: a family and a number determine a problem: a body, and the conditions on its boundary.
 
-Each family is wild in one way, and now and then in another one as well; "everything" in half of them at once.
+Each family has one unusual trait, and sometimes a trait of another family; "everything" has half of all traits.
 """
 
 import random
@@ -20,8 +20,8 @@ from qvi_contact.types import BoolArray, Condition, Field, FloatArray, IntArray
 
 T = TypeVar("T")
 SIDES: Final = ("bottom", "right", "top", "left")
-_DISTORTION: Final = 0.2  # of the size of a cell
-_NEAR: Final = 1e-9  # of a line, relative
+_DISTORTION: Final = 0.2  # largest move of interior vertices, over the size of a cell
+_NEAR: Final = 1e-9  # distance from a line, over the body's size, that counts as on it
 
 
 class Dice:
@@ -31,10 +31,10 @@ class Dice:
     """
 
     def __init__(self, *seed: object) -> None:
-        self._random = random.Random(" ".join(map(str, seed)))  # nothing secret
+        self._random = random.Random(" ".join(map(str, seed)))  # not for secrets
 
     def between(self, low: float, high: float) -> float:
-        """A number, all alike probable."""
+        """A number, uniformly distributed."""
         return low + (high - low) * self._random.random()
 
     def magnitude(self, low: float, high: float) -> float:
@@ -46,7 +46,7 @@ class Dice:
         return low + int((high + 1 - low) * self._random.random())
 
     def chance(self, probability: float) -> bool:
-        """Whether something of this probability happens."""
+        """True with this probability."""
         return self._random.random() < probability
 
     def pick(self, values: Sequence[T]) -> T:
@@ -65,10 +65,10 @@ class Part:
 
 
 def body(dice: Dice, length: float, traits: frozenset[str]) -> TriangleMesh:
-    """A mesh of a few cells; raises `InputError` where the mask of a grid is none that a mesh may have.
+    """A mesh of a few cells; raises `InputError` if a mesh cannot have the mask of the grid.
 
-    "polygons", "arcs" and "bodies" are other bodies than grids, "thin" ones 1e-3 to 1e3 times as high as wide; "masks"
-    leaves cells out, "joints" adds joints, "files" sends the mesh through a file.
+    "polygons", "arcs" and "bodies" are not grids; "thin" grids are 1e-3 to 1e3 times as high as wide; "masks" leaves
+    cells out, "joints" adds joints, "files" writes the mesh to a file and reads it.
     """
     if "arcs" in traits or "bodies" in traits:
         mesh = _round(dice, length, "bodies" in traits)
@@ -88,7 +88,7 @@ def body(dice: Dice, length: float, traits: frozenset[str]) -> TriangleMesh:
 
 
 def _grid(dice: Dice, length: float, traits: frozenset[str]) -> TriangleMesh:
-    """1 to 6 cells each way, uniform, graded, or of any sizes."""
+    """A grid of 1 to 5 cells each way, uniform, graded, or of random sizes."""
     least = 3 if traits & {"masks", "joints"} else 1
     columns, rows = dice.whole(least, 5), dice.whole(least, 5)
     thin = "thin" in traits
@@ -119,7 +119,7 @@ def quadrilateral(dice: Dice, width: float, height: float) -> TriangleMesh:
     mesh = TriangleMesh.rectangle(cells, width, height)
     kind = dice.pick(("rectangle", "trapezoid", "skew", "step", "any"))
     x, y = mesh.vertices.T
-    if kind == "step":  # without what lies right of a line and above another one
+    if kind == "step":  # an L: without the cells right of one line and above another
         at, above = width * dice.whole(1, cells[0] - 1) / cells[0], height * (1 - 1 / cells[1])
         centre = mesh.corners.mean(axis=1)
         whole = mesh.part(np.flatnonzero((centre[:, 0] < at) | (centre[:, 1] < above)), {})
@@ -133,7 +133,7 @@ def quadrilateral(dice: Dice, width: float, height: float) -> TriangleMesh:
         x = x + dice.between(-0.3, 0.5) * (x / width - 0.5) * (y / height) * width
     elif kind == "skew":
         x = x + dice.between(-0.6, 0.6) * y
-    elif kind == "any":  # interior vertices anywhere near
+    elif kind == "any":  # interior vertices are moved at random
         inside = (x > 0.0) & (x < width) & (y > 0.0) & (y < height)
         moves = np.array(
             [[dice.between(-_DISTORTION, _DISTORTION), dice.between(-_DISTORTION, _DISTORTION)] for _ in x]
@@ -144,7 +144,7 @@ def quadrilateral(dice: Dice, width: float, height: float) -> TriangleMesh:
 
 
 def _star(dice: Dice, length: float) -> TriangleMesh:
-    """A polygon of any corners around a point, convex or not, sometimes with a hole of its shape."""
+    """A polygon with random corners around a point, convex or not, sometimes with a hole of the same shape."""
     corners = dice.whole(5, 10)
     angles = 2.0 * np.pi * (np.arange(corners) + [dice.between(-0.3, 0.3) for _ in range(corners)]) / corners
     radii = np.array([dice.between(0.5, 1.0) for _ in range(corners)])
@@ -185,13 +185,13 @@ def _with_joints(dice: Dice, mesh: TriangleMesh, number: int) -> TriangleMesh:
             run, off = (x, y) if axis == 0 else (y, x)
             return np.asarray((np.abs(off - at) <= _NEAR * size) & (run > start))
 
-        with suppress(InputError):  # no two cells meet there
+        with suppress(InputError):  # no edge between two cells lies on the line
             mesh = mesh.with_joint(f"joint {index}", on_it)
     return mesh
 
 
 def _through_a_file(mesh: TriangleMesh, ending: str) -> TriangleMesh:
-    """The mesh as a file of this ending gives it back: arcs are chords then, and names those of joints."""
+    """The mesh written to a file of this format and read again: arcs become chords, only joints keep names."""
     import meshio
 
     points = np.column_stack([mesh.vertices, np.zeros(len(mesh.vertices))])
@@ -224,7 +224,7 @@ def _through_a_file(mesh: TriangleMesh, ending: str) -> TriangleMesh:
 
 
 def with_parts(dice: Dice, mesh: TriangleMesh) -> tuple[TriangleMesh, list[Part]]:
-    """The boundary cut into parts: by the way edges face, by the line they lie on, or somewhere along it."""
+    """The boundary divided into named parts: by the direction of the normal, by lines, or at a random place."""
     edges, holes = mesh.boundary, mesh.hole_edges
     middle = mesh.points_along(edges, np.array([0.5]))
     middles = np.column_stack([each[:, 0] for each in middle])
@@ -253,7 +253,7 @@ def with_parts(dice: Dice, mesh: TriangleMesh) -> tuple[TriangleMesh, list[Part]
 
 
 def _leave_out(dice: Dice, active: BoolArray) -> None:  # noqa: C901 - a case each
-    """Cells left out of a grid, in one way or another."""
+    """Set cells of a grid inactive, in a random pattern."""
     rows, columns = active.shape
     twice = ("comb", "comb", "slit", "slit")
     kinds = (*twice, "checkerboard", "touching", "corner", "stairs", "waist", "window", "window", "any")
@@ -293,21 +293,21 @@ FAMILIES: Final = (
     "thin", "units", "friction", "poisson", "masks", "joints", "gaps", "laws", "plates", "fluids", "incompressible",
     "polygons", "arcs", "bodies", "files", "degrees", "idle", "everything",
 )  # fmt: skip
-"""What is wild about each is said in `report.md`."""
+"""Families of problems; `report.md` describes their traits."""
 
 _LATE: Final = ("fluids", "incompressible")
-"""Traits with dice of their own, so that the problems of families that were there before stay the same."""
+"""Traits added later. They have their own dice, so that the problems of older families stay the same."""
 
 _TRAITS: Final = tuple(name for name in FAMILIES if name not in ("everything", "idle", *_LATE))
 _STRAY: Final = 0.04
-"""Probability of a trait that is not the family's own."""
+"""Probability of each trait of another family."""
 
 _RATIOS: Final = (0.5, 0.499999, 0.4999, 0.49, -0.9, -0.99, -0.9999, -0.999999)
-"""Poisson's ratios at the ends; 0.5 itself in plane stress alone, see "incompressible" for plane strain."""
+"""Poisson's ratios near both limits; 0.5 only in plane stress, "incompressible" has it in plane strain."""
 
 
 class Wild(NamedTuple):
-    """What a family and a number make: a problem, and keyword arguments for `solve`."""
+    """A generated problem, and keyword arguments for `solve`."""
 
     problem: ContactProblem
     settings: Mapping[str, Any]
@@ -323,7 +323,7 @@ def wild_problem(family: str, number: int) -> Wild:
     settings, often = Dice("settings", family, number), "degrees" in traits
     degree = settings.pick((3, 5, 6, 7, 8)) if settings.chance(0.9 if often else 0.15) else 4
     law_on = {"law_on": "points"} if settings.chance(0.5 if often else 0.1) else {}
-    late = Dice("late", family, number)  # of "everything" in half of its problems
+    late = Dice("late", family, number)  # only in "everything", each with probability ½
     traits |= {name for name in _LATE if late.chance(0.5 if family == "everything" else 0.0)}
     return Wild(_problem(dice, traits), {"degree": degree, **law_on})
 
@@ -360,7 +360,7 @@ def _problem(dice: Dice, traits: frozenset[str]) -> ContactProblem:
     return ContactProblem(mesh, material, conditions, potential, regions)
 
 
-# What happens on the parts of a body: loads, supports, contacts of every law, plates.
+# Conditions on the parts of a boundary: loads, supports, contacts of every law, plates.
 
 
 _NORMAL: Final = {
@@ -371,12 +371,12 @@ _NORMAL: Final = {
 _SLANTED: Final = ("normal", "tangential", 1.0)
 
 _FREE: Final = 0.1
-"""Share of conditions that are none of what usually stands on that side."""
+"""Probability of a condition that is not usual on its side."""
 
 
 @dataclass(frozen=True)
 class Maker:
-    """Conditions in the units of one body: what loads and gaps are like, and the dice of all and of fluids, if any."""
+    """Makes conditions for one body, with its scales of stress and displacement; fluids have their own dice `wet`."""
 
     dice: Dice
     mesh: TriangleMesh
@@ -386,7 +386,7 @@ class Maker:
     wet: Dice | None = None
 
     def conditions(self, part: Part) -> list[Condition]:
-        """What happens on a part: mostly something that holds or presses the body, now and then anything."""
+        """The conditions on a part: mostly a support or a pressure, sometimes any condition."""
         dice, idle = self.dice, "idle" in self.traits
         if idle:
             kinds: tuple[str, ...] = ("contact", "contact", "nothing", "support", "clamped", "symmetry")
@@ -425,7 +425,7 @@ class Maker:
         law = dice.pick(("unilateral", "bilateral", "tied")) if "laws" in traits and dice.chance(0.5) else ""
         gap = self._gap(joint)
         offset = self._field(self._move()) if dice.chance(0.15) else 0.0
-        fluid: Field = 0.0  # constant, rising along an axis as water does, or of any other shape
+        fluid: Field = 0.0  # a constant pressure, or a function of any shape
         if self.wet is not None and law != "tied" and not self.wet.chance(0.2):
             size = abs(self.stress) * self.wet.pick((0.01, 0.1, 0.5, 1.0, 3.0, 100.0))
             fluid = replace(self, dice=self.wet)._field(size, True, 0.6)
@@ -447,7 +447,7 @@ class Maker:
         )  # fmt: skip
 
     def _driver(self, part: Part) -> RigidPlate:
-        """A plate that mostly presses, with a moment about a pivot that may be far away."""
+        """A plate with a force that mostly presses, and a moment about a pivot that may be far away."""
         dice, edges = self.dice, self.mesh.edges(part.name)
         extent = float(np.ptp(self.mesh.vertices, axis=0).max())
         force = self.stress * float(edges.length.sum())
@@ -470,7 +470,7 @@ class Maker:
         far = dice.magnitude(0.0, 4.0) if "plates" in self.traits and dice.chance(0.3) else dice.between(0.0, 1.0)
         near = (float(self.mesh.vertices[:, 0].mean()), float(self.mesh.vertices[:, 1].mean()))
         pivot = (near[0] + far * extent * dice.pick((-1.0, 1.0)), near[1] + extent * dice.between(-1.0, 1.0))
-        if "moment" in given and dice.chance(0.7):  # the moment of a force at the middle, plus a little
+        if "moment" in given and dice.chance(0.7):  # the moment of the force in the middle, and a tenth more
             arms = (near[0] - pivot[0]) * given.get("force_y", 0.0) - (near[1] - pivot[1]) * given.get("force_x", 0.0)
             given["moment"] = arms + 0.1 * given["moment"]
         return RigidPlate(pivot=pivot, **given)
@@ -495,7 +495,7 @@ class Maker:
         return self._field(self._move())
 
     def _field(self, value: float, positive: bool = False, varied: float = 0.15) -> Field:
-        """The value itself, or a function of its size: linear, with a kink, waves, a jump on a grid line."""
+        """The value itself, or a function of about this size: linear, with a kink, waves, or a jump on a grid line."""
         dice = self.dice
         if not value or not dice.chance(varied):
             return value

@@ -1,18 +1,18 @@
-"""Is a stress state what it is said to be? Judged by sampled stresses and the problem's own data alone.
+"""Test whether a stress state is a solution, from sampled stresses and the problem's data alone.
 
-`ContactResult.stress` is sampled in the thirds into which its barycentre divides every triangle. In each of them
-stresses less the body potential are polynomials of degree p − 2, which the samples determine; everything below is
-computed from these. A side that is an arc is reached by the same polynomials, continued.
+`ContactResult.stress` is sampled in the thirds into which its barycentre divides every triangle. In each third the
+stress less the body potential is a polynomial of degree p − 2, which the samples determine; all tests evaluate these
+polynomials. On a side that is an arc they are extrapolated.
 
 | what               | checked                                                                                      |
 |--------------------|----------------------------------------------------------------------------------------------|
 | equilibrium        | div (σ − φ 1) = 0 in every third, the tractions of neighbours agree along their common sides |
-| prescribed         | force of every edge with a given traction, its moment where the traction is a number         |
+| prescribed         | force of every edge with a given traction, and its moment if the traction is a number        |
 | plates             | force and moment of every plate                                                              |
-| law                | σ_N' ≤ 0 and |σ_T| ≤ min(c + μ|σ_N'|, t_max) at the points the result lists, σ_N' = σ_N      |
-|                    | and the pressure of a fluid in the contact, as it was taken                                  |
-| fluid              | its pressure has the given force on every edge; another value at a point is said             |
-| reported           | tractions of contacts are those of the sampled stresses                                      |
+| law                | σ_N' ≤ 0 and |σ_T| ≤ min(c + μ|σ_N'|, t_max) at the points of the result; σ_N' is σ_N plus    |
+|                    | the fluid pressure that the result used                                                      |
+| fluid              | its pressure has the given force on every edge; a remark says if it differs at points        |
+| reported           | the tractions reported on contacts are those of the sampled stresses                         |
 | compatibility      | no stress with the same friction bounds has less complementary energy, see `compare`         |
 """
 
@@ -35,22 +35,22 @@ from solvers.certificate.certificate import scales_at
 from solvers.inequality.problem import Compliance
 
 _DISTANCE: Final = 1e-3
-"""Distance of two states in the energy norm, relative, that is none: errors of 1e-8 in energy allow 1e-4."""
+"""Relative distance in the energy norm below which two states agree: errors of 1e-8 in energy allow 1e-4."""
 
 _BROKEN: Final = 1e-3
-"""Share of the largest traction of two states by which one may break the law and still be compared."""
+"""Violation of the law, over the largest traction of both states, up to which the second state is compared."""
 
 _TOLERANCE: Final = 1e-6
-"""Errors relative to the largest stress of the body, or of the contact, that are no errors."""
+"""Accepted error, relative to the largest stress of the body."""
 
 _SAID: Final = 4.0
-"""Times `ContactResult.stress_rounding`, which the result says of itself, that are no errors either."""
+"""Accepted error beyond this, over `ContactResult.stress_rounding`, the rounding that the result reports."""
 
-_INTEGRATED, _INTERVALS = 1e-9, 1000  # accuracy of a fluid's force, and parts of edges for it
-_NOTHING: Final = 1e-6  # share of the stress that the data suggest
-_ZERO: Final = 1e-14  # share of the largest compliance that is none
-_REST: Final = 1e-6  # strain whose stress is taken where they suggest none; ν → −1 is far stiffer than E
-_INSIDE: Final = {False: 0.9, True: 0.5}  # how far samples reach from the barycentre to a side, which arcs bend inwards
+_INTEGRATED, _INTERVALS = 1e-9, 1000  # relative accuracy of integrals along edges, and most intervals for it
+_NOTHING: Final = 1e-6  # stresses below this share of the stress that the data suggest are zero
+_ZERO: Final = 1e-14  # eigenvalues of the compliance below this share of the largest are zero
+_REST: Final = 1e-6  # strain that gives the stress where the data suggest none; for ν → −1 far more than E times it
+_INSIDE: Final = {False: 0.9, True: 0.5}  # reach of samples from the barycentre to the sides, which arcs bend inwards
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _NODES, _WEIGHTS = (_NODES + 1.0) / 2.0, _WEIGHTS / 2.0
 
@@ -60,7 +60,7 @@ def _values(field: Field, x: FloatArray, y: FloatArray) -> FloatArray:
 
 
 def floor(problem: ContactProblem) -> float:
-    """A stress that is as good as none: 1e-6 of the largest that loads, supports and obstacles pushed in suggest."""
+    """A stress that counts as zero: 1e-6 of the largest that loads, supports and pushed obstacles suggest."""
     mesh = problem.mesh
     # an incompressible body is not compressed by any pressure
     known = [np.linalg.eigvalsh(material.compliance) for material in problem.materials]
@@ -83,10 +83,10 @@ def floor(problem: ContactProblem) -> float:
 
 
 class Samples:
-    """Stresses as polynomials in each third of every triangle, less the body potential.
+    """Stresses less the body potential, as polynomials in each third of every triangle.
 
-    The third of the side s, which lies opposite to corner s, has the barycentre c and the corners a and b; it has the
-    coordinates r, t of x = c + r (a − c) + t (b − c). Coefficients are (cells, 3 thirds, monomials of r and t, 3
+    The third s lies at the side opposite to corner s, with the ends a and b of this side and the barycentre c. Its
+    coordinates are r, t of x = c + r (a − c) + t (b − c). `coefficients` are (cells, 3 thirds, monomials of r and t, 3
     components) [stress].
     """
 
@@ -104,14 +104,14 @@ class Samples:
         self.coefficients = np.einsum("mq,csqk->csmk", np.linalg.inv(self._monomials(places)), stress)
 
     def _monomials(self, places: FloatArray) -> FloatArray:
-        """At r and t (..., 2)."""
+        """The monomials at points r, t (..., 2)."""
         return np.asarray(np.prod(places[..., None, :] ** self._powers, axis=-1))
 
     def _potential(self, x: FloatArray, y: FloatArray) -> FloatArray:
         return np.asarray(_values(self.problem.body_potential, x, y)[..., None] * np.array([1.0, 1.0, 0.0]))
 
     def inside(self, places: FloatArray, slope: int | None = None) -> FloatArray:
-        """Stresses (cells, 3, q, 3) at r and t (q, 2), or their slopes by one of these."""
+        """Stresses (cells, 3, q, 3) at points r, t (q, 2), or their derivatives by r (`slope` 0) or t (`slope` 1)."""
         monomials = self._monomials(places)
         if slope is not None:
             lower = np.maximum(self._powers - np.eye(2, dtype=int)[slope], 0)
@@ -120,12 +120,12 @@ class Samples:
 
     @cached_property
     def largest(self) -> float:
-        """The largest stress component on a side or in a barycentre, not below what `floor` calls nothing [stress]."""
+        """The largest stress component at points of all thirds, at least `floor` [stress]."""
         found = self.inside(np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.5, 0.5), (1 / 3, 1 / 3)]))
         return max(float(np.abs(found).max()), floor(self.problem))
 
     def on(self, edges: Edges, s: FloatArray, beyond: bool = False) -> FloatArray:
-        """Stresses (n, q, 3) at reference points s of edges, seen from their first cell, or from the one beyond."""
+        """Stresses (n, q, 3) at reference points s of edges, in their first cell, or in the second if `beyond`."""
         mesh, cells = self.problem.mesh, edges.cells[:, int(beyond)]
         corners = mesh.cells[cells]
         side = np.argmax((corners != edges.first[:, None]) & (corners != edges.second[:, None]), axis=1)
@@ -144,7 +144,7 @@ def tractions(normals: FloatArray, stress: FloatArray) -> FloatArray:
 
 
 def wrong(result: ContactResult, degree: int = 4) -> list[str]:
-    """What is wrong with a state that is called solved, in words; compatibility apart."""
+    """The violated conditions of a state that is called solved, in words; `compare` tests compatibility."""
     samples = Samples(result, degree)
     if not np.isfinite(samples.coefficients).all():
         return ["stresses are not finite"]
@@ -155,27 +155,27 @@ def wrong(result: ContactResult, degree: int = 4) -> list[str]:
 
 
 def _relative(error: FloatArray | float, size: float) -> float:
-    """The largest error over a size; no error is zero whatever the size."""
+    """The largest error over `size`; 0 if the error is 0, also for size 0."""
     largest = float(np.abs(error).max(initial=0.0))
     return largest / size if largest > 0.0 else 0.0
 
 
 def _missed(edges: Edges, error: FloatArray) -> FloatArray:
-    """Errors of tractions (n, q, 2) at `_NODES` of edges; on arcs those of forces, for only forces of edges agree."""
+    """Errors of tractions (n, q, 2) at `_NODES` of straight edges, errors of the force of each arc, in one array."""
     bent = edges.bent
     return np.concatenate([error[~bent].ravel(), np.einsum("nqk,q->nk", error[bent], _WEIGHTS).ravel()])
 
 
 def _equilibrium(samples: Samples) -> Iterator[tuple[str, float]]:
-    """Inside thirds, and across their sides."""
+    """Errors of equilibrium inside thirds, and jumps of tractions across their sides, over the largest stress."""
     places = np.array([(0.1, 0.1), (0.7, 0.1), (0.1, 0.7), (0.4, 0.4), (1 / 3, 1 / 3)])
     slopes = np.stack([samples.inside(places, which) for which in (0, 1)])
     xx, yy, xy = np.moveaxis(np.einsum("csid,icsqk->csqkd", samples.frame, slopes), 3, 0)
     size = np.linalg.norm(samples.sides, axis=2).min(axis=2) / 2.0
-    thin = 1.0 / np.linalg.norm(samples.frame, axis=(2, 3))  # height of the third: what a slope is measured by
+    thin = 1.0 / np.linalg.norm(samples.frame, axis=(2, 3))  # about the height of the third: unit of derivatives
     for name, divergence in (("x", xx[..., 0] + xy[..., 1]), ("y", xy[..., 0] + yy[..., 1])):
         yield f"equilibrium along {name}", _relative(divergence * np.minimum(size, thin)[..., None], samples.largest)
-    # b of one third is a of the next
+    # the corner b of one third is the corner a of the next
     s = np.array([(0.1, 0.0), (0.4, 0.0), (0.8, 0.0)])
     jump = samples.inside(s[:, ::-1]) - np.roll(samples.inside(s), -1, axis=1)
     along = samples.sides[..., 1]
@@ -195,9 +195,9 @@ def _integral(of: Callable[[float], FloatArray]) -> FloatArray:
 
 
 def _prescribed(samples: Samples) -> Iterator[tuple[str, float]]:
-    """Force on every edge, and the moment where the traction is a number, over the largest stress.
+    """Errors of the force on every edge, and of the moment if the traction is a number, over the largest stress.
 
-    On arcs only where both components are given: there the force of an edge is held, and not each component at points.
+    On arcs only where both components are given: the model prescribes the force of the edge, not components at points.
     """
     mesh = samples.problem.mesh
     missed, given_there = np.zeros((len(mesh.boundary), 2)), np.zeros(len(mesh.boundary), dtype=int)
@@ -208,12 +208,12 @@ def _prescribed(samples: Samples) -> Iterator[tuple[str, float]]:
         found = (tractions(normals, samples.on(edges, _NODES)) * direction).sum(axis=2)
 
         def along(t: float, given: Prescribed = given) -> FloatArray:
-            """The component v at t of every edge, times its direction d, (n, 2)."""
+            """The prescribed component at t of every edge, times its direction, (n, 2)."""
             s = np.array([t])
             turned = vectors_along(given.edges, given.direction, s, turns=given.turns)[:, 0]
             return _values(given.value, *mesh.points_along(given.edges, s)) * turned
 
-        # what is no number may jump or have kinks
+        # a function may jump or have kinks: adaptive quadrature
         varies = callable(given.value) or edges.curved
         wanted = _integral(along) if varies else np.asarray(given.value * given.direction)  # type: ignore[operator]
         force = np.einsum("nq,nqk,q->nk", found, direction, _WEIGHTS) - wanted
@@ -227,7 +227,7 @@ def _prescribed(samples: Samples) -> Iterator[tuple[str, float]]:
 
 
 def _plates(samples: Samples) -> Iterator[tuple[str, float]]:
-    """Resultants over the largest traction times the length of the contact, and its reach from the pivot."""
+    """Errors of plates: forces over largest stress × contact length, moments also over the reach from the pivot."""
     mesh = samples.problem.mesh
     for contact in samples.problem.contacts:
         if contact.plate is None:
@@ -246,14 +246,14 @@ def _plates(samples: Samples) -> Iterator[tuple[str, float]]:
 
 
 def _laws(samples: Samples, result: ContactResult) -> Iterator[tuple[str, float]]:
-    """What is reported otherwise than sampled, what pulls, and what exceeds the bound, over the largest stress."""
+    """Errors of reported tractions, tension, and excess of the friction bound, over the largest stress."""
     problem, mesh = samples.problem, samples.problem.mesh
     for contact in problem.contacts:
         line, edges = result.contacts[contact.name], mesh.edges(contact.edges)
         nodes = (np.polynomial.legendre.leggauss(line.x.size // len(edges))[0] + 1.0) / 2.0
         x, y = mesh.points_along(edges, nodes)
         whole, shear = (each.reshape(x.shape) for each in (line.normal_stress, line.tangential_stress))
-        # at other points by the polynomials of each edge, which are left without the body potential
+        # to `_NODES`, by the polynomials of each edge, which are those of the stress less the body potential
         interpolation = (np.vander(_NODES, len(nodes)) @ np.linalg.inv(np.vander(nodes))).T
         normals, tangents = frames_along(edges, _NODES)
         pressed = (whole - _values(problem.body_potential, x, y)) @ interpolation
@@ -274,7 +274,7 @@ def _laws(samples: Samples, result: ContactResult) -> Iterator[tuple[str, float]
 
 
 def _fluids(samples: Samples, result: ContactResult) -> Iterator[tuple[str, float]]:
-    """The pressure that is taken for a fluid's, a polynomial on every edge: its force, and its values."""
+    """Errors of the polynomial on every edge that the result used for a fluid's pressure: its force and its values."""
     mesh = samples.problem.mesh
     for contact in samples.problem.contacts:
         edges, field = mesh.edges(contact.edges), contact.pore_pressure
@@ -293,11 +293,11 @@ def _fluids(samples: Samples, result: ContactResult) -> Iterator[tuple[str, floa
 
 @dataclass(frozen=True)
 class Comparison:
-    """A state σ beside that of another method, τ, with the same friction bounds.
+    """A state σ compared with the state τ of another method, for the same friction bounds.
 
-    With bounds held fixed there is one state of least complementary energy J, so the two agree or one of them is wrong.
-    Over the strain energy of the larger one, distance² is ∫ c(σ − τ) : (σ − τ) dx, and gain J(σ) − J(τ): positive if it
-    is σ that is not the least, and minus infinity if τ breaks the law by more than `_BROKEN` of the largest traction.
+    For fixed bounds one state has the least complementary energy J, so both agree or one is wrong. In units of the
+    larger strain energy, distance² = ½ ∫ c(σ − τ) : (σ − τ) dx and gain = J(σ) − J(τ). The gain is positive if σ is not
+    the minimiser, and −∞ if τ violates the law by more than `_BROKEN` of the largest traction.
     """
 
     distance: float
@@ -326,25 +326,25 @@ def compare(result: ContactResult, other: ContactResult) -> Comparison:
     return Comparison(float(np.sqrt(max(distance, 0.0) / size)), gain / size)
 
 
-# Is there a solution at all? All states of a small contact gone through by a mixed-integer program.
+# Existence of a solution: a mixed-integer program searches all states of a small contact.
 #
-# Each point is open, sticks, or slips one way or the other. Which it is are binary unknowns; everything else is linear,
+# Each point is open, sticks, or slips one way or the other: these are binary unknowns, all else is linear,
 #
 #     σ = σ_bonded − C m,   σ_N ≤ 0 ≤ m_N,   |σ_T| ≤ cohesion + mu |σ_N|,   one of each pair zero,
 #
-# and HiGHS finds a state within bounds, or proves within them, and within its tolerances, that there is none. The
-# bounds are `_BIG` times the bonded tractions and what they would move: no proof for the problem itself, but a reason.
-# Contacts with caps or bilateral points with friction, and large ones, are left out.
+# and HiGHS finds a state within bounds on m and σ, or proves up to its tolerances that there is none within them. The
+# bounds are `_BIG` times the bonded tractions and their displacements. So an empty search suggests that there is no
+# solution, but does not prove it. Contacts with caps, bilateral points with friction and large contacts are left out.
 
 
 EXISTS, NONE, UNDECIDED = "a solution exists", "no solution", "undecided"
-_BIG: Final = 1e3
-_POINTS: Final = 40
+_BIG: Final = 1e3  # bound of m and of tractions, over those of the bonded state
+_POINTS: Final = 40  # most contact points
 _FOUND, _EMPTY = 0, 2  # status numbers of scipy.optimize.milp
 
 
 def enumerated(qvi: FrictionQVI, seconds: float) -> str:
-    """One of the three words of this module."""
+    """`EXISTS`, `NONE` or `UNDECIDED`, after a search of at most so many seconds."""
     suits = not (qvi.bilateral & (qvi.mu > 0.0)).any() and not np.isfinite(qvi.cap).any()
     if not suits or not 0 < qvi.m <= _POINTS:
         return UNDECIDED
@@ -369,9 +369,9 @@ def enumerated(qvi: FrictionQVI, seconds: float) -> str:
         (np.hstack([no, no, one]), -_BIG * np.hstack([no, no, one]), np.zeros(m)),
         (none, np.hstack([no, one, one]), np.ones(m)),
     ]
-    left, binary, upper = (np.concatenate(parts) for parts in zip(*rows, strict=True))
+    real, binary, upper = (np.concatenate(parts) for parts in zip(*rows, strict=True))
     answer = milp(
         np.zeros(6 * m), integrality=np.repeat([0, 1], 3 * m), bounds=Bounds(0.0, np.repeat([_BIG, 1.0], 3 * m)),
-        constraints=LinearConstraint(np.hstack([left, binary]), -np.inf, upper), options={"time_limit": seconds},
+        constraints=LinearConstraint(np.hstack([real, binary]), -np.inf, upper), options={"time_limit": seconds},
     )  # fmt: skip
     return {_FOUND: EXISTS, _EMPTY: NONE}.get(answer.status, UNDECIDED)

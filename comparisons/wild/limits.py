@@ -1,8 +1,8 @@
-"""Whether both sides of limit loads are what they say, on bodies by chance: the study, its numbers and its report.
+"""Both sides of limit loads on generated bodies, and their proofs: the study, its numbers and its report.
 
-A number makes a body of one or two parts, which yield by one criterion or another or not at all, with a contact below
-it, a joint in it or none, weight and tractions. Both sides of its limit load must be in order. Proof files of both are
-written and checked in exact arithmetic: neither what they prove from below nor from above may pass `lower`.
+A number determines a body of one or two parts, each rigid or with a yield criterion, with a contact below, with or
+without a joint, weight and tractions. `lower` must not exceed `upper`. Proof files of both sides are checked in exact
+arithmetic: the proved lower number must not exceed `lower`, the proved upper number not be below it.
 """
 
 import json
@@ -24,13 +24,13 @@ from qvi_contact.problem.material import Mises, MohrCoulomb, NoTension, Strength
 from qvi_contact.types import Condition, Law, Plane
 
 ROUNDING: Final = 1e-7
-"""Relative difference by which sides that meet may be in the wrong order."""
+"""Relative difference by which `lower` may exceed `upper`."""
 
 NEAR: Final = 1e-3
-"""Relative difference of what is proved from a side that is next to nothing."""
+"""Relative difference of a proved and a computed number that counts as small."""
 
 LASTING: Final = 0.5
-"""Share of the strength that a mesh lacks which a finer one must lack, too, for the mesh not to be the reason."""
+"""Strength that a bisected mesh lacks, over that of the mesh itself, above which the mesh is not the reason."""
 
 _NUMBERS: Final = ("degree", "lower", "upper", "proved_lower", "proved_upper", "cells")
 
@@ -78,7 +78,7 @@ def _strength(dice: Dice) -> Strength | None:
 
 
 def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
-    """The task of the study: "strengths", "lower" and "upper", the proved ones, and why a side has no proof."""
+    """The task: "strengths", "lower" and "upper", the proved numbers, and the reason of a missing proof."""
     problem, load, degree = stated(case["number"])
     strengths = " and ".join(dict.fromkeys("rigid" if each.strength is None else each.strength.kind
                                            for each in problem.materials))  # fmt: skip
@@ -102,27 +102,27 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _why_nothing(problem: ContactProblem, load: str, degree: int, upper: float) -> str:
-    """Why a mesh carries no multiple.
+    """The reason why a mesh carries no multiple of the load.
 
-    By so much as all limits would have to be raised for it, here and with all triangles bisected.
+    Compares how much all limits would have to be raised on this mesh and with all triangles bisected.
     """
     if upper == -np.inf:
         return "no stress carries any, as a motion proves"
     fine = replace(problem, mesh=problem.mesh.refined(np.arange(problem.mesh.cell_count)))
-    posed = (LimitProblem.of(each, (load,), degree=min(degree, 4)) for each in (problem, fine))
-    here, finer = (-each.stresses.program().room()[1] for each in posed)
-    if here < ROUNDING:
+    limits = (LimitProblem.of(each, (load,), degree=min(degree, 4)) for each in (problem, fine))
+    lacking, lacking_on_fine = (-each.stresses.program().room()[1] for each in limits)
+    if lacking < ROUNDING:
         return "rounding: limits leave no room"
-    if finer < LASTING * here:
+    if lacking_on_fine < LASTING * lacking:
         return "the mesh is too coarse"
     return "a finer mesh lacks as much strength, no motion proves it"
 
 
 def runs_of(rows: Sequence[Row]) -> DataFrame:
-    """One line a run: what `solve_case` says, and what follows.
+    """One line a run: the entries of `solve_case`, and further columns.
 
-    "held", whether the sides are in order, "proofs", whether what is proved is on the right side of the lower one, the
-    most that the mesh carries, "finite" and "bounded", whether the lower and the upper side are numbers.
+    "held": whether lower ≤ upper; "proofs": whether the proved numbers are on their sides of `lower`, the largest
+    multiple that the mesh carries; "finite", "bounded": whether `lower` and `upper` are finite.
     """
     runs = frame_of(rows, _NUMBERS, ("message", "strengths", "missing_lower", "missing_upper", "nothing"))
     finite, bounded = np.isfinite(runs.lower), np.isfinite(runs.upper)
@@ -134,7 +134,7 @@ def runs_of(rows: Sequence[Row]) -> DataFrame:
 
 
 def values_of(runs: DataFrame) -> dict[str, Any]:
-    """The numbers in sentences."""
+    """The numbers in the sentences of the report."""
     solved = runs[runs.status == "solved"]
     above = solved[solved.bounded & solved.proved_upper.notna()]
     below = solved[solved.finite & solved.proved_lower.notna()]
@@ -155,7 +155,7 @@ def values_of(runs: DataFrame) -> dict[str, Any]:
 
 
 def report(rows: Sequence[Row]) -> Report:
-    """The report; the same rows give the same one."""
+    """The report, a function of the rows only."""
     runs = runs_of(rows)
     solved = runs[runs.status == "solved"]
     solved = solved.assign(tension=solved.strengths.str.contains("no-tension"))

@@ -1,9 +1,8 @@
-"""Problems of every family, built, solved and judged; where there is no answer, whether there is one; and the report.
+"""Problems of every family are built, solved and judged; for open problems a solution is searched; and the report.
 
-What outcomes mean is said in `report.md`. An open problem counts as solvable where another method has a certified
-answer, or `judge.enumerated` finds that there is a solution. Whether any traction is admissible is asked as well:
-without one there is no solution, with one there need not be any, as friction takes the pressure that the body has and
-not the one it would need.
+`report.md` defines the outcomes. An open problem counts as solvable if another method has a certified answer, or if
+`judge.enumerated` finds a solution. `check_feasibility` tests whether admissible tractions exist. Without them there is
+no solution. With them there may be none, since friction depends on the pressure that the body has.
 """
 
 import time
@@ -29,18 +28,18 @@ REFUSED, SOLVED, WRONG = "refused", "solved", "wrong"
 INFEASIBLE, OPEN, FOREIGN = "infeasible", "open", "foreign"
 
 OTHERS: Final = ("qp:daqp", "qp:quadprog")
-"""Inner solvers of fixed points that are tried where the default finds no answer. The default itself has tried the
-condensed method and, where the contact is small, pivoting."""
+"""Inner solvers of the fixed points that are tried where the default, the condensed method and, for small contacts,
+pivoting, finds no answer."""
 
 SECONDS: Final = 5.0
-"""Time for each of these, and for the enumeration of one problem."""
+"""Time limit of each of these, and of the enumeration of one problem [s]."""
 
 SECOND: Final = "qp:daqp"
-"""Inner solver that judges compatibility: an active-set method, of another kind than the default."""
+"""Inner solver of the second state in `judge.compare`: an active-set method, of another kind than the default."""
 
 
 def declared(families: Sequence[str], each: int, first: int = 0) -> Study:
-    """Problems `first`, `first` + 1, … of these families, or of all; a run that is stopped has as many of each."""
+    """Problems `first`, `first` + 1, … of these families, or of all; families take turns."""
     for name in families:
         known_name("only", name, {"families": FAMILIES})
     chosen = [name for name in FAMILIES if not families or name in families]
@@ -49,7 +48,7 @@ def declared(families: Sequence[str], each: int, first: int = 0) -> Study:
 
 
 def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
-    """The task of the study: "outcome", "status", "message", "seconds" of the default, "warnings", and what follows."""
+    """The task: "outcome", "status", "message", "seconds" and "warnings" of the default, and entries of `_judged`."""
     began = time.perf_counter()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -58,7 +57,7 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
             result = solve(wild.problem, **wild.settings)
             spent = time.perf_counter() - began
             found = {"seconds": spent, **_judged(result, wild.settings["degree"])}
-        except Exception as error:  # whatever it is, but the package's own, it ought not to reach the user
+        except Exception as error:  # any exception, but the package's own, is a finding
             outcome = REFUSED if isinstance(error, InputError) else OPEN if isinstance(error, QVIError) else FOREIGN
             status = "" if outcome == REFUSED else type(error).__name__
             spent = time.perf_counter() - began
@@ -67,7 +66,7 @@ def solve_case(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _judged(result: ContactResult, degree: int) -> dict[str, Any]:
-    """What a solve has found, beside a second method on the answer's own friction bounds."""
+    """The outcome of a solve; a solved state is compared with a second method, for its own friction bounds."""
     said: dict[str, Any] = {"status": result.status.value, "message": result.message, "remarks": list(result.remarks)}
     if result.status.impossible:
         return {"outcome": INFEASIBLE, **said}
@@ -87,13 +86,13 @@ def _judged(result: ContactResult, degree: int) -> dict[str, Any]:
 
 
 def _solvable(result: ContactResult) -> dict[str, Any]:
-    """Which other method has an answer; else whether one exists, and whether any traction is admissible."""
+    """The other method that has an answer; otherwise whether a solution exists, and admissible tractions."""
     for name in OTHERS:
         other = solve(result.discretization, time_limit=SECONDS, method="fixed-point", inner=name)
         if other.status is Status.SOLVED:
             return {"answer": name, "exists": EXISTS, "admissible": True}
     qvi = result.solution.problem
-    far = np.isinf(result.discretization.scales.reach)  # it moves to an obstacle that is out of bounds
+    far = np.isinf(result.discretization.scales.reach)  # the body moves to an obstacle outside the search's bounds
     try:
         exists = UNDECIDED if far else enumerated(qvi, SECONDS)
         return {"answer": "", "exists": exists, "admissible": check_feasibility(qvi).feasible, "far": bool(far)}
@@ -102,11 +101,11 @@ def _solvable(result: ContactResult) -> dict[str, Any]:
 
 
 BROKEN: Final = "broken"
-"""Outcome of a case that ended without a result: out of time or memory, or its process died."""
+"""Outcome of a case without a result: out of time or memory, or its process died."""
 
 ORDER: Final = (SOLVED, INFEASIBLE, OPEN, REFUSED, WRONG, FOREIGN, BROKEN)
 LONGEST: Final = 30.0
-"""Seconds that no problem should take."""
+"""Longest time that a problem should take [s]."""
 
 _NEVER: Final = (WRONG, FOREIGN, BROKEN)
 
@@ -114,10 +113,10 @@ _NEVER: Final = (WRONG, FOREIGN, BROKEN)
 def problems_of(rows: Sequence[Row]) -> DataFrame:
     """One line a problem, family by family.
 
-    The columns are those of `frame_of`, with outcome one of `ORDER`, seconds of building and solving, reason, why there
-    is no answer or what is wrong, answer, the method that has one where the default has none, exists, what enumeration
-    says of an open problem, solvable, whether it is known to have a solution, admissible, whether a traction obeys the
-    law and balances the load, and trouble and slow, what must not happen.
+    The columns are those of `frame_of`, with "outcome", one of `ORDER`; "seconds" of building and solving; "reason" of
+    a missing or wrong answer; "answer", the method that has one where the default has none; "exists", the result of the
+    enumeration of an open problem; "solvable", whether it is known to have a solution; "admissible", whether tractions
+    obey the law and balance the load; "trouble" and "slow", which must not happen.
     """
     problems = frame_of(rows, ("seconds",), ("outcome", "message", "errors", "answer", "exists", "admissible", "far"))
     problems["outcome"] = problems.outcome.where(problems.has, BROKEN)
@@ -146,7 +145,7 @@ def values_of(problems: DataFrame) -> dict[str, Any]:
 
 
 def _reason(found: Any) -> str:
-    """Why a problem has no answer, as far as is known; what is wrong with one; what an exception says."""
+    """The known reason why a problem has no answer; the errors of a wrong answer; the message of an exception."""
     rounding = found.status in ("ill_conditioned", "inaccurate")
     reasons = (
         (found.outcome == BROKEN, str(found.reason)),
@@ -167,7 +166,7 @@ def _reason(found: Any) -> str:
 
 
 def report(rows: Sequence[Row]) -> Report:
-    """The report; the same rows give the same one. It has failed if there is trouble."""
+    """The report, a function of the rows only. It has failed if there is trouble."""
     problems = problems_of(rows)
     named = problems.assign(problem=problems.family + " " + problems.number.astype(str))
     counts = crosstab(problems.family, problems.outcome).reindex(problems.family.unique(), columns=ORDER, fill_value=0)

@@ -1,4 +1,4 @@
-"""What tests of all studies share: pictures without their layout, rows made here, the committed ones, the command."""
+"""Helpers of the tests of all studies: pictures as outlines, made and committed rows, the command."""
 
 import html
 import io
@@ -16,7 +16,7 @@ from comparisons.cli import group
 from comparisons.lab.studies import Row, plain, written_rows
 from qvi_contact.basics import run
 
-_DECIMALS = 9  # rounding differs from call to call
+_DECIMALS = 9  # of data in outlines, which rounding changes from call to call
 
 
 def texts_of(figure):
@@ -29,7 +29,7 @@ def texts_of(figure):
 
 
 def outline(figure, file, **_):
-    """Instead of `savefig`: the texts of a figure, and the data of its lines and marks; no picture."""
+    """Replace `savefig`: write the texts of a figure and the data of its lines and marks, not the picture."""
     data = []
     for axes in figure.axes:
         data += [line.get_xydata() for line in axes.lines] + [each.get_offsets() for each in axes.collections]
@@ -44,7 +44,7 @@ def outline(figure, file, **_):
 
 @contextmanager
 def outlines():
-    """Pictures as outlines; whether they are drawn well is seen where they are written."""
+    """Write pictures as outlines; people judge the drawn pictures in the reports."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("matplotlib.figure.Figure.savefig", outline)
         patch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda *_: None)
@@ -67,7 +67,7 @@ def command(*words):
 
 
 def refused_command(*words):
-    """Standard error of a command that must end with status 2, one line and nothing on standard output."""
+    """Standard error, one line, of a command that must end with status 2 and without standard output."""
     ended = command(*words)
     assert (ended.status, ended.out, len(ended.err.splitlines())) == (2, "", 1), ended
     assert ended.err.startswith("comparisons: ")
@@ -75,18 +75,18 @@ def refused_command(*words):
 
 
 def row(case, returned, status="done", reason="", seconds=0.1, load=0.5, **environment):
-    """The row of a case by what its task returned; more of its environment by keyword."""
+    """The row of a case, from the mapping that its task returned; keywords are entries of the environment."""
     result = dict(returned)
     certificate = result.pop("certificate", None)
     return Row(case, status, reason, result, certificate, seconds, "", load, ENVIRONMENT | environment)
 
 
 def rows_of(study):
-    """The rows of all cases of a study, done in this process."""
+    """The rows of all cases of a study, run in this process."""
     task = resolve_name(study.task)
     return tuple(row(case, plain(task(case), "result")) for case in study.cases)
 
 
 def committed(name):
-    """The committed rows of a study, by the name of its file; its folder is the first word of that."""
+    """The committed rows of a study, by the name of their file, whose first word is the folder."""
     return written_rows(REPORTS / name.partition("-")[0] / f"{name}.jsonl.gz")

@@ -234,6 +234,7 @@ class TestBounds:
         runs = bounds.runs_of(rows)
         values = bounds.values_of(runs, bounds.forces_of(runs))
         assert values["outside"] == values["forces_outside"] == 0
+        assert values["together"] < 1.5  # without the problem whose bound is rounding
         assert values["judged"] > 0.7 * len(rows)
 
     def test_a_bound_that_is_too_small_is_found(self):

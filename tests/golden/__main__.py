@@ -1,4 +1,4 @@
-"""The command, see the package: compares the golden numbers, or writes them anew."""
+"""Compare the golden numbers, or write them anew; see the package."""
 
 import json
 import os
@@ -14,7 +14,7 @@ from tests.golden.problems import PROBLEMS, Numbers
 
 STORE: Final = Path(__file__).with_name("numbers.json")
 KERNELS: Final = ("Haswell", "Sandybridge", "Nehalem")
-LEAST: Final = 1e-9  # of the largest number of a kind that every number of it may move
+LEAST: Final = 1e-9  # least tolerance of a number, over the largest number of its kind
 SPREADS: Final = 30.0
 ITERATIONS: Final = 2
 
@@ -47,7 +47,7 @@ def computed(share: float, words: list[str]) -> dict[str, Numbers]:
 
 
 def compare(name: str, stored: dict[str, Any] | None, now: Numbers) -> Iterable[str]:
-    """One line for every number that is off: problem, quantity, old, new, and how far it may move."""
+    """One line for every number that differs: problem, quantity, old, new, tolerance."""
     if stored is None:
         yield f"{name}: no golden numbers; run python -m tests.golden --write {name!r}"
         return

@@ -1,4 +1,4 @@
-"""The problems whose numbers are kept, each a function of the share of the solver's tolerance that it may use."""
+"""The problems of the golden numbers: functions from a factor of the solver's tolerance to the numbers."""
 
 from collections.abc import Callable, Iterator, Mapping
 from itertools import islice
@@ -48,9 +48,9 @@ ROOT: Final = Path(__file__).resolve().parents[2]
 EXAMPLES: Final = ROOT / "examples"
 FILES: Final = Path(__file__).parent / "files"
 TOLERANCE: Final = 1e-8
-POINTS: Final = 1  # inside the body at which stresses are kept
-SLOW: Final = ("arch", "jointed_slope", "masonry_wall", "preloaded_joint")  # whose brackets take seconds, or are none
-CONTACTS: Final = 3  # of a problem whose forces are kept
+POINTS: Final = 1  # points inside the body whose stresses are stored
+SLOW: Final = ("arch", "jointed_slope", "masonry_wall", "preloaded_joint")  # without brackets: slow, or none
+CONTACTS: Final = 3  # contacts of a problem whose forces are stored
 
 
 def numbers_of(result: ContactResult, *, bracket: bool = True) -> Numbers:
@@ -84,7 +84,7 @@ def numbers_of(result: ContactResult, *, bracket: bool = True) -> Numbers:
 
 
 def _inside(result: ContactResult) -> Iterator[tuple[float, float]]:
-    """Points of the body by chance, around its contacts if it has any: they depend on its shape, not on its cells."""
+    """Random points of the body, near its contacts if it has any; they depend on its shape, not on its cells."""
     line = [np.column_stack((part.x, part.y)) for part in result.contacts.values()]
     points = np.concatenate(line or [result.problem.mesh.vertices])
     low, size = points.min(axis=0), max(np.ptp(points, axis=0))
@@ -172,7 +172,7 @@ def _graded_paper(share: float) -> Numbers:
 
 
 def _three_solutions(share: float) -> Numbers:
-    """One contact point with three solutions (DESIGN, problem 6): whichever is returned, it stays the same one."""
+    """One contact point with three solutions: every method has to return the same one as before."""
     W, q = np.array([[1.0, 0.8], [0.8, 1.0]]), np.array([1.0, 2.1])
     K = np.linalg.inv(W)
     qvi = FrictionQVI.from_arrays(
@@ -189,7 +189,7 @@ def _three_solutions(share: float) -> Numbers:
 
 
 def _named_loads() -> ContactProblem:
-    """Loads that friction carries from half to one and a half times, each resultant of another size."""
+    """Loads of which friction carries 0.5 to 1.5 times, with resultants of different sizes."""
     mesh = TriangleMesh.rectangle((2, 2), 1.0, 1.0)
     loads = [Traction("top", x=1.0, y=-10.0), Traction("left", x=-2.0, y=0.0), Traction("right", x=1.0, y=0.0)]
     return ContactProblem(mesh, Material(100.0, 0.3), [Contact("bottom", 0.05), *loads])
@@ -211,7 +211,7 @@ def _bilateral() -> ContactProblem:
 
 
 def _arcs() -> ContactProblem:
-    """On stored triangles, as versions of Gmsh differ in theirs."""
+    """A side that is an arc, on a stored mesh, since meshes differ between versions of Gmsh."""
     mesh = TriangleMesh.load(FILES / "arcs.msh").with_arc("t", (1.0, 0.2), float(np.hypot(1.0, 0.8)))
     load = Traction("t", normal=Expression("-1 - sin(3*x)"), tangential=0.0)
     held = Displacement("r", x=0.0, y=0.0)

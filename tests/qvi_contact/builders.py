@@ -1,4 +1,4 @@
-"""Bodies with holes and joints, problems that differ in friction alone, solved states and how far they differ."""
+"""Bodies with holes and joints, problems with another friction, solved results and their differences."""
 
 import copy
 import tomllib
@@ -18,7 +18,7 @@ from solvers import Status
 
 INNER, OUTER, NU = 1.0, 2.0, 0.3
 A = INNER**2 / (OUTER**2 - INNER**2)
-WIDENED = A * INNER * ((1.0 - NU) + (1.0 + NU) * OUTER**2 / INNER**2)  # by unit pressure inside, of unit modulus
+WIDENED = A * INNER * ((1.0 - NU) + (1.0 + NU) * OUTER**2 / INNER**2)  # u_r inside, for unit pressure and modulus
 
 
 def quarter(radial, around, *, arcs=True):
@@ -35,7 +35,7 @@ def quarter(radial, around, *, arcs=True):
 
 
 def polygon(count, layers, inner=1.0, outer=2.0):
-    """A ring between two regular polygons; its lines are "hole" and "outside"."""
+    """A ring between two regular polygons, with the edge sets "hole" and "outside"."""
     angle, radius = 2.0 * np.pi * np.arange(count) / count, np.geomspace(inner, outer, layers + 1)
     vertices = (radius[:, None, None] * np.column_stack([np.cos(angle), np.sin(angle)])).reshape(-1, 2)
     i, j = (index.ravel() for index in np.meshgrid(np.arange(layers), np.arange(count), indexing="ij"))
@@ -47,7 +47,7 @@ def polygon(count, layers, inner=1.0, outer=2.0):
 
 
 def area(mesh):
-    """Of all triangles, edges taken straight."""
+    """The area of all triangles with straight edges."""
     return np.abs(np.linalg.det(np.diff(mesh.corners, axis=1))).sum() / 2.0
 
 
@@ -69,7 +69,7 @@ def with_line(mesh, name, direction, at, start=-np.inf, stop=np.inf):
 
 
 def with_friction(known: Discretization, friction: float) -> Discretization:
-    """The problem of a discretisation with another friction: it shares matrices and factorisation, which take time."""
+    """The discretisation with another friction, which shares matrices and factorisation, to save time."""
     conditions = [
         replace(each, friction=friction) if isinstance(each, Contact) else each for each in known.problem.conditions
     ]
@@ -90,7 +90,7 @@ def solved(problem, tolerance=1e-9, **options):
 
 
 def companion_of(problem, bounds=None, **options):
-    """The companion, with these bounds of friction, that must be solved."""
+    """The companion of a problem, for these friction bounds; it must be solved."""
     (found,) = solve_companions(problem, [bounds], **options)
     assert found.status is Status.SOLVED, found.message
     return found
@@ -103,14 +103,14 @@ def difference(one, other):
 
 
 def told(ending):
-    """What a command that has ended well has printed."""
+    """The output of a command that must succeed."""
     status, out, err = ending
     assert (status, err) == (0, "")
     return out
 
 
 def refused(ending, *words):
-    """That a command ended with nothing but one line of complaint, which has these words."""
+    """Assert that a command failed with status 2 and one line of error with these words."""
     status, out, err = ending
     assert (status, out, len(err.splitlines())) == (2, "", 1)
     assert err.startswith("qvi-contact: ")
@@ -122,9 +122,9 @@ RICH = (PROBLEMS / "rich.toml").read_text(encoding="utf-8")
 TRIANGLES = (PROBLEMS / "triangles.toml").read_text(encoding="utf-8")
 
 PRINTED = "aZ09_-.,:;!?#$%&*+/\\|~^<>=()[]{}'\"`@§½²₂Ⅷµμßéåπσ→∞≤€中あ한אع☃😀𝒙"
-"""Letters, numbers, punctuation and symbols of one to four bytes, with all that TOML gives a meaning."""
+"""Letters, digits, punctuation and symbols of one to four bytes, including all special characters of TOML."""
 LETTERS = PRINTED + " \t\n\r\0\x1b\x7f\x85\xa0\xad\u0301\u200b\u200f\u2028\u3000\ue000\ufeff\uffff"
-"""With spaces, ends of lines, control characters, and what is not seen. Few: hypothesis takes seconds to list all."""
+"""`PRINTED`, spaces, line ends, control and invisible characters; a few, as hypothesis takes seconds to list all."""
 
 numbers = st.floats(allow_nan=True) | st.integers() | st.sampled_from([0, -1, 1e-320, 1e308, 2**70, -0.0, 1e59])
 words = st.text(LETTERS, max_size=12) | st.sampled_from(
@@ -144,7 +144,7 @@ def places(value, path=()):
 
 @st.composite
 def mutated(draw, whole=RICH):
-    """A rich file with one to three things wrong, as bytes."""
+    """The file with one to three errors, as bytes."""
     data = copy.deepcopy(tomllib.loads(whole))
     for _ in range(draw(st.integers(1, 3))):
         _break(draw, data)

@@ -1,4 +1,4 @@
-"""Problems with known answers, and back ends that fail, shared by the tests of `solvers`."""
+"""Problems with known answers, and back ends that fail, for the tests of `solvers`."""
 
 from dataclasses import replace
 from pkgutil import resolve_name
@@ -27,7 +27,7 @@ def two_contacts() -> FrictionQVI:
 
 
 def random_problem(seed: int, friction: float = 0.3, equalities: int = 0, n: int = 12, m: int = 8) -> FrictionQVI:
-    """Dense random data; every point has pressure at z = 0, so that admissible points exist."""
+    """Dense random data; every contact point has pressure at z = 0, so that admissible z exist."""
     random = np.random.default_rng(seed)
     root = random.normal(size=(n, n))
     A = random.normal(size=(equalities, n)) if equalities else None
@@ -40,7 +40,7 @@ def random_problem(seed: int, friction: float = 0.3, equalities: int = 0, n: int
 
 
 def dragged_block(shear: float, friction: float = 0.3, normal: float = 1.0, **laws) -> FrictionQVI:
-    """Pressure and shear, both prescribed: carried for shear ≤ friction × pressure only, without other laws."""
+    """Prescribed pressure and shear; for Coulomb's law solvable only if shear ≤ friction × pressure."""
     return FrictionQVI.from_arrays(
         K=np.eye(2), f=np.zeros(2), N=np.array([[-1.0, 0.0]]), n0=[0.0], T=np.array([[0.0, 1.0]]), t0=[0.0],
         mu=[friction], W=[1.0], A=np.eye(2), b=np.array([normal, shear]), **laws,
@@ -48,7 +48,7 @@ def dragged_block(shear: float, friction: float = 0.3, normal: float = 1.0, **la
 
 
 def prescribed_shear() -> FrictionQVI:
-    """T z = −1 is prescribed; no pressure cannot hold it, the pressure 3.8 of the solution can."""
+    """The shear T z = −1 is prescribed; the pressure 3.8 of the solution holds it, zero pressure does not."""
     return FrictionQVI.from_arrays(
         K=np.array([[1.0, 0.8], [0.8, 1.0]]), f=np.array([3.0, 0.0]), N=np.array([[-1.0, 0.0]]), n0=[0.0],
         T=np.array([[0.0, 1.0]]), t0=[0.0], mu=[0.3], W=[1.0], A=np.array([[0.0, 1.0]]), b=[-1.0],
@@ -72,7 +72,7 @@ class Root:
 
 
 def with_constant_tractions(qvi: FrictionQVI, more: int = 193) -> FrictionQVI:
-    """The same problem beside points pressed by 1 that nothing changes: with 193 of them too many to be pivoted."""
+    """The problem and `more` points of constant pressure 1; 193 of them are too many for pivoting."""
     nothing, zeros = np.zeros((more, qvi.n)), np.zeros(more)
     return FrictionQVI.from_arrays(
         K=qvi.K, f=qvi.f, N=np.vstack([qvi.N.toarray(), nothing]), n0=np.r_[qvi.n0, zeros - 1.0],
@@ -86,12 +86,12 @@ LIBRARIES = {
     "direct:clarabel": ("clarabel", "DefaultSolver"),
     "socp:clarabel": ("cvxpy:Problem", "solve"),
 }
-"""Where an inner solver calls its library; of Clarabel it keeps an object."""
+"""Inner solver → the place where it calls its library; direct Clarabel keeps an object."""
 
 
 @pytest.fixture
 def back_end(monkeypatch):
-    """Make a library answer what a function makes of its own answer, which is computed when that is called."""
+    """Replace a library's answer by `function(solve)`, where calling `solve` computes the library's own answer."""
 
     def replaced(name, function):
         place, word = LIBRARIES[name]
@@ -117,7 +117,7 @@ def back_end(monkeypatch):
 
 
 def mixed_problem(seed, equalities=2, friction=0.2):
-    """Every kind of row at once: cohesive, capped, without friction, bilateral; pressed, pulled, open."""
+    """All kinds of rows: cohesive, capped, without friction, bilateral; under pressure, under tension, open."""
     qvi = random_problem(seed, friction, equalities, n=14, m=10)
     random = np.random.default_rng(100 + seed)
     mu = qvi.mu.copy()
@@ -135,17 +135,17 @@ def mixed_problem(seed, equalities=2, friction=0.2):
 EDGES = 5
 GAUSS = (1.0 + np.polynomial.legendre.leggauss(4)[0]) / 2.0
 LAWS = {
-    "coulomb": {"mu": 0.3}, "opening": {"mu": 0.4, "pull": 1.5}, "frictionless": {"mu": 0.0, "pull": 0.5},
-    "tresca": {"mu": 0.0, "cohesion": 0.2}, "cohesion": {"mu": 0.2, "cohesion": 0.15, "pull": 0.8},
-    "cap": {"mu": 0.5, "cohesion": 0.02, "cap": 0.25}, "bilateral": {"mu": 0.25, "bilateral": True, "pull": 1.0},
+    "coulomb": {"mu": 0.3}, "opening": {"mu": 0.4, "tension": 1.5}, "frictionless": {"mu": 0.0, "tension": 0.5},
+    "tresca": {"mu": 0.0, "cohesion": 0.2}, "cohesion": {"mu": 0.2, "cohesion": 0.15, "tension": 0.8},
+    "cap": {"mu": 0.5, "cohesion": 0.02, "cap": 0.25}, "bilateral": {"mu": 0.25, "bilateral": True, "tension": 1.0},
     "equations": {"mu": 0.3, "equalities": 3},
 }  # fmt: skip
 
 
-def chain(seed, mu=0.3, cohesion=0.0, cap=np.inf, bilateral=False, pull=0.0, equalities=0):
+def chain(seed, mu=0.3, cohesion=0.0, cap=np.inf, bilateral=False, tension=0.0, equalities=0):
     """A contact line: σ_N linear on each edge, σ_T continuous and quadratic, four points an edge, dependent rows.
 
-    `pull` lowers the pressure towards one end, where it becomes tension if nothing opens.
+    n₀ rises from −1 at one end to `tension` − 1 at the other, where the contact may open.
     """
     random = np.random.default_rng(seed)
     t, points = GAUSS, 4 * EDGES
@@ -159,7 +159,7 @@ def chain(seed, mu=0.3, cohesion=0.0, cap=np.inf, bilateral=False, pull=0.0, equ
     n = 3 * r
     Y = (random_array((r, n), density=0.05, rng=random) + eye_array(n).tocsr()[:r]).toarray()
     root = random_array((n, n), density=0.1, rng=random).toarray() + 2.0 * np.eye(n)
-    start = np.concatenate([np.linspace(-1.0, pull - 1.0, 2 * EDGES), 0.1 * random.normal(size=2 * EDGES + 1)])
+    start = np.concatenate([np.linspace(-1.0, tension - 1.0, 2 * EDGES), 0.1 * random.normal(size=2 * EDGES + 1)])
     rows, shift = E @ Y, E @ start
     A = random.normal(size=(equalities, n)) if equalities else None
     return FrictionQVI.from_arrays(
@@ -171,7 +171,7 @@ def chain(seed, mu=0.3, cohesion=0.0, cap=np.inf, bilateral=False, pull=0.0, equ
 
 
 def changed(qvi, **fields):
-    """The problem with other fields, whichever part of it they belong to."""
+    """The problem with these fields of its parts (stiffness, contact, loads, law) replaced."""
     parts = {name: getattr(qvi, name) for name in ("stiffness", "contact", "loads", "law")}
     for name, value in fields.items():
         part = next(key for key, part in parts.items() if hasattr(part, name))

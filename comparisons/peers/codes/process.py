@@ -1,10 +1,10 @@
-"""The plate built and solved several times by one code, in a process of its own: times, and the memory it takes.
+"""Build and solve the plate several times by one code, in a process of its own, and measure times and memory.
 
     python process.py < order.json
 
-Started by `comparisons.peers.study`, not by hand. Only the standard library and the code's own module beside this one
-are imported, so that another Python than the project's may run it, in which the project need not be installed. What
-libraries print goes to standard error; the answer is one line of JSON on standard output.
+`comparisons.peers.study` starts the process. It imports only the standard library and the code's module beside this
+one, so that a Python without this project can run it. Output of libraries goes to standard error; the answer is one
+line of JSON on standard output.
 """
 
 import gc
@@ -23,11 +23,11 @@ BUDGET: Final = 5.0
 
 
 Build = Callable[..., Callable[[], dict[str, Any]]]
-"""A case, and options of the code → what solves it, from zero each time: status, message, numbers."""
+"""(Case, options of the code) → a function that solves the case anew and returns status, message and numbers."""
 
 
 def main() -> None:
-    """Do what is asked and answer."""
+    """Read the order, solve, and write the answer."""
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     order = json.load(sys.stdin)
@@ -38,11 +38,11 @@ def main() -> None:
 
 def repeated(build: Build, case: dict[str, Any], warm_up: dict[str, Any], options: dict[str, Any], repetitions: int
              ) -> dict[str, Any]:  # fmt: skip
-    """Solve a case once, and again up to `repetitions` times in all while `BUDGET` lasts.
+    """Solve a case up to `repetitions` times, but start no repetition after `BUDGET`.
 
-    Returns the last answer with "setup" and "solve", lists of processor times in seconds, and "before" and "peak", the
-    largest resident memory [bytes] with all libraries loaded by a tiny case, and after the first solve of this one.
-    Status and message of an exception instead if the code raises one.
+    Returns the last answer with "setup" and "solve", lists of processor times [s], and "before" and "peak", the largest
+    resident memory [bytes] after a tiny case that loads all libraries, and after the first solve of the case. If the
+    code raises an exception, only status and message.
     """
     answer: dict[str, Any] = {}
     times: dict[str, list[float]] = {"setup": [], "solve": []}
@@ -53,7 +53,7 @@ def repeated(build: Build, case: dict[str, Any], warm_up: dict[str, Any], option
             if count and time.perf_counter() - began > BUDGET:
                 break
             gc.collect()
-            start = time.process_time()  # that of the clock would count what else the machine does
+            start = time.process_time()  # wall time would include other processes
             solve = build(case, **options)
             built = time.process_time()
             answer = solve()
@@ -70,7 +70,7 @@ def peak_memory() -> int | None:
     """Largest resident memory of this process so far [bytes]; None where the system does not tell it in /proc."""
     with suppress(OSError):
         for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
-            if line.startswith("VmHWM:"):  # ru_maxrss would begin with that of the process that started this one
+            if line.startswith("VmHWM:"):  # ru_maxrss would include the parent process
                 return 1024 * int(line.split()[1])
     return None
 

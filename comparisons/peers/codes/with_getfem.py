@@ -6,8 +6,8 @@ non-symmetric form, with Coulomb friction. The augmentation parameter is Young's
 at 10⁻⁸, integration is of order 2p. P is the integral of the contact stress. Source: GetFEM's documentation, "Small
 sliding contact with friction bricks".
 
-Nothing of this project is imported here, so that another Python than the project's may run it (see `process`). GetFEM
-is loaded by what builds a problem, not before.
+Nothing of this project is imported here, so that a Python without this project can run it (see `process`). GetFEM is
+imported when a problem is built.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from importlib import import_module
 from typing import Any, Final
 
 TOLERANCE: Final = 1e-8
-"""Of GetFEM's Newton method."""
+"""Tolerance of GetFEM's Newton method."""
 
 ACCEPTED: Final = 1e-8
 """Largest residual of a solution: norm of all equations' residuals over the force."""
@@ -25,11 +25,11 @@ _LEFT, _BOTTOM, _TOP = 1, 2, 3  # regions
 
 
 class MergedNodesError(ValueError):
-    """GetFEM takes nodes for one that are not."""
+    """GetFEM merges nodes that are different."""
 
 
 def plate(case: dict[str, Any], degree: int = 2) -> Callable[[], dict[str, Any]]:
-    """What solves the plate of a case (see `study.plate`), from zero each time."""
+    """A function that solves the plate of a case (see `study.plate`), from zero at each call."""
     gf: Any = import_module("getfem")
     np: Any = import_module("numpy")
     mesh = gf.Mesh("cartesian", *(np.array(line) for line in case["lines"]))
@@ -39,13 +39,13 @@ def plate(case: dict[str, Any], degree: int = 2) -> Callable[[], dict[str, Any]]
         mesh.set_region(region, faces[:, chosen])
     displacements = gf.MeshFem(mesh, 2)
     displacements.set_classical_fem(degree)
-    # GetFEM tells nodes apart by distances relative to the cell: in cells some hundred times longer than wide it merges
-    # neighbours, and the mesh is not conforming any more
+    # GetFEM compares distances of nodes with the size of the cell: in cells some hundred times longer than wide it
+    # merges neighbours, and the mesh is no longer conforming
     columns, rows = (len(line) - 1 for line in case["lines"])
     wanted, found = 2 * (degree * columns + 1) * (degree * rows + 1), int(displacements.nbdof())
     if found != wanted:
         raise MergedNodesError(f"GetFEM merges nodes of cells this long: {found} of {wanted} displacements are left")
-    # exact for the elasticity; more points change P by 1e-4 and settle on the same value
+    # exact for the elasticity; more points change P by 1e-4, but converge to the same value
     integration, model = gf.MeshIm(mesh, 2 * degree), gf.Model("real")
     model.add_fem_variable("u", displacements)
     # plane stress, with both lines of symmetry
@@ -68,7 +68,7 @@ def plate(case: dict[str, Any], degree: int = 2) -> Callable[[], dict[str, Any]]
     model.add_integral_contact_with_rigid_obstacle_brick(
         integration, "u", "traction", "distance", "r", "friction", _TOP, 1
     )
-    kept = mesh, displacements, tractions, distances, on_top  # a model does not keep what it refers to
+    kept = mesh, displacements, tractions, distances, on_top  # the model holds no references to these
 
     def solve() -> dict[str, Any]:
         assert kept

@@ -11,13 +11,13 @@ where σ_n = (σ_xy, σ_yy) and h is the height of the cell below. θ = 1 is the
 one, θ = −1 the skew-symmetric one. Semismooth Newton with a line search on the residual; if that stalls, γ is raised to
 its value in steps, skew-symmetric until the last. P is the reaction of the line of symmetry y = 0.
 
-What can be saved is saved: cells away from the top are assembled once, only those below it in each step; the unknowns
-inside cells are condensed; the smaller matrix is factorised by UMFPACK or PARDISO, by its size.
+To save time, only cells below the top are assembled in each step, all others once; the unknowns inside cells are
+condensed; UMFPACK or PARDISO, by its size, factorises the remaining matrix.
 
 Source: Chouly, Fabre, Hild, Mlika, Pousin, Renard, *An overview of recent results on Nitsche's method for contact
 problems*, 2017. Stresses in MPa, lengths in units of the plate.
 
-NGSolve is loaded by what builds a problem, not before.
+NGSolve is imported when a problem is built.
 """
 
 from collections.abc import Callable
@@ -28,7 +28,7 @@ VARIANTS: Final = {"symmetric": 1.0, "incomplete": 0.0, "skew": -1.0}
 """Variant of the method → θ."""
 
 PENALTY: Final = 2.5
-"""γ₀. The symmetric variant needs a few times the constant of the inverse inequality; Newton's method likes it low."""
+"""γ₀. The symmetric variant needs some times the constant of the inverse inequality; Newton's method a small γ₀."""
 
 ACCEPTED: Final = 1e-8
 """Largest residual of a solution of the plate: norm at the free unknowns over that of the reactions."""
@@ -44,7 +44,7 @@ _NEAR: Final = 1e-3  # of the lowest cell below the top: points of quadrature wi
 
 
 def plate(case: dict[str, Any], order: int = 2, variant: str = "symmetric") -> Callable[[], dict[str, Any]]:
-    """What solves the plate of a case (see `study.plate`)."""
+    """A function that solves the plate of a case (see `study.plate`)."""
     return NitschePlate(case, order, VARIANTS[variant]).solve
 
 
@@ -60,7 +60,7 @@ class NitschePlate:
         self._space = self._ng.VectorH1(mesh, order=order, dirichletx="left", dirichlety="bottom")
         self._theta_target, self._theta = theta, self._ng.Parameter(theta)
         self._share = self._ng.Parameter(1.0)  # of γ
-        # which cells have an edge on the top, and the heights of all below the top
+        # cells with an edge on the top, and the distance of each cell's lowest vertex from the top
         y = vertices[cells][:, :, 1]
         on_top, heights = (y == y.max()).sum(axis=1) == 2, y.max() - y.min(axis=1)
         self._range = float(heights[on_top].min() / self._np.ptp(y, axis=1).max())
@@ -82,7 +82,7 @@ class NitschePlate:
         self._iterations = 0
         self._u.vec[:] = 0.0
         residual = self._newton(_NEWTON_STEPS, ACCEPTED)
-        if residual > ACCEPTED:  # again from zero, γ raised from that of the tallest cells, or below, to all of it
+        if residual > ACCEPTED:  # again from zero, with γ raised in steps from that of the tallest cells, or less
             self._u.vec[:] = 0.0
             self._theta.Set(VARIANTS["skew"])
             share = min(self._range, 1.0 / _APPROACH_FACTOR)
@@ -106,7 +106,7 @@ class NitschePlate:
         }
 
     def _newton(self, steps: int, accuracy: float) -> float:
-        """At most so many steps; returns the residual reached."""
+        """Newton's method, at most so many steps; returns the relative residual."""
         norm, scale = self._evaluate(self._u.vec)
         for _ in range(steps):
             if norm <= accuracy * scale:
@@ -118,9 +118,8 @@ class NitschePlate:
         return norm / scale if scale > 0.0 else float("inf")
 
     def _find_step(self, matrix: Any) -> None:
-        """Solve with the condensed matrix, then inside the cells."""
+        """Solve for the step with the condensed matrix, which is not symmetric, then inside the cells."""
         free, forms = self._space.FreeDofs(True), (self._fixed, self._moving)
-        # it is not symmetric
         inverse = matrix.Inverse(free, inverse="umfpack" if sum(free) <= _SMALL else "pardiso")
         for form in forms:
             self._residual.data += form.harmonic_extension_trans * self._residual
@@ -131,7 +130,7 @@ class NitschePlate:
             self._step.data += form.inner_solve * self._residual
 
     def _search(self, norm: float) -> tuple[float, float]:
-        """Go as far along the step as the residual falls."""
+        """Halve the step until the residual falls enough, and take it."""
         length = 1.0
         while True:
             self._trial.data = self._u.vec - length * self._step
@@ -142,7 +141,7 @@ class NitschePlate:
             length /= 2.0
 
     def _evaluate(self, vector: Any) -> tuple[float, float]:
-        """Norms of the residual, which is left in place: at the free unknowns, and with the reactions."""
+        """Compute the residual; return its norm at the free unknowns, and its norm with the reactions."""
         self._apply(vector)
         scale = float(self._residual.Norm())
         self._free.Project(self._residual)
@@ -154,7 +153,7 @@ class NitschePlate:
         self._residual.data += self._part
 
     def _forms(self, case: dict[str, Any], on_top: Any, gamma: Any, edge: float) -> tuple[Any, Any, Any]:
-        """The form above in cells away from the top, and in those below it; the stiffness of all. Plane stress."""
+        """The form above in cells away from the top, and in cells below it; the stiffness of all. Plane stress."""
         ng, theta = self._ng, self._theta
         u, v = self._space.TnT()
         shear = case["young"] / (2.0 * (1.0 + case["poisson"]))
@@ -170,10 +169,10 @@ class NitschePlate:
         for number, found in enumerate(on_top):
             below[number], away[number] = bool(found), not found
         (txu, tyu), (txv, tyv) = ((stress(w)[0, 1], stress(w)[1, 1]) for w in (u, v))
-        pull = tyu - gamma * (u[1] + case["displacement"])
-        pressure = ng.IfPos(pull, 0.0, pull)
-        pushed, bound = txu - gamma * u[0], -case["friction"] * pressure
-        friction = ng.IfPos(pushed - bound, bound, ng.IfPos(-pushed - bound, -bound, pushed))
+        trial_normal = tyu - gamma * (u[1] + case["displacement"])
+        pressure = ng.IfPos(trial_normal, 0.0, trial_normal)
+        trial_shear, bound = txu - gamma * u[0], -case["friction"] * pressure
+        friction = ng.IfPos(trial_shear - bound, bound, ng.IfPos(-trial_shear - bound, -bound, trial_shear))
         nitsche = (
             pressure * (theta / gamma * tyv - v[1]) + friction * (theta / gamma * txv - v[0])
             - theta / gamma * (txu * txv + tyu * tyv)
@@ -182,7 +181,7 @@ class NitschePlate:
         fixed, moving, whole = (ng.BilinearForm(self._space, condense=True) for _ in range(3))
         fixed += energy * ng.dx(definedonelements=away)
         moving += energy * ng.dx(definedonelements=below)
-        # over the borders of cells, since there gradients are whole, not only along the boundary
+        # as an integral over cell borders, where NGSolve has the full gradient, not only its part along the boundary
         moving += (ng.IfPos(ng.y - edge, 1.0, 0.0) * nitsche).Compile() * ng.dx(
             element_boundary=True, definedonelements=below
         )
@@ -193,14 +192,14 @@ class NitschePlate:
 
 
 class _Sum:
-    """Sum of a fixed and a moving matrix whose entries are among those of a third one."""
+    """Sum of a fixed and a moving matrix in the sparsity pattern of a third one, which contains both."""
 
     def __init__(self, np: Any, pattern: Any, fixed: Any, moving: Any) -> None:
         self._np, self._form, self._fixed, self._moving = np, pattern, fixed, moving
         self._order: Any = None
 
     def matrix(self) -> Any:
-        """The sum as the moving form is now."""
+        """The sum for the present values of the moving matrix."""
         matrix = self._form.mat
         if self._order is None:
             self._order, self._base = self._places()
@@ -210,7 +209,7 @@ class _Sum:
         return matrix
 
     def _places(self) -> tuple[Any, Any]:
-        """Where the entries of the moving matrix are, and the values of the fixed one."""
+        """Positions of the moving matrix's entries in the pattern, and the fixed matrix's values there."""
         np = self._np
         keys = self._keys(self._form.mat)
         order = np.argsort(keys)
@@ -219,7 +218,7 @@ class _Sum:
         return order[np.searchsorted(keys[order], self._keys(self._moving.mat))], base
 
     def _keys(self, matrix: Any) -> Any:
-        """A number for the place of each entry."""
+        """A number for row and column of each entry."""
         rows, columns, _ = matrix.COO()
         return self._np.array(rows, dtype=self._np.int64) * matrix.width + self._np.array(columns)
 

@@ -31,7 +31,7 @@ def published_displacements(p: int, quick: bool) -> Iterator[Row]:
 
 @SSNV128("ssnv128-displacement-model", 4)
 def displacement_model(p: int, quick: bool) -> Iterator[Row]:
-    """Displacements, zones and pressure of an independent model; forces are among what is known of the problem file."""
+    """Displacements, zones and pressure by an independent model; its forces are with the problem file."""
     result, source = _square(p, quick), "biquadratic displacement elements with nodal contact, up to 320 × 96 cells"
     base, rows = result.contacts["base"], Check(certified(result), tolerance=1e-3, kind=Kind.EXTERNAL)
     for point, x, _ in gallery.SSNV128_DISPLACEMENTS:
@@ -59,7 +59,7 @@ def without_friction(p: int, quick: bool) -> Iterator[Row]:
 
 @lru_cache(maxsize=2)
 def _square(p: int, quick: bool) -> ContactResult:
-    """What the first two problems look at."""
+    """The result of the first two problems."""
     return solve(gallery.ssnv128(_cells(quick)), degree=p)
 
 
@@ -68,7 +68,7 @@ def _cells(quick: bool) -> tuple[int, int]:
 
 
 BALANCE: Final = 1e-12
-"""Largest resultant on a body, over the forces on its edges, that is rounding."""
+"""Resultants on a body up to this, over the forces on its edges, are rounding."""
 
 FULL_SLIP: Final = 2.0 * np.pi * 0.2 * 59.927273 * 25.0**2
 """The torque 2π μ p R² [N mm/mm] at which the hollow shaft of `gallery.press_fit_torque` slips with μ = 0.2."""
@@ -79,9 +79,9 @@ _RINGS: Final = (9.2592593e6, 1.3571791e5)  # pressure between them, mean and am
 _BY_NGSOLVE: Final = {0.0: 0.758518, 0.1: 0.738677}
 """μ → u_x [mm] on the axis at the hole of `loaded_pin`, by NGSolve: reports/peers/peers-pin.md of commit e714f877."""
 
-_STICK: Final = 4e-4  # of c on triangles of degree 4, on the mesh of `cattaneo`: the shear has a kink there
-_DEPTH: Final = 20  # how often triangles at a corner are halved
-_NEAR: Final = (1e-5, 1e-3)  # distances from it within which the pressure is a power
+_STICK: Final = 4e-4  # relative error of c on the mesh of `cattaneo` with degree 4: the shear has a kink at c
+_DEPTH: Final = 20  # halvings of triangles at a corner
+_NEAR: Final = (1e-5, 1e-3)  # distances from the corner between which the pressure is a power
 
 
 @BENCHMARKS("rings", 4, 5)
@@ -102,7 +102,7 @@ def lame_rings(p: int, quick: bool) -> Iterator[Row]:
 
 @BENCHMARKS("press-fit", 4, 5)
 def fitted_shaft(p: int, quick: bool) -> Iterator[Row]:
-    """A shaft in a hub with an interference: Lamé, with friction as well, which symmetry leaves without work."""
+    """A shaft in a hub with an interference: Lamé, with friction as well, which by symmetry does no work."""
     for friction in (0.0, 0.2):
         result = solve(gallery.press_fit(8, friction), degree=p)
         shaft, rows = result.contacts["shaft"], Check(certified(result))

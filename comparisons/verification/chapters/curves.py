@@ -26,8 +26,8 @@ NU: Final = 0.3
 OUTER: Final = 2.0
 """Radius of the ring over that of its bore, and of the plate in the plane of ζ."""
 M: Final = 0.25
-"""Of the ellipse: half axes 1 + m and 1 − m."""
-_SHORT: Final = 0.35  # of the order p − 1 on these meshes
+"""m of the elliptic hole, with the half axes 1 + m and 1 − m."""
+_SHORT: Final = 0.35  # most that a measured order is below p − 1 on these meshes
 _DEGREES: Final = (3, 4, 5, 6, 8)
 
 

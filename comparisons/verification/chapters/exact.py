@@ -1,4 +1,4 @@
-"""Chapters on what is exact: states in the element, manufactured friction, and the same body described otherwise."""
+"""Chapters on exact results: states in the element, manufactured friction, and invariance under transformations."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -188,7 +188,7 @@ def transition_on_a_node(p: int, quick: bool) -> Iterator[Row]:
 
 @FRICTION("stick-slip-in-an-element", 4)
 def transition_in_an_element(p: int, quick: bool) -> Iterator[Row]:
-    """The same with x_t inside an element: stresses stay exact on any mesh."""
+    """The same base with x_t inside an element: stresses stay exact on any mesh."""
     for name, (cells, grading) in list(_CELLS.items())[: 1 if quick else 3]:
         for transition in (0.77,) if quick else (0.3, 0.77, 1.31):
             result, state = _stick_slip(p, cells, transition, grading)
@@ -197,7 +197,7 @@ def transition_in_an_element(p: int, quick: bool) -> Iterator[Row]:
 
 @FRICTION("stick-slip-quadratic", 4, 5)
 def quadratic_pressure(p: int, quick: bool) -> Iterator[Row]:
-    """The same under a pressure that is quadratic along the base: triangles contain that stress and its slip too."""
+    """The same base under a pressure that is quadratic along it: triangles contain this stress and its slip too."""
     for name, (cells, grading) in list(_CELLS.items())[: 1 if quick else 3]:
         result, state = _stick_slip(p, cells, 0.77, grading, pressure_drop=40.0)
         rows = _rows(result, f"{_FORMULA}; x_t = 0.77, {name}", TOLERANCE_WITH_FRICTION)
@@ -234,7 +234,7 @@ Map = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 @dataclass(frozen=True)
 class _Change:
-    """Another description: where points and sides go, what becomes of σ_xx, σ_yy, σ_xy, and the unit of force."""
+    """A transformation: the maps of points, of stress components back, and of sides, and the unit of force."""
 
     place: Map = lambda x, y: (x, y)
     back: Callable[[FloatArray], FloatArray] = lambda stress: stress
@@ -243,7 +243,7 @@ class _Change:
     sides: tuple[str, ...] = _SIDES
 
     def plate(self, material: Material = _STEEL, displacement: float = 1e-3) -> ContactProblem:
-        """The compressed plate on the same triangles, put where the change puts them."""
+        """The compressed plate on the transformed triangles."""
         mesh = _original().mesh
         names = dict(zip(_SIDES, self.sides, strict=True))
         sets = {names[name]: pairs for name, pairs in mesh.edge_sets.items()}
@@ -308,12 +308,12 @@ def _original() -> ContactProblem:
 
 @cache
 def _solved(p: int) -> ContactResult:
-    """What all others are compared with."""
+    """The plate that is not transformed."""
     return solve(_original(), degree=p)
 
 
 def _same(p: int, problem: ContactProblem, change: _Change, source: str) -> Iterator[Row]:
-    """Rows on force, stresses and states of the same body described otherwise."""
+    """Rows that compare force, stresses and states of a transformed plate, mapped back, with the original."""
     first, result = _solved(p), solve(problem, degree=p)
     rows = Check(certified(first, result), source)
     known, ours = first.contacts["plate"], result.contacts["plate"]

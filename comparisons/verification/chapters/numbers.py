@@ -18,7 +18,7 @@ NUMBERS: Final = Chapter()
 
 _YOUNG, _POISSON, _EXPANSION = 1000.0, 0.3, 1e-3
 _STEP: Final = 1e-4
-"""Of a datum's size, for central differences."""
+"""Step of central differences, over the size of the datum."""
 
 
 @NUMBERS("derivatives", 5)
@@ -90,10 +90,10 @@ DATA: Final = {
     "offset": ("bottom.offset", 0.1), "young": ("material.young", _YOUNG), "own": ("upper.young", _YOUNG),
     "force": ("top.force_x", 50.0), "load": ("load.right", 10.0), "x": ("left.x", 0.1), "T": ("temperature", 100.0),
 }  # fmt: skip
-"""Data of `two_blocks`: the parameter, and a size; large where answers are linear in it."""
+"""Data of `two_blocks` → the parameter, and its size; large if the answer is linear in the datum."""
 
 _QUANTITIES: Final = {"bottom.tangential_force": 1.0, "joint.tangential_force": 1.0, "top.x": 1e3, "xx(0.8, 0.3)": 1.0}
-"""Quantity → factor that makes them about as large."""
+"""Quantity → factor that gives all quantities about the same size."""
 
 
 def two_blocks(number: int, **changed: float) -> ContactProblem:
@@ -118,10 +118,10 @@ def two_blocks(number: int, **changed: float) -> ContactProblem:
 
 
 def by_differences(number: int) -> tuple[ContactResult, FloatArray, FloatArray, float] | None:
-    """Derivatives of the quantities by one datum of `two_blocks`, quotients of differences, and the unit of errors.
+    """The result, derivatives by one datum of `two_blocks`, difference quotients, and the unit of errors.
 
-    That is the largest quotient, or, where none depends on the datum, a force over its size: solves have ten digits.
-    None where the state of a point changes within the step.
+    The unit is the largest quotient, or, if no quantity depends on the datum, a force over the size of the datum, since
+    solves have ten digits. None if a point changes its state within the step.
     """
     short = list(DATA)[number % len(DATA)]
     parameter, size = DATA[short]
@@ -143,7 +143,7 @@ def by_differences(number: int) -> tuple[ContactResult, FloatArray, FloatArray, 
 
 @NUMBERS("peaks", 4)
 def peaks(p: int, quick: bool) -> Iterator[Row]:
-    """Peaks that refine finds, and the errors it estimates, a factor of safety of 1.5 in them, over the true ones."""
+    """Peaks found by refine, and its estimated errors, with a factor of safety of 1.5, over the true errors."""
     hole, bore, roll = stretched(sheet(2, 4)), ring(2), cylinder_on_block(0.01, 4, 2)
     tip, inside = (float(kirsch(np.array([x]), np.array([0.0]))[0, 1]) for x in (1.25, 1.6))
     hoop = float(lame(np.array([1.0]), np.array([0.0]))[0, 1])

@@ -64,7 +64,7 @@ def _uzawa(friction: float) -> QVISolution:
 
 
 def _printed(friction: float, place: str) -> Check:
-    """A state that is not converged is certified by the limit of the same iteration, whose step shrinks if μ is 0."""
+    """Rows of a state that is not converged, certified by the limit of its iteration (μ = 0: with a shrinking step)."""
     decay = SHRINKING if friction == 0.0 else None
     proof = certified(load().uzawa(load().plate(friction).qvi, step_decay=decay))
     proof = Proof(proof.passed, f"{proof.text} of the limit")
@@ -72,7 +72,7 @@ def _printed(friction: float, place: str) -> Check:
 
 
 _GRADED: Final = (16, 0.8)
-"""Cells a side and grading."""
+"""Cells a side and grading of a mesh."""
 
 
 @PLATE("plate-graded", 4, 5)
@@ -196,12 +196,12 @@ _CORNERED: Final = {
     "trapezoid": (_trapezoid, "bottom.normal_force", {3: 1.8, 4: 3.0, 5: 4.3}),
     "L": (_l_shape, "energy", {3: 1.8, 4: 3.0, 5: 3.4}),
 }
-"""Bodies with corners, what is refined, and the least order by degree."""
+"""Name → a body with corners, the quantity that is refined, and the least order by degree."""
 
 
 @BOUNDS("bounds-refined", 3, 4, 5)
 def orders_of_refined_bounds(p: int, quick: bool) -> Iterator[Row]:
-    """How fast guaranteed bounds close by refine in the number of unknowns, whatever corners the body has.
+    """Orders in the number of unknowns at which guaranteed bounds close under refine, on bodies with corners.
 
     Meshes of the best grading have order p − 1 in the end. While a mesh still grows into corners it may be more.
     """
