@@ -95,7 +95,7 @@ def uniqueness_bound(qvi: FrictionQVI) -> UniquenessBound:
         return UniquenessBound(friction, reason=f"as {2 * qvi.m} contact rows are more than {LARGEST}")
     # Ĉ (2m, 2m), and an orthonormal basis (2m, r) of what √W [N; T] z can be for A z = 0.
     contact, weights = qvi.condensed_contact, np.sqrt(np.concatenate([qvi.W, qvi.W]))
-    rows, C = weights[:, None] * dense(contact.rows_near), weights[:, None] * contact.compliance * weights
+    rows, C = weights[:, None] * dense(contact.interface_rows), weights[:, None] * contact.compliance * weights
     lengths = np.linalg.norm(rows, axis=0)
     units = np.where(lengths > 0.0, lengths, 1.0)  # columns of length one or zero
     A = contact.system.A / units
