@@ -89,12 +89,12 @@ def test_newton_directions_satisfy_the_linearised_equations(name, accurate):
         force, slack, split, _ = (0.0 * r for r in residuals) if only else residuals
         size = np.abs(problem.force(np.abs(step.lam))).max(initial=1.0)
         assert problem.S @ step.y + problem.force(step.lam) == pytest.approx(-force, abs=1e-10 * size)
-        pressed = problem.friction_of(step.pull + step.push)
+        pressed = problem.friction_of(step.tension + step.pressure)
         assert step.s + problem.change(step.y, np.zeros(len(problem.split))) - pressed == pytest.approx(
             -slack, abs=1e-10
         )
-        assert problem.split_rows @ step.y - step.pull + step.push == pytest.approx(-split, abs=1e-10)
-        first = (point.s * step.lam + point.lam * step.s, point.pull * step.push + point.push * step.pull)
+        assert problem.split_rows @ step.y - step.tension + step.pressure == pytest.approx(-split, abs=1e-10)
+        first = (point.s * step.lam + point.lam * step.s, point.tension * step.pressure + point.pressure * step.tension)
         assert np.concatenate(first) == pytest.approx(comp, abs=1e-10)
 
 
@@ -144,7 +144,7 @@ def test_few_bounds_do_not_hold_up_the_others(share, length, kept):
     before = interior.point
     fall = before.s.copy()
     fall[0] *= 20.0
-    step = Point.of(np.ones_like(before.y), -fall, 0.0 * before.lam, 0.0 * before.pull, 0.0 * before.push)
+    step = Point.of(np.ones_like(before.y), -fall, 0.0 * before.lam, 0.0 * before.tension, 0.0 * before.pressure)
     found = interior.past_few(step, 0.0495)
     assert found == pytest.approx(length)
     assert interior.point.s[0] == pytest.approx(kept * before.s[0])
@@ -162,7 +162,7 @@ def test_passing_few_bounds_does_not_open_the_gap(growth, expected):
     s, lam = -point.s, 0.0 * point.lam
     s[0] *= 200.0
     lam[0] = growth * point.lam[0]
-    found = interior.past_few(Point.of(0.0 * point.y, s, lam, 0.0 * point.pull, 0.0 * point.push), 0.00495)
+    found = interior.past_few(Point.of(0.0 * point.y, s, lam, 0.0 * point.tension, 0.0 * point.pressure), 0.00495)
     assert found == pytest.approx(expected)
     assert interior.parameter() <= 2.0 * before
 
