@@ -464,7 +464,7 @@ def _pair(difference: Vector, product: Vector) -> tuple[Vector, Vector]:
 
 # Arc length continuation of the central path around its turns: (D7), with tension and pressure as further s and λ. The
 # tangent has two directions: where det of Newton's matrix is positive, τ has to fall, where it is negative, to rise. At
-# a turn both the slope of τ and det change their signs, so the curve from τ = ∞ is followed to its end, and a step across
+# a turn the slope of τ and det both change their signs, so the curve from τ = ∞ is followed to its end, and a step over
 # a sharp turn cannot reverse the direction. If the sign of det is not known, the last direction is kept.
 
 
