@@ -147,7 +147,7 @@ def other_shares(search: Search) -> Tries:
             others.insert(0, share)
     if search.qvi.frictionless.all():  # the weights of friction bounds change nothing
         others = [share for share in others if share.start != shares[0].start]
-    for share in [shares[0], *others] if first.warm else others:
+    for share in [shares[0], *others] if first.is_warm else others:
         before = search.run or first
         run = search.run = before.again(share, turned=share != shares[0] and not is_inexact)
         run.iterate()
