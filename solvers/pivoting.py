@@ -151,7 +151,7 @@ def solve_pivoting(
     """The vertex at the end of the path in one direction d, from the state `start`, or from x = 0.
 
     Direction 0 has equal entries, the others are random. If the path from the state ends in a ray, or its vertex is
-    inaccurate, the path from x = 0 follows. An iteration is a vertex for guessed signs, its inner iterations are pivots.
+    inaccurate, the path from x = 0 follows. An iteration is a vertex for guessed signs; inner iterations are pivots.
     """
     began = time.perf_counter()
     compliance = Compliance(qvi)
