@@ -1,4 +1,4 @@
-"""The front of a room: its names are imported from the room itself, and their modules are loaded on first use."""
+"""The front of a package: its modules are loaded when one of their names is first imported from the package."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -9,9 +9,10 @@ from typing import Any
 
 
 def front(room: str, homes: Mapping[str, tuple[str, ...]] | None = None) -> Callable[[str], Any]:
-    """Return the ``__getattr__`` of a package: `homes` says which of its modules has which names.
+    """The ``__getattr__`` of the package `room`; `homes` maps its modules to their public names.
 
-    Without them all its modules are asked; what a module imports is not its own, and a name of two has no answer.
+    Without `homes` all its modules are searched. Names that a module has imported do not count, and a name that two
+    modules define is an AttributeError.
     """
 
     def loaded(name: str) -> Any:
