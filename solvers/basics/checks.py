@@ -52,7 +52,7 @@ def one_of(field: str, value: object, choices: Sequence[str]) -> None:
 
 
 def mapping(field: str, value: object, what: str, *, optional: bool = False) -> Mapping[Any, Any]:
-    """The value if it is a mapping, {} for None if `optional`; else `InputError`, which asks for a mapping of `what`."""
+    """The value if it is a mapping, {} for None if `optional`; else `InputError`, which asks for one of `what`."""
     if value is None and optional:
         return {}
     if not isinstance(value, Mapping):
