@@ -50,7 +50,6 @@ from solvers.solution import Iteration, Outcome
 # interior, and linearly dependent ones would contradict each other by rounding. At bilateral points the rows of N are
 # no constraints; they become 0 ≤ 1.
 
-
 CONDENSED_LIMIT = 2000
 """Rows of B, 2m, up to which "auto" condenses."""
 
@@ -157,7 +156,6 @@ def make_form(qvi: FrictionQVI, form: str) -> ProblemForm:
 
 
 # Anderson acceleration of a fixed-point map, with safeguards; without memory it is the damped map.
-
 
 _GROWTH = 2.0  # growth of the residual at which the memory is dropped
 _CONDITION = 1e-10  # singular values of the least-squares problem, over the largest, that are dropped

@@ -204,7 +204,6 @@ _MESSAGES = {
 # is one, down to θ = 0. Each pivot is an edge of that path. The path ends at a solution, or in a ray on which x grows
 # without bound.
 
-
 _PIVOT = 1e-9  # entries of a column below this share of its largest one are rounding
 _TIE = 1e-10  # relative difference of steps that count as equal
 _ROUNDING = 1e-13  # negative q above this share of the largest q, or of 1, are rounding

@@ -168,7 +168,6 @@ class Start:
 
 # The last step of every method: the status by the certificate, and the message.
 
-
 WHAT_TO_DO = (
     "Which one a body takes depends on how it was loaded: follow the load in steps (solve_history, or initial=… from "
     "the result of a smaller load)."

@@ -81,7 +81,6 @@ def facts_of(qvi: FrictionQVI, settings: Settings) -> dict[str, object]:
 
 # The attempts to solve a problem, in the order in which they are made until a certificate passes.
 
-
 LEAST_SECONDS = 15.0
 """A fall-back method may take as long as the first method took, or this many seconds if that is more."""
 
@@ -108,7 +107,6 @@ _WORTH_A_FALL_BACK = (
     Status.INACCURATE, Status.ILL_CONDITIONED, Status.STALLED,
     Status.MAX_ITERATIONS, Status.INNER_INFEASIBLE, Status.DIVERGED,
 )  # fmt: skip
-
 
 Tries: TypeAlias = Iterator[tuple[Attempt, Outcome]]
 
@@ -380,7 +378,6 @@ def solved(qvi: FrictionQVI, settings: Settings, initial: object = None) -> QVIS
 # same one. A path on which the friction coefficient rises from a fraction of its value, or falls from a multiple, in
 # small steps, may end at another solution, as each step starts from the state before. That no other solution is found
 # proves nothing; `uniqueness` has a bound that does.
-
 
 WAYS: Final = ((0.4, 5), (0.4, 20), (0.6, 20), (0.85, 3), (1.3, 10))
 """Paths of the friction: its first value over that of the problem, and the number of steps to 1."""

@@ -151,7 +151,6 @@ class _Filter:
 
 _STANDARD_OUTPUT: Final = _StandardOutput()
 
-
 _SIGACTION_BYTES: Final = 1024
 """Bytes for a `struct sigaction`, which has at most 152 on any system; its content is not read."""
 

@@ -115,7 +115,6 @@ def checked_limit(value: object) -> float:
 # Levels of the logger: INFO for the begin and end of the outermost call, WARNING if it ends without a solution, DEBUG
 # for its iterations and the calls inside it.
 
-
 LOGGER: Final = logging.getLogger("qvi_contact")
 """The logger of all packages of the project; silent unless the program adds a handler."""
 LOGGER.addHandler(logging.NullHandler())

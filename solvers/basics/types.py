@@ -76,7 +76,6 @@ class PicklesFields:
 
 # Objects that are made once and shared.
 
-
 _Made = TypeVar("_Made")
 
 _MOST_KEPT: Final = 4  # objects of one kind

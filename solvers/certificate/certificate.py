@@ -178,7 +178,6 @@ MEASURES: Final = (
 # Sources: P. Alart, A. Curnier, Comput. Methods Appl. Mech. Engrg. 92 (1991); G. de Saxcé, Z.-Q. Feng, Math. Comput.
 # Modelling 28 (1998).
 
-
 _LARGEST_GAP = 10.0  # gaps and slips count up to this multiple of E / (S Σ W)
 
 

@@ -33,7 +33,6 @@ _EXCLUDED_SIZE = 1e4
 _LEAST_VIOLATION = 1e-9
 """Violation of a row, over the largest |h|, that makes a problem without unknowns infeasible."""
 
-
 LARGEST = 4000
 """Rows of G up to which the linear program is solved; it takes 25 ms for 400 rows, and 2 s for this many."""
 

@@ -269,7 +269,6 @@ class InteriorPoint:
 #
 # so that s₊ + s₋ = 2 mu p of the two friction bounds holds at a point that opens.
 
-
 _SIDES = np.array(SLOTS)
 _SAME_SIDE = np.outer(_SIDES, _SIDES)
 _REFINEMENTS = 2
@@ -430,7 +429,6 @@ def _longest(point: Point, step: Point) -> float:
 # which is a quadratic equation. They differ from s₀ and λ₀ by √τ where a point is about to open or to slip, by τ
 # elsewhere, and by the motion of the bound. If the contact opens or closes beyond that, the first step is short.
 
-
 GAP = 1e-6
 """Relative gap of the starting point: with 1e-4 the start gains less, with 1e-8 it is too close to the bounds."""
 
@@ -466,7 +464,6 @@ def _pair(difference: Vector, product: Vector) -> tuple[Vector, Vector]:
 # tangent has two directions: where det of Newton's matrix is positive, τ has to fall, where it is negative, to rise. At
 # a turn the slope of τ and det both change their signs, so the curve from τ = ∞ is followed to its end, and a step over
 # a sharp turn cannot reverse the direction. If the sign of det is not known, the last direction is kept.
-
 
 _FIRST_STEP, _LAST_STEP, _LEAST_STEP = 0.3, 3.0, 0.01  # arc lengths: the first, the largest, the least
 _GROWTH = 1.5

@@ -223,7 +223,6 @@ class DenseSystem:
 # so large that iterative refinement removes the term h/ω. At points without friction the springs are added to the
 # blocks M_TT; the few rows of A, which may be long, are a matrix of low rank.
 
-
 _NEAR_BONDED_FIRST = 12_000  # contact points above which `NEAR_BONDED_SHARES` is the first path, else the last
 _ROUNDING = 1e-14  # length of an equation's row, over the longest, below which it is rounding
 # Least ω. Each refinement gains as many digits as ω has; dependent rows leave an error of ω roundings in h.

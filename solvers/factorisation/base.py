@@ -110,7 +110,6 @@ def check_pivots(pivots: Vector, diagonal: Vector, backend: str, n: int) -> None
 
 # The error of a failed factorisation.
 
-
 Reason: TypeAlias = Literal["singular", "memory", "time", "backend"]
 """Why a factorisation failed: not positive definite, out of memory, no time left, or another error of the back end."""
 

@@ -158,7 +158,6 @@ def usable(field: str, name: str, others: Sequence[str] = ("auto",)) -> str:
 
 # The factorisation of a problem: the one asked for, or the first installed.
 
-
 OTHERS: Final = ("auto", DENSE)
 """Names that are accepted besides those of the sparse back ends."""
 

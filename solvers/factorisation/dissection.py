@@ -123,7 +123,6 @@ def parts(starts: IntVector, owner: NDArray[np.integer], touched: NDArray[np.int
 
 # Orders of elimination.
 
-
 _LEAF: Final = 50  # unknowns of a part that is not divided; the time is nearly the same from 30 to 80
 
 

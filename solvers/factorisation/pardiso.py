@@ -28,7 +28,6 @@ from solvers.factorisation.base import Factorisation, FactorisationError, Reason
 _PATTERNS: Final = ("libmkl_rt.so*", "libmkl_rt*.dylib", "mkl_rt*.dll")
 _OPENMP: Final = ("libiomp5.so", "libiomp5.dylib", "libiomp5md.dll")
 
-
 INTEL, SEQUENTIAL = 0, 1  # arguments of MKL_Set_Threading_Layer: Intel's OpenMP, or no threads
 LP64: Final = 0  # argument of MKL_Set_Interface_Layer: 32-bit integers
 
@@ -87,7 +86,6 @@ def _loads(library: str) -> bool:
 
 # The default number of threads.
 
-
 VARIABLES: Final = ("MKL_NUM_THREADS", "OMP_NUM_THREADS")
 """Environment variables with the number of threads; the first that is set counts."""
 
@@ -104,7 +102,6 @@ def thread_count() -> int:
 
 
 # PARDISO.
-
 
 STRUCTURALLY_SYMMETRIC, POSITIVE_DEFINITE = 1, 2  # argument `mtype`, for real matrices
 ANALYSIS, NUMERIC, SOLVE, RELEASE = 11, 22, 33, -1  # argument `phase`

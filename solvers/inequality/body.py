@@ -164,7 +164,6 @@ class Stiffness(PicklesFields):
 
 # Loads, energy and the bonded state.
 
-
 _CANCELLED = 1e-24  # strain energy, over that at z = 0, below which it is rounding, as all loads cancel
 _MOST_CORRECTIONS = 30  # defect corrections of the bonded solution
 _LEAST_CORRECTION = 1e-16  # size of a correction, over the solution, in the energy norm, not worth computing

@@ -174,7 +174,6 @@ class CondensedContact:
 
 # The equality-constrained linear system of (D2), its interior eliminated once by a sparse factorisation.
 
-
 _REFINEMENTS = 2  # steps of iterative refinement of the dense system with equations
 _LEAST_EIGENVALUE = 1e-12  # eigenvalues of A S⁻¹ Aᵀ below this share of the largest: linearly dependent equations
 

@@ -286,7 +286,6 @@ class FrictionQVI(PicklesFields):
 #
 # As B touches only the interface Γ of `EqualitySystem`, C = B_Γ S⁻¹ B_Γᵀ with the Schur complement S.
 
-
 _MOST_CORRECTIONS = 4
 _LEAST_CORRECTION = 1e-13  # traction, over the largest bonded one, below which a correction is not worth computing
 

@@ -117,10 +117,8 @@ def checked_vector(name: str, value: Any, *, infinite: bool = False) -> Vector:
 # Linearly independent rows of a matrix: by QR with pivoting of the rows scaled to length one if the matrix is small,
 # else by sparse Gaussian elimination.
 
-
 _LEAST_PIVOT = 1e-10
 """Pivots of QR, over the largest one, below which rows of length one count as linearly dependent."""
-
 
 _CANCELLATION = 1e-9  # a row reduced by elimination to less than this share of its terms is linearly dependent
 _PIVOT_THRESHOLD = 0.1  # least size of a pivot over the largest entry of its row

@@ -97,7 +97,6 @@ def _checked_answer(cost: Vector, program: dict[str, Any]) -> Answer:
 
 # Calls of back ends.
 
-
 _Answer = TypeVar("_Answer")
 
 _PANIC: Final = "PanicException"  # Rust's, which is not derived from Exception

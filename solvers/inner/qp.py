@@ -218,7 +218,6 @@ class DirectClarabel:
 # Friction bound and `Centre` are parameters (DPP), |T x + t0| ≤ thr one two-dimensional cone for each contact
 # point. Cite: S. Diamond, S. Boyd, CVXPY, JMLR 2016.
 
-
 _AS_QP = ("clarabel", "copt", "ecos", "gurobi", "mosek", "scs")
 _ROBUST = {"max_iters": 200, "kktsolver": "robust"}
 
