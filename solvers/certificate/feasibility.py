@@ -92,9 +92,8 @@ class AdmissibleRows:
 def is_farkas(qvi: FrictionQVI, y: Vector, nu: Vector) -> bool:
     """Whether (y, ν) proves that C is empty, despite rounding.
 
-    For z in C: 0 ≤ yᵀ(h − G z) + νᵀ(b − A z) = (hᵀy + bᵀν) − (Gᵀy + Aᵀν)ᵀz, so with hᵀy + bᵀν = −d < 0 every
-    point of C has max |z| ≥ d / Σ |Gᵀy + Aᵀν|. The proof counts if that exceeds `_EXCLUDED_SIZE` times the bonded
-    solution.
+    For z in C: 0 ≤ yᵀ(h − G z) + νᵀ(b − A z) = (hᵀy + bᵀν) − (Gᵀy + Aᵀν)ᵀz, so with hᵀy + bᵀν = −d < 0 every point of C
+    has max |z| ≥ d / Σ |Gᵀy + Aᵀν|. The proof counts if that exceeds `_EXCLUDED_SIZE` times the bonded solution.
     """
     if not (np.isfinite(y).all() and np.isfinite(nu).all()) or y.min(initial=0.0) < 0:
         return False

@@ -1,9 +1,8 @@
 r"""A bound of the friction coefficient below which the solution is unique.
 
-Let Σ be the set of traces (σ_N, σ_T) that the body can have, with the scalar product
-(σ, τ) = Σ_i W_i (σ_N τ_N + σ_T τ_T)_i of L² on the contact. Let 𝒲 be the operator for which ½ (𝒲σ, σ) + (c, σ) + const
-is the least energy of a state with the traces σ. In the coordinates x = √W σ, with B = [N; T] and K⁻¹ on the null space
-of A,
+Let Σ be the set of traces (σ_N, σ_T) that the body can have, with the scalar product (σ, τ) = Σ_i W_i (σ_N τ_N + σ_T
+τ_T)_i of L² on the contact. Let 𝒲 be the operator for which ½ (𝒲σ, σ) + (c, σ) + const is the least energy of a state
+with the traces σ. In the coordinates x = √W σ, with B = [N; T] and K⁻¹ on the null space of A,
 
     Ĉ = √W B K⁻¹ Bᵀ √W,    𝒲 = Ĉ⁺ on Σ,    κ = λ_max / λ_min of Ĉ on Σ.
 

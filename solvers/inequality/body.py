@@ -18,13 +18,7 @@ from solvers.errors import InputError
 from solvers.factorisation.base import Factorisation, State, limited_blas
 from solvers.factorisation.choice import Refactorisation, Request, condensing_pays, factorise, refactorisation
 from solvers.inequality.contact import CondensedContact, ContactMatrices
-from solvers.inequality.rows import (
-    Columns,
-    by_columns,
-    checked_matrix,
-    checked_vector,
-    generic_vector,
-)
+from solvers.inequality.rows import Columns, by_columns, checked_matrix, checked_vector, generic_vector
 
 _ASYMMETRY = 1e-10  # accepted |vᵀKw − wᵀKv| relative to |v|ᵀ|K||w|
 
