@@ -301,11 +301,9 @@ class _Loop:
         return no_result(form.problem, Status.BACKEND_FAILED, f"{inner.message}; but nothing proves it")
 
     def _norm(self, v: Vector) -> float:
-        """√(Σ W v²)."""
         return float(np.sqrt(self.qvi.W @ v**2))
 
     def _record(self, result: InnerSolution, residual: float, began: float) -> None:
-        """Add an iteration to the history, and report it."""
         entry = Iteration(
             len(self.history) + 1, residual, self.qvi.energy(result.z), self.qvi.resultant(result.z), result.status,
             result.iterations, time.perf_counter() - began,

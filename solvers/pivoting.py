@@ -60,13 +60,9 @@ _RANK = 1e-11  # singular values of active rows below this share of the largest 
 
 
 class ContactBounds:
-    """The linear complementarity problem of a QVI for signs (m,) of σ_N, dimensionless.
+    """The linear complementarity problem w = q + M x, M (r, r), q (r,), of a QVI for signs (m,) of σ_N.
 
-    Attributes
-    ----------
-    M, q : (r, r), (r,) of w = q + M x
-    stress : the largest bonded traction, w = (limit − H σ) / stress
-
+    It is dimensionless: w = (limit − H σ) / stress, with the largest bonded traction as `stress`.
     """
 
     def __init__(self, qvi: FrictionQVI, compliance: Compliance, signs: Vector) -> None:

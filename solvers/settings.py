@@ -27,13 +27,9 @@ STARTED: Final = ("condensed", "fixed-point")
 class CondensedOptions:
     """Options of the condensed method; `initial` is a `Start` near which it begins.
 
-    By default at most 600 factorisations of Newton's matrix.
-
-    Notes
-    -----
-    On graded meshes the gap is reduced further: by (r / 2e-3)², with r the least weight of a bound over the sum of the
-    weights in its contact, if r < 2e-3. In sparse systems 5e-4 takes the place of 2e-3.
-
+    By default at most 600 factorisations of Newton's matrix. On graded meshes the gap is reduced further: by
+    (r / 2e-3)², with r the least weight of a bound over the sum of the weights in its contact, if r < 2e-3. In sparse
+    systems 5e-4 takes the place of 2e-3.
     """
 
     gap: float = 1e-14
@@ -60,10 +56,9 @@ class CondensedOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class FixedPointOptions:
-    """Options of the fixed point; `initial` is the pressure s (m,) ≥ 0 to start from.
+    """Options of the fixed point; `initial` is the pressure s (m,) ≥ 0 to start from, by default the bonded one.
 
-    By default it starts from the pressure of the bonded solution (one linear solve), and does at most 100 outer
-    iterations.
+    By default at most 100 outer iterations.
     """
 
     variant: str = "anderson"

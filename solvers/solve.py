@@ -93,11 +93,9 @@ _METHOD_FREE_OPTIONS: Final = {"max_iterations"}  # options that do not choose a
 _PROOF_SHARE, _PROOF_LEAST_SECONDS = 0.2, 0.5
 
 _FAILURES = {
-    "singular": Status.ILL_CONDITIONED,
-    "memory": Status.OUT_OF_MEMORY,
-    "time": Status.TIME_LIMIT,
+    "singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY, "time": Status.TIME_LIMIT,
     "backend": Status.BACKEND_FAILED,
-}
+}  # fmt: skip
 
 _LARGEST_FIXED_POINT = 250
 """Contact points up to which the fixed point is a fall-back: an iteration then takes at most a tenth of
@@ -165,9 +163,8 @@ def vertex(search: Search) -> Tries:
 
 def other_vertices(search: Search) -> Tries:
     """Pivoting along each direction d that was not tried yet."""
-    is_first_tried = any(attempt.name == "pivoting" for attempt in search.attempts)
-    tolerance = search.settings.tolerance
-    for direction in range(1 if is_first_tried else 0, DIRECTIONS):
+    was_tried, tolerance = any(each.name == "pivoting" for each in search.attempts), search.settings.tolerance
+    for direction in range(1 if was_tried else 0, DIRECTIONS):
         outcome = solve_pivoting(search.qvi, tolerance, search.options(PivotingOptions), direction)
         name = f"pivoting, direction {direction + 1}" if direction else "pivoting"
         yield Attempt(name, "", outcome.reason, outcome.iterations), outcome

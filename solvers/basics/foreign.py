@@ -77,7 +77,6 @@ def _is_standard(stream: TextIO | None) -> bool:
 
 
 def _shows_output() -> bool:
-    """Whether the log is set to DEBUG, so that output of libraries goes to standard error."""
     return logging.getLogger("qvi_contact").isEnabledFor(logging.DEBUG)
 
 

@@ -54,11 +54,7 @@ class Deadline:
     def __call__(self, seconds: float | None = None) -> Iterator[None]:
         """Set the time limit of the code inside, which ends if it can be interrupted; None sets no limit.
 
-        Raises
-        ------
-        InputError
-            If `seconds` is not a finite number above 0; the field is "time_limit".
-
+        `InputError`, for the field "time_limit", unless `seconds` is a finite number above 0.
         """
         outer = _end.get()
         token = _end.set(min(outer, time.monotonic() + checked_limit(seconds)))

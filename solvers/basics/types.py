@@ -1,7 +1,4 @@
-"""Types of the arrays of (D2): dense vectors, and matrices in compressed columns or rows, all float64.
-
-Also `PicklesFields` for pickles, `Kept` for objects that are made once, and tables in pandas.
-"""
+"""Types of the arrays of (D2), all float64; `PicklesFields` for pickles, `Kept` for shared objects, pandas tables."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import fields

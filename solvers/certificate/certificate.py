@@ -288,7 +288,6 @@ class Certificate:
 
     @cached_property
     def _needed(self) -> dict[str, float]:
-        """Measure → the smallest tolerance at which it would pass."""
         values = self.measures  # a certificate read from a file may lack some
         return {measure.name: measure.needed(values.get(measure.name, np.inf)) for measure in MEASURES}
 

@@ -39,27 +39,22 @@ class Complementarity:
 
     Attributes
     ----------
-    S : (k, k) stiffness
-    c : (k,) gradient at the base
+    S, c : (k, k) stiffness, and (k,) gradient at the base
     T : (t, k) rows of the bounded tractions
     forces : (k, t) map from forces on the bounded tractions to forces on the coordinates, Tᵀ
     N : (t, k) rows of σ_N at the points of bounded shears σ_T; zero for bounded normal tractions
-    weights : (q,) W of each bound
-    W : (t,) W of each bounded traction
+    weights, W : (q,) W of each bound, and (t,) of each bounded traction
     early_shares, shares : (q,) ω of the central path, until the slacks fit their tractions and after
     start : least multiplier at the start, over the scale of displacement
     friction : (q,) mu of bounds that depend on the pressure, else 0
     pressed : (q,) the normal bound whose slack is the pressure in a friction bound, −1 if there is none
     coulomb : the bounds whose `pressed` is not −1
-    traction : (q,) the traction that each bound limits
-    signs : (q,) sign of the force of the multiplier on the traction
+    traction, signs : (q,) the traction that each bound limits, and the sign of the multiplier's force on it
     signed : (t, q) matrix that sums values of the bounds of each traction, times `signs`
     bounds : (t, 4) the bounds of each traction in the order of `SLOTS`, −1 for a missing bound
     count : number of normal bounds, which is that of bounded normal tractions
-    split : (b,) bilateral points whose friction bound depends on |σ_N|
-    split_rows : (b, k) rows of σ_N at these points
-    sizes : (q,) scale of a slack over that of the tractions: 1 + mu for friction, else 1
-    stress : scale of the tractions
+    split, split_rows : (b,) bilateral points whose friction bound depends on |σ_N|, and (b, k) their rows of σ_N
+    stress, sizes : scale of the tractions, and (q,) that of the slacks over it: 1 + mu for friction, else 1
 
     """
 

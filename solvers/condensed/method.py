@@ -295,10 +295,9 @@ class CondensedRun:
         return self.problem.system.norm(force) / self.scale if self.scale > 0.0 else 0.0
 
     def _worst(self, measures: Measures, residuals: Residuals) -> float:
-        """The error by which the best point is chosen.
+        """The error by which the best point is chosen; in sparse systems it includes that of the stress.
 
-        In dense systems it is `Measures.worst`. In sparse ones the error of the stress by residual forces counts too:
-        where the body is soft, as at open joints, a small force causes a large error.
+        Where the body is soft, as at open joints, a small residual force causes a large error of the stress.
         """
         if self.problem.system.last_digits:
             return measures.worst
@@ -355,7 +354,6 @@ class CondensedRun:
             self.path, self.clear_point, self.best = None, None, (np.inf, len(self.history))
 
     def _record(self, measures: Measures) -> None:
-        """Add an iteration to the history, and report it."""
         y = self.interior.point.y
         normal = self.problem.tractions(y)[: self.qvi.m]
         now = time.perf_counter()

@@ -122,15 +122,9 @@ _REMEDY: Final[dict[Reason, str]] = {
 
 
 class FactorisationError(QVIError):
-    """K could not be factorised, or a solve with the factors failed.
+    """K could not be factorised by `backend`, or a solve with the factors failed, for a `reason`.
 
-    Attributes
-    ----------
-    reason : "singular", "memory", "time" or "backend"
-        "singular" includes indefinite matrices; "time": a large factorisation is not begun after the time limit.
-    backend : str
-        Name of the back end.
-
+    The reason "singular" includes indefinite matrices; "time": a large factorisation is not begun after the time limit.
     """
 
     def __init__(self, reason: Reason, backend: str, detail: str) -> None:

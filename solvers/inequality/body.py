@@ -124,11 +124,7 @@ class Stiffness(PicklesFields):
     def using(self, name: str, threads: int | None) -> Iterator[None]:
         """Within the context use this back end and number of threads; a factorisation by another one is dropped.
 
-        Raises
-        ------
-        SolverUnavailableError, InputError
-            As `Request.checked`.
-
+        Raises `SolverUnavailableError` and `InputError` as `Request.checked`.
         """
         results, request = self._results, Request.checked(name, threads)
         if request == results.request:

@@ -187,13 +187,8 @@ class EqualitySystem:
         [S A_Γᵀ; A_Γ 0] (x_Γ, ν) = (r_Γ − K_ΓI K_II⁻¹ r_I, c),    S = K_ΓΓ − K_ΓI K_II⁻¹ K_IΓ.
 
     K is (n, n), positive definite on the null space of A; A is (p, n), p = 0 allowed. Rows of A may be linearly
-    dependent if they are consistent; ν then has the least norm.
-
-    Parameters
-    ----------
-    A : as in `FrictionQVI`
-    factor : a factorisation of K whose interface Γ holds all unknowns that rows of A touch
-
+    dependent if they are consistent; ν then has the least norm. Γ, the interface of the given factorisation of K, must
+    hold all unknowns that rows of A touch.
     """
 
     def __init__(self, A: Columns, factor: Factorisation) -> None:

@@ -37,10 +37,8 @@ def make_inner(name: str, qvi: FrictionQVI, tolerance: float, options: Mapping[s
 
 
 _KINDS: Final[Mapping[str, Callable[..., InnerSolver]]] = {
-    "qp": qp.QPSolver,
-    "direct": qp.DirectClarabel,
-    "socp": qp.SOCPSolver,
-}
+    "qp": qp.QPSolver, "direct": qp.DirectClarabel, "socp": qp.SOCPSolver,
+}  # fmt: skip
 
 
 def check_name(name: object) -> str:
