@@ -45,7 +45,7 @@ _SLACK, _FORCE = 1e-11, 1e-11  # largest residuals of a solution, see `Measures`
 _FORCE_FLOOR = 1e-8  # largest residual `force` of a solution if it no longer shrinks
 _COARSEST_GAP = 1e-11  # largest gap of a solution if the iteration has stalled
 # Newton steps are computed by `Saddle` once `force` exceeds the first at a gap below the second.
-_SADDLE_FORCE, _LATE_GAP = 1e-11, 1e-4
+_INEXACT, _LATE = 1e-11, 1e-4
 _LARGEST_SADDLE = 2500  # unknowns and bounds up to which `Saddle` is used
 _UNBALANCED = 1e-10  # largest error of the stress by residual forces, in the energy norm, relative
 _PROGRESS = 0.7  # factor by which the distance has to fall within `patience` iterations
@@ -57,7 +57,7 @@ EXACT: Final = 1e-12  # relative size of a defect correction that is not worth c
 _LARGEST_ROUNDING = 1e-6  # relative size of a correction above which it cannot be rounding
 _HALVED = 0.5
 _CONTRADICTION = 1e-6  # shear at points without friction, relative, above which the equations contradict each other
-_CONTRACTION_LIMIT = 0.3  # size of a defect correction, over the step before it, above which they do not converge
+_DIVERGING = 0.3  # size of a defect correction, over the step before it, above which they do not converge
 _LEAST_WARM_STEPS = (
     0.5,
     0.4,
@@ -204,9 +204,7 @@ class CondensedRun:
                 return
             self._correct(step)
             gap = final
-            if self.sizes[-1] > _CONTRACTION_LIMIT * max(
-                step, _HALVED * self.sizes[-2] if len(self.sizes) > 1 else 0.0
-            ):
+            if self.sizes[-1] > _DIVERGING * max(step, _HALVED * self.sizes[-2] if len(self.sizes) > 1 else 0.0):
                 at_floor = self.sizes[-1] <= _LARGEST_ROUNDING
                 self.end = Status.SOLVED if at_floor else Status.ILL_CONDITIONED
                 self.message = f"defect corrections end at {self.sizes[-1]:.0e} of the first step"
@@ -264,12 +262,10 @@ class CondensedRun:
         problem, interior = self.problem, self.interior
         if self.path is None and measures.slack <= _SETTLED:
             interior.settle()
-        if measures.gap < _LATE_GAP and measures.kink > max(measures.gap, _SLACK):
+        if measures.gap < _LATE and measures.kink > max(measures.gap, _SLACK):
             interior.sharpen()
         affordable = problem.system.last_digits and problem.S.shape[0] + len(problem.weights) <= _LARGEST_SADDLE
-        interior.accurate = affordable and (
-            interior.accurate or (measures.force > _SADDLE_FORCE and measures.gap < _LATE_GAP)
-        )
+        interior.accurate = affordable and (interior.accurate or (measures.force > _INEXACT and measures.gap < _LATE))
 
     def _is_reached(self, measures: Measures, residuals: Residuals, gap: float, stalled: bool) -> bool:
         """Whether the gap is reached, and all residuals are rounding."""
@@ -302,7 +298,7 @@ class CondensedRun:
         if self.problem.system.last_digits:
             return measures.worst
         worst = max(self._distance(measures), measures.force / _FORCE_FLOOR)
-        if measures.gap > _LATE_GAP or worst >= self.best_point[0] or not self.base.strain_energy > 0.0:
+        if measures.gap > _LATE or worst >= self.best_point[0] or not self.base.strain_energy > 0.0:
             return worst
         return max(worst, self._unbalanced(residuals) / _UNBALANCED)
 
