@@ -204,9 +204,8 @@ def _linear(qvi: FrictionQVI, method: str) -> Tries:
 class Way(NamedTuple):
     """An entry of `ATTEMPTS`: generators of attempts of one method."""
 
-    method: str  # a method that the user asks for runs its own entries only
-    # each generator makes one attempt at a time, when the one before was not certified; it may make none
-    tries: tuple[Callable[[Search], Tries], ...]
+    method: str  # if the user asks for a method, only its entries are used
+    tries: tuple[Callable[[Search], Tries], ...]  # each yields attempts, one by one, until one is certified
     subject: str = ""  # the method as the subject of a sentence in the message
     # whether a problem is suitable, asked only if the user chose no method
     serves: Callable[[FrictionQVI], bool] = lambda _: True
@@ -284,13 +283,13 @@ class Search:
         try:
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # divergence becomes a status
                 for attempt, outcome in tries:
-                    before, found = time.perf_counter(), None
+                    before, new_certificate = time.perf_counter(), None
                     if self.best is not None or outcome.reason is not Status.ILL_CONDITIONED:
-                        found = outcome.certified(qvi, tolerance)
-                        attempt = attempt._replace(status=certified_status(attempt.status, found))
+                        new_certificate = outcome.certified(qvi, tolerance)
+                        attempt = attempt._replace(status=certified_status(attempt.status, new_certificate))
                     certifying += time.perf_counter() - before
                     self.attempts += (attempt._replace(reason=attempt.reason or why),)
-                    certificate = self._keep(outcome, found, certificate)
+                    certificate = self._keep(outcome, new_certificate, certificate)
                     if certificate is not None and certificate.passed:
                         break
         except (FactorisationError, MemoryError) as error:
@@ -305,12 +304,15 @@ class Search:
         seconds = time.perf_counter() - began - best.setup - certifying
         return certificate, {"setup": best.setup, "solve": seconds, "certificate": certifying}
 
-    def _keep(self, outcome: Outcome, found: Certificate | None, certificate: Certificate | None) -> Certificate | None:
-        """Keep a new outcome as the best if its certificate is better, or the best has none; the best certificate."""
+    def _keep(self, outcome: Outcome, new: Certificate | None, certificate: Certificate | None) -> Certificate | None:
+        """Keep the better of the best outcome, with its certificate, and a new one; returns the certificate kept.
+
+        An outcome without certificate is replaced, and replaces the best.
+        """
         best = self.best
-        if best is None or certificate is None or found is None or found.accuracy < certificate.accuracy:
+        if best is None or certificate is None or new is None or new.accuracy < certificate.accuracy:
             self.best = outcome
-            return found
+            return new
         best.history, best.iterations = outcome.history, outcome.iterations  # of all runs, whichever is best
         if outcome.reason is Status.TIME_LIMIT and best.reason is not Status.SOLVED:
             best.reason, best.message = outcome.reason, ""
@@ -323,10 +325,10 @@ class Search:
         """
         later = [way for way in ATTEMPTS[1:] if way.method != first.method and way.serves(self.qvi)]
         limit = self.settings.options.get("max_iterations")
-        spent, over = limit is not None and first.iterations >= limit, deadline.over
-        if spent or first.status not in _WORTH_A_FALL_BACK or not later:
+        is_spent, is_over = limit is not None and first.iterations >= limit, deadline.over
+        if is_spent or first.status not in _WORTH_A_FALL_BACK or not later:
             return first
-        if over:
+        if is_over:
             return out_of_time(first)
         seconds = max(LEAST_SECONDS, time.perf_counter() - self._began)
         tried = f"the condensed method ended {first.status.words} after {first.iterations} iterations"
@@ -342,16 +344,16 @@ class Search:
                 break
         better = last.certificate.accuracy < first.certificate.accuracy
         if last.solved or (last.status is Status.INACCURATE and better):
-            found, remark = last, f"{subject} found this solution after {tried}."
+            solution, remark = last, f"{subject} found this solution after {tried}."
         elif deadline.over:
-            found = out_of_time(last if better else first)
+            solution = out_of_time(last if better else first)
             remark = f"The time limit ended {subject.lower()}, which was tried because {tried}."
         elif last.status is Status.TIME_LIMIT:
             stopped = f"{subject}, tried next, was stopped after {seconds:.0f} seconds"
-            found, remark = first, f"{stopped}: method={way.method!r} gives it more time."
+            solution, remark = first, f"{stopped}: method={way.method!r} gives it more time."
         else:
-            found, remark = first, f"{subject}, tried next, ended {last.status.words}."
-        return dataclasses.replace(found, message=f"{found.message} {remark}", attempts=self.attempts)
+            solution, remark = first, f"{subject}, tried next, ended {last.status.words}."
+        return dataclasses.replace(solution, message=f"{solution.message} {remark}", attempts=self.attempts)
 
 
 def solved(qvi: FrictionQVI, settings: Settings, initial: object = None) -> QVISolution:
@@ -404,20 +406,20 @@ def followed_solutions(solution: QVISolution, *, time_limit: float | None = None
     """
     if not solution.solved:
         raise InputError("solution", str(solution.status), "give one that is solved")
-    found, qvi = [solution], solution.problem
+    solutions, qvi = [solution], solution.problem
     if not (qvi.mu > 0.0).any():
         return (solution,)
     with deadline(time_limit):
         for end in _ends(solution):
-            if end.solved and all(traction_difference(end, other) > OTHER for other in found):
-                found.append(end)
-    return tuple(found)
+            if end.solved and all(traction_difference(end, other) > OTHER for other in solutions):
+                solutions.append(end)
+    return tuple(solutions)
 
 
 def traction_difference(one: QVISolution, other: QVISolution) -> float:
     """The largest difference of tractions at a contact point, over the largest traction of the first."""
-    mine, theirs = (each.problem.tractions(each.z) for each in (one, other))
-    return largest(mine - theirs) / one.certificate.scales["stress"]
+    first, second = (solution.problem.tractions(solution.z) for solution in (one, other))
+    return largest(first - second) / one.certificate.scales["stress"]
 
 
 def _ends(solution: QVISolution) -> Iterator[QVISolution]:

@@ -19,14 +19,14 @@ def front(room: str, homes: Mapping[str, tuple[str, ...]] | None = None) -> Call
         modules = [home for home, names in (homes or {}).items() if name in names]
         if homes is None and not name.startswith("_"):
             modules = [module.name for module in iter_modules(sys.modules[room].__path__)]
-        found = {}
+        values = {}
         for home in modules if name not in modules else ():
             value = getattr(import_module(f"{room}.{home}"), name, sys)
             imported = isinstance(value, type | FunctionType) and value.__module__ != f"{room}.{home}"
             if not (imported or isinstance(value, ModuleType)):
-                found[id(value)] = value
-        if len(found) != 1:
-            raise AttributeError(f"module {room!r} has {'no' if not found else 'more than one'} attribute {name!r}")
-        return next(iter(found.values()))
+                values[id(value)] = value
+        if len(values) != 1:
+            raise AttributeError(f"module {room!r} has {'no' if not values else 'more than one'} attribute {name!r}")
+        return next(iter(values.values()))
 
     return loaded

@@ -58,10 +58,7 @@ _LARGEST_ROUNDING = 1e-6  # relative size of a correction above which it cannot 
 _HALVED = 0.5
 _CONTRADICTION = 1e-6  # shear at points without friction, relative, above which the equations contradict each other
 _DIVERGING = 0.3  # size of a defect correction, over the step before it, above which they do not converge
-_LEAST_WARM_STEPS = (
-    0.5,
-    0.4,
-)  # lengths of the first steps from a given state; with shorter ones the start gains nothing
+_LEAST_WARM_STEPS = (0.5, 0.4)  # first steps from a given state; with shorter ones the start gains nothing
 _LONG_STEP = 0.5  # length above which a step counts as long
 _MOST_TURNS = 12
 _MOST_ITERATIONS = 300  # iterations of one start

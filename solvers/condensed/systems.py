@@ -457,8 +457,8 @@ def _filling(K: SparseRows, N: SparseRows, T: SparseRows) -> Filling:
 
 def _places(pattern: IntVector, keys: IntVector) -> IntVector:
     """The indices of keys in a sorted pattern, −1 for keys that it lacks."""
-    found = np.minimum(np.searchsorted(pattern, keys), len(pattern) - 1)
-    return np.where(pattern[found] == keys, found, -1)
+    index = np.minimum(np.searchsorted(pattern, keys), len(pattern) - 1)
+    return np.where(pattern[index] == keys, index, -1)
 
 
 def _products(left: SparseRows, right: SparseRows) -> tuple[IntVector, IntVector, IntVector, Vector]:
