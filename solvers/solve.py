@@ -17,7 +17,7 @@ from solvers.basics.types import Vector
 from solvers.certificate.certificate import Certificate
 from solvers.certificate.feasibility import refuted
 from solvers.condensed.method import EXACT, LAST, CondensedRun
-from solvers.condensed.systems import FITTING_SHARES, NEAR_BONDED_SHARES
+from solvers.condensed.systems import FITTING_PATH, NEAR_BONDED_PATH
 from solvers.errors import InputError, SolveError
 from solvers.factorisation.base import FactorisationError
 from solvers.fixed_point import initial_pressure, solve_fixed_point
@@ -117,7 +117,7 @@ def usual_start(search: Search) -> Tries:
     yield run.attempt("condensed", ""), run.outcome()
 
 
-def other_shares(search: Search) -> Tries:
+def other_paths(search: Search) -> Tries:
     """The condensed method along other central paths, that is, with other path weights of the friction bounds.
 
     If the run began near a given state, the first path is the usual one. If the slacks did not fit their tractions, the
@@ -136,19 +136,19 @@ def other_shares(search: Search) -> Tries:
     best.feasibility = refuted(search.qvi, max(_PROOF_SHARE * search.seconds, _PROOF_LEAST_SECONDS))
     if best.feasibility is not None:
         return
-    shares = first.space.shares
-    others = [share for share in shares[1:] if share.late < shares[0].late or not is_inexact]
-    for reason, share in ((Status.INNER_INFEASIBLE, FITTING_SHARES), (Status.STALLED, NEAR_BONDED_SHARES)):
-        if first.reason is reason and share not in shares:
-            others.insert(0, share)
+    paths = first.space.paths
+    others = [path for path in paths[1:] if path.late < paths[0].late or not is_inexact]
+    for reason, path in ((Status.INNER_INFEASIBLE, FITTING_PATH), (Status.STALLED, NEAR_BONDED_PATH)):
+        if first.reason is reason and path not in paths:
+            others.insert(0, path)
     if search.qvi.frictionless.all():  # the weights of friction bounds change nothing
-        others = [share for share in others if share.start != shares[0].start]
-    for share in [shares[0], *others] if first.is_warm else others:
+        others = [path for path in others if path.start != paths[0].start]
+    for path in [paths[0], *others] if first.is_warm else others:
         before = search.run or first
-        run = search.run = before.again(share, turned=share != shares[0] and not is_inexact)
+        run = search.run = before.again(path, turned=path != paths[0] and not is_inexact)
         run.iterate()
-        near = ", near the bonded state" if share.start < shares[0].start else ""
-        name = f"condensed, friction's share {share.early:g}, then {share.late:g}{near}"
+        near = ", near the bonded state" if path.start < paths[0].start else ""
+        name = f"condensed, friction's share {path.early:g}, then {path.late:g}{near}"
         yield run.attempt(name, f"the start before ended {before.reason.words}"), run.outcome()
         if run.reason in LAST or (run.reason is Status.SOLVED and not is_inexact):
             return
@@ -213,7 +213,7 @@ class Way(NamedTuple):
 
 ATTEMPTS: Final = (
     Way("pivoting", (vertex,), serves=affordable),
-    Way("condensed", (usual_start, other_shares)),
+    Way("condensed", (usual_start, other_paths)),
     Way("pivoting", (other_vertices,), "Pivoting", lambda qvi: affordable(qvi, LARGEST_LATE)),
     Way("fixed-point", (fixed_point,), "The fixed point", lambda qvi: qvi.m <= _LARGEST_FIXED_POINT),
     Way("uzawa", (uzawa,), serves=lambda _: False),

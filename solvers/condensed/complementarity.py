@@ -22,7 +22,7 @@ from scipy.sparse.linalg import splu
 
 from solvers.basics.types import IntVector, Matrix, SparseRows, Vector
 from solvers.certificate.certificate import body_scales
-from solvers.condensed.systems import FRICTION_SHARES, SLOTS, Coordinates, Expansion, NewtonSystem, PathWeights
+from solvers.condensed.systems import SLOTS, USUAL_PATHS, Coordinates, Expansion, NewtonSystem, PathWeights
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import Rows, are_few, dense, echelon, largest, scaled
 
@@ -44,7 +44,7 @@ class Complementarity:
     forces : (k, t) map from forces on the bounded tractions to forces on the coordinates, Tᵀ
     N : (t, k) rows of σ_N at the points of bounded shears σ_T; zero for bounded normal tractions
     weights, W : (q,) W of each bound, and (t,) of each bounded traction
-    early_shares, shares : (q,) ω of the central path, until the slacks fit their tractions and after
+    early_omega, omega : (q,) ω of the central path, until the slacks fit their tractions and after
     start : least multiplier at the start, over the scale of displacement
     friction : (q,) mu of bounds that depend on the pressure, else 0
     pressed : (q,) the normal bound whose slack is the pressure in a friction bound, −1 if there is none
@@ -64,9 +64,9 @@ class Complementarity:
         space: Coordinates,
         base: Expansion,
         stress: float,
-        shares: PathWeights = FRICTION_SHARES[0],
+        path: PathWeights = USUAL_PATHS[0],
     ) -> None:
-        self._shares, self.start = shares, shares.start
+        self._path, self.start = path, path.start
         self._qvi, self._space, self.stress = qvi, space, stress
         self._equations = Equations(space, qvi.W)
         self._lay_out()
@@ -112,8 +112,8 @@ class Complementarity:
         self.W: Vector = self.weights[: len(self.bounds)]
         self.total_weight = float(self.weights.sum())
         self.sizes: Vector = np.where(is_cap | (self._sign == 0.0), 1.0, 1.0 + mu)
-        early, late = self._shares.early, self._shares.late
-        self.early_shares, self.shares = (np.where(self._sign == 0.0, 1.0, share) for share in (early, late))
+        early, late = self._path.early, self._path.late
+        self.early_omega, self.omega = (np.where(self._sign == 0.0, 1.0, weight) for weight in (early, late))
         # Bilateral points with friction: their friction bounds, the point of each of these bounds, and their shears.
         self.split: IntVector = np.flatnonzero(qvi.bilateral & (qvi.mu > 0.0) & ~qvi.frictionless)
         self.split_weights: Vector = qvi.W[self.split]

@@ -1,6 +1,6 @@
 """Primal-dual interior point method for `Complementarity`, with Mehrotra's predictor and Gondzio's correctors.
 
-The conditions are s λ = τ ω and tension · pressure = τ ω with weights ω (`shares`). Each iteration factorises their
+The conditions are s λ = τ ω and tension · pressure = τ ω with weights ω (`omega`). Each iteration factorises their
 Newton matrix once. With a = tension, b = pressure and the residual r = σ_N − (a − b):
 
     (S + BᵀW diag(λ/s) C) dy = …,    ds = slack − s − C dy,    dλ = (target − s λ − λ ds) / s,
@@ -108,7 +108,7 @@ class InteriorPoint:
     Attributes
     ----------
     point : the iterate
-    shares : (q + b,) weights ω of the products on the central path, the early ones before `settle`
+    omega : (q + b,) weights ω of the products on the central path, the early ones before `settle`
     settled : whether the late weights are taken, and bounds may be passed
     finest : the gap at which τ is not reduced any more
     least : the τ of that gap
@@ -131,13 +131,13 @@ class InteriorPoint:
         normal = problem.split_normal(y)
         smooth = np.hypot(normal, _START_KINK * problem.stress)
         s = np.maximum(problem.slack(y, smooth), _START_SLACK * problem.stress * problem.sizes)
-        early = problem.early_shares
+        early = problem.early_omega
         lam = problem.start * self.displacement * early / np.maximum(problem.sizes, s / problem.stress)
         self.point = Point.of(y, s, lam, 0.5 * (smooth + normal), 0.5 * (smooth - normal))
-        self._set_shares(np.concatenate([early, np.zeros(len(normal))]))
+        self._set_omega(np.concatenate([early, np.zeros(len(normal))]))
         self.settled, self._n_stragglers = False, 0
         kink = self.point.tension * self.point.pressure / max(self.parameter(), _TINY)  # equal at all points
-        self.shares[len(early) :] = kink
+        self.omega[len(early) :] = kink
 
     def residuals(self) -> Residuals:
         """Residuals of the current point."""
@@ -152,14 +152,14 @@ class InteriorPoint:
         if self.settled:
             return
         tau, count = self.parameter(), len(self.point.s)
-        self.shares[:count], self.settled = self.problem.shares, True
-        self._n_stragglers = int(self.problem.system.stragglers * len(self.shares))
-        self._set_shares(self.shares)
-        self.shares[count:] *= tau / max(self.parameter(), _TINY)
+        self.omega[:count], self.settled = self.problem.omega, True
+        self._n_stragglers = int(self.problem.system.stragglers * len(self.omega))
+        self._set_omega(self.omega)
+        self.omega[count:] *= tau / max(self.parameter(), _TINY)
 
     def sharpen(self) -> None:
         """Reduce the targets of tension · pressure; at points where σ_N = 0 both fall like √τ only."""
-        self.shares[len(self.point.s) :] *= _SHARPENING
+        self.omega[len(self.point.s) :] *= _SHARPENING
 
     def measures(self, residuals: Residuals) -> Measures:
         """Relative errors of the current point."""
@@ -172,7 +172,7 @@ class InteriorPoint:
             slack = max(slack, largest(residuals.split) / stress)
             kink = 2.0 * largest(np.minimum(self.point.tension, self.point.pressure)) / stress
         size = max(self._force_scale, residuals.largest, _TINY)
-        self.least = self.finest * unit / max(self._total_share, _TINY)
+        self.least = self.finest * unit / max(self._total_omega, _TINY)
         force = largest(residuals.force) / size
         return Measures(gap, slack, kink, force, max(gap, slack, kink, force))
 
@@ -190,7 +190,7 @@ class InteriorPoint:
         centring = min(most, max((affine_work / max(work, _TINY)) ** 3, 1e-6, (1.0 - reach) ** 3))
         damping = 1.0 if reach >= _SHORT_PREDICTOR else reach**2
         # The corrected step to the target, without the second order of the predictor.
-        target = max(centring * tau, self.lowest(residuals, tau)) * self.shares
+        target = max(centring * tau, self.lowest(residuals, tau)) * self.omega
         comp = target - products - damping * affine.products
         may_pass = self._n_stragglers > 0 and tau > _LAST_PASSING * self.least
         step, length = _corrected(newton, point, comp, target, _SHORT_STEP if may_pass else 0.0)
@@ -231,22 +231,22 @@ class InteriorPoint:
 
     def parameter(self, point: Point | None = None) -> float:
         """τ = Σ W s λ / Σ W ω of a point, the current one by default; 0 without bounds."""
-        return self._work(point or self.point) / self._total_share if self._total_share > 0.0 else 0.0
+        return self._work(point or self.point) / self._total_omega if self._total_omega > 0.0 else 0.0
 
     def _work(self, point: Point) -> float:
         """Σ W s λ."""
         return float(self.problem.weights @ (point.s * point.lam))
 
-    def _set_shares(self, shares: Vector) -> None:
-        """Take these weights ω (q + b,); `_total_share` is Σ W ω over the bounds."""
-        self.shares = shares
-        self._total_share = float(self.problem.weights @ shares[: len(self.problem.weights)])
+    def _set_omega(self, omega: Vector) -> None:
+        """Take these weights ω (q + b,); `_total_omega` is Σ W ω over the bounds."""
+        self.omega = omega
+        self._total_omega = float(self.problem.weights @ omega[: len(self.problem.weights)])
 
     def _centrality(self, point: Point) -> float:
         """The smallest product over its value τω on the central path."""
         products, weights = point.products, self.problem.weights
-        tau = float(weights @ products[: weights.size]) / (self._total_share or np.inf)
-        return float(np.minimum.reduce(products / (max(tau, _TINY) * self.shares), initial=np.inf))
+        tau = float(weights @ products[: weights.size]) / (self._total_omega or np.inf)
+        return float(np.minimum.reduce(products / (max(tau, _TINY) * self.omega), initial=np.inf))
 
 
 # Newton steps without the elimination of stiff bounds, for the last digits of the forces.
@@ -441,7 +441,7 @@ def start_near(interior: InteriorPoint, y: Vector, start: Start) -> None:
     interior.settle()
     interior.longest = max(interior.longest, _LONGEST_NEAR)
     unit = problem.stress * interior.displacement * problem.total_weight
-    products = GAP * unit / float(problem.weights @ problem.shares) * interior.shares
+    products = GAP * unit / float(problem.weights @ problem.omega) * interior.omega
     kink = products[len(products) - n_split :]
     normal = problem.split_normal(y)
     size = np.sqrt(normal**2 + 4.0 * kink)
@@ -505,7 +505,7 @@ class CentralPath:
         method = self._method
         self._steps += 1
         point, residuals = method.point, method.residuals()
-        target = np.exp(self._log) * method.shares
+        target = np.exp(self._log) * method.omega
         newton = Newton(method.problem, point, residuals)
         # The tangent, a change of log τ by 1, and the Newton step to the curve at this τ.
         along = newton.step(target, only=True)

@@ -78,7 +78,7 @@ class CondensedRun:
     """
 
     def __init__(
-        self, qvi: FrictionQVI, space: Coordinates, options: CondensedOptions, shares: PathWeights, *, setup: float,
+        self, qvi: FrictionQVI, space: Coordinates, options: CondensedOptions, weights: PathWeights, *, setup: float,
         near: bool | None = None, history: list[Iteration] | None = None, turned_before: bool = False,
     ) -> None:  # fmt: skip
         self.qvi, self.space, self.options, self.setup = qvi, space, options, setup
@@ -98,7 +98,7 @@ class CondensedRun:
         self.base = space.base(np.zeros(qvi.n))
         bonded = space.bonded(self.base)
         stress = max(1e-300, largest(self.base.tractions + space.E @ bonded))
-        self.problem = Complementarity(qvi, space, self.base, stress, shares)
+        self.problem = Complementarity(qvi, space, self.base, stress, weights)
         stiffness = qvi.contact_stiffness
         self.interior = InteriorPoint(self.problem, stress / stiffness if stiffness > 0.0 else 1.0)
         self.interior.start_at(self.problem.restricted(bonded))
@@ -123,13 +123,13 @@ class CondensedRun:
         if system == "auto":
             system = "dense" if qvi.stiffness.condensing_pays(qvi.contact) else "sparse"
         space = SparseCoordinates(qvi) if system == "sparse" else DenseCoordinates(qvi)
-        return cls(qvi, space, options, space.shares[0], setup=time.perf_counter() - began)
+        return cls(qvi, space, options, space.paths[0], setup=time.perf_counter() - began)
 
-    def again(self, shares: PathWeights, *, turned: bool) -> "CondensedRun":
+    def again(self, weights: PathWeights, *, turned: bool) -> "CondensedRun":
         """Another run, with these path weights; `turned`: whether turns of the paths so far are reported."""
         turned_before = turned and (self.turned_before or self.turns > 0)
         return CondensedRun(
-            self.qvi, self.space, self.options, shares, setup=self.setup, near=self.near, history=self.history,
+            self.qvi, self.space, self.options, weights, setup=self.setup, near=self.near, history=self.history,
             turned_before=turned_before,
         )  # fmt: skip
 

@@ -36,18 +36,18 @@ class PathWeights(NamedTuple):
     start: float = 0.1  # least multiplier λ at the start, over the scale of displacement
 
 
-FRICTION_SHARES = (PathWeights(30.0, 1000.0), PathWeights(100.0, 100.0), PathWeights(1e4, 1e4), PathWeights(10.0, 10.0))
+USUAL_PATHS = (PathWeights(30.0, 1000.0), PathWeights(100.0, 100.0), PathWeights(1e4, 1e4), PathWeights(10.0, 10.0))
 """Central paths in the order in which they are tried. With ω = 1 to the end the path often turns back if contact opens
 and friction is large; with ω = 1000 from the start it does so if rows are dense."""
 
-FITTING_SHARES = PathWeights(1.0, 30.0)
+FITTING_PATH = PathWeights(1.0, 30.0)
 """The path that is tried next if slacks do not fit their tractions. Close to a sliding limit walls need it."""
 
-MANY_POINTS_SHARES = (FITTING_SHARES, PathWeights(30.0, 1000.0), PathWeights(1e4, 1e4), PathWeights(10.0, 10.0))
+MANY_POINTS_PATHS = (FITTING_PATH, PathWeights(30.0, 1000.0), PathWeights(1e4, 1e4), PathWeights(10.0, 10.0))
 """Central paths for thousands of contact points. With ω = 1 at first the path smooths pressure and friction alike, and
 the beds of a wall open and slip without short steps."""
 
-NEAR_BONDED_SHARES = FITTING_SHARES._replace(start=0.002)
+NEAR_BONDED_PATH = FITTING_PATH._replace(start=0.002)
 """A path that starts nearer to the bonded solution, with more iterations for small problems. With larger multipliers at
 the start the pressure of large walls gathers in the last cells of the lowest bed, and steps become short."""
 
@@ -80,7 +80,7 @@ class DenseCoordinates:
 
     Attributes
     ----------
-    shares : the central paths to try, see `FRICTION_SHARES`
+    paths : the central paths to try, see `USUAL_PATHS`
     stiffness : S_y (k, k), the energy is ½ yᵀ stiffness y + cᵀy + const
     E : (2m, k), tractions by coordinates
     A : A_y (p, k), rows of the equations
@@ -96,7 +96,7 @@ class DenseCoordinates:
         self._coordinates, self._scale, self.stiffness, self.E, self.A = interface.reduced
         self.frictionless = np.flatnonzero(qvi.frictionless)
         self._many_points = not qvi.stiffness.condensing_pays(qvi.contact)
-        self.shares = MANY_POINTS_SHARES if self._many_points else FRICTION_SHARES
+        self.paths = MANY_POINTS_PATHS if self._many_points else USUAL_PATHS
 
     @property
     def size(self) -> int:
@@ -223,7 +223,7 @@ class DenseSystem:
 # so large that iterative refinement removes the term h/ω. At points without friction the springs are added to the
 # blocks M_TT; the few rows of A, which may be long, are a matrix of low rank.
 
-_NEAR_BONDED_FIRST = 12_000  # contact points above which `NEAR_BONDED_SHARES` is the first path, else the last
+_NEAR_BONDED_FIRST = 12_000  # contact points above which `NEAR_BONDED_PATH` is the first path, else the last
 _ROUNDING = 1e-14  # length of an equation's row, over the longest, below which it is rounding
 # Least ω. Each refinement gains as many digits as ω has; dependent rows leave an error of ω roundings in h.
 _SPRING = 1e6
@@ -236,8 +236,8 @@ class SparseCoordinates:
 
     def __init__(self, qvi: FrictionQVI) -> None:
         self._qvi, self._linear = qvi, qvi.linear_system
-        near = (NEAR_BONDED_SHARES,)
-        self.shares = near + MANY_POINTS_SHARES if qvi.m > _NEAR_BONDED_FIRST else MANY_POINTS_SHARES + near
+        near = (NEAR_BONDED_PATH,)
+        self.paths = near + MANY_POINTS_PATHS if qvi.m > _NEAR_BONDED_FIRST else MANY_POINTS_PATHS + near
         diagonal = qvi.K.diagonal()
         self._scale: Vector = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         rows, E = qvi.contact.factor.rows, csr_array(qvi.contact.factor.interpolation)

@@ -129,9 +129,9 @@ def test_newton_steps_are_refined_where_their_solution_is_inaccurate(error, solv
     assert np.abs(left).max() < 1e-8 * np.abs(problem.force(step.lam)).max()
 
 
-def posed_whole(qvi, *shares):
+def posed_whole(qvi, *path):
     whole = SparseCoordinates(qvi)
-    return whole, Complementarity(qvi, whole, whole.base(np.zeros(qvi.n)), 1.0, *shares)
+    return whole, Complementarity(qvi, whole, whole.base(np.zeros(qvi.n)), 1.0, *path)
 
 
 @pytest.mark.parametrize(("share", "length", "kept"), [(0.05, 0.99, 0.3), (0.0, 0.0495, 1.0 - 20.0 * 0.0495)])
@@ -189,14 +189,14 @@ def test_friction_has_another_share_once_slacks_fit(law):
     whole = SparseCoordinates(qvi)
     problem = Complementarity(qvi, whole, whole.base(np.zeros(qvi.n)), 1.0, PathWeights(2.0, 50.0))
     interior = InteriorPoint(problem, 1.0)
-    count, early, before = len(problem.shares), interior.shares.copy(), interior.parameter()
+    count, early, before = len(problem.omega), interior.omega.copy(), interior.parameter()
     assert set(early[:count]) == ({1.0, 2.0} if law != "bilateral" else {2.0})
     assert problem.weights @ (interior.point.s * interior.point.lam - before * early[:count]) == pytest.approx(0.0)
     for _ in range(2):
         interior.settle()
         after = interior.parameter()
-        assert interior.shares[:count] == pytest.approx(np.where(early[:count] == 2.0, 50.0, 1.0))
-        assert after * interior.shares[count:] == pytest.approx(before * early[count:])
+        assert interior.omega[:count] == pytest.approx(np.where(early[:count] == 2.0, 50.0, 1.0))
+        assert after * interior.omega[count:] == pytest.approx(before * early[count:])
 
 
 def row_of_points(m):
@@ -220,9 +220,9 @@ def test_large_problems_start_near_the_bonded_solution():
     """Multipliers are a fiftieth; the other start comes next."""
     many = row_of_points(12_001)
     with many.stiffness.using("multifrontal", 1):
-        large, small = SparseCoordinates(many).shares, SparseCoordinates(chain(0)).shares
+        large, small = SparseCoordinates(many).paths, SparseCoordinates(chain(0)).paths
     assert (large[0], large[1:]) == (small[-1], small[:-1])
-    near, usual = (InteriorPoint(posed_whole(chain(0), shares)[1], 1.0).point.lam for shares in large[:2])
+    near, usual = (InteriorPoint(posed_whole(chain(0), path)[1], 1.0).point.lam for path in large[:2])
     assert near == pytest.approx(0.02 * usual)
 
 
