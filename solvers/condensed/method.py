@@ -72,9 +72,8 @@ _ON_PATH = 1e-4  # residual of slacks below which a stalled iteration means a tu
 class CondensedRun:
     """A run of the method from one start: base z = 0, first point the bonded solution; and its state.
 
-    `history` is the list of the iterations of earlier runs, to which this run adds its own; `turned_before`: whether
-    the central path of an earlier run, with other weights, had a turn; `near`: whether `initial` was near, None
-    without one.
+    `history` has the iterations of earlier runs, to which this run adds its own; `turned_before`: whether the path of
+    an earlier run, with other weights, had a turn; `near`: whether the state `initial` was near, None without one.
     """
 
     def __init__(
@@ -85,10 +84,7 @@ class CondensedRun:
         self.near, self.turned_before = near, turned_before
         self.history = [] if history is None else history
         self.before = len(self.history)  # number of iterations of earlier runs
-        self.best = (
-            np.inf,
-            self.before,
-        )  # the least distance, see `_distance`, and the number of iterations until then
+        self.progress = (np.inf, self.before)  # least distance, see `_distance`, and number of iterations until then
         self.end: Status | None = None  # why the run ended, None before its end
         self.message = ""
         self.is_warm = False  # whether the run began near the state `initial`
@@ -112,7 +108,7 @@ class CondensedRun:
         self.last_gap = self.force = np.inf  # gap and `force` of the iteration before
         self.last_residual = np.inf  # residual of y, in the energy norm, at the last iterate that met all other tests
         self.path: CentralPath | None = None
-        self.clear_point: Point | None = None  # the last point from which a step was long
+        self.long_step_point: Point | None = None  # the last point from which a step was long
         self.best_point = (np.inf, self.interior.point)  # the best point and its error, see `_worst`
 
     @classmethod
@@ -217,7 +213,7 @@ class CondensedRun:
         self.problem.rebase(after)
         point = self.interior.point
         self.interior.point = Point(np.zeros_like(point.y), point.values, len(point.s))
-        self.best = (np.inf, len(self.history))
+        self.progress = (np.inf, len(self.history))
 
     def _reach(self, gap: float) -> None:
         """Iterate until the gap is reached, around turns of the central path; ends at the best point."""
@@ -312,9 +308,9 @@ class CondensedRun:
     def _is_stalled(self, measures: Measures) -> bool:
         """Whether there was no progress for `patience` iterations."""
         worst, count = self._distance(measures), len(self.history)
-        if worst < _PROGRESS * self.best[0]:
-            self.best = (worst, count)
-        return count - self.best[1] >= self.problem.system.patience
+        if worst < _PROGRESS * self.progress[0]:
+            self.progress = (worst, count)
+        return count - self.progress[1] >= self.problem.system.patience
 
     def _turn(self, measures: Measures) -> None:
         """Follow the central path from the last point from which a step was long; end the run if there is no path.
@@ -326,7 +322,7 @@ class CondensedRun:
         elif self.turns >= _MOST_TURNS or not self.interior.parameter() > 0.0:
             self.end = Status.STALLED
         else:
-            self.interior.point = self.clear_point or self.interior.point
+            self.interior.point = self.long_step_point or self.interior.point
             self.path, self.turns = CentralPath(self.interior), self.turns + 1
 
     def _advance(self, residuals: Residuals) -> None:
@@ -335,7 +331,7 @@ class CondensedRun:
             if self.path is None:
                 before = self.interior.point
                 if self.interior.iterate(residuals) >= _LONG_STEP:
-                    self.clear_point = before
+                    self.long_step_point = before
                 return
             self.path.advance()
         except LinAlgError as error:
@@ -344,7 +340,7 @@ class CondensedRun:
         if self.path.lost:
             self.end, self.message = Status.STALLED, "the interior point method stalled"
         elif self.path.passed:
-            self.path, self.clear_point, self.best = None, None, (np.inf, len(self.history))
+            self.path, self.long_step_point, self.progress = None, None, (np.inf, len(self.history))
 
     def _record(self, measures: Measures) -> None:
         y = self.interior.point.y
