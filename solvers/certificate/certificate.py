@@ -15,7 +15,7 @@ the measures are
     friction                    max (|σ_T| − thr)⁺ / S,  thr = min(cohesion + mu |σ_N|, cap)
     stationarity                max of |ρ| / √(2 E_b) and |N K⁻¹ρ|, |T K⁻¹ρ| / S,  ρ = K z − f + Nᵀm_N + Tᵀm_T + Aᵀν,
                                 over rows of A of |δν| B / E, Aᵀδν the part of ρ outside A z = 0, and of
-                                √(Σ r_i² / K_ii) / √(2 E_b),  r = ρ − K e − Aᵀδν  with e the K⁻¹ρ that was found
+                                √(Σ r_i² / K_ii) / √(2 E_b),  r = ρ − K e − Aᵀδν  with e the computed K⁻¹ρ
     sign                        max of (−λ_N)⁺ / D, bilateral |λ_N| / D, and (−λ_T σ_T)⁺ / (S max(D, |λ|))
     complementarity_normal      Σ |m_N σ_N| / E, open gaps λ_N counted up to 10 E / (S Σ W)
     complementarity_tangential  Σ | |m_T| thr − m_T σ_T | / E, slips |λ_T| counted up to 10 E / (S Σ W)

@@ -35,7 +35,8 @@ _DENSE_SHARE = 0.1  # share of full rows from which products with a sparse matri
 class Complementarity:
     """The problem about a base, which `rebase` replaces, in the free coordinates u, see `Equations`.
 
-    The indices are: q bounds, t bounded tractions (normal ones first), b bilateral points with friction, k coordinates.
+    In the shapes are q bounds, t bounded tractions (normal ones first), b bilateral points with friction, and k free
+    coordinates.
 
     Attributes
     ----------
@@ -86,6 +87,7 @@ class Complementarity:
         self._points: IntVector = np.concatenate(parts)
         self._sign: Vector = np.array([0.0, 1.0, 1.0, -1.0, -1.0])[kind]
         is_cap = np.array([False, False, True, False, True])[kind]
+        # The bounded traction of each bound, and the bounds of each traction.
         places = np.full((2, qvi.m), -1)
         places[0, normal], places[1, friction] = np.split(np.arange(len(normal) + len(friction)), [len(normal)])
         self.traction: IntVector = places[np.where(self._sign == 0.0, 0, 1), self._points]
@@ -104,7 +106,8 @@ class Complementarity:
         fixed = np.where(is_cap, limit, np.where(mu > 0.0, cohesion, np.minimum(cohesion, limit)))
         self._constant_bound: Vector = np.where(self._sign == 0.0, 0.0, fixed)
         self.count = count = len(normal)
-        # Upper bounds of σ_T (lower ones follow), their mu if they have a normal bound, and what all these limit.
+        # Upper bounds of σ_T, which lower ones follow; their mu if a normal bound has the pressure; and the rows of
+        # (σ_N, σ_T) (2m,) that normal and upper bounds limit.
         self._upper = slice(count, (count + len(kind)) // 2)
         self._bound_friction: Vector = np.where(self.pressed >= 0, self.friction, 0.0)[self._upper]
         self._bounded_tractions: IntVector = self._points[: self._upper.stop] + qvi.m * (kind > 0)[: self._upper.stop]
