@@ -180,12 +180,12 @@ class Fronts(Factorisation):
         return limited_blas(1) if len(self._fronts) > 1 else nullcontext()
 
 
-def eliminated(own: Matrix, coupling: Matrix, others: Matrix, backend: str) -> tuple[Matrix, Matrix, Matrix]:
-    """U₁₁ and U₁₂ for K₁₁ = own and K₁₂ = coupling, and the upper triangle of the update others − U₁₂ᵀ U₁₂.
+def eliminated(block: Matrix, coupling: Matrix, others: Matrix, backend: str) -> tuple[Matrix, Matrix, Matrix]:
+    """U₁₁ and U₁₂ for K₁₁ = block and K₁₂ = coupling, and the upper triangle of the update others − U₁₂ᵀ U₁₂.
 
     All arrays are by columns and overwritten. `FactorisationError` if K₁₁ is not positive definite.
     """
-    head, info = dpotrf(own, clean=0, overwrite_a=1)
+    head, info = dpotrf(block, clean=0, overwrite_a=1)
     if info > 0:
         raise FactorisationError("singular", backend, "a pivot is not positive")
     if coupling.size:
@@ -245,8 +245,8 @@ class DenseFactor(Fronts):
         diagonal, self.schur = K.diagonal(), symmetrised(K[interface][:, interface])
         if interior.size:
             rows = K[interior]
-            own, coupling = rows[:, interior].T, np.asfortranarray(rows[:, interface])  # K_II is symmetric
-            head, tail, update = eliminated(own, coupling, self.schur.T, self.backend)
+            block, coupling = rows[:, interior].T, np.asfortranarray(rows[:, interface])  # K_II is symmetric
+            head, tail, update = eliminated(block, coupling, self.schur.T, self.backend)
             check_pivots(head.diagonal() ** 2, diagonal[interior], self.backend, self.size)
             self._fronts, self.schur = [Front(interior, interface, head, tail)], symmetric(update)
         self.seconds = {"analysis": 0.0, "numeric": perf_counter() - start}
