@@ -98,7 +98,7 @@ class Measures(NamedTuple):
     gap: float  # Σ W s λ over stress × displacement × Σ W
     slack: float  # largest residual of slacks over their `sizes`, and of the points `split`, over the stress
     kink: float  # largest tension + pressure − |σ_N| over the stress
-    force: float  # largest residual of forces, over the larger of their terms and the forces of unit displacement
+    force: float  # largest residual of forces, over their largest term or that of multipliers λ = displacement
     worst: float  # the largest of the four
 
 

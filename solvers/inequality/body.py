@@ -260,7 +260,7 @@ class BondedState:
 
     @cached_property
     def at_rest(self) -> tuple[Vector, State, float]:
-        """`Factorisation.reduce` of the gradient at z = 0, and the energy there with the interior in equilibrium."""
+        """`Factorisation.reduce` of −gradient(0), and the energy for z_Γ = 0 with the interior in equilibrium."""
         reduced, state = self._eliminated
         return reduced, state, -0.5 * self.condensed.system.factor.square(state)
 
