@@ -271,9 +271,8 @@ class _Loop:
                 return
             self._check_progress(residual, number)
             self.past.append(self.s)
-            s = self.map.next(
-                self.s, g
-            )  # pressures that are rounding become 0: inner solvers fail with bounds of 1e-30
+            s = self.map.next(self.s, g)
+            # Pressures that are rounding become 0, as interior point methods fail with bounds of 1e-30.
             self.s = np.where(s > _LEAST_PRESSURE * largest(qvi.normal(qvi.bonded)), s, 0.0)
         if self.reason is None and number >= self.options.max_iterations:
             self.reason = Status.MAX_ITERATIONS
