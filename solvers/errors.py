@@ -1,7 +1,4 @@
-"""The project's exception tree, and names that a user gives: which there are, and which one was meant.
-
-`QVIError` is the root of everything the project raises on purpose; the mechanics package adds no second root.
-"""
+"""The exceptions of the project, all derived from `QVIError`, and suggestions for mistyped names."""
 
 import pickle
 from collections.abc import Collection, Iterable, Mapping
@@ -11,22 +8,22 @@ _Value = TypeVar("_Value")
 
 
 class QVIError(Exception):
-    """Root of the project's exceptions: catch this one to catch them all."""
+    """Base class of all exceptions that the project raises on purpose."""
 
 
 class InputError(QVIError, ValueError):
-    """Something the caller gave is wrong.
+    """An argument, or an entry of a file, is wrong.
 
-    The message is one line: the field, the value found there, and what to do about it.
+    The message is one line: the field, its value, and what to do about it.
 
     Attributes
     ----------
     field : str
-        Name of the offending argument or file entry, e.g. ``"Contact.friction"``.
+        Name of the argument or entry, e.g. ``"Contact.friction"``.
     value : object
-        The value found.
+        Its value.
     remedy : str
-        A sentence telling what to give instead.
+        A sentence that says what to give instead.
 
     """
 
@@ -37,32 +34,32 @@ class InputError(QVIError, ValueError):
         super().__init__(f"{field}: {_shorten(value)}: {remedy}")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """For pickles, as worker processes send it; a value that cannot be pickled goes along as text."""
+        """For pickles, by which worker processes send errors; a value that cannot be pickled becomes its text."""
         value = self.value
         try:
             pickle.dumps(value)
-        except Exception:  # whatever the value's own code raises
+        except Exception:  # the value's own code may raise anything
             value = _shorten(value)
         return type(self), (self.field, value, self.remedy), {"args": self.args}
 
 
 class UnknownNameError(InputError, KeyError):
-    """A name that nothing has: the message lists the names there are, and the one that was probably meant."""
+    """An unknown name; the message lists all known names, and the one that was probably meant."""
 
-    __str__ = Exception.__str__  # KeyError's is the repr
+    __str__ = Exception.__str__  # KeyError.__str__ is the repr of the message
 
 
 class SolverUnavailableError(InputError):
-    """A solver was asked for that is unknown or not installed; the message lists what is."""
+    """A solver, method or factorisation is unknown or not installed; the message lists the available ones."""
 
 
 class SolveError(QVIError):
-    """Raised on request (``throw=True``) when a solve ends without a certified answer."""
+    """Raised on request (``throw=True``) when a solve ends without the status "solved"."""
 
 
 def plain(value: object) -> str:
     """`repr` with plain numbers: 0.2, not np.float64(0.2), also inside lists, tuples and objects."""
-    import numpy as np  # errors are raised before it is needed
+    import numpy as np  # imported here, as most programs that import errors do not need it
 
     if np.lib.NumpyVersion(np.__version__) < "2.0.0":
         return repr(value)
@@ -71,54 +68,54 @@ def plain(value: object) -> str:
 
 
 def one_line(text: str, most: int = 500) -> str:
-    """The text without line breaks, cut where it has more characters."""
+    """The text without line breaks, cut to at most `most` characters."""
     line = " ".join(text.split())
     return line if len(line) <= most else f"{line[: most - 1]}…"
 
 
 def _shorten(value: object) -> str:
-    """`plain` on one line, in at most 120 characters: of a path its end says more than its middle."""
+    """`plain` on one line, cut in the middle to at most 120 characters: the end of a path tells more."""
     text = " ".join(plain(value).split())
     return text if len(text) <= 120 else f"{text[:59]}…{text[-59:]}"
 
 
 def closest(word: object, words: Iterable[str]) -> str | None:
-    """The one of `words` that is most like a mistyped word, capitals aside; None if none is."""
+    """The one of `words` that is most similar to a mistyped word, regardless of case; None if no word is similar."""
     if not isinstance(word, str):
         return None
     import difflib  # slow to import, and only mistakes need it
 
     lowered = {known.lower(): known for known in words}
-    found = difflib.get_close_matches(word.lower(), lowered, n=1)
-    return lowered[found[0]] if found else None
+    matches = difflib.get_close_matches(word.lower(), lowered, n=1)
+    return lowered[matches[0]] if matches else None
 
 
 def nearest_first(name: object, known: Iterable[str], remedy: str) -> str:
-    """A remedy for an unknown name, behind the one of those known that is most like it."""
-    near = closest(name, known)
-    return remedy if near is None else f"did you mean {near!r}? Otherwise: {remedy}"
+    """The remedy for an unknown name, after a question with the most similar known name, if there is one."""
+    suggestion = closest(name, known)
+    return remedy if suggestion is None else f"did you mean {suggestion!r}? Otherwise: {remedy}"
 
 
 def known_name(field: str, name: object, known: Mapping[str, Collection[str]], otherwise: str = "") -> str:
-    """The name if it is one of those known; else `UnknownNameError`, which lists all of them, the closest one first.
+    """The name if it is known; else `UnknownNameError`, which lists the known names and suggests the most similar.
 
-    They are known by what they are names of, in the plural: ``{"edge sets": ("top", "left")}``; `otherwise` is what
-    else could be done, such as "add it by with_edges()".
+    `known` has the names by their kind, in the plural: ``{"edge sets": ("top", "left")}``. `otherwise` is another
+    remedy, such as "add it by with_edges()".
     """
-    for each in known.values():
-        if isinstance(name, str) and name in each:
+    for names in known.values():
+        if isinstance(name, str) and name in names:
             return name
-    every = [one for each in known.values() for one in each]
-    listed = " or of the ".join(f"{kind} ({', '.join(each) or 'there are none'})" for kind, each in known.items())
+    all_names = [each for names in known.values() for each in names]
+    listed = " or of the ".join(f"{kind} ({', '.join(names) or 'there are none'})" for kind, names in known.items())
     remedy = f"name one of the {listed}" + (f", or {otherwise}" if otherwise else "")
-    raise UnknownNameError(field, name, nearest_first(name, every, remedy))
+    raise UnknownNameError(field, name, nearest_first(name, all_names, remedy))
 
 
 class Named(dict[str, _Value]):
-    """A mapping that errors call `field`; its keys are names of a `kind`, in the plural.
+    """A dictionary whose errors list its keys; `field` is its name, `kind` says what the keys name, in the plural.
 
-    ``mapping[name]`` answers an unknown name with those there are, by `UnknownNameError`, a `KeyError` too; ``name in
-    mapping`` and ``mapping.get(name)`` are as usual.
+    ``mapping[name]`` raises `UnknownNameError`, which is a `KeyError` too, for an unknown name. ``name in mapping`` and
+    ``mapping.get(name)`` are as usual.
     """
 
     def __init__(self, field: str, kind: str, values: Mapping[str, _Value]) -> None:

@@ -1,9 +1,10 @@
-"""How a problem is solved: every option of the methods once, with its check, for all who take it.
+"""Settings of a solve: every option of every method, with its check and its text, stated once.
 
     Settings(method="condensed", tolerance=1e-9, options={"gap": 1e-12})
 
-What an option means says the text below it, which ends with an example, as problem files have it: they, and the
-command line, are made from these classes, so nothing here imports NumPy before something is checked.
+The text below an option ends with an example in the syntax of problem files. The keys of problem files and the options
+of the command line are made from these classes. The command line's help does without NumPy, so this module imports it
+only in the checks.
 """
 
 from __future__ import annotations
@@ -16,23 +17,19 @@ from typing import Any, Final, Self, TypeVar
 from solvers.errors import InputError, SolverUnavailableError, nearest_first
 
 DEFAULT_INNER: Final = "qp:clarabel"
-"""Inner solver of the fixed point where none is asked for."""
+"""The default inner solver of the fixed point."""
 
 STARTED: Final = ("condensed", "fixed-point")
-"""Methods that take a start: a state is for both, a pressure for the fixed point."""
+"""Methods that take `initial`: both take a state, the fixed point a pressure too."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CondensedOptions:
-    """Options of the condensed method, beside `initial`, the `Start` to begin near.
+    """Options of the condensed method; `initial` is a `Start` near which it begins.
 
-    At most 600 factorisations of Newton's matrix, unless `max_iterations` says otherwise.
-
-    Notes
-    -----
-    The gap becomes less by the square of the least share that a point's bound has in its contact, where that is below
-    2e-3, or 5e-4 in sparse systems.
-
+    By default at most 600 factorisations of Newton's matrix. On graded meshes the gap is reduced further: by
+    (r / 2e-3)², with r the least weight of a bound over the sum of the weights in its contact, if r < 2e-3. In sparse
+    systems 5e-4 takes the place of 2e-3.
     """
 
     gap: float = 1e-14
@@ -40,8 +37,8 @@ class CondensedOptions:
     max_iterations: int = 600
     initial: Any = None
     system: str = "auto"
-    """Condensed: Newton's matrices, "dense" on what the contact feels, "sparse" in all unknowns, or "auto", what takes
-    less time by the count of operations: `system = "sparse"`."""
+    """Condensed: Newton's matrices, "dense" on the unknowns of the contact, "sparse" in all unknowns, or "auto", the
+    one with fewer operations: `system = "sparse"`."""
 
     def __post_init__(self) -> None:
         from solvers.basics.checks import fraction, one_of, whole_number
@@ -59,10 +56,9 @@ class CondensedOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class FixedPointOptions:
-    """Options of the fixed point, beside `initial`, the pressure s (m,) ≥ 0 to start from.
+    """Options of the fixed point; `initial` is the pressure s (m,) ≥ 0 to start from, by default the bonded one.
 
-    By default it starts from the pressure of the bonded solution (one linear solve). At most 100 outer iterations,
-    unless `max_iterations` says otherwise.
+    By default at most 100 outer iterations.
     """
 
     variant: str = "anderson"
@@ -81,8 +77,8 @@ class FixedPointOptions:
     form: str = "auto"
     """Fixed point: unknowns of the inner problems, "auto", "full" or "condensed": `form = "full"`."""
     inner_options: Mapping[str, Any] | None = None
-    """Settings of the inner solver by its own names, instead of those that `inner_tolerance` stands for; some back ends
-    ignore names they do not know."""
+    """Settings of the inner solver by its own names, in place of `inner_tolerance`. Some back ends ignore names that
+    they do not know."""
 
     def __post_init__(self) -> None:
         from solvers.basics.checks import finite_number, fraction, one_of, whole_number
@@ -99,7 +95,7 @@ class FixedPointOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class UzawaOptions:
-    """Options of the Uzawa procedure; at most 100 000 iterations."""
+    """Options of the Uzawa procedure."""
 
     rule: str = "accumulating"
     """Uzawa: "accumulating", or "printed" as in the paper, see `solvers.uzawa`: `rule = "printed"`."""
@@ -109,11 +105,10 @@ class UzawaOptions:
     """Uzawa: step of the normal multiplier, displacement per stress; 1 / the spectral radius of N K⁻¹ Nᵀ W by default:
     `omega_N = 0.5`."""
     step_decay: float | None = None
-    """Uzawa: iterations k₀ in which the step halves, ω_T 2^(−i / k₀); it does not shrink by default: `step_decay =
-    200.0`."""
+    """Uzawa: iterations k₀ in which the step halves, ω_T 2^(−i / k₀); constant by default: `step_decay = 200.0`."""
     max_iterations: int = 100_000
     iterations: int | None = None
-    """Uzawa: do exactly so many, without any test (the paper's 30): `iterations = 30`."""
+    """Uzawa: exact number of iterations, without any test (30 in the paper): `iterations = 30`."""
 
     def __post_init__(self) -> None:
         from solvers.basics.checks import one_of, positive_number, whole_number
@@ -128,7 +123,7 @@ class UzawaOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class PivotingOptions:
-    """Options of pivoting: at most 1000 vertices along a direction, for as many guesses of signs."""
+    """Options of pivoting: `max_iterations` limits the vertices along a direction, one for each guess of the signs."""
 
     max_iterations: int = 1000
 
@@ -148,31 +143,31 @@ Options = TypeVar("Options", CondensedOptions, FixedPointOptions, UzawaOptions, 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """How a problem is solved.
+    """Settings of a solve.
 
     Raises
     ------
     InputError
-        If one of them is wrong.
+        If a field or an option is wrong.
     SolverUnavailableError
         If method, inner solver or factorisation is unknown or not installed.
 
     Notes
     -----
-    "condensed" solves the inequality directly on what the contact feels, by an interior point method; "fixed-point"
-    iterates on the friction bound, with convex inner problems; "pivoting" goes from vertex to vertex, for small
-    contacts; "uzawa" is the paper's iteration (4.1)-(4.4). By default "pivoting" on contacts of up to 200 points, else,
-    and where that finds nothing, "condensed"; where that fails too "pivoting" along other paths and "fixed-point", as
-    far as the contact is small enough for them, for as long again as the condensed method took at most, or 15 seconds
-    if that is more. Another one is taken if an inner solver or options are given that only that one takes.
+    "condensed" solves the inequality directly, by an interior point method on the unknowns of the contact.
+    "fixed-point" iterates on the friction bound, with convex inner problems. "pivoting" goes from vertex to vertex, for
+    small contacts. "uzawa" is the paper's iteration (4.1)-(4.4). By default contacts of up to 200 points are solved by
+    "pivoting", larger ones, and those where it fails, by "condensed". If that fails too, "pivoting" along other paths
+    and "fixed-point" follow if the contact is small enough for them. Each may take as long as the condensed method, or
+    15 seconds if that is more. An inner solver, or options that only one method has, choose that method.
 
     Inner solvers are "qp:" and a name of qpsolvers, "direct:clarabel", or "socp:" and a name of cvxpy;
-    `solvers.available()` lists what is installed. Factorisations are "pardiso", "multifrontal" and "dense"; "auto"
+    `solvers.available()` lists the installed ones. Factorisations are "pardiso", "multifrontal" and "dense"; "auto"
     takes "dense" for up to 400 unknowns, else the first of the others that is installed.
 
-    When the time is over the best state so far is returned, with the status "time_limit" unless its certificate passes.
-    It is looked at in every iteration, and handed on to inner solvers that take a limit; a factorisation under way, and
-    an inner solve by another one, is not interrupted. A large factorisation is not begun when the time is over.
+    After `time_limit` the best state so far is returned, with the status "time_limit" unless its certificate passes.
+    Methods check the time in every iteration, and pass it on to inner solvers that accept a limit. A factorisation, or
+    an inner solver without a limit, is not interrupted. A large factorisation is not begun after the limit.
 
     """
 
@@ -190,22 +185,21 @@ class Settings:
     """Threads of factorisations and dense linear algebra; one for small problems by default, else all cores: `threads =
     2`."""
     time_limit: float | None = None
-    """Seconds for everything together: all steps or values, methods, retries and inner problems; no limit by default:
+    """Seconds for the whole computation: all steps or values, methods, retries and inner problems; no limit by default:
     `time_limit = 60.0`."""
     verbose: bool = False
-    """Print a header, a line an iteration, step or value, and a footer with status and times."""
+    """Print a header, a line for each iteration, step or value, and a footer with status and times."""
     throw: bool = False
-    """Raise `SolveError` where a solve does not end with the status "solved"."""
+    """Raise `SolveError` if a solve does not end with the status "solved"."""
     callback: Callable[[Any], object] | None = None
     """Called with every `solvers.Iteration` of any method. Histories, sweeps and refinement have another one."""
     initial: Any = None
-    """Where pivoting, the condensed method and the fixed point begin; it chooses no method. For `solve_qvi` the
-    `QVISolution` of a problem with the same unknowns and rows, or a pressure (m,) for the fixed point. Pivoting goes on
-    from such a state. Two iterations of the condensed method tell whether it is near; if it is not, the usual start is
-    taken."""
+    """Start of pivoting, the condensed method and the fixed point; it chooses no method. `solve_qvi` takes the
+    `QVISolution` of a problem with the same unknowns and rows, or a pressure (m,) for the fixed point. The condensed
+    method decides after two iterations whether the state is near enough; if not, it takes the usual start."""
     options: Mapping[str, Any] = field(default_factory=dict)
     """Options of the method, by name: fields of `CondensedOptions`, `FixedPointOptions`, `PivotingOptions` or
-    `UzawaOptions`. By default `max_iterations` counts the iterations of the condensed method and the fixed point."""
+    `UzawaOptions`. If no method is chosen, `max_iterations` limits the sum over condensed method and fixed point."""
 
     def __post_init__(self) -> None:
         from solvers.basics.checks import fraction, function_or_none, mapping, true_or_false
@@ -226,7 +220,7 @@ class Settings:
         Request.checked(self.factorisation, self.threads)
         kind, given = OPTIONS[self.chosen], dict(self.options)
         if self.initial is not None and not self.takes_state:
-            given["initial"] = self.initial  # is refused; others are checked with the problem
+            given["initial"] = self.initial  # is refused below; methods that take it check it with the problem
         if self.inner is not None and self.chosen != "fixed-point":
             given["inner"] = self.inner
         names = list(kind.__dataclass_fields__)
@@ -239,22 +233,22 @@ class Settings:
 
     @classmethod
     def of(cls, settings: Self | None, changes: Mapping[str, Any]) -> Self:
-        """These settings, or the usual ones, with changes of fields and of options of the method; checked."""
+        """The given settings, or the default ones, with changes of fields and of options of the method; checked."""
         if settings is not None and not isinstance(settings, cls):
             raise InputError("settings", settings, "give Settings, or their fields by name, such as method='uzawa'")
         if settings is not None and not changes:
             return settings
         from solvers.basics.checks import mapping
 
-        own, options = dict[str, Any](), dict[str, Any]({} if settings is None else settings.options)
+        fields, options = dict[str, Any](), dict[str, Any]({} if settings is None else settings.options)
         for name, value in changes.items():
-            (own if name in cls.__dataclass_fields__ else options)[name] = value
-        options.update(mapping("options", own.pop("options", {}), "options by name"))
-        return cls(**own, options=options) if settings is None else replace(settings, **own, options=options)
+            (fields if name in cls.__dataclass_fields__ else options)[name] = value
+        options.update(mapping("options", fields.pop("options", {}), "options by name"))
+        return cls(**fields, options=options) if settings is None else replace(settings, **fields, options=options)
 
     @cached_property
     def chosen(self) -> str:
-        """The method that is taken, or begins: the one asked for, or of the first that have most of the options."""
+        """The method: the one asked for, else the first of those that have the most of the given options."""
         if self.method is not None:
             return self.method
         if self.inner is not None:
@@ -266,10 +260,10 @@ class Settings:
 
     @property
     def by_default(self) -> bool:
-        """Whether the method was not asked for, so that other attempts may follow."""
+        """Whether no method was asked for, so that other methods may follow."""
         return self.method is None and self.chosen == METHODS[0]
 
     @property
     def takes_state(self) -> bool:
-        """Whether the method begins at a state that is given."""
+        """Whether the method takes `initial`."""
         return self.chosen in STARTED

@@ -1,4 +1,4 @@
-"""What a solve returns."""
+"""The results of a solve: `QVISolution`, its iterations and attempts, a `Start` from an earlier one, and its status."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from solvers.certificate.feasibility import Feasibility, check_feasibility
 from solvers.certificate.uniqueness import UniquenessBound, uniqueness_bound
 from solvers.inequality.problem import FrictionQVI
 
-_LAST, _LEAST = 10, 4  # residuals that tell a contraction, at most and at least
-_ROUNDING = 1e-13  # residuals below this do not
+_CONTRACTION_MOST, _CONTRACTION_LEAST = 10, 4  # number of residuals from which a contraction is computed
+_ROUNDING = 1e-13  # relative residuals below this are rounding
 
 
 class Iteration(NamedTuple):
-    """One outer iteration, or one of the interior point method, dimensionless."""
+    """An outer iteration, or an iteration of the interior point method; dimensionless."""
 
     number: int
     """From 1."""
@@ -35,7 +35,7 @@ class Iteration(NamedTuple):
     normal_resultant: float
     """Σ W (N z + n0), negative in compression."""
     inner_status: Status | None = None
-    """How the inner problem ended; ``None`` where there is none."""
+    """How the inner problem ended; ``None`` for methods without inner problems."""
     inner_iterations: int = 0
     """Iterations of the inner solver, 0 if unknown."""
     seconds: float = 0.0
@@ -43,21 +43,21 @@ class Iteration(NamedTuple):
 
 
 class Attempt(NamedTuple):
-    """One of the ways that were tried, in their order."""
+    """One attempt to solve a problem."""
 
     name: str
-    """A method, a start of one, or a change of the problem."""
+    """A method, a start of the condensed method, or a change of the problem."""
     reason: str
-    """Why it was tried; empty of the first."""
+    """Why it was made; empty for the first."""
     status: Status
     """How it ended."""
     iterations: int
-    """How many it took."""
+    """Its number of iterations."""
 
 
 @dataclass(frozen=True, eq=False)
 class QVISolution:
-    """A point z with its multipliers, how it was found, and the proof of what it is worth."""
+    """The unknowns z and multipliers of a solve, their certificate, and how they were found."""
 
     problem: FrictionQVI
     """The original data."""
@@ -83,26 +83,26 @@ class QVISolution:
     """Seconds by name: "setup", "solve", "certificate"."""
     method: str = ""
     inner: str = ""
-    """What was used; `inner` is the fixed point's, else empty."""
+    """The method, and the inner solver of the fixed point, empty for other methods."""
     message: str = ""
     """One readable sentence."""
     versions: Mapping[str, str] = field(default_factory=dict)
-    """Package → version of what was used."""
+    """Package → its version, for the packages that were used."""
     farkas: tuple[Vector, Vector] | None = None
-    """(rows of G, of A) multipliers proving infeasibility, else None; see `feasibility`."""
+    """Multipliers (of rows of G, of rows of A) that prove infeasibility, else None; see `feasibility`."""
     form: str = "full"
-    """Unknowns of the inner problems, and of the condensed method's Newton matrices: "full" or "condensed"."""
+    """Unknowns of the inner problems, or of Newton's matrices in the condensed method: "full" or "condensed"."""
     factorisation: str = ""
     """Back end and version of the factorisation of K; empty if none was made."""
     corrections: tuple[float, ...] = ()
-    """Of the condensed method, sizes of the defect corrections in the energy norm, relative: what the rounding inside K
-    had spoilt; they end where the next one would be rounding."""
+    """Sizes of the defect corrections of the condensed method, in the energy norm, relative to its first step. They
+    repair errors from rounding inside K, and end when the next one would be rounding."""
     remarks: tuple[str, ...] = ()
-    """What to know about a solution, such as that there are several; one sentence each."""
+    """Sentences about the solution, such as that there may be several."""
     near: bool | None = None
-    """Of the condensed method, whether the state it was to begin from was near enough; None if there was none."""
+    """Whether the state `initial` was near enough to start from; None if no state was given."""
     attempts: tuple[Attempt, ...] = ()
-    """What was tried, one `Attempt` each, in their order."""
+    """All attempts, in their order."""
 
     @property
     def solved(self) -> bool:
@@ -121,38 +121,40 @@ class QVISolution:
 
     @property
     def contraction(self) -> float | None:
-        """Factor by which the fixed point's residual shrank in an iteration; None for others, or with fewer than four.
+        """Factor by which the fixed point's residual shrinks in an iteration; above 1 the iteration diverges.
 
-        The median of the last ten above rounding: single lucky or spoilt ones do not count. Above 1 the loop diverges.
-        That of Anderson's loop is usually smaller than that of the map that `uniqueness` bounds.
+        The median over the last ten residuals above rounding, so that outliers do not count. None for other methods,
+        and with fewer than four residuals. With Anderson's acceleration the factor is usually smaller than that of the
+        plain map, which `uniqueness` bounds.
         """
-        found = [entry for entry in self.history if entry.inner_status is not None and np.isfinite(entry.residual)]
-        last = [(entry.number, np.log(entry.residual)) for entry in found if entry.residual > _ROUNDING][-_LAST:]
-        if self.method != "fixed-point" or len(last) < _LEAST:
+        usable = [entry for entry in self.history if entry.inner_status is not None and np.isfinite(entry.residual)]
+        logs = [(entry.number, np.log(entry.residual)) for entry in usable if entry.residual > _ROUNDING]
+        last = logs[-_CONTRACTION_MOST:]
+        if self.method != "fixed-point" or len(last) < _CONTRACTION_LEAST:
             return None
-        number, size = np.diff(last, axis=0).T
-        return float(np.exp(np.median(size / number)))
+        iterations, change = np.diff(last, axis=0).T
+        return float(np.exp(np.median(change / iterations)))
 
     @cached_property
     def uniqueness(self) -> UniquenessBound:
-        """The sufficient bound of friction for uniqueness, computed when it is asked for; see `uniqueness`."""
+        """The bound of the friction below which the solution is unique, see `uniqueness`."""
         return uniqueness_bound(self.problem)
 
 
-# Where an iteration starts: the answer to a problem before.
+# The state from which a method starts: the solution of an earlier problem.
 
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A state of a problem with the same rows, in the units of the one to be solved."""
+    """A state of an earlier problem with the same rows, in the units of the problem to be solved."""
 
     pressure: Vector  # s (m,) ≥ 0
     z: Vector  # (n,)
-    multipliers: Vector  # (2m,) of rows, first normal ones; signs as in `FrictionQVI`
+    multipliers: Vector  # (2m,) row multipliers m_N, m_T, with the signs of `FrictionQVI`
 
     @classmethod
     def of(cls, solution: QVISolution, stress: float = 1.0, displacement: float = 1.0) -> Start:
-        """The answer to a problem before, its units given in those of the problem to be solved."""
+        """The state of a solution; `stress`, `displacement`: the units of its problem over those of the new one."""
         return cls(
             stress * solution.problem.pressure(solution.z),
             stress * solution.z,
@@ -160,53 +162,52 @@ class Start:
         )
 
     def fits(self, qvi: FrictionQVI) -> bool:
-        """Whether it may be a state of that problem."""
+        """Whether the arrays have the sizes of the problem."""
         return self.z.shape == (qvi.n,) and self.multipliers.shape == (2 * qvi.m,)
 
 
-# The last step of every method: certificate, status, one readable sentence.
-
+# The last step of every method: the status by the certificate, and the message.
 
 WHAT_TO_DO = (
     "Which one a body takes depends on how it was loaded: follow the load in steps (solve_history, or initial=… from "
     "the result of a smaller load)."
 )
-"""What a user can do where there are several solutions."""
+"""Advice to the user if there may be several solutions."""
 
 LOOSEST = 1e-4
-"""A result whose accuracy is worse is not called inaccurate but by the reason why the iteration ended."""
+"""Accuracy up to which a result gets the status "inaccurate"; else the status says why the iteration ended."""
 
 
 @dataclass(eq=False)
 class Outcome:
-    """What an iteration leaves behind, before any certificate; fields without a comment are those of `QVISolution`."""
+    """The end of an iteration, before the certificate; fields without a comment are as in `QVISolution`."""
 
-    reason: Status  # how the iteration itself sees its end
+    reason: Status  # why the iteration ended, by its own tests
     z: Vector
-    m_N: Vector  # noqa: N815  # letters of (D2); NaN where there is no result, as z and ν
+    m_N: Vector  # noqa: N815  # letters of (D2); NaN if there is no result, like z and ν
     m_T: Vector  # noqa: N815
     nu: Vector
     history: list[Iteration] = field(default_factory=list)
     iterations: int = 0
-    message: str = ""  # what to say where it is not solved
-    advice: str = ""  # what to do then, if that is not what the reason says
+    message: str = ""  # shown if the problem is not solved
+    advice: str = ""  # shown then in place of the advice of `reason`
     setup: float = 0.0  # seconds before the first iteration
     versions: Mapping[str, str] = field(default_factory=dict)
-    feasibility: Feasibility | None = None  # that of the problem, if it is known
+    feasibility: Feasibility | None = None  # of the problem, if it was checked
     form: str = "full"
-    hopeless: bool = False  # no certificate is to be hoped for, nor is it of interest whether there is a solution
+    hopeless: bool = False  # the linear algebra failed: whether there is a solution is not asked
     corrections: tuple[float, ...] = ()
-    turned: str = ""  # how the way to it had to turn, which happens where there are several solutions
+    turned: str = ""  # a sentence if the path to the solution turned: a sign of several solutions
     near: bool | None = None
 
     @classmethod
     def nothing(cls, qvi: FrictionQVI, reason: Status, message: str) -> Outcome:
-        """Nothing but the reason why there is no result."""
+        """An outcome without a result, all arrays NaN."""
         z, rows, nu = (np.full(size, np.nan) for size in (qvi.n, qvi.m, qvi.p))
         return cls(reason, z, rows, rows, nu, message=message)
 
     def certified(self, qvi: FrictionQVI, tolerance: float) -> Certificate:
-        """What it is worth."""
+        """The certificate of its state."""
         return certify(qvi, self.z, self.m_N, self.m_T, self.nu, tolerance)
 
 
@@ -219,9 +220,9 @@ def finish(
     attempts: tuple[Attempt, ...],
     timings: Mapping[str, float],
 ) -> QVISolution:
-    """Decide the status by the certificate; without a result, ask whether there can be one."""
+    """The solution of an outcome, its status by the certificate; if that fails, whether the load can be carried."""
     began = time.perf_counter()
-    status, feasibility = judged(outcome.reason, certificate), outcome.feasibility
+    status, feasibility = certified_status(outcome.reason, certificate), outcome.feasibility
     undecided = status not in (Status.SOLVED, Status.INACCURATE) and not outcome.hopeless and not deadline.over
     if undecided and feasibility is None:
         feasibility = check_feasibility(qvi)
@@ -231,12 +232,12 @@ def finish(
         status = Status.INNER_INFEASIBLE
     if status is not Status.INFEASIBLE:
         feasibility = None
-    else:  # where an iteration stopped means nothing then
+    else:  # the last state of the iteration means nothing then
         nothing = Outcome.nothing(qvi, status, "")
         outcome = replace(outcome, z=nothing.z, m_N=nothing.m_N, m_T=nothing.m_T, nu=nothing.nu)
         certificate = outcome.certified(qvi, certificate.tolerance)
     advice = outcome.advice if status is outcome.reason else ""
-    message = _sentence(status, outcome.iterations, outcome.message, certificate, feasibility, advice)
+    message = _message(status, outcome.iterations, outcome.message, certificate, feasibility, advice)
     remarks: tuple[str, ...] = ()
     if status is Status.SOLVED and outcome.turned:
         several = "the discrete problem may have several solutions, of which this is one"
@@ -251,8 +252,8 @@ def finish(
     )  # fmt: skip
 
 
-def judged(reason: Status, certificate: Certificate) -> Status:
-    """Solved only by certificate; a stop short of it is inaccurate if the result can be used."""
+def certified_status(reason: Status, certificate: Certificate) -> Status:
+    """The status: "solved" if the certificate passed, "inaccurate" if it would pass at `LOOSEST`, else the reason."""
     if certificate.passed:
         return Status.SOLVED
     if reason in (Status.SOLVED, Status.STALLED) and certificate.accuracy <= LOOSEST:
@@ -260,10 +261,10 @@ def judged(reason: Status, certificate: Certificate) -> Status:
     return Status.STALLED if reason is Status.SOLVED else reason
 
 
-def _sentence(
+def _message(
     status: Status,
     count: int,
-    said: str,
+    detail: str,
     certificate: Certificate,
     feasibility: Feasibility | None = None,
     advice: str = "",
@@ -273,13 +274,13 @@ def _sentence(
         parts.append(feasibility.message)
     elif np.isfinite(certificate.accuracy):
         parts.append(certificate.summary())
-    if said and status not in (Status.SOLVED, Status.INFEASIBLE):
-        parts.append(said)
+    if detail and status not in (Status.SOLVED, Status.INFEASIBLE):
+        parts.append(detail)
     text = "; ".join(parts) + "."
     return text if status is Status.SOLVED else f"{text} {advice or status.advice}"
 
 
 def out_of_time(solution: QVISolution) -> QVISolution:
-    """The same state with the status "time_limit": something was still being tried."""
+    """The solution with the status "time_limit", because an attempt was still under way."""
     status = Status.TIME_LIMIT
-    return replace(solution, status=status, message=_sentence(status, solution.iterations, "", solution.certificate))
+    return replace(solution, status=status, message=_message(status, solution.iterations, "", solution.certificate))

@@ -1,4 +1,4 @@
-"""One entry for every method: settings, the ways to solve that are tried in order, and other solutions."""
+"""`solve_qvi`, the entry to all methods: the methods that are tried in order, and the search for other solutions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from solvers.basics.types import Vector
 from solvers.certificate.certificate import Certificate
 from solvers.certificate.feasibility import refuted
 from solvers.condensed.method import EXACT, LAST, CondensedRun
-from solvers.condensed.systems import FITTING_SHARES, NEAR_BONDED_SHARES
+from solvers.condensed.systems import FITTING_PATH, NEAR_BONDED_PATH
 from solvers.errors import InputError, SolveError
 from solvers.factorisation.base import FactorisationError
 from solvers.fixed_point import initial_pressure, solve_fixed_point
@@ -35,7 +35,7 @@ from solvers.settings import (
     Settings,
     UzawaOptions,
 )
-from solvers.solution import Attempt, Outcome, QVISolution, Start, finish, judged, out_of_time
+from solvers.solution import Attempt, Outcome, QVISolution, Start, certified_status, finish, out_of_time
 from solvers.uzawa import solve_uzawa
 
 
@@ -47,16 +47,17 @@ def solve_qvi(qvi: FrictionQVI, method: str | None = None, **settings: Any) -> Q
     qvi : FrictionQVI
         The problem, dimensionless.
     method, **settings
-        See `solvers.settings.Settings`, its `options` by their names.
+        Fields of `solvers.settings.Settings`, and options of the method by their names.
 
     Returns
     -------
-    A `QVISolution` in every case, status and advice included; solved only if its certificate passed. `attempts` has
-    what was tried, and why. For large friction there may be other solutions: `followed_solutions` looks for them.
+    A `QVISolution` in every case, with status and advice. The status is "solved" only if the certificate passed.
+    `attempts` lists the methods and starts that were tried, and why. For large friction there may be other solutions:
+    `followed_solutions` looks for them.
 
     Raises
     ------
-    InputError, SolverUnavailableError, and with `throw` SolveError.
+    InputError, SolverUnavailableError; SolveError if `throw` is set and the status is not "solved".
 
     """
     if not isinstance(qvi, FrictionQVI):
@@ -72,129 +73,128 @@ def solve_qvi(qvi: FrictionQVI, method: str | None = None, **settings: Any) -> Q
 
 
 def facts_of(qvi: FrictionQVI, settings: Settings) -> dict[str, object]:
-    """What the header of a narration says of a problem and of how it is solved."""
+    """The header of the log: size of the problem, method and tolerance."""
     equations = {"equations": qvi.p} if qvi.p else {}
-    how = {"method": settings.chosen, "tolerance": f"{settings.tolerance:g}"}
-    return {"unknowns": qvi.n, "contact rows": qvi.m, **equations, **how}
+    method = {"method": settings.chosen, "tolerance": f"{settings.tolerance:g}"}
+    return {"unknowns": qvi.n, "contact rows": qvi.m, **equations, **method}
 
 
-# The ways to solve, in the order in which they are tried until a certificate passes.
-
+# The attempts to solve a problem, in the order in which they are made until a certificate passes.
 
 LEAST_SECONDS = 15.0
-"""A fall-back may take as long again as the method before it, and at least so many seconds."""
+"""A fall-back method may take as long as the first method took, or this many seconds if that is more."""
 
-_HOPELESS = 1e-4
-"""Relative error of the solution without inequalities, in the energy norm, above which nothing is attempted."""
+_LARGEST_BONDED_ERROR = 1e-4
+"""Relative error of the bonded solution, in the energy norm, above which the fixed point and Uzawa are not started."""
 
-_OF_ALL: Final = {"max_iterations"}  # the options that choose no method
+_METHOD_FREE_OPTIONS: Final = {"max_iterations"}  # options that do not choose a method
 
-_ASKED, _AT_LEAST = 0.2, 0.5  # of the time so far, and seconds, for a proof that the load cannot be carried
+# Seconds for a proof that the load cannot be carried: this share of the time so far, and at least this many.
+_PROOF_SHARE, _PROOF_LEAST_SECONDS = 0.2, 0.5
 
 _FAILURES = {
-    "singular": Status.ILL_CONDITIONED,
-    "memory": Status.OUT_OF_MEMORY,
-    "time": Status.TIME_LIMIT,
+    "singular": Status.ILL_CONDITIONED, "memory": Status.OUT_OF_MEMORY, "time": Status.TIME_LIMIT,
     "backend": Status.BACKEND_FAILED,
-}
+}  # fmt: skip
 
-_ITERABLE = 250
-"""Contact points up to which an iteration of the fixed point takes at most a tenth of `LEAST_SECONDS`, and not 20 s."""
+_LARGEST_FIXED_POINT = 250
+"""Contact points up to which the fixed point is a fall-back: an iteration then takes at most a tenth of
+`LEAST_SECONDS`. With more points an iteration may take 20 s."""
 
 _WORTH_A_FALL_BACK = (
     Status.INACCURATE, Status.ILL_CONDITIONED, Status.STALLED,
     Status.MAX_ITERATIONS, Status.INNER_INFEASIBLE, Status.DIVERGED,
 )  # fmt: skip
 
-
 Tries: TypeAlias = Iterator[tuple[Attempt, Outcome]]
 
 
 def usual_start(search: Search) -> Tries:
-    """The condensed method from where the contact would be bonded, or near a state that is given."""
+    """The condensed method, started from the bonded solution, or near the state `initial` if that is given."""
     run = search.run = CondensedRun.of(search.qvi, search.options(CondensedOptions))
     run.begin_near()
     run.iterate()
     yield run.attempt("condensed", ""), run.outcome()
 
 
-def other_shares(search: Search) -> Tries:
-    """Other central paths: the usual start where an earlier answer led nowhere, then other shares of friction in s λ.
+def other_paths(search: Search) -> Tries:
+    """The condensed method along other central paths, that is, with other path weights of the friction bounds.
 
-    Those with which slacks fit most easily come first where slacks did not, and those near the bonded solution where a
-    start stalled: on strongly graded meshes multipliers that are large at first bend the path. Smaller shares follow a
-    point that is solved but for its forces: the two multipliers of shear at an open point are proportional to that
-    share, and lose as many digits in their difference. None follows where it is soon proved that the load cannot be
-    carried.
+    If the run began near a given state, the first path is the usual one. If the slacks did not fit their tractions, the
+    weights with which they fit most easily come first. If the run stalled, a start near the bonded solution comes
+    first: on strongly graded meshes large multipliers at the start bend the path. If the run reached its gap and only
+    the forces are inexact, smaller weights follow: the two friction multipliers of an open point are proportional to
+    the weight, and their difference loses as many digits. No other path is tried if a quick proof finds that the load
+    cannot be carried.
     """
     first, best = search.run, search.best
     if first is None or best is None or first.reason in LAST:
         return
-    inexact = first.reason is Status.SOLVED and first.residual() > EXACT
-    if first.reason is Status.SOLVED and not inexact:
+    is_inexact = first.reason is Status.SOLVED and first.residual() > EXACT
+    if first.reason is Status.SOLVED and not is_inexact:
         return
-    best.feasibility = refuted(search.qvi, max(_ASKED * search.seconds, _AT_LEAST))
+    best.feasibility = refuted(search.qvi, max(_PROOF_SHARE * search.seconds, _PROOF_LEAST_SECONDS))
     if best.feasibility is not None:
         return
-    shares = first.space.shares
-    others = [share for share in shares[1:] if share.late < shares[0].late or not inexact]
-    for reason, share in ((Status.INNER_INFEASIBLE, FITTING_SHARES), (Status.STALLED, NEAR_BONDED_SHARES)):
-        if first.reason is reason and share not in shares:
-            others.insert(0, share)
-    if search.qvi.frictionless.all():  # no bound depends on shares of friction
-        others = [share for share in others if share.start != shares[0].start]
-    for share in [shares[0], *others] if first.warm else others:
+    paths = first.space.paths
+    others = [path for path in paths[1:] if path.late < paths[0].late or not is_inexact]
+    for reason, path in ((Status.INNER_INFEASIBLE, FITTING_PATH), (Status.STALLED, NEAR_BONDED_PATH)):
+        if first.reason is reason and path not in paths:
+            others.insert(0, path)
+    if search.qvi.frictionless.all():  # the weights of friction bounds change nothing
+        others = [path for path in others if path.start != paths[0].start]
+    for path in [paths[0], *others] if first.is_warm else others:
         before = search.run or first
-        run = search.run = before.again(share, turned=share != shares[0] and not inexact)
+        run = search.run = before.again(path, turned=path != paths[0] and not is_inexact)
         run.iterate()
-        near = ", near the bonded state" if share.start < shares[0].start else ""
-        name = f"condensed, friction's share {share.early:g}, then {share.late:g}{near}"
+        near = ", near the bonded state" if path.start < paths[0].start else ""
+        name = f"condensed, friction's share {path.early:g}, then {path.late:g}{near}"
         yield run.attempt(name, f"the start before ended {before.reason.words}"), run.outcome()
-        if run.reason in LAST or (run.reason is Status.SOLVED and not inexact):
+        if run.reason in LAST or (run.reason is Status.SOLVED and not is_inexact):
             return
 
 
 def vertex(search: Search) -> Tries:
-    """From vertex to vertex, for small contacts; from a state that is given, if it fits."""
+    """Pivoting, for small contacts, started from the state `initial` if that has the size of the problem."""
     start = search.start if search.start is not None and search.start.fits(search.qvi) else None
-    found = solve_pivoting(search.qvi, search.settings.tolerance, search.options(PivotingOptions), start=start)
-    yield Attempt("pivoting", "", found.reason, found.iterations), found
+    outcome = solve_pivoting(search.qvi, search.settings.tolerance, search.options(PivotingOptions), start=start)
+    yield Attempt("pivoting", "", outcome.reason, outcome.iterations), outcome
 
 
 def other_vertices(search: Search) -> Tries:
-    """The same along each direction that was not tried."""
-    tried, tolerance = any(attempt.name == "pivoting" for attempt in search.attempts), search.settings.tolerance
-    for direction in range(1 if tried else 0, DIRECTIONS):
-        found = solve_pivoting(search.qvi, tolerance, search.options(PivotingOptions), direction)
+    """Pivoting along each direction d that was not tried yet."""
+    was_tried, tolerance = any(each.name == "pivoting" for each in search.attempts), search.settings.tolerance
+    for direction in range(1 if was_tried else 0, DIRECTIONS):
+        outcome = solve_pivoting(search.qvi, tolerance, search.options(PivotingOptions), direction)
         name = f"pivoting, direction {direction + 1}" if direction else "pivoting"
-        yield Attempt(name, "", found.reason, found.iterations), found
+        yield Attempt(name, "", outcome.reason, outcome.iterations), outcome
 
 
 def fixed_point(search: Search) -> Tries:
-    """Outer iteration on the friction bound, for contacts that are not large."""
+    """The fixed point, an outer iteration on the friction bound."""
     options, name = search.options(FixedPointOptions), check_name(search.inner)
-    found = _hopeless(search.qvi) or solve_fixed_point(search.qvi, name, search.settings.tolerance, options)
-    yield Attempt("fixed-point", "", found.reason, found.iterations), found
+    outcome = _ill_conditioned(search.qvi) or solve_fixed_point(search.qvi, name, search.settings.tolerance, options)
+    yield Attempt("fixed-point", "", outcome.reason, outcome.iterations), outcome
 
 
 def uzawa(search: Search) -> Tries:
-    """The iteration of Więckowski 1992, where it is asked for."""
+    """The iteration of Więckowski 1992."""
     options = search.options(UzawaOptions)
-    found = _hopeless(search.qvi) or solve_uzawa(search.qvi, search.settings.tolerance, options)
-    yield Attempt("uzawa", "", found.reason, found.iterations), found
+    outcome = _ill_conditioned(search.qvi) or solve_uzawa(search.qvi, search.settings.tolerance, options)
+    yield Attempt("uzawa", "", outcome.reason, outcome.iterations), outcome
 
 
-def _hopeless(qvi: FrictionQVI) -> Outcome | None:
-    """What is left of a problem whose plain linear system cannot be solved; None of others."""
+def _ill_conditioned(qvi: FrictionQVI) -> Outcome | None:
+    """The outcome "ill_conditioned" if the bonded solution is too inaccurate, else None."""
     error = qvi.bonded_state.error
-    if error <= _HOPELESS:
+    if error <= _LARGEST_BONDED_ERROR:
         return None
     message = f"the linear system is solved to {error:.0e} only, in the energy norm"
     return dataclasses.replace(Outcome.nothing(qvi, Status.ILL_CONDITIONED, message), hopeless=True)
 
 
 def _linear(qvi: FrictionQVI, method: str) -> Tries:
-    """The answer of a linear system, where there is no contact, or nothing is unknown."""
+    """The bonded solution, for a problem without contact points or without unknowns."""
     z, zero = qvi.bonded, np.zeros(qvi.m)
     _, nu = qvi.linear_system.solve(-qvi.gradient(z))
     reason = Status.SOLVED if qvi.m == 0 else Status.INFEASIBLE  # unless the certificate passes
@@ -202,59 +202,59 @@ def _linear(qvi: FrictionQVI, method: str) -> Tries:
 
 
 class Way(NamedTuple):
-    """One entry of `ATTEMPTS`."""
+    """An entry of `ATTEMPTS`: generators of attempts of one method."""
 
-    method: str  # to which it belongs; one that is asked for has its own entries alone
-    # what it tries, one by one as they are asked for; nothing where those before leave nothing to do
-    tries: tuple[Callable[[Search], Tries], ...]
-    subject: str = ""  # of a sentence that says what the method found
-    # for which problems it is tried where no method is asked for
+    method: str  # if the user asks for a method, only its entries are used
+    tries: tuple[Callable[[Search], Tries], ...]  # each yields attempts, one by one, until one is certified
+    subject: str = ""  # the method as the subject of a sentence in the message
+    # whether a problem is suitable, asked only if the user chose no method
     serves: Callable[[FrictionQVI], bool] = lambda _: True
 
 
 ATTEMPTS: Final = (
     Way("pivoting", (vertex,), serves=affordable),
-    Way("condensed", (usual_start, other_shares)),
+    Way("condensed", (usual_start, other_paths)),
     Way("pivoting", (other_vertices,), "Pivoting", lambda qvi: affordable(qvi, LARGEST_LATE)),
-    Way("fixed-point", (fixed_point,), "The fixed point", lambda qvi: qvi.m <= _ITERABLE),
+    Way("fixed-point", (fixed_point,), "The fixed point", lambda qvi: qvi.m <= _LARGEST_FIXED_POINT),
     Way("uzawa", (uzawa,), serves=lambda _: False),
 )
-"""Tried in this order until a certificate passes; the first leaves nothing behind where it fails."""
+"""Methods in the order in which they are tried until a certificate passes. If the first entry fails, only `attempts`
+shows it; the messages then call the second the first."""
 
 
 class Search:
-    """What is tried of one problem."""
+    """The attempts to solve one problem, and the best outcome so far."""
 
     def __init__(self, qvi: FrictionQVI, settings: Settings, initial: object) -> None:
         self.qvi, self.settings = qvi, settings
-        self.inner = settings.inner or DEFAULT_INNER  # of the fixed point
-        self.attempts: tuple[Attempt, ...] = ()  # so far
-        self.best: Outcome | None = None  # of the method under way, by its certificate
-        self.run: CondensedRun | None = None  # last start of the condensed method
+        self.inner = settings.inner or DEFAULT_INNER  # inner solver of the fixed point
+        self.attempts: tuple[Attempt, ...] = ()
+        self.best: Outcome | None = None  # the outcome of the current method with the best certificate
+        self.run: CondensedRun | None = None  # the latest run of the condensed method
         self._began = time.perf_counter()
         self._given = dict(settings.options)
-        self.start: Start | None = None  # a state that is given, and its pressure
-        self._pressure: Vector | None = None
+        self.start: Start | None = None  # the state `initial`
+        self._pressure: Vector | None = None  # the pressure `initial`, or that of the state
         if initial is not None and settings.takes_state:
             start = Start.of(initial) if isinstance(initial, QVISolution) else initial
             self.start = start if isinstance(start, Start) else None
             self._pressure = initial_pressure(qvi, start if self.start is None else self.start.pressure)
             if settings.chosen == "fixed-point":
                 self._given["initial"] = self._pressure
-            elif self.start is not None or not settings.by_default:  # a pressure is for what may follow
+            elif self.start is not None or not settings.by_default:  # a pressure is kept for a later fixed point
                 self._given["initial"] = start
 
     @property
     def seconds(self) -> float:
-        """Since it began, without the factorisation."""
+        """Wall time of the search so far, without the set-up of the condensed method."""
         return time.perf_counter() - self._began - (self.run.setup if self.run else 0.0)
 
     def options(self, kind: type[Options]) -> Options:
-        """Those of the method under way, as far as it has them."""
+        """Options of the current method, made of the given ones that it has."""
         return kind(**{name: value for name, value in self._given.items() if name in kind.__dataclass_fields__})
 
     def first(self) -> QVISolution | None:
-        """What the first of `ATTEMPTS` finds; None where it does not serve, or is not certified."""
+        """The solution by the first of `ATTEMPTS`; None if the problem is not suitable, or the certificate fails."""
         way = ATTEMPTS[0]
         if not way.serves(self.qvi):
             return None
@@ -262,7 +262,7 @@ class Search:
         return self._finished(way, certificate, timings) if certificate.passed else None
 
     def by(self, *ways: Way, why: str = "") -> QVISolution:
-        """The best that ways of one method find, certified; a factorisation that fails ends in a status."""
+        """The best solution that entries of one method find. A factorisation that fails becomes a status."""
         return self._finished(ways[0], *self._best_of(*ways, why=why))
 
     def _finished(self, way: Way, certificate: Certificate, timings: Mapping[str, float]) -> QVISolution:
@@ -271,7 +271,7 @@ class Search:
         return finish(self.qvi, self.best, certificate, way.method, inner, self.attempts, timings)
 
     def _best_of(self, *ways: Way, why: str = "") -> tuple[Certificate, dict[str, float]]:
-        """The certificate of the best outcome, which is kept, and seconds by name."""
+        """Run the entries until an outcome passes: the certificate of the best outcome, and seconds by name."""
         qvi, tolerance, method = self.qvi, self.settings.tolerance, ways[0].method
         report(Progress(method))
         began, certifying = time.perf_counter(), 0.0
@@ -281,15 +281,15 @@ class Search:
         else:
             tries = chain(_linear(qvi, method))
         try:
-            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what diverges is judged by its end
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # divergence becomes a status
                 for attempt, outcome in tries:
-                    before, found = time.perf_counter(), None
+                    before, new_certificate = time.perf_counter(), None
                     if self.best is not None or outcome.reason is not Status.ILL_CONDITIONED:
-                        found = outcome.certified(qvi, tolerance)
-                        attempt = attempt._replace(status=judged(attempt.status, found))
+                        new_certificate = outcome.certified(qvi, tolerance)
+                        attempt = attempt._replace(status=certified_status(attempt.status, new_certificate))
                     certifying += time.perf_counter() - before
                     self.attempts += (attempt._replace(reason=attempt.reason or why),)
-                    certificate = self._keep(outcome, found, certificate)
+                    certificate = self._keep(outcome, new_certificate, certificate)
                     if certificate is not None and certificate.passed:
                         break
         except (FactorisationError, MemoryError) as error:
@@ -304,25 +304,31 @@ class Search:
         seconds = time.perf_counter() - began - best.setup - certifying
         return certificate, {"setup": best.setup, "solve": seconds, "certificate": certifying}
 
-    def _keep(self, outcome: Outcome, found: Certificate | None, certificate: Certificate | None) -> Certificate | None:
-        """The better of the best so far and a new outcome; its certificate. What has no certificate is replaced."""
+    def _keep(self, outcome: Outcome, new: Certificate | None, certificate: Certificate | None) -> Certificate | None:
+        """Keep the better of the best outcome, with its certificate, and a new one; returns the certificate kept.
+
+        An outcome without certificate is replaced, and replaces the best.
+        """
         best = self.best
-        if best is None or certificate is None or found is None or found.accuracy < certificate.accuracy:
+        if best is None or certificate is None or new is None or new.accuracy < certificate.accuracy:
             self.best = outcome
-            return found
-        best.history, best.iterations = outcome.history, outcome.iterations  # all count, whichever is best
+            return new
+        best.history, best.iterations = outcome.history, outcome.iterations  # of all runs, whichever is best
         if outcome.reason is Status.TIME_LIMIT and best.reason is not Status.SOLVED:
             best.reason, best.message = outcome.reason, ""
         return certificate
 
     def fallen_back(self, first: QVISolution) -> QVISolution:
-        """The first of the methods left that passes, each for as long again as the first one took; or the best."""
+        """The solution of the first other method that passes, or else the better solution, with a remark.
+
+        Each method may take as long as the first one took, see `LEAST_SECONDS`.
+        """
         later = [way for way in ATTEMPTS[1:] if way.method != first.method and way.serves(self.qvi)]
         limit = self.settings.options.get("max_iterations")
-        spent, over = limit is not None and first.iterations >= limit, deadline.over
-        if spent or first.status not in _WORTH_A_FALL_BACK or not later:
+        is_spent, is_over = limit is not None and first.iterations >= limit, deadline.over
+        if is_spent or first.status not in _WORTH_A_FALL_BACK or not later:
             return first
-        if over:
+        if is_over:
             return out_of_time(first)
         seconds = max(LEAST_SECONDS, time.perf_counter() - self._began)
         tried = f"the condensed method ended {first.status.words} after {first.iterations} iterations"
@@ -338,20 +344,20 @@ class Search:
                 break
         better = last.certificate.accuracy < first.certificate.accuracy
         if last.solved or (last.status is Status.INACCURATE and better):
-            found, remark = last, f"{subject} found this solution after {tried}."
+            solution, remark = last, f"{subject} found this solution after {tried}."
         elif deadline.over:
-            found = out_of_time(last if better else first)
+            solution = out_of_time(last if better else first)
             remark = f"The time limit ended {subject.lower()}, which was tried because {tried}."
         elif last.status is Status.TIME_LIMIT:
             stopped = f"{subject}, tried next, was stopped after {seconds:.0f} seconds"
-            found, remark = first, f"{stopped}: method={way.method!r} gives it more time."
+            solution, remark = first, f"{stopped}: method={way.method!r} gives it more time."
         else:
-            found, remark = first, f"{subject}, tried next, ended {last.status.words}."
-        return dataclasses.replace(found, message=f"{found.message} {remark}", attempts=self.attempts)
+            solution, remark = first, f"{subject}, tried next, ended {last.status.words}."
+        return dataclasses.replace(solution, message=f"{solution.message} {remark}", attempts=self.attempts)
 
 
 def solved(qvi: FrictionQVI, settings: Settings, initial: object = None) -> QVISolution:
-    """Solve from a start: by the method of the settings, where it was not asked for by the other `ATTEMPTS` too."""
+    """Solve by the method of the settings; if the user chose none, by the other `ATTEMPTS` too."""
     callback = settings.callback
 
     def hear(progress: Progress) -> None:
@@ -363,34 +369,34 @@ def solved(qvi: FrictionQVI, settings: Settings, initial: object = None) -> QVIS
         chosen = [way for way in ATTEMPTS if way.method == settings.chosen]
         if not settings.by_default:
             return search.by(*chosen)
-        solution = None if settings.options.keys() - _OF_ALL else search.first()
+        solution = None if settings.options.keys() - _METHOD_FREE_OPTIONS else search.first()
         return solution or search.fallen_back(search.by(*chosen))
 
 
-# Other solutions of a problem: with friction that of (D2) need not be unique, and a method started anew ends at the one
-# its own way leads to. Where friction rises from a share of its value, or falls from a multiple, step by step, states
-# change little, and the way may end at another one. None found proves nothing; `uniqueness` has a bound for that.
-
+# Other solutions of a problem. With friction the solution of (D2) need not be unique, and a method always finds the
+# same one. A path on which the friction coefficient rises from a fraction of its value, or falls from a multiple, in
+# small steps, may end at another solution, as each step starts from the state before. That no other solution is found
+# proves nothing; `uniqueness` has a bound that does.
 
 WAYS: Final = ((0.4, 5), (0.4, 20), (0.6, 20), (0.85, 3), (1.3, 10))
-"""First friction over that of the problem, and the steps from there."""
+"""Paths of the friction: its first value over that of the problem, and the number of steps to 1."""
 
 OTHER: Final = 1e-4
-"""Difference of tractions, over the largest one, that is not the certificates' error."""
+"""Difference of tractions, over the largest traction, above which two solutions count as different."""
 
 
 def followed_solutions(solution: QVISolution, *, time_limit: float | None = None) -> tuple[QVISolution, ...]:
     """The solution and others of the same problem, found by following the friction along each of `WAYS`.
 
-    Each is certified to the tolerance of the first, on the data of the problem. Two of them are different if their
-    tractions differ at any point by more than `OTHER` of the largest one.
+    Each solution is certified on the data of the problem, to the tolerance of the given one. Two solutions are
+    different if their tractions differ at any point by more than `OTHER` times the largest traction.
 
     Parameters
     ----------
     solution : QVISolution
-        Solved.
+        A solution with the status "solved".
     time_limit : float, optional
-        Seconds for all ways together. What was found until then is returned.
+        Seconds for all paths together. The solutions found until then are returned.
 
     Raises
     ------
@@ -400,24 +406,24 @@ def followed_solutions(solution: QVISolution, *, time_limit: float | None = None
     """
     if not solution.solved:
         raise InputError("solution", str(solution.status), "give one that is solved")
-    found, qvi = [solution], solution.problem
+    solutions, qvi = [solution], solution.problem
     if not (qvi.mu > 0.0).any():
         return (solution,)
     with deadline(time_limit):
         for end in _ends(solution):
-            if end.solved and all(traction_difference(end, other) > OTHER for other in found):
-                found.append(end)
-    return tuple(found)
+            if end.solved and all(traction_difference(end, other) > OTHER for other in solutions):
+                solutions.append(end)
+    return tuple(solutions)
 
 
 def traction_difference(one: QVISolution, other: QVISolution) -> float:
     """The largest difference of tractions at a contact point, over the largest traction of the first."""
-    mine, theirs = (each.problem.tractions(each.z) for each in (one, other))
-    return largest(mine - theirs) / one.certificate.scales["stress"]
+    first, second = (solution.problem.tractions(solution.z) for solution in (one, other))
+    return largest(first - second) / one.certificate.scales["stress"]
 
 
 def _ends(solution: QVISolution) -> Iterator[QVISolution]:
-    """What the ways end at, until the time is over; those that begin at the same friction begin at the same state."""
+    """The last state of each path, until the time is over. Paths from the same friction share their first state."""
     begun: dict[float, QVISolution] = {}
     qvi, tolerance = solution.problem, solution.certificate.tolerance
     for first, count in WAYS:
@@ -428,8 +434,8 @@ def _ends(solution: QVISolution) -> Iterator[QVISolution]:
             if factor == first and first in begun:
                 step = begun[first]
             else:
-                posed = qvi if factor == 1.0 else qvi.with_law(mu=factor * qvi.mu)
-                step = solve_qvi(posed, "condensed", tolerance=tolerance, initial=state)
+                scaled_qvi = qvi if factor == 1.0 else qvi.with_law(mu=factor * qvi.mu)
+                step = solve_qvi(scaled_qvi, "condensed", tolerance=tolerance, initial=state)
                 begun.setdefault(first, step)
             state = step if step.solved else state
         yield step

@@ -1,6 +1,6 @@
 """The iterative procedure (4.1)-(4.4) of Więckowski 1992, K factored once.
 
-With λ = m / W as the unknowns, B = [N; T] and C = B K⁻¹ Bᵀ (the compliance seen by the contact points),
+With the unknowns λ = m / W, B = [N; T] and the compliance C = B K⁻¹ Bᵀ of the contact,
 
     (i)    λ_N = λ_T = 0
     (ii)   for i = 1, 2, …
@@ -11,11 +11,10 @@ With λ = m / W as the unknowns, B = [N; T] and C = B K⁻¹ Bᵀ (the complianc
                "printed":       ± max(max(± λ_T, 0) + Δ, 0),   and 0 where σ_N ≥ 0
                "accumulating":  λ_T ± Δ where Δ ≥ 0,   sign(λ_T) max(|λ_T| − |Δ|, 0) where Δ < 0
 
-(4.1) has the sign of λ_T corrected, (4.2) the correction that keeps an open gap open; with equality rows
-K⁻¹ is that of the constrained system. The solutions of the QVI are fixed points of "accumulating". Those of
-"printed" with an open gap are not, nor is it safe where σ_N passes through 0: λ_T is set to 0 there, which
-leaves |σ_T| > 0 without pressure. "printed" also forgets λ_T when σ_T changes its sign.
-Where a row is bilateral, λ_N = 0.
+In (4.1) the sign of λ_T is corrected; (4.2) is corrected so that an open gap stays open. With equations K⁻¹ is the
+inverse on the null space of A. At bilateral points λ_N = 0. The solutions of the QVI are fixed points of
+"accumulating". They are not fixed points of "printed" if a gap is open. "printed" also fails where σ_N passes through
+0: it sets λ_T to 0, which leaves |σ_T| > 0 without pressure. It drops λ_T when σ_T changes its sign.
 
 | stops when                                                     | status before the certificate |
 |----------------------------------------------------------------|-------------------------------|
@@ -24,10 +23,10 @@ Where a row is bilateral, λ_N = 0.
 | step ω_T shrunk to round-off, no change any more               | stalled                       |
 | λ no longer finite                                             | diverged                      |
 | `max_iterations` done, or exactly `iterations`                 | max_iterations                |
-| the time is over, see `deadline`                                 | time_limit                    |
+| the time is over, see `deadline`                               | time_limit                    |
 
-At mu = 0, and where the gap is open, Δ = ω_T never shrinks and the iteration ends in a cycle; `step_decay`
-shrinks the step.
+At mu = 0, and where the gap is open, Δ = ω_T is constant and the iteration ends in a cycle, unless `step_decay` reduces
+the step.
 """
 
 import time
@@ -51,14 +50,14 @@ _RECORD_ALL = 1000
 
 
 def solve_uzawa(qvi: FrictionQVI, tolerance: float, options: UzawaOptions) -> Outcome:
-    """Run the procedure of this module; z belongs to the multipliers it was computed from in (4.1)."""
+    """Solve the QVI by the iteration of this module; z is that of (4.1) for the returned multipliers."""
     began = time.perf_counter()
     compliance, m, W2, printed = Compliance(qvi), qvi.m, np.concatenate([qvi.W, qvi.W]), options.rule == "printed"
     root = np.sqrt(qvi.W)
     radius = 0.0 if options.omega_N else eigvalsh(root[:, None] * compliance.dense[:m, :m] * root)[-1]  # of N K⁻¹ Nᵀ W
     omega_N = options.omega_N or (1.0 / radius if radius > 0.0 else 1.0)
     energy_bonded = qvi.energy(qvi.bonded)
-    tested = options.iterations is None  # else their number alone ends it
+    is_tested = options.iterations is None  # else the number of iterations is given
     limit = min(options.iterations or options.max_iterations, options.max_iterations)
     setup = time.perf_counter() - began
     lam: Vector = np.zeros(2 * m)  # (i)
@@ -82,31 +81,31 @@ def solve_uzawa(qvi: FrictionQVI, tolerance: float, options: UzawaOptions) -> Ou
         new = np.concatenate([lambda_N, lambda_T])
         scale = largest(new) or 1.0
         change = largest(new - lam) / scale
-        # Without z: the energy is that of the bonded solution + ½ mᵀ C m.
+        # The energy is that of the bonded solution + ½ mᵀ C m, so that z is not needed.
         energy = energy_bonded + 0.5 * float((W2 * lam) @ (compliance.bonded - sigma))
-        spent = time.perf_counter() - began
-        entry = Iteration(number, change, energy, float(qvi.W @ sigma_N), seconds=spent)
-        # Every iteration is recorded up to a thousand, then those with three digits: 1010, 1020, …, 10100, 10200.
+        seconds = time.perf_counter() - began
+        entry = Iteration(number, change, energy, float(qvi.W @ sigma_N), seconds=seconds)
+        # All iterations up to 1000 are recorded, then those with three digits: 1010, 1020, …, 10100, 10200.
         if number <= _RECORD_ALL or not number % 10 ** (len(str(number)) - 3):
             history.append(entry)
             report(Progress("uzawa", entry))
-        # The table of this module, row by row; a snapshot every 64 iterations is compared with up to 8 after it.
+        # The rows of the table above; λ of every 64th iteration, `snapshot`, is compared with the next 8.
         since = number % _CYCLE_EVERY
         snapshot = snapshot if since else lam
         if not np.isfinite(change):
             reason, message = Status.DIVERGED, "the multipliers are no longer finite"
-        elif tested and change <= tolerance and number >= certify_at:
+        elif is_tested and change <= tolerance and number >= certify_at:
             passed = certify(qvi, *compliance.state(W2 * lam), tolerance).passed
             reason = Status.SOLVED if passed else Status.STALLED if change == 0.0 else None
             message = "the multipliers no longer change" if reason is Status.STALLED else ""
             certify_at = number + max(10, number // 10)
-        elif tested and change > tolerance and number >= _CYCLE_EVERY and 2 <= since <= _CYCLE_PERIOD:
-            cycles = largest(lam - snapshot) <= 1e-6 * change * scale
-            reason, message = (Status.CYCLING, "the multipliers repeat themselves") if cycles else (None, "")
+        elif is_tested and change > tolerance and number >= _CYCLE_EVERY and 2 <= since <= _CYCLE_PERIOD:
+            is_cycle = largest(lam - snapshot) <= 1e-6 * change * scale
+            reason, message = (Status.CYCLING, "the multipliers repeat themselves") if is_cycle else (None, "")
         if reason is None and (number >= limit or deadline.over):
             reason = Status.MAX_ITERATIONS if number >= limit else Status.TIME_LIMIT
         lam = new if reason is None else lam
     if history[-1].number != number:
         history.append(entry)
-    state, found = compliance.state(W2 * lam), versions(("scipy",))
-    return Outcome(reason, *state, history, number, message, setup=setup, versions=found)
+    state, package_versions = compliance.state(W2 * lam), versions(("scipy",))
+    return Outcome(reason, *state, history, number, message, setup=setup, versions=package_versions)

@@ -1,4 +1,4 @@
-"""What every method uses: types, checks, the words for how a solve ended."""
+"""What every method uses: types, checks, statuses, progress and calls of other libraries."""
 
 from solvers.basics.front import front
 

@@ -1,4 +1,4 @@
-"""Checks of what callers hand in: numbers, arrays of real numbers, one of some words."""
+"""Checks of arguments: numbers, arrays of real numbers, words, mappings, functions. All raise `InputError`."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,7 +10,7 @@ from solvers.errors import InputError
 
 
 def finite_number(field: str, value: object) -> float:
-    """Return `value` as a float, or say that `field` must be one finite number."""
+    """`value` as a float; `InputError` unless it is one finite real number."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise InputError(field, value, "give one real number")
     try:
@@ -23,7 +23,7 @@ def finite_number(field: str, value: object) -> float:
 
 
 def positive_number(field: str, value: object) -> float:
-    """Return `value` as a float, or say that `field` must be one finite number above zero."""
+    """`value` as a float; `InputError` unless it is one finite number above zero."""
     number = finite_number(field, value)
     if number <= 0:
         raise InputError(field, value, "give a number greater than 0")
@@ -31,28 +31,28 @@ def positive_number(field: str, value: object) -> float:
 
 
 def fraction(field: str, value: object) -> float:
-    """Return `value` as a float, or say that `field` must be one number between 0 and 1, and neither of them."""
+    """`value` as a float; `InputError` unless it is one number with 0 < value < 1."""
     if isinstance(value, bool) or not (isinstance(value, int | float | np.integer | np.floating) and 0 < value < 1):
         raise InputError(field, value, "give a number between 0 and 1")
     return float(value)
 
 
 def whole_number(field: str, value: object, largest: int = 2**31 - 1) -> int:
-    """Return `value` as an int, or say that `field` must be a whole number from 1 to `largest`."""
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not whole or not 1 <= value <= largest:  # type: ignore[operator]  # a number by now
+    """`value` as an int; `InputError` unless it is a whole number from 1 to `largest`."""
+    is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not is_whole or not 1 <= value <= largest:  # type: ignore[operator]  # a number by now
         raise InputError(field, value, f"give a whole number from 1 to {largest}")
     return int(value)  # type: ignore[call-overload,no-any-return]
 
 
 def one_of(field: str, value: object, choices: Sequence[str]) -> None:
-    """Say that `field` must be one of the choices, and which there are."""
+    """`InputError`, which lists the choices, unless the value is one of them."""
     if not isinstance(value, str) or value not in choices:
         raise InputError(field, value, f"give one of {', '.join(choices)}")
 
 
 def mapping(field: str, value: object, what: str, *, optional: bool = False) -> Mapping[Any, Any]:
-    """The value if it is a mapping, an empty one for None if that is allowed; else `InputError` that says what of."""
+    """The value if it is a mapping, {} for None if `optional`; else `InputError`, which asks for one of `what`."""
     if value is None and optional:
         return {}
     if not isinstance(value, Mapping):
@@ -61,29 +61,29 @@ def mapping(field: str, value: object, what: str, *, optional: bool = False) -> 
 
 
 def true_or_false(field: str, value: object) -> bool:
-    """Return `value` as a bool, or say that `field` must be True or False; 1 and 0 count as these."""
+    """`value` as a bool; `InputError` unless it is True, False, 1 or 0."""
     if not isinstance(value, bool | np.bool_ | int) or value not in (0, 1):
         raise InputError(field, value, "give True or False")
     return bool(value)
 
 
 def function_or_none(field: str, value: object) -> None:
-    """Say that `field` must be a function, or left out."""
+    """`InputError` unless the value is callable or None."""
     if value is not None and not callable(value):
         raise InputError(field, value, "give a function, or leave it out")
 
 
 def real_array(field: str, value: object, remedy: str = "give real numbers") -> NDArray[np.float64]:
-    """A copy as an array of float64; `InputError` for anything but real numbers, such as complex ones and texts."""
+    """A copy as an array of float64; `InputError` unless all entries are real numbers."""
     if type(value) is np.ndarray and value.dtype == np.float64:
         return value.copy()
     try:
         array = np.asarray(value)
         entries = array.flat if array.dtype.kind == "O" else ()
-        # of these Python would make a number that is not the one given
-        no_numbers = (each is None or isinstance(each, complex | np.complexfloating | str | bytes) for each in entries)
-        if array.dtype.kind in "biufO" and not any(no_numbers):
-            with np.errstate(over="ignore"):  # infinity is refused where it must be
+        # NumPy would convert these to numbers: None to NaN, texts to their value, complex numbers to the real part
+        is_other = (each is None or isinstance(each, complex | np.complexfloating | str | bytes) for each in entries)
+        if array.dtype.kind in "biufO" and not any(is_other):
+            with np.errstate(over="ignore"):  # callers refuse infinity if they must
                 return np.array(array, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(field, value, remedy) from error

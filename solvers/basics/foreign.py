@@ -1,11 +1,11 @@
-"""Foreign code runs apart from standard output, which is for answers: what a library prints there is dropped.
+"""Calls of libraries without side effects: their output does not reach standard output, signal handlers are restored.
 
     with foreign_code():
         answer = linprog(…)
 
-Compiled libraries write to file descriptor 1, at once or when a buffer of C is full; others print by Python. Where the
-project's log is set to DEBUG, their text goes to standard error instead. Others set signals for themselves, which are
-kept (`handlers_kept`).
+Compiled libraries write to file descriptor 1, at once or when a buffer of C is full; others print by Python. Their
+output is dropped. If the project's log is set to DEBUG, it goes to standard error. `handlers_kept` restores the signal
+handlers that a library has changed.
 """
 
 import ctypes
@@ -21,7 +21,7 @@ from typing import Any, Final, TextIO, cast
 
 
 class _Thread(local):
-    """How many blocks of foreign code this thread is in.
+    """The number of nested blocks of foreign code in this thread.
 
     Not a context variable: factors that the garbage collector frees enter such a block, and before Python 3.12 the
     collector may run while another variable of the same context is set, as by `numpy.errstate`. Setting one then
@@ -36,11 +36,11 @@ _THREAD: Final = _Thread()
 
 @contextmanager
 def foreign_code() -> Iterator[None]:
-    """Keep what the code inside prints away from standard output.
+    """Keep the output of the code inside away from standard output.
 
-    Descriptor 1 belongs to the whole process: other threads can still `print`, but what they write to the descriptor
-    itself is dropped. Nothing is done to it where it is closed. May be nested, and entered by several threads at a
-    time; takes 20 μs.
+    Descriptor 1 belongs to the whole process: other threads can still `print`, but their direct writes to the
+    descriptor are dropped. If it is closed, it stays closed. The context may be nested, and entered by several threads
+    at a time. It takes 20 μs.
     """
     _STANDARD_OUTPUT.hide()
     _THREAD.depth += 1
@@ -52,7 +52,7 @@ def foreign_code() -> Iterator[None]:
 
 
 def lead_nowhere() -> int | None:
-    """Let descriptor 1 lead nowhere once buffers are empty; a duplicate of what it was, None if it was closed."""
+    """Flush all buffers and redirect descriptor 1 to nowhere; returns a duplicate of it, None if it was closed."""
     if _is_standard(sys.stdout):
         with suppress(OSError):
             sys.stdout.flush()
@@ -63,7 +63,7 @@ def lead_nowhere() -> int | None:
         return None
     with open(os.devnull, "wb") as nowhere:
         os.dup2(nowhere.fileno(), 1)
-    if _is_told():
+    if _shows_output():
         with suppress(OSError):  # standard error is closed
             os.dup2(2, 1)
     return kept
@@ -76,102 +76,101 @@ def _is_standard(stream: TextIO | None) -> bool:
     return False
 
 
-def _is_told() -> bool:
+def _shows_output() -> bool:
     return logging.getLogger("qvi_contact").isEnabledFor(logging.DEBUG)
 
 
 @cache
 def _flush_c() -> Callable[[None], Any]:
-    """The function of C that writes what waits in its buffers."""
+    """C's fflush; with None it flushes all buffers."""
     return cast("Callable[[None], Any]", ctypes.CDLL("ucrtbase" if os.name == "nt" else None).fflush)
 
 
 class _StandardOutput:
-    """Hidden from when the first thread enters foreign code until the last one leaves it.
+    """Standard output, hidden from the time when the first thread enters foreign code until the last one leaves it.
 
-    The garbage collector may run at any place here, and factors that it frees enter foreign code themselves.
+    The garbage collector may run at any line of this class, and factors that it frees enter foreign code themselves.
     """
 
     def __init__(self) -> None:
-        self._lock, self._inside = RLock(), 0
-        self._kept: int | None = None
+        self._lock, self._n_inside = RLock(), 0
+        self._duplicate: int | None = None
         self._filter: _Filter | None = None
 
     def hide(self) -> None:
         with self._lock:
-            self._inside += 1
-            if self._inside > 1:
+            self._n_inside += 1
+            if self._n_inside > 1:
                 return
-            self._kept = lead_nowhere()
+            self._duplicate = lead_nowhere()
             if sys.stdout is not None:
-                self._filter = _Filter(sys.stdout, self._kept)
+                self._filter = _Filter(sys.stdout, self._duplicate)
                 sys.stdout = cast("TextIO", self._filter)
 
     def show(self) -> None:
         with self._lock:
-            if self._inside == 1:
+            if self._n_inside == 1:
                 _flush_c()(None)
                 if self._filter is not None:
-                    if sys.stdout is self._filter:  # else somebody has set another one
+                    if sys.stdout is self._filter:  # else another one was set meanwhile
                         sys.stdout = self._filter.stream
                     self._filter.end()
-                if self._kept is not None:
-                    os.dup2(self._kept, 1)
-                    os.close(self._kept)
-                self._kept = self._filter = None
-            self._inside -= 1
+                if self._duplicate is not None:
+                    os.dup2(self._duplicate, 1)
+                    os.close(self._duplicate)
+                self._duplicate = self._filter = None
+            self._n_inside -= 1
 
 
 class _Filter:
-    """`sys.stdout` meanwhile: silent in threads that run foreign code; others reach what descriptor 1 was."""
+    """`sys.stdout` while it is hidden: silent in threads that run foreign code; others write to the duplicate."""
 
     def __init__(self, stream: TextIO, kept: int | None) -> None:
-        self.stream, self._kept, self._lock = stream, kept, Lock()
+        self.stream, self._duplicate, self._lock = stream, kept, Lock()
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.stream, name)
 
     def write(self, text: str) -> int:
         if _THREAD.depth:
-            return sys.stderr.write(text) if _is_told() else len(text)
+            return sys.stderr.write(text) if _shows_output() else len(text)
         with self._lock:
-            if self._kept is None or not _is_standard(self.stream):
+            if self._duplicate is None or not _is_standard(self.stream):
                 return self.stream.write(text)
             data = text.replace("\n", os.linesep).encode(self.stream.encoding, self.stream.errors or "strict")
-            with open(self._kept, "wb", closefd=False) as place:
+            with open(self._duplicate, "wb", closefd=False) as place:
                 place.write(data)
             return len(text)
 
     def end(self) -> None:
-        """What still holds this one goes the usual way again."""
+        """Write to the stream again, for objects that still refer to this filter."""
         with self._lock:
-            self._kept = None
+            self._duplicate = None
 
 
 _STANDARD_OUTPUT: Final = _StandardOutput()
 
-
-_ROOM: Final = 1024
-"""Bytes for a `struct sigaction`, of which no system has more than 152; nothing is read in it."""
+_SIGACTION_BYTES: Final = 1024
+"""Bytes for a `struct sigaction`, which has at most 152 on any system; its content is not read."""
 
 
 @contextmanager
 def handlers_kept() -> Iterator[None]:
-    """Afterwards each signal does what it did before.
+    """Restore all signal handlers on exit.
 
-    Asked and set in the operating system, which Python allows in the main thread alone and for its own handlers alone:
-    those of `faulthandler` and of other libraries are kept as well. On Windows nothing is done.
+    They are read and set by the operating system's functions: Python's work in the main thread only, and for Python's
+    handlers only, not for those of `faulthandler` and of other libraries. On Windows nothing is restored.
     """
     if os.name != "posix":
         yield
         return
-    system, kept = ctypes.CDLL(None), {}
+    system, actions = ctypes.CDLL(None), {}
     for number in map(int, signal.valid_signals()):
-        action = ctypes.create_string_buffer(_ROOM)
+        action = ctypes.create_string_buffer(_SIGACTION_BYTES)
         if system.sigaction(number, None, action) == 0:
-            kept[number] = action
+            actions[number] = action
     try:
         yield
     finally:
-        for known, action in kept.items():
-            system.sigaction(known, action, None)  # refused for the two that nobody can set
+        for signal_number, action in actions.items():
+            system.sigaction(signal_number, action, None)  # fails for SIGKILL and SIGSTOP, which cannot be set

@@ -1,4 +1,4 @@
-"""The front of a room: its names are imported from the room itself, and their modules are loaded on first use."""
+"""The front of a package: its modules are loaded when one of their names is first imported from the package."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -9,23 +9,24 @@ from typing import Any
 
 
 def front(room: str, homes: Mapping[str, tuple[str, ...]] | None = None) -> Callable[[str], Any]:
-    """Return the ``__getattr__`` of a package: `homes` says which of its modules has which names.
+    """The ``__getattr__`` of the package `room`; `homes` maps its modules to their public names.
 
-    Without them all its modules are asked; what a module imports is not its own, and a name of two has no answer.
+    Without `homes` all its modules are searched. Names that a module has imported do not count, and a name that two
+    modules define is an AttributeError.
     """
 
     def loaded(name: str) -> Any:
         modules = [home for home, names in (homes or {}).items() if name in names]
         if homes is None and not name.startswith("_"):
             modules = [module.name for module in iter_modules(sys.modules[room].__path__)]
-        found = {}
+        values = {}
         for home in modules if name not in modules else ():
             value = getattr(import_module(f"{room}.{home}"), name, sys)
             imported = isinstance(value, type | FunctionType) and value.__module__ != f"{room}.{home}"
             if not (imported or isinstance(value, ModuleType)):
-                found[id(value)] = value
-        if len(found) != 1:
-            raise AttributeError(f"module {room!r} has {'no' if not found else 'more than one'} attribute {name!r}")
-        return next(iter(found.values()))
+                values[id(value)] = value
+        if len(values) != 1:
+            raise AttributeError(f"module {room!r} has {'no' if not values else 'more than one'} attribute {name!r}")
+        return next(iter(values.values()))
 
     return loaded

@@ -1,4 +1,4 @@
-"""Things that pairs join into sets, such as triangles by edges, or contact points by unknowns."""
+"""Connected components of a graph, such as triangles linked by edges, or contact points linked by unknowns."""
 
 import numpy as np
 
@@ -6,8 +6,8 @@ from solvers.basics.types import IntVector
 
 
 def lowest_linked(first: IntVector, second: IntVector, count: int) -> IntVector:
-    """The lowest thing (count,) that each of so many is joined to by pairs, itself if it is."""
-    least = np.arange(count)  # as far as is known
+    """The lowest node (count,) of the component of each of `count` nodes, for links between nodes `first`, `second`."""
+    least = np.arange(count)  # the lowest node found so far
     while True:
         one, other = least[first], least[second]
         apart = one != other
@@ -20,6 +20,6 @@ def lowest_linked(first: IntVector, second: IntVector, count: int) -> IntVector:
 
 
 def linked(first: IntVector, second: IntVector, count: int) -> IntVector:
-    """Numbers (count,) of the sets into which pairs join so many things, from 0 in the order of their first things."""
+    """Numbers (count,) of the components of `count` nodes, from 0 in the order of their lowest nodes."""
     least = lowest_linked(first, second, count)
     return np.unique(least, return_inverse=True)[1] if least.any() else least

@@ -1,10 +1,11 @@
-"""How long a solve may take, who hears how far it is, and what it prints.
+"""Time limit, progress reports and log of a solve.
 
     with deadline(60.0), listening(print):
         …                                         # retries, fall-backs, inner problems, feasibility: one clock for all
 
-Methods ask `deadline.over` once an iteration, and back ends get the seconds `deadline.left`. What is no iteration, such
-as a factorisation, is not interrupted. Inside another deadline the earlier end counts, and all listeners hear all.
+Methods check `deadline.over` in every iteration, and back ends get the seconds `deadline.left` as their limit. Other
+work, such as a factorisation, is not interrupted. Of nested deadlines the earliest end counts; nested listeners all
+receive all reports.
 """
 
 import logging
@@ -24,40 +25,36 @@ if TYPE_CHECKING:
     from solvers.solution import Iteration
 
 
-_LEAST: Final = 1e-3  # seconds: some back ends take 0 for no limit
+_LEAST_SECONDS: Final = 1e-3  # some back ends take 0 for no limit
 
 
 class Progress(NamedTuple):
-    """Where a solve is."""
+    """A report: a method begins, has done an iteration, or starts other long work."""
 
     method: str
-    """Which method it is that begins or iterates."""
+    """The method, or the back end that does the other work."""
     iteration: "Iteration | None" = None
-    """What it has done; None where it begins."""
+    """The iteration; None when the method begins."""
     remark: str = ""
-    """Why it begins, where another one has failed before."""
+    """Why the method begins, if another one has failed before."""
     stage: str = ""
-    """What is done that takes long and is no iteration, such as a large factorisation; `method` is what does it."""
+    """Other long work, such as a large factorisation, in words."""
 
 
 Listener: TypeAlias = Callable[[Progress], object]
 
-_end: ContextVar[float] = ContextVar("end", default=math.inf)  # of `time.monotonic`
+_end: ContextVar[float] = ContextVar("end", default=math.inf)  # a time of `time.monotonic`
 _listeners: ContextVar[tuple[Listener, ...]] = ContextVar("listeners", default=())
 
 
 class Deadline:
-    """When everything has to end: ``with deadline(seconds):`` sets it, `left` and `over` ask for it."""
+    """The time limit of the current context: ``with deadline(seconds):`` sets it, `left` and `over` read it."""
 
     @contextmanager
     def __call__(self, seconds: float | None = None) -> Iterator[None]:
-        """Everything inside ends within so many seconds, as far as it can be interrupted; None sets no end.
+        """Set the time limit of the code inside, which ends if it can be interrupted; None sets no limit.
 
-        Raises
-        ------
-        InputError
-            If `seconds` is not a finite number above 0; the field is "time_limit".
-
+        `InputError`, for the field "time_limit", unless `seconds` is a finite number above 0.
         """
         outer = _end.get()
         token = _end.set(min(outer, time.monotonic() + checked_limit(seconds)))
@@ -68,24 +65,24 @@ class Deadline:
 
     @property
     def left(self) -> float:
-        """Seconds left, infinity without an end; never 0, which some back ends take for no limit."""
+        """Seconds left, infinity without a limit; at least 0.001, as some back ends take 0 for no limit."""
         end = _end.get()
-        return max(end - time.monotonic(), _LEAST) if end < math.inf else math.inf
+        return max(end - time.monotonic(), _LEAST_SECONDS) if end < math.inf else math.inf
 
     @property
     def over(self) -> bool:
-        """Whether the time is over."""
+        """Whether the time limit is reached."""
         end = _end.get()
         return end < math.inf and time.monotonic() >= end
 
 
 deadline: Final = Deadline()
-"""The one that counts here."""
+"""The only instance; its limit is a context variable."""
 
 
 @contextmanager
 def listening(listener: Listener) -> Iterator[None]:
-    """The listener is told of everything inside."""
+    """Call the listener with all reports of the code inside."""
     token = _listeners.set((*_listeners.get(), listener))
     try:
         yield
@@ -94,49 +91,48 @@ def listening(listener: Listener) -> Iterator[None]:
 
 
 def report(progress: Progress) -> None:
-    """Tell all listeners."""
+    """Call all listeners."""
     for listener in _listeners.get():
         listener(progress)
 
 
 def checked_limit(value: object) -> float:
-    """Seconds of a time limit, infinity where there is none; `InputError` unless it is a finite number above 0."""
+    """Seconds of a time limit, infinity for None; `InputError` unless it is a finite number above 0."""
     return math.inf if value is None else positive_number("time_limit", value)
 
 
-# What a solve says while it runs: printed with ``verbose=True``, and logged under the name "qvi_contact".
+# The log of a solve: printed with ``verbose=True``, and written to the logger "qvi_contact".
 #
 #     with Log("solve", verbose) as log:
 #         log.begin({"unknowns": 768, "method": "condensed"})
 #         …                                          # a line for each iteration that methods `report`
 #         log.end(status, message, {"solve": 0.1})
 #
-# Levels of the logger: INFO how the outermost call begins and ends, WARNING where it ends without a solution, DEBUG its
-# iterations and the calls inside it.
-
+# Levels of the logger: INFO for the begin and end of the outermost call, WARNING if it ends without a solution, DEBUG
+# for its iterations and the calls inside it.
 
 LOGGER: Final = logging.getLogger("qvi_contact")
-"""The logger of all packages of the project; silent unless the program that uses them gives it a handler."""
+"""The logger of all packages of the project; silent unless the program adds a handler."""
 LOGGER.addHandler(logging.NullHandler())
 
 ITERATIONS: Final = {
     "method": "<12", "iteration": ">9", "residual": ">10.2e", "energy": ">15.7e", "normal force": ">14.6e",
     "seconds": ">9.2f",
 }  # fmt: skip
-"""Columns of the lines of iterations, with their formats; dimensionless, as in `Iteration`."""
+"""Columns of the table of iterations, with their formats; dimensionless, as in `Iteration`."""
 
 _WIDTH: Final = 79
 _LABEL: Final = 16
-_ALL: Final = 20  # first iterations that are printed; later ones where two digits change: 100, 110, …, 1000, 1100
+_ALL_UP_TO: Final = 20  # all iterations up to this one are printed, then those with two digits: 100, 110, …, 1000, 1100
 
 _depth: ContextVar[int] = ContextVar("depth", default=0)
 
 
 class Log:
-    """A header, lines and a footer with status and times, logged, and printed if `verbose`; `title` says who speaks.
+    """A header, a table, and a footer with status and times, logged, and printed if `verbose`.
 
-    Inside another log nothing is printed, since the outer one speaks for all. `columns` are headings with the formats
-    of their numbers; `iterations` that methods `report` get lines.
+    Inside another log nothing is printed. `title` names the function, `columns` has the headings of the table with the
+    formats of their numbers. With `iterations` the iterations that methods `report` become lines of the table.
     """
 
     def __init__(
@@ -162,11 +158,11 @@ class Log:
 
     @property
     def seconds(self) -> float:
-        """Seconds since it began."""
+        """Seconds since the log began."""
         return perf_counter() - self._began
 
     def begin(self, facts: Mapping[str, object]) -> None:
-        """What is solved, and how."""
+        """Write the header: facts of the problem and of the method, by name."""
         if LOGGER.isEnabledFor(self._level):
             words = ", ".join(f"{name} {value}" for name, value in facts.items())
             LOGGER.log(self._level, "%s: %s", self._title, words)
@@ -177,7 +173,7 @@ class Log:
             _print("=" * _WIDTH, self._title.center(_WIDTH).rstrip(), "=" * _WIDTH, *lines, *table)
 
     def line(self, *values: object) -> None:
-        """One more line of the table, a value for each column; None leaves it empty."""
+        """Write a line of the table, with a value for each column; None leaves a column empty."""
         cells = [
             " " * int(_aligned(form)[1:]) if value is None else f"{value:{form}}"
             for value, form in zip(values, self._columns.values(), strict=True)
@@ -187,7 +183,7 @@ class Log:
             _print(" ".join(cells).rstrip())
 
     def report(self, progress: Progress) -> None:
-        """A line for an iteration, for what takes long, or for the method that begins."""
+        """Write the line of a progress report."""
         entry = progress.iteration
         if progress.stage:
             if self._shown:
@@ -197,12 +193,12 @@ class Log:
             LOGGER.debug("%s: %s", self._title, words)
             if self._shown and progress.remark:
                 _print(words)
-        elif entry.number <= _ALL or entry.number % 10 ** max(0, len(str(entry.number)) - 2) == 0:
+        elif entry.number <= _ALL_UP_TO or entry.number % 10 ** max(0, len(str(entry.number)) - 2) == 0:
             numbers = (entry.number, entry.residual, entry.energy, entry.normal_resultant)
             self.line(progress.method, *numbers, self.seconds)
 
     def end(self, status: str, message: str, seconds: Mapping[str, float], solved: bool) -> None:
-        """How it ended, after how many seconds for what, and for everything."""
+        """Write the footer: status, message, and `seconds` by name, with their total."""
         level = logging.WARNING if self._outermost and not solved else self._level
         if not self._shown and not LOGGER.isEnabledFor(level):
             return

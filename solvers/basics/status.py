@@ -1,26 +1,26 @@
-"""How a solve ended: one vocabulary for every method and back end."""
+"""The statuses with which a solve ends, the same for every method and back end."""
 
 from enum import StrEnum
 from typing import Self
 
 
 class Ending(StrEnum):
-    """How something ended. The value is a word for files and tables, `advice` a sentence for the user."""
+    """A status, such as that of a solve; its value is the word in files and tables."""
 
     advice: str
-    """What it means and what to do about it."""
+    """A sentence for the user: the meaning of the status, and what to do."""
     words: str
-    """The value as it stands in a sentence."""
+    """The value as words of a sentence."""
 
     def __new__(cls, value: str, advice: str = "") -> Self:
-        """A member of this value."""
-        found = str.__new__(cls, value)
-        found._value_, found.advice, found.words = value, advice, value.replace("_", " ")
-        return found
+        """The member with this value."""
+        member = str.__new__(cls, value)
+        member._value_, member.advice, member.words = value, advice, value.replace("_", " ")
+        return member
 
 
 class Status(Ending):
-    """How a solve ended. The value is a word for files and tables, `advice` a sentence for the user."""
+    """The status of a solve; its value is the word in files and tables."""
 
     SOLVED = "solved", "Nothing to do: the certificate passed on the original data."
     INACCURATE = (
@@ -90,12 +90,12 @@ class Status(Ending):
 
     @property
     def impossible(self) -> bool:
-        """Whether it is proved that there is no solution, at all or on this mesh."""
+        """Whether a proof excludes a solution, of the body or on this mesh."""
         return self in (Status.INFEASIBLE, Status.INFEASIBLE_ON_MESH)
 
     @property
     def usable(self) -> bool:
-        """Whether an inner problem that ended so gives an iterate worth continuing from."""
+        """Whether the iterate of an inner problem with this status can be used."""
         return self in (
             Status.SOLVED, Status.INACCURATE, Status.MAX_ITERATIONS, Status.TIME_LIMIT, Status.STALLED,
         )  # fmt: skip

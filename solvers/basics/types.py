@@ -1,7 +1,4 @@
-"""Names for the arrays of (D2): dense vectors, and matrices in compressed columns or rows, all float64.
-
-Also what all rooms do with such data: what a pickle holds of an object, what is made once, and tables in pandas.
-"""
+"""Types of the arrays of (D2), all float64; `PicklesFields` for pickles, `Kept` for shared objects, pandas tables."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import fields
@@ -33,32 +30,31 @@ Matrix: TypeAlias = NDArray[np.float64]
 """Two-dimensional dense float64 array."""
 
 Sparse: TypeAlias = csc_array
-"""Two-dimensional float64 array in compressed columns, the one form every back end reads.
+"""Two-dimensional float64 array in compressed columns, the form that every back end reads.
 
-Not csc_array[np.float64]: SciPy 1.15 cannot be asked for that, and scipy-stubs does not know that such an array times a
+Not csc_array[np.float64]: SciPy 1.15 does not support it, and scipy-stubs does not know that such an array times a
 vector is a vector.
 """
 
 SparseRows: TypeAlias = csr_array
-"""The same in compressed rows."""
+"""Two-dimensional float64 array in compressed rows."""
 
 Module: TypeAlias = Any
-"""A back end without type information, imported where it is used."""
+"""An optional library without type information, imported where it is used."""
 
 
 def load(name: str) -> Module:
-    """Import a back end now."""
+    """The library of this name, imported now."""
     return import_module(name)
 
 
-# What is pickled of objects that remember what they have computed.
+# Pickles of objects that keep computed quantities.
 
 
 class PicklesFields:
-    """A dataclass of which pickles and copies hold the fields alone; what cannot be changed cannot be in them either.
+    """A dataclass whose pickles and copies have its fields only; read-only arrays and mappings stay read-only.
 
-    What was computed from the fields, such as a factorisation inside a library's memory, is computed again when it is
-    needed.
+    Quantities that were computed from the fields, such as a factorisation, are computed again when they are needed.
     """
 
     def __getstate__(self) -> dict[str, Any]:
@@ -75,46 +71,45 @@ class PicklesFields:
             self.__dict__[name] = MappingProxyType(self.__dict__[name])
 
 
-# What is made once for several uses.
-
+# Objects that are made once and shared.
 
 _Made = TypeVar("_Made")
 
-_MOST: Final = 4  # of one kind
+_MOST_KEPT: Final = 4  # objects of one kind
 
 
 def read_only(*matrices: Any) -> None:
-    """Arrays and sparse matrices that several problems share cannot be written to any more."""
+    """Make arrays and sparse matrices that several problems share read-only."""
     for matrix in matrices:
         if isinstance(matrix, np.ndarray):
             matrix.flags.writeable = False
         else:
-            matrix.sum_duplicates()  # which sorts entries too: SciPy would do so in place when it likes
+            matrix.sum_duplicates()  # sorts the entries too, which SciPy would else do later, in place
             read_only(matrix.data, matrix.indices, matrix.indptr)
 
 
 class Kept:
-    """The latest objects that were made of something, of each kind a few.
+    """A cache of the latest few objects of each kind.
 
-    What is kept must not refer to its owner: memory, such as that of a large factorisation, is then freed at once with
-    the owner, and not when the garbage is collected next.
+    The objects must not refer to the owner of the cache. Then their memory, such as that of a large factorisation, is
+    freed at once with the owner, and not by the next garbage collection.
     """
 
     def __init__(self) -> None:
-        self._found: dict[type, dict[Hashable, Any]] = {}
+        self._objects: dict[type, dict[Hashable, Any]] = {}
         self._lock = Lock()
 
     def __call__(self, kind: type[_Made], key: Hashable, make: Callable[[], _Made]) -> _Made:
-        """The object of a kind for a key, made if there is none; several threads get the same."""
+        """The object of a kind for a key, made if there is none; the same for all threads."""
         with self._lock:
-            known = self._found.setdefault(kind, {})
+            known = self._objects.setdefault(kind, {})
             if key in known:
                 known[key] = known.pop(key)  # the latest comes last
                 return known[key]  # type: ignore[no-any-return]  # of its kind
         made = make()
         with self._lock:
             made = known.setdefault(key, made)
-            if len(known) > _MOST:
+            if len(known) > _MOST_KEPT:
                 del known[next(iter(known))]
         return made
 
@@ -123,7 +118,7 @@ class Kept:
 
 
 def pandas() -> Module:
-    """The package; `InputError` with the command that installs it where it is missing."""
+    """The package pandas; `InputError` with the command that installs it if it is missing."""
     if find_spec("pandas") is None:
         remedy = "tables of results need pandas: python -m pip install pandas"
         raise InputError("to_frame", "pandas", remedy)
@@ -131,13 +126,13 @@ def pandas() -> Module:
 
 
 def frame(columns: Mapping[str, Any], units: Mapping[str, str] | None = None) -> "DataFrame":
-    """A table of these columns; names of those in `units` end in their unit, as in "slip [mm]"."""
-    named = units or {}
-    titled = {f"{name} [{named[name]}]" if name in named else name: values for name, values in columns.items()}
+    """A table of these columns; a column in `units` gets its unit in the heading, as in "slip [mm]"."""
+    units = units or {}
+    titled = {f"{name} [{units[name]}]" if name in units else name: values for name, values in columns.items()}
     table: DataFrame = pandas().DataFrame(titled)
     return table
 
 
 def columns_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
-    """Rows with the same keys as columns; none without rows."""
+    """Rows, all with the same keys, as columns; {} without rows."""
     return {name: [row[name] for row in rows] for name in (rows[0] if rows else ())}

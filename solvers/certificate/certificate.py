@@ -1,11 +1,11 @@
-r"""Is this a solution? Computed on the original data, whatever the back end said.
+r"""The certificate: how well a state meets every condition of (D2), computed on the original data alone.
 
 With σ_N = N z + n0, σ_T = T z + t0, λ = m / W, the stiffness k of the contact (`FrictionQVI.contact_stiffness`), the
 strain energy E_b = ½|r(z)|² (without a root ½ zᵀKz) and the scales
 
     S   stress:        max |σ_N|, |σ_T|
     D   displacement:  S / k
-    E   energy:        min(S D Σ W, E_b), the smaller one where the stress peaks in few small cells
+    E   energy:        min(S D Σ W, E_b), which is E_b where the stress peaks in few small cells
 
 the measures are
 
@@ -15,44 +15,44 @@ the measures are
     friction                    max (|σ_T| − thr)⁺ / S,  thr = min(cohesion + mu |σ_N|, cap)
     stationarity                max of |ρ| / √(2 E_b) and |N K⁻¹ρ|, |T K⁻¹ρ| / S,  ρ = K z − f + Nᵀm_N + Tᵀm_T + Aᵀν,
                                 over rows of A of |δν| B / E, Aᵀδν the part of ρ outside A z = 0, and of
-                                √(Σ r_i² / K_ii) / √(2 E_b),  r = ρ − K e − Aᵀδν  with e the K⁻¹ρ that was found
+                                √(Σ r_i² / K_ii) / √(2 E_b),  r = ρ − K e − Aᵀδν  with e the computed K⁻¹ρ
     sign                        max of (−λ_N)⁺ / D, bilateral |λ_N| / D, and (−λ_T σ_T)⁺ / (S max(D, |λ|))
     complementarity_normal      Σ |m_N σ_N| / E, open gaps λ_N counted up to 10 E / (S Σ W)
     complementarity_tangential  Σ | |m_T| thr − m_T σ_T | / E, slips |λ_T| counted up to 10 E / (S Σ W)
     energy_gap                  |primal − dual energy| / E_b for the bound s = |σ_N|
     natural_map                 max of |σ_N − min(σ_N + k λ_N, 0)| / S, bilateral k |λ_N| / S,  and
                                        |σ_T − clip(σ_T + k λ_T, −thr, thr)| / S
-    alart_curnier               the same over 1 + mu, with thr = thr(|min(σ_N + k λ_N, 0)|)
-    bipotential                 |Σ (thr |m_T| − m_T σ_T − m_N σ_N)| / E, gaps and slips counted so
+    alart_curnier               as natural_map, over 1 + mu, with thr = thr(|min(σ_N + k λ_N, 0)|)
+    bipotential                 |Σ (thr |m_T| − m_T σ_T − m_N σ_N)| / E, gaps and slips counted up to that limit
 
-`law_residuals` has the formulas of the contact law, `MEASURES` what each number means and when to worry.
+`law_residuals` has the formulas of the contact law, `MEASURES` the meaning of each measure and when to worry.
 
-All scales are those of the state itself: a load or a gap elsewhere, however large, does not hide an error in the
-contact. Where the contact carries nothing, max |σ_N|, |σ_T| below 1e-7 of √(E_b k / Σ W), which stands for the stress
-in the body, that is S; where the body carries nothing either, it is the stress without the inequalities (`bonded`),
-and 1, the unit of the dimensionless problem, if that is larger, or zero but for rounding: √(2 E) of the bonded state
-below 1e-12 √(Σ f_i² / K_ii), where the equations A z = b cancel f: gaps that move a plate and do not deform the body.
+**Scales.** All scales are computed from the state itself, so that a large load or gap elsewhere does not hide an error
+in the contact. If max |σ_N|, |σ_T| is below 1e-7 of √(E_b k / Σ W), a mean stress in the body, the contact counts as
+unloaded and S is that stress. If the body is unloaded too, S is the stress of the bonded state, without inequalities.
+It is 1, the unit of the dimensionless problem, if the bonded stress is larger than 1, or is rounding: √(2 E) of the
+bonded state below 1e-12 √(Σ f_i² / K_ii). Such loads f are cancelled by the equations A z = b: gaps that move a plate
+without deforming the body.
 
-An obstacle farther away than 10 E / (S Σ W), which is 10 D or less, from the body may as well stand there: the solution
-is the same, and round-off in σ_N times a gap of any size is no error. Likewise a point that slides farther than that
-slides: an error ε S of σ_T weighs 10 ε, however far.
+**Far gaps and long slips.** An obstacle farther from the body than 10 E / (S Σ W), at most 10 D, has the same effect as
+one at that distance, so the gap counts up to that limit. Else rounding of σ_N, times a large gap, would count as an
+error. Slips count up to the same limit: an error ε S of σ_T then weighs at most 10 ε.
 
-Where cells are strongly graded the rounding of z itself, ε|R||z| in stresses, may exceed the tolerance. Where |ρ| is
-above 1e-9 √(2 E_b) it is subtracted from |ρ|, up to 1e-6 √(2 E_b), and reported as the scale "rounding" in units of
-√(2 E_b): the energy is then accurate to its square, and single stresses in the smallest cells are not.
+**Rounding.** On strongly graded meshes the rounding of z itself, ε|R||z| in stresses, may exceed the tolerance. If |ρ|
+is above 1e-9 √(2 E_b), this rounding is subtracted from |ρ|, up to 1e-6 √(2 E_b), and reported as the scale "rounding"
+in units of √(2 E_b). The energy is then accurate to the square of it; single stresses in the smallest cells are not.
 
-Signs: positive normal traction pulls, m_N pushes (≥ 0), m_T has the sign of σ_T where it slips. The dual
-energy is that of max(m_N, 0): primal − dual = Σ (thr |m_T| − m_T σ_T − m_N σ_N) + ½ |ρ|² with
-|ρ|² = ρᵀK⁻¹ρ (K⁻¹ on the null space of A, by the factorisation that has served the solver: r, a product with K
-itself, shows whether it is one of K), which bounds ½ |z − z*|² in the norm of K. |ρ| is, in that norm,
-the error of z for the given multipliers, and K⁻¹ρ that error itself; K z − f is `FrictionQVI.gradient`, so that
-rounding inside K counts where the problem has a root to measure it.
+**Signs and dual energy.** σ_N > 0 is tension, m_N = W λ_N ≥ 0 an open gap, m_T has the sign of σ_T where the point
+slips. The dual energy is taken at max(m_N, 0):
+primal − dual = Σ (thr |m_T| − m_T σ_T − m_N σ_N) + ½ |ρ|² with |ρ|² = ρᵀK⁻¹ρ, which bounds ½ |z − z*|² in the norm of
+K. K⁻¹ acts on the null space of A and uses the factorisation of the solver; r, a product with K itself, shows whether
+that is a factorisation of this K. K⁻¹ρ is the error of z for the given multipliers, and |ρ| its energy norm. K z − f is
+`FrictionQVI.gradient`, which includes the rounding inside K if the problem has an `EnergyRoot`.
 
-At a point that touches without load σ_N λ_N of size ε allows |σ_N| and λ_N of size √ε each; natural map and
-Alart-Curnier's are their minimum. Their limit is therefore looser, 10 tolerance^(3/4); that of the bipotential, which
-adds both complementarities, is 2 tolerance, that of the others the tolerance itself. Except for
-states that carry nothing, all measures are invariant to the units of stress, displacement and length, and to exchanging
-the unknowns z for c z.
+**Limits.** At a point that touches without pressure, a product σ_N λ_N of size ε allows |σ_N| and λ_N of size √ε each.
+The natural map, and that of Alart and Curnier, measure their minimum, so their limit is looser: 10 tolerance^(3/4). The
+bipotential adds both complementarities: 2 tolerance. All other limits are the tolerance. Except for unloaded states all
+measures are invariant to the units of stress, displacement and length, and to a change of the unknowns from z to c z.
 
 In `docs/theory.md`: (D10).
 """
@@ -73,8 +73,7 @@ from solvers.errors import InputError
 from solvers.inequality.problem import FrictionQVI
 from solvers.inequality.rows import largest
 
-# The measures, one row each: limit, what it means, when to worry. A measure may be as large as  factor ·
-# tolerance^exponent.
+# The measures: meaning, when to worry, and the limit  factor · tolerance^exponent.
 
 
 @dataclass(frozen=True)
@@ -84,15 +83,15 @@ class Measure:
     name: str
     """Key in `Certificate.measures`."""
     meaning: str
-    """What the number is, in one sentence."""
+    """Definition of the number, in one sentence."""
     worry: str
     """When to worry, and what to do then."""
     exponent: float = 1.0
     factor: float = 1.0
-    """Of the limit factor · tolerance^exponent."""
+    """Exponent and factor of the limit factor · tolerance^exponent."""
 
     def limit(self, tolerance: float) -> float:
-        """The value at which it fails."""
+        """The largest value that passes."""
         return self.factor * float(tolerance**self.exponent)
 
     def needed(self, value: float) -> float:
@@ -108,7 +107,7 @@ MEASURES: Final = (
     ),
     Measure(
         "normal",
-        "Largest pull σ_N > 0 at a contact point that can only press, over the largest traction.",
+        "Largest tension σ_N > 0 at a contact point that can only press, over the largest traction.",
         "Large: the contact pulls on the body somewhere. The state is not admissible.",
     ),
     Measure(
@@ -118,7 +117,7 @@ MEASURES: Final = (
     ),
     Measure(
         "stationarity",
-        "Error of the stress for the multipliers at hand, in the energy norm and in the contact tractions: "
+        "Error of the stress for the computed multipliers, in the energy norm and in the contact tractions: "
         "incompatible strains.",
         "Large: the linear system is not solved, or multipliers belong to another state. Equilibrium holds regardless.",
     ),
@@ -139,22 +138,22 @@ MEASURES: Final = (
     ),
     Measure(
         "energy_gap",
-        "Primal less dual energy for the bound at hand, over the energy of the body: at least the square of the "
-        "relative error for that bound. Negative beyond rounding only if a condition above is violated.",
-        "Large: the state is not the minimum of its own friction bound.",
+        "Primal less dual energy for the computed friction bound, over the energy of the body: at least the square of "
+        "the relative error for that bound. Negative beyond rounding only if a condition above is violated.",
+        "Large: the state does not minimise the energy for its own friction bound.",
     ),
     Measure(
         "natural_map",
         "Distance of the tractions from their projection on the law after a step along the displacements, with the "
-        "bound of the pressure at hand, over the largest traction.",
+        "friction bound of the computed pressure, over the largest traction.",
         "Large with small complementarity: points that touch without pressure (error ~ √tolerance); else wrong states.",
         exponent=0.75,
         factor=10.0,
     ),
     Measure(
         "alart_curnier",
-        "The same with the bound of the augmented pressure, as in the augmented Lagrangian of Alart and Curnier, over "
-        "1 + μ times the largest traction.",
+        "The natural map with the friction bound of the augmented pressure, as in the augmented Lagrangian of Alart "
+        "and Curnier, over 1 + μ times the largest traction.",
         "As for the natural map.",
         exponent=0.75,
         factor=10.0,
@@ -168,75 +167,72 @@ MEASURES: Final = (
         factor=2.0,
     ),
 )
-"""In the order of the table."""
+"""All measures, in the order of the table."""
 
 
-# The contact law: each of the last three measures is zero exactly where it holds. Natural map and Alart-Curnier's are
-# projections on the cone of the present and of the augmented pressure; the bipotential is ≥ 0 for admissible pairs
-# (σ_N ≤ 0, |σ_T| ≤ thr, λ_N ≥ 0). It is summed with its sign; violations of bounds may cancel gaps there, which is why
-# the sums of `complementarity_normal` and `complementarity_tangential` take absolute values.
+# The contact law holds if and only if each of the last three measures is zero. The natural map and the measure of Alart
+# and Curnier project on the friction cone of the computed and of the augmented pressure. The bipotential is ≥ 0 for
+# admissible pairs (σ_N ≤ 0, |σ_T| ≤ thr, λ_N ≥ 0). In its sum violations of bounds may cancel gaps, which is why
+# `complementarity_normal` and `complementarity_tangential` are sums of absolute values.
 #
 # Sources: P. Alart, A. Curnier, Comput. Methods Appl. Mech. Engrg. 92 (1991); G. de Saxcé, Z.-Q. Feng, Math. Comput.
 # Modelling 28 (1998).
 
-
-_NEAR = 10.0  # gaps and slips count up to this many E / (S Σ W)
+_LARGEST_GAP = 10.0  # gaps and slips count up to this multiple of E / (S Σ W)
 
 
 class LawResiduals(NamedTuple):
-    """Measures of the law, each ≥ 0; what it adds to the gap between primal and dual energy; the bipotential, signed.
+    """Residuals of the contact law."""
 
-    The second is the third with m_N made admissible.
-    """
-
-    measures: dict[str, float]
-    work: float
-    bipotential: float
+    measures: dict[str, float]  # name → value ≥ 0
+    work: float  # part of the primal less dual energy: the bipotential with max(m_N, 0) in place of m_N
+    bipotential: float  # with its sign
 
 
 def law_residuals(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, scales: dict[str, float]) -> LawResiduals:
     """All measures of the contact law of the QVI at z (n,) with row multipliers m_N, m_T (m,)."""
     S, D, E = scales["stress"], scales["displacement"], scales["energy"]
     sigma_N, sigma_T = qvi.normal(z), qvi.tangential(z)
-    bound, one_sided = qvi.threshold(np.abs(sigma_N)), ~qvi.bilateral
+    bound, is_unilateral = qvi.threshold(np.abs(sigma_N)), ~qvi.bilateral
     lambda_N, lambda_T = m_N / qvi.W, m_T / qvi.W
-    slack_T = np.abs(m_T) * bound - m_T * sigma_T
-    far = _NEAR * E / (S * (float(qvi.W.sum()) or 1.0)) * qvi.W
-    near_N, near_T = np.minimum(m_N, far), slack_T * far / np.maximum(np.abs(m_T), far)
-    bipotential = float(near_T.sum() - near_N @ sigma_N)
+    # Works of gaps and slips, both counted up to the limit.
+    work_T = np.abs(m_T) * bound - m_T * sigma_T
+    limit = _LARGEST_GAP * E / (S * (float(qvi.W.sum()) or 1.0)) * qvi.W
+    limited_N, limited_work_T = np.minimum(m_N, limit), work_T * limit / np.maximum(np.abs(m_T), limit)
+    bipotential = float(limited_work_T.sum() - limited_N @ sigma_N)
     # Projections on the law after a step along the displacements.
     shifted_N, shifted_T = sigma_N + S / D * lambda_N, sigma_T + S / D * lambda_T
-    projected = np.where(one_sided, np.minimum(shifted_N, 0.0), shifted_N)
-    augmented = qvi.threshold(np.abs(np.where(one_sided, projected, sigma_N)))
-    natural, other = (sigma_T - np.minimum(np.maximum(shifted_T, -limit), limit) for limit in (bound, augmented))
-    normal = np.abs(sigma_N - projected)
+    projected_N = np.where(is_unilateral, np.minimum(shifted_N, 0.0), shifted_N)
+    augmented = qvi.threshold(np.abs(np.where(is_unilateral, projected_N, sigma_N)))
+    natural_T, augmented_T = (sigma_T - np.minimum(np.maximum(shifted_T, -thr), thr) for thr in (bound, augmented))
+    natural_N = np.abs(sigma_N - projected_N)
     # Multipliers of the wrong sign.
-    wrong_N = np.where(one_sided, np.maximum(-lambda_N, 0.0), np.abs(lambda_N))
+    wrong_N = np.where(is_unilateral, np.maximum(-lambda_N, 0.0), np.abs(lambda_N))
     wrong_T = np.maximum(-lambda_T * sigma_T, 0.0)
     measures = {
-        "normal": largest(np.where(one_sided, np.maximum(sigma_N, 0.0), 0.0)) / S,
+        "normal": largest(np.where(is_unilateral, np.maximum(sigma_N, 0.0), 0.0)) / S,
         "friction": largest(np.maximum(np.abs(sigma_T) - bound, 0.0)) / S,
         "sign": max(largest(wrong_N) / D, largest(wrong_T) / (S * max(D, largest(lambda_T)))),
-        "complementarity_normal": float(np.abs(near_N * sigma_N).sum()) / E,
-        "complementarity_tangential": float(np.abs(near_T).sum()) / E,
-        "natural_map": max(largest(normal), largest(natural)) / S,
-        "alart_curnier": largest(np.maximum(normal, np.abs(other)) / (1.0 + qvi.mu)) / S,
+        "complementarity_normal": float(np.abs(limited_N * sigma_N).sum()) / E,
+        "complementarity_tangential": float(np.abs(limited_work_T).sum()) / E,
+        "natural_map": max(largest(natural_N), largest(natural_T)) / S,
+        "alart_curnier": largest(np.maximum(natural_N, np.abs(augmented_T)) / (1.0 + qvi.mu)) / S,
         "bipotential": abs(bipotential) / E,
     }
-    return LawResiduals(measures, float(slack_T.sum() - np.maximum(near_N, 0.0) @ sigma_N), bipotential)
+    return LawResiduals(measures, float(work_T.sum() - np.maximum(limited_N, 0.0) @ sigma_N), bipotential)
 
 
 # The certificate.
 
 
-_CANCELS = 1e-4  # share of the terms of A z that an error is measured by where b is small
-_ROUNDED = 1e-15  # share of the largest z in the unknowns of a row that is no error
-_BESIDE = 1e-3  # the same, of the largest other row
-_ROUNDING_FREE = 1e-9  # error of z above which one asks whether it is rounding
-_ROUNDING_LIMIT = 1e-6  # error of z that rounding may explain
-_LITTLE = 1e-7  # share of the stress in the body below which a contact carries nothing
-_NOTHING = 1e-6  # share of unit stress, or of the bonded state's, below which the whole body carries nothing
-_CANCELLED = 1e-12  # share of the loads' own energy norm below which that of the bonded state is rounding
+# Scale of a row of A z = b: |b|, plus this share of |A||z|, plus this share of the largest row's.
+_TERMS_SHARE, _LARGEST_ROW_SHARE = 1e-4, 1e-3
+_UNKNOWN_ROUNDING = 1e-15  # ε: error of the unknowns, over the largest one, that a row of A z = b may show
+_ROUNDING_FREE = 1e-9  # relative error |ρ| / √(2 E_b) above which the rounding of z is subtracted
+_ROUNDING_LIMIT = 1e-6  # the most of it that is subtracted
+_UNLOADED_CONTACT = 1e-7  # traction, over the stress in the body, below which the contact is unloaded
+_UNLOADED_BODY = 1e-6  # stress, over the unit or the bonded one, below which the whole body is unloaded
+_CANCELLED_LOADS = 1e-12  # energy norm of the bonded state, over that of the loads, below which it is rounding
 
 EXPONENTS: Mapping[str, float] = MappingProxyType({measure.name: measure.exponent for measure in MEASURES})
 """Measure → exponent e of its limit, a multiple of tolerance**e."""
@@ -244,7 +240,7 @@ EXPONENTS: Mapping[str, float] = MappingProxyType({measure.name: measure.exponen
 
 @dataclass(frozen=True)
 class CertificateRow:
-    """One line of the certificate's table: a measure, its value, signed where that means something, and its limit."""
+    """A row of the certificate's table: a measure, its value, with a sign if it has one, and its limit."""
 
     measure: Measure
     value: float
@@ -261,17 +257,17 @@ class Certificate:
     """Measured violations of every condition of (D2), relative to the scales of this module."""
 
     measures: Mapping[str, float]
-    """Name → value, ≥ 0; ``inf`` where it could not be computed, so that nothing missing passes."""
+    """Name → value, ≥ 0; ``inf`` if it could not be computed, so that the certificate then fails."""
     tolerance: float
     """The tolerance asked for."""
     scales: Mapping[str, float] = field(default_factory=dict)
-    """Dimensionless "stress", "displacement", "energy" and "body_energy", and "rounding" where that counted."""
+    """Dimensionless "stress", "displacement", "energy" and "body_energy", and "rounding" if that was subtracted."""
     signed: Mapping[str, float] = field(default_factory=dict)
-    """Name → the same value with its sign, where that means something: "energy_gap" and "bipotential"."""
+    """Name → value with its sign, for "energy_gap" and "bipotential"."""
 
     @cached_property
     def limits(self) -> dict[str, float]:
-        """Measure → the value at which it fails, see `Measure`."""
+        """Measure → its largest value that passes, see `Measure`."""
         return {measure.name: measure.limit(self.tolerance) for measure in MEASURES}
 
     @cached_property
@@ -281,27 +277,27 @@ class Certificate:
 
     @cached_property
     def accuracy(self) -> float:
-        """The smallest tolerance at which it would pass."""
+        """The smallest tolerance at which the certificate would pass."""
         return max(self._needed.values())
 
     @property
     def worst(self) -> str:
-        """Name of the measure that decides `accuracy`."""
+        """Name of the measure that determines `accuracy`."""
         needed = self._needed
         return max(needed, key=needed.__getitem__)
 
     @cached_property
     def _needed(self) -> dict[str, float]:
-        found = self.measures  # a claimed certificate may lack some
-        return {measure.name: measure.needed(found.get(measure.name, np.inf)) for measure in MEASURES}
+        values = self.measures  # a certificate read from a file may lack some
+        return {measure.name: measure.needed(values.get(measure.name, np.inf)) for measure in MEASURES}
 
     def rows(self) -> tuple[CertificateRow, ...]:
-        """The table: each measure, its limit, what it means and when to worry."""
+        """The rows of the table."""
         values = {**self.measures, **self.signed}
         return tuple(CertificateRow(each, values[each.name], self.limits[each.name]) for each in MEASURES)
 
     def explain(self) -> str:
-        """The table as text, two significant digits; all numbers are relative, see the scales in `certificate`."""
+        """The table as text, two significant digits; all numbers are relative, see the scales of this module."""
         width = max(map(len, EXPONENTS))
         lines = [f"{'measure':<{width}}  {'value':>8}  {'limit':>8}"]
         for row in self.rows():
@@ -311,7 +307,7 @@ class Certificate:
         return "\n".join(lines)
 
     def summary(self) -> str:
-        """One line: passed or failed, at which accuracy, and what limits it."""
+        """One line: passed or failed, the accuracy, and the measure that limits it."""
         verdict = "passed" if self.passed else "failed"
         return (
             f"certificate {verdict} at {self.tolerance:.0e}: accuracy {self.accuracy:.1e}, "
@@ -348,17 +344,17 @@ def certify(
     fraction("tolerance", tolerance)
     if equality_multiplier is None and qvi.p == 0:
         equality_multiplier = np.zeros(0)
-    given = {
+    arguments = {
         "z": (z, qvi.n),
         "normal_multiplier": (normal_multiplier, qvi.m),
         "tangential_multiplier": (tangential_multiplier, qvi.m),
         "equality_multiplier": (equality_multiplier, qvi.p),
     }
-    vectors = {name: real_array(name, value) for name, (value, _) in given.items() if value is not None}
+    vectors = {name: real_array(name, value) for name, (value, _) in arguments.items() if value is not None}
     for name, vector in vectors.items():
-        if vector.shape != (given[name][1],):
-            raise InputError(name, f"shape {vector.shape}", f"give shape ({given[name][1]},)")
-    if len(vectors) < len(given) or not all(np.isfinite(vector).all() for vector in vectors.values()):
+        if vector.shape != (arguments[name][1],):
+            raise InputError(name, f"shape {vector.shape}", f"give shape ({arguments[name][1]},)")
+    if len(vectors) < len(arguments) or not all(np.isfinite(vector).all() for vector in vectors.values()):
         return Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance)
     with np.errstate(over="ignore", invalid="ignore"):
         measures, scales, signed = _measure(qvi, *vectors.values())
@@ -367,32 +363,32 @@ def certify(
 
 
 def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) -> tuple[dict[str, float], ...]:
-    """All measures, scales, and measures with their signs; the formulas stand in the module's docstring."""
+    """Measures, scales, and the measures that have a sign with it; the module's docstring has the formulas."""
     body, gradient = qvi.state(z)
     scales = scales_at(qvi, z, body)
     S, E, E_b = scales["stress"], scales["energy"], scales["body_energy"]
     K, N, T, A = qvi.stiffness.K, qvi.contact.N, qvi.contact.T, qvi.contact.A
     residual = gradient + N.T @ m_N + T.T @ m_T + A.T @ nu
-    error, outside = qvi.linear_system.solve(residual)
-    square, size = float(residual @ error), float(np.sqrt(2.0 * E_b))
-    # A z = b: a row is large by b, by a share of what cancels in A z, and by the largest row.
+    error, delta_nu = qvi.linear_system.solve(residual)  # K⁻¹ρ and δν
+    square, body_norm = float(residual @ error), float(np.sqrt(2.0 * E_b))
+    # Rows of A z = b over their scales B, and the work of δν on B.
     equality = conjugate = 0.0
     if qvi.p:
-        sizes = np.abs(qvi.b) + _CANCELS * (abs(A) @ np.abs(z))
-        sizes += _BESIDE * sizes.max(initial=0.0)
-        rounding = _ROUNDED * (abs(A) @ np.full(qvi.n, largest(z)))
-        missed = np.maximum(np.abs(A @ z - qvi.b) - rounding, 0.0)
-        equality = largest(missed / np.where(sizes > 0.0, sizes, 1.0))
-        conjugate = largest(outside * sizes) / E
+        sizes = np.abs(qvi.b) + _TERMS_SHARE * (abs(A) @ np.abs(z))
+        sizes += _LARGEST_ROW_SHARE * sizes.max(initial=0.0)
+        rounding = _UNKNOWN_ROUNDING * (abs(A) @ np.full(qvi.n, largest(z)))
+        violation = np.maximum(np.abs(A @ z - qvi.b) - rounding, 0.0)
+        equality = largest(violation / np.where(sizes > 0.0, sizes, 1.0))
+        conjugate = largest(delta_nu * sizes) / E
     # The error of z for its multipliers: in the energy norm, and in the contact tractions.
-    energy = float(np.sqrt(abs(square))) / size
+    energy = float(np.sqrt(abs(square))) / body_norm
     if qvi.root is not None and energy > _ROUNDING_FREE:
-        scales["rounding"] = min(qvi.root.rounding(z) / size, _ROUNDING_LIMIT)
+        scales["rounding"] = min(qvi.root.rounding(z) / body_norm, _ROUNDING_LIMIT)
         energy = max(energy - scales["rounding"], 0.0)
     tractions = max(largest(N @ error), largest(T @ error)) / S
-    # What the linear solve has left, in a lower bound of its energy norm up to √(entries of a row).
-    unsolved = _diagonal_norm(qvi, residual - K @ error - A.T @ outside) / size
-    # |ρ|² once m_N is made admissible: the residual changes by Nᵀ(max(m_N, 0) − m_N).
+    # The residual of the linear solve; this norm is below its energy norm times √(entries of a row).
+    unsolved = _diagonal_norm(qvi, residual - K @ error - A.T @ delta_nu) / body_norm
+    # |ρ|² for max(m_N, 0) in place of m_N: the residual changes by Nᵀ(max(m_N, 0) − m_N).
     change = np.maximum(m_N, 0.0) - m_N
     if change.any():
         square += 2.0 * float(change @ (N @ error)) + float(change @ qvi.linear_system.relief(N)(change))
@@ -409,23 +405,23 @@ def _measure(qvi: FrictionQVI, z: Vector, m_N: Vector, m_T: Vector, nu: Vector) 
 
 
 def _contact_scales(qvi: FrictionQVI) -> tuple[float, float]:
-    """Length and stiffness of the contact; without one, or with tractions that nothing can change, any does."""
+    """Length Σ W and stiffness k of the contact; each is 1 if it is zero, as without a contact."""
     return float(qvi.W.sum()) or 1.0, qvi.contact_stiffness or 1.0
 
 
 def body_scales(qvi: FrictionQVI, body: float) -> tuple[float, float, float]:
-    """Energy and stress of the body, and the traction up to which a contact carries nothing; `body` is its energy."""
+    """Energy and stress of a body with the strain energy `body`, and the traction up to which a contact is unloaded."""
     length, stiffness = _contact_scales(qvi)
     reference = length / stiffness  # energy of unit stress
-    least = _LITTLE
-    if body <= _NOTHING**2 * reference:  # next to nothing, unless the bonded state has no more
+    least = _UNLOADED_CONTACT
+    if body <= _UNLOADED_BODY**2 * reference:  # unloaded, unless the bonded state is as small
         bonded = qvi.bonded_state.strain_energy
         # only equations can cancel loads: those on a plate that is free to move
         loads = _diagonal_norm(qvi, qvi.f) if qvi.p else 0.0
-        if 2.0 * bonded > (_CANCELLED * loads) ** 2:
+        if 2.0 * bonded > (_CANCELLED_LOADS * loads) ** 2:
             reference = min(reference, bonded)
-        if body <= _NOTHING**2 * reference:
-            body, least = reference, _NOTHING
+        if body <= _UNLOADED_BODY**2 * reference:
+            body, least = reference, _UNLOADED_BODY
     stress = float(np.sqrt(body * stiffness / length))
     return body, stress, least * stress
 
@@ -436,9 +432,9 @@ def scales_at(qvi: FrictionQVI, z: Vector, body: float | None = None) -> dict[st
     `body` is the strain energy at z, if it is known already.
     """
     length, stiffness = _contact_scales(qvi)
-    body, in_body, least = body_scales(qvi, qvi.state(z)[0] if body is None else body)
+    body, body_stress, least = body_scales(qvi, qvi.state(z)[0] if body is None else body)
     stress = largest(qvi.tractions(z))
-    stress = (in_body if stress <= least else stress) or 1.0
+    stress = (body_stress if stress <= least else stress) or 1.0
     displacement = stress / stiffness
     body = body if body > 0.0 else 1.0
     energy = min(stress * displacement * length, body)

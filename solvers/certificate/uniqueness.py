@@ -1,28 +1,28 @@
-r"""When friction is certainly small enough for one solution only.
+r"""A bound of the friction coefficient below which the solution is unique.
 
-Let Σ be the traces (σ_N, σ_T) that the body can have, with the metric (σ, τ) = Σ_i W_i (σ_N τ_N + σ_T τ_T)_i of L² on
-the contact, and 𝒲 the contact compliance: ½ (𝒲σ, σ) + (c, σ) + const is the least energy of a state with the traces σ.
-In the coordinates x = √W σ, with B = [N; T] and K⁻¹ on the null space of A,
+Let Σ be the set of traces (σ_N, σ_T) that the body can have, with the scalar product (σ, τ) = Σ_i W_i (σ_N τ_N + σ_T
+τ_T)_i of L² on the contact. Let 𝒲 be the operator for which ½ (𝒲σ, σ) + (c, σ) + const is the least energy of a state
+with the traces σ. In the coordinates x = √W σ, with B = [N; T] and K⁻¹ on the null space of A,
 
     Ĉ = √W B K⁻¹ Bᵀ √W,    𝒲 = Ĉ⁺ on Σ,    κ = λ_max / λ_min of Ĉ on Σ.
 
-**Lemma.** Where the rows of B are independent, the tractions σ¹, σ² for the bounds thr(s¹), thr(s²) obey
+**Lemma.** If the rows of B are independent, the tractions σ¹, σ² for the bounds thr(s¹), thr(s²) obey
 
     ‖σ_N¹ − σ_N²‖ ≤ mu γ ‖s¹ − s²‖,    γ² = λ_max(Ĉ_NN) λ_max(𝒲_TT) ≤ κ,    mu the largest one.
 
-With d = σ¹ − σ² and e = λ¹ − λ² it follows from 𝒲d = −e; the proof is among the derivations in `docs/theory.md`.
+With d = σ¹ − σ² and e = λ¹ − λ² this follows from 𝒲d = −e; the proof is among the derivations in `docs/theory.md`.
 
-**Consequence.** For mu < 1/γ, and so for mu < κ^(−1/2), the map s → |σ_N(s)| contracts: there is at most one
-solution. If every bound s ≥ 0 leaves an admissible traction there is exactly one, and the plain fixed point converges
-to it at the rate mu γ at worst.
+**Consequence.** For mu < 1/γ, and so for mu < κ^(−1/2), the map s → |σ_N(s)| is a contraction: there is at most one
+solution. If there is an admissible traction for every bound s ≥ 0, there is exactly one solution, and the plain fixed
+point converges to it at least at the rate mu γ.
 
 The condition is sufficient, not necessary: for larger mu there may be one solution, several, or none. κ grows like 1/h,
-as tractions at the scale of an element hardly deform the body, so the bound says less the finer the mesh.
+as tractions at the scale of an element hardly deform the body, so the bound is smaller on finer meshes.
 
-**Dependent rows.** Four points on an edge carry two parameters of σ_N and three of σ_T. Then 𝒲d = −P e only, with the
-projection P on Σ: the multipliers of single points are not determined, and the step from e_T to (𝒲d)_T fails. The
-numbers are those of the problem whose law is tested on the traces (multipliers in Σ) instead of at points; for the law
-at points they are an indicator, not a proof. `UniquenessBound.proves` says which.
+**Dependent rows.** Four points on an edge carry two parameters of σ_N and three of σ_T. Then only 𝒲d = −P e holds, with
+the projection P on Σ: the multipliers of single points are not unique, and the step from e_T to (𝒲d)_T fails. The bound
+then holds for a law that is tested on the traces (multipliers in Σ). For the law at points it is an indicator, not a
+proof, see `UniquenessBound.proves`.
 """
 
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ from solvers.inequality.rows import dense
 LARGEST = 1200
 """Contact rows 2m up to which the bound is computed, in about a second."""
 
-_RANK = 1e-10  # singular values of the scaled rows below this share of the largest are none
+_RANK = 1e-10  # pivots of QR of the scaled rows below this are zero
 _LOST = 1e-13  # eigenvalues below this share of the largest are rounding
 
 
@@ -46,16 +46,16 @@ class UniquenessBound:
     """The sufficient condition of this module for one problem."""
 
     friction: float
-    """The largest mu of points whose bound moves with the pressure."""
+    """The largest mu of the points whose friction bound depends on the pressure."""
     bound: float | None = None
-    """κ^(−1/2), below which mu is small enough; infinity where no friction bound moves or no traction of the contact
-    can change; None if not computed."""
+    """κ^(−1/2). Infinite if no friction bound depends on the pressure, or if no traction of the contact can change;
+    None if not computed."""
     sharper: float | None = None
-    """1/γ ≥ bound, the same by blocks of the compliance."""
+    """1/γ ≥ bound, by the blocks of the compliance."""
     independent: bool = False
-    """Whether contact rows are independent, so that the condition proves something for the law at points."""
+    """Whether contact rows are linearly independent, so that the condition is a proof for the law at points."""
     reason: str = ""
-    """Why there is no bound; empty if there is one."""
+    """Why the bound was not computed; empty if it was."""
 
     @property
     def satisfied(self) -> bool:
@@ -64,11 +64,11 @@ class UniquenessBound:
 
     @property
     def proves(self) -> bool:
-        """Whether the solution is proved to be the only one."""
+        """Whether it is proved that the solution is unique."""
         return self.satisfied and (self.independent or self.bound == np.inf)
 
     def sentence(self) -> str:
-        """The fact, in one sentence."""
+        """The bound and its consequence, in words."""
         if self.sharper is None or self.bound is None:
             return f"Sufficient bound of friction for uniqueness: not computed, {self.reason}."
         if self.friction == 0.0:
@@ -93,22 +93,23 @@ def uniqueness_bound(qvi: FrictionQVI) -> UniquenessBound:
         return UniquenessBound(friction, np.inf, np.inf)
     if 2 * qvi.m > LARGEST:
         return UniquenessBound(friction, reason=f"as {2 * qvi.m} contact rows are more than {LARGEST}")
-    # Ĉ (2m, 2m), and an orthonormal basis (2m, r) of what √W [N; T] z can be for A z = 0.
+    # Ĉ (2m, 2m), and an orthonormal basis (2m, r) of all √W [N; T] z with A z = 0.
     contact, weights = qvi.condensed_contact, np.sqrt(np.concatenate([qvi.W, qvi.W]))
-    rows, C = weights[:, None] * dense(contact.rows_near), weights[:, None] * contact.compliance * weights
+    rows, C = weights[:, None] * dense(contact.interface_rows), weights[:, None] * contact.compliance * weights
     lengths = np.linalg.norm(rows, axis=0)
-    units = np.where(lengths > 0.0, lengths, 1.0)  # columns of length one or zero
+    units = np.where(lengths > 0.0, lengths, 1.0)  # scales the columns to length one; zero columns stay
     A = contact.system.A / units
     lengths = np.linalg.norm(A, axis=1)
     fixed = _spanned((A[lengths > 0.0] / lengths[lengths > 0.0, None]).T)
     basis = _spanned(rows / units - rows / units @ fixed @ fixed.T)
     if not basis.shape[1]:
         return UniquenessBound(friction, np.inf, np.inf)
+    # Eigenvalues of Ĉ on Σ, and its modes; equations fix up to p of them.
     values, vectors = eigh(basis.T @ C @ basis)
-    kept = values > _LOST * values[-1]
-    if (~kept).sum() > qvi.p or not kept.any():
+    is_positive = values > _LOST * values[-1]
+    if (~is_positive).sum() > qvi.p or not is_positive.any():
         return UniquenessBound(friction, reason="as the compliance of the contact is beyond double precision")
-    values, modes = values[kept], basis @ vectors[:, kept]
+    values, modes = values[is_positive], basis @ vectors[:, is_positive]
     C_NN = (modes[: qvi.m] * values) @ modes[: qvi.m].T
     W_TT = (modes[qvi.m :] / values) @ modes[qvi.m :].T
     square = float(eigvalsh(C_NN)[-1] * eigvalsh(W_TT)[-1])
@@ -118,6 +119,6 @@ def uniqueness_bound(qvi: FrictionQVI) -> UniquenessBound:
 
 
 def _spanned(columns: Matrix) -> Matrix:
-    """Orthonormal columns that span these of length one, or zero."""
+    """Orthonormal columns that span the given ones, which have at most length one."""
     Q, R, _ = qr(columns, mode="economic", pivoting=True)
     return np.asarray(Q[:, np.abs(np.diag(R)) > _RANK])

@@ -1,16 +1,17 @@
 """Primal-dual interior point method for `Complementarity`, with Mehrotra's predictor and Gondzio's correctors.
 
-Each iteration factorises, once, the Newton matrix of the conditions with s λ = τ ω and pull push = τ ω, ω the shares:
+The conditions are s λ = τ ω and tension · pressure = τ ω with weights ω (`omega`). Each iteration factorises their
+Newton matrix once. With a = tension, b = pressure and the residual r = σ_N − (a − b):
 
     (S + BᵀW diag(λ/s) C) dy = …,    ds = slack − s − C dy,    dλ = (target − s λ − λ ds) / s,
-    d(pull + push) = (2 (target − pull push) + (pull − push) (dσ_N + what σ_N = pull − push lacks)) / (pull + push).
+    d(a + b) = (2 (target − a b) + (a − b) (dσ_N + r)) / (a + b).
 
-Only products are nonlinear: a step of length t leaves 1 − t of every residual, and the kink of |σ_N| is rounded off by
-as much as the gap is open, no less. One step length is taken for everything, since the threshold couples slacks and
-multipliers. Among thousands of contact points those at the ends of joints snap one after the other, each at a turn of
-its own; there ω of friction is small at first (`settle`), and a step passes the few bounds that stop it (`past_few`).
-Sources: S. Mehrotra, SIAM J. Optim. 2 (1992); J. Gondzio, Comput. Optim. Appl. 6 (1996), for convex problems; nothing
-is proved for this one, which is not monotone, hence `CentralPath`, and the certificate.
+Only the products are nonlinear, so a step of length t leaves 1 − t of every other residual. The kink of |σ_N| is
+smoothed in proportion to the gap. One step length is taken for all unknowns, since the friction bound couples slacks
+and multipliers. Among thousands of contact points those at the ends of joints open or slip one after the other, each at
+a turn of the central path. For them ω of friction is small at first (`settle`), and a step may pass the few bounds that
+would stop it (`past_few`). Sources, for convex problems: S. Mehrotra, SIAM J. Optim. 2 (1992); J. Gondzio, Comput.
+Optim. Appl. 6 (1996). For this problem, which is not monotone, nothing is proved: hence `CentralPath` and certificate.
 
 In `docs/theory.md`: (D6), (D7).
 """
@@ -27,95 +28,92 @@ from solvers.condensed.systems import SLOTS
 from solvers.inequality.rows import largest
 from solvers.solution import Start
 
-_STEP = 0.99  # of the way to the nearest bound, at least
-_NEIGHBOURHOOD = 1e-3  # s λ / (τ ω) may not fall below this
-_SHORT = 0.1  # predictor steps shorter than this count little
+_STEP_SHARE = 0.99  # least step, over the distance to the nearest bound
+_NEIGHBOURHOOD = 1e-3  # least s λ / (τ ω) after a step
+_SHORT_PREDICTOR = 0.1  # predictor steps shorter than this enter with the square of their length only
 _CORRECTORS = 2
-_ENOUGH = (1e-8, 1e-14)  # residuals of a step's equations, of their largest term, up to which it is not refined again
-_GAIN = 0.02  # by which a corrector has to lengthen the step
-_HELD_UP = 0.7  # steps shorter than this go past the few bounds that stop them
-_FARTHER = 1.3  # if that makes them so much longer
-_RISE = 2.0  # of τ at most, in such a step
-_KEPT = 0.3  # of slacks and multipliers that are passed
-_MOST_CENTRING = 0.3  # of τ where steps may do so: at a turn for a few bounds τ would else stay where it is
-_PASSED_FROM = 10.0  # times the least τ, below which nothing is passed any more
-_UNFIT = 1e-9  # slack residual of bounds that were passed, above which τ waits
-_WAITS = 30.0  # at so many times the least τ: once it is there bounds are passed no more
-_START = 0.1  # least slack at the start, of the scale of stress
-_SMOOTHEST = 1.0  # √(4 pull push) at the start, of the scale of stress
-_SHARPER = 0.1  # of the shares of pull push, where it lags behind
+_REFINED = (1e-8, 1e-14)  # residual of a step's equations, over their largest term, that ends each refinement
+_CORRECTOR_GAIN = 0.02  # least gain of the step length by a corrector
+# Steps shorter than `_SHORT_STEP` pass the few bounds that stop them, if that lengthens them by this factor.
+_SHORT_STEP, _LEAST_GAIN = 0.7, 1.3
+_LARGEST_RISE = 2.0  # largest factor by which τ may rise in such a step
+_KEPT_SHARE = 0.3  # share that slacks and multipliers keep when their bounds are passed
+_MOST_CENTRING = 0.3  # largest centring if bounds may be passed: τ would else not fall at turns of a few bounds
+_LAST_PASSING = 10.0  # τ, over the least τ, below which no bounds are passed
+_PASSED_RESIDUAL = 1e-9  # slack residual above which τ stays at `_WAITING` times the least τ, where passing is allowed
+_WAITING = 30.0
+_START_SLACK = 0.1  # least slack at the start, over the scale of stress
+_START_KINK = 1.0  # √(4 tension · pressure) at the start, over the scale of stress
+_SHARPENING = 0.1  # factor of the weights ω of tension · pressure if the kink lags behind the gap
 _FINEST = 1e-17  # gap below which slacks and multipliers lose their digits
-_LEAST = 1e-300
+_TINY = 1e-300
 
 
 class Point:
-    """An iterate: y (k,), slacks s > 0 and multipliers λ > 0 (q,), pull > 0 and push > 0 (b,); or a change of one.
+    """An iterate, or a step: y (k,), slacks s and multipliers λ (q,), tension and pressure (b,) at the points `split`.
 
     Attributes
     ----------
-    values : (2q + 2b,) all that must stay positive: s and pull, then λ and push, so that products are those of halves
-    s, lam, pull, push : parts of it
+    values : (2q + 2b,) s, tension, λ, pressure; all > 0 in an iterate. The halves have the factors of the products
+    s, lam, tension, pressure : views of its parts
+    count : q
 
     """
 
-    __slots__ = ("count", "half", "lam", "pull", "push", "s", "values", "y")
+    __slots__ = ("count", "half", "lam", "pressure", "s", "tension", "values", "y")
 
     def __init__(self, y: Vector, values: Vector, count: int) -> None:
         half = self.half = values.size // 2
         self.y, self.values, self.count = y, values, count
-        self.s, self.pull = values[:count], values[count:half]
-        self.lam, self.push = values[half : half + count], values[half + count :]
+        self.s, self.tension = values[:count], values[count:half]
+        self.lam, self.pressure = values[half : half + count], values[half + count :]
 
     @classmethod
-    def of(cls, y: Vector, s: Vector, lam: Vector, pull: Vector, push: Vector) -> "Point":
-        """From its parts."""
-        return cls(y, np.concatenate([s, pull, lam, push]), s.size)
+    def of(cls, y: Vector, s: Vector, lam: Vector, tension: Vector, pressure: Vector) -> "Point":
+        """A point from its parts."""
+        return cls(y, np.concatenate([s, tension, lam, pressure]), s.size)
 
     @property
     def products(self) -> Vector:
-        """All s λ and pull push (q + b,); of a change those of second order."""
+        """All products s λ and tension · pressure (q + b,); for a step the terms of second order."""
         return self.values[: self.half] * self.values[self.half :]
 
     def moved(self, step: "Point", length: float) -> "Point":
-        """The point a step further."""
+        """The point after a step of this length."""
         return Point(self.y + length * step.y, self.values + length * step.values, self.count)
 
 
 class Residuals(NamedTuple):
-    """What is left of S y + c + BᵀWλ = 0 (k,), s = slack (q,) and σ_N = pull − push (b,).
+    """Residuals of an iterate."""
 
-    `largest` is the largest of the terms that make up `force`.
-    """
-
-    force: Vector
-    slack: Vector
-    split: Vector
-    largest: float
+    force: Vector  # (k,) S y + c + BᵀWλ
+    slack: Vector  # (q,) s less the slacks at y
+    split: Vector  # (b,) σ_N − (tension − pressure)
+    largest: float  # the largest entry of the terms of `force`
 
 
 class Measures(NamedTuple):
-    """How far an iterate is from a solution, relative."""
+    """Relative errors of an iterate; the scale of stress is that at the iterate."""
 
-    gap: float  # Σ W s λ over stress × displacement × Σ W, both as large as they are at the iterate
-    # largest |s − slack| over the stress, of friction bounds over 1 + mu times the stress; |σ_N − pull + push|
-    slack: float
-    kink: float  # largest pull + push − |σ_N| over the stress
-    force: float  # largest residual of y, of its largest term or of what the scale of displacement would cause
-    worst: float  # the largest of them
+    gap: float  # Σ W s λ over stress × displacement × Σ W
+    slack: float  # largest residual of slacks over their `sizes`, and of the points `split`, over the stress
+    kink: float  # largest tension + pressure − |σ_N| over the stress
+    force: float  # largest residual of forces, over their largest term or that of multipliers λ = displacement
+    worst: float  # the largest of the four
 
 
 class InteriorPoint:
-    """The method's state for one problem; `displacement` is the scale of λ.
+    """The state of the method for one problem; `displacement` is the scale of λ.
 
     Attributes
     ----------
     point : the iterate
-    shares : (q + b,) what the products are on the central path, over τ; other ones before `settle` than after
-    settled : whether friction has its own share, and few bounds may be passed
-    finest : gap below which τ is not made smaller
-    least : that τ
-    accurate : whether Newton steps are those of `Saddle`
-    longest : step that is taken at most, of the way to the nearest bound
+    omega : (q + b,) weights ω of the products on the central path, the early ones before `settle`
+    settled : whether the late weights are taken, and bounds may be passed
+    finest : the gap at which τ is not reduced any more
+    least : the τ of that gap
+    accurate : whether Newton steps are computed by `Saddle`
+    longest : largest step, over the distance to the nearest bound
 
     """
 
@@ -127,54 +125,54 @@ class InteriorPoint:
         self._force_scale = displacement * float(np.abs(problem.force(np.ones(len(problem.weights)))).max(initial=0.0))
 
     def start_at(self, y: Vector) -> None:
-        """Start from trace coordinates, with slacks away from zero."""
+        """Start from coordinates y (k,), with slacks kept away from zero."""
         problem = self.problem
         self.longest = problem.system.longest
         normal = problem.split_normal(y)
-        smooth = np.hypot(normal, _SMOOTHEST * problem.stress)
-        s = np.maximum(problem.slack(y, smooth), _START * problem.stress * problem.sizes)
-        early = problem.early_shares
+        smooth = np.hypot(normal, _START_KINK * problem.stress)
+        s = np.maximum(problem.slack(y, smooth), _START_SLACK * problem.stress * problem.sizes)
+        early = problem.early_omega
         lam = problem.start * self.displacement * early / np.maximum(problem.sizes, s / problem.stress)
         self.point = Point.of(y, s, lam, 0.5 * (smooth + normal), 0.5 * (smooth - normal))
-        self._share(np.concatenate([early, np.zeros(len(normal))]))
-        self.settled, self._few = False, 0
-        kink = self.point.pull * self.point.push / max(self.parameter(), _LEAST)  # the same at all points
-        self.shares[len(early) :] = kink
+        self._set_omega(np.concatenate([early, np.zeros(len(normal))]))
+        self.settled, self._n_stragglers = False, 0
+        kink = self.point.tension * self.point.pressure / max(self.parameter(), _TINY)  # equal at all points
+        self.omega[len(early) :] = kink
 
     def residuals(self) -> Residuals:
-        """At the current point."""
+        """Residuals of the current point."""
         problem, point = self.problem, self.point
         terms = (problem.S @ point.y, problem.c, problem.force(point.lam))
-        slack = problem.slack_residual(point.y, point.s, point.pull + point.push)
-        split = problem.split_residual(point.y, point.pull - point.push)
+        slack = problem.slack_residual(point.y, point.s, point.tension + point.pressure)
+        split = problem.split_residual(point.y, point.tension - point.pressure)
         return Residuals(terms[0] + terms[1] + terms[2], slack, split, largest(np.concatenate(terms)))
 
     def settle(self) -> None:
-        """From here on friction has its own share, and few bounds may be passed. Targets of pull push stay."""
+        """Take the late weights, and allow steps to pass bounds. Targets of tension · pressure do not change."""
         if self.settled:
             return
-        before, count = self.parameter(), len(self.point.s)
-        self.shares[:count], self.settled = self.problem.shares, True
-        self._few = int(self.problem.system.stragglers * len(self.shares))  # that must not hold up all the others
-        self._share(self.shares)
-        self.shares[count:] *= before / max(self.parameter(), _LEAST)
+        tau, count = self.parameter(), len(self.point.s)
+        self.omega[:count], self.settled = self.problem.omega, True
+        self._n_stragglers = int(self.problem.system.stragglers * len(self.omega))
+        self._set_omega(self.omega)
+        self.omega[count:] *= tau / max(self.parameter(), _TINY)
 
     def sharpen(self) -> None:
-        """Aim at smaller pull push: where both vanish they would else fall like √τ each."""
-        self.shares[len(self.point.s) :] *= _SHARPER
+        """Reduce the targets of tension · pressure; at points where σ_N = 0 both fall like √τ only."""
+        self.omega[len(self.point.s) :] *= _SHARPENING
 
     def measures(self, residuals: Residuals) -> Measures:
-        """At the current point."""
+        """Relative errors of the current point."""
         problem = self.problem
         stress = problem.stress_at(self.point.y)
         unit = stress * (stress / problem.stress * self.displacement) * problem.total_weight
-        gap = self._work(self.point) / max(unit, _LEAST)
+        gap = self._work(self.point) / max(unit, _TINY)
         slack, kink = largest(residuals.slack / problem.sizes) / stress, 0.0
         if residuals.split.size:
             slack = max(slack, largest(residuals.split) / stress)
-            kink = 2.0 * largest(np.minimum(self.point.pull, self.point.push)) / stress
-        size = max(self._force_scale, residuals.largest, _LEAST)
-        self.least = self.finest * unit / max(self._total_share, _LEAST)
+            kink = 2.0 * largest(np.minimum(self.point.tension, self.point.pressure)) / stress
+        size = max(self._force_scale, residuals.largest, _TINY)
+        self.least = self.finest * unit / max(self._total_omega, _TINY)
         force = largest(residuals.force) / size
         return Measures(gap, slack, kink, force, max(gap, slack, kink, force))
 
@@ -184,106 +182,109 @@ class InteriorPoint:
         newton = Newton(self.problem, point, residuals, accurate=self.accurate)
         products, work = point.products, self._work(point)
         tau = self.parameter()
+        # Mehrotra's predictor, the step to τ = 0. The work after it gives the centring, the factor of τ.
         affine = newton.step(-products)
         reach = min(1.0, _longest(point, affine))
-        ahead = max(self._work(point.moved(affine, reach)), 0.0)
-        most = _MOST_CENTRING if self._few else 1.0
-        centring = min(most, max((ahead / max(work, _LEAST)) ** 3, 1e-6, (1.0 - reach) ** 3))
-        damping = 1.0 if reach >= _SHORT else reach**2
-        target = max(centring * tau, self.lowest(residuals, tau)) * self.shares
+        affine_work = max(self._work(point.moved(affine, reach)), 0.0)
+        most = _MOST_CENTRING if self._n_stragglers else 1.0
+        centring = min(most, max((affine_work / max(work, _TINY)) ** 3, 1e-6, (1.0 - reach) ** 3))
+        damping = 1.0 if reach >= _SHORT_PREDICTOR else reach**2
+        # The corrected step to the target, without the second order of the predictor.
+        target = max(centring * tau, self.lowest(residuals, tau)) * self.omega
         comp = target - products - damping * affine.products
-        passes = self._few > 0 and tau > _PASSED_FROM * self.least
-        step, length = _corrected(newton, point, comp, target, _HELD_UP if passes else 0.0)
-        share = min(max(_STEP, reach), self.longest)  # products keep at least what the step leaves
+        may_pass = self._n_stragglers > 0 and tau > _LAST_PASSING * self.least
+        step, length = _corrected(newton, point, comp, target, _SHORT_STEP if may_pass else 0.0)
+        # Its length: short of the nearest bound, and until no product is far below the others.
+        share = min(max(_STEP_SHARE, reach), self.longest)
         length, least = min(1.0, share * length), min(_NEIGHBOURHOOD, self._centrality(point))
-        for _ in range(20):  # until no product is far below the others
+        for _ in range(20):
             if self._centrality(point.moved(step, length)) >= 0.9 * least:
                 break
             length *= 0.8
-        if passes and length < _HELD_UP:
+        if may_pass and length < _SHORT_STEP:
             return self.past_few(step, length)
         self.point = point.moved(step, length)
         return length
 
     def past_few(self, step: Point, length: float) -> float:
-        """A step that is longer if it is stopped by few bounds, whose slacks and multipliers keep a share instead.
+        """Take a longer step if only few bounds stop it: their slacks and multipliers keep a share of their values.
 
-        That leaves residuals at these bounds alone, which the next steps reduce. Returns its length.
+        The residuals of these bounds are reduced by the next steps. Returns the length of the step.
         """
-        point = self.point
+        point, n_stragglers = self.point, self._n_stragglers
         falls = -step.values / point.values
-        farther = min(1.0, _STEP / max(float(np.partition(falls, -1 - self._few)[-1 - self._few]), _LEAST))
-        while farther > _FARTHER * length:
-            moved = point.moved(step, farther)
-            passed = Point(moved.y, np.maximum(moved.values, _KEPT * point.values), moved.count)
-            if self.parameter(passed) <= _RISE * self.parameter():
+        longer = min(1.0, _STEP_SHARE / max(float(np.partition(falls, -1 - n_stragglers)[-1 - n_stragglers]), _TINY))
+        while longer > _LEAST_GAIN * length:
+            moved = point.moved(step, longer)
+            passed = Point(moved.y, np.maximum(moved.values, _KEPT_SHARE * point.values), moved.count)
+            if self.parameter(passed) <= _LARGEST_RISE * self.parameter():
                 self.point = passed
-                return farther
-            farther *= 0.5
+                return longer
+            longer *= 0.5
         self.point = point.moved(step, length)
         return length
 
     def lowest(self, residuals: Residuals, tau: float) -> float:
-        """τ that may be aimed at; above the least one as long as bounds that were passed do not fit."""
-        waits = self._few > 0 and self.measures(residuals).slack > _UNFIT
-        return min(tau, _WAITS * self.least) if waits else self.least
+        """The least τ of the next target: `least`, or more while passed bounds have large slack residuals."""
+        waits = self._n_stragglers > 0 and self.measures(residuals).slack > _PASSED_RESIDUAL
+        return min(tau, _WAITING * self.least) if waits else self.least
 
     def parameter(self, point: Point | None = None) -> float:
-        """τ of a point, the current one by default: Σ W s λ / Σ W ω; 0 without bounds."""
-        return self._work(point or self.point) / self._total_share if self._total_share > 0.0 else 0.0
+        """τ = Σ W s λ / Σ W ω of a point, the current one by default; 0 without bounds."""
+        return self._work(point or self.point) / self._total_omega if self._total_omega > 0.0 else 0.0
 
     def _work(self, point: Point) -> float:
         """Σ W s λ."""
         return float(self.problem.weights @ (point.s * point.lam))
 
-    def _share(self, shares: Vector) -> None:
-        """Take other shares; `_total_share` is Σ W ω of s λ."""
-        self.shares = shares
-        self._total_share = float(self.problem.weights @ shares[: len(self.problem.weights)])
+    def _set_omega(self, omega: Vector) -> None:
+        """Take these weights ω (q + b,); `_total_omega` is Σ W ω over the bounds."""
+        self.omega = omega
+        self._total_omega = float(self.problem.weights @ omega[: len(self.problem.weights)])
 
     def _centrality(self, point: Point) -> float:
-        """The smallest of the products, relative to those of the central path."""
+        """The smallest product over its value τω on the central path."""
         products, weights = point.products, self.problem.weights
-        tau = float(weights @ products[: weights.size]) / (self._total_share or np.inf)
-        return float(np.minimum.reduce(products / (max(tau, _LEAST) * self.shares), initial=np.inf))
+        tau = float(weights @ products[: weights.size]) / (self._total_omega or np.inf)
+        return float(np.minimum.reduce(products / (max(tau, _TINY) * self.omega), initial=np.inf))
 
 
-# Newton steps without the elimination of stiff bounds, for the last digits.
+# Newton steps without the elimination of stiff bounds, for the last digits of the forces.
 #
-# Eliminating λ adds W λ/s times the square of a row to S. Once s is tiny that swamps S in all directions in which
-# several rows act together, and the multipliers lose what the gap gains. Here tractions t = T y with W D |T|² > 1 keep
-# the force f = Σ ± dλ of their bounds as an unknown, D = Σ λ/s over the bounds of the traction, ± their side:
+# The elimination of λ adds W λ/s times the square of a row to S. When s is tiny, these terms swamp S in all directions
+# in which several rows act together, and the multipliers lose as many digits as the gap gains. Here a traction t = T y
+# with W D |T|² > 1 is stiff: the force f = Σ ± dλ of its bounds stays an unknown. D = Σ λ/s over the bounds of the
+# traction, ± is the sign of a bound:
 #
-#     [S + BᵀW diag(λ/s) C over the others   TᵀW  ] (dy)   (−force − BᵀW (target + λ r)/s over the others)
+#     [S + BᵀW diag(λ/s) C, soft tractions   TᵀW  ] (dy)   (−force − BᵀW (target + λ r)/s, soft tractions)
 #     [Σ ± λ/s C / D                         −1/D ] (f )  = (−Σ ± (target + λ r)/s / D                   )
 #
-# with r the residual of the slacks. One row a traction, not one a bound: an open point has three bounds on two
-# tractions. The matrix is larger, so this is for when the smaller one has done what it can.
+# with r the residual of the slacks. There is a row for each stiff traction, not for each bound: an open point has three
+# bounds on two tractions. As this matrix is larger, it is used only once the smaller one leaves large residual forces.
 #
-# Slacks that are tiny change by what forces say, not by differences of the much larger tractions. With a = target/s and
-# g = −r + the change of the friction bound, ds_j = g_j − ±_j dt and f = Σ ±_i (a_i − λ_i/s_i ds_i) give
+# The changes of tiny slacks are computed from forces, not from differences of the much larger tractions. With
+# a = target/s, g = −r + the change of the friction bound, ds_j = g_j − ±_j dt and f = Σ ±_i (a_i − λ_i/s_i ds_i) it is
 #
 #     ds_j = (Σ_i λ_i/s_i (g_j − ±_i ±_j g_i) − ±_j (f − Σ ±_i a_i)) / D,
 #
-# in which the two bounds on either side of a point that opens, s₊ + s₋ = 2 mu p, keep their sum.
-
+# so that s₊ + s₋ = 2 mu p of the two friction bounds holds at a point that opens.
 
 _SIDES = np.array(SLOTS)
 _SAME_SIDE = np.outer(_SIDES, _SIDES)
 _REFINEMENTS = 2
-_STIFFEST = 1e15  # W D |T|² as it is factorised: of dependent rows no pivot vanishes; refinement knows the true one
+_LARGEST_STIFFNESS = 1e15  # W D |T|² in the factors, so that no pivot of dependent rows vanishes; not in the refinement
 
 
 class Saddle:
-    """The factorised matrix for slacks s, multipliers λ and the slope of |σ_N| at bilateral points; stiff tractions."""
+    """The factorised saddle point matrix for slacks s, multipliers λ and slopes d|σ_N|/dσ_N at the points `split`."""
 
     def __init__(self, problem: Complementarity, s: Vector, lam: Vector, slope: Vector) -> None:
         self.problem, self.s, self.lam, self.slope = problem, s, lam, slope
         k, W, (T, N, sizes) = problem.S.shape[0], problem.W, problem.dense_rows
         D, e = problem.blocks(lam / s, slope)
-        sizes = sizes * D  # W D |T|²
-        stiff = (sizes > 1.0).nonzero()[0]
-        soft = np.where(sizes > 1.0, 0.0, W)
+        stiffness = sizes * D  # W D |T|²
+        stiff = (stiffness > 1.0).nonzero()[0]
+        soft = np.where(stiffness > 1.0, 0.0, W)
         rows = T + (e / D)[:, None] * N  # Σ ± λ/s C / D
         matrix = np.zeros((k + stiff.size,) * 2)
         matrix[:k, :k] = problem.S + (T.T * (soft * D)) @ rows
@@ -291,106 +292,110 @@ class Saddle:
         matrix[k:, :k] = rows[stiff]
         diagonal = np.arange(k, k + stiff.size)
         matrix[diagonal, diagonal] = -1.0 / D[stiff]
+        # Rows, then columns, scaled to a largest entry of 1.
         tiny = np.finfo(np.float64).tiny
-        size = np.abs(matrix)
-        left = 1.0 / np.maximum.reduce(size, axis=1, initial=tiny)
-        size *= left[:, None]
-        right = 1.0 / np.maximum.reduce(size, axis=0, initial=tiny)
-        regular = np.multiply(left[:, None] * matrix, right, order="F")
-        regular[diagonal, diagonal] *= np.maximum(1.0, sizes[stiff] / _STIFFEST)
-        factor, pivots, info = dgetrf(regular, overwrite_a=1)
+        entries = np.abs(matrix)
+        left = 1.0 / np.maximum.reduce(entries, axis=1, initial=tiny)
+        entries *= left[:, None]
+        right = 1.0 / np.maximum.reduce(entries, axis=0, initial=tiny)
+        equilibrated = np.multiply(left[:, None] * matrix, right, order="F")
+        equilibrated[diagonal, diagonal] *= np.maximum(1.0, stiffness[stiff] / _LARGEST_STIFFNESS)
+        factor, pivots, info = dgetrf(equilibrated, overwrite_a=1)
         if info > 0 or not np.isfinite(factor).all():
             raise LinAlgError("it is singular")
-        self.stiff, self.D, self.soft = stiff, D, soft  # D of all tractions; soft: W, 0 of those that are stiff
-        self.matrix, self.left, self.right = matrix, left, right  # with the scales of equations and of unknowns
+        self.stiff, self.D, self.soft = stiff, D, soft  # soft: W (t,), 0 for stiff tractions
+        self.matrix, self.left, self.right = matrix, left, right  # left, right: scales of equations and of unknowns
         self.factor, self.pivots = factor, pivots
 
     def solve(self, force: Vector, slack: Vector, comp: Vector) -> tuple[Vector, Vector, Vector]:
-        """(dy, ds, dλ) for residuals of y and of the slacks, and the wanted change of s λ."""
+        """(dy, ds, dλ) for the residuals `force` and `slack`, and the required change `comp` of s λ."""
         problem, k = self.problem, force.size
-        moved = problem.signed @ ((comp + self.lam * slack) / self.s)
-        right = np.concatenate([-force - problem.forces @ (self.soft * moved), -(moved / self.D)[self.stiff]])
+        sums = problem.signed @ ((comp + self.lam * slack) / self.s)
+        right = np.concatenate([-force - problem.forces @ (self.soft * sums), -(sums / self.D)[self.stiff]])
         x = self.right * dgetrs(self.factor, self.pivots, self.left * right)[0]
         for _ in range(_REFINEMENTS):
             x += self.right * dgetrs(self.factor, self.pivots, self.left * (right - self.matrix @ x))[0]
-        s = self._slacks(x[:k], x[k:], slack, comp)
-        return x[:k], s, (comp - self.lam * s) / self.s
+        ds = self._slacks(x[:k], x[k:], slack, comp)
+        return x[:k], ds, (comp - self.lam * ds) / self.s
 
     def _slacks(self, y: Vector, forces: Vector, slack: Vector, comp: Vector) -> Vector:
-        """The changes of s (q,), those of stiff tractions by their forces."""
+        """The changes ds (q,): of stiff tractions from their forces f, of the others by C dy."""
         problem, stiff, D = self.problem, self.stiff, self.D[self.stiff]
-        s = -slack - problem.change(y, self.slope)
-        net = forces - (problem.signed @ (comp / self.s))[stiff]
+        ds = -slack - problem.change(y, self.slope)
+        net = forces - (problem.signed @ (comp / self.s))[stiff]  # f − Σ ± a
+        # Stiff normal tractions, which have one bound each.
         count = int(stiff.searchsorted(problem.count))
-        s[stiff[:count]] = -net[:count] / D[:count]  # of the one bound of a normal traction
+        ds[stiff[:count]] = -net[:count] / D[:count]
         if count == stiff.size:
-            return s
-        free, coulomb = -slack, problem.coulomb  # g
+            return ds
+        # Stiff shears: g of all bounds, then the sum over the bounds of each shear, in the order of `SLOTS`.
+        g_all, coulomb = -slack, problem.coulomb
         pressed = problem.pressed[coulomb]
-        free[coulomb] += problem.friction[coulomb] * (s + slack)[pressed]
+        g_all[coulomb] += problem.friction[coulomb] * (ds + slack)[pressed]
         if problem.split.size:
-            free += problem.friction_of(self.slope * (problem.split_rows @ y))
+            g_all += problem.friction_of(self.slope * (problem.split_rows @ y))
         bounds = problem.bounds[stiff[count:]]
-        there = bounds >= 0
-        g, ratio = free[bounds], np.where(there, (self.lam / self.s)[bounds], 0.0)
+        exists = bounds >= 0
+        g, ratio = g_all[bounds], np.where(exists, (self.lam / self.s)[bounds], 0.0)
         pairs = g[:, :, None] - _SAME_SIDE * g[:, None, :]  # exactly zero for a bound with itself
-        resisted = np.add.reduce(pairs * ratio[:, None, :], axis=2) - net[count:, None] * _SIDES
-        s[bounds[there]] = (resisted / D[count:, None])[there]
-        return s
+        numerator = np.add.reduce(pairs * ratio[:, None, :], axis=2) - net[count:, None] * _SIDES
+        ds[bounds[exists]] = (numerator / D[count:, None])[exists]
+        return ds
 
 
 class Newton:
-    """The factorised Newton matrix at a point; `accurate`: as in `Saddle`."""
+    """The factorised Newton matrix at a point, by `Saddle` if `accurate`."""
 
     def __init__(self, problem: Complementarity, point: Point, residuals: Residuals, *, accurate: bool = False) -> None:
         self.point, self.problem, self.residuals = point, problem, residuals
-        self.slope = slope = (point.pull - point.push) / (point.pull + point.push)
+        self.slope = slope = (point.tension - point.pressure) / (point.tension + point.pressure)
         self._saddle = Saddle(problem, point.s, point.lam, slope) if accurate else None
         self.solve = None if accurate else problem.system.factorised(problem, point.lam / point.s, slope)
 
     def step(self, comp: Vector, *, only: bool = False) -> Point:
-        """The change that makes the products grow by comp (q + b,); `only`: without reducing the residuals."""
+        """The step that changes the products by comp (q + b,); unless `only`, it removes the residuals too."""
         (force, slack, split, _), point, problem = self.residuals, self.point, self.problem
         if only:
             force, slack, split = 0.0 * force, 0.0 * slack, 0.0 * split
         if not split.size:
-            y, s, lam = self._bounds(force, slack, comp)
-            return Point(y, np.concatenate([s, lam]), point.count)
-        work, kink = comp[: point.count], comp[point.count :]
-        # |σ_N| changes by this much, and by its slope times the change of σ_N.
-        size = (2.0 * kink + (point.pull - point.push) * split) / (point.pull + point.push)
+            dy, ds, dlam = self._bounds(force, slack, comp)
+            return Point(dy, np.concatenate([ds, dlam]), point.count)
+        # d|σ_N| = size + slope dσ_N: the first term goes to the friction bounds, the slope is in the matrix.
+        work, kink, total = comp[: point.count], comp[point.count :], point.tension + point.pressure
+        size = (2.0 * kink + (point.tension - point.pressure) * split) / total
         slack = slack - problem.friction_of(size)
-        y, s, lam = self._bounds(force, slack, work)
-        normal = (problem.split_rows @ y) + split
-        pull, push = kink + point.pull * normal, kink - point.push * normal
-        return Point.of(y, s, lam, pull / (point.pull + point.push), push / (point.pull + point.push))
+        dy, ds, dlam = self._bounds(force, slack, work)
+        normal = (problem.split_rows @ dy) + split
+        tension, pressure = kink + point.tension * normal, kink - point.pressure * normal
+        return Point.of(dy, ds, dlam, tension / total, pressure / total)
 
     def _bounds(self, force: Vector, slack: Vector, comp: Vector) -> tuple[Vector, Vector, Vector]:
-        """Changes of y, s and λ for the residuals of y and of the slacks, and the wanted change of s λ."""
+        """(dy, ds, dλ) for the residuals `force` and `slack`, and the required change `comp` of s λ."""
         if self._saddle is not None:
             return self._saddle.solve(force, slack, comp)
         assert self.solve is not None
         problem, solve = self.problem, self.solve
-        lam = (comp + self.point.lam * slack) / self.point.s
-        y = solve(-force - problem.force(lam))
-        s = -slack - problem.change(y, self.slope)
-        lam = (comp - self.point.lam * s) / self.point.s
-        for enough in _ENOUGH:  # the elimination of s and λ loses digits where s is small
-            terms = (problem.S @ y, problem.force(lam))
-            left = -force - terms[0] - terms[1]
-            if largest(left) <= enough * largest(np.concatenate(terms)):
+        dlam = (comp + self.point.lam * slack) / self.point.s
+        dy = solve(-force - problem.force(dlam))
+        ds = -slack - problem.change(dy, self.slope)
+        dlam = (comp - self.point.lam * ds) / self.point.s
+        # Refinement of S dy + BᵀW dλ = −force, as the elimination of s and λ loses digits where s is small.
+        for tolerance in _REFINED:
+            terms = (problem.S @ dy, problem.force(dlam))
+            residual = -force - terms[0] - terms[1]
+            if largest(residual) <= tolerance * largest(np.concatenate(terms)):
                 break
-            more = solve(left)
-            moved = problem.change(more, self.slope)
-            # Added up, not computed from y: λ/s times the rounding of C y would put forces out of balance again.
-            y, s, lam = y + more, s - moved, lam + self.point.lam / self.point.s * moved
-        return y, s, lam
+            correction = solve(residual)
+            change = problem.change(correction, self.slope)
+            # λ/s times the change is added to dλ. Computed from dy, rounding of C dy times λ/s would unbalance forces.
+            dy, ds, dlam = dy + correction, ds - change, dlam + self.point.lam / self.point.s * change
+        return dy, ds, dlam
 
 
 def _corrected(newton: Newton, point: Point, comp: Vector, target: Vector, least: float) -> tuple[Point, float]:
     """Gondzio's correctors: bring outlying products nearer to the target as long as that lengthens the step.
 
-    Steps shorter than `least` are not corrected: they will go past the few bounds that stop them.
+    Steps shorter than `least` are not corrected, as they will pass the few bounds that stop them.
     """
     step = newton.step(comp)
     length = _longest(point, step)
@@ -399,56 +404,53 @@ def _corrected(newton: Newton, point: Point, comp: Vector, target: Vector, least
             break
         trial = point.moved(step, min(1.0, 1.1 * length + 0.1))
         products = trial.products
-        wanted = comp + np.maximum(np.clip(products, 0.1 * target, 10.0 * target) - products, -10.0 * target)
-        new = newton.step(wanted)
-        further = _longest(point, new)
-        if further < length + _GAIN:
+        corrected_comp = comp + np.maximum(np.clip(products, 0.1 * target, 10.0 * target) - products, -10.0 * target)
+        corrected_step = newton.step(corrected_comp)
+        corrected_length = _longest(point, corrected_step)
+        if corrected_length < length + _CORRECTOR_GAIN:
             break
-        step, length, comp = new, further, wanted
+        step, length, comp = corrected_step, corrected_length, corrected_comp
     return step, length
 
 
 def _longest(point: Point, step: Point) -> float:
-    """The length at which a slack, a multiplier, a pull or a push reaches zero."""
+    """The length of a step at which the first of `Point.values` becomes zero; infinite if none decreases."""
     least = float(np.minimum.reduce(step.values / point.values, initial=0.0))
     return -1.0 / least if least < 0.0 else np.inf
 
 
-# An interior point near the answer to a problem before.
+# An interior point near the solution of an earlier problem.
 #
-# At every bound there are the slack s₀ that this answer has now, negative where the bound has moved past it, and its
-# multiplier λ₀. Slack and multiplier that are both positive, whose product is that of a point on the central path and
-# whose difference is as before,
+# For each bound the earlier solution has a slack s₀ in the present problem, which is negative if the bound has moved
+# past it, and a multiplier λ₀. The starting values s, λ > 0 have the product of the central path and this difference:
 #
 #     s − κ λ = s₀ − κ λ₀,    s λ = τ ω,    κ = stress / displacement × size²,
 #
-# solve a quadratic equation. They differ from s₀ and λ₀ by √τ where a point is about to open or to slip, by τ
-# elsewhere, and by as much as a bound has moved. Where contact opens or closes on a larger part than that a first step
-# is short, and nothing is gained.
-
+# which is a quadratic equation. They differ from s₀ and λ₀ by √τ where a point is about to open or to slip, by τ
+# elsewhere, and by the motion of the bound. If the contact opens or closes beyond that, the first step is short.
 
 GAP = 1e-6
-"""Gap, relative, at which such a point lies: with 1e-4 less is gained, with 1e-8 it is too close to the bounds."""
+"""Relative gap of the starting point: with 1e-4 the start gains less, with 1e-8 it is too close to the bounds."""
 
-_LONGEST_NEAR = 0.999  # step that is taken at most from there, of the way to the nearest bound
+_LONGEST_NEAR = 0.999  # largest step from such a start, over the distance to the nearest bound
 
 
 def start_near(interior: InteriorPoint, y: Vector, start: Start) -> None:
-    """Exchange the iterate of a method, already started, for one near a state with free trace coordinates y (k,)."""
-    problem, split = interior.problem, len(interior.point.pull)
+    """Replace the iterate of a started method by one near the state `start` with free coordinates y (k,)."""
+    problem, n_split = interior.problem, len(interior.point.tension)
     interior.settle()
     interior.longest = max(interior.longest, _LONGEST_NEAR)
     unit = problem.stress * interior.displacement * problem.total_weight
-    products = GAP * unit / float(problem.weights @ problem.shares) * interior.shares
-    kink = products[len(products) - split :]
+    products = GAP * unit / float(problem.weights @ problem.omega) * interior.omega
+    kink = products[len(products) - n_split :]
     normal = problem.split_normal(y)
     size = np.sqrt(normal**2 + 4.0 * kink)
-    pull, push = _pair(normal, kink)
+    tension, pressure = _pair(normal, kink)
     slack = problem.slack(y, size)
     kappa = problem.stress / interior.displacement * problem.sizes**2
     lam = problem.bound_multipliers(start.multipliers, slack)
-    s, lam = _pair(slack - kappa * lam, kappa * products[: len(products) - split])
-    interior.point = Point.of(y, s, lam / kappa, pull, push)
+    s, lam = _pair(slack - kappa * lam, kappa * products[: len(products) - n_split])
+    interior.point = Point.of(y, s, lam / kappa, tension, pressure)
 
 
 def _pair(difference: Vector, product: Vector) -> tuple[Vector, Vector]:
@@ -458,25 +460,23 @@ def _pair(difference: Vector, product: Vector) -> tuple[Vector, Vector]:
     return np.where(difference > 0.0, larger, smaller), np.where(difference > 0.0, smaller, larger)
 
 
-# Following the central path by its arc length, where it turns back: (D7), in which pull and push count as further s and
-# λ. Of the two directions of the tangent it takes the one in which τ falls where det of Newton's matrix is positive and
-# rises where it is negative: at a turn both change their signs, so the curve from τ = ∞ is followed to its end, and no
-# step across a sharp turn can make it go back. Where the sign is not known, it is the direction in which the curve was
-# followed so far.
+# Arc length continuation of the central path around its turns: (D7), with tension and pressure as further s and λ. The
+# tangent has two directions: where det of Newton's matrix is positive, τ has to fall, where it is negative, to rise. At
+# a turn the slope of τ and det both change their signs, so the curve from τ = ∞ is followed to its end, and a step over
+# a sharp turn cannot reverse the direction. If the sign of det is not known, the last direction is kept.
 
-
-_FIRST_STEP, _LAST_STEP, _LEAST_STEP = 0.3, 3.0, 0.01
+_FIRST_STEP, _LAST_STEP, _LEAST_STEP = 0.3, 3.0, 0.01  # arc lengths: the first, the largest, the least
 _GROWTH = 1.5
-_NEAR = 0.5  # Newton corrections, relative to s and λ, up to which a point counts as on the curve
-_REACH = 0.8  # relative change of any s or λ in one step at most
-_HIGHEST = 7.0  # of log τ, after which the curve is given up
-_LONGEST = 250  # steps along one curve: where contact opens edge by edge, several for each
-_FOUND = 40  # steps to it
-_BEYOND = 3.0  # the turn is passed when log τ has fallen by this much
+_LARGEST_CORRECTION = 0.5  # largest Newton correction of s or λ, relative, of a point that counts as on the curve
+_LARGEST_CHANGE = 0.8  # largest relative change of any s or λ in a step
+_HIGHEST = 7.0  # rise of log τ above its start at which the curve is given up
+_LONGEST = 250  # steps along one curve; a contact that opens edge by edge takes several for each edge
+_LONGEST_APPROACH = 40  # steps from the start until the curve is reached
+_FALL = 3.0  # fall of log τ below its start at which the turn is passed
 
 
 class CentralPath:
-    """The curve from the current point of an interior point method on; every `advance` is one factorisation."""
+    """The central path from the current point of an interior point method; each `advance` is one factorisation."""
 
     def __init__(self, method: InteriorPoint) -> None:
         self._method = method
@@ -491,28 +491,29 @@ class CentralPath:
 
     @property
     def passed(self) -> bool:
-        """Whether the turn is behind: τ is well below its value at the start, and falling."""
-        return self._tangent is not None and self._tangent[0] < 0.0 and self._log < self._start - _BEYOND
+        """Whether the turn is passed: τ is well below its value at the start, and falls."""
+        return self._tangent is not None and self._tangent[0] < 0.0 and self._log < self._start - _FALL
 
     @property
     def lost(self) -> bool:
-        """Whether τ has risen so far, or the curve is so long or so far away, that no turn is to be hoped for."""
-        longest = _LONGEST if self._tangent is not None else _FOUND
+        """Whether the curve is given up: τ has risen too far, or there were too many steps."""
+        longest = _LONGEST if self._tangent is not None else _LONGEST_APPROACH
         return self._log > self._start + _HIGHEST or self._steps > longest
 
     def advance(self) -> float:
-        """Correct, and step along the curve if it is near; returns the change of log τ."""
+        """Correct the point, and step along the curve if it is near; returns the change of log τ."""
         method = self._method
         self._steps += 1
         point, residuals = method.point, method.residuals()
-        target = np.exp(self._log) * method.shares
+        target = np.exp(self._log) * method.omega
         newton = Newton(method.problem, point, residuals)
+        # The tangent, a change of log τ by 1, and the Newton step to the curve at this τ.
         along = newton.step(target, only=True)
-        back = newton.step(target - point.products)
-        tangent, change = self._relative(1.0, along), self._relative(0.0, back)
+        to_curve = newton.step(target - point.products)
+        tangent, change = self._relative(1.0, along), self._relative(0.0, to_curve)
         tangent_unit = tangent / np.sqrt(self._metric @ tangent**2)
-        backwards = tangent_unit[0] if self._tangent is None else -self._metric @ (self._tangent * tangent_unit)
-        if (method.problem.system.orientation * tangent_unit[0] or backwards) > 0.0:
+        reversal = tangent_unit[0] if self._tangent is None else -self._metric @ (self._tangent * tangent_unit)
+        if (method.problem.system.orientation * tangent_unit[0] or reversal) > 0.0:
             tangent_unit = -tangent_unit
         # The Newton step with log τ free, normal to the tangent.
         slope = float(self._metric @ (tangent_unit * tangent))
@@ -522,20 +523,22 @@ class CentralPath:
         correction = change + shift * tangent
         size = float(np.abs(correction[1:]).max(initial=0.0))
         fraction = 1.0
-        if size > _NEAR:
-            fraction = min(1.0, _REACH / size)
+        # Far from the curve a part of the correction, near it the correction and an arc length along the tangent.
+        if size > _LARGEST_CORRECTION:
+            fraction = min(1.0, _LARGEST_CHANGE / size)
             self._length = max(0.5 * self._length, _LEAST_STEP)
         else:
             self._tangent = tangent_unit
             length = self._length
-            while np.abs(correction[1:] + length * tangent_unit[1:]).max(initial=0.0) > _REACH:
+            while np.abs(correction[1:] + length * tangent_unit[1:]).max(initial=0.0) > _LARGEST_CHANGE:
                 length *= 0.7
             shift += length * tangent_unit[0] / tangent[0]
             self._length = min(_GROWTH * length, _LAST_STEP)
-        step = Point(back.y + shift * along.y, back.values + shift * along.values, back.count)
+        step = Point(to_curve.y + shift * along.y, to_curve.values + shift * along.values, to_curve.count)
         method.point = point.moved(step, fraction)
         self._log += fraction * shift
         return fraction * shift
 
     def _relative(self, log: float, step: Point) -> Vector:
+        """(dlog τ, ds/s, dλ/λ) of a step."""
         return np.concatenate([[log], step.values / self._method.point.values])

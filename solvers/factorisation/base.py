@@ -1,4 +1,4 @@
-"""What every factorisation offers: K with its interior eliminated, and the dense Schur complement on the interface.
+"""The interface of all factorisations: K with its interior eliminated, and the dense Schur complement on the interface.
 
 In `docs/theory.md`: (D3).
 """
@@ -20,7 +20,7 @@ from solvers.basics.types import IntVector, Matrix, Module, Vector, load
 from solvers.errors import InputError, QVIError
 
 State: TypeAlias = Matrix
-"""A right-hand side after elimination of the interior, (n,) or (n, j): the back end's own numbers on I, g̃ on Γ."""
+"""A right-hand side after elimination of the interior, (n,) or (n, j): L⁻¹ g_I in the back end's form, and g̃ on Γ."""
 
 _ROUNDING: Final = 10.0 * np.finfo(np.float64).eps
 
@@ -33,7 +33,7 @@ class Factorisation(ABC):
 
     backend: ClassVar[str]
     version: str
-    """Name in `BACKENDS`, and the library with its version."""
+    """Name of the back end, and its library with the version."""
     size: int
     """Number of unknowns n."""
     interface: IntVector
@@ -41,22 +41,22 @@ class Factorisation(ABC):
     schur: Matrix
     """(k, k): S, dense and exactly symmetric."""
     seconds: dict[str, float]
-    """Wall time of "analysis" (ordering, symbolic) and "numeric" (with S), conversions included, and of the "check" for
-    a matrix that is singular up to rounding where that is a step of its own."""
+    """Wall time of "analysis" (ordering, symbolic) and "numeric" (with S), conversions included. "check", if present,
+    is that of a separate test whether K is singular up to rounding."""
 
     @abstractmethod
     def _forward(self, right: Vector | Matrix) -> State:
-        """Eliminate I from right-hand sides, (n,) or (n, j): a new array, g_Γ − K_ΓI K_II⁻¹ g_I on Γ."""
+        """Eliminate I from right-hand sides g, (n,) or (n, j): a new array with g_Γ − K_ΓI K_II⁻¹ g_I on Γ."""
 
     @abstractmethod
     def _backward(self, state: State, values: Vector | Matrix) -> Vector | Matrix:
-        """Unknowns x from a state, which is left as it is, and x_Γ, all (n,) or (n, j); rows on Γ may be anything."""
+        """Unknowns x, (n,) or (n, j), from an unchanged state and x_Γ; rows Γ of the result need not be set."""
 
     def keeps(self, unknowns: IntVector) -> bool:
-        """Whether all these unknowns, none given twice, are on the interface."""
-        kept = np.zeros(self.size, dtype=np.bool_)
-        kept[self.interface] = True
-        return bool(kept[unknowns].all())
+        """Whether all these unknowns are on the interface."""
+        is_kept = np.zeros(self.size, dtype=np.bool_)
+        is_kept[self.interface] = True
+        return bool(is_kept[unknowns].all())
 
     def reduce(self, right: Vector | Matrix) -> tuple[Vector | Matrix, State]:
         """(g_Γ − K_ΓI K_II⁻¹ g_I, state for `expand`) for right-hand sides g, (n,) or (n, j)."""
@@ -67,9 +67,9 @@ class Factorisation(ABC):
         return state[self.interface], state
 
     def expand(self, state: State, values: Vector | Matrix) -> Vector | Matrix:
-        """x, (n,) or (n, j), with x_Γ = values and x_I = K_II⁻¹ (g_I − K_IΓ values), g as it was given to `reduce`.
+        """x, (n,) or (n, j), with x_Γ = values and x_I = K_II⁻¹ (g_I − K_IΓ values), g the argument of `reduce`.
 
-        The state is left as it is and may be used again.
+        The state is not changed and may be used again.
         """
         values, expected = np.asarray(values, dtype=np.float64), (self.interface.size, *state.shape[1:])
         if values.shape != expected:
@@ -79,13 +79,13 @@ class Factorisation(ABC):
         return x
 
     def square(self, state: State) -> float:
-        """g_Iᵀ K_II⁻¹ g_I for the state of a right-hand side g (n,): what relaxing the interior alone does, twice."""
-        inside = np.array(state)
-        inside[self.interface] = 0.0
-        return float(inside @ inside)  # L⁻¹ g_I on I, with K_II = L Lᵀ
+        """g_Iᵀ K_II⁻¹ g_I for the state of g (n,): twice the energy released by the interior if Γ is fixed."""
+        y = np.array(state)
+        y[self.interface] = 0.0
+        return float(y @ y)  # y = L⁻¹ g_I, K_II = L Lᵀ
 
     def _with_values(self, state: State, values: Vector | Matrix) -> State:
-        """A copy of a state with x_Γ in place of g̃."""
+        """A copy of a state with x_Γ in place of g̃ on Γ."""
         start = np.array(state, order="F")
         start[self.interface] = values
         return start
@@ -97,7 +97,7 @@ def symmetrised(matrix: Matrix) -> Matrix:
 
 
 def check_pivots(pivots: Vector, diagonal: Vector, backend: str, n: int) -> None:
-    """`FactorisationError` for a pivot dᵢ of K = L D Lᵀ, (n, n), that is not above rounding: dᵢ ≤ 10 ε √n Kᵢᵢ.
+    """`FactorisationError` if a pivot dᵢ of K = L D Lᵀ, (n, n), is within rounding of 0: dᵢ ≤ 10 ε √n Kᵢᵢ.
 
     0 < dᵢ ≤ Kᵢᵢ holds for every positive definite K, and dᵢ/Kᵢᵢ does not depend on the scaling of the unknowns.
     """
@@ -108,11 +108,10 @@ def check_pivots(pivots: Vector, diagonal: Vector, backend: str, n: int) -> None
         raise FactorisationError("singular", backend, detail)
 
 
-# The error of a factorisation that cannot be done.
-
+# The error of a failed factorisation.
 
 Reason: TypeAlias = Literal["singular", "memory", "time", "backend"]
-"""Why a factorisation failed: not positive definite, out of memory, no time left, or what else the back end reports."""
+"""Why a factorisation failed: not positive definite, out of memory, no time left, or another error of the back end."""
 
 _REMEDY: Final[dict[Reason, str]] = {
     "singular": "fix the free modes and give positive stiffnesses, so that K is positive definite",
@@ -123,15 +122,9 @@ _REMEDY: Final[dict[Reason, str]] = {
 
 
 class FactorisationError(QVIError):
-    """K could not be factorised, or a solve with the factors failed.
+    """K could not be factorised by `backend`, or a solve with the factors failed, for a `reason`.
 
-    Attributes
-    ----------
-    reason : "singular", "memory", "time" or "backend"
-        "singular" covers indefinite matrices too; "time": it is large, and the time limit over.
-    backend : str
-        Name of the back end.
-
+    The reason "singular" includes indefinite matrices; "time": a large factorisation is not begun after the time limit.
     """
 
     def __init__(self, reason: Reason, backend: str, detail: str) -> None:
@@ -141,7 +134,7 @@ class FactorisationError(QVIError):
         super().__init__(f"factorisation by {backend}: {detail}; {_REMEDY[reason]}")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """For pickles, as worker processes send it."""
+        """For pickles, by which worker processes send errors."""
         return type(self), (self.reason, self.backend, self._detail)
 
 
@@ -149,7 +142,7 @@ class FactorisationError(QVIError):
 
 
 class Front(NamedTuple):
-    """Rows of K = UᵀU for e unknowns: U₁₁ (e, e), upper triangular, and U₁₂ (e, s) for s unknowns that stay."""
+    """Rows of U, K = UᵀU, for e eliminated unknowns: U₁₁ (e, e), `head`, and U₁₂ (e, s), `tail`, for s later ones."""
 
     eliminated: IntVector
     staying: IntVector
@@ -158,7 +151,7 @@ class Front(NamedTuple):
 
 
 class Fronts(Factorisation):
-    """K_II = Uᵀ U by fronts, parts before what they are parts of."""
+    """K_II = Uᵀ U by fronts, in the order of elimination."""
 
     version = f"scipy {scipy_version}"
     _fronts: list[Front]
@@ -168,7 +161,7 @@ class Fronts(Factorisation):
         with self._threads():
             for eliminated, staying, head, tail in self._fronts if state.size else ():
                 y = state[eliminated]
-                # of one right-hand side, BLAS of level 2 takes a third of the time of level 3
+                # for one right-hand side, BLAS of level 2 takes a third of the time of level 3
                 y = dtrsv(head, y, trans=1, overwrite_x=1) if y.ndim == 1 else dtrsm(1.0, head, y, trans_a=1)
                 state[eliminated] = y
                 state[staying] -= tail.T @ y
@@ -183,16 +176,16 @@ class Fronts(Factorisation):
         return state
 
     def _threads(self) -> AbstractContextManager[None]:
-        """Many small fronts are slower on several threads, on a busy machine by orders of magnitude."""
+        """One thread for many fronts: several are slower on small ones, on a busy machine by orders of magnitude."""
         return limited_blas(1) if len(self._fronts) > 1 else nullcontext()
 
 
-def eliminated(own: Matrix, coupling: Matrix, others: Matrix, backend: str) -> tuple[Matrix, Matrix, Matrix]:
-    """U₁₁ and U₁₂ of K₁₁ = own and K₁₂ = coupling, and others − U₁₂ᵀ U₁₂, of which the upper triangle counts.
+def eliminated(block: Matrix, coupling: Matrix, others: Matrix, backend: str) -> tuple[Matrix, Matrix, Matrix]:
+    """U₁₁ and U₁₂ for K₁₁ = block and K₁₂ = coupling, and the upper triangle of the update others − U₁₂ᵀ U₁₂.
 
-    All by columns and overwritten. `FactorisationError` where K₁₁ is not positive definite.
+    All arrays are by columns and overwritten. `FactorisationError` if K₁₁ is not positive definite.
     """
-    head, info = dpotrf(own, clean=0, overwrite_a=1)
+    head, info = dpotrf(block, clean=0, overwrite_a=1)
     if info > 0:
         raise FactorisationError("singular", backend, "a pivot is not positive")
     if coupling.size:
@@ -208,34 +201,34 @@ def symmetric(upper: Matrix) -> Matrix:
 
 @contextmanager
 def limited_blas(count: int) -> Iterator[None]:
-    """Every BLAS loaded so far limited to `count` threads, as before on exit; left alone without threadpoolctl."""
+    """Limit every loaded BLAS to `count` threads within the context; without threadpoolctl nothing is limited."""
     libraries = blas_libraries(len(sys.modules))
-    before = [each.get_num_threads() for each in libraries]
-    changed = [(each, threads) for each, threads in zip(libraries, before, strict=True) if threads != count]
+    before = [library.get_num_threads() for library in libraries]
+    changed = [(library, threads) for library, threads in zip(libraries, before, strict=True) if threads != count]
     try:
-        for each, _ in changed:
-            each.set_num_threads(count)
+        for library, _ in changed:
+            library.set_num_threads(count)
         yield
     finally:
-        for each, threads in changed:
-            each.set_num_threads(threads)
+        for library, threads in changed:
+            library.set_num_threads(threads)
 
 
 @lru_cache(maxsize=1)
-def blas_libraries(modules: int) -> list[Module]:  # noqa: ARG001  # it is the key
-    """Looked for anew only when something was imported (or MKL loaded: it clears this): that takes milliseconds."""
+def blas_libraries(modules: int) -> list[Module]:  # noqa: ARG001  # the key of the cache
+    """The loaded BLAS libraries. Searched, in milliseconds, only after an import or after MKL was loaded."""
     try:
-        found = load("threadpoolctl").ThreadpoolController().lib_controllers
+        libraries = load("threadpoolctl").ThreadpoolController().lib_controllers
     except ImportError:
         return []
-    return [each for each in found if each.user_api == "blas"]
+    return [library for library in libraries if library.user_api == "blas"]
 
 
 DENSE: Final = "dense"
-"""Name of the back end with one front, for matrices so small that an ordering costs more than it saves."""
+"""Name of the back end with one front, for small matrices, for which an ordering costs more than it saves."""
 
 SMALL: Final = 400
-"""Unknowns up to which no sparse back end is faster, its ordering included."""
+"""Unknowns up to which the dense back end is faster than sparse ones."""
 
 
 class DenseFactor(Fronts):
@@ -252,8 +245,8 @@ class DenseFactor(Fronts):
         diagonal, self.schur = K.diagonal(), symmetrised(K[interface][:, interface])
         if interior.size:
             rows = K[interior]
-            own, coupling = rows[:, interior].T, np.asfortranarray(rows[:, interface])  # K_II is symmetric
-            head, tail, left = eliminated(own, coupling, self.schur.T, self.backend)
+            block, coupling = rows[:, interior].T, np.asfortranarray(rows[:, interface])  # K_II is symmetric
+            head, tail, update = eliminated(block, coupling, self.schur.T, self.backend)
             check_pivots(head.diagonal() ** 2, diagonal[interior], self.backend, self.size)
-            self._fronts, self.schur = [Front(interior, interface, head, tail)], symmetric(left)
+            self._fronts, self.schur = [Front(interior, interface, head, tail)], symmetric(update)
         self.seconds = {"analysis": 0.0, "numeric": perf_counter() - start}

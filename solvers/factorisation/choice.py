@@ -1,4 +1,4 @@
-"""Names of the back ends, the one taken by default, and `factorise`."""
+"""`factorise`, the names of the back ends, and the choice of one for a problem."""
 
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -27,7 +27,7 @@ BACKENDS: Final = tuple(_VERSIONS)
 """Names of the sparse back ends, the fastest first."""
 
 _INSTALL: Final = {"pardiso": "pip install mkl"}
-_WORTH_THREADS: Final = 50_000  # unknowns below which more threads cost more than they bring
+_WORTH_THREADS: Final = 50_000  # unknowns below which one thread is fastest
 
 
 def factorise(
@@ -44,15 +44,15 @@ def factorise(
     K : (n, n)
         Symmetric positive definite and finite, both triangles stored, which is not checked.
     interface : IntVector (k,)
-        Γ: indices in increasing order, none twice. With k = 0 this is the plain factorisation, and nothing more.
+        Γ: indices in increasing order, none twice. With k = 0 this is the plain factorisation.
     backend : str
         A name in `BACKENDS`, "dense", or "auto": the one in the environment variable QVI_CONTACT_FACTORISATION, else
         "dense" for up to 400 unknowns, else the first that is installed.
     threads : int, optional
-        Threads to use; one below 50 000 unknowns if not given, and above what OMP_NUM_THREADS or MKL_NUM_THREADS say,
-        or all cores this process may run on. "multifrontal" always has one.
+        Threads to use. By default one below 50 000 unknowns, above it the value of OMP_NUM_THREADS or MKL_NUM_THREADS,
+        or all cores this process may run on. "multifrontal" always uses one.
     places : Matrix (n, 2), optional
-        Where the unknowns are, in any unit: "multifrontal" takes half the time with them.
+        Coordinates of the unknowns, in any unit: with them "multifrontal" takes half the time.
 
     Raises
     ------
@@ -60,13 +60,13 @@ def factorise(
         The back end does not exist or is not installed.
     FactorisationError
         K_II is not positive definite, memory is lacking, or the back end fails.
-        With the reason "time": K is large, and the time is over (`deadline`).
+        With the reason "time": K is large, and the time limit is over (`deadline`).
 
     """
     n, threads = K.shape[0], threads or _sensible_threads(K.shape[0])
-    small = backend == "auto" and chosen() is None and n <= SMALL
-    nothing = interface.size == n  # is eliminated: S = K
-    name = DENSE if small or nothing or backend == DENSE else resolve(backend)
+    is_small = backend == "auto" and chosen() is None and n <= SMALL
+    is_interface_only = interface.size == n  # S = K
+    name = DENSE if is_small or is_interface_only or backend == DENSE else resolve(backend)
     diagonal = K.diagonal()
     if not np.all(diagonal > 0.0):
         row = int(np.argmin(diagonal > 0.0))
@@ -96,9 +96,9 @@ def refactorisation(
     threads: int | None = None,
     places: Matrix | None = None,
 ) -> Refactorisation:
-    """For matrices of a symmetric pattern in compressed rows with sorted columns.
+    """Factorisation of one unsymmetric matrix after another, all of a symmetric pattern.
 
-    Backend, threads and places as for `factorise`.
+    The pattern is in compressed rows with sorted columns; backend, threads and places are those of `factorise`.
     """
     backend = resolve(backend if backend in BACKENDS else "auto")
     threads = threads or _sensible_threads(len(starts) - 1)
@@ -109,7 +109,7 @@ def refactorisation(
 
 
 def _begin(unknowns: int, backend: str) -> None:
-    """Say so before a factorisation that takes seconds; it is not begun where the time is over already."""
+    """Report a factorisation that will take seconds; `FactorisationError` if the time limit is over."""
     if unknowns < _WORTH_THREADS:
         return
     if deadline.over:
@@ -124,8 +124,8 @@ def _sensible_threads(unknowns: int) -> int:
 
 def available_backends() -> dict[str, str]:
     """Back ends that load here, with their library and version, e.g. ``{"pardiso": "mkl 2026.2.0", …}``."""
-    found = {name: version() for name, version in _VERSIONS.items()}
-    return {name: version for name, version in found.items() if version is not None}
+    versions = {name: version() for name, version in _VERSIONS.items()}
+    return {name: version for name, version in versions.items() if version is not None}
 
 
 def missing_backends() -> dict[str, str]:
@@ -134,20 +134,20 @@ def missing_backends() -> dict[str, str]:
 
 
 def resolve(backend: str = "auto") -> str:
-    """Name of the back end that `backend` means; `SolverUnavailableError` if it cannot be used."""
+    """Name of the back end for the argument `backend`; `SolverUnavailableError` if it cannot be used."""
     if backend != "auto":
         return usable("backend", backend)
     return chosen() or next(name for name in BACKENDS if _VERSIONS[name]() is not None)
 
 
 def chosen() -> str | None:
-    """Name in the environment variable, None if there is none."""
+    """Name of the back end in the environment variable, None if it is not set."""
     name = os.environ.get(VARIABLE, "").strip().lower()
     return None if name in ("", "auto") else usable(VARIABLE, name)
 
 
 def usable(field: str, name: str, others: Sequence[str] = ("auto",)) -> str:
-    """The name if a back end of that name loads here, else `SolverUnavailableError`; `others` may be named besides."""
+    """The name if its back end loads here, else `SolverUnavailableError`, which lists these names and `others`."""
     if name not in BACKENDS:
         raise SolverUnavailableError(field, name, f"choose one of {', '.join((*others, *BACKENDS))}")
     if _VERSIONS[name]() is None:
@@ -156,46 +156,45 @@ def usable(field: str, name: str, others: Sequence[str] = ("auto",)) -> str:
     return name
 
 
-# Which factorisation a problem gets: the one asked for, or the first installed.
-
+# The factorisation of a problem: the one asked for, or the first installed.
 
 OTHERS: Final = ("auto", DENSE)
-"""What is no back end."""
+"""Names that are accepted besides those of the sparse back ends."""
 
 CHOICES: Final = (*OTHERS, *BACKENDS)
-"""What can be asked for."""
+"""All names that are accepted."""
 
-_ALWAYS_CONDENSED: Final = 400  # unknowns of the interface
-_SLOWER: Final = 3.6  # sparse operations beside dense ones, measured with plates and walls
-_MOST_THREADS: Final = 1024  # more do not pay on any machine, and libraries take no number of any size
+_ALWAYS_CONDENSED: Final = 400  # unknowns of the interface up to which it is always condensed
+_SLOWER: Final = 3.6  # time of a sparse operation over that of a dense one, measured with plates and walls
+_MOST_THREADS: Final = 1024  # more gain nothing on any machine, and libraries accept only 32-bit numbers
 
 
 class Request(NamedTuple):
-    """The factorisation that is wanted, one of `CHOICES`, and on how many threads: None for as many as make sense."""
+    """A requested factorisation, one of `CHOICES`, and its number of threads, None for the default."""
 
     name: str = "auto"
     threads: int | None = None
 
     @classmethod
     def checked(cls, name: object, threads: object) -> "Request":
-        """From what a user gave: `SolverUnavailableError` as `usable`, `InputError` for another number of threads."""
+        """The request for a user's arguments; `SolverUnavailableError` as `usable`, `InputError` for the threads."""
         canonical = str(name).lower()
         if canonical not in OTHERS:
             usable("factorisation", canonical, OTHERS)
         return cls(canonical, None if threads is None else whole_number("threads", threads, _MOST_THREADS))
 
     def fits(self, factor: Factorisation) -> bool:
-        """Whether a factorisation made earlier is what is asked for."""
+        """Whether an earlier factorisation meets the request."""
         return self.name in ("auto", factor.backend)
 
 
 def condensing_pays(K: Sparse | Matrix, interface: int) -> bool:
-    """Whether one dense matrix of the interface is factorised in less time than an unsymmetric sparse one like K.
+    """Whether a dense matrix of the interface is factorised in less time than a sparse unsymmetric one like K.
 
     Dense elimination takes ⅔ k³ operations for k unknowns of the interface. Nested dissection of a plane mesh of
     squares with b unknowns at each node takes about 10 (b n)^1.5 for L Lᵀ and twice as many for L U, b = nnz / 9 n.
-    They come in smaller blocks, and so more slowly. A few hundred unknowns are always condensed: what the sparse way
-    costs besides is more than the dense one in all.
+    These are slower, as their blocks are smaller. A few hundred unknowns are always condensed, as the overhead of the
+    sparse system then exceeds the time of the dense one.
     """
     if interface <= _ALWAYS_CONDENSED or isinstance(K, np.ndarray):
         return True

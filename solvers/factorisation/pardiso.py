@@ -1,8 +1,8 @@
-"""Intel MKL, found in the `mkl` wheel and called through ctypes, and its PARDISO; how many threads may be used.
+"""PARDISO of Intel MKL, which is found in the `mkl` wheel and called through ctypes; the default number of threads.
 
-The Schur complement comes out of PARDISO's numerical factorisation itself. Numbers of phases, parameters and errors are
-those of the oneMKL Developer Reference, "oneMKL PARDISO - Parallel Direct Sparse Solver Interface" (C, iparm counted
-from 0). K = [L 0; M 1] [1 0; 0 S] [Lᵀ Mᵀ; 0 1] with K_II = L Lᵀ.
+PARDISO's numerical factorisation gives the Schur complement too: K = [L 0; M 1] [1 0; 0 S] [Lᵀ Mᵀ; 0 1], K_II = L Lᵀ.
+Numbers of phases, parameters and errors are those of the oneMKL Developer Reference, "oneMKL PARDISO - Parallel Direct
+Sparse Solver Interface" (C, iparm counted from 0).
 """
 
 import ctypes
@@ -28,17 +28,16 @@ from solvers.factorisation.base import Factorisation, FactorisationError, Reason
 _PATTERNS: Final = ("libmkl_rt.so*", "libmkl_rt*.dylib", "mkl_rt*.dll")
 _OPENMP: Final = ("libiomp5.so", "libiomp5.dylib", "libiomp5md.dll")
 
-
 INTEL, SEQUENTIAL = 0, 1  # arguments of MKL_Set_Threading_Layer: Intel's OpenMP, or no threads
 LP64: Final = 0  # argument of MKL_Set_Interface_Layer: 32-bit integers
 
 
 @lru_cache(maxsize=1)
 def library() -> ctypes.CDLL | None:
-    """MKL with its layers chosen, or None where it does not load.
+    """MKL with its layers chosen, or None if it does not load.
 
-    Another user of MKL in the same process may have fixed the layers before; then they stay as they are. In a working
-    folder that has been deleted MKL would end the process.
+    If another library in the process has used MKL before, its layers cannot be changed. MKL is not loaded in a working
+    folder that has been deleted, where it would end the process.
     """
     try:
         Path.cwd()
@@ -57,7 +56,7 @@ def library() -> ctypes.CDLL | None:
 
 @lru_cache(maxsize=1)
 def version() -> str | None:
-    """Library and version, None if it does not load; the package's metadata are read once."""
+    """Library and version, None if it does not load."""
     if library() is None:
         return None
     try:
@@ -67,7 +66,7 @@ def version() -> str | None:
 
 
 def _candidates() -> Iterator[Path]:
-    """Places of the run-time library: the wheel's own list of files, then the environment's library folders."""
+    """Possible paths of the run-time library: in the wheel's list of files, then in the environment's folders."""
     with suppress(PackageNotFoundError):
         package = distribution("mkl")
         for file in package.files or ():
@@ -85,15 +84,14 @@ def _loads(library: str) -> bool:
         return False
 
 
-# How many threads a back end may use.
-
+# The default number of threads.
 
 VARIABLES: Final = ("MKL_NUM_THREADS", "OMP_NUM_THREADS")
-"""Environment variables that bound the threads of MKL, the first that is set."""
+"""Environment variables with the number of threads; the first that is set counts."""
 
 
 def thread_count() -> int:
-    """What the first of `VARIABLES` that is set says, or the number of cores this process may run on."""
+    """The number in the first of `VARIABLES` that is set, else that of the cores this process may run on."""
     for variable in VARIABLES:
         first = os.environ.get(variable, "").split(",")[0].strip()  # OMP_NUM_THREADS may list nested levels
         if first.isdigit() and int(first) > 0:
@@ -105,16 +103,15 @@ def thread_count() -> int:
 
 # PARDISO.
 
-
-STRUCTURALLY_SYMMETRIC, POSITIVE_DEFINITE = 1, 2  # argument `mtype`: what a real matrix is
+STRUCTURALLY_SYMMETRIC, POSITIVE_DEFINITE = 1, 2  # argument `mtype`, for real matrices
 ANALYSIS, NUMERIC, SOLVE, RELEASE = 11, 22, 33, -1  # argument `phase`
 FORWARD, BACKWARD = 331, 333  # (g_I, g_Γ) → (L⁻¹ g_I, g_Γ − M L⁻¹ g_I), and (y_I, x_Γ) → (L⁻ᵀ (y_I − Mᵀ x_Γ), x_Γ)
 
 _SETTINGS: Final = {  # of `iparm`, by their positions
     0: 1,  # no defaults are filled in
     1: 2,  # METIS orders
-    9: 16,  # pivots below 10⁻¹⁶ |A| are made as large; the usual 13 lose soft directions beside stiff ones
-    23: 1,  # two-level factorisation, in which S costs next to nothing
+    9: 16,  # pivots are raised to 10⁻¹⁶ |A|; the default 10⁻¹³ would spoil soft directions beside stiff ones
+    23: 1,  # two-level factorisation, which gives S at almost no cost
     34: 1,  # indices count from 0
 }
 _SCHUR: Final = {35: 2}  # dense S into x in the numeric phase, factors of K_II kept
@@ -125,19 +122,19 @@ _REASONS: Final[dict[int, tuple[Reason, str]]] = {
     -8: ("memory", "32-bit integers overflow"),
 }
 _MATRIX: Final = 1  # mnum: number of the matrix of a handle, here the only one
-_PHASE, _COLUMNS, _ERROR = 3, 5, 7  # among the integer arguments
-_WIDE_FROM: Final = int(np.iinfo(np.int32).max)  # entries of K that need 64-bit integers
+_PHASE, _COLUMNS, _ERROR = 3, 5, 7  # positions among the integer arguments
+_LARGEST_NARROW: Final = int(np.iinfo(np.int32).max)  # number of entries from which 64-bit integers are needed
 _PROBES: Final = 2
 _SINGULAR: Final = 0.1 / float(np.finfo(np.float64).eps)
 
-_ONE_AT_A_TIME: Final = RLock()  # two threads in PARDISO end the process, even with matrices of their own
-_UNNEEDED: "Final[list[_Handle]]" = []  # what is to be freed as soon as no other thread is inside
+_LOCK: Final = RLock()  # two threads in PARDISO end the process, even with different matrices
+_RELEASED: "Final[list[_Handle]]" = []  # handles to be freed when no other thread is in PARDISO
 
 
 class Pardiso(Factorisation):
-    """Factors of K (n, n), n > k, in compressed columns with sorted indices; MKL holds them until nobody needs them.
+    """Factors of K (n, n), n > k, in compressed columns with sorted indices; MKL holds them until this object goes.
 
-    Every call runs with the number of threads given at the start.
+    Every call runs with the given number of threads.
     """
 
     backend = "pardiso"
@@ -146,9 +143,9 @@ class Pardiso(Factorisation):
         self.version, self.interface, self.size = version() or "", interface, K.shape[0]
         start = perf_counter()
         # Upper triangle of K = Kᵀ in compressed rows: the lower triangle of its columns.
-        keep = K.indices >= np.repeat(np.arange(self.size, dtype=K.indices.dtype), np.diff(K.indptr))
-        starts = np.concatenate([[0], np.cumsum(keep)])[K.indptr]
-        upper = starts, K.indices[keep], K.data[keep]
+        is_lower = K.indices >= np.repeat(np.arange(self.size, dtype=K.indices.dtype), np.diff(K.indptr))
+        starts = np.concatenate([[0], np.cumsum(is_lower)])[K.indptr]
+        upper = starts, K.indices[is_lower], K.data[is_lower]
         self._handle = handle = _Handle(POSITIVE_DEFINITE, *upper, threads, self, interface)
         handle.call(ANALYSIS)
         analysed = perf_counter()
@@ -161,10 +158,10 @@ class Pardiso(Factorisation):
         self.seconds["check"] = perf_counter() - factorised
 
     def _check_interior(self, diagonal: Vector) -> None:
-        """`FactorisationError` if K_II is singular up to rounding, which PARDISO tells of exact zeros only.
+        """`FactorisationError` if K_II is singular up to rounding; PARDISO itself reports only zero pivots.
 
         With random signs ξ and g = D^½ ξ, D the diagonal of K_II, ‖L⁻¹ g‖² is about 1/λ, λ the smallest eigenvalue of
-        D^-½ K_II D^-½. Pivots (iparm[55]) are not to be had with the two-level factorisation.
+        D^-½ K_II D^-½. The two-level factorisation does not give the pivots (iparm[55]).
         """
         signs = np.random.default_rng(0).integers(2, size=(diagonal.size, _PROBES)) * 2.0 - 1.0
         y = self._phase(FORWARD, np.asarray(signs * np.sqrt(diagonal)[:, None], dtype=np.float64))
@@ -189,9 +186,9 @@ class Pardiso(Factorisation):
 
 
 class RefactorisedByPardiso:
-    """H = L U for matrices H of one symmetric pattern, one after the other: ordering and symbolic analysis once.
+    """H = L U for one matrix H after another, all of one symmetric pattern, which is ordered and analysed once.
 
-    Pivots stay on the diagonal but for those inside a dense block. Methods are those of `MultifrontalLU`.
+    Pivots are chosen inside dense diagonal blocks only. The methods are those of `MultifrontalLU`.
     """
 
     backend = "pardiso"
@@ -201,7 +198,7 @@ class RefactorisedByPardiso:
         self._handle.call(ANALYSIS)
 
     def factorise(self, values: Vector) -> None:
-        """Factorise H, its entries row by row; solves are by this matrix from now on."""
+        """Factorise H, given its entries row by row, for `solve`."""
         self._handle.values[:] = values
         self._handle.call(NUMERIC)
 
@@ -213,9 +210,9 @@ class RefactorisedByPardiso:
 
 
 class _Handle:
-    """PARDISO's arguments of one matrix: pt, iparm, and the matrix in compressed rows, if symmetric its upper half.
+    """PARDISO's arguments for one matrix: pt, iparm, and the compressed rows, of a symmetric one the upper triangle.
 
-    What MKL holds is freed when the owner goes.
+    MKL's memory is freed when the owner is.
     """
 
     def __init__(
@@ -225,9 +222,9 @@ class _Handle:
         mkl = library()
         if mkl is None:
             raise FactorisationError("backend", "pardiso", "MKL does not load")
-        size, wide = len(starts) - 1, len(columns) >= _WIDE_FROM
-        integer: type[np.signedinteger[Any]] = np.int64 if wide else np.int32
-        self._mkl, self._threads, self._pardiso = mkl, threads, mkl.pardiso_64 if wide else mkl.pardiso
+        size, is_wide = len(starts) - 1, len(columns) >= _LARGEST_NARROW
+        integer: type[np.signedinteger[Any]] = np.int64 if is_wide else np.int32
+        self._mkl, self._threads, self._pardiso = mkl, threads, mkl.pardiso_64 if is_wide else mkl.pardiso
         self.values = np.ascontiguousarray(values)
         pt, iparm, perm = np.zeros(64, dtype=np.int64), np.zeros(64, dtype=integer), np.zeros(size, dtype=integer)
         settings = _SETTINGS
@@ -236,7 +233,7 @@ class _Handle:
             perm[interface] = 1
         iparm[list(settings)] = list(settings.values())
         rows = (np.ascontiguousarray(part, dtype=integer) for part in (starts, columns))
-        self._arrays = pt, self.values, *rows, perm, iparm, np.zeros(1)  # which stay where they are
+        self._arrays = pt, self.values, *rows, perm, iparm, np.zeros(1)  # kept, as MKL has their addresses
         self._integers = np.array([1, _MATRIX, kind, 0, size, 0, 0, 0], dtype=integer)
         # Addresses of all arguments but b and x, in the order of `pardiso`.
         handle, *matrix, parameters, self._nothing = map(_address, self._arrays)
@@ -247,7 +244,7 @@ class _Handle:
     def call(self, phase: int, b: Vector | Matrix | None = None, x: Matrix | None = None) -> None:
         """One call of `pardiso`; `FactorisationError` for its error codes."""
         right, left = (self._nothing if array is None else _address(array) for array in (b, x))
-        with foreign_code(), _ONE_AT_A_TIME:
+        with foreign_code(), _LOCK:
             threads = self._mkl.MKL_Set_Num_Threads_Local(self._threads)  # of this Python thread
             self._integers[[_PHASE, _COLUMNS, _ERROR]] = phase, 1 if b is None or b.ndim == 1 else b.shape[1], 0
             self._pardiso(*self._arguments, right, left, self._error)
@@ -258,15 +255,15 @@ class _Handle:
             raise FactorisationError(reason, "pardiso", f"{detail} (code {code} in phase {phase})")
 
     def release(self) -> None:
-        """Free everything that MKL holds for this matrix, now or when the next one goes."""
-        _UNNEEDED.append(self)
-        if _ONE_AT_A_TIME.acquire(blocking=False):  # the garbage collector must not wait: it may run inside any lock
+        """Free MKL's memory of this matrix, now or, if another thread is in PARDISO, with the next matrix."""
+        _RELEASED.append(self)
+        if _LOCK.acquire(blocking=False):  # the garbage collector, which may run inside any lock, must not wait
             try:
-                while _UNNEEDED:
+                while _RELEASED:
                     with suppress(FactorisationError):
-                        _UNNEEDED.pop().call(RELEASE)
+                        _RELEASED.pop().call(RELEASE)
             finally:
-                _ONE_AT_A_TIME.release()
+                _LOCK.release()
 
 
 def _address(array: NDArray[Any]) -> ctypes.c_void_p:

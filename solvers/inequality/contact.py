@@ -1,4 +1,4 @@
-"""N, T, A and W of (D2), and what a factorisation of K condenses them to: all that the contact feels of the body."""
+"""N, T, A and W of (D2), and their condensed form: the compliance and stiffness of the body at the contact."""
 
 from __future__ import annotations
 
@@ -33,22 +33,24 @@ from solvers.inequality.rows import (
 from solvers.inequality.traces import TraceCoordinates, TractionFactor, trace_coordinates
 
 _POWER_STEPS = 10
-_OTHER_WAVES = 1e-8  # in the first vector: of a uniform traction, where balance fixes it, only rounding is left
+# Share of other waves in the first vector of the power iteration, which is uniform: if equilibrium fixes the uniform
+# traction, its relief is rounding alone.
+_WAVE_SHARE = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
 class ContactMatrices(PicklesFields):
-    """Rows of tractions and equations, and the weights of the contact points; matrices dense where they are small."""
+    """Rows of tractions and equations, and weights of the contact points; small matrices are dense."""
 
     N: Columns
     T: Columns
-    """(m, n), normal and tangential traction at the contact points."""
+    """(m, n), rows of the normal and tangential traction at the contact points."""
     W: Vector
     """(m,), quadrature weights, > 0."""
     A: Columns = None  # type: ignore[assignment]  # None is replaced on construction
     """(p, n) equations, optional; p = 0 rows when not given."""
     traces: TractionFactor | None = None
-    """`TractionFactor`, optional; coordinates for [N; T], rows among them when not given."""
+    """`TractionFactor` with E Y = [N; T], optional; Y = [N; T] when not given."""
 
     def __post_init__(self) -> None:
         for name in ("N", "T"):
@@ -62,8 +64,8 @@ class ContactMatrices(PicklesFields):
 
     @cached_property
     def rows(self) -> Columns:
-        """[N; T] (2m, n); `InputError` if the traces do not fit them."""
-        parts: Any = [self.N, self.T]  # both dense, or none: their shape is the same
+        """[N; T] (2m, n); `InputError` unless E Y of the traces is equal to it."""
+        parts: Any = [self.N, self.T]  # both dense or both sparse, as their shapes are equal
         rows = np.concatenate(parts) if isinstance(self.N, np.ndarray) else csc_array(vstack(parts, format="csc"))
         if self.traces is not None:
             self.traces.check(rows)
@@ -87,34 +89,34 @@ class ContactMatrices(PicklesFields):
 
     @cached_property
     def contacts(self) -> IntVector:
-        """(m,) the first point of each one's contact, which hangs together by unknowns that tractions feel."""
+        """(m,) the first point of the contact of each point; points whose rows share unknowns are of one contact."""
         (row, unknown), (m, n) = self.rows.nonzero(), self.N.shape
         return lowest_linked(row % m, m + unknown, m + n)[:m]
 
     @cached_property
     def factor(self) -> TractionFactor:
-        """The traces; the rows themselves where none are given."""
+        """The traces, by default Y = [N; T] with E = 1."""
         return self.traces or TractionFactor(self.rows, csc_array(eye_array(self.rows.shape[0])))
 
     @cached_property
     def tractions(self) -> tuple[Any, Vector]:
-        """Rows (r, n) of tractions that do not depend on what N and T make of them, and their weights (r,).
+        """Rows (r, n) whose tractions are pointwise values, and their weights (r,).
 
-        Trace parameters where there are as many as rows, as where rows are coefficients of the tractions at points;
-        else the rows themselves.
+        The trace parameters Y if there are 2m of them, with weights EᵀW > 0: the rows [N; T] may then be coefficients
+        of the tractions. Else [N; T] and W.
         """
         weights = np.concatenate([self.W, self.W])
         if self.factor.rows.shape[0] == len(weights):
-            own = np.asarray(self.factor.interpolation.T @ weights)
-            if (own > 0.0).all():
-                return self.factor.rows, own
+            trace_weights = np.asarray(self.factor.interpolation.T @ weights)
+            if (trace_weights > 0.0).all():
+                return self.factor.rows, trace_weights
         return self.rows, weights
 
 
 class CondensedContact:
-    """A contact with a factorisation of K; each part is computed when it is first asked for.
+    """A contact with a factorisation of K; each quantity is computed on first use.
 
-    `system` is that of K and A. What contact rows say on Γ alone needs all unknowns that the contact touches there.
+    `system` is the linear system of K and A. `compliance`, `interface_rows` and `reduced` need `is_condensed`.
     """
 
     def __init__(self, contact: ContactMatrices, factor: Factorisation) -> None:
@@ -123,7 +125,7 @@ class CondensedContact:
 
     @cached_property
     def is_condensed(self) -> bool:
-        """Whether all unknowns that the contact touches are on Γ."""
+        """Whether all unknowns that the contact touches are on the interface Γ."""
         return self.system.factor.keeps(self.contact.touched)
 
     @cached_property
@@ -134,7 +136,7 @@ class CondensedContact:
             return 0.0
         relief = self.system.relief(tractions)
         total = float(weights.sum())
-        v = 1.0 + _OTHER_WAVES * generic_vector(len(weights))
+        v = 1.0 + _WAVE_SHARE * generic_vector(len(weights))
         radius = 0.0
         for _ in range(_POWER_STEPS):
             v = relief(weights * v)
@@ -146,20 +148,20 @@ class CondensedContact:
 
     @cached_property
     def compliance(self) -> Matrix:
-        """C = B K⁻¹ Bᵀ (2m, 2m) for the rows B = [N; T], K⁻¹ on the null space of A: relief of tractions by m."""
-        C = self.rows_near @ self.system.solve_interface(dense(transposed(self.rows_near)))[0]
+        """C = B K⁻¹ Bᵀ (2m, 2m), B = [N; T], K⁻¹ on the null space of A: multipliers m relieve tractions by C m."""
+        C = self.interface_rows @ self.system.solve_interface(dense(transposed(self.interface_rows)))[0]
         return np.asarray((C + C.T) / 2.0)
 
     @cached_property
-    def rows_near(self) -> Rows:
+    def interface_rows(self) -> Rows:
         """[N; T] (2m, k) in the unknowns Γ."""
-        return self.system.near(self.contact.rows)
+        return self.system.on_interface(self.contact.rows)
 
     @cached_property
     def reduced(self) -> tuple[TraceCoordinates, Vector, Matrix, Rows, Matrix]:
-        """Trace coordinates y of Γ, see `systems`; D's diagonal (k,), with which that of S_y is 1; S_y (k, k).
+        """(D4) in trace coordinates y: coordinates of Γ, their scale (k,), S_y (k, k), E (2m, k) and A_y (p, k).
 
-        And E (2m, k), tractions by y, and A_y (p, k), equations by y.
+        With the scale the diagonal of S_y is 1. E gives the tractions, A_y the equations.
         """
         coordinates = trace_coordinates(self.contact.factor, self.system.interface)
         stiffness = coordinates.quadratic(self.system.schur)
@@ -172,36 +174,29 @@ class CondensedContact:
 
 # The equality-constrained linear system of (D2), its interior eliminated once by a sparse factorisation.
 
-
-_REFINEMENTS = 2  # of the dense system, where there are equality rows
-_DEPENDENT = 1e-12  # directions in which equality rows are weaker than this repeat each other
+_REFINEMENTS = 2  # steps of iterative refinement of the dense system with equations
+_LEAST_EIGENVALUE = 1e-12  # eigenvalues of A S⁻¹ Aᵀ below this share of the largest: linearly dependent equations
 
 
 class EqualitySystem:
     """Solves  [K Aᵀ; A 0] (x, ν) = (r, c).
 
-    Unknowns Γ, those that equality rows A touch and in most cases those of contact rows B too, are kept, the others
-    eliminated by the factorisation; what is left is dense:
+    The interface Γ holds the unknowns that rows of A touch, and mostly those of the contact rows B too. The other
+    unknowns, I, are eliminated by the factorisation, which leaves a dense system:
 
         [S A_Γᵀ; A_Γ 0] (x_Γ, ν) = (r_Γ − K_ΓI K_II⁻¹ r_I, c),    S = K_ΓΓ − K_ΓI K_II⁻¹ K_IΓ.
 
-    K is (n, n), positive definite on the null space of A; A is (p, n), p = 0 allowed. Linearly dependent but
-    consistent rows of A are accepted; ν is then the one of least norm.
-
-    Parameters
-    ----------
-    A : as in `FrictionQVI`
-    factor : a factorisation of K whose interface Γ holds all unknowns that equality rows touch. What is done with
-        contact rows on Γ alone needs theirs too
-
+    K is (n, n), positive definite on the null space of A; A is (p, n), p = 0 allowed. Rows of A may be linearly
+    dependent if they are consistent; ν then has the least norm. Γ, the interface of the given factorisation of K, must
+    hold all unknowns that rows of A touch.
     """
 
     def __init__(self, A: Columns, factor: Factorisation) -> None:
-        self.factor, self.interface, self.schur = factor, factor.interface, factor.schur  # the last (k, k)
-        self.A: Matrix = dense(self.near(A))  # A_Γ
+        self.factor, self.interface, self.schur = factor, factor.interface, factor.schur  # schur: S (k, k)
+        self.A: Matrix = dense(self.on_interface(A))  # A_Γ
 
-    def near(self, rows: Columns) -> Rows:
-        """Columns Γ (j, k) of rows (j, n)."""
+    def on_interface(self, rows: Columns) -> Rows:
+        """The columns Γ (j, k) of rows (j, n)."""
         return stored(rows[:, self.interface])
 
     def solve(self, r: Vector | Matrix, c: Vector | Matrix | None = None) -> tuple[Vector, Vector]:
@@ -211,7 +206,7 @@ class EqualitySystem:
         return self.factor.expand(state, values), nu
 
     def solve_interface(self, g: Vector | Matrix, c: Vector | Matrix | None = None) -> tuple[Vector, Vector]:
-        """(x_Γ, ν) of the dense system for g (k,) or (k, j), the right-hand side where it vanishes elsewhere."""
+        """(x_Γ, ν) of the dense system for g (k,) or (k, j), the right-hand side on Γ after the elimination of I."""
         g, A, factored = np.asarray(g), self.A, self._factored
         c = np.zeros((len(A), *g.shape[1:])) if c is None else np.asarray(c)
         x, nu = factored.solve(g, c)
@@ -221,22 +216,22 @@ class EqualitySystem:
         return x, nu
 
     def relief(self, rows: Columns) -> Callable[[Vector], Vector]:
-        """The map m → R x of the solution for r = Rᵀm and c = 0, for rows R (j, n): what forces m relieve in R x.
+        """The map m → R K⁻¹ Rᵀ m for rows R (j, n), K⁻¹ on the null space of A: how much multipliers m relieve R x.
 
-        By the dense system alone where Γ holds all unknowns that rows touch; for a few rows by the matrix of the map.
+        If Γ holds all unknowns of the rows, the dense system is enough; for a few rows the map is a matrix.
         """
-        if self._goes_beyond(rows):
-            across = csr_array(rows)
-            return lambda m: np.asarray(across @ self.solve(across.T @ m)[0])
-        near = self.near(rows)
-        if isinstance(near, np.ndarray):
-            matrix = np.asarray(near @ self.solve_interface(near.T)[0])
+        if self._leaves_interface(rows):
+            sparse_rows = csr_array(rows)
+            return lambda m: np.asarray(sparse_rows @ self.solve(sparse_rows.T @ m)[0])
+        interface_rows = self.on_interface(rows)
+        if isinstance(interface_rows, np.ndarray):
+            matrix = np.asarray(interface_rows @ self.solve_interface(interface_rows.T)[0])
             return lambda m: np.asarray(matrix @ m)
-        columns = transposed(near)
-        return lambda m: np.asarray(near @ self.solve_interface(columns @ m)[0])
+        columns = transposed(interface_rows)
+        return lambda m: np.asarray(interface_rows @ self.solve_interface(columns @ m)[0])
 
-    def _goes_beyond(self, rows: Columns) -> bool:
-        """Whether rows (j, n) have entries off Γ."""
+    def _leaves_interface(self, rows: Columns) -> bool:
+        """Whether rows (j, n) have entries at interior unknowns."""
         if isinstance(rows, np.ndarray):
             return bool(np.count_nonzero(rows[:, self.interface]) < np.count_nonzero(rows))
         return int(np.diff(rows.indptr)[self.interface].sum()) < rows.nnz
@@ -254,7 +249,7 @@ class _Factored(NamedTuple):
     cholesky: Matrix
     relief: Matrix  # (S + ρ AᵀA)⁻¹ Aᵀ
     values: Vector
-    vectors: Matrix  # eigenvectors of A relief that are not null
+    vectors: Matrix  # eigenvectors of A relief = A (S + ρ AᵀA)⁻¹ Aᵀ to the values that are not zero
 
     @classmethod
     def of(cls, S: Matrix, A: Matrix) -> _Factored:
@@ -270,12 +265,12 @@ class _Factored(NamedTuple):
         if len(A):
             relief = dpotrs(cholesky, A.T, lower=1)[0] if len(S) else A.T
             values, vectors = eigh(A @ relief)
-        kept = values > _DEPENDENT * values.max(initial=0.0)
-        return cls(A, rho, cholesky, relief, values[kept], vectors[:, kept])
+        is_positive = values > _LEAST_EIGENVALUE * values.max(initial=0.0)
+        return cls(A, rho, cholesky, relief, values[is_positive], vectors[:, is_positive])
 
     def solve(self, g: Vector | Matrix, c: Vector | Matrix) -> tuple[Vector, Vector]:
-        """(x, ν), not refined."""
-        if not len(self.A):  # SciPy's `cho_solve` would take longer for its arguments than for small systems
+        """(x, ν), without iterative refinement."""
+        if not len(self.A):  # LAPACK directly: the checks of SciPy's `cho_solve` take longer than a small solve
             return (np.asarray(dpotrs(self.cholesky, g, lower=1)[0]) if g.size else g), c
         x = g + self.rho * self.A.T @ c
         x = np.asarray(dpotrs(self.cholesky, x, lower=1)[0]) if g.size else x

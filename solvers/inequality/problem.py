@@ -1,4 +1,4 @@
-"""The frictional contact problem as data: the quasi-variational inequality (D2), in four parts.
+"""The frictional contact problem as data: the quasi-variational inequality (D2), in its four parts.
 
 In `docs/theory.md`: (D2).
 """
@@ -45,13 +45,13 @@ class Law(PicklesFields):
             raise InputError("bilateral", flags.dtype, "give a boolean for each contact point")
         flags.setflags(write=False)
         object.__setattr__(self, "bilateral", flags)
-        for name, what in (("mu", "friction coefficients"), ("cohesion", "stresses"), ("cap", "stresses")):
+        for name, quantity in (("mu", "friction coefficients"), ("cohesion", "stresses"), ("cap", "stresses")):
             least = float(getattr(self, name).min(initial=0.0))
             if least < 0:
-                raise InputError(name, least, f"give {what} ≥ 0")
+                raise InputError(name, least, f"give {quantity} ≥ 0")
 
     def pressed(self, normal: Vector) -> Vector:
-        """The pressure s of given normal tractions (m,)."""
+        """Pressure s (m,) of normal tractions (m,): max(−σ_N, 0), at bilateral points |σ_N|."""
         return np.where(self.bilateral, np.abs(normal), np.maximum(-normal, 0.0))
 
     def threshold(self, pressure: Vector) -> Vector:
@@ -60,12 +60,12 @@ class Law(PicklesFields):
 
     @property
     def frictionless(self) -> BoolVector:
-        """Rows whose bound is zero whatever the pressure (m,)."""
+        """Points (m,) bool whose friction bound is zero whatever the pressure."""
         return np.asarray(((self.mu == 0.0) & (self.cohesion == 0.0)) | (self.cap == 0.0))
 
     @property
     def moving(self) -> BoolVector:
-        """Rows whose bound depends on the pressure (m,)."""
+        """Points (m,) bool whose friction bound depends on the pressure."""
         return np.asarray((self.mu > 0.0) & (self.cap > self.cohesion))
 
 
@@ -76,20 +76,20 @@ class FrictionQVI(PicklesFields):
         min ½ zᵀKz − fᵀz   s.t.  A z = b,   N z + n0 ≤ 0,   |T z + t0| ≤ thr(s),  s = |N z + n0| at the solution
         thr(s) = min(cohesion + mu s, cap)
 
-    Where a row is bilateral, N z + n0 may have either sign and m_N = 0. Row multipliers are normal m_N ≥ 0, tangential
-    m_T (≥ 0 at the upper bound T z + t0 = +thr, ≤ 0 at the lower one) and ν of the equalities:
+    At a bilateral point N z + n0 may have either sign, and m_N = 0. The row multipliers are the normal m_N ≥ 0, the
+    tangential m_T (≥ 0 at the upper bound T z + t0 = +thr, ≤ 0 at the lower one) and ν of the equations:
 
         K z − f + Nᵀ m_N + Tᵀ m_T + Aᵀ ν = 0.
 
-    Divided by the weights they are displacements: λ = m / W, u_N − g = −λ_N ≤ 0 and u_T − w = −λ_T. Rows of
-    N and T may depend linearly on each other; multipliers of single rows are then not unique.
+    Divided by the weights they are displacements: λ = m / W, u_N − g = −λ_N ≤ 0 and u_T − w = −λ_T. If rows of N and
+    T are linearly dependent, the multipliers of single rows are not unique.
 
-    Problems share what they hold in common: each part keeps what is computed from it. A load step is `with_loads`, a
-    value of a sweep over friction `with_law`, and both use the factorisation of the first problem. n = 0 is allowed: a
-    statically determinate problem.
+    Each part keeps the quantities that were computed from it, and problems may share parts. A load step is
+    `with_loads`, a value of a sweep over friction `with_law`: both use the factorisation of the first problem. n = 0 is
+    allowed, for a statically determinate problem.
 
-    Data of the parts can be read from the problem too, as in `qvi.f`; `qvi.K`, `N`, `T`, `A` and `contact_rows` [N; T]
-    are in compressed columns there. Raises `InputError` where shapes disagree.
+    The data of the parts are attributes of the problem too, as in `qvi.f`; there `qvi.K`, `N`, `T`, `A` and
+    `contact_rows` [N; T] are in compressed columns. Raises `InputError` if shapes disagree.
     """
 
     stiffness: Stiffness
@@ -97,7 +97,7 @@ class FrictionQVI(PicklesFields):
     contact: ContactMatrices
     """N, T, W, A, traces."""
     loads: Loads
-    """f, n0, t0, b, and what the bonded state is."""
+    """f, n0, t0, b, and the bonded state."""
     law: Law
     """mu, cohesion, cap, bilateral."""
 
@@ -163,27 +163,27 @@ class FrictionQVI(PicklesFields):
         traces: TractionFactor | None = None,
         places: Matrix | None = None,
     ) -> FrictionQVI:
-        """The problem of bare arrays and matrices, dense or sparse; see the parts for what each of them is.
+        """The problem with these arrays and matrices, dense or sparse; the parts have their meaning.
 
-        All are converted to float64 (matrices to csc) and checked; what is wrong raises `InputError`.
+        They are checked, with `InputError`, and converted to float64 (sparse matrices to csc).
         """
         stiffness, contact = Stiffness(K, places), ContactMatrices(N, T, W, A, traces)
         return cls(stiffness, contact, Loads(f, n0, t0, b, root, load), Law(mu, cohesion, cap, bilateral))
 
     def with_contact(self, **changes: Any) -> FrictionQVI:
-        """The same problem with other `ContactMatrices`, by field; the factorisation is shared where it fits."""
+        """The problem with other fields of its `ContactMatrices`; the factorisation is used again if it fits."""
         return replace(self, contact=replace(self.contact, **changes))
 
     def with_loads(self, **changes: Any) -> FrictionQVI:
-        """The same problem with other `Loads`, by field."""
+        """The problem with other fields of its `Loads`."""
         return replace(self, loads=replace(self.loads, **changes))
 
     def with_law(self, **changes: Any) -> FrictionQVI:
-        """The same problem with another `Law`, by field."""
+        """The problem with other fields of its `Law`."""
         return replace(self, law=replace(self.law, **changes))
 
     def with_bound(self, bound: Vector) -> FrictionQVI:
-        """The same problem with |σ_T| ≤ bound (m,), whatever the pressure."""
+        """The problem with |σ_T| ≤ bound (m,), whatever the pressure."""
         return self.with_law(mu=np.zeros(self.m), cohesion=bound, cap=None)
 
     @cached_property
@@ -202,7 +202,7 @@ class FrictionQVI(PicklesFields):
         return int(self.contact.A.shape[0])
 
     def normal(self, z: Vector) -> Vector:
-        """Return the normal traction σ_N = N z + n0 (m,), ≤ 0 where admissible."""
+        """Normal traction σ_N = N z + n0 (m,), tension positive."""
         return np.asarray(self.contact.N @ z + self.loads.n0)
 
     def tangential(self, z: Vector) -> Vector:
@@ -210,11 +210,11 @@ class FrictionQVI(PicklesFields):
         return np.asarray(self.contact.T @ z + self.loads.t0)
 
     def tractions(self, z: Vector) -> Vector:
-        """Both, (σ_N, σ_T) (2m,)."""
+        """Tractions (σ_N, σ_T) (2m,)."""
         return np.concatenate([self.normal(z), self.tangential(z)])
 
     def pressure(self, z: Vector) -> Vector:
-        """Contact pressure s = max(−(N z + n0), 0), where bilateral |N z + n0| (m,)."""
+        """Contact pressure s = max(−(N z + n0), 0), at bilateral points |N z + n0| (m,)."""
         return self.law.pressed(self.normal(z))
 
     def threshold(self, pressure: Vector) -> Vector:
@@ -226,11 +226,11 @@ class FrictionQVI(PicklesFields):
         return self.potential.value(z)
 
     def gradient(self, z: Vector) -> Vector:
-        """Gradient of the energy (n,): Rᵀr(z) − load where there is a root, else K z − f."""
+        """Gradient of the energy (n,): Rᵀr(z) − load with an `EnergyRoot`, else K z − f."""
         return self.potential.state(z)[1]
 
     def state(self, z: Vector) -> tuple[float, Vector]:
-        """The strain energy, ½|r(z)|² ≥ 0 where there is a root, else ½ zᵀKz, and the `gradient`."""
+        """The strain energy, ½|r(z)|² ≥ 0 with an `EnergyRoot`, else ½ zᵀKz, and the `gradient`."""
         return self.potential.state(z)
 
     def resultant(self, z: Vector) -> float:
@@ -239,55 +239,55 @@ class FrictionQVI(PicklesFields):
 
     @property
     def potential(self) -> Energy:
-        """The energy as an object of its own."""
+        """The energy of the body under the loads."""
         return self.loads.energy(self.stiffness)
 
     @property
     def linear_system(self) -> EqualitySystem:
-        """The linear system of K and A, whether the unknowns of the contact are eliminated too or not."""
+        """The linear system of K and A; the unknowns of the contact may be eliminated or kept."""
         return self.stiffness.condensed(self.contact).system
 
     @property
     def condensed_contact(self) -> CondensedContact:
-        """What the contact feels, its unknowns kept; factorised on first use."""
+        """The contact with a factorisation of K that keeps the unknowns of the contact; made on first use."""
         return self.stiffness.condensed(self.contact, wide=True)
 
     @property
     def factorisation(self) -> str:
-        """Back end and version of the factorisation made, empty if none was needed."""
+        """Back end and version of the factorisation of K, empty if none was made."""
         factor = self.stiffness.factor
         return f"{factor.backend}, {factor.version}" if factor is not None else ""
 
     @property
     def contact_stiffness(self) -> float:
-        """Traction that a unit of displacement λ all along the contact causes, as a scale; 0 where nothing does.
+        """Scale of the traction that a unit of displacement λ along the whole contact causes; 0 if it causes none.
 
-        The spectral radius of Y K⁻¹ Yᵀ W for the rows Y and weights W of `ContactMatrices.tractions`, by a few steps of
-        power iteration, belongs to the finest waves; it is reduced by min W / Σ W to those as long as the contact.
+        A few steps of power iteration give the spectral radius of Y K⁻¹ Yᵀ W, for the rows Y and weights W of
+        `ContactMatrices.tractions`. That is the stiffness for the shortest waves; times 2 min W / Σ W it is the
+        stiffness for waves as long as the contact.
         """
         return self.stiffness.condensed(self.contact).contact_stiffness if self.m and self.n else 0.0
 
     @property
     def bonded_state(self) -> BondedState:
-        """Minimiser of the energy under A z = b alone, by the factorisation at hand."""
+        """The minimiser of the energy under A z = b alone, with its energy and error."""
         return self.loads.bonded(self.stiffness.condensed(self.contact), self.potential)
 
     @property
     def bonded(self) -> Vector:
-        """Minimiser of the energy under A z = b alone (n,): contact that neither opens nor slips.
+        """Minimiser of the energy under A z = b alone (n,): the contact neither opens nor slips.
 
-        Defect corrections with `gradient` remove the rounding of K as long as they shrink.
+        Defect corrections with `gradient` remove the rounding error of K.
         """
         return self.bonded_state.z
 
 
-# What the contact points feel of the body: σ = σ_bonded − C m with C = B K⁻¹ Bᵀ, B = [N; T].
+# The compliance of the body at the contact points: σ = σ_bonded − C m with C = B K⁻¹ Bᵀ, B = [N; T].
 #
 # As B touches only the interface Γ of `EqualitySystem`, C = B_Γ S⁻¹ B_Γᵀ with the Schur complement S.
 
-
-_CORRECTIONS = 4
-_ROUNDED = 1e-13  # traction of a correction, over the largest bonded one, that is not worth it
+_MOST_CORRECTIONS = 4
+_LEAST_CORRECTION = 1e-13  # traction, over the largest bonded one, below which a correction is not worth computing
 
 
 class Compliance:
@@ -314,20 +314,20 @@ class Compliance:
         Defect corrections with `FrictionQVI.gradient` go on as long as they shrink.
         """
         qvi, system, rows = self.qvi, self._condensed.system, self.qvi.contact.rows
-        forces, near = rows.T @ m, transposed(self._condensed.rows_near) @ m
-        z = qvi.bonded - system.factor.expand(np.zeros(qvi.n), system.solve_interface(near)[0])
+        forces, interface_forces = rows.T @ m, transposed(self._condensed.interface_rows) @ m
+        z = qvi.bonded - system.factor.expand(np.zeros(qvi.n), system.solve_interface(interface_forces)[0])
         scale = size = largest(self.bonded) or np.inf
-        for _ in range(_CORRECTIONS + 1):
+        for _ in range(_MOST_CORRECTIONS + 1):
             correction, nu = system.solve(-qvi.gradient(z) - forces, qvi.b - qvi.contact.A @ z)
             before, size = size, largest(rows @ correction)
             if not size < 0.5 * before:
                 break
             z = z + correction
-            if size * size <= _ROUNDED * scale * before:  # the next one is foreseen to be so small
+            if size * size <= _LEAST_CORRECTION * scale * before:  # by linear convergence the next one is that small
                 break
         return z, nu
 
     def state(self, m: Vector) -> tuple[Vector, Vector, Vector, Vector]:
-        """`unknowns` with the parts of m: (z, m_N, m_T, ν)."""
+        """The state (z, m_N, m_T, ν) for the multipliers m (2m,), see `unknowns`."""
         z, nu = self.unknowns(m)
         return z, m[: self.qvi.m], m[self.qvi.m :], nu

@@ -1,7 +1,7 @@
-"""Matrices as they are kept, checks of them, and a few rows that span others.
+"""Storage and checks of matrices, and linearly independent rows of them.
 
-Matrices are sparse where they are large, and dense where they are small and the overhead of a sparse product is more
-than the product in all: rows by unknowns by columns (`Columns`), rows by trace coordinates by rows (`Rows`).
+Large matrices are sparse, small ones dense, as the overhead of a sparse product exceeds the time of a small dense one.
+Rows in the unknowns z are in compressed columns (`Columns`), rows in trace coordinates in compressed rows (`Rows`).
 """
 
 from copy import copy
@@ -29,32 +29,32 @@ def are_few(rows: int, columns: int) -> bool:
 
 
 def by_columns(matrix: Any) -> Sparse:
-    """A matrix in compressed columns, float64, with 32-bit indices where they suffice; SciPy would keep wider ones.
+    """A matrix in compressed columns, float64, with 32-bit indices if they suffice; SciPy would keep 64-bit ones.
 
-    A matrix that is so already is returned itself.
+    A matrix that has this form already is returned itself.
     """
-    kept = isinstance(matrix, csc_array) and matrix.dtype == np.float64
-    columns = matrix if kept else csc_array(matrix, dtype=np.float64)
+    is_csc = isinstance(matrix, csc_array) and matrix.dtype == np.float64
+    columns = matrix if is_csc else csc_array(matrix, dtype=np.float64)
     if columns.indices.dtype == np.int32 or max(columns.nnz, *columns.shape) > np.iinfo(np.int32).max:
         return columns
-    narrow = copy(columns)  # whose parts are exchanged: the constructor would check them all again
+    narrow = copy(columns)  # not by the constructor, which would check all indices again
     narrow.indices, narrow.indptr = columns.indices.astype(np.int32), columns.indptr.astype(np.int32)
     return narrow
 
 
 def columns_of(matrix: Columns) -> IntVector:
-    """The columns in which a matrix has an entry, sorted."""
+    """Indices of the columns in which a matrix has an entry, sorted."""
     entries = (matrix != 0.0).any(axis=0) if isinstance(matrix, np.ndarray) else np.diff(by_columns(matrix).indptr)
     return entries.nonzero()[0]
 
 
 def stored(rows: Columns | SparseRows) -> Rows:
-    """The rows as they are best kept."""
+    """The rows dense if they are few, else in compressed rows."""
     return dense(rows) if are_few(*rows.shape) else csr_array(rows)
 
 
 def largest(vector: Vector) -> float:
-    """Max |v|, 0 for no entries."""
+    """Max |v|, 0 for an empty vector."""
     return float(np.maximum.reduce(np.abs(vector), initial=0.0))
 
 
@@ -74,17 +74,17 @@ def transposed(rows: Columns | SparseRows) -> Rows:
 
 
 def generic_vector(size: int) -> Vector:
-    """(size,) numbers from −1 to 1 without a pattern that a matrix could share; quicker than random ones."""
+    """(size,) numbers from −1 to 1 without a regular pattern; faster than random numbers."""
     return np.asarray(np.sin(np.arange(1.0, size + 1.0) ** 2))
 
 
-# Checks of what is given.
+# Checks of arguments.
 
 
 def checked_matrix(name: str, value: Any, empty: int | None = None) -> Columns:
-    """A matrix as it is kept, `InputError` if it is none; without one no rows of `empty` columns.
+    """A matrix of finite numbers in its form of storage, read-only if it is dense; `InputError` for other values.
 
-    A dense one cannot be changed.
+    None gives a matrix (0, `empty`), if `empty` is given.
     """
     if value is None:
         if empty is None:
@@ -106,7 +106,7 @@ def checked_matrix(name: str, value: Any, empty: int | None = None) -> Columns:
 
 
 def checked_vector(name: str, value: Any, *, infinite: bool = False) -> Vector:
-    """An array of numbers that cannot be changed; `InputError` if it is none."""
+    """A read-only array of numbers without NaN, finite unless `infinite`; `InputError` for other values."""
     vector = real_array(name, value, "give a vector of real numbers")
     if not (~np.isnan(vector) if infinite else np.isfinite(vector)).all():
         raise InputError(name, "NaN or infinity", "give finite numbers")
@@ -114,16 +114,14 @@ def checked_vector(name: str, value: Any, *, infinite: bool = False) -> Vector:
     return vector
 
 
-# Rows that depend linearly on each other: a few that span them, by QR with pivoting of the rows scaled to one, where
-# they are few, or by sparse elimination in their order.
+# Linearly independent rows of a matrix: by QR with pivoting of the rows scaled to length one if the matrix is small,
+# else by sparse Gaussian elimination.
 
+_LEAST_PIVOT = 1e-10
+"""Pivots of QR, over the largest one, below which rows of length one count as linearly dependent."""
 
-_RANK = 1e-10
-"""Rows, scaled to length one, that are shorter than this beside the others depend on them."""
-
-
-_CANCELLED = 1e-9  # a row that elimination reduces to less than this share of its terms depends on those before it
-_PREFERRED = 0.1  # pivots of at least this share of the largest are good enough
+_CANCELLATION = 1e-9  # a row reduced by elimination to less than this share of its terms is linearly dependent
+_PIVOT_THRESHOLD = 0.1  # least size of a pivot over the largest entry of its row
 
 
 def independent_rows(B: Columns) -> tuple[Matrix, Sparse]:
@@ -134,7 +132,7 @@ def independent_rows(B: Columns) -> tuple[Matrix, Sparse]:
     lengths[lengths == 0.0] = 1.0
     Q, R, order = qr((rows / lengths[:, None]).T, mode="economic", pivoting=True)
     diagonal = np.abs(np.diag(R))
-    r = int((diagonal > _RANK * diagonal.max(initial=0.0)).sum())
+    r = int((diagonal > _LEAST_PIVOT * diagonal.max(initial=0.0)).sum())
     E = np.empty((B.shape[0], r))
     E[order] = R[:r].T
     selection = csc_array((np.ones(len(touched)), (np.arange(len(touched)), touched)), (len(touched), B.shape[1]))
@@ -142,27 +140,27 @@ def independent_rows(B: Columns) -> tuple[Matrix, Sparse]:
 
 
 class Echelon(NamedTuple):
-    """Rows that are independent, in increasing order, and columns whose unit vectors complete them to a basis."""
+    """Linearly independent rows, in increasing order, and columns whose unit vectors complete them to a basis."""
 
     rows: IntVector
     free: IntVector
 
 
 def basis_rows(Y: Matrix) -> Echelon:
-    """The same for a few rows, dense, by QR with pivoting: of the rows, then of the columns of those chosen.
+    """The basis of `echelon` for a small dense Y, by QR with pivoting: first of the rows, then of the columns.
 
-    Only the rows decide on the rank: asked twice, rounding could answer differently.
+    The rank is decided once, by the rows: a second decision, by the columns, could differ by rounding.
     """
     lengths = np.linalg.norm(Y, axis=1)
     scaled = Y / np.where(lengths > 0.0, lengths, 1.0)[:, None]
     pivots, order = _by_qr(scaled.T)
-    rows = np.sort(order[: len(pivots)][pivots > _RANK * pivots.max(initial=0.0)])
+    rows = np.sort(order[: len(pivots)][pivots > _LEAST_PIVOT * pivots.max(initial=0.0)])
     _, columns = _by_qr(scaled[rows])
     return Echelon(rows, np.sort(columns[len(rows) :]))
 
 
 def _by_qr(A: Matrix) -> tuple[Vector, IntVector]:
-    """Sizes of the pivots of QR of A (r, k), and the order in which it takes the columns (k,)."""
+    """Sizes of the pivots of QR of A (r, k), and its permutation of the columns (k,)."""
     if not A.size:
         return np.zeros(0), np.arange(A.shape[1])
     packed, order, *_ = dgeqp3(A)
@@ -170,43 +168,43 @@ def _by_qr(A: Matrix) -> tuple[Vector, IntVector]:
 
 
 class _Pivot(NamedTuple):
-    """A column expressed by others, among them columns that became pivots later."""
+    """A pivot column as a combination of other columns, which may have become pivots later."""
 
     number: int
     expression: dict[int, float]
 
 
 def echelon(Y: SparseRows) -> Echelon:
-    """Gaussian elimination row by row, each row reduced by all pivots before it.
+    """A basis of the rows Y by sparse Gaussian elimination, row by row; each row is reduced by all pivots before it.
 
-    Rows along a line touch few unknowns at a time: expressed by the unknowns at the beginning of the line they stay
-    short, if pivots are taken among the unknowns that come up first in a row, and if rows that touch the same unknowns
-    are taken one after the other. Else all of the first kind link every unknown of a closed rim to its beginning before
-    a row of the second kind comes, and each of those walks all the way back.
+    Rows along a contact line touch few unknowns each. Their expressions stay short if two rules hold. A pivot is taken
+    among the unknowns that no earlier row touches. Rows that touch the same unknowns follow each other: if all normal
+    rows of a closed rim came first, they would link every unknown to the beginning of the rim, and each tangential row
+    would have to be reduced all the way back.
     """
     pivots: dict[int, _Pivot] = {}
-    chosen, seen = list[int](), set[int]()
+    independent, touched = list[int](), set[int]()
     for number in _neighbours_together(Y):
         part = slice(Y.indptr[number], Y.indptr[number + 1])
         row = dict(zip(Y.indices[part].tolist(), Y.data[part].tolist(), strict=True))
-        new = set(row) - seen
-        seen |= new
+        new = set(row) - touched
+        touched |= new
         row, size = _reduce(row, pivots)
         largest = max((abs(value) for value in row.values()), default=0.0)
-        if largest <= _CANCELLED * size or largest == 0.0:
+        if largest <= _CANCELLATION * size or largest == 0.0:
             continue
-        candidates = [column for column in row if column in new and abs(row[column]) >= _PREFERRED * largest]
+        candidates = [column for column in row if column in new and abs(row[column]) >= _PIVOT_THRESHOLD * largest]
         pivot = max(candidates or row, key=lambda column: abs(row[column]))
         scale = -1.0 / row.pop(pivot)
         expression = {column: scale * value for column, value in row.items() if value != 0.0}
-        pivots[pivot] = _Pivot(len(chosen), expression)
-        chosen.append(number)
+        pivots[pivot] = _Pivot(len(independent), expression)
+        independent.append(number)
     free = np.setdiff1d(np.arange(Y.shape[1]), np.fromiter(pivots, dtype=np.int64, count=len(pivots)))
-    return Echelon(np.sort(np.array(chosen, dtype=np.int64)), free)
+    return Echelon(np.sort(np.array(independent, dtype=np.int64)), free)
 
 
 def _neighbours_together(Y: SparseRows) -> list[int]:
-    """The rows in an order in which each comes right after the first one that it shares a column with."""
+    """The order of the rows in which each comes after the first row that shares a column with it."""
     rows = np.repeat(np.arange(Y.shape[0]), np.diff(Y.indptr))
     first = np.full(Y.shape[1], Y.shape[0])
     np.minimum.at(first, Y.indices, rows)
@@ -216,21 +214,21 @@ def _neighbours_together(Y: SparseRows) -> list[int]:
 
 
 def _reduce(row: dict[int, float], pivots: dict[int, _Pivot]) -> tuple[dict[int, float], float]:
-    """The row with every pivot column replaced by its expression, and the size of the terms that may cancel.
+    """The row with every pivot column replaced by its expression, and the largest of the terms that may cancel.
 
-    Pivots come in the order in which they were found. An expression holds none of the earlier ones, so each is replaced
-    once; in another order they come back again and again, in a closed chain of rows some power of its length often.
+    Pivot columns are replaced in the order in which they became pivots. As an expression has no earlier pivots, each
+    column is replaced once. In another order columns would come back, in a closed chain of rows very often.
     """
     size = max(map(abs, row.values()), default=0.0)
-    held = [(pivots[column].number, column) for column in row if column in pivots]
-    heapify(held)
-    while held:
-        _, column = heappop(held)
+    pivot_columns = [(pivots[column].number, column) for column in row if column in pivots]
+    heapify(pivot_columns)
+    while pivot_columns:
+        _, column = heappop(pivot_columns)
         value = row.pop(column)
         for other, factor in pivots[column].expression.items():
             term = value * factor
             size = max(size, abs(term))
             if other not in row and other in pivots:
-                heappush(held, (pivots[other].number, other))
+                heappush(pivot_columns, (pivots[other].number, other))
             row[other] = row.get(other, 0.0) + term
     return row, size

@@ -28,29 +28,29 @@ from solvers.inequality.rows import (
     stored,
 )
 
-_NOISE = 1e-14  # share of the largest term of a combination of rows that is rounding
+_NOISE = 1e-14  # terms of a combination of rows below this share of its largest term are rounding
 _MISMATCH = 1e-8  # accepted |[N; T] v − E Y v| relative to |E||Y||v|
 
 
 @dataclass(frozen=True, eq=False)
 class TractionFactor(PicklesFields):
-    """[N; T] = E Y: tractions at the contact points from a few trace parameters y = Y z.
+    """[N; T] = E Y: the tractions at the contact points are combinations of a few trace parameters y = Y z.
 
-    In mechanics y are σ_N at two points of every edge and σ_T at nodes and midpoints. Some rows of Y may be zero (the
-    trace is prescribed there) or depend on the others (equilibrium of the whole body).
+    In mechanics y are tractions σ_N and σ_T at a few points of every edge. A row of Y is zero where the traction is
+    prescribed. Rows may be linearly dependent by the equilibrium of the whole body.
     """
 
     rows: Columns
-    """Y (r, n), dense where it is small."""
+    """Y (r, n), dense if it is small."""
     interpolation: Columns
-    """E (2m, r), dense where it is small."""
+    """E (2m, r), dense if it is small."""
 
     def __post_init__(self) -> None:
         for name in ("rows", "interpolation"):
             object.__setattr__(self, name, checked_matrix(f"traces.{name}", getattr(self, name)))
 
     def check(self, contact_rows: Columns) -> None:
-        """`InputError` unless E Y is [N; T] (2m, n), tried on one vector."""
+        """`InputError` unless E Y is [N; T] (2m, n), checked by the product with one vector."""
         expected = (contact_rows.shape[0], self.rows.shape[0])
         if self.interpolation.shape != expected or self.rows.shape[1] != contact_rows.shape[1]:
             found = f"shapes {self.interpolation.shape} and {self.rows.shape}"
@@ -65,9 +65,9 @@ class TractionFactor(PicklesFields):
 
 @dataclass(frozen=True, eq=False)
 class TraceCoordinates:
-    """Coordinates y = P x of the unknowns x = z_Γ that contact or equality rows touch.
+    """Coordinates y = P x of the interface unknowns x = z_Γ, with [N; T] z = E y.
 
-    The first are independent traces, the last unknowns that complete them. Then [N; T] z = E y.
+    The first coordinates are linearly independent traces, the others unknowns that complete them to a basis.
     """
 
     interpolation: Rows
@@ -76,7 +76,7 @@ class TraceCoordinates:
     _factor: Any
 
     def from_unknowns(self, matrix: Matrix | Vector) -> Matrix | Vector:
-        """P⁻ᵀ times a vector (k,) or matrix (k, j): gradients in x become gradients in y."""
+        """P⁻ᵀ times a vector (k,) or matrix (k, j): from gradients by x to gradients by y."""
         return np.asarray(self._factor.solve(matrix, "T"))
 
     def to_unknowns(self, y: Vector) -> Vector:
@@ -95,48 +95,50 @@ class TraceCoordinates:
 
 
 def trace_coordinates(traces: TractionFactor, interface: IntVector) -> TraceCoordinates:
-    """Coordinates for contact rows E Y (2m, n) on the unknowns `interface` (k,): independent ones of the rows Y."""
+    """Trace coordinates of the contact rows E Y (2m, n) on the unknowns `interface` (k,)."""
     Y: Any = traces.rows[:, interface]
     E: Any = traces.interpolation
-    k, few = len(interface), are_few(*Y.shape) and are_few(E.shape[0], len(interface))
-    Y, E = (dense(Y), dense(E)) if few else (csr_array(Y), by_columns(E))
-    found = basis_rows(Y) if few else echelon(Y)
+    k, is_small = len(interface), are_few(*Y.shape) and are_few(E.shape[0], len(interface))
+    Y, E = (dense(Y), dense(E)) if is_small else (csr_array(Y), by_columns(E))
+    # P: independent rows of Y, completed by unit vectors.
+    basis = basis_rows(Y) if is_small else echelon(Y)
     P: Any
     interpolation: Any
-    if few:
-        P = np.concatenate([Y[found.rows], np.eye(k)[found.free]])
-        interpolation = np.pad(E[:, found.rows], ((0, 0), (0, len(found.free))))
+    if is_small:
+        P = np.concatenate([Y[basis.rows], np.eye(k)[basis.free]])
+        interpolation = np.pad(E[:, basis.rows], ((0, 0), (0, len(basis.free))))
     else:
-        P = stored(vstack([Y[found.rows], eye_array(k, format="csr")[found.free]], format="csr"))
-        more = csc_array((E.shape[0], len(found.free)))
-        interpolation = hstack([E[:, found.rows], more], format="csc")
+        P = stored(vstack([Y[basis.rows], eye_array(k, format="csr")[basis.free]], format="csr"))
+        zeros = csc_array((E.shape[0], len(basis.free)))
+        interpolation = hstack([E[:, basis.rows], zeros], format="csc")
     factor: Any = _DenseFactor(P) if isinstance(P, np.ndarray) else splu(csc_array(P))
-    dependent = np.setdiff1d(np.arange(Y.shape[0]), found.rows)
+    # The other rows of Y as combinations of the coordinates.
+    dependent = np.setdiff1d(np.arange(Y.shape[0]), basis.rows)
     dependent = dependent[abs(Y).sum(axis=1)[dependent] > 0.0]
     if len(dependent):
         combination = factor.solve(dense(Y[dependent]).T, "T").T
-        # Zeros in place of what is rounding beside other terms: a solve leaves some everywhere, which would fill the
-        # rows of bodies with many joints. Dense rows gain nothing by it, and keep their digits.
+        # In sparse combinations coefficients that are rounding become zero: the solve leaves some at every coordinate,
+        # which would fill the rows of bodies with many joints.
         terms = np.abs(combination) * abs(P).sum(axis=1)
-        if not few:
+        if not is_small:
             combination[terms <= _NOISE * terms.max(axis=1, initial=0.0)[:, None]] = 0.0
-        interpolation = interpolation + E[:, dependent] @ (combination if few else csc_array(combination))
-    return TraceCoordinates(interpolation if few else stored(interpolation), P, factor)
+        interpolation = interpolation + E[:, dependent] @ (combination if is_small else csc_array(combination))
+    return TraceCoordinates(interpolation if is_small else stored(interpolation), P, factor)
 
 
 class _DenseFactor:
-    """LU of a small matrix, with the `solve` of SuperLU's.
+    """LU factors of a small matrix, with the method `solve` of SuperLU.
 
-    SciPy counts the pivots up in place while LAPACK solves, without Python's lock: threads that share a factor would
-    swap rows beyond the array. So each solve has pivots of its own.
+    SciPy's `dgetrs` changes the array of pivots while it solves without Python's lock, so that threads which share a
+    factor would swap wrong rows. Each solve therefore copies the pivots.
     """
 
     def __init__(self, matrix: Matrix) -> None:
-        found: Any = dgetrf(matrix) if matrix.size else (matrix, np.zeros(0, dtype=np.int32))
-        self._lu, self._pivots = found[:2]
+        factors: Any = dgetrf(matrix) if matrix.size else (matrix, np.zeros(0, dtype=np.int32))
+        self._lu, self._pivots = factors[:2]
 
     def solve(self, right: Matrix | Vector, transposed: str = "N") -> Matrix | Vector:
-        """P⁻¹ times (k,) or (k, j), for "T" P⁻ᵀ."""
+        """P⁻¹ times a vector (k,) or matrix (k, j); for `transposed` "T" P⁻ᵀ."""
         if not right.size:
             return right
         return np.asarray(dgetrs(self._lu, self._pivots.copy(), right, trans=int(transposed == "T"))[0])

@@ -1,4 +1,4 @@
-"""Linear programs by HiGHS, accurate, within the time that is left."""
+"""Linear programs by HiGHS, and calls of back ends whose failures become results."""
 
 import math
 import warnings
@@ -18,101 +18,99 @@ from solvers.inequality.problem import FrictionQVI
 from solvers.inner.problem import Centre, InnerSolution, InnerSolver, no_result
 
 TIME_LIMIT, INFEASIBLE, UNBOUNDED = 1, 2, 3
-"""Status numbers of `linprog`; the first is that of a limit of steps too."""
+"""Status numbers of `linprog`; the first covers limits of steps too."""
 
 _SOLVED, _FAILED = 0, 4
 _NOTHING: Vector = np.zeros(0)
 _LONGEST: Final = 300.0  # seconds
-_LARGE: Final = 4000  # rows from which on the simplex method is slower, by more and more
-_STEPS: Final = 2000  # of the interior point method with what follows it; usual are 11 to 250, and cycling has no end
+_LARGEST_SIMPLEX: Final = 4000  # rows up to which the simplex method is faster
+_MOST_STEPS: Final = 2000  # of the interior point method with crossover; 11 to 250 are usual, more mean cycling
 
 
 class Answer(NamedTuple):
-    """What `linprog` answered, in the form that it promises; without a solution vectors are empty."""
+    """A checked answer of `linprog`; without a solution its vectors are empty."""
 
-    status: int  # 0 if solved, else `TIME_LIMIT`, `INFEASIBLE`, `UNBOUNDED`, or 4: nothing is known
+    status: int  # 0 if solved, else `TIME_LIMIT`, `INFEASIBLE`, `UNBOUNDED`, or 4, failed
     message: str
     x: Vector = _NOTHING  # (n,), finite
-    inequalities: Vector = _NOTHING  # (rows,) derivatives of the least cost by b_ub, ≤ 0
-    equations: Vector = _NOTHING  # and by b_eq
+    inequalities: Vector = _NOTHING  # (rows,) derivatives of the optimal cost by b_ub, ≤ 0
+    equations: Vector = _NOTHING  # (rows,) derivatives of the optimal cost by b_eq
 
     @property
     def solved(self) -> bool:
-        """Whether there is a solution."""
+        """Whether the program is solved."""
         return self.status == _SOLVED
 
 
 _INTERIOR: Final = (("highs-ipm", True, 1e-10), ("highs-ipm", True, 1e-7))
 _SIMPLEX: Final = (("highs", True, 1e-10), ("highs", False, 1e-10))
-"""Method, presolve, and tolerance of rows and of reduced costs."""
+"""Attempts: method, presolve, tolerance of rows and reduced costs."""
 
 
 def solved(cost: Vector, *, bounds: Sequence[tuple[float | None, float | None]], **program: Any) -> Answer:
-    """The answer of `linprog`, with bounds of every unknown.
+    """The first usable answer of `linprog` for the minimum of cost · x, with bounds of every unknown.
 
-    By the interior point method with a vertex at its end where the program is large; that is asked for less accuracy
-    where it does not find a vertex otherwise. By the simplex method where the program is not large, and where the other
-    fails or cycles; without presolve where presolve spoils it. Where a small program fails so the interior point method
-    follows. One that raises, or answers in another form, has failed.
+    A large program is solved by the interior point method with crossover, at a lower accuracy if that finds no vertex;
+    if it fails or cycles, by the simplex method. A small program is solved by the simplex method, without presolve if
+    that fails, then by the interior point method. An attempt that raises, or whose answer has a wrong form, has failed.
     """
-    large = program["A_ub"].shape[0] > _LARGE
-    towards = [end[int(c < 0.0)] for c, end in zip(cost.tolist(), bounds, strict=True) if c]
-    least = all(end is not None and math.isfinite(end) for end in towards)  # bounds alone are a limit
+    is_large = program["A_ub"].shape[0] > _LARGEST_SIMPLEX
+    cost_bounds = [end[int(c < 0.0)] for c, end in zip(cost.tolist(), bounds, strict=True) if c]
+    is_bounded = all(end is not None and math.isfinite(end) for end in cost_bounds)  # the cost, by the bounds alone
     answer = Answer(_FAILED, "")
-    for method, presolve, tolerance in (*_INTERIOR * large, *_SIMPLEX, *_INTERIOR * (not large)):
+    for method, presolve, tolerance in (*_INTERIOR * is_large, *_SIMPLEX, *_INTERIOR * (not is_large)):
         options: dict[str, Any] = {"presolve": presolve, "time_limit": min(_LONGEST, deadline.left)}
         options |= dict.fromkeys(("primal_feasibility_tolerance", "dual_feasibility_tolerance"), tolerance)
-        options |= {} if method == "highs" else {"maxiter": _STEPS}
-        answer = _answer(cost, {**program, "bounds": bounds, "method": method, "options": options})
+        options |= {} if method == "highs" else {"maxiter": _MOST_STEPS}
+        answer = _checked_answer(cost, {**program, "bounds": bounds, "method": method, "options": options})
         if answer.solved:
-            break  # rows and bound of a coarser one are checked by those who asked
-        failed = answer.status == _FAILED or (least and answer.status == UNBOUNDED)
-        final = not failed and (method == "highs" or answer.status != TIME_LIMIT)
-        if final and tolerance == _INTERIOR[0][2]:
+            break  # callers check a solution of lower accuracy
+        failed = answer.status == _FAILED or (is_bounded and answer.status == UNBOUNDED)
+        is_final = not failed and (method == "highs" or answer.status != TIME_LIMIT)
+        if is_final and tolerance == _INTERIOR[0][2]:
             break
     return answer
 
 
-def _answer(cost: Vector, program: dict[str, Any]) -> Answer:
-    """What `linprog` answers, checked."""
+def _checked_answer(cost: Vector, program: dict[str, Any]) -> Answer:
+    """The answer of one call of `linprog`, with its form checked."""
     from scipy.optimize import linprog  # slow to import, and few problems need it
 
-    def ask() -> Answer:
-        found = linprog(cost, **program)
-        status, message = int(found.status), str(getattr(found, "message", ""))
+    def call() -> Answer:
+        result = linprog(cost, **program)
+        status, message = int(result.status), str(getattr(result, "message", ""))
         if status != _SOLVED:
             return Answer(status, message)
         rows = (program["A_ub"].shape[0], program["A_eq"].shape[0] if "A_eq" in program else 0)
         parts = (
-            real_vector("x", found.x, len(cost)),
-            real_vector("ineqlin.marginals", found.ineqlin.marginals, rows[0]),
-            real_vector("eqlin.marginals", found.eqlin.marginals, rows[1]) if rows[1] else _NOTHING,
+            real_vector("x", result.x, len(cost)),
+            real_vector("ineqlin.marginals", result.ineqlin.marginals, rows[0]),
+            real_vector("eqlin.marginals", result.eqlin.marginals, rows[1]) if rows[1] else _NOTHING,
         )
         if not all(np.isfinite(part).all() for part in parts):
             return Answer(_FAILED, "the solution is not finite")
         return Answer(status, message, *parts)
 
-    answer = attempt("linprog", ask)
+    answer = attempt("linprog", call)
     return Answer(_FAILED, answer) if isinstance(answer, BackendFailure) else answer
 
 
-# Calls of back ends, which may fail in ways of their own.
-
+# Calls of back ends.
 
 _Answer = TypeVar("_Answer")
 
-_PANIC: Final = "PanicException"  # of Rust, which is no Exception
+_PANIC: Final = "PanicException"  # Rust's, which is not derived from Exception
 
 
 class BackendFailure(str):
-    """What went wrong inside a back end, in a sentence."""
+    """A sentence that says how a back end failed."""
 
 
 def attempt(name: str, call: Callable[[], _Answer]) -> _Answer | BackendFailure:
-    """What the call returns, or how it failed; what it prints does not reach standard output.
+    """The result of the call, or its failure; its output does not reach standard output.
 
-    Panics of compiled back ends are failures. Interrupts, cancellations and time-outs are not: they are meant for those
-    who called, and go on.
+    Panics of compiled back ends are failures. Interrupts, cancellations and time-outs are meant for the caller and are
+    raised again.
     """
     try:
         with foreign_code():
@@ -124,7 +122,7 @@ def attempt(name: str, call: Callable[[], _Answer]) -> _Answer | BackendFailure:
 
 
 def real_vector(name: str, value: object, size: int) -> Vector:
-    """What a back end has returned as `name`, where it is (size,) real numbers, finite or not; else `TypeError`."""
+    """The array `name` of a back end, if it has (size,) real numbers, finite or not; else `TypeError`."""
     array = np.asarray(value)
     if array.shape != (size,) or array.dtype.kind != "f":
         raise TypeError(f"{name} is {array.dtype}{list(array.shape)}, not {size} real numbers")
@@ -132,18 +130,18 @@ def real_vector(name: str, value: object, size: int) -> Vector:
 
 
 def within_time(settings: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Settings of a back end with its limit of time, called `name` if there is one, no longer than what is left."""
+    """Settings of a back end with its time limit `name` reduced to `deadline.left`; unchanged if it has none."""
     seconds = deadline.left
     if not name or seconds == math.inf:
         return dict(settings)
     return {**settings, name: min(seconds, settings.get(name, math.inf))}
 
 
-# An inner solver whose answers are looked at before anybody works with them.
+# Inner solvers with checked answers.
 
 
 class Guarded:
-    """Another inner solver; what it raises, and an answer that is none, is a result with the status backend_failed."""
+    """An inner solver whose exceptions and malformed answers become results with the status backend_failed."""
 
     def __init__(self, name: str, qvi: FrictionQVI, solver: InnerSolver) -> None:
         self.packages = solver.packages
@@ -152,14 +150,14 @@ class Guarded:
     def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:
         """As `InnerSolver.solve`."""
         with warnings.catch_warnings():
-            warnings.simplefilter("error", ComplexWarning)  # imaginary parts are not dropped
+            warnings.simplefilter("error", ComplexWarning)  # complex answers are failures
             answer = attempt(self._name, lambda: self._checked(self._solver.solve(threshold, centre, start)))
         if isinstance(answer, BackendFailure):
             return no_result(self._qvi, Status.BACKEND_FAILED, str(answer))
         return answer
 
     def _checked(self, answer: object) -> InnerSolution:
-        """An answer of the promised form, and finite where it claims to be one; how good it is others judge."""
+        """The answer, if its arrays have the right sizes and a usable one is finite; its accuracy is not checked."""
         if not isinstance(answer, InnerSolution):
             raise TypeError(f"the answer is {type(answer).__name__}, not an InnerSolution")
         sizes = {"z": self._qvi.n, "m_N": self._qvi.m, "m_T": self._qvi.m, "nu": self._qvi.p}

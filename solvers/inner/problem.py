@@ -1,4 +1,4 @@
-"""The inner problem, friction bound given, and what every back end for it provides."""
+"""The inner problem: (D2) with a given friction bound; its vectors about a centre, its solution, and its back ends."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -12,12 +12,12 @@ from solvers.inequality.problem import FrictionQVI
 
 
 class Centre:
-    """The vectors of (D2) written for the increment x = z − z₀ about a point z₀.
+    """The vectors of (D2) for the increment x = z − z₀ about a point z₀.
 
         f = −gradient(z₀),   n0 = N z₀ + n0,   t0 = T z₀ + t0,   b = b − A z₀
 
-    The matrices do not change. Solving for increments about the last iterate makes every outer iteration a
-    defect correction: what rounding inside K spoils is a part of the increment, and that tends to zero.
+    The matrices do not change. With increments about the last iterate every outer iteration is a defect correction: the
+    error by rounding inside K is proportional to the increment, which tends to zero.
     """
 
     def __init__(self, qvi: FrictionQVI, z: Vector) -> None:
@@ -50,7 +50,7 @@ def row_multipliers(y: Vector) -> tuple[Vector, Vector]:
 
 @dataclass(frozen=True, eq=False)
 class InnerSolution:
-    """Result of one inner problem; signs as in `FrictionQVI`, `y` is the certificate if infeasible."""
+    """Result of an inner problem; multipliers with the signs of `FrictionQVI`."""
 
     z: Vector
     m_N: Vector  # noqa: N815  # letters of (D2)
@@ -58,11 +58,11 @@ class InnerSolution:
     nu: Vector
     """(n,), (m,), (m,), (p,); NaN if the back end gave nothing."""
     status: Status
-    """Translated to the one vocabulary."""
+    """How the back end ended."""
     iterations: int = 0
-    """Of the back end, 0 if it does not say."""
+    """Number of iterations of the back end, 0 if unknown."""
     message: str = ""
-    """What the back end said, warnings included."""
+    """The back end's own status and warnings."""
 
     @property
     def finite(self) -> bool:
@@ -71,17 +71,17 @@ class InnerSolution:
 
 
 class InnerSolver(Protocol):
-    """A back end built once for a QVI; the matrices stay, friction bound and centre change."""
+    """A back end for the inner problems of one QVI, which differ in friction bound and centre."""
 
     packages: tuple[str, ...]
-    """Distributions used, for the record of versions."""
+    """Distributions used, whose versions are recorded."""
 
     def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:
-        """Solve for the bound threshold (m,) about a centre; `start`, the previous result, for a warm start."""
+        """Solve for the friction bound `threshold` (m,) about a centre; `start` is the previous result, if any."""
         ...
 
 
 def no_result(qvi: FrictionQVI, status: Status, message: str) -> InnerSolution:
-    """Return an `InnerSolution` of NaN."""
+    """An `InnerSolution` without a result, all arrays NaN."""
     nan = np.full(max(qvi.n, qvi.m, qvi.p), np.nan)
     return InnerSolution(nan[: qvi.n], nan[: qvi.m], nan[: qvi.m], nan[: qvi.p], status, 0, message)

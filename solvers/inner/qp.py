@@ -1,8 +1,8 @@
 """Inner solvers ``qp:<name>``, any back end of `qpsolvers`, ``direct:clarabel``, and ``socp:<name>`` through cvxpy.
 
-The words "found" and "is_optimal" of `qpsolvers` are not used where a back end says more: the former means different
-things for different back ends, the latter accepts multipliers of the wrong sign. Cite: S. Caron et al., qpsolvers:
-Quadratic Programming Solvers in Python.
+The status of a `qpsolvers` back end is read from its own words if it has any. `found` of `qpsolvers` means different
+things for different back ends, and `is_optimal` accepts multipliers of the wrong sign. Cite: S. Caron et al.,
+qpsolvers: Quadratic Programming Solvers in Python.
 """
 
 import re
@@ -24,19 +24,19 @@ from solvers.inner.problem import Centre, InnerSolution, limited_rows, no_result
 
 
 class QPSolver:
-    """One `qpsolvers` back end for one QVI, the problem rebuilt for every bound."""
+    """A `qpsolvers` back end for one QVI; the problem is built anew for every bound."""
 
     def __init__(self, qvi: FrictionQVI, name: str, tolerance: float, options: Mapping[str, Any] | None = None) -> None:
         self._qvi, self._name, self._backend = qvi, name, BACKENDS[name]
         self.packages: tuple[str, ...] = ("qpsolvers", self._backend.module)
         self._settings = self._backend.settings(tolerance) if options is None else dict(options)
-        matrices = (qvi.K, limited_rows(qvi), qvi.A)  # for qpsolvers sparse means csc_matrix, no sparse array
+        matrices = (qvi.K, limited_rows(qvi), qvi.A)  # qpsolvers takes csc_matrix, not sparse arrays
         self._matrices = [
             matrix.toarray() if self._backend.dense else csc_matrix(matrix, copy=True) for matrix in matrices
         ]
 
     def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:
-        """Solve for the bound threshold (m,); warnings end in the message."""
+        """Solve for the friction bound `threshold` (m,); warnings are added to the message."""
         qvi, backend = self._qvi, self._backend
         P, G, A = self._matrices
         equalities = (A, centre.b) if qvi.p else (None, None)
@@ -47,7 +47,7 @@ class QPSolver:
             problem = qpsolvers.Problem(P, -centre.f, G, centre.h(threshold), *equalities)
             settings = within_time(self._settings, backend.limit)
             answer = qpsolvers.solve_problem(problem, self._name, initvals=initial, **settings)
-        word, iterations = _said(answer, backend.otherwise)
+        word, iterations = _status_word(answer, backend.otherwise)
         status = meaning(word)
         message = "; ".join([f"{self._name}: {word}", *(str(w.message) for w in caught)])
         if any(part is None or np.size(part) != size for part, size in ((answer.x, qvi.n), (answer.z, 3 * qvi.m))):
@@ -58,18 +58,18 @@ class QPSolver:
         return InnerSolution(z, m_N, m_T, nu, status, iterations, message)
 
 
-def _said(answer: Any, otherwise: str) -> tuple[str, int]:
-    """A back end's status in its own words, and its number of iterations, 0 if it does not say."""
+def _status_word(answer: Any, otherwise: str) -> tuple[str, int]:
+    """A back end's status in its own words, or `otherwise`, and its number of iterations, 0 if unknown."""
     extras = answer.extras
 
-    def told(name: str) -> Any:
+    def report_of(name: str) -> Any:
         return extras.get(name, getattr(extras.get("info"), name, None))
 
-    status = next((told(name) for name in ("infostring", "status") if told(name) is not None), None)
+    status = next((report_of(name) for name in ("infostring", "status") if report_of(name) is not None), None)
     word = str(getattr(status, "name", status))
-    if status is None or isinstance(status, int):  # most numbers are not said what they mean
+    if status is None or isinstance(status, int):  # the meaning of most numbers is not documented
         word = "solved" if answer.found else otherwise
-    iterations = told("iter") if told("iterations") is None else told("iterations")
+    iterations = report_of("iter") if report_of("iterations") is None else report_of("iterations")
     return word, 0 if iterations is None else int(np.ravel(iterations)[0])
 
 
@@ -80,49 +80,49 @@ _MEANINGS: Final = (
     (r"\bmax.* iter|user limit", Status.MAX_ITERATIONS),
     (r"\btime\b", Status.TIME_LIMIT),
     (r"\bsolved\b|\boptimal\b", Status.SOLVED),
-    # of CVXOPT "unknown" is the word for "stopped early", iterate included
+    # CVXOPT's "unknown" means that it stopped early, with an iterate
     ("numerics|numerical problems|insufficient progress|indeterminate|^unknown$", Status.STALLED),
 )
 
 
 def meaning(word: str) -> Status:
-    """What a back end's status word means: the first of `_MEANINGS` that it contains; backend_failed for none."""
+    """The status for a back end's word: that of the first pattern of `_MEANINGS` in it, else backend_failed."""
     plain = re.sub(r"[\W_]+", " ", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", word)).lower()
     return next((status for pattern, status in _MEANINGS if re.search(pattern, plain)), Status.BACKEND_FAILED)
 
 
 @dataclass(frozen=True)
 class QPBackend:
-    """How to ask one back end for a tolerance and how to read its answer."""
+    """A back end: its module, and how its settings and its status are used."""
 
     module: str
-    """What to import, looked for without importing it."""
+    """The module, which must be installed."""
     tolerances: tuple[str, ...] = ()
     """Settings that take the tolerance."""
     options: Mapping[str, Any] = field(default_factory=dict)
     """Further settings."""
     floor: float = 1e-12
-    """Smallest tolerance it is asked for; below it fails or does not terminate."""
+    """Smallest tolerance; with smaller ones the back end fails or does not terminate."""
     limit: str = ""
-    """Setting that takes a limit of time in seconds, if there is one."""
+    """Setting that takes a time limit in seconds, if there is one."""
     dense: bool = False
-    """Takes dense matrices only."""
+    """Whether it takes dense matrices only."""
     warm: bool = False
-    """Takes the previous z as a start and gains from it."""
+    """Whether it is started from the previous z, because that saves time."""
     otherwise: str = "failed"
-    """What it means where it finds nothing and does not say why."""
+    """Status word if it has no result and gives no reason."""
 
     def settings(self, tolerance: float) -> dict[str, Any]:
         """Keyword arguments for `qpsolvers.solve_problem` at the tolerance, not below `floor`."""
         return {**dict.fromkeys(self.tolerances, max(tolerance, self.floor)), **self.options}
 
 
-_GAPS: Final = ("eps_duality_gap_abs", "eps_duality_gap_rel")
-_OTHERS: Final = {
+_GAP_TOLERANCES: Final = ("eps_duality_gap_abs", "eps_duality_gap_rel")
+_WITH_DEFAULTS: Final = {
     "copt": "coptpy", "gurobi": "gurobipy", "kvxopt": "kvxopt", "mosek": "mosek", "qtqp": "qtqp",
     "sip": "sip_qp_python",
 }  # fmt: skip
-_DENSE_OTHERS: Final = {"hpipm": "hpipm_python", "qpax": "qpax", "qpoases": "qpoases", "qpswift": "qpSWIFT"}
+_DENSE_WITH_DEFAULTS: Final = {"hpipm": "hpipm_python", "qpax": "qpax", "qpoases": "qpoases", "qpswift": "qpSWIFT"}
 
 BACKENDS: Mapping[str, QPBackend] = MappingProxyType(
     {
@@ -145,10 +145,10 @@ BACKENDS: Mapping[str, QPBackend] = MappingProxyType(
             limit="time_limit",
             warm=True,
         ),
-        "piqp": QPBackend("piqp", ("eps_abs", "eps_rel", *_GAPS), {"max_iter": 500}),
+        "piqp": QPBackend("piqp", ("eps_abs", "eps_rel", *_GAP_TOLERANCES), {"max_iter": 500}),
         "proxqp": QPBackend(
             "proxsuite",
-            ("eps_abs", *_GAPS),
+            ("eps_abs", *_GAP_TOLERANCES),
             {"eps_rel": 0.0, "check_duality_gap": True, "max_iter": 10_000},
             floor=1e-11,
             warm=True,
@@ -162,22 +162,22 @@ BACKENDS: Mapping[str, QPBackend] = MappingProxyType(
         ),
         "quadprog": QPBackend("quadprog", dense=True, otherwise="infeasible"),
         "scs": QPBackend("scs", ("eps_abs", "eps_rel"), {"max_iters": 100_000}, floor=1e-10, limit="time_limit_secs"),
-        **{name: QPBackend(module) for name, module in _OTHERS.items()},
-        **{name: QPBackend(module, dense=True) for name, module in _DENSE_OTHERS.items()},
+        **{name: QPBackend(module) for name, module in _WITH_DEFAULTS.items()},
+        **{name: QPBackend(module, dense=True) for name, module in _DENSE_WITH_DEFAULTS.items()},
     }
 )
-"""Name in `qpsolvers` → how it is used: a row is all it takes to add a back end."""
+"""Name in `qpsolvers` → back end. A row here is enough to add one."""
 
 
-# Inner solver ``direct:clarabel``: one Clarabel solver kept alive, only the vectors updated.
+# Inner solver ``direct:clarabel``: one Clarabel solver for all inner problems, of which only the vectors are updated.
 #
-# Interior point with a homogeneous embedding; does not warm-start, but keeps the symbolic factorisation and
-# the equilibration. Presolve, chordal decomposition and the dropping of zeros are off: they forbid updates.
+# Interior point with a homogeneous embedding; it does not warm-start, but keeps the symbolic factorisation and the
+# equilibration. Presolve, chordal decomposition and the dropping of zeros are off, as they exclude updates.
 # Cite: P. Goulart, Y. Chen, Clarabel: An interior-point solver for conic programs with quadratic objectives.
 
 
 def clarabel_solver(P: Sparse, q: Vector, qvi: FrictionQVI, G: Sparse, h: Vector, options: Mapping[str, Any]) -> Any:
-    """Clarabel's solver of the least ½zᵀPz + qᵀz with A z = b and G z ≤ h, silent and without presolve."""
+    """Clarabel's solver of min ½zᵀPz + qᵀz with A z = b and G z ≤ h, silent and without presolve."""
     clarabel = load("clarabel")
     settings = clarabel.DefaultSettings()
     for name, value in {**options, "verbose": False, "presolve_enable": False}.items():
@@ -196,11 +196,11 @@ class DirectClarabel:
         self._qvi = qvi
         options = BACKENDS[name].settings(tolerance) if options is None else options
         options = {**options, "chordal_decomposition_enable": False, "input_sparse_dropzeros": False}
-        right = np.ones(3 * qvi.m)  # of no meaning: every solve sets its own
+        right = np.ones(3 * qvi.m)  # a placeholder: `solve` sets the right-hand side
         self._solver = clarabel_solver(qvi.K, -qvi.f, qvi, limited_rows(qvi), right, options)
 
     def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:  # noqa: ARG002
-        """Solve for the bound threshold (m,); `start` is not used."""
+        """Solve for the friction bound `threshold` (m,); `start` is not used."""
         settings, seconds = self._solver.get_settings(), deadline.left
         if seconds < settings.time_limit:
             settings.time_limit = seconds
@@ -218,18 +218,17 @@ class DirectClarabel:
 # Friction bound and `Centre` are parameters (DPP), |T x + t0| ≤ thr one two-dimensional cone for each contact
 # point. Cite: S. Diamond, S. Boyd, CVXPY, JMLR 2016.
 
-
 _AS_QP = ("clarabel", "copt", "ecos", "gurobi", "mosek", "scs")
 _ROBUST = {"max_iters": 200, "kktsolver": "robust"}
 
 SOCP_BACKENDS: Mapping[str, QPBackend] = MappingProxyType(
     {name: BACKENDS[name] for name in _AS_QP} | {"cvxopt": replace(BACKENDS["cvxopt"], options=_ROBUST, floor=1e-9)}
 )
-"""Lower-case name in cvxpy → how it is used: settings are called as in `qpsolvers`."""
+"""Lower-case name in cvxpy → back end; its settings have the names that `qpsolvers` uses."""
 
 
 class SOCPSolver:
-    """One cvxpy problem for one QVI; `solve` only sets the parameters."""
+    """A cvxpy problem for one QVI; `solve` only sets its parameters."""
 
     def __init__(self, qvi: FrictionQVI, name: str, tolerance: float, options: Mapping[str, Any] | None = None) -> None:
         cp = load("cvxpy")
@@ -251,7 +250,7 @@ class SOCPSolver:
         assert self.problem.is_dpp()
 
     def solve(self, threshold: Vector, centre: Centre, start: InnerSolution | None) -> InnerSolution:  # noqa: ARG002
-        """Solve for the bound threshold (m,); cvxpy does not pass a start on."""
+        """Solve for the friction bound `threshold` (m,); `start` is not used, as cvxpy does not pass it on."""
         self.threshold.value = np.maximum(threshold, 0.0)
         self._f.value, self._n0.value, self._t0.value = centre.f, centre.n0, centre.t0
         if self._b is not None:

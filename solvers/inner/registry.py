@@ -1,4 +1,4 @@
-"""Names of inner solvers: what exists, what is installed, and how one is built."""
+"""Names of inner solvers: which exist, which are installed, and `make_inner`, which builds one."""
 
 import sys
 from collections.abc import Callable, Iterable, Mapping
@@ -14,21 +14,21 @@ from solvers.inner import qp
 from solvers.inner.linear_program import Guarded
 from solvers.inner.problem import InnerSolver
 
-_FREE = frozenset(
+_FREE_MODULES = frozenset(
     {"clarabel", "cvxopt", "daqp", "ecos", "highspy", "osqp", "piqp", "proxsuite", "qpalm", "quadprog", "scs"}
 )
-"""Modules that a package index has under the same name, free of charge."""
+"""Modules that can be installed from PyPI under the same name, free of charge."""
 
 
 def available() -> tuple[str, ...]:
-    """Names of the inner solvers that can be used now, ``"kind:name"``, found without importing them."""
+    """Names ``"kind:name"`` of the installed inner solvers, which are not imported."""
     return tuple(name for name, modules in _catalogue().items() if all(map(find_spec, modules)))
 
 
 def make_inner(name: str, qvi: FrictionQVI, tolerance: float, options: Mapping[str, Any] | None = None) -> InnerSolver:
-    """Build the inner solver `name` for a QVI; `SolverUnavailableError` lists what exists.
+    """Build the inner solver `name` for a QVI; `SolverUnavailableError` if it is unknown or not installed.
 
-    `options`, by the back end's own names, replace all that `tolerance` would set.
+    `options`, by the back end's own names, replace all settings that `tolerance` stands for.
     """
     name = check_name(name)
     kind, backend = name.split(":")
@@ -37,14 +37,12 @@ def make_inner(name: str, qvi: FrictionQVI, tolerance: float, options: Mapping[s
 
 
 _KINDS: Final[Mapping[str, Callable[..., InnerSolver]]] = {
-    "qp": qp.QPSolver,
-    "direct": qp.DirectClarabel,
-    "socp": qp.SOCPSolver,
-}
+    "qp": qp.QPSolver, "direct": qp.DirectClarabel, "socp": qp.SOCPSolver,
+}  # fmt: skip
 
 
 def check_name(name: object) -> str:
-    """Return the name in lower case if it can be used now, else `SolverUnavailableError`."""
+    """The name in lower case if it is installed, else `SolverUnavailableError`."""
     canonical = name.lower() if isinstance(name, str) else ""
     modules = _catalogue().get(canonical)
     missing = [module for module in modules or () if not find_spec(module)]
@@ -57,29 +55,29 @@ def check_name(name: object) -> str:
 
 
 def how_to_install(name: str) -> str:
-    """The command that installs the library of an inner solver ``"kind:name"``, or where others are described."""
+    """The command that installs the library of an inner solver ``"kind:name"``, or the pages that describe it."""
     modules = _catalogue()[name]
-    free = [module for module in modules if module in _FREE]
+    free = [module for module in modules if module in _FREE_MODULES]
     return f"pip install {' '.join(free)}" if free else "https://qpsolvers.github.io and https://www.cvxpy.org say how"
 
 
 def versions(packages: Iterable[str]) -> dict[str, str]:
-    """Package → version, "unknown" where the distribution has another name."""
+    """Package → version, "unknown" if its distribution has another name."""
     return {package: _version(package) for package in packages}
 
 
 @cache
 def _version(package: str) -> str:
-    """As the loaded module has it: looking through the metadata of all packages takes longer than a small solve."""
-    told = getattr(sys.modules.get(package), "__version__", None)
+    """The loaded module's `__version__`, as the metadata of all packages take longer to read than a small solve."""
+    loaded = getattr(sys.modules.get(package), "__version__", None)
     try:
-        return told if isinstance(told, str) else version(package)
+        return loaded if isinstance(loaded, str) else version(package)
     except PackageNotFoundError:
         return "unknown"
 
 
 def _catalogue() -> dict[str, tuple[str, ...]]:
-    """Name → modules it needs."""
+    """Name of each inner solver → the modules that it needs."""
     return {
         **{f"qp:{name}": ("qpsolvers", entry.module) for name, entry in sorted(qp.BACKENDS.items())},
         "direct:clarabel": ("clarabel",),

@@ -133,7 +133,7 @@ def test_the_central_path_is_followed_from_an_early_iterate_until_it_has_fallen(
     path, start, near = CentralPath(interior), interior.parameter(), []
     while not (path.passed or path.lost):
         path.advance()
-        products = interior.point.s * interior.point.lam / problem.shares
+        products = interior.point.s * interior.point.lam / problem.omega
         assert (products > 0.0).all()
         near.append((np.abs(products / products.mean() - 1.0) < 1.0).all())
     assert path.passed

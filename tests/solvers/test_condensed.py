@@ -14,7 +14,7 @@ from scipy.sparse import csc_array, csr_array, eye_array, random_array
 from qvi_contact import discretize
 from qvi_contact.gallery import compressed_plate, masonry_wall
 from solvers import FrictionQVI, InputError, Status, Stiffness, solve_qvi
-from solvers.condensed import FRICTION_SHARES
+from solvers.condensed import USUAL_PATHS
 from solvers.inequality import TractionFactor, echelon, independent_rows, trace_coordinates
 from tests.cases import every_pair, examples, thinned
 from tests.solvers.conftest import LAWS, Root, chain, mixed_problem, one_contact, random_problem
@@ -223,7 +223,7 @@ def test_where_newton_matrices_are_singular_other_starts_follow(monkeypatch):
     for calls in (range(2, 100), range(4, 100)):
         made.clear()
         found = solve_qvi(qvi, method="condensed")
-        assert len(made) == calls.start + len(FRICTION_SHARES)  # the first of the others is near the bonded state
+        assert len(made) == calls.start + len(USUAL_PATHS)  # the first of the others is near the bonded state
         assert not found.solved
         accuracies.append(found.certificate.accuracy)
     assert 1e-8 < accuracies[1] < 0.5 * accuracies[0]

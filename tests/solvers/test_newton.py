@@ -89,12 +89,12 @@ def test_newton_directions_satisfy_the_linearised_equations(name, accurate):
         force, slack, split, _ = (0.0 * r for r in residuals) if only else residuals
         size = np.abs(problem.force(np.abs(step.lam))).max(initial=1.0)
         assert problem.S @ step.y + problem.force(step.lam) == pytest.approx(-force, abs=1e-10 * size)
-        pressed = problem.friction_of(step.pull + step.push)
+        pressed = problem.friction_of(step.tension + step.pressure)
         assert step.s + problem.change(step.y, np.zeros(len(problem.split))) - pressed == pytest.approx(
             -slack, abs=1e-10
         )
-        assert problem.split_rows @ step.y - step.pull + step.push == pytest.approx(-split, abs=1e-10)
-        first = (point.s * step.lam + point.lam * step.s, point.pull * step.push + point.push * step.pull)
+        assert problem.split_rows @ step.y - step.tension + step.pressure == pytest.approx(-split, abs=1e-10)
+        first = (point.s * step.lam + point.lam * step.s, point.tension * step.pressure + point.pressure * step.tension)
         assert np.concatenate(first) == pytest.approx(comp, abs=1e-10)
 
 
@@ -129,9 +129,9 @@ def test_newton_steps_are_refined_where_their_solution_is_inaccurate(error, solv
     assert np.abs(left).max() < 1e-8 * np.abs(problem.force(step.lam)).max()
 
 
-def posed_whole(qvi, *shares):
+def posed_whole(qvi, *path):
     whole = SparseCoordinates(qvi)
-    return whole, Complementarity(qvi, whole, whole.base(np.zeros(qvi.n)), 1.0, *shares)
+    return whole, Complementarity(qvi, whole, whole.base(np.zeros(qvi.n)), 1.0, *path)
 
 
 @pytest.mark.parametrize(("share", "length", "kept"), [(0.05, 0.99, 0.3), (0.0, 0.0495, 1.0 - 20.0 * 0.0495)])
@@ -144,7 +144,7 @@ def test_few_bounds_do_not_hold_up_the_others(share, length, kept):
     before = interior.point
     fall = before.s.copy()
     fall[0] *= 20.0
-    step = Point.of(np.ones_like(before.y), -fall, 0.0 * before.lam, 0.0 * before.pull, 0.0 * before.push)
+    step = Point.of(np.ones_like(before.y), -fall, 0.0 * before.lam, 0.0 * before.tension, 0.0 * before.pressure)
     found = interior.past_few(step, 0.0495)
     assert found == pytest.approx(length)
     assert interior.point.s[0] == pytest.approx(kept * before.s[0])
@@ -162,7 +162,7 @@ def test_passing_few_bounds_does_not_open_the_gap(growth, expected):
     s, lam = -point.s, 0.0 * point.lam
     s[0] *= 200.0
     lam[0] = growth * point.lam[0]
-    found = interior.past_few(Point.of(0.0 * point.y, s, lam, 0.0 * point.pull, 0.0 * point.push), 0.00495)
+    found = interior.past_few(Point.of(0.0 * point.y, s, lam, 0.0 * point.tension, 0.0 * point.pressure), 0.00495)
     assert found == pytest.approx(expected)
     assert interior.parameter() <= 2.0 * before
 
@@ -189,14 +189,14 @@ def test_friction_has_another_share_once_slacks_fit(law):
     whole = SparseCoordinates(qvi)
     problem = Complementarity(qvi, whole, whole.base(np.zeros(qvi.n)), 1.0, PathWeights(2.0, 50.0))
     interior = InteriorPoint(problem, 1.0)
-    count, early, before = len(problem.shares), interior.shares.copy(), interior.parameter()
+    count, early, before = len(problem.omega), interior.omega.copy(), interior.parameter()
     assert set(early[:count]) == ({1.0, 2.0} if law != "bilateral" else {2.0})
     assert problem.weights @ (interior.point.s * interior.point.lam - before * early[:count]) == pytest.approx(0.0)
     for _ in range(2):
         interior.settle()
         after = interior.parameter()
-        assert interior.shares[:count] == pytest.approx(np.where(early[:count] == 2.0, 50.0, 1.0))
-        assert after * interior.shares[count:] == pytest.approx(before * early[count:])
+        assert interior.omega[:count] == pytest.approx(np.where(early[:count] == 2.0, 50.0, 1.0))
+        assert after * interior.omega[count:] == pytest.approx(before * early[count:])
 
 
 def row_of_points(m):
@@ -220,9 +220,9 @@ def test_large_problems_start_near_the_bonded_solution():
     """Multipliers are a fiftieth; the other start comes next."""
     many = row_of_points(12_001)
     with many.stiffness.using("multifrontal", 1):
-        large, small = SparseCoordinates(many).shares, SparseCoordinates(chain(0)).shares
+        large, small = SparseCoordinates(many).paths, SparseCoordinates(chain(0)).paths
     assert (large[0], large[1:]) == (small[-1], small[:-1])
-    near, usual = (InteriorPoint(posed_whole(chain(0), shares)[1], 1.0).point.lam for shares in large[:2])
+    near, usual = (InteriorPoint(posed_whole(chain(0), path)[1], 1.0).point.lam for path in large[:2])
     assert near == pytest.approx(0.02 * usual)
 
 

@@ -323,7 +323,7 @@ def test_the_point_has_the_products_of_the_path_and_the_differences_of_the_state
     start_near(interior, y, Start.of(solution))
     point, kappa = interior.point, problem.sizes**2
     assert problem.tractions(y)[: qvi.m] == pytest.approx(qvi.normal(solution.z), abs=1e-9)
-    assert point.products / interior.parameter() == pytest.approx(interior.shares)
+    assert point.products / interior.parameter() == pytest.approx(interior.omega)
     share = float(problem.weights @ (point.s * point.lam)) / problem.weights.sum()
     assert share == pytest.approx(GAP)
     slack = problem.slack(y, np.zeros(0))
