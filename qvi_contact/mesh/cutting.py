@@ -1,7 +1,7 @@
-"""What a mesh of triangles must be, and triangles cut into smaller ones, with the names of edges and regions.
+"""Checks of triangular meshes; triangles cut into smaller ones, with names of edges and regions; bodies joined.
 
-Checks name the place of the first fault. Bodies that touch are joined by putting nodes of either into the other: both
-sides have the same nodes and edges afterwards, and everything on the line is as exact as on one mesh.
+Checks name the place of the first flaw. Bodies that touch are joined by putting the vertices of each side into the
+other side. Both sides then have the same vertices and edges, so the common line is as exact as inside one mesh.
 """
 
 from collections.abc import Sequence
@@ -19,16 +19,16 @@ from qvi_contact.mesh.edges import Topology, angles, arc_offsets, chains, cross,
 from qvi_contact.mesh.selection import ASLANT, in_circles, known_edges, new_name, numbers_of
 from solvers.basics.linked import linked
 
-_FLAT_HEIGHT: Final = 1e-8  # height over longest side below which a triangle is none
-_SAME_PLACE: Final = 1e-10  # distance of vertices over the body's length below which they are in one place
-_JOIN_DISTANCE: Final = 1e-6  # the same of bodies to be joined, whose data are rounded
-_SLIT_WIDTH: Final = 30.0  # width of a hole over that, below which it is none
-_ON_EDGE: Final = 1e-9  # distance from an edge over its length below which a vertex lies on it
-_MAX_ROUNDING: Final = 1e-3  # the same of arcs at most
+_FLAT_HEIGHT: Final = 1e-8  # smallest height of a triangle, relative to its longest side
+_SAME_PLACE: Final = 1e-10  # vertices at this distance, relative to the body's length, coincide
+_JOIN_DISTANCE: Final = 1e-6  # the same for two bodies to be joined, whose coordinates are rounded
+_SLIT_WIDTH: Final = 30.0  # a hole between bodies is refused if narrower than this × the distance for joining
+_ON_EDGE: Final = 1e-9  # a vertex at this distance from an edge, relative to the edge's length, lies on it
+_MAX_ROUNDING: Final = 1e-3  # largest such distance that rounded data may explain
 
 
 def checked_triangles(vertices: ArrayLike, cells: ArrayLike) -> tuple[FloatArray, IntArray]:
-    """Finite coordinates (n, 2), and three vertices a triangle, in ascending order, (m, 3); both are read only."""
+    """Coordinates (n, 2) and triangles (m, 3), each with its vertices in ascending order; checked and read only."""
     points = np.array(numbers_of("TriangleMesh.vertices", vertices, float))
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < 3:
         raise InputError("TriangleMesh.vertices", f"shape {points.shape}", "give an array (n, 2), n ≥ 3")
@@ -49,7 +49,7 @@ def checked_triangles(vertices: ArrayLike, cells: ArrayLike) -> tuple[FloatArray
 
 
 def refuse_flaws(mesh: MeshParts) -> None:
-    """`InputError` unless triangles are a mesh of one piece."""
+    """`InputError` at the first flaw, unless the triangles are a mesh of one piece."""
     vertices, cells, topology = mesh.vertices, mesh.cells, mesh.topology
     corners = vertices.take(cells, axis=0)
     sides = corners - corners[:, [2, 0, 1]]
@@ -89,34 +89,35 @@ def refuse_flaws(mesh: MeshParts) -> None:
 
         first_piece, others = (vertices[np.unique(cells[chosen])] for chosen in (piece == 1, piece != 1))
         distances, nearest = map(np.asarray, cKDTree(others).query(first_piece))
-        nearest_pair = int(np.argmin(distances))
-        around = place_of((first_piece[nearest_pair] + others[nearest[nearest_pair]]) / 2.0)
+        closest = int(np.argmin(distances))
+        around = place_of((first_piece[closest] + others[nearest[closest]]) / 2.0)
         remedy = (
-            f"the body consists of this many pieces; the nearest vertices of two are {distances[nearest_pair]:.3g} apart around "
-            f"{around}: give one piece. Bodies that touch across a space are meshed without it, with common nodes "
-            "along a joint whose Contact has that gap; nodes of one body are merged with a larger tolerance "
-            "(Geometry.Tolerance in Gmsh)"
+            "the body consists of this many pieces; the nearest vertices of two are "
+            f"{distances[closest]:.3g} apart around {around}: give one piece. Bodies that touch across a space are "
+            "meshed without it, with common nodes along a joint whose Contact has that gap; nodes of one body are "
+            "merged with a larger tolerance (Geometry.Tolerance in Gmsh)"
         )
         raise InputError("TriangleMesh", int(piece.max()) + 1, remedy)
 
 
 def _refuse(is_wrong: BoolArray, numbers: IntArray, remedy: str, places: FloatArray) -> None:
-    """`InputError` about the first of some things (k,) that is wrong, if any is, at its place, (k, 2)."""
+    """`InputError` about the first entry that is wrong, if any: its numbers (k, …) and its place (k, 2) are shown."""
     if np.count_nonzero(is_wrong):
         index = int(np.argmax(is_wrong))
         raise InputError("TriangleMesh", numbers[index].tolist(), remedy.format(place_of(places[index])))
 
 
 def pieces(topology: Topology, count: int) -> IntArray:
-    """The number of the piece of each of so many triangles (m,): those joined by edges are one."""
+    """Number of the piece of each triangle, shape (count,); triangles with a common edge are in one piece."""
     first, second = topology.cells[topology.count == 2].T
     return linked(first, second, count)
 
 
 def same_places(vertices: FloatArray) -> IntArray:
-    """Pairs (k, 2) of vertices too near each other to be told apart, in order."""
+    """Pairs (k, 2) of vertices that coincide up to rounding, sorted."""
     reach = _SAME_PLACE * float(np.ptp(vertices, axis=0).max())
-    if np.diff(np.sort((vertices - vertices[0]) @ ASLANT)).min(initial=np.inf) > 2.0 * reach:  # as nearly always
+    # usually the projections on one line differ already
+    if np.diff(np.sort((vertices - vertices[0]) @ ASLANT)).min(initial=np.inf) > 2.0 * reach:
         return np.empty((0, 2), dtype=np.int64)
     pairs = np.column_stack(in_circles(vertices, vertices, np.full(len(vertices), reach)))
     return pairs[pairs[:, 0] < pairs[:, 1]]
@@ -125,15 +126,15 @@ def same_places(vertices: FloatArray) -> IntArray:
 def hanging_vertices(
     vertices: FloatArray, topology: Topology, bends: FloatArray | None = None, reach: float = 0.0
 ) -> tuple[IntArray, FloatArray]:
-    """Pairs (k, 2) of a vertex and an edge of the boundary it lies inside: two triangles meet one along its side.
+    """Pairs (k, 2) of a vertex and a boundary edge inside which it lies, and its fraction (k,) of the edge's length.
 
-    And the shares (k,) of the edges' lengths at which they do. Edges follow their arcs where `bends` are given. Data
-    may be rounded by a distance `reach`; then vertices near an end count too.
+    Edges follow their arcs if `bends` are given. Coordinates may be rounded by a distance `reach` [length]; then
+    vertices close to an end count too.
     """
     outer = topology.outer
     first, second = vertices.take(topology.ends.take(outer, axis=0), axis=0).swapaxes(0, 1)
     lengths = np.hypot(*(second - first).T)
-    if not lengths.all():  # others hold nothing
+    if not lengths.all():  # edges without length hold no vertex
         outer, first, second, lengths = (each[lengths > 0.0] for each in (outer, first, second, lengths))
     candidates = np.bincount(topology.ends[outer].ravel()).nonzero()[0]
     margin = 1e-6 if reach else -1e-6
@@ -145,7 +146,7 @@ def hanging_vertices(
     bend = np.zeros((len(edge), 1)) if bends is None else bends[outer[edge]]
     share = shares_along(chord, bend, offset)
     distance = np.hypot(*(arc_offsets(chord, bend, share[:, None])[:, 0] - offset).T) / length
-    # data of an arc are rounded by a share of its radius, which is about the edge's length over its angle
+    # vertices on arcs are rounded relative to the radius, which is about the edge's length over its angle
     is_arc, turn = bend.any(axis=1), np.ptp(angles(bend, np.array([0.0, 1.0])), axis=1)
     rounding = np.maximum(_ON_EDGE, np.minimum(reach / length, _MAX_ROUNDING))
     rounding[is_arc] = np.minimum(ROUNDING / turn[is_arc], _MAX_ROUNDING)
@@ -153,14 +154,14 @@ def hanging_vertices(
     return np.column_stack([vertex[is_hanging], outer[edge[is_hanging]]]), share[is_hanging]
 
 
-# triangles cut
+# triangles cut into smaller ones
 
-_MAX_HALVINGS: Final = 6  # halvings of an arc until its triangle is high enough
-_ANGLE_ROUNDING: Final = 1e-9  # of angles, as a share
+_MAX_HALVINGS: Final = 6  # of an arc: enough unless it crosses other edges
+_ANGLE_ROUNDING: Final = 1e-9  # relative excess of an angle that is rounding
 
 
 def bisected(mesh: MeshParts, marked: ArrayLike | None = None) -> MeshParts:
-    """See `TriangleMesh.refined`: old vertices keep their numbers, new ones are middles of old edges and arcs."""
+    """See `TriangleMesh.refined`: old vertices keep their numbers, new ones are midpoints of edges and arcs."""
     count = len(mesh.cells)
     remedy = f"give numbers of triangles, 0 to {count - 1}, or a boolean for each of the {count}"
     if marked is not None:
@@ -175,7 +176,7 @@ def bisected(mesh: MeshParts, marked: ArrayLike | None = None) -> MeshParts:
 
 
 def divided_at_arcs(mesh: MeshParts) -> MeshParts:
-    """The mesh with triangles divided whose sides bend too far for them; some are left if arcs cross other edges."""
+    """The mesh with triangles divided whose arcs bend too far for them; some are left where arcs cross other edges."""
     for _ in range(_MAX_HALVINGS if mesh.arcs else 0):
         flat = np.flatnonzero(bent_too_far(mesh).any(axis=1))
         if not len(flat):
@@ -202,7 +203,7 @@ def fanned(mesh: MeshParts, vertices: IntArray, angle: float, layers: int) -> Me
 
 
 def layered(mesh: MeshParts, vertices: IntArray, ratio: float) -> MeshParts:
-    """The triangles at vertices (k,) where no arc ends cut across, at a share `ratio` of their edges from there."""
+    """The triangles at vertices (k,) cut across, at a fraction `ratio` of their edges from there; no arc ends there."""
     for vertex in vertices.tolist():
         n_old, mesh = len(mesh.vertices), _cut_across(mesh, vertex)
         mesh.vertices[n_old:] += (1.0 - 2.0 * ratio) * (mesh.vertices[vertex] - mesh.vertices[n_old:])
@@ -210,12 +211,12 @@ def layered(mesh: MeshParts, vertices: IntArray, ratio: float) -> MeshParts:
 
 
 def _cut_across(mesh: MeshParts, vertex: int) -> MeshParts:
-    """The triangles at a vertex cut across, in the middle of their edges there."""
+    """The triangles at a vertex cut across, through the midpoints of their edges at the vertex."""
     return _halved(mesh, np.flatnonzero((mesh.topology.ends == vertex).any(axis=1)))
 
 
 def angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
-    """The opposite edges (k, 2) of the triangles at a vertex, and their angles there (k,) [rad]."""
+    """For the triangles at a vertex, the opposite edges (k, 2) and the angles at the vertex (k,) [rad]."""
     cells = mesh.cells[(mesh.cells == vertex).any(axis=1)]
     opposite = cells[cells != vertex].reshape(-1, 2)
     first, second = (mesh.vertices[opposite[:, end]] - mesh.vertices[vertex] for end in (0, 1))
@@ -223,7 +224,10 @@ def angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
 
 
 def _bisected(mesh: MeshParts, marked: IntArray) -> MeshParts:
-    """All edges of marked triangles (k,) halved, and the longest one of each triangle that has any."""
+    """The mesh with all edges of marked triangles (k,) halved.
+
+    A triangle with a halved edge has its longest edge halved too, which keeps angles from becoming small.
+    """
     sides = mesh.topology.of_cells
     is_halved = np.zeros(len(mesh.topology.ends), dtype=bool)
     is_halved[sides[marked]] = True
@@ -235,7 +239,7 @@ def _bisected(mesh: MeshParts, marked: IntArray) -> MeshParts:
 
 
 def _longest(mesh: MeshParts, among: BoolArray) -> IntArray:
-    """Which side (m,) of each triangle is the longest among some edges (e,), the middle one of equal ones."""
+    """The longest side (m,) of each triangle among the edges of a mask (e,); of equal sides 1, then 2, then 0."""
     first, second = mesh.vertices[mesh.topology.ends].swapaxes(0, 1)
     lengths = np.where(among, np.sqrt(np.square(first - second).sum(axis=1)), -1.0)[mesh.topology.of_cells]
     order = np.array([1, 2, 0])
@@ -243,11 +247,10 @@ def _longest(mesh: MeshParts, among: BoolArray) -> IntArray:
 
 
 def _halved(mesh: MeshParts, edges: IntArray) -> MeshParts:
-    """The mesh with these edges (k,) of its topology halved, and the triangles beside them divided; no others.
+    """The mesh with the edges of these numbers (k,) halved, and only the triangles at these edges divided.
 
-    A triangle with one such edge is cut in two, with two in three, from the middle of the longer one, with three in
-    four. Names are carried over. `InputError` where triangles are too small for the coordinates to tell their vertices
-    apart.
+    A triangle with one halved edge is cut in two. With two it is cut in three, from the midpoint of the longer one;
+    with three in four. Names are kept. `InputError` if new vertices coincide in double precision.
     """
     topology, n_old = mesh.topology, len(mesh.vertices)
     new_vertex = np.full(len(topology.ends), -1)
@@ -288,16 +291,16 @@ def rebuilt(
     mesh: MeshParts, vertices: FloatArray, cells: IntArray, parent: IntArray,
     whole: IntArray, ends: IntArray, shares: FloatArray,
 ) -> MeshParts:  # fmt: skip
-    """Other triangles with the names and arcs of a mesh, which have edges or triangles left.
+    """New triangles with the names and arcs of a mesh; sets that would be empty are dropped.
 
-    They are parts of its triangles `parent` (m,), and have edges `ends` (k, 2) that are parts of its edges `whole` (k,)
-    from and to `shares` (k, 2) of the lengths.
+    The new triangles are parts of the mesh's triangles `parent` (m,). New edges `ends` (k, 2) are parts of its edges
+    `whole` (k,), between the fractions `shares` (k, 2) of their lengths.
     """
     sets = {name: ends[np.isin(whole, known_edges(name, old, mesh.topology))] for name, old in mesh.edge_sets.items()}
     regions = {name: np.flatnonzero(np.isin(parent, old)) for name, old in mesh.regions.items()}
     sets, regions = ({name: new for name, new in each.items() if len(new)} for each in (sets, regions))
     arcs = np.flatnonzero(mesh.bends[whole].any(axis=1))
-    arcs = arcs[np.unique(ends[arcs], axis=0, return_index=True)[1]]  # each once
+    arcs = arcs[np.unique(ends[arcs], axis=0, return_index=True)[1]]  # every edge once
     if not len(arcs):
         return MeshParts(vertices, cells, sets, regions)
     bends, (start, stop) = mesh.bends[whole[arcs]], np.sort(shares[arcs], axis=1).T
@@ -307,14 +310,14 @@ def rebuilt(
 
 
 def part(mesh: MeshParts, cells: IntArray) -> MeshParts:
-    """Some triangles (k,) of a mesh, see `TriangleMesh.part`."""
+    """The triangles with numbers (k,) as a mesh, see `TriangleMesh.part`."""
     whole = np.flatnonzero(np.isin(mesh.topology.cells, cells).any(axis=1))
     ends, shares = mesh.topology.ends[whole], np.tile([0.0, 1.0], (len(whole), 1))
     return rebuilt(mesh, mesh.vertices, mesh.cells[cells], cells, whole, ends, shares).without_others()
 
 
 def stacked(meshes: Sequence[MeshParts]) -> MeshParts:
-    """Several meshes as one of several pieces; edge sets and regions of one name are one."""
+    """Several meshes as one of several pieces; edge sets and regions with the same name are united."""
     cells, arcs = [], list[Curve]()
     edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
     nodes = count = 0
@@ -337,60 +340,55 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     new_name(name)
     vertices, cells, topology = mesh.vertices, mesh.cells, mesh.topology
     piece = pieces(topology, len(cells))
-    piece_of_vertex = np.empty(len(vertices), dtype=np.int64)
-    piece_of_vertex[cells] = piece[:, None]
+    own_piece = np.empty(len(vertices), dtype=np.int64)
+    own_piece[cells] = piece[:, None]
     reach = _JOIN_DISTANCE * mesh.length
     radius = np.minimum(2.0 * reach, _MAX_ROUNDING * mesh.finest)
-    one, there = in_circles(vertices, vertices, radius)
-    is_same = (piece_of_vertex[one] != piece_of_vertex[there]) & (
-        np.hypot(*(vertices[one] - vertices[there]).T) <= radius[there]
-    )
-    _, first, new_number = np.unique(
-        linked(one[is_same], there[is_same], len(vertices)), return_index=True, return_inverse=True
-    )
+    one, two = in_circles(vertices, vertices, radius)
+    near = (own_piece[one] != own_piece[two]) & (np.hypot(*(vertices[one] - vertices[two]).T) <= radius[two])
+    merged = linked(one[near], two[near], len(vertices))
+    _, first, new_number = np.unique(merged, return_index=True, return_inverse=True)
+    # vertices of one piece inside boundary edges of another piece
     hanging, shares = hanging_vertices(vertices, topology, mesh.bends, reach)
-    is_other_piece = piece_of_vertex[hanging[:, 0]] != piece[topology.cells[hanging[:, 1], 0]]
+    is_other_piece = own_piece[hanging[:, 0]] != piece[topology.cells[hanging[:, 1], 0]]
     is_other_piece &= (new_number[hanging[:, :1]] != new_number[topology.ends[hanging[:, 1]]]).all(axis=1)
-    # edge by edge its first vertex, those of other pieces in it, and its last one
+    # for each edge in turn its first vertex, the vertices of other pieces inside it, and its last vertex
     edges = np.arange(len(topology.ends))
     edge = np.concatenate([edges, hanging[is_other_piece, 1], edges])
     share = np.concatenate([np.zeros(len(edges)), shares[is_other_piece], np.ones(len(edges))])
     vertex = new_number[np.concatenate([topology.ends[:, 0], hanging[is_other_piece, 0], topology.ends[:, 1]])]
     order = np.lexsort((share, edge))
     edge, share, vertex = edge[order], share[order], vertex[order]
-    # of two pieces that meet there one vertex; the ends stay, equal ones too
+    # a vertex that two pieces have in the same place counts once; the end of an edge always stays
     kept = np.append(True, (np.diff(edge) > 0) | (np.diff(vertex) != 0) | (share[1:] == 1.0))
     edge, share, vertex = edge[kept], share[kept], vertex[kept]
     new_cells, parent = _fans(new_number[cells], topology, edge, vertex)
     step = np.flatnonzero(edge[1:] == edge[:-1])[:, None] + [0, 1]
     whole, order = edge[step[:, 0]], np.argsort(vertex[step], axis=1)
     ends, fractions = (np.take_along_axis(each[step], order, axis=1) for each in (vertex, share))
-    mesh_parts = rebuilt(mesh, vertices[first], new_cells, parent, whole, ends, fractions)
-    new_topology = mesh_parts.topology
-    is_joint = (new_topology.count == 2) & (
-        piece[parent[new_topology.cells[:, 0]]] != piece[parent[new_topology.cells[:, 1]]]
-    )
+    union = rebuilt(mesh, vertices[first], new_cells, parent, whole, ends, fractions)
+    fine = union.topology
+    # the joint: edges between triangles of two pieces
+    is_joint = (fine.count == 2) & (piece[parent[fine.cells[:, 0]]] != piece[parent[fine.cells[:, 1]]])
     if not is_joint.any():
         remedy = "no pieces of this mesh touch along straight lines or declared arcs: leave it out"
         raise InputError("join", name, remedy)
-    _refuse_slits(mesh_parts, _SLIT_WIDTH * reach, piece[parent])
-    remaining = {other: pairs[~is_joint[new_topology.number(pairs)]] for other, pairs in mesh_parts.edge_sets.items()}
+    _refuse_slits(union, _SLIT_WIDTH * reach, piece[parent])
+    remaining = {other: pairs[~is_joint[fine.number(pairs)]] for other, pairs in union.edge_sets.items()}
     edge_sets = {
-        other: remaining[other] if len(remaining[other]) else pairs for other, pairs in mesh_parts.edge_sets.items()
+        other: remaining[other] if len(remaining[other]) else pairs for other, pairs in union.edge_sets.items()
     }
-    return divided_at_arcs(replace(mesh_parts, edge_sets={name: new_topology.ends[is_joint], **edge_sets}))
+    return divided_at_arcs(replace(union, edge_sets={name: fine.ends[is_joint], **edge_sets}))
 
 
 def _refuse_slits(mesh: MeshParts, width: float, piece: IntArray) -> None:
-    """`InputError` about the first hole that is narrower than this: bodies met at some of their vertices only."""
+    """`InputError` about the first hole between bodies narrower than `width`, 2 area / perimeter."""
     vertices, cells, topology = mesh.vertices, mesh.cells, mesh.topology
     ends = topology.ends[topology.boundary]
     third = cells[topology.cells[topology.boundary, 0]].sum(axis=1) - ends.sum(axis=1)
     start, stop, opposite = (vertices[each] - vertices[0] for each in (*ends.T, third))
     lengths, midpoints = np.hypot(*(stop - start).T), vertices[ends].mean(axis=1)
-    double_areas = cross(start, stop) * np.sign(
-        cross(stop - start, opposite - start)
-    )  # of closed lines twice what they enclose
+    double_areas = cross(start, stop) * np.sign(cross(stop - start, opposite - start))  # sum: 2 × enclosed area
     piece = piece[topology.cells[topology.boundary, 0]]  # bodies may have narrow holes of their own
     for line in chains(ends):
         if np.ptp(piece[line]) and abs(double_areas[line].sum()) < width * lengths[line].sum():
@@ -400,16 +398,14 @@ def _refuse_slits(mesh: MeshParts, width: float, piece: IntArray) -> None:
 
 
 def _fans(corners: IntArray, topology: Topology, edge: IntArray, vertex: IntArray) -> tuple[IntArray, IntArray]:
-    """Triangles (m, 3) with vertices in their sides cut from the corners opposite; and which one each is part of.
+    """Triangles (m, 3) with vertices inside their sides, cut from the opposite corners; and the parent (m,) of each.
 
-    The vertices (k,) of edges (k,) follow each other, from the first end to the last.
+    `vertex` (k,) are the vertices along all edges (k,), from the first end of each edge to its second end.
     """
     count = np.bincount(edge) - 1  # parts of each edge
     start = np.searchsorted(edge, np.arange(len(count)))
     sides, parent = topology.of_cells, np.arange(len(corners))  # −1 for sides made by a cut
-    for s, direction in enumerate(
-        (1, -1, 1)
-    ):  # around the triangle: edges lead from the lower number to the higher one
+    for s, direction in enumerate((1, -1, 1)):  # of side s in the sense corner 0, 1, 2; edges lead to higher numbers
         n_parts = np.where(sides[:, s] < 0, 1, count[sides[:, s]])
         source = np.repeat(np.arange(len(n_parts)), n_parts)
         part = np.arange(len(source)) - np.repeat(np.cumsum(n_parts) - n_parts, n_parts)
