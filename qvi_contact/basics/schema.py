@@ -1,6 +1,6 @@
 """The schema of problem files: each datum is declared once, as a field of a dataclass.
 
-The type, default and metadata of the field give the key in problem files, its check, its messages and how it is written:
+Type, default and metadata of the field give the key in problem files, its check, its messages and its written form:
 
     cohesion: Field = field(default=0.0, metadata=key(kind=Varying(0.0), tied=False, symbol="c", unit="stress"))
 
@@ -535,7 +535,7 @@ def in_toml(remedy: str) -> str:
 
 @contextmanager
 def located(path: str, known: Iterable[str] | None = None) -> Iterator[None]:
-    """Put this path before the path of errors raised in the block; with `known`, keep of theirs only a known last part."""
+    """Put `path` before the path of errors raised in the block; with `known`, the latter is its last part if known."""
     try:
         yield
     except InputError as error:
