@@ -138,10 +138,5 @@ class Rounding:
     @classmethod
     def largest(cls, roundings: Iterable["Rounding"]) -> "Rounding":
         """The largest of several results that are shown together, such as the steps of a history."""
-        all_roundings = list(roundings)
-        return cls(
-            *(
-                max((getattr(rounding, name) for rounding in all_roundings), default=0.0)
-                for name in cls.__dataclass_fields__
-            )
-        )
+        given = list(roundings)
+        return cls(*(max((getattr(each, name) for each in given), default=0.0) for name in cls.__dataclass_fields__))

@@ -36,8 +36,7 @@ from solvers.factorisation.base import FactorisationError
 from solvers.solution import LOOSEST
 
 AGREEMENT: Final = 1e-8
-"""Largest difference of a claimed number a from the recomputed number b, relative to |b| + 1e-4 max|b|, see
-`difference`."""
+"""Largest difference of claimed from recomputed numbers b, relative to |b| + 1e-4 max|b|, see `difference`."""
 
 _FLOOR: Final = 1e-4
 _COORDINATE_ROUNDING: Final = 4.0 * float(np.finfo(np.float64).eps)  # relative to the coordinate
@@ -47,10 +46,7 @@ _DATA: Final = ("K", "N", "T", "A", "f", "n0", "t0", "mu", "W", "b", "cohesion",
 
 
 def recomputed(result: ContactResult, discretization: Discretization, given_tolerance: float | None) -> ContactResult:
-    """The result made again from its unknowns and multipliers only, with a new certificate.
-
-    The certificate's tolerance is that of the result unless one is given.
-    """
+    """The result made again from its unknowns and multipliers, with a new certificate, by default to its tolerance."""
     tolerance = result.certificate.tolerance if given_tolerance is None else fraction("tolerance", given_tolerance)
     solution, qvi = result.solution, discretization.qvi
     multipliers = solution.normal_multiplier, solution.tangential_multiplier, solution.equality_multiplier
@@ -117,10 +113,7 @@ def worse_than_claimed(claimed: Certificate, computed: Certificate) -> float:
 
 
 def scales_difference(claimed: Certificate, computed: Certificate) -> float:
-    """Largest relative difference of the scales of two certificates, divided by its tolerance.
-
-    One certificate may lack the scale "rounding", as rounding decides whether it exists; it must then be small.
-    """
+    """Largest relative difference of two certificates' scales over its tolerance; one may lack a small "rounding"."""
     new, old = dict(computed.scales), dict(claimed.scales)
     if "rounding" not in new or "rounding" not in old:
         rounding = old.pop("rounding", new.pop("rounding", 0.0))
@@ -150,10 +143,8 @@ def missed_tractions(result: ContactResult) -> float:
     discretization, prescribed = result.discretization, result.problem.prescribed(Traction)
     if not prescribed:
         return 0.0
-    data = [
-        traction_data(result.problem, discretization.scales, part, discretization.supports.points)
-        for part in prescribed
-    ]
+    scales, points = discretization.scales, discretization.supports.points
+    data = [traction_data(result.problem, scales, part, points) for part in prescribed]
     size = max([result.certificate.scales.get("stress", 1.0), *(float(np.abs(each.values).max()) for each in data)])
     length = min(float(part.edges.length.sum()) for part in prescribed) / discretization.scales.length
     return discretization.supports.missed(result.dofs, data) / (size * length)
@@ -178,8 +169,7 @@ _GROUPS: Final = {
     "traction_misfit": ("traction_misfit", "stress"), "effective_normal_force": ("tractions", "force"),
     "normal_force": ("forces", "force"), "tangential_force": ("forces", "force"),
 }  # fmt: skip
-"""By the last part of a field's name: the row of the table, and the quantity whose unit scales differences. Fields not
-listed are tractions."""
+"""Last part of a field's name: the row of the table, and the quantity of its unit; all other fields are tractions."""
 
 
 @dataclass(frozen=True)
@@ -392,9 +382,7 @@ def _agreements(claims: Mapping[str, Any], recomputed: ContactResult) -> Iterato
             close = claimed <= computed + _BETWEEN_POINTS * unit
             claimed = np.where((claimed > computed) & close, computed, claimed)
         if quantity == "length" and claimed.shape == computed.shape and claimed.dtype.kind == "f":
-            coordinates = recomputed.problem.mesh.vertices[
-                :, int(field.endswith("y"))
-            ]  # compare from the body's corner
+            coordinates = recomputed.problem.mesh.vertices[:, int(field.endswith("y"))]  # taken from their minimum
             corner, rounding = coordinates.min(), _COORDINATE_ROUNDING * float(np.abs(coordinates).max())
             claimed, computed = claimed - corner, computed - corner
         label = f"{contact}: {group}" if contact else group

@@ -401,11 +401,8 @@ def file_keys(kind: type) -> dict[str, Key]:
     keys: dict[str, Key] = {}
     for name, own_key in keys_of(kind).items():
         if isinstance(own_key.kind, Inline):
-            keys |= {
-                inner: inner_key
-                for inner, inner_key in file_keys(own_key.kind.of).items()
-                if inner not in own_key.kind.without
-            }
+            without = own_key.kind.without
+            keys |= {inner: its for inner, its in file_keys(own_key.kind.of).items() if inner not in without}
         else:
             keys[name] = own_key
     return keys | getattr(kind, "in_files", {})
@@ -449,10 +446,8 @@ def read_table(kind: type, data: Any, reader: Reader, also: tuple[str, ...] = ()
     with located("", file_keys(kind)):
         for name, each in keys_of(kind).items():
             if isinstance(each.kind, Inline):
-                names = [
-                    inner for inner in file_keys(each.kind.of) if inner in values and inner not in each.kind.without
-                ]
-                values[name] = each.kind.of(**{inner: values.pop(inner) for inner in names})
+                own = [inner for inner in file_keys(each.kind.of) if inner in values and inner not in each.kind.without]
+                values[name] = each.kind.of(**{inner: values.pop(inner) for inner in own})
         return getattr(kind, "from_file", kind)(**values)
 
 

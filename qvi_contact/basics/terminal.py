@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 _TERMINATED: Final = 143  # exit status after SIGTERM, as in shells: 128 + the number of the signal
 _COLLECTION_THRESHOLD: Final = 100_000  # new objects between two collections of garbage
 _PATIENCE = 2.0  # seconds before the first output
-_FIRST_LINE_AFTER = 30.0  # seconds, if standard error is no terminal; the interval doubles with each line
+_FIRST_AFTER = 30.0  # seconds, if standard error is no terminal; the interval doubles with each line
 _REDRAW_INTERVAL = 0.1  # seconds
 
 
@@ -210,9 +210,7 @@ def error_console() -> "Console":
 
 
 @contextmanager
-def solving(
-    title: str, steps: int = 1, *, verbose: bool = False, silence: float = _FIRST_LINE_AFTER
-) -> Iterator[Advance]:
+def solving(title: str, steps: int = 1, *, verbose: bool = False, silence: float = _FIRST_AFTER) -> Iterator[Advance]:
     """Show the progress of the solves in the block on standard error after two seconds; with a bar for several steps.
 
     On a terminal one line is redrawn; a permanent line reports a change of the method. Otherwise there are plain lines:

@@ -162,14 +162,9 @@ def page_template(package: str, name: str = "page.html") -> Template:
     """
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
-    environment = Environment(
-        loader=ChoiceLoader([PackageLoader(package, "."), PackageLoader("qvi_contact.basics", ".")]),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template(name)
+    loader = ChoiceLoader([PackageLoader(package, "."), PackageLoader("qvi_contact.basics", ".")])
+    pages = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return pages.get_template(name)
 
 
 # NumPy archives from unknown sources: no pickles, and limited memory

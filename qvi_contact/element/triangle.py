@@ -21,9 +21,7 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 CORNERS: Final[FloatArray] = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(0.75)]])
 """Corners of the reference triangle; it is equilateral, so that no corner is preferred."""
 CORNERS.flags.writeable = False
-_TO_UNIT: Final[FloatArray] = np.linalg.inv(
-    CORNERS[1:] - CORNERS[0]
-)  # maps the edges from corner 0 to (1, 0) and (0, 1)
+_TO_UNIT: Final[FloatArray] = np.linalg.inv(CORNERS[1:] - CORNERS[0])  # edges from corner 0 to (1, 0) and (0, 1)
 _SIGNS: Final[FloatArray] = np.array([[1.0], [1.0], [-1.0]])  # of σ in terms of second derivatives of Φ
 
 EDGES: Final = ((1, 2), (0, 2), (0, 1))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, finite_number, positive_number, whole_number
-from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.mesh.triangles import Place, TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
 from qvi_contact.problem.material import Material, Plane, Region
 from qvi_contact.problem.problem import ContactProblem
@@ -115,20 +115,16 @@ def loaded_pin(sectors: int = 16, friction: float = 0.1) -> ContactProblem:
     changes its sign. So the stresses at this point depend on the mesh: σ_xx is −155 MPa with equal edges and −148 MPa
     with edges graded to the point. The displacement does not depend on it, u_x = 0.7387 mm.
     """
-    corner_angle = np.arctan2(1.0, -2.0)
-    n_sectors = whole_number("sectors", sectors, _MAX_COUNT)
-    n_steep = max(1, round(n_sectors * (np.pi - corner_angle) / (0.5 * np.pi)))
-    ranges = [
-        (0.0, 0.5 * np.pi, n_sectors),
-        (0.5 * np.pi, corner_angle, max(1, n_sectors - n_steep)),
-        (corner_angle, np.pi, n_steep),
-    ]
+    corner = np.arctan2(1.0, -2.0)
+    count = whole_number("sectors", sectors, _MAX_COUNT)
+    steep = max(1, round(count * (np.pi - corner) / (0.5 * np.pi)))
+    ranges = [(0.0, 0.5 * np.pi, count), (0.5 * np.pi, corner, max(1, count - steep)), (corner, np.pi, steep)]
     angles = np.concatenate([np.linspace(a, b, n + 1)[:-1] for a, b, n in ranges] + [[np.pi]])
     with np.errstate(divide="ignore"):
         sheet_edge = np.minimum(100.0 / np.abs(np.sin(angles)), 200.0 / np.abs(np.cos(angles)))
     distance = np.where(angles <= 0.5 * np.pi, 100.0, sheet_edge)
     pin_radii = radii_between(10.0, 50.0, sectors)
-    steps = max(2, steps_between(50.0, 100.0, n_sectors))
+    steps = max(2, steps_between(50.0, 100.0, count))
     shares = np.linspace(0.0, 1.0, steps + 1)[1:, None]
     lines = [arc(radius, angles) for radius in pin_radii]
     unit = arc(1.0, angles)
@@ -173,13 +169,8 @@ def block_corner(friction: float | None, cells: int = 4, depth: int = 0) -> Cont
     x, y = np.linspace(-4.0, 4.0, 8 * count + 1), np.linspace(-4.0, 2.0, 6 * count + 1)
     middle_x, middle_y = (x[1:] + x[:-1]) / 2.0, (y[1:] + y[:-1]) / 2.0
     is_body = (middle_y < 0.0)[:, None] | (np.abs(middle_x) < 1.0)[None]
-    mesh = TriangleMesh.grid(
-        x,
-        y,
-        is_body,
-        edges={"roof": ((-1.0, 2.0), (1.0, 2.0)), "ground": lambda x, y: (y == 0.0) & (np.abs(x) > 1.0)},
-        joints={"base": ((-1.0, 0.0), (1.0, 0.0))},
-    )
+    edges: dict[str, Place] = {"roof": ((-1.0, 2.0), (1.0, 2.0)), "ground": lambda x, y: (y == 0.0) & (np.abs(x) > 1.0)}
+    mesh = TriangleMesh.grid(x, y, is_body, edges=edges, joints={"base": ((-1.0, 0.0), (1.0, 0.0))})
     mesh = mesh.graded([(1.0, 0.0)], depth)
     contact = Contact.tied("base") if friction is None else Contact("base", friction=friction)
     free = [Traction(name, 0.0, 0.0) for name in ("left", "right", "ground")]

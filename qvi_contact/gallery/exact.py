@@ -293,14 +293,10 @@ def _wall_mesh(active: BoolArray, heads: BoolArray) -> TriangleMesh:
     rows, halves = active.shape
     grid = TriangleMesh.grid(np.arange(halves + 1) * _BLOCK_LENGTH / 2.0, np.arange(rows + 1) * _COURSE_HEIGHT, active)
     mesh = TriangleMesh(grid.vertices, grid.cells)
-    outside, (x_line, y_line) = mesh.topology.boundary, (mesh.midpoints / (_BLOCK_LENGTH / 2.0, _COURSE_HEIGHT)).T
-    half_block = np.minimum(y_line.astype(np.int64), rows - 1), x_line.astype(np.int64)
-    masks = {"beds": ~outside & (y_line % 1.0 == 0.0), "heads": ~outside & (x_line % 1.0 == 0.0) & heads[half_block]}
-    masks |= {
-        "ground": outside & (y_line == 0.0),
-        "windward": outside & (x_line == 0.0),
-        "top": outside & (y_line == rows),
-    }
+    outside, (line, row) = mesh.topology.boundary, (mesh.midpoints / (_BLOCK_LENGTH / 2.0, _COURSE_HEIGHT)).T
+    half_block = np.minimum(row.astype(np.int64), rows - 1), line.astype(np.int64)
+    masks = {"beds": ~outside & (row % 1.0 == 0.0), "heads": ~outside & (line % 1.0 == 0.0) & heads[half_block]}
+    masks |= {"ground": outside & (row == 0.0), "windward": outside & (line == 0.0), "top": outside & (row == rows)}
     masks["free"] = outside & ~np.any(list(masks.values()), axis=0)
     return _with_names(mesh, masks)
 

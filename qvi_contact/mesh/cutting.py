@@ -101,7 +101,7 @@ def refuse_flaws(mesh: MeshParts) -> None:
 
 
 def _refuse(is_wrong: BoolArray, numbers: IntArray, remedy: str, places: FloatArray) -> None:
-    """`InputError` about the first entry that is wrong, if any: its numbers (k, …) and its place (k, 2) are shown."""
+    """`InputError` about the first wrong entry, if any; it shows the entry's numbers (k, …) and place (k, 2)."""
     if np.count_nonzero(is_wrong):
         index = int(np.argmax(is_wrong))
         raise InputError("TriangleMesh", numbers[index].tolist(), remedy.format(place_of(places[index])))
@@ -224,10 +224,7 @@ def angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
 
 
 def _bisected(mesh: MeshParts, marked: IntArray) -> MeshParts:
-    """The mesh with all edges of marked triangles (k,) halved.
-
-    A triangle with a halved edge has its longest edge halved too, which keeps angles from becoming small.
-    """
+    """The mesh with all edges of marked triangles (k,) halved, and the longest of each triangle with a halved one."""
     sides = mesh.topology.of_cells
     is_halved = np.zeros(len(mesh.topology.ends), dtype=bool)
     is_halved[sides[marked]] = True
@@ -250,7 +247,7 @@ def _halved(mesh: MeshParts, edges: IntArray) -> MeshParts:
     """The mesh with the edges of these numbers (k,) halved, and only the triangles at these edges divided.
 
     A triangle with one halved edge is cut in two. With two it is cut in three, from the midpoint of the longer one;
-    with three in four. Names are kept. `InputError` if new vertices coincide in double precision.
+    with three in four. Names are kept. `InputError` if new vertices coincide up to rounding.
     """
     topology, n_old = mesh.topology, len(mesh.vertices)
     new_vertex = np.full(len(topology.ends), -1)
@@ -260,14 +257,16 @@ def _halved(mesh: MeshParts, edges: IntArray) -> MeshParts:
     if len(same_place):
         place = tuple(vertices[same_place[0, 0]].tolist())
         raise InputError("marked", place, "triangles here are too small to be halved: leave them out of `marked`")
-    sides = new_vertex[topology.of_cells]  # opposite to the corners
+    # nodes of a triangle: corners 0 to 2, then new vertices 3 to 5 of the sides opposite to them (−1: not halved);
+    # rotated so that the first cut of a triangle with one or two halved sides leads from corner 0 to node 3
+    sides = new_vertex[topology.of_cells]
     count = (sides >= 0).sum(axis=1)
     one_or_two, all_three = (count == 1) | (count == 2), count == 3
     rotation = np.where(one_or_two, _longest(mesh, new_vertex >= 0), 0)[:, None] + np.arange(3)
     nodes = np.concatenate([np.take_along_axis(each, rotation % 3, axis=1) for each in (mesh.cells, sides)], axis=1)
     last_is_cut, next_is_cut = nodes[:, 5] >= 0, nodes[:, 4] >= 0
     children, parents = list[IntArray](), list[IntArray]()
-    for chosen, corners in (  # 0 to 2 are corners, 3 to 5 what is opposite; some are cut from corner 0 to 3
+    for chosen, corners in (
         (count == 0, [0, 1, 2]),
         *((all_three, each) for each in ([0, 4, 5], [1, 3, 5], [2, 3, 4], [3, 4, 5])),
         (one_or_two & ~last_is_cut, [0, 1, 3]),
@@ -278,6 +277,7 @@ def _halved(mesh: MeshParts, edges: IntArray) -> MeshParts:
         parents.append(np.flatnonzero(chosen))
         children.append(nodes[parents[-1][:, None], corners])
     new_cells, parent = np.sort(np.concatenate(children), axis=1), np.concatenate(parents)
+    # edges that are not halved, and the two halves of the others as fractions of their lengths
     unchanged, (low, high) = np.flatnonzero(new_vertex < 0), topology.ends[edges].T
     ends = np.concatenate([topology.ends[unchanged], np.column_stack([low, new]), np.column_stack([high, new])])
     shares = np.repeat([(0.0, 1.0), (0.0, 0.5), (1.0, 0.5)], [len(unchanged), len(edges), len(edges)], axis=0)
@@ -342,6 +342,7 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     piece = pieces(topology, len(cells))
     own_piece = np.empty(len(vertices), dtype=np.int64)
     own_piece[cells] = piece[:, None]
+    # merge vertices of different pieces that coincide up to rounding
     reach = _JOIN_DISTANCE * mesh.length
     radius = np.minimum(2.0 * reach, _MAX_ROUNDING * mesh.finest)
     one, two = in_circles(vertices, vertices, radius)
@@ -362,6 +363,7 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     # a vertex that two pieces have in the same place counts once; the end of an edge always stays
     kept = np.append(True, (np.diff(edge) > 0) | (np.diff(vertex) != 0) | (share[1:] == 1.0))
     edge, share, vertex = edge[kept], share[kept], vertex[kept]
+    # cut the triangles at these vertices; their edges are parts of the old ones, between neighbouring vertices
     new_cells, parent = _fans(new_number[cells], topology, edge, vertex)
     step = np.flatnonzero(edge[1:] == edge[:-1])[:, None] + [0, 1]
     whole, order = edge[step[:, 0]], np.argsort(vertex[step], axis=1)
@@ -374,10 +376,9 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
         remedy = "no pieces of this mesh touch along straight lines or declared arcs: leave it out"
         raise InputError("join", name, remedy)
     _refuse_slits(union, _SLIT_WIDTH * reach, piece[parent])
-    remaining = {other: pairs[~is_joint[fine.number(pairs)]] for other, pairs in union.edge_sets.items()}
-    edge_sets = {
-        other: remaining[other] if len(remaining[other]) else pairs for other, pairs in union.edge_sets.items()
-    }
+    # a named part of the boundary loses its edges in the joint, unless no other edge remains
+    rest = {other: pairs[~is_joint[fine.number(pairs)]] for other, pairs in union.edge_sets.items()}
+    edge_sets = {other: rest[other] if len(rest[other]) else pairs for other, pairs in union.edge_sets.items()}
     return divided_at_arcs(replace(union, edge_sets={name: fine.ends[is_joint], **edge_sets}))
 
 

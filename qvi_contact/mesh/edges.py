@@ -141,10 +141,9 @@ def arc_offsets(chords: FloatArray, bend: FloatArray, t: FloatArray) -> FloatArr
 
 
 def shares_along(chords: FloatArray, bend: FloatArray, offsets: FloatArray) -> FloatArray:
-    """Fractions t (n,) at which edges have the same projection on their chords (n, 2) as points at `offsets` (n, 2).
+    """Fractions t (n,) at which edges project on their chords (n, 2) as points at `offsets` (n, 2) from first ends do.
 
-    Offsets count from the first ends. On arcs t is found by bisection in [0, 1]: arcs turn by less than 180°, so their
-    projection increases with t.
+    On arcs, which turn by less than 180°, the projection increases with t: bisection finds t in [0, 1].
     """
     projection = (offsets * chords).sum(axis=1)
     shares, arcs = projection / np.square(chords).sum(axis=1), np.flatnonzero(bend.any(axis=1))

@@ -401,12 +401,11 @@ def _gmsh_mesh(gmsh: Any, shape: Polygons) -> MeshParts:
     cells = divided_corners(vertices, vertex[cells], np.concatenate(line_pairs))
     # most of a surface's area decides whether it is in a region: a triangle at an arc may have its centre beyond it
     a, b, c = vertices[cells].swapaxes(0, 1)
-    centres_of_cells, areas = (a + b + c) / 3.0, np.abs(cross(b - a, c - a))
-    inner_area = {
-        name: np.bincount(surface, areas * (2.0 * line.holds(centres_of_cells) - 1.0))
-        for name, line in shape.regions.items()
+    middles, areas = (a + b + c) / 3.0, np.abs(cross(b - a, c - a))
+    area_in = {
+        name: np.bincount(surface, areas * (2.0 * line.holds(middles) - 1.0)) for name, line in shape.regions.items()
     }
-    regions = {name: np.flatnonzero((share > 0.0)[surface]) for name, share in inner_area.items()}
+    regions = {name: np.flatnonzero((share > 0.0)[surface]) for name, share in area_in.items()}
     for name, chosen in regions.items():
         if not len(chosen):
             raise InputError(f"regions.{name}", name, "no part of the body lies in this region: move it")

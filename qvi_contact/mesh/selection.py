@@ -56,10 +56,7 @@ def numbers_of(name: str, value: Any, kind: type) -> Any:
 
 
 def checked_set(name: str, pairs: ArrayLike, topology: Topology, vertices: FloatArray | None = None) -> IntArray:
-    """Numbers (k,) of edges, in ascending order, from pairs of vertices (k, 2).
-
-    If `vertices` are given, `InputError` unless all edges lie on the boundary or all inside the body.
-    """
+    """Numbers (k,) of edges from pairs of vertices, ascending; given `vertices`, all on the boundary or all inside."""
     new_name(name)
     array = numbers_of(name, pairs, int)
     if array.ndim != 2 or array.shape[1] != 2 or not len(array):

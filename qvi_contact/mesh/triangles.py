@@ -562,9 +562,7 @@ class TriangleMesh(MeshParts, PicklesFields):
             raise InputError("points", points, "give an array (k, 2) of coordinates")
         remedy = f"give a whole number from 0 to {_MAX_DEPTH}, or one for each of the {len(places)} points"
         depths = real_array("depth", depth, remedy)
-        valid = (
-            np.asarray(depth).dtype.kind in "iu" and depths.min(initial=0) >= 0 and depths.max(initial=0) <= _MAX_DEPTH
-        )
+        valid = np.asarray(depth).dtype.kind in "iu" and bool(((depths >= 0) & (depths <= _MAX_DEPTH)).all())
         if not valid or depths.shape not in ((), (len(places),)):
             raise InputError("depth", depth, remedy)
         steps = np.broadcast_to(depths.astype(np.int64), len(places))

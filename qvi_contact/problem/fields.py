@@ -278,9 +278,7 @@ class PointData:
         outside = np.flatnonzero(cells < 0)
         outside_point, nearby_cell = self.mesh.around(points[outside], _EXTENSION)
         order = self.mesh.reference(nearby_cell, points[outside[outside_point]]).min(axis=1).argsort(kind="stable")
-        cells[outside[outside_point[order]]] = nearby_cell[
-            order
-        ]  # the last value assigned counts: the nearest triangle
+        cells[outside[outside_point[order]]] = nearby_cell[order]  # the last value counts: the nearest triangle
         if (cells < 0).any():
             place = tuple(points[np.argmin(cells)].tolist())
             raise InputError("PointData", place, "this point lies outside of the triangles of the data")

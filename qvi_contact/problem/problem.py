@@ -38,7 +38,7 @@ _LISTS: Final = (
 )  # fields of a problem that are lists, the classes of their entries, and these classes in messages
 _NAMES: Final = (*CARTESIAN, *LOCAL)  # of components
 _NORMAL_ROUNDING: Final = 1e-12  # |d·n| of unit vectors d and n: a smaller value is rounding, d is tangential
-_MAX_RATIO: Final = 1e16  # of Young's moduli: beyond it a sum of compliances loses the smaller one to rounding
+_RATIO: Final = 1e16  # of Young's moduli: beyond it a sum of compliances loses the smaller one to rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,10 +94,8 @@ class ContactProblem(PicklesFields):
         _ = self.owners, self.cell_materials  # refuse edges without conditions, and regions that cut triangles
         _check_pressure(self)
         least, most = min(moduli := [material.young for material in self.materials]), max(moduli)
-        if most > _MAX_RATIO * least:
-            remedy = (
-                f"is over {_MAX_RATIO:g} times that of another part, {least:g}: hold the stiff part by displacements"
-            )
+        if most > _RATIO * least:
+            remedy = f"is over {_RATIO:g} times that of another part, {least:g}: hold the stiff part by displacements"
             raise InputError("Material.young", most, remedy)
 
     def __repr__(self) -> str:
@@ -260,10 +258,7 @@ _Assignment: TypeAlias = tuple[int, Condition, tuple[str, ...], IntArray]
 
 
 def _owners_of(problem: ContactProblem, assignments: Sequence[_Assignment]) -> IntArray:
-    """Compute `ContactProblem.owners`.
-
-    `InputError` where a component has no condition or two, or a slanted edge mixes Cartesian and local components.
-    """
+    """`ContactProblem.owners`; `InputError` for a component with no or two conditions, or an edge with both frames."""
     mesh, boundary = problem.mesh, problem.mesh.boundary
 
     def middle(edge: int) -> str:
@@ -357,7 +352,7 @@ _PARTS_OF_SIDE = 12  # divisions of a triangle's sides in the lattice of points 
 def run_digest(problems: Sequence[ContactProblem], options: Mapping[str, object]) -> str:
     """SHA-256 of problems on one mesh and of the options they are solved with, as hexadecimal text.
 
-    Of the mesh, vertices, triangles, arcs and named parts count. Options that are None or change no answer do not.
+    Of the mesh, vertices, triangles, arcs and named parts count; options that are None or change no answer do not.
     """
     settings = {name: value for name, value in sorted(options.items()) if name not in _INERT and value is not None}
     mesh = problems[0].mesh
@@ -372,8 +367,7 @@ def run_digest(problems: Sequence[ContactProblem], options: Mapping[str, object]
 
 def problem_digest(problem: ContactProblem) -> bytes:
     """SHA-256 of everything but the mesh: names and values of all data of materials, regions and conditions."""
-    mesh = problem.mesh
-    t = triangle_lattice(_PARTS_OF_SIDE)[0] * 0.99 + 0.01 / 3.0  # barycentric, no point on an edge
+    mesh, t = problem.mesh, triangle_lattice(_PARTS_OF_SIDE)[0] * 0.99 + 0.01 / 3.0  # no point on an edge
 
     def inside(name: str, function: Any, corners: FloatArray = mesh.corners) -> Iterator[object]:
         a, b, c = corners.T[..., None].swapaxes(0, 1)  # no matrix product: it may round differently on other processors
