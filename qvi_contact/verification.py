@@ -256,7 +256,7 @@ def verify_result(result: ContactResult, tolerance: float | None = None) -> Veri
         raise InputError("result", "a History", "give its steps one by one: [verify_result(step) for step in ….steps]")
     instance_of(ContactResult, "result", result, "give a ContactResult, such as solve returns")
     known = result.discretization
-    with np.errstate(all="ignore"):  # what is absurd fails by its numbers
+    with np.errstate(all="ignore"):  # infinities and NaN fail the checks
         fresh = discretize(known.problem, degree=known.space.degree, law_on=known.rule.law_on, scales=known.scales)
         slip = [rows.slip for rows in known.contacts]
         if any(part.any() for part in slip):
@@ -264,7 +264,7 @@ def verify_result(result: ContactResult, tolerance: float | None = None) -> Veri
         remade = recomputed(result, fresh, tolerance)
         problem_check = _limit_check(
             "problem", problem_difference(result.solution.problem, remade.solution.problem), AGREEMENT,
-            "The algebraic problem that was solved, beside the problem discretised anew.",
+            "Difference of the stored algebraic problem from the problem discretised again.",
         )  # fmt: skip
         claims: dict[str, Any] = {}  # stays empty if a contact that the energies need is missing
         if result.has_state:
@@ -283,7 +283,7 @@ def verify_file(path: str | Path, tolerance: float | None = None) -> Verificatio
     archive, or has no problem, see `qvi_contact.files.archive.load_result`.
     """
     archive = Archive(path)
-    with np.errstate(all="ignore"):  # what is absurd fails by its numbers
+    with np.errstate(all="ignore"):  # infinities and NaN fail the checks
         result = result_from_archive(archive)
         intact = Check(
             "digest", "fits" if archive.intact else "does not", None, archive.intact,
@@ -328,7 +328,7 @@ def _rows(
     )  # fmt: skip
     yield _limit_check(
         "claimed scales", scales_difference(result.certificate, certificate), 1.0,
-        "Units of stress, displacement and energy by which the measures are divided: difference over what is allowed.",
+        "Units of stress, displacement and energy that divide the measures: largest difference over its tolerance.",
     )  # fmt: skip
     if not result.has_state:
         return
@@ -339,7 +339,7 @@ def _rows(
     change = np.abs(stored - bound) if np.shape(stored) == bound.shape else np.inf
     yield _limit_check(
         "friction bound", _largest([change / stress]), _BOUND_FACTOR * result.certificate.tolerance,
-        "Difference of the stored bound of |σ_T| and that of the pressure there, over the largest traction.",
+        "Difference of the stored friction bound from that of the computed pressure, over the largest traction.",
     )  # fmt: skip
     yield _limit_check(
         "prescribed resultants", missed_tractions(recomputed), AGREEMENT,
@@ -352,7 +352,7 @@ def _rows(
         yield _limit_check(
             "between points", excess / unit if excess else 0.0, _BOUND_FACTOR * tolerance,
             "Largest |σ_T| beyond the bound, or pull, seen along the contacts, over the largest traction.",
-            "Coefficients do not hold this law between the points: leave law_on out.",
+            "The law on edges does not hold between the points here: leave law_on out.",
         )  # fmt: skip
 
 
@@ -389,9 +389,9 @@ def _agreements(claims: Mapping[str, Any], recomputed: ContactResult) -> Iterato
         worst[label] = max(worst.get(label, (-1.0, "")), (difference(claimed, computed, unit, rounding), name))
     for label, (value, name) in worst.items():
         is_count = name.endswith(".state")
-        meaning = "Number of points whose state (open, stick, slip) is another one."
+        meaning = "Number of points whose state (open, stick, slip) differs."
         if not is_count:
-            meaning = "Stored fields of this group, beside those computed again."
+            meaning = "Largest relative difference of the stored fields of this group from the recomputed ones."
             meaning += f" The worst is {name}." if value > 0.0 else ""
         yield _limit_check(label, value, 0.0 if is_count else AGREEMENT, meaning)
 

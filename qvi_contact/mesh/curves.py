@@ -188,10 +188,12 @@ def bent_too_far(mesh: MeshParts) -> BoolArray:
     sides = mesh.bends[mesh.topology.of_cells]
     is_bent = np.asarray(sides.any(axis=2))
     for s, (a, b) in enumerate(EDGES):
-        cell, barycentric = np.flatnonzero(is_bent[:, s]), np.zeros((len(_CHECK_POINTS), 3))
-        barycentric[:, a], barycentric[:, b] = 1.0 - _CHECK_POINTS, _CHECK_POINTS
-        points, area_ratios = beyond_chords(mesh.vertices[mesh.cells[cell]], sides[cell], barycentric)
-        is_bent[cell, s] = (points[:, :, s].min(axis=1) < -_MAX_HEIGHT / 3.0) | (area_ratios.min(axis=1) < _MIN_AREA)
+        cell, reference = np.flatnonzero(is_bent[:, s]), np.zeros((len(_CHECK_POINTS), 3))
+        reference[:, a], reference[:, b] = 1.0 - _CHECK_POINTS, _CHECK_POINTS
+        barycentric, area_ratios = beyond_chords(mesh.vertices[mesh.cells[cell]], sides[cell], reference)
+        is_bent[cell, s] = (barycentric[:, :, s].min(axis=1) < -_MAX_HEIGHT / 3.0) | (
+            area_ratios.min(axis=1) < _MIN_AREA
+        )
     return is_bent
 
 

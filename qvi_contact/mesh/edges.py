@@ -76,7 +76,7 @@ class Topology:
         return np.flatnonzero(~self.boundary)
 
     def number(self, pairs: IntArray) -> IntArray:
-        """The edges between pairs of vertices (k, 2), in any order; −1 where there is none."""
+        """Numbers (k,) of the edges between pairs of vertices (k, 2), in any order; −1 for a pair without an edge."""
         sorted_pairs = np.sort(pairs, axis=1)
         keys = sorted_pairs[:, 0] * self.base + sorted_pairs[:, 1]
         position = np.minimum(self.keys.searchsorted(keys), len(self.keys) - 1)

@@ -507,7 +507,7 @@ class TriangleMesh(MeshParts, PicklesFields):
         return bary
 
     def same_as(self, other: object) -> bool:
-        """Whether the other mesh has the same vertices and triangles, whatever its edge sets are called."""
+        """Whether the other mesh has the same vertices, triangles and arcs; names do not matter."""
         if not isinstance(other, TriangleMesh):
             return False
         pairs = ((self.vertices, other.vertices), (self.cells, other.cells), (self.bends, other.bends))
@@ -535,7 +535,7 @@ class TriangleMesh(MeshParts, PicklesFields):
         return TriangleMesh(*cutting.fanned(self, vertices, angle, layers).given)
 
     def _vertices_at(self, places: FloatArray) -> IntArray:
-        """The vertices at places (k, 2); `InputError` if there is none, or an arc ends there."""
+        """The vertices at places (k, 2) [length]; `InputError` at a place without a vertex or at the end of an arc."""
         distance = np.hypot(*(places[:, None] - self.vertices).T)  # (n, k)
         nearest = np.asarray(np.argmin(distance, axis=0), dtype=np.int64)
         on_arc = np.isin(nearest, self.topology.ends[self.bends.any(axis=1)])
