@@ -73,10 +73,10 @@ def evaluate(name: str, field: Field, x: FloatArray, y: FloatArray, *, minimum: 
     if not callable(field):
         return np.full(np.shape(x), check_field(name, field, minimum=minimum))
     try:
-        found = real_array("value", field(x.copy(), y.copy()))
-        if found.size != 1 and found.shape != np.shape(x):  # NumPy would broadcast a row
-            raise ValueError(f"shape {found.shape} in place of {np.shape(x)}")
-        values = np.array(np.broadcast_to(found, np.shape(x)))
+        returned = real_array("value", field(x.copy(), y.copy()))
+        if returned.size != 1 and returned.shape != np.shape(x):  # NumPy would broadcast a row
+            raise ValueError(f"shape {returned.shape} in place of {np.shape(x)}")
+        values = np.array(np.broadcast_to(returned, np.shape(x)))
     except TimeoutError:  # of the caller's time limit
         raise
     except Exception as error:

@@ -352,9 +352,9 @@ class Key:
     """Quantity of the unit: "stress", "length", "force", "moment", "rotation", …; empty without a unit."""
 
 
-def key(**said: Any) -> dict[str, Any]:
+def key(**metadata: Any) -> dict[str, Any]:
     """The metadata of a field: entries of its `Key`; `kind` only if the type does not determine it."""
-    return {"key": said}
+    return {"key": metadata}
 
 
 def kind_of(hint: Any) -> Kind:

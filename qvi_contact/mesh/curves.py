@@ -55,13 +55,13 @@ class Curve:
         `InputError` if the mesh has no such edge, an edge is given twice, or `coefficients` is not one row of angles
         per edge. The field in the error begins with `name`.
         """
-        chosen, given = checked_set(name or "edges", self.edges, topology), np.asarray(self.edges)
-        bends = checked_bends(f"{name}.bends" if name else "bends", self.coefficients, len(given))
+        chosen, pairs = checked_set(name or "edges", self.edges, topology), np.asarray(self.edges)
+        bends = checked_bends(f"{name}.bends" if name else "bends", self.coefficients, len(pairs))
         if len(chosen) != len(bends):
             raise InputError(name or "edges", len(bends), "an edge is given twice: give each once")
-        is_reversed = given[:, 0] > given[:, 1]
+        is_reversed = pairs[:, 0] > pairs[:, 1]
         bends = np.where(is_reversed[:, None], reversed_bends(bends), bends)
-        return Curve(topology.ends[chosen], bends[np.argsort(topology.number(given))])
+        return Curve(topology.ends[chosen], bends[np.argsort(topology.number(pairs))])
 
 
 def checked_bends(field: str, given: ArrayLike, count: int) -> FloatArray:
@@ -190,10 +190,8 @@ def bent_too_far(mesh: MeshParts) -> BoolArray:
     for s, (a, b) in enumerate(EDGES):
         cell, reference = np.flatnonzero(is_bent[:, s]), np.zeros((len(_CHECK_POINTS), 3))
         reference[:, a], reference[:, b] = 1.0 - _CHECK_POINTS, _CHECK_POINTS
-        barycentric, area_ratios = beyond_chords(mesh.vertices[mesh.cells[cell]], sides[cell], reference)
-        is_bent[cell, s] = (barycentric[:, :, s].min(axis=1) < -_MAX_HEIGHT / 3.0) | (
-            area_ratios.min(axis=1) < _MIN_AREA
-        )
+        lam, areas = beyond_chords(mesh.vertices[mesh.cells[cell]], sides[cell], reference)
+        is_bent[cell, s] = (lam[:, :, s].min(axis=1) < -_MAX_HEIGHT / 3.0) | (areas.min(axis=1) < _MIN_AREA)
     return is_bent
 
 

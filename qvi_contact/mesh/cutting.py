@@ -346,8 +346,8 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     reach = _JOIN_DISTANCE * mesh.length
     radius = np.minimum(2.0 * reach, _MAX_ROUNDING * mesh.finest)
     one, two = in_circles(vertices, vertices, radius)
-    near = (own_piece[one] != own_piece[two]) & (np.hypot(*(vertices[one] - vertices[two]).T) <= radius[two])
-    merged = linked(one[near], two[near], len(vertices))
+    coincide = (own_piece[one] != own_piece[two]) & (np.hypot(*(vertices[one] - vertices[two]).T) <= radius[two])
+    merged = linked(one[coincide], two[coincide], len(vertices))
     _, first, new_number = np.unique(merged, return_index=True, return_inverse=True)
     # vertices of one piece inside boundary edges of another piece
     hanging, shares = hanging_vertices(vertices, topology, mesh.bends, reach)
@@ -361,8 +361,8 @@ def joined(mesh: MeshParts, name: str) -> MeshParts:
     order = np.lexsort((share, edge))
     edge, share, vertex = edge[order], share[order], vertex[order]
     # a vertex that two pieces have in the same place counts once; the end of an edge always stays
-    kept = np.append(True, (np.diff(edge) > 0) | (np.diff(vertex) != 0) | (share[1:] == 1.0))
-    edge, share, vertex = edge[kept], share[kept], vertex[kept]
+    is_kept = np.append(True, (np.diff(edge) > 0) | (np.diff(vertex) != 0) | (share[1:] == 1.0))
+    edge, share, vertex = edge[is_kept], share[is_kept], vertex[is_kept]
     # cut the triangles at these vertices; their edges are parts of the old ones, between neighbouring vertices
     new_cells, parent = _fans(new_number[cells], topology, edge, vertex)
     step = np.flatnonzero(edge[1:] == edge[:-1])[:, None] + [0, 1]

@@ -62,8 +62,8 @@ def read_mesh(path: str | Path) -> MeshParts:
         raise _refused(path, "is not plane: all points must have one coordinate z")
     for numbers in (mesh.cells, *mesh.edge_sets.values()):
         if ((numbers < 0) | (numbers >= len(mesh.vertices))).any():
-            held = f"(it has {len(mesh.vertices)})"
-            raise _refused(path, f"joins nodes that it does not hold {held}: write the mesh again")
+            n_nodes = f"(it has {len(mesh.vertices)})"
+            raise _refused(path, f"joins nodes that it does not hold {n_nodes}: write the mesh again")
     cells, parent = triangles_of(mesh.vertices[:, :2], mesh.cells)
     if len(cells) > _MAX_TRIANGLES:
         raise _refused(path, f"holds {len(cells)} triangles: give at most {_MAX_TRIANGLES}")
@@ -110,17 +110,17 @@ def _read(path: Path) -> MeshParts:
         raise _refused(path, f"cannot be read as {reader} ({reason}): write the mesh again") from error
 
 
-def _named_cells(found: Any) -> MeshParts:
+def _named_cells(file: Any) -> MeshParts:
     """The mesh that meshio read; its names are the groups of the families in a MED file."""
     lines = ("line", "line3")
-    kinds = sorted({block.type for block in found.cells} - {*_CORNERS, *lines, "vertex"})
+    kinds = sorted({block.type for block in file.cells} - {*_CORNERS, *lines, "vertex"})
     if kinds:
         raise InputError("mesh", kinds[0], f"holds cells of kind {kinds[0]!r}: give triangles and quadrilaterals only")
-    families, tags = getattr(found, "cell_tags", None) or {}, found.cell_data.get("cell_tags", ())
+    families, tags = getattr(file, "cell_tags", None) or {}, file.cell_data.get("cell_tags", ())
     edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
     for name, family in ((name, family) for family, names in families.items() for name in names):
         start = 0
-        for block, values in zip(found.cells, tags, strict=False):
+        for block, values in zip(file.cells, tags, strict=False):
             rows = np.flatnonzero(np.asarray(values) == family)
             if block.type in _CORNERS:
                 regions[name] = np.concatenate([regions.get(name, rows[:0]), start + rows])
@@ -129,7 +129,7 @@ def _named_cells(found: Any) -> MeshParts:
                 pairs = np.asarray(block.data[rows, :2], dtype=np.int64)
                 edge_sets[name] = np.concatenate([edge_sets.get(name, pairs[:0]), pairs])
     edge_sets, regions = ({n: parts for n, parts in each.items() if len(parts)} for each in (edge_sets, regions))
-    return MeshParts(np.asarray(found.points, dtype=float), corners_of(found.cells), edge_sets, regions)
+    return MeshParts(np.asarray(file.points, dtype=float), corners_of(file.cells), edge_sets, regions)
 
 
 def corners_of(blocks: Any) -> IntArray:

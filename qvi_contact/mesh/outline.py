@@ -141,10 +141,10 @@ def polygons(
             if kind == "regions":
                 areas[name] = polygon
     points = np.array([point("sizes", place) for place in given_sizes]).reshape(-1, 2)
-    own = np.array([positive_number(f"sizes[{place}]", value) for place, value in given_sizes.items()])
+    point_sizes = np.array([positive_number(f"sizes[{place}]", value) for place, value in given_sizes.items()])
     all_lines = Polygon(*map(np.concatenate, zip(*boundary, *inner, strict=True)))
     length = float(np.ptp(boundary[0].pieces, (0, 1)).max())
-    outline = Polygons(boundary, inner, areas, all_lines, points, own, size, length)
+    outline = Polygons(boundary, inner, areas, all_lines, points, point_sizes, size, length)
     _check_sizes(outline)
     _check_lines(outline)
     _check_inside(outline)
@@ -266,9 +266,9 @@ def _distances(points: FloatArray, line: Polygon) -> FloatArray:
     distance = np.hypot(*np.moveaxis(offset - t[:, :, None] * piece, 2, 0))
     first, last, arm = start - line.centres, stop - line.centres, points[:, None] - line.centres
     radius, turn = np.hypot(*first.T), np.sign(cross(first, last))
-    beside = (turn * cross(first, arm) >= 0.0) & (turn * cross(arm, last) >= 0.0)  # between the radii to both ends
-    beside &= radius < _MAX_RADIUS * np.hypot(*piece.T)
-    return np.asarray(np.where(beside, np.abs(np.hypot(*np.moveaxis(arm, 2, 0)) - radius), distance))
+    in_sector = (turn * cross(first, arm) >= 0.0) & (turn * cross(arm, last) >= 0.0)  # between the radii to both ends
+    in_sector &= radius < _MAX_RADIUS * np.hypot(*piece.T)
+    return np.asarray(np.where(in_sector, np.abs(np.hypot(*np.moveaxis(arm, 2, 0)) - radius), distance))
 
 
 def _checked_list(line: object) -> Sequence[Any]:
@@ -282,20 +282,11 @@ def _checked_list(line: object) -> Sequence[Any]:
 _LOCK: Final = Lock()
 _MIN_SINE: Final = 0.2  # of the smallest angle in triangles that `divided_corners` makes
 _OPTIONS: Final = {
-    "General.Terminal": 0,
-    "General.Verbosity": 0,
-    "General.AbortOnError": 2,
-    "General.NumThreads": 1,
-    "Geometry.Tolerance": 1e-10,
-    "Mesh.Algorithm": 6,  # frontal Delaunay
-    "Mesh.ElementOrder": 1,
-    "Mesh.MeshSizeFromPoints": 1,
-    "Mesh.MeshSizeFromCurvature": 0,
-    "Mesh.MeshSizeExtendFromBoundary": 1,
-    "Mesh.MeshSizeMin": 0.0,
-    "Mesh.MeshSizeFactor": 1.0,
-    "Mesh.RandomSeed": 1,
-}
+    "General.Terminal": 0, "General.Verbosity": 0, "General.AbortOnError": 2, "General.NumThreads": 1,
+    "Geometry.Tolerance": 1e-10, "Mesh.Algorithm": 6, "Mesh.ElementOrder": 1,  # algorithm 6: frontal Delaunay
+    "Mesh.MeshSizeFromPoints": 1, "Mesh.MeshSizeFromCurvature": 0, "Mesh.MeshSizeExtendFromBoundary": 1,
+    "Mesh.MeshSizeMin": 0.0, "Mesh.MeshSizeFactor": 1.0, "Mesh.RandomSeed": 1,
+}  # fmt: skip
 _LIBRARIES: Final = "apt-get install libgl1 libglu1-mesa libxcursor1 libxfixes3 libxft2 libxinerama1 libxrender1"
 
 

@@ -112,13 +112,13 @@ def edges_on_segment(
     """
     ends = np.array([start, stop], dtype=float)
     length = float(np.hypot(*(ends[1] - ends[0])))
-    near = _LINE_DISTANCE * float(np.ptp(vertices, axis=0).max())
-    if not length > near:
+    tolerance = _LINE_DISTANCE * float(np.ptp(vertices, axis=0).max())
+    if not length > tolerance:
         raise InputError("segment", [list(start), list(stop)], "give two different points")
     direction = (ends[1] - ends[0]) / length
     offset = vertices - ends[0]
     t, distance = offset @ direction, np.abs(offset @ np.array([-direction[1], direction[0]]))
-    on_line = (distance <= near) & (t >= -near) & (t <= length + near)
+    on_line = (distance <= tolerance) & (t >= -tolerance) & (t <= length + tolerance)
     pairs = _edges_between(topology, on_line, inside)
     chords, t_middle = vertices[pairs[:, 1]] - vertices[pairs[:, 0]], t[pairs].mean(axis=1)
     # vertices of tiny edges are always near the line
@@ -129,7 +129,7 @@ def edges_on_segment(
         raise InputError("segment", [list(start), list(stop)], f"no edge {where} lies on this line: correct its ends")
     for end in ends:
         distances = np.hypot(*(vertices[np.unique(pairs)] - end).T)
-        if distances.min() > near:
+        if distances.min() > tolerance:
             x, y = vertices[np.unique(pairs)[np.argmin(distances)]]
             remedy = f"must be a vertex where edges on this line end; the nearest one is ({x:.9g}, {y:.9g})"
             raise InputError("segment", end.tolist(), remedy)
@@ -138,8 +138,8 @@ def edges_on_segment(
 
 def edges_in_box(vertices: FloatArray, topology: Topology, x: Range, y: Range) -> IntArray:
     """Edges (k, 2) of the boundary whose two ends lie in ranges of x and y [length], by their vertices."""
-    low, high, near = _box(vertices, x, y)
-    is_inside = (vertices >= low - near) & (vertices <= high + near)
+    low, high, tolerance = _box(vertices, x, y)
+    is_inside = (vertices >= low - tolerance) & (vertices <= high + tolerance)
     pairs = _edges_between(topology, np.asarray(is_inside.all(axis=1)), False)
     if not len(pairs):
         raise InputError("box", {"x": x, "y": y}, "no edge of the boundary lies in this box: make it larger")
@@ -148,27 +148,28 @@ def edges_in_box(vertices: FloatArray, topology: Topology, x: Range, y: Range) -
 
 def triangles_in_box(vertices: FloatArray, cells: IntArray, x: Range, y: Range) -> IntArray:
     """Numbers (k,) of the triangles in ranges of x and y [length], the borders of which must be edges of the mesh."""
-    given = {name: bounds for name, bounds in (("x", x), ("y", y)) if bounds is not None}
-    low, high, near = _box(vertices, x, y)
+    ranges = {name: bounds for name, bounds in (("x", x), ("y", y)) if bounds is not None}
+    low, high, tolerance = _box(vertices, x, y)
     corners = vertices[cells]
-    centres = corners.mean(axis=1)  # decide for triangles smaller than `near`
-    is_inside = ((corners >= low - near) & (corners <= high + near)).all(axis=(1, 2))
+    centres = corners.mean(axis=1)  # decide for triangles smaller than the tolerance
+    is_inside = ((corners >= low - tolerance) & (corners <= high + tolerance)).all(axis=(1, 2))
     is_inside &= ((centres > low) & (centres < high)).all(axis=1)
     # a triangle and the box are apart if a side of one of them separates them
-    is_apart = ((corners.max(axis=1) <= low + near) | (corners.min(axis=1) >= high - near)).any(axis=1)
+    is_apart = ((corners.max(axis=1) <= low + tolerance) | (corners.min(axis=1) >= high - tolerance)).any(axis=1)
     for start, stop in ((0, 1), (1, 2), (2, 0)):
         side = corners[:, stop] - corners[:, start]
         normal = side[:, ::-1] * TURNED
         outward = np.sign(((corners[:, start] - centres) * normal).sum(axis=1))[:, None] * normal
-        box_corner = np.where(outward > 0.0, low + near, high - near)  # the first one in the direction outward
+        # the box corner that is first in the direction outward
+        box_corner = np.where(outward > 0.0, low + tolerance, high - tolerance)
         is_apart |= ((box_corner - corners[:, start]) * outward).sum(axis=1) >= 0.0
     is_cut = ~is_apart & ~is_inside
     if is_cut.any():
         around = place_of(vertices[cells[np.argmax(is_cut)]].mean(axis=0))
         remedy = f"cuts the triangle around {around}: give ranges that end on edges of the mesh"
-        raise InputError("region", given, remedy)
+        raise InputError("region", ranges, remedy)
     if not is_inside.any():
-        raise InputError("region", given, "no triangle lies in this range: make it larger")
+        raise InputError("region", ranges, "no triangle lies in this range: make it larger")
     return np.flatnonzero(is_inside)
 
 
@@ -201,11 +202,11 @@ def _edges_between(topology: Topology, chosen: BoolArray, inside: bool) -> IntAr
 def _box(vertices: FloatArray, x: Range, y: Range) -> tuple[FloatArray, FloatArray, float]:
     """Lower left and upper right corner (2,) of the box of two ranges, and the distance that is on its border."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    near = _LINE_DISTANCE * float((high - low).max())
+    tolerance = _LINE_DISTANCE * float((high - low).max())
     for axis, bounds in enumerate((x, y)):
         if bounds is not None:
             ends = real_array("range", bounds, "give a pair of numbers")
             if ends.shape != (2,) or not ends[0] < ends[1]:
                 raise InputError("range", bounds, "give two numbers, the smaller end first")
             low[axis], high[axis] = ends
-    return low, high, near
+    return low, high, tolerance

@@ -198,14 +198,14 @@ class ContactProblem(PicklesFields):
         for condition in self.conditions:
             if isinstance(condition, Contact):
                 continue
-            given: dict[tuple[Any, str], Field]
+            data: dict[tuple[Any, str], Field]
             if isinstance(condition, Symmetry):
-                given = {(Traction, "tangential"): 0.0, (Displacement, "normal"): 0.0}
+                data = {(Traction, "tangential"): 0.0, (Displacement, "normal"): 0.0}
             else:
-                given = {(type(condition), name): value for name, value in components(condition).items()}
+                data = {(type(condition), name): value for name, value in components(condition).items()}
             title, edges = type(condition).__name__, self.mesh.edges(condition.edges)
             index = self.mesh.topology.outer.searchsorted(edges.number)
-            for (kind, name), value in given.items():
+            for (kind, name), value in data.items():
                 direction = direction_of(name, edges)
                 description = f"{title}.{name}", index, edges, direction, name in LOCAL, value
                 prescribed[kind].append(Prescribed(condition, *description))
