@@ -147,16 +147,18 @@ def triangles_of(points: FloatArray, cells: IntArray) -> tuple[IntArray, IntArra
     quads = cells[:, 3] != cells[:, 2]
     if not quads.any():
         return cells[:, :3], np.arange(len(cells))
+    # corners of the body: both sides there belong to one cell only
     pairs = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=2), axis=2)
     keys = pairs[..., 0] * len(points) + pairs[..., 1]
     _, number, count = np.unique(keys, return_inverse=True, return_counts=True)
     on_boundary = (count == 1)[number].reshape(keys.shape)  # sides ab, bc, cd, da
-    in_corner = on_boundary & np.roll(on_boundary, 1, axis=1)  # corners a, b, c, d of the body
+    in_corner = on_boundary & np.roll(on_boundary, 1, axis=1)  # at a, b, c, d
     a, b, c, d = points[cells].swapaxes(0, 1)
     least = []  # 2 × area of the smaller triangle for diagonal ac, bd; −1 if the diagonal lies outside
     for first_half, second_half in (((a, b, c), (a, c, d)), ((a, b, d), (b, c, d))):
         area_1, area_2 = (cross(q - p, r - p) for p, q, r in (first_half, second_half))
         least.append(np.where(area_1 * area_2 > 0.0, np.minimum(np.abs(area_1), np.abs(area_2)), -1.0))
+    # take diagonal bd instead of ac if it runs into more corners of the body, else by the areas
     b_larger = least[1] > least[0] * (1.0 + _AREA_TOLERANCE)
     corners_bd = in_corner[:, [1, 3]].sum(axis=1) - in_corner[:, [0, 2]].sum(axis=1)
     from_b = np.where((least[0] > 0.0) & (least[1] > 0.0) & (corners_bd != 0), corners_bd > 0, b_larger)[:, None]

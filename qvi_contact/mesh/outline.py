@@ -342,6 +342,7 @@ def _session(gmsh: Any) -> Iterator[None]:
 def _gmsh_mesh(gmsh: Any, shape: Polygons) -> MeshParts:
     """See `meshed`; gmsh has absolute tolerances, so the body is scaled to a length of about 1 by a power of two."""
     occ, unit = gmsh.model.occ, 2.0 ** -round(np.log2(shape.length))
+    # the geometry: a surface with holes, cut by the inner lines and by points with sizes
     outer = [_drawn_lines(occ, polygon, unit) for polygon in shape.boundary]
     surfaces = [(2, occ.addPlaneSurface([occ.addCurveLoop(lines) for lines in outer]))]
     cuts = [(1, line) for polygon in shape.inner for line in _drawn_lines(occ, polygon, unit)]
@@ -358,16 +359,18 @@ def _gmsh_mesh(gmsh: Any, shape: Polygons) -> MeshParts:
         nodes = gmsh.model.mesh.getElementsByType(dimension, tag)[1]
         return np.asarray(nodes, dtype=np.int64).reshape(-1, dimension + 1)
 
+    # triangles, surface by surface, and their vertices, numbered anew from 0
     parts = [elements(2, tag) for _, tag in sorted(surfaces)]
     cells, surface = np.concatenate(parts), np.repeat(np.arange(len(parts)), list(map(len, parts)))
     used = np.flatnonzero(np.isin(tags, cells))
     vertex = np.full(int(tags.max()) + 1, -1)
     vertex[tags[used].astype(np.int64)] = np.arange(len(used))
     vertices = np.asarray(coordinates, dtype=float).reshape(-1, 3)[used, :2] / unit
+    # names and circles of the edges on gmsh's curves; a curve is on the pieces on which its ends and its middle are
     pieces, names, _, centres = shape.every
     pairs_by_name, radii = {name: list[IntArray]() for name in names if name}, np.hypot(*(pieces[:, 0] - centres).T)
     circles, line_pairs = dict[tuple[float, float, float], list[IntArray]](), list[IntArray]()
-    for _, tag in gmsh.model.getEntities(1):  # a curve is on the pieces on which its ends and its middle are
+    for _, tag in gmsh.model.getEntities(1):
         places = [gmsh.model.getValue(0, abs(end), [])[:2] for _, end in gmsh.model.getBoundary([(1, tag)])]
         places.append(gmsh.model.getValue(1, tag, np.mean(gmsh.model.getParametrizationBounds(1, tag), axis=0))[:2])
         distances = _distances(np.array(places) / unit, shape.every)
@@ -376,18 +379,18 @@ def _gmsh_mesh(gmsh: Any, shape: Polygons) -> MeshParts:
         line_pairs.append(pairs)
         for name in {*names[on]} - {""}:
             pairs_by_name[name].append(pairs)
-        arcs_there = on[np.isfinite(radii[on])]
-        if len(arcs_there) and (pairs >= 0).all():
-            key = *centres[arcs_there[0]].tolist(), float(np.round(unit * radii[arcs_there[0]], 12)) / unit
+        on_arcs = on[np.isfinite(radii[on])]
+        if len(on_arcs) and (pairs >= 0).all():
+            key = *centres[on_arcs[0]].tolist(), float(np.round(unit * radii[on_arcs[0]], 12)) / unit
             circles.setdefault(key, []).append(pairs)
-    edge_sets = {name: np.concatenate(pairs_there) for name, pairs_there in pairs_by_name.items() if pairs_there}
-    for name, pairs_there in edge_sets.items():
-        if (pairs_there < 0).any():
+    edge_sets = {name: np.concatenate(all_pairs) for name, all_pairs in pairs_by_name.items() if all_pairs}
+    for name, all_pairs in edge_sets.items():
+        if (all_pairs < 0).any():
             remedy = "this inner line leaves the body: end it on the boundary or inside"
             raise InputError(f"joints.{name}", name, remedy)
     arcs = [
-        circle((x, y), radius, np.concatenate(pairs_there), vertices, "TriangleMesh.arcs.")
-        for (x, y, radius), pairs_there in circles.items()
+        circle((x, y), radius, np.concatenate(all_pairs), vertices, "TriangleMesh.arcs.")
+        for (x, y, radius), all_pairs in circles.items()
     ]
     cells = divided_corners(vertices, vertex[cells], np.concatenate(line_pairs))
     # most of a surface's area decides whether it is in a region: a triangle at an arc may have its centre beyond it
