@@ -154,7 +154,7 @@ class EdgeQuadrature:
     t: FloatArray
     weights: FloatArray
     values: FloatArray  # (k, q): the function
-    error: float  # bound of the integration error of the parts that were left unresolved
+    error: float  # estimated integral of the error on parts that were left unresolved
 
     @classmethod
     def joined(cls, functions: "Sequence[EdgeQuadrature]") -> "EdgeQuadrature":

@@ -56,9 +56,9 @@ class HsiehCloughTocher:
 
     def __init__(self, degree: int) -> None:
         self.degree, self.traction_degree = degree, degree - 2  # p of Φ; p − 2 of σ_N and σ_T on an edge
-        self.dimension = 3 * (degree**2 - degree + 2) // 2  # numbers of functions: all, those of one edge,
-        self.on_edge = 2 * degree - 5  # those of corners and edges together, and interior ones
-        self.shared = 9 + 3 * self.on_edge
+        self.dimension = 3 * (degree**2 - degree + 2) // 2  # number of functions
+        self.on_edge = 2 * degree - 5  # those of one edge
+        self.shared = 9 + 3 * self.on_edge  # those of all corners and edges
         self.interior = self.dimension - self.shared
         # order for condensation; without corner 0, whose values become zero by adding an affine Φ, which has no stress
         self.interior_first = np.concatenate([np.arange(self.shared, self.dimension), np.arange(3, self.shared)])

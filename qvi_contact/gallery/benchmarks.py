@@ -146,9 +146,8 @@ def loaded_pin(sectors: int = 16, friction: float = 0.1) -> ContactProblem:
 
 def _with_load(mesh: TriangleMesh, half: float) -> TriangleMesh:
     """The mesh with the part |x| < half of the line y = 0 called "load", and the rest of it "axis"."""
-    return mesh.with_edges("load", lambda x, y: (y == 0.0) & (np.abs(x) < half)).with_edges(
-        "axis", lambda x, y: (y == 0.0) & (np.abs(x) > half)
-    )
+    mesh = mesh.with_edges("load", lambda x, y: (y == 0.0) & (np.abs(x) < half))
+    return mesh.with_edges("axis", lambda x, y: (y == 0.0) & (np.abs(x) > half))
 
 
 def _load_conditions(force: float, half: float) -> list[Condition]:

@@ -123,7 +123,7 @@ class RigidMotion:
     rotation: float
     """Rotation, counterclockwise [rad]."""
     centre: tuple[float, float]
-    """The point that rotates in place [length]: u(centre) is the translation."""
+    """Centre of the rotation [length]; u(centre) is the translation."""
 
     def at(self, points: FloatArray) -> FloatArray:
         """Displacements of points (..., 2) [length]."""
