@@ -134,7 +134,7 @@ class HsiehCloughTocher:
         return functions, self._gradients @ functions, self._hessians @ functions
 
     def _weighted(self, functions: FloatArray) -> FloatArray:
-        """Second derivatives (xx, yy, xy) × √weight at quadrature points of the reference triangle, (3, q, dimension)."""
+        """Second derivatives (xx, yy, xy) × √weight at points of the reference triangle, (3, q, dimension)."""
         points, weights = quadrature(2 * self.degree - 4)
         values = bernstein(self.degree - 2, points) * np.sqrt(_AREA / 3.0 * weights)[:, None]
         derivatives = np.moveaxis(values @ (self._hessians @ functions[:, None]), 1, 0)
