@@ -1,10 +1,10 @@
 """Frictional contact computed from the stress side.
 
-A plane elastic body is described by an Airy stress function on C1 triangles, so every computed stress is
-in equilibrium; contact with Coulomb friction is then a quasi-variational inequality for the stress, solved as one
-complementarity problem on the contact or as a sequence of convex programs, and certified on the original data.
+A plane elastic body is described by an Airy stress function on C1 triangles, so every computed stress is in
+equilibrium. Contact with Coulomb friction is then a quasi-variational inequality for the stress. It is solved as one
+complementarity problem on the contact, or as a sequence of convex programs, and certified on the original data.
 
-Names are loaded on first use, so that importing the package, or asking the command line for help, costs nothing.
+Names are loaded on first use, so that importing the package and asking the command line for help are quick.
 """
 
 from importlib import import_module
@@ -68,7 +68,7 @@ _HOMES = {
     "solution.sweep": "StoredSweep, Sweep, SweepRow, read_sweep, solve_sweep",
     "verification": "verify_result",
 }
-"""By module the names that come from it."""
+"""Public names by the module that defines them."""
 
 __all__ = [
     "BodyForces", "Branches", "Contact", "ContactLine", "ContactProblem", "ContactResult", "ContactState", "Corner",
@@ -86,8 +86,8 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     for home, names in _HOMES.items():
         if name in names.split(", "):
-            found = globals()[name] = getattr(import_module(f"{__name__}.{home}"), name)
-            return found
+            value = globals()[name] = getattr(import_module(f"{__name__}.{home}"), name)
+            return value
     from qvi_contact.errors import refuse_retired
 
     refuse_retired(name)

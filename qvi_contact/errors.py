@@ -1,8 +1,7 @@
-"""The project's exceptions, as users of the mechanics package import them.
+"""The project's exceptions; names of version 0.1 that were retired, each with its replacement.
 
-The tree has one root, `QVIError`, which lives in the lowest package so that every layer can raise from it. This is also
-the first module that needs the package `solvers`, a name that a file of the user's may have taken. Names of version 0.1
-that are gone are refused here, each with what to do instead.
+All exceptions derive from `QVIError` of the package `solvers`. This module is the first to import that package, so it
+also explains the error if a file of the user is called `solvers`.
 """
 
 import sys
@@ -37,23 +36,23 @@ RETIRED: Final = {
     "exact": "was retired in version 0.2: its states are in qvi_contact.gallery",
     "stream_sweep": "was retired in version 0.2: call solve_sweep(problem, parameter, values, of, store=FILE)",
 }
-"""By name of what could be imported, called or given."""
+"""Retired names of classes, methods, arguments and options, and the remedy for each."""
 
 
 def place_of(point: Iterable[float]) -> str:
-    """A point (x, y) as messages show it, with nine digits."""
+    """The text of a point (x, y) in messages, with nine digits."""
     x, y = map(float, point)
     return f"({x:.9g}, {y:.9g})"
 
 
 def refuse_retired(name: str) -> None:
-    """`InputError` with what to do instead if this name was retired."""
+    """`InputError` with the remedy if this name was retired."""
     if name in RETIRED:
         raise InputError("name", name, RETIRED[name])
 
 
 def refuse_arguments(given: Mapping[str, Any], known: Sequence[str]) -> None:
-    """`InputError` with what to do instead for an argument that was retired, or is none of those known."""
+    """`InputError` with the remedy for an argument that was retired or is not known."""
     for name, value in given.items():
         remedy = nearest_first(name, known, f"the options here are {', '.join(known)}")
         raise InputError(name, value, RETIRED.get(name, remedy))

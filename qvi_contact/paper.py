@@ -1,6 +1,6 @@
 """The plate between two rough rigid plates of Więckowski (1992), section 5, as the algebraic problem (D2).
 
-To be read beside the paper. For bodies of your own take `qvi_contact.solve`, whose triangles are far closer for
+This module follows the paper. For your own bodies take `qvi_contact.solve`: its triangles are far more accurate with
 the same number of unknowns.
 
 The quarter [0, a] × [0, h] has symmetry on x = 0 and y = 0, a free side x = a, and contact on y = h with a rigid plate
@@ -9,18 +9,18 @@ forces:
 
     σ_xx = Φ_yy,    σ_yy = Φ_xx,    σ_xy = −Φ_xy.
 
-Where the paper takes Lagrange multipliers for tractions on Γ_σ, degrees of freedom are left out. On the free side Φ is
-affine, and an affine function is no stress, (3.2): it is taken as zero. Zero shear stress on the two symmetry lines
-leaves Φ_y and Φ_x constant there:
+The paper imposes the tractions on Γ_σ by Lagrange multipliers; here degrees of freedom are eliminated instead. On the
+free side Φ is affine. An affine function has no stress, (3.2), so Φ is set to zero there. Zero shear stress on the two
+symmetry lines makes Φ_y and Φ_x constant there:
 
     x = a:  Φ = Φ_x = 0          y = 0:  Φ_y = 0          x = 0:  Φ_x = P/2, one unknown.
 
-In the corner of contact and free side the shear stress is therefore zero.
+Therefore the shear stress is zero in the corner between the contact and the free side.
 
 The element is that of Bogner, Fox and Schmit, (3.7): cubic in x times cubic in y, with a continuous gradient. An Airy
 function of these elements on a grid is Φ(x, y) = Σ u_JI H_J(y) H_I(x), a product of cubic splines: H_I with I = 2i is
-one at the line x_i, with I = 2i + 1 it has a slope there, and both are zero on all other lines. So what is computed of
-Φ anywhere is a Kronecker product of two matrices of one variable.
+one at the line x_i, with I = 2i + 1 it has a slope there, and both are zero on all other lines. So a derivative of Φ at
+points of a grid is a Kronecker product of two matrices of one variable, applied to u.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ _COMPONENTS = ((0, 2, 1.0), (2, 0, 1.0), (1, 1, -1.0))
 _EPSILON = float(np.finfo(float).eps)
 
 GAUSS_POINTS, GAUSS_WEIGHTS = gauss_legendre(4)
-"""Four on [0, 1]: exact for the energy, and where the paper checks the friction law on the side of an element."""
+"""Four Gauss points on [0, 1]: exact for the energy; the paper imposes the friction law at these points of an edge."""
 
-# in powers of t, columns: value at 0, slope at 0, value at 1, slope at 1
+# coefficients of powers of t (rows) for: value at 0, slope at 0, value at 1, slope at 1 (columns)
 _HERMITE: Final = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-3.0, -2.0, 3.0, -1.0], [2.0, 1.0, -2.0, 1.0]])
 
 
@@ -58,8 +58,8 @@ _HERMITE: Final = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-3.0, -
 class Spline:
     """Cubic Hermite functions of one coordinate on grid lines.
 
-    The degrees of freedom are Φ and s Φ' at every line, where s is the geometric mean of the two cells beside it, so
-    that all have one unit and matrices of fine grids keep their digits.
+    The degrees of freedom are Φ and s Φ' at every line, where s is the geometric mean of the sizes of the two cells at
+    the line. So all have the same unit, and the matrices of fine grids keep their digits.
     """
 
     lines: FloatArray
@@ -108,9 +108,9 @@ def plate(
 ) -> QuarterPlate:
     """The quarter plate on a grid; the defaults are the paper's data, in MPa and a length of 1.
 
-    Parameters are those of `qvi_contact.gallery.compressed_plate`, the same plate on triangles. Friction is a number
-    here, cells are elements, and plane strain with ν = 0.5 is refused. The paper calls U the relative translation of
-    the two plates, but its forces are those of this U: P/2 = E U at μ = 0.
+    The parameters are those of `qvi_contact.gallery.compressed_plate`, the same plate on triangles, but the friction is
+    a number, cells are elements, and plane strain with ν = 0.5 is an `InputError`. The paper calls U the relative
+    translation of the two plates, but its forces belong to the U of the quarter: P/2 = E U at μ = 0.
     """
     mu, U = finite_number("friction", friction), positive_number("displacement", displacement)
     check_field("friction", mu, minimum=0.0)
@@ -123,30 +123,30 @@ def plate(
 
 @dataclass(frozen=True, eq=False)
 class QuarterPlate:
-    """The plate on grid lines, its algebraic problem, and the forces and stresses of an answer z (n,) of that.
+    """The plate on grid lines, its algebraic problem, and forces and stresses from a solution z (n,) of the problem.
 
-    Lengths are divided by L = max(a, h), stresses by S = U / (c11 L), displacements by U. Where z is NaN (there is no
-    answer) forces and stresses are.
+    Lengths are divided by L = max(a, h), stresses by S = U / (c11 L), displacements by U. If z is NaN, as without a
+    solution, forces and stresses are NaN.
     """
 
     x: FloatArray
     y: FloatArray
     """Grid lines [length], from 0 to a and to h, shape (nx + 1,) and (ny + 1,)."""
     material: Material
-    """E, ν and the plane state."""
+    """Material with E, ν and the plane state."""
     friction: float
-    """μ [-]."""
+    """Coefficient of friction μ."""
     displacement: float
-    """U [length]."""
+    """Displacement U of the plate [length]."""
 
     @property
     def length_unit(self) -> float:
-        """L [length]."""
+        """Unit of length L [length]."""
         return float(max(self.x[-1], self.y[-1]))
 
     @property
     def stress_unit(self) -> float:
-        """S = U / (c11 L) [stress]."""
+        """Unit of stress S = U / (c11 L) [stress]."""
         return self.displacement / (float(self.material.compliance[0, 0]) * self.length_unit)
 
     @cached_property
@@ -158,24 +158,24 @@ class QuarterPlate:
         """
         sizes = self._splines[0].sizes
         weights, edges = np.outer(sizes, GAUSS_WEIGHTS).ravel(), sparse.eye_array(len(sizes))
-        places = lobatto_points(1), lobatto_points(2)  # of an edge, whose σ_N and σ_T give those along it
-        told = sparse.vstack([self._contact(t, component) for component, t in enumerate(places, start=1)])
-        parts = [np.vander(GAUSS_POINTS, len(t)) @ np.linalg.inv(np.vander(t)) for t in places]
-        traces = TractionFactor(sparse.csc_array(told), sparse.block_diag([sparse.kron(edges, each) for each in parts]))
+        points = lobatto_points(1), lobatto_points(2)  # of an edge: σ_N is linear, σ_T quadratic
+        nodal = sparse.vstack([self._contact(t, component) for component, t in enumerate(points, start=1)])
+        maps = [np.vander(GAUSS_POINTS, len(t)) @ np.linalg.inv(np.vander(t)) for t in points]
+        traces = TractionFactor(sparse.csc_array(nodal), sparse.block_diag([sparse.kron(edges, each) for each in maps]))
         normal, shear = (sparse.csc_array(self._contact(GAUSS_POINTS, component)) for component in (1, 2))
-        load, nothing = -(normal.T @ weights), 0.0 * weights
+        load, zero = -(normal.T @ weights), 0.0 * weights
         return FrictionQVI.from_arrays(
-            K=sparse.csc_array(self._root.R.T @ self._root.R), f=load, N=normal, n0=nothing, T=shear, t0=nothing,
+            K=sparse.csc_array(self._root.R.T @ self._root.R), f=load, N=normal, n0=zero, T=shear, t0=zero,
             mu=np.full(len(weights), self.friction), W=weights, root=self._root, load=load, traces=traces,
         )  # fmt: skip
 
     def force(self, z: FloatArray) -> float:
-        """P/2 = −∫ σ_N ds over the contact [force per thickness]; Table 1 prints it."""
+        """P/2 = −∫ σ_N ds over the contact [stress × length]; Table 1 prints it."""
         unit = self.stress_unit * self.length_unit
         return -unit * float(self.qvi.W @ self.qvi.normal(z))
 
     def tractions(self, z: FloatArray, t: FloatArray = GAUSS_POINTS) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(x, σ_N, σ_T) at the points t (q,) in [0, 1] of every edge of the contact, shape (nx, q) each.
+        """Arrays x, σ_N, σ_T at the points t (q,) in [0, 1] of every edge of the contact, shape (nx, q) each.
 
         Lengths and stresses are in the units of the data. σ_N is linear and σ_T quadratic on an edge; σ_T acts on the
         body along +x.
@@ -185,9 +185,9 @@ class QuarterPlate:
         return x, self.stress_unit * normal, self.stress_unit * shear
 
     def excess_between_points(self, z: FloatArray) -> float:
-        """The largest |σ_T| + μσ_N anywhere on the contact [stress], where that is positive, else 0.
+        """The largest |σ_T| + μσ_N on the whole contact [stress], at least 0.
 
-        The friction law (1.6) holds at four points of every edge only. Between them the quadratic ±σ_T + μσ_N has its
+        The friction law (1.6) holds only at four points of every edge. The quadratic ±σ_T + μσ_N of an edge has its
         maximum at an end, or where its slope is zero.
         """
         _, normal, shear = self.tractions(z, lobatto_points(2))
@@ -196,62 +196,62 @@ class QuarterPlate:
         return max(0.0, *(float(values.max()) for values in largest))
 
     def stress(self, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(x, y, σ) at the 4 × 4 Gauss points of each element, shapes (m,), (m,), (m, 3) with xx, yy, xy.
+        """Arrays x, y, σ at the 4 × 4 Gauss points of each element, shapes (m,), (m,), (m, 3) with xx, yy, xy.
 
-        Lengths and stresses are in the units of the data; points go along x first, m = 16 nx ny.
+        Lengths and stresses are in the units of the data; x runs first in the order of the m = 16 nx ny points.
         """
         x, y = np.meshgrid(*(spline.points(GAUSS_POINTS).ravel() for spline in self._splines))
         sigma = np.stack([rows @ z for rows in self._stress_rows()], axis=1)
         return x.ravel() * self.length_unit, y.ravel() * self.length_unit, sigma * self.stress_unit
 
     def principal_stress(self, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(σ₁, σ₂, angle) at the same points, σ₁ ≥ σ₂, shape (m,) each; the angle [rad] of σ₁ from the x axis.
+        """Principal stresses σ₁ ≥ σ₂ and the angle [rad] of σ₁ from the x-axis at the points of `stress`, (m,) each.
 
-        Figures 2-5 draw them, and print the largest |σ₁|, |σ₂|.
+        Figures 2-5 show them and print the largest |σ₁|, |σ₂|.
         """
         return principal_stresses(self.stress(z)[2])
 
     @cached_property
     def _splines(self) -> tuple[Spline, Spline]:
-        """Along x and along y."""
+        """The splines along x and along y."""
         return Spline(self.x / self.length_unit), Spline(self.y / self.length_unit)
 
     @cached_property
     def _basis(self) -> sparse.csr_array:
-        """Return B of u = B z: all degrees of freedom from those left, J = 2j + r of y before I = 2i + p of x."""
+        """Matrix B with u = B z: all degrees of freedom u_JI, I = 2i + p of x running first, from the free ones z."""
         rows, columns = 2 * len(self.y), 2 * len(self.x)
         free = np.ones((rows, columns), dtype=bool)
         free[:, -2:] = False  # x = a: Φ = Φ_x = 0 and so Φ_y = Φ_xy = 0
         free[1, :] = False  # y = 0: Φ_y = Φ_xy = 0
         free[:, 1] = False  # x = 0: Φ_xy = 0, and Φ_x is one number
-        kept = np.flatnonzero(free)
+        free_dofs = np.flatnonzero(free)
         on_axis = np.ravel_multi_index((np.arange(0, rows, 2), np.ones(len(self.y), dtype=int)), free.shape)
-        column = np.concatenate([np.arange(len(kept)), np.full(len(on_axis), len(kept))])
-        places = (np.concatenate([kept, on_axis]), column)
-        return sparse.csr_array((np.ones(len(column)), places), shape=(free.size, len(kept) + 1))
+        column = np.concatenate([np.arange(len(free_dofs)), np.full(len(on_axis), len(free_dofs))])
+        positions = (np.concatenate([free_dofs, on_axis]), column)
+        return sparse.csr_array((np.ones(len(column)), positions), shape=(free.size, len(free_dofs) + 1))
 
     def _stress_rows(self) -> list[sparse.csr_array]:
-        """σ_xx, σ_yy, σ_xy at all Gauss points from z, (m, n) each, dimensionless."""
-        (along_x, along_y), found = self._splines, []
+        """Matrices (m, n) from z to σ_xx, σ_yy, σ_xy at all Gauss points, dimensionless."""
+        (along_x, along_y), all_rows = self._splines, []
         for in_x, in_y, factor in _COMPONENTS:
             rows = sparse.kron(along_y.matrix(GAUSS_POINTS, in_y), along_x.matrix(GAUSS_POINTS, in_x))
-            found.append(sparse.csr_array(factor * rows) @ self._basis)
-        return found
+            all_rows.append(sparse.csr_array(factor * rows) @ self._basis)
+        return all_rows
 
     @cached_property
     def _root(self) -> StressRoot:
-        """The stresses at all Gauss points, weighted so that half the square of their norm is the energy."""
-        across, up = (np.outer(each.sizes, GAUSS_WEIGHTS).ravel() for each in self._splines)
-        weights = np.kron(up, across)
+        """Matrix R from z to weighted stresses at all Gauss points, with |R z|²/2 as the energy."""
+        x_weights, y_weights = (np.outer(each.sizes, GAUSS_WEIGHTS).ravel() for each in self._splines)
+        weights = np.kron(y_weights, x_weights)
         compliance = self.material.compliance / self.material.compliance[0, 0]
-        triangle = np.linalg.cholesky(compliance)  # c = L Lᵀ, and rows of Lᵀ σ
+        factor = np.linalg.cholesky(compliance)  # c = L Lᵀ, and rows of Lᵀ σ
         stress = self._stress_rows()
-        parts = [sum(triangle[c, k] * stress[c] for c in range(3) if triangle[c, k] != 0.0) for k in range(3)]
+        parts = [sum(factor[c, k] * stress[c] for c in range(3) if factor[c, k] != 0.0) for k in range(3)]
         R = sparse.diags_array(np.tile(np.sqrt(weights), 3)) @ sparse.vstack(parts)
         return StressRoot(sparse.csr_array(R))
 
     def _contact(self, t: FloatArray, component: int) -> sparse.csr_array:
-        """Rows of a stress on y = h at the points t (q,) of every edge, shape (nx q, n), dimensionless."""
+        """Matrix (nx q, n) from z to a stress on y = h at the points t (q,) of every edge, dimensionless."""
         in_x, in_y, factor = _COMPONENTS[component]
         along_x, along_y = self._splines
         top = along_y.matrix(np.ones(1), in_y)[[-1]]
@@ -260,10 +260,10 @@ class QuarterPlate:
 
 @dataclass(frozen=True, eq=False)
 class StressRoot:
-    """R with RᵀR = K: gradients of the energy through stresses are closer than through the assembled K."""
+    """R with RᵀR = K: the gradient Rᵀ(R z) has smaller rounding errors than K z."""
 
     R: sparse.csr_array
-    """Weighted stresses, shape (r, n)."""
+    """Matrix from z to weighted stresses, shape (r, n)."""
 
     def apply(self, z: FloatArray) -> FloatArray:
         """R z (r,)."""
@@ -274,5 +274,5 @@ class StressRoot:
         return np.asarray(self.R.T @ r)
 
     def rounding(self, z: FloatArray) -> float:
-        """Error of R z that the rounding of z may cause, a norm."""
+        """Norm of the error of R z from the rounding of z."""
         return _EPSILON * float(np.linalg.norm(abs(self.R) @ np.abs(z)))

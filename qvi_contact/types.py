@@ -1,4 +1,4 @@
-"""Names of the types in public signatures, for code of your own that is typed.
+"""Names of the types in public signatures, for your own typed code.
 
 from qvi_contact.types import Field, Law
 

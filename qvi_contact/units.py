@@ -1,4 +1,4 @@
-"""How numbers are shown to people: the names of their units, as nothing is ever converted; rounding as 0; certainty."""
+"""How numbers are shown: names of their units, which are never converted; rounding as 0; certainty of bounds."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -14,15 +14,15 @@ _FORCES: Final = {
     ("GPa", "m"): "GN/m", ("MPa", "mm"): "N/mm", ("N/mm²", "mm"): "N/mm", ("GPa", "mm"): "kN/mm",
     ("kN/mm²", "mm"): "kN/mm", ("psi", "in"): "lbf/in", ("ksi", "in"): "kip/in",
 }  # fmt: skip
-"""Forces a unit of thickness by the units of stress and length, where their product has a name."""
+"""Unit of forces per unit of thickness by the units of stress and length, if their product has a name."""
 
 _NUMBER: Final = re.compile(r"(?<=\d )\[(length|stress|stress × length)\]")
-"""What stands behind a number in a sentence whose author does not know the user's units."""
+"""A dimension after a number, in sentences that are written without the user's units."""
 
 
 @dataclass(frozen=True)
 class Units:
-    """What the user's numbers are measured in: labels for pictures and files.
+    """The units of the user's numbers: labels for pictures and files.
 
     `InputError` if a label is not a non-empty text of one line.
     """
@@ -36,7 +36,7 @@ class Units:
 
     @classmethod
     def labels(cls, units: object, quantities: Mapping[str, str]) -> dict[str, str]:
-        """Name → unit, of names and the quantity that each is; none where no units are given."""
+        """Unit by name, from the quantity of each name; empty without units."""
         if units is None:
             return {}
         if not isinstance(units, cls):
@@ -57,12 +57,12 @@ class Units:
 
     @property
     def force(self) -> str:
-        """Unit of forces a unit of thickness as engineers write it: N/mm for MPa and mm; else stress × length."""
+        """Unit of forces per unit of thickness: N/mm for MPa and mm; else stress × length."""
         return _FORCES.get((self.stress, self.length), f"{self.stress} {self.length}")
 
     @property
     def moment(self) -> str:
-        """Unit of moments a unit of thickness, and of energies: N mm/mm for MPa and mm; else stress × length²."""
+        """Unit of moments per unit of thickness, and of energies: N mm/mm for MPa and mm; else stress × length²."""
         force = _FORCES.get((self.stress, self.length))
         return self.airy if force is None else f"{force.split('/')[0]} {self.length}/{self.length}"
 
@@ -79,41 +79,41 @@ class Units:
         return f"{self.stress} {self.length}²"
 
     def filled(self, sentence: str) -> str:
-        """A sentence about a result with its numbers in these units: "0.2 MPa" for "0.2 [stress]".
+        """A sentence about a result with units in place of dimensions: "0.2 MPa" for "0.2 [stress]".
 
-        Remarks, and the reasons of a bracket, name the dimension in brackets. It stays where its unit has no name.
+        Remarks, and the reasons of a bracket, have the dimension in brackets. A dimension without a unit stays.
         """
 
-        def called(found: re.Match[str]) -> str:
-            names = {name: str(getattr(self, name)) for name in found[1].split(" × ")}
+        def with_unit(match: re.Match[str]) -> str:
+            names = {name: str(getattr(self, name)) for name in match[1].split(" × ")}
             unknown = any(name == unit for name, unit in names.items())
-            return found[0] if unknown else names.get(found[1], self.force)
+            return match[0] if unknown else names.get(match[1], self.force)
 
-        return _NUMBER.sub(called, sentence)
+        return _NUMBER.sub(with_unit, sentence)
 
 
 SHARE: Final = 1e-9
-"""Share of the units of a problem up to which a number is rounding."""
+"""Size of a number, relative to the units of its problem, up to which it is rounding."""
 
 
 class Certainty(StrEnum):
-    """How far bounds, and errors, can be trusted: the text says it."""
+    """Whether a bound or error is an estimate or guaranteed."""
 
     ESTIMATE = "estimate"
     GUARANTEED = "guaranteed"
 
 
 def shown(value: float, least: float = 0.0, digits: int = 6) -> str:
-    """The number with so many digits; 0 where it is at most `least` in size."""
+    """The text of a number with `digits` significant digits; "0" if it is at most `least` in size."""
     return "0" if abs(value) <= least else f"{value:.{digits}g}"
 
 
 @dataclass(frozen=True)
 class Rounding:
-    """Sizes up to which numbers of a result are rounding: 1e-9 of units of its problem or result, or another share.
+    """Sizes up to which numbers of a result are rounding: by default 1e-9 of the units of its problem or result.
 
-    With S, D and L the units of stress, displacement and length, those of forces and moments a unit of thickness,
-    rotations [rad] and energies are S L, S L², D/L and S D L.
+    With units S, D and L of stress, displacement and length, the units of forces and moments per unit of thickness, of
+    rotations [rad] and of energies are S L, S L², D/L and S D L.
     """
 
     stress: float = 0.0
@@ -125,7 +125,7 @@ class Rounding:
 
     @classmethod
     def of(cls, stress: float, displacement: float, length: float, share: float = SHARE) -> "Rounding":
-        """So large a share of the units S, D and L."""
+        """The fraction `share` of the units from S, D and L."""
         return cls(
             stress=share * stress,
             displacement=share * displacement,
@@ -136,7 +136,7 @@ class Rounding:
         )
 
     @classmethod
-    def largest(cls, each: Iterable["Rounding"]) -> "Rounding":
-        """That of several results which are shown together, such as the steps of a history."""
-        found = list(each)
-        return cls(*(max((getattr(one, name) for one in found), default=0.0) for name in cls.__dataclass_fields__))
+    def largest(cls, roundings: Iterable["Rounding"]) -> "Rounding":
+        """The largest of several results that are shown together, such as the steps of a history."""
+        given = list(roundings)
+        return cls(*(max((getattr(each, name) for each in given), default=0.0) for name in cls.__dataclass_fields__))

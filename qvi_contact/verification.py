@@ -1,8 +1,8 @@
-"""Is a result what it says? Everything it claims, checked against its own problem, unknowns and multipliers.
+"""Verification: everything a result claims, checked against its own problem, unknowns and multipliers.
 
-The problem is discretised and the certificate computed anew; tractions, gaps, slips, states, forces, energies and the
-motion of plates are evaluated anew and compared; the status has to follow from the certificate. Nothing that the result
-says of itself counts, and nothing that a back end said.
+The problem is discretised again and the certificate is computed again. Tractions, gaps, slips, states, forces, energies
+and the motions of plates are evaluated again and compared with the claimed values. The status has to follow from the
+new certificate. Statements of the result itself, or of a back end, do not count.
 
     from qvi_contact.verification import verify_file, verify_result
     print(verify_result(solve(problem)).table())
@@ -36,34 +36,34 @@ from solvers.factorisation.base import FactorisationError
 from solvers.solution import LOOSEST
 
 AGREEMENT: Final = 1e-8
-"""What a number may differ from the one computed anew: of its own size and 1e-4 of the largest of its kind."""
+"""Largest difference of claimed from recomputed numbers b, relative to |b| + 1e-4 max|b|, see `difference`."""
 
 _FLOOR: Final = 1e-4
-_ULPS: Final = 4.0 * float(np.finfo(np.float64).eps)  # rounding of a coordinate, as a share of it
-_LARGEST_ROUNDING: Final = 1e-6  # what a certificate may explain by rounding; whether it does may hang on rounding
-_ROUNDING: Final = 1e-14  # share of the terms of a traction that is rounding
+_COORDINATE_ROUNDING: Final = 4.0 * float(np.finfo(np.float64).eps)  # relative to the coordinate
+_MAX_ROUNDING: Final = 1e-6  # largest scale "rounding" of a certificate
+_TRACTION_ROUNDING: Final = 1e-14  # relative to the terms whose sum a traction is
 _DATA: Final = ("K", "N", "T", "A", "f", "n0", "t0", "mu", "W", "b", "cohesion", "cap", "bilateral")
 
 
-def recomputed(result: ContactResult, known: Discretization, given: float | None) -> ContactResult:
-    """The result made again from its unknowns and multipliers alone, certified anew; to its tolerance if none given."""
-    tolerance = result.certificate.tolerance if given is None else fraction("tolerance", given)
-    solution, qvi = result.solution, known.qvi
+def recomputed(result: ContactResult, discretization: Discretization, given_tolerance: float | None) -> ContactResult:
+    """The result made again from its unknowns and multipliers, with a new certificate, by default to its tolerance."""
+    tolerance = result.certificate.tolerance if given_tolerance is None else fraction("tolerance", given_tolerance)
+    solution, qvi = result.solution, discretization.qvi
     multipliers = solution.normal_multiplier, solution.tangential_multiplier, solution.equality_multiplier
     try:
         certificate = certify(qvi, solution.z, *multipliers, tolerance=tolerance)
     except InputError:
         raise
-    except (FactorisationError, ValueError):  # dense algebra refuses what has overflowed by ValueError: nothing passes
+    except (FactorisationError, ValueError):  # ValueError: numbers that overflow; no measure passes
         certificate = Certificate(dict.fromkeys(EXPONENTS, np.inf), tolerance)
-    return ContactResult(known, replace(solution, problem=qvi, certificate=certificate))
+    return ContactResult(discretization, replace(solution, problem=qvi, certificate=certificate))
 
 
 def difference(claimed: ArrayLike, computed: ArrayLike, unit: float = 0.0, rounding: float = 0.0) -> float:
-    """Largest difference of two arrays, each relative to its own entry and 1e-4 of the largest, or of the `unit`.
+    """Largest difference of two arrays of floats a and b, max |a − b| / (|b| + 1e-4 max(max|b|, unit)).
 
-    Differences below `rounding` are none. What is infinite or NaN has to be so in both. Of integers, flags and texts
-    the number of entries that differ; infinity for arrays of different shape or kind.
+    `rounding` is subtracted from |a − b| first. Infinity if shapes or kinds differ, or if one array has an infinity or
+    NaN where the other has not. For integers, flags and texts the number of entries that differ.
     """
     a, b = np.asarray(claimed), np.asarray(computed)
     if a.shape != b.shape or (a.dtype.kind == "f") != (b.dtype.kind == "f"):
@@ -71,91 +71,94 @@ def difference(claimed: ArrayLike, computed: ArrayLike, unit: float = 0.0, round
     if b.dtype.kind != "f":
         return float(np.count_nonzero(a != b))
     finite = np.isfinite(b)
-    same = np.where(np.isnan(b), np.isnan(a), a == b)
-    if not (same | finite).all() or not np.isfinite(a[finite]).all():
+    equal = np.where(np.isnan(b), np.isnan(a), a == b)
+    if not (equal | finite).all() or not np.isfinite(a[finite]).all():
         return np.inf
     a, b = a[finite], b[finite]
     scale = np.abs(b) + _FLOOR * max(float(np.abs(b).max(initial=0.0)), unit)
-    apart = np.maximum(np.abs(a - b) - rounding, 0.0)
-    return _largest([apart / np.where(scale > 0.0, scale, 1.0)])
+    excess = np.maximum(np.abs(a - b) - rounding, 0.0)
+    return _largest([excess / np.where(scale > 0.0, scale, 1.0)])
 
 
 def problem_difference(claimed: FrictionQVI, computed: FrictionQVI) -> float:
     """Largest difference of the data of two algebraic problems, relative to the largest finite entry of each."""
-    found: list[float | FloatArray] = []
+    differences: list[float | FloatArray] = []
     for name in _DATA:
         a, b = (getattr(qvi, name) for qvi in (claimed, computed))
         if a.shape != b.shape:
             return np.inf
         if b.ndim > 1:  # a sparse matrix
-            apart, known = (sparse.coo_array(part).data for part in (a - b, b))
-        else:  # what is infinite in both is equal
-            apart = np.subtract(a, b, out=np.zeros(b.shape), where=a != b, dtype=np.float64)
-            known = b[np.isfinite(b)]
-        found.append(np.abs(apart) / (float(np.abs(known).max(initial=0.0)) or 1.0))
-    return _largest(found)
+            change, entries = (sparse.coo_array(part).data for part in (a - b, b))
+        else:  # equal infinities have no difference
+            change = np.subtract(a, b, out=np.zeros(b.shape), where=a != b, dtype=np.float64)
+            entries = b[np.isfinite(b)]
+        differences.append(np.abs(change) / (float(np.abs(entries).max(initial=0.0)) or 1.0))
+    return _largest(differences)
 
 
 def worse_than_claimed(claimed: Certificate, computed: Certificate) -> float:
-    """Largest excess of a measure computed anew over the one claimed, in units of its limit.
+    """Largest excess of a recomputed measure over the claimed one, in units of its limit.
 
-    Measures with a sign count by their difference. Infinity for what is NaN, or is claimed under an unknown name.
+    For measures with a sign the absolute difference counts. Infinity for NaN, and for a claim with an unknown name.
     """
     limits = computed.limits
     if claimed.signed.keys() != computed.signed.keys() or not claimed.measures.keys() <= limits.keys():
         return np.inf
     excess = []
     for name, limit in limits.items():
-        now, then = computed.measures[name], claimed.measures.get(name, 0.0)
-        excess.append(0.0 if np.isinf(then) else max((now - then) / limit, 0.0) if then == then else np.inf)
+        now, claim = computed.measures[name], claimed.measures.get(name, 0.0)
+        excess.append(0.0 if np.isinf(claim) else max((now - claim) / limit, 0.0) if claim == claim else np.inf)
     signed = [abs(now - claimed.signed[name]) / limits[name] for name, now in computed.signed.items()]
     return _largest(excess + signed)
 
 
 def scales_difference(claimed: Certificate, computed: Certificate) -> float:
-    """Largest relative difference of the scales, over what is allowed; "rounding" may be there or not, but is small."""
-    now, then = dict(computed.scales), dict(claimed.scales)
-    if "rounding" not in now or "rounding" not in then:
-        given = then.pop("rounding", now.pop("rounding", 0.0))
-        if not 0.0 <= given <= _LARGEST_ROUNDING:
+    """Largest relative difference of two certificates' scales over its tolerance; one may lack a small "rounding"."""
+    new, old = dict(computed.scales), dict(claimed.scales)
+    if "rounding" not in new or "rounding" not in old:
+        rounding = old.pop("rounding", new.pop("rounding", 0.0))
+        if not 0.0 <= rounding <= _MAX_ROUNDING:
             return np.inf
-    if now.keys() != then.keys():
+    if new.keys() != old.keys():
         return np.inf
-    apart = {name: difference(float(then[name]), float(value)) for name, value in now.items()}
-    if then.get("displacement") == then.get("stress"):  # earlier versions found no stiffness where rounding left none
-        apart.pop("displacement", None)
-    return _largest(value / (_SOFT if name in ("displacement", "energy") else _SCALES) for name, value in apart.items())
+    differences = {name: difference(float(old[name]), float(value)) for name, value in new.items()}
+    if old.get("displacement") == old.get("stress"):  # earlier versions: no stiffness
+        differences.pop("displacement", None)
+    tolerance = {"displacement": _SOFT_SCALES, "energy": _SOFT_SCALES}
+    return _largest(value / tolerance.get(name, _SCALE_TOLERANCE) for name, value in differences.items())
 
 
 def _largest(values: Iterable[float | FloatArray]) -> float:
-    """Largest of all entries, 0 of none; infinity if one is NaN, which Python's max would pass over."""
-    largest = [float(np.max(value, initial=0.0)) for value in values]  # NumPy's passes NaN on
+    """Largest of all entries, 0 without entries; infinity if an entry is NaN, which Python's max may ignore."""
+    largest = [float(np.max(value, initial=0.0)) for value in values]
     return np.inf if np.isnan(largest).any() else max(largest, default=0.0)
 
 
 def missed_tractions(result: ContactResult) -> float:
-    """Σ |∫ (σn − T) ds| over edges and prescribed components, moments too, over stress × length of the shortest line.
+    """Error of the prescribed resultants: Σ |∫ (σn − T) ds| over edges and prescribed components, and of moments.
 
-    Resultants of prescribed tractions are met whatever the mesh; their distribution is what `traction_misfit` compares.
+    It is relative to stress × length of the shortest line with a prescribed traction. Resultants are exact on every
+    mesh; the distribution along an edge is compared by `traction_misfit`.
     """
-    known, parts = result.discretization, result.problem.prescribed(Traction)
-    if not parts:
+    discretization, prescribed = result.discretization, result.problem.prescribed(Traction)
+    if not prescribed:
         return 0.0
-    given = [traction_data(result.problem, known.scales, part, known.supports.points) for part in parts]
-    size = max([result.certificate.scales.get("stress", 1.0), *(float(np.abs(each.values).max()) for each in given)])
-    length = min(float(part.edges.length.sum()) for part in parts) / known.scales.length
-    return known.supports.missed(result.dofs, given) / (size * length)
+    scales, points = discretization.scales, discretization.supports.points
+    data = [traction_data(result.problem, scales, part, points) for part in prescribed]
+    size = max([result.certificate.scales.get("stress", 1.0), *(float(np.abs(each.values).max()) for each in data)])
+    length = min(float(part.edges.length.sum()) for part in prescribed) / discretization.scales.length
+    return discretization.supports.missed(result.dofs, data) / (size * length)
 
 
 DOCUMENT_VERSION: Final = 1
-"""Grows when an entry of `Verification.document` changes its meaning or goes away."""
+"""Version of `Verification.document`; it grows when an entry changes its meaning or is removed."""
 
-_CLAIMED: Final = 0.1  # of its limit, by which a measure may be larger than it was said to be: rounding
-_SCALES: Final = 1e-6  # relative difference of scales
-_SOFT: Final = 0.3  # the same of those with the contact's stiffness, in which rounding showed in earlier files
-_BOUND: Final = 10.0  # of the tolerance: results of the fixed point may hold that of its last iteration
-_BETWEEN: Final = 1e-3  # of the largest traction, that the samples between points may miss
-_SHOWN: Final = 5  # names in a sentence
+_CLAIM_TOLERANCE: Final = 0.1  # excess of a measure over its claimed value, in units of its limit: rounding
+_SCALE_TOLERANCE: Final = 1e-6  # relative difference of scales
+_SOFT_SCALES: Final = 0.3  # of scales with the contact's stiffness, which depended on rounding in earlier files
+_BOUND_FACTOR: Final = 10.0  # × tolerance: the fixed point may store the friction bound of its last iteration
+_BETWEEN_POINTS: Final = 1e-3  # relative to the largest traction: error of samples between points
+_NAMES_SHOWN: Final = 5  # in a sentence
 
 _GROUPS: Final = {
     "material": ("mesh", ""), "vertices": ("mesh", ""), "cells": ("mesh", ""),
@@ -166,7 +169,7 @@ _GROUPS: Final = {
     "traction_misfit": ("traction_misfit", "stress"), "effective_normal_force": ("tractions", "force"),
     "normal_force": ("forces", "force"), "tangential_force": ("forces", "force"),
 }  # fmt: skip
-"""Last part of a field's name: the row it counts in, and the unit of its differences; others are tractions."""
+"""Last part of a field's name: the row of the table, and the quantity of its unit; all other fields are tractions."""
 
 
 @dataclass(frozen=True)
@@ -174,32 +177,32 @@ class Check:
     """One row of a verification."""
 
     name: str
-    """What was checked."""
+    """Name of the check."""
     value: float | str
-    """What was found, relative; a word for the status."""
+    """The value, a relative number; a word for the status."""
     limit: float | None
     """Largest absolute value that passes."""
     passed: bool
     meaning: str
-    """What the value means."""
+    """Meaning of the value."""
     worry: str = ""
-    """When to worry, and what to do then."""
+    """Consequence of a failure, and the remedy."""
 
 
 @dataclass(frozen=True)
 class Verification:
-    """What became of a verification."""
+    """The outcome of a verification."""
 
     rows: tuple[Check, ...]
     """All checks."""
     status: Status
     """The status that the result claims."""
     tolerance: float
-    """Of the certificate."""
+    """Tolerance of the certificate."""
 
     @property
     def passed(self) -> bool:
-        """Whether every check passed: the result is what it says, and its certificate passes at the tolerance."""
+        """Whether every check passed: all claims are right, and the certificate passes at the tolerance."""
         return not self.failures
 
     @property
@@ -208,13 +211,13 @@ class Verification:
         return tuple(row for row in self.rows if not row.passed)
 
     def summary(self) -> str:
-        """One line: passed, or what failed."""
+        """One line: verified, or the names of the checks that failed."""
         if self.passed:
             return f"verified: {len(self.rows)} checks passed at {self.tolerance:.0e}"
         return f"not verified: {', '.join(row.name for row in self.failures)}"
 
     def table(self, failures_only: bool = False) -> str:
-        """All rows as text, or those that failed, with what they mean, and the summary as the last line."""
+        """All checks as text, or only the failures, with their meaning, and the summary as the last line."""
         rows = self.failures if failures_only else self.rows
         width = max((len(row.name) for row in rows), default=0)
         lines = [f"{'check':<{width}}  {'value':>8}  {'limit':>8}"] if rows else []
@@ -226,7 +229,7 @@ class Verification:
         return "\n".join([*lines, self.summary()])
 
     def document(self) -> dict[str, Any]:
-        """The same as a document that JSON can hold; numbers that are not finite are None."""
+        """The verification as a document for JSON; numbers that are not finite become None."""
         return {
             "format": "qvi_contact verification",
             "version": DOCUMENT_VERSION,
@@ -239,79 +242,79 @@ class Verification:
 
 
 def verify_result(result: ContactResult, tolerance: float | None = None) -> Verification:
-    """Check everything that a result claims.
+    """Check everything that a result claims, at the cost of one factorisation.
 
     A proof that the load cannot be carried is checked too; any other result without stresses fails. The tolerance of
-    the certificate, in (0, 1), is by default the one the result was solved with, which must not be looser than
-    `solvers.solution.LOOSEST` then. Numbers have to agree with those computed anew to `AGREEMENT` of their size, or of
-    1e-4 of the largest of their kind, rounding of the unknowns aside. It costs one factorisation.
+    the certificate, in (0, 1), is by default that of the solve, which must not be looser than
+    `solvers.solution.LOOSEST`. Claimed numbers must agree with recomputed ones to `AGREEMENT`, up to rounding of the
+    unknowns.
 
-    `InputError` if the argument is no result, the tolerance is out of range, or multipliers have another shape than the
-    problem. The steps of a `History` are verified one by one.
+    `InputError` if the argument is not a result, the tolerance is out of range, or the shape of the multipliers does
+    not fit the problem. The steps of a `History` are verified one by one.
     """
     if isinstance(result, History):
         raise InputError("result", "a History", "give its steps one by one: [verify_result(step) for step in ….steps]")
     instance_of(ContactResult, "result", result, "give a ContactResult, such as solve returns")
     known = result.discretization
-    with np.errstate(all="ignore"):  # what is absurd fails by its numbers
+    with np.errstate(all="ignore"):  # infinities and NaN fail the checks
         fresh = discretize(known.problem, degree=known.space.degree, law_on=known.rule.law_on, scales=known.scales)
         slip = [rows.slip for rows in known.contacts]
         if any(part.any() for part in slip):
             fresh = fresh.with_data(known.problem, known.scales, slip)
-        again = recomputed(result, fresh, tolerance)
-        same = _limited(
-            "problem", problem_difference(result.solution.problem, again.solution.problem), AGREEMENT,
-            "The algebraic problem that was solved, beside the problem discretised anew.",
+        remade = recomputed(result, fresh, tolerance)
+        problem_check = _limit_check(
+            "problem", problem_difference(result.solution.problem, remade.solution.problem), AGREEMENT,
+            "Difference of the stored algebraic problem from the problem discretised again.",
         )  # fmt: skip
-        claims: dict[str, Any] = {}  # all of it is missing where contacts are gone that its energies need
+        claims: dict[str, Any] = {}  # stays empty if a contact that the energies need is missing
         if result.has_state:
             with suppress(KeyError):
-                others = {f"{name}.name": line.name for name, line in result.contacts.items() if line.name != name}
-                claims = {**field_arrays(result), **others}
-        rows = (same, *_rows(result, again, claims, tolerance))
-        return Verification(rows, result.status, again.certificate.tolerance)
+                names = {f"{name}.name": line.name for name, line in result.contacts.items() if line.name != name}
+                claims = {**field_arrays(result), **names}
+        rows = (problem_check, *_rows(result, remade, claims, tolerance))
+        return Verification(rows, result.status, remade.certificate.tolerance)
 
 
 def verify_file(path: str | Path, tolerance: float | None = None) -> Verification:
-    """Check everything that a file claims that `qvi_contact.export.write_npz` has written; from the file alone.
+    """Check everything that a file of `qvi_contact.export.write_npz` claims, from the file only.
 
-    So is a step that `solve_history` has kept in its store. It claims no fields, but an answer and its certificate. The
-    tolerance is that of `verify_result`: the file does not choose what it is measured by. `InputError` if the file is
-    no such archive, or has no problem, as `qvi_contact.files.archive.load_result` says.
+    A step in the store of `solve_history` is checked too; it claims no fields, only an answer and its certificate. The
+    tolerance is that of `verify_result`, so the file does not choose it. `InputError` if the file is not such an
+    archive, or has no problem, see `qvi_contact.files.archive.load_result`.
     """
     archive = Archive(path)
-    with np.errstate(all="ignore"):  # what is absurd fails by its numbers
+    with np.errstate(all="ignore"):  # infinities and NaN fail the checks
         result = result_from_archive(archive)
         intact = Check(
             "digest", "fits" if archive.intact else "does not", None, archive.intact,
             "SHA-256 of all entries: unchanged since the file was written.",
             "The file was changed after it was written. The other checks show whether the result still holds.",
         )  # fmt: skip
-        again = recomputed(result, result.discretization, tolerance)  # which was made from the file just now
-        claims = None  # of stored steps
+        remade = recomputed(result, result.discretization, tolerance)  # discretised from the file just now
+        claims = None  # a stored step claims no fields
         if STORE not in archive.arrays:
-            others = OWN | {"problem", "problem_missing", *answer_arrays(result)}
-            claims = {name: array for name, array in archive.arrays.items() if name not in others}
-        rows = (intact, *_rows(result, again, claims, tolerance))
-        return Verification(rows, result.status, again.certificate.tolerance)
+            other_entries = OWN | {"problem", "problem_missing", *answer_arrays(result)}
+            claims = {name: array for name, array in archive.arrays.items() if name not in other_entries}
+        rows = (intact, *_rows(result, remade, claims, tolerance))
+        return Verification(rows, result.status, remade.certificate.tolerance)
 
 
 def _rows(
-    result: ContactResult, again: ContactResult, claims: Mapping[str, Any] | None, given: float | None
+    result: ContactResult, recomputed: ContactResult, claims: Mapping[str, Any] | None, given_tolerance: float | None
 ) -> Iterator[Check]:
-    """All rows but the first about a result, made again, and the fields it claims."""
-    yield _status(result, again)
-    certificate, tolerance, solution = again.certificate, again.certificate.tolerance, again.solution
-    if given is None:
-        yield _limited(
+    """All checks but the first: of a result and the fields it claims, against the recomputed result."""
+    yield _status(result, recomputed)
+    certificate, tolerance, solution = recomputed.certificate, recomputed.certificate.tolerance, recomputed.solution
+    if given_tolerance is None:
+        yield _limit_check(
             "tolerance", tolerance, LOOSEST, "Tolerance of the certificate: the one of the solve.",
             "This tolerance is too loose. To accept it, give it by --tolerance, or by the argument tolerance.",
         )  # fmt: skip
     if result.status.impossible:
         farkas = solution.farkas
-        proved = _evidence(again) is not None and (farkas is None or is_farkas(solution.problem, *farkas))
+        is_proved = _evidence(recomputed) is not None and (farkas is None or is_farkas(solution.problem, *farkas))
         yield Check(
-            "proof", "holds" if proved else "does not", None, proved,
+            "proof", "holds" if is_proved else "does not", None, is_proved,
             "A mechanism, computed again: rigid motions of the blocks on which the loads do more work than contacts "
             "can take up. Farkas' multipliers, where the file has them: no traction of this mesh carries the load.",
             "There is no proof that the load cannot be carried.",
@@ -319,85 +322,87 @@ def _rows(
         return
     for row in certificate.rows():
         yield Check(row.measure.name, row.value, row.limit, row.passed, row.measure.meaning, row.measure.worry)
-    yield _limited(
-        "claimed measures", worse_than_claimed(result.certificate, certificate), _CLAIMED,
+    yield _limit_check(
+        "claimed measures", worse_than_claimed(result.certificate, certificate), _CLAIM_TOLERANCE,
         "Largest excess of a measure above the stored one, in units of its limit.",
     )  # fmt: skip
-    yield _limited(
+    yield _limit_check(
         "claimed scales", scales_difference(result.certificate, certificate), 1.0,
-        "Units of stress, displacement and energy by which the measures are divided: difference over what is allowed.",
+        "Units of stress, displacement and energy that divide the measures: largest difference over its tolerance.",
     )  # fmt: skip
     if not result.has_state:
         return
     if claims is not None:
-        yield from _agreements(claims, again)
+        yield from _agreements(claims, recomputed)
     stress = certificate.scales.get("stress", 1.0)
     stored, bound = result.solution.threshold, solution.problem.threshold(solution.problem.pressure(solution.z))
-    apart = np.abs(stored - bound) if np.shape(stored) == bound.shape else np.inf
-    yield _limited(
-        "friction bound", _largest([apart / stress]), _BOUND * result.certificate.tolerance,
-        "Difference of the stored bound of |σ_T| and that of the pressure there, over the largest traction.",
+    change = np.abs(stored - bound) if np.shape(stored) == bound.shape else np.inf
+    yield _limit_check(
+        "friction bound", _largest([change / stress]), _BOUND_FACTOR * result.certificate.tolerance,
+        "Difference of the stored friction bound from that of the computed pressure, over the largest traction.",
     )  # fmt: skip
-    yield _limited(
-        "prescribed resultants", missed_tractions(again), AGREEMENT,
+    yield _limit_check(
+        "prescribed resultants", missed_tractions(recomputed), AGREEMENT,
         "Forces of the prescribed tractions on their edges: equilibrium with the loads.",
     )  # fmt: skip
 
-    if again.discretization.rule.law_on == "edges":  # coefficients that obey a law promise it along whole edges
-        lines, unit = again.contacts.values(), stress * again.discretization.scales.stress
-        beyond = max((max(line.excess_between_points, line.pull_between_points) for line in lines), default=0.0)
-        yield _limited(
-            "between points", beyond / unit if beyond else 0.0, _BOUND * tolerance,
+    if recomputed.discretization.rule.law_on == "edges":  # the law must hold along whole edges
+        lines, unit = recomputed.contacts.values(), stress * recomputed.discretization.scales.stress
+        excess = max((max(line.excess_between_points, line.pull_between_points) for line in lines), default=0.0)
+        yield _limit_check(
+            "between points", excess / unit if excess else 0.0, _BOUND_FACTOR * tolerance,
             "Largest |σ_T| beyond the bound, or pull, seen along the contacts, over the largest traction.",
-            "Coefficients do not hold this law between the points: leave law_on out.",
+            "The law on edges does not hold between the points here: leave law_on out.",
         )  # fmt: skip
 
 
-def _limited(name: str, value: float, limit: float, meaning: str, worry: str = "") -> Check:
+def _limit_check(name: str, value: float, limit: float, meaning: str, worry: str = "") -> Check:
     return Check(name, float(value), limit, bool(value <= limit), meaning, worry)
 
 
-def _agreements(claims: Mapping[str, Any], again: ContactResult) -> Iterator[Check]:
-    """Fields that are claimed or computed alone, and how far those that are both agree: the worst of each group."""
-    computed, units = field_arrays(again), _units(again)
-    names = sorted(claims.keys() ^ computed.keys())
-    shown = ", ".join(names[:_SHOWN]) + (", …" if len(names) > _SHOWN else "")
-    yield _limited(
+def _agreements(claims: Mapping[str, Any], recomputed: ContactResult) -> Iterator[Check]:
+    """Number of fields that are only claimed or only computed, and the largest difference in each group of fields."""
+    computed_fields, units = field_arrays(recomputed), _units(recomputed)
+    names = sorted(claims.keys() ^ computed_fields.keys())
+    listed = ", ".join(names[:_NAMES_SHOWN]) + (", …" if len(names) > _NAMES_SHOWN else "")
+    yield _limit_check(
         "entries", len(names), 0.0, "Number of fields that are missing, or that this problem does not have.",
-        f"Not as expected: {shown}.",
+        f"Not as expected: {listed}.",
     )  # fmt: skip
-    worst: dict[str, tuple[float, str]] = {}  # and the field that it is of
-    frictionless = {f"{contact.name}.state" for contact in again.problem.contacts if is_frictionless(contact)}
-    for name in (name for name in computed if name in claims):
-        claimed, wanted = np.asarray(claims[name]), np.asarray(computed[name])
+    worst: dict[str, tuple[float, str]] = {}  # by group: the largest difference and its field
+    frictionless = {f"{contact.name}.state" for contact in recomputed.problem.contacts if is_frictionless(contact)}
+    for name in (name for name in computed_fields if name in claims):
+        claimed, computed = np.asarray(claims[name]), np.asarray(computed_fields[name])
         contact, _, field = name.rpartition(".")
         group, quantity = _GROUPS.get(field, ("tractions", "stress"))
         unit, rounding = units[quantity]
-        if name in frictionless:  # older files say stick and slip where there is no friction
+        if name in frictionless:  # older files have stick and slip
             claimed = np.where(claimed > ContactState.OPEN, ContactState.CLOSED, ContactState.OPEN)
-        if field.endswith("_between_points") and claimed.dtype.kind == "f":  # in older files the largest of all places
-            claimed = np.where((claimed > wanted) & (claimed <= wanted + _BETWEEN * unit), wanted, claimed)
-        if quantity == "length" and claimed.shape == wanted.shape and claimed.dtype.kind == "f":
-            along = again.problem.mesh.vertices[:, int(field.endswith("y"))]  # from the corner, wherever the body is
-            corner, rounding = along.min(), _ULPS * float(np.abs(along).max())
-            claimed, wanted = claimed - corner, wanted - corner
+        if field.endswith("_between_points") and claimed.dtype.kind == "f":  # largest sample in older files
+            close = claimed <= computed + _BETWEEN_POINTS * unit
+            claimed = np.where((claimed > computed) & close, computed, claimed)
+        if quantity == "length" and claimed.shape == computed.shape and claimed.dtype.kind == "f":
+            coordinates = recomputed.problem.mesh.vertices[:, int(field.endswith("y"))]  # taken from their minimum
+            corner, rounding = coordinates.min(), _COORDINATE_ROUNDING * float(np.abs(coordinates).max())
+            claimed, computed = claimed - corner, computed - corner
         label = f"{contact}: {group}" if contact else group
-        worst[label] = max(worst.get(label, (-1.0, "")), (difference(claimed, wanted, unit, rounding), name))
+        worst[label] = max(worst.get(label, (-1.0, "")), (difference(claimed, computed, unit, rounding), name))
     for label, (value, name) in worst.items():
-        counted = name.endswith(".state")
-        meaning = "Number of points whose state (open, stick, slip) is another one."
-        if not counted:
-            meaning = "Stored fields of this group, beside those computed again."
+        is_count = name.endswith(".state")
+        meaning = "Number of points whose state (open, stick, slip) differs."
+        if not is_count:
+            meaning = "Largest relative difference of the stored fields of this group from the recomputed ones."
             meaning += f" The worst is {name}." if value > 0.0 else ""
-        yield _limited(label, value, 0.0 if counted else AGREEMENT, meaning)
+        yield _limit_check(label, value, 0.0 if is_count else AGREEMENT, meaning)
 
 
 def _units(again: ContactResult) -> dict[str, tuple[float, float]]:
-    """Unit of each quantity, 0 where its own entries are that, and what the rounding of the unknowns may change."""
+    """Unit of each quantity, 0 to scale by its entries only, and the effect of the unknowns' rounding on it."""
     scales, certified, qvi = again.discretization.scales, again.certificate.scales, again.solution.problem
     stress = certified.get("stress", 1.0) * scales.stress
     z = np.abs(again.solution.z)
-    rounding = _ROUNDING * scales.stress * max(float((abs(rows) @ z).max(initial=0.0)) for rows in (qvi.N, qvi.T))
+    largest = max(float((abs(rows) @ z).max(initial=0.0)) for rows in (qvi.N, qvi.T))
+    rounding = _TRACTION_ROUNDING * scales.stress * largest
     return {
         "": (0.0, 0.0),
         "length": (again.problem.mesh.length, 0.0),  # longer side of the body's box
@@ -408,28 +413,28 @@ def _units(again: ContactResult) -> dict[str, tuple[float, float]]:
     }
 
 
-def _status(result: ContactResult, again: ContactResult) -> Check:
-    """Whether the status follows from the certificate at the tolerance that the result was solved with."""
+def _status(result: ContactResult, recomputed: ContactResult) -> Check:
+    """Check that the status follows from the certificate at the tolerance of the solve."""
     claimed, status, word = result.certificate, result.status, result.status.words
-    sound = {name: value for name, value in claimed.measures.items() if value >= 0.0}  # not NaN
-    claimed = replace(claimed, measures=dict.fromkeys(EXPONENTS, np.inf) | sound)
-    both = claimed, replace(again.certificate, tolerance=claimed.tolerance)
+    valid = {name: value for name, value in claimed.measures.items() if value >= 0.0}  # not NaN
+    claimed = replace(claimed, measures=dict.fromkeys(EXPONENTS, np.inf) | valid)
+    certificates = claimed, replace(recomputed.certificate, tolerance=claimed.tolerance)
     if status.impossible:
-        honest = _evidence(again) is not None
+        is_consistent = _evidence(recomputed) is not None
     elif status is Status.SOLVED:
-        honest = all(each.passed for each in both)
+        is_consistent = all(each.passed for each in certificates)
     else:
-        near = status is not Status.INACCURATE or all(each.accuracy <= LOOSEST for each in both)
-        honest = near and not any(each.passed for each in both)
-    said = re.match(rf"{word}\b", result.solution.message) is not None
+        is_accurate = status is not Status.INACCURATE or all(each.accuracy <= LOOSEST for each in certificates)
+        is_consistent = is_accurate and not any(each.passed for each in certificates)
+    says_status = re.match(rf"{word}\b", result.solution.message) is not None
     return Check(
-        "status", word, None, honest and said,
+        "status", word, None, is_consistent and says_status,
         "Solved if and only if the certificate passes at the tolerance asked for; inaccurate up to 1e-4. The message "
         "begins with the same word.",
         "The status or the message contradicts the numbers.",
     )  # fmt: skip
 
 
-def _evidence(again: ContactResult) -> object:
-    """What proves an impossible status: a mechanism, computed again, or of the mesh alone Farkas' multipliers."""
-    return again.mechanism if again.status is Status.INFEASIBLE else again.solution.farkas
+def _evidence(recomputed: ContactResult) -> object:
+    """The proof of an impossible status: a mechanism, computed again; for the mesh only, Farkas' multipliers."""
+    return recomputed.mechanism if recomputed.status is Status.INFEASIBLE else recomputed.solution.farkas

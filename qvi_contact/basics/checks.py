@@ -1,4 +1,4 @@
-"""Checks of numbers and of functions of position that users hand in."""
+"""Checks of numbers and functions of position from users."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
@@ -35,28 +35,28 @@ Field: TypeAlias = float | Callable[[FloatArray, FloatArray], ArrayLike]
 
 
 def instance_of(kind: type, name: str, value: object, remedy: str = "") -> None:
-    """`InputError`, with a remedy of its own, unless the value is one of a class."""
+    """`InputError`, with the remedy given, unless the value is an instance of a class."""
     if not isinstance(value, kind):
         raise InputError(name, value, remedy or f"give a {kind.__name__}")
 
 
 def names_among(field: str, names: object, kind: str, known: Sequence[str], least: int = 1) -> tuple[str, ...]:
-    """The names in a list of `least` or more, each one of those `known`, which are of this kind, in the plural."""
+    """The names in a list of at least `least`, each of them `known`; `kind` is the plural noun for them in messages."""
     if isinstance(names, str) or not isinstance(names, Sequence) or len(names) < least:
         raise InputError(field, names, f"give a list of {kind}: {', '.join(known) or 'there are none'}")
     return tuple(known_name(field, name, {kind: known}) for name in names)
 
 
 def acts(field: Field) -> bool:
-    """Whether a field is anything but the number zero."""
-    return callable(field) or bool(field != 0.0)  # also of numbers of NumPy
+    """Whether a field is a function or a number other than zero."""
+    return callable(field) or bool(field != 0.0)  # no bool of NumPy
 
 
 def check_field(field: str, value: Any, *, minimum: float | None = None) -> Field:
-    """A `Field` as far as it can be checked before it is evaluated: a function, or a number in its range as a float."""
+    """A field, checked as far as possible before it is evaluated: a function, or a number in its range as a float."""
     if callable(value):
-        found: Field = value
-        return found
+        function: Field = value
+        return function
     if isinstance(value, str):  # as in files
         raise InputError(field, value, f"give a number, or a function of (x, y), such as Expression({value!r})")
     number = finite_number(field, value)
@@ -66,28 +66,28 @@ def check_field(field: str, value: Any, *, minimum: float | None = None) -> Fiel
 
 
 def evaluate(name: str, field: Field, x: FloatArray, y: FloatArray, *, minimum: float | None = None) -> FloatArray:
-    """Values of `field`, which messages call by that name, at points (x, y) of any shape [length].
+    """Values of a field, called `name` in messages, at points (x, y) of any shape [length].
 
     `InputError` if the function fails, or its values have another shape, are not finite, or are below `minimum`.
     """
     if not callable(field):
         return np.full(np.shape(x), check_field(name, field, minimum=minimum))
     try:
-        found = real_array("value", field(x.copy(), y.copy()))
-        if found.size != 1 and found.shape != np.shape(x):  # numpy would repeat a row, whatever it belongs to
-            raise ValueError(f"shape {found.shape} in place of {np.shape(x)}")
-        values = np.array(np.broadcast_to(found, np.shape(x)))
-    except TimeoutError:  # meant for those who called
+        returned = real_array("value", field(x.copy(), y.copy()))
+        if returned.size != 1 and returned.shape != np.shape(x):  # NumPy would broadcast a row
+            raise ValueError(f"shape {returned.shape} in place of {np.shape(x)}")
+        values = np.array(np.broadcast_to(returned, np.shape(x)))
+    except TimeoutError:  # of the caller's time limit
         raise
     except Exception as error:
         remedy = f"the function must take two arrays (x, y) and return an array of their shape ({error})"
         raise InputError(name, field, remedy) from error
-    bad = ~np.isfinite(values)
+    is_bad = ~np.isfinite(values)
     if minimum is not None:
-        bad |= values < minimum
-    if bad.any():
-        where = np.unravel_index(np.argmax(bad), bad.shape)
+        is_bad |= values < minimum
+    if is_bad.any():
+        index = np.unravel_index(np.argmax(is_bad), is_bad.shape)
         limit = "" if minimum is None else f" of at least {minimum:g}"
-        place = f"at x = {x[where]:g}, y = {y[where]:g}"
-        raise InputError(name, float(values[where]), f"give finite values{limit}; found this one {place}")
+        place = f"at x = {x[index]:g}, y = {y[index]:g}"
+        raise InputError(name, float(values[index]), f"give finite values{limit}; found this one {place}")
     return values

@@ -1,13 +1,13 @@
-"""One declaration of a datum for all who deal with it: a field of a dataclass.
+"""The schema of problem files: each datum is declared once, as a field of a dataclass.
 
-From type, default and metadata follow the key of problem files, its check and message, and what is written:
+Type, default and metadata of the field give the key in problem files, its check, its messages and its written form:
 
     cohesion: Field = field(default=0.0, metadata=key(kind=Varying(0.0), tied=False, symbol="c", unit="stress"))
 
-What it means says the text below the field: "meaning: `cohesion = 0.1`.", the last part an example in TOML. The page of
-all keys is made of these, and the help of commands.
+The text below the field has the form "meaning: `cohesion = 0.1`.", with an example in TOML at the end. The page of all
+keys and the help of commands are made from these texts.
 
-Errors of `Kind.read` have a path relative to the value that is read; each table or list on the way adds its own part.
+Errors of `Kind.read` have a path relative to the value that is read. Each table or list around it adds its part.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from qvi_contact.errors import InputError
 from solvers.errors import closest
 
 LARGEST: Final = 1e60
-"""Numbers beyond it overflow when they are squared and multiplied."""
+"""Largest number; products of squares of larger numbers overflow."""
 
 ADD: Final = "add this key, it is needed"
-MOST: Final = 2000  # names, and tables of one kind
-_LONGEST_NAME: Final = 100
-_IN_TOML: Final = (
+MOST: Final = 2000  # entries of a table with free names, and tables of one kind
+_MAX_NAME: Final = 100
+_TOML_REMEDIES: Final = (
     ("with_edges() or with_joint()", "[[edges]] or [[joints]]"),
     ("with_edges()", "[[edges]]"),
     ("with_joint()", "[[joints]]"),
@@ -42,19 +42,19 @@ _IN_TOML: Final = (
     ),
     ("is not a Traction;", "is not one of [[tractions]];"),
     ("by a Displacement or Contact", "by [[displacements]] or [[contacts]]"),
-)  # remedies written for Python
+)  # words of remedies in Python, and in problem files
 
 
 _Value = TypeVar("_Value")
 
 
 def _cached(function: Callable[[type], _Value]) -> Callable[[type], _Value]:
-    """What a function of classes returns, computed once for each; to type checkers a class has no hash of its own."""
+    """The function with cached results; `functools.cache` alone has no type for a class as argument."""
     return cache(function)
 
 
 class Missing:
-    """The value of a key that is needed and not there, for messages: TOML knows no None."""
+    """Value in messages of a required key that is missing; TOML has no None."""
 
     def __repr__(self) -> str:
         return "missing"
@@ -64,22 +64,22 @@ Reader: TypeAlias = Any
 """A `FileReader`: reads numbers and functions in a file by its `field`; `whole` is the class of the whole file."""
 
 Writer: TypeAlias = Callable[[str, object], object]
-"""What makes of a path and a field a number, text or table, and collects the constants and the time that all share."""
+"""Function of a path and a field that returns a number, text or table; it collects constants and time for the file."""
 
 
 class Kind:
     """The values of a key: read from a file, given in Python, written to a file."""
 
     def read(self, value: Any, reader: Reader) -> Any:  # noqa: ARG002
-        """What Python makes of the value in a file; `InputError` if it is none of these."""
+        """The Python value of a value in a file; `InputError` if it is not of this kind."""
         return self.check("", value)
 
     def check(self, name: str, value: Any) -> Any:  # noqa: ARG002
-        """What Python was given, numbers as floats, lists as tuples; `InputError` if it is something else."""
+        """The value given in Python, with numbers as floats and lists as tuples; `InputError` for another kind."""
         return value
 
     def written(self, path: str, value: Any, writer: Writer) -> object:  # noqa: ARG002
-        """What stands in the file."""
+        """The value as a problem file holds it."""
         return value
 
 
@@ -90,7 +90,7 @@ def _check_range(value: float, least: float, most: float) -> None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Number(Kind):
-    """A finite number, from `least` to `most`; `positive` ones are above zero."""
+    """A finite number, from `least` to `most`; above zero if `positive`."""
 
     least: float = -LARGEST
     most: float = LARGEST
@@ -140,15 +140,15 @@ class Truth(Kind):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Text(Kind):
-    """A text; a name is one of one line that is not too long."""
+    """A text; if `name`, one line of at most 100 characters."""
 
     name: bool = False
 
     def read(self, value: Any, reader: Reader) -> str:  # noqa: ARG002
         if not isinstance(value, str):
             raise InputError("", value, "give a text in quotes")
-        if self.name and (not value.strip() or not value.isprintable() or len(value) > _LONGEST_NAME):
-            raise InputError("", value, f"give a text of one line and at most {_LONGEST_NAME} characters")
+        if self.name and (not value.strip() or not value.isprintable() or len(value) > _MAX_NAME):
+            raise InputError("", value, f"give a text of one line and at most {_MAX_NAME} characters")
         return value
 
     def check(self, name: str, value: Any) -> str:
@@ -159,21 +159,21 @@ class Text(Kind):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Choice(Kind):
-    """One of some words, or numbers."""
+    """One of several words or numbers."""
 
     words: tuple[Any, ...]
 
     def check(self, name: str, value: Any) -> Any:
         if isinstance(value, bool) or not isinstance(value, str | int) or value not in self.words:
-            near = closest(value, [word for word in self.words if isinstance(word, str)])
+            suggestion = closest(value, [word for word in self.words if isinstance(word, str)])
             listed = " or ".join(filter(None, [", ".join(map(repr, self.words[:-1])), repr(self.words[-1])]))
-            raise InputError(name, value, f"give {listed}" + (f"; did you mean {near!r}?" if near else ""))
+            raise InputError(name, value, f"give {listed}" + (f"; did you mean {suggestion!r}?" if suggestion else ""))
         return value
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Varying(Kind):
-    """A field: a number of at least `least`, or a function of (x, y); what to do instead of zero says `instead`."""
+    """A field: a number of at least `least`, or a function of (x, y); `instead` is the remedy if zero is refused."""
 
     least: float | None = None
     instead: str = ""
@@ -182,27 +182,27 @@ class Varying(Kind):
         return reader.field(value)
 
     def check(self, name: str, value: Any) -> Any:
-        """What can be checked before it is evaluated."""
+        """The field, checked as far as possible before it is evaluated."""
         from qvi_contact.basics.checks import acts, check_field
 
-        found = check_field(name, value, minimum=self.least)
-        if self.instead and not acts(found):
+        field = check_field(name, value, minimum=self.least)
+        if self.instead and not acts(field):
             raise InputError(name, value, f"give a positive number: {self.instead}")
-        return found
+        return field
 
     def written(self, path: str, value: Any, writer: Writer) -> object:
         return writer(path, value)
 
 
 class Scalar(Number):
-    """A number, which a file may write as an expression of constants and t."""
+    """A number; in a file also an expression of constants and t."""
 
     def read(self, value: Any, reader: Reader) -> float:
-        """The number at the time that is read."""
-        found = reader.field(value) if isinstance(value, str) else super().read(value, reader)
-        if callable(found):
+        """The number at the time t of the reader."""
+        number = reader.field(value) if isinstance(value, str) else super().read(value, reader)
+        if callable(number):
             raise InputError("", value, "this is one number: it cannot depend on x and y")
-        return float(found)
+        return float(number)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -214,7 +214,7 @@ class Listed(Kind):
     most: int | None = None
 
     def read(self, value: Any, reader: Reader) -> tuple[Any, ...]:
-        """Entry by entry; the index of a bad one is its path."""
+        """The entries; the path of an error is the entry's index."""
         if not isinstance(value, list):
             raise InputError("", value, "give a list, in [ ]")
         if len(value) < self.least:
@@ -223,21 +223,21 @@ class Listed(Kind):
             raise InputError("", value, f"give a list of at most {self.most} entries")
         index = 0
         try:
-            found = []
+            entries = []
             for index, item in enumerate(value):  # noqa: B007  # one `try` for all: meshes have many
-                found.append(self.kind.read(item, reader))
+                entries.append(self.kind.read(item, reader))
         except InputError as error:
-            raise _further(f"[{index}]", error) from error
-        return tuple(found)
+            raise _with_path(f"[{index}]", error) from error
+        return tuple(entries)
 
     def check(self, name: str, value: Any) -> tuple[Any, ...]:
-        given: tuple[Any, ...] | None = None
+        entries: tuple[Any, ...] | None = None
         if not isinstance(value, str | bytes | bytearray | Mapping | Set):
-            with suppress(TypeError):  # of what is no list, such as a number, be it an array
-                given = tuple(value)
-        if given is None or (self.most is not None and len(given) != self.most):
+            with suppress(TypeError):  # if it is not iterable
+                entries = tuple(value)
+        if entries is None or (self.most is not None and len(entries) != self.most):
             raise InputError(name, value, "give a pair (x, y)" if self.most == 2 else f"give a list of {self.most}")
-        return tuple(self.kind.check(name, item) for item in given)
+        return tuple(self.kind.check(name, item) for item in entries)
 
     def written(self, path: str, value: Any, writer: Writer) -> object:
         return [self.kind.written(f"{path}[{index}]", item, writer) for index, item in enumerate(value)]
@@ -254,11 +254,11 @@ class Named(Kind):
             raise InputError("", value, "give a table: keys and values")
         if len(value) > MOST:
             raise InputError("", value, f"give a table of at most {MOST} entries")
-        found = {}
+        values = {}
         for name, item in value.items():
             with located(quoted(name)):
-                found[Text(name=True).read(name, reader)] = self.kind.read(item, reader)
-        return found
+                values[Text(name=True).read(name, reader)] = self.kind.read(item, reader)
+        return values
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -280,7 +280,7 @@ class Table(Kind):
 
 
 class Options(Table):
-    """The same, of which only what is given counts: a mapping."""
+    """The fields of a dataclass as a table, read as a mapping of the given values only."""
 
     def read(self, value: Any, reader: Reader) -> Any:
         given = getattr(self.of, "given", None)
@@ -302,14 +302,14 @@ class Tables(Kind):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Inline(Table):
-    """The fields of another dataclass beside those of this one."""
+    """The fields of another dataclass, as keys of the same table."""
 
     without: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Tagged(Kind):
-    """One of several dataclasses, told apart by the key `law`, which is the `kind` of the class."""
+    """One of several dataclasses; the key `law` is the `kind` of the class."""
 
     classes: tuple[type, ...]
 
@@ -317,12 +317,12 @@ class Tagged(Kind):
         """The object of the class that `law` names."""
         if not isinstance(value, dict):
             raise InputError("", value, "give a table: keys and values")
-        known = {getattr(each, "kind", ""): each for each in self.classes}
+        class_of_law = {getattr(each, "kind", ""): each for each in self.classes}
         if "law" not in value:
             raise InputError("law", Missing(), ADD)
         with located("law"):
-            law = Choice(tuple(known)).read(value["law"], reader)
-        return read_table(known[law], value, reader, also=("law",))
+            law = Choice(tuple(class_of_law)).read(value["law"], reader)
+        return read_table(class_of_law[law], value, reader, also=("law",))
 
     def check(self, name: str, value: Any) -> Any:
         if not isinstance(value, self.classes):
@@ -336,37 +336,37 @@ class Tagged(Kind):
 
 @dataclass(frozen=True)
 class Key:
-    """What there is to say of a datum beside its name, default and meaning."""
+    """The metadata of a datum, in addition to its name, default and meaning."""
 
     kind: Kind
-    """Its values."""
+    """Kind of its values."""
     needed: bool | None = None
-    """Whether a file must have it; by default where the field has no default."""
+    """Whether a file must have the key; by default if the field has no default."""
     like: str = ""
-    """Name of the key whose value it has by default."""
+    """Name of the key whose value is the default."""
     tied: bool = True
-    """Whether a tied contact can have it."""
+    """Whether a tied contact can have the datum."""
     symbol: str = ""
-    """What pictures call it."""
+    """Symbol in pictures."""
     unit: str = ""
-    """The quantity whose unit it has: "stress", "length", "force", "moment", "rotation"; or none."""
+    """Quantity of the unit: "stress", "length", "force", "moment", "rotation", …; empty without a unit."""
 
 
-def key(**said: Any) -> dict[str, Any]:
-    """The metadata of a field: entries of its `Key`, where the type does not say all of its kind that too."""
-    return {"key": said}
+def key(**metadata: Any) -> dict[str, Any]:
+    """The metadata of a field: entries of its `Key`; `kind` only if the type does not determine it."""
+    return {"key": metadata}
 
 
 def kind_of(hint: Any) -> Kind:
-    """The kind of values that a type means; what it leaves open says a `Kind` in `Annotated`."""
+    """The kind of values of a type hint, or the `Kind` in `Annotated`."""
     origin, arguments = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return next(each for each in arguments if isinstance(each, Kind))
     if origin in (Union, UnionType):
-        given = [each for each in arguments if each is not NoneType]
-        tables = tuple(each for each in given if hasattr(each, "__dataclass_fields__"))
-        if len(given) == 1:
-            return kind_of(given[0])
+        alternatives = [each for each in arguments if each is not NoneType]
+        tables = tuple(each for each in alternatives if hasattr(each, "__dataclass_fields__"))
+        if len(alternatives) == 1:
+            return kind_of(alternatives[0])
         return Tagged(tables) if tables else Varying()  # a number, or a function of (x, y)
     if origin is Literal:
         return Choice(arguments)
@@ -376,71 +376,72 @@ def kind_of(hint: Any) -> Kind:
         if arguments[-1] is not ...:
             return Listed(kind_of(arguments[0]), len(arguments), len(arguments))
         return Tables(arguments[0]) if hasattr(arguments[0], "__dataclass_fields__") else Listed(kind_of(arguments[0]))
-    simple = {float: FINITE, int: Whole(), bool: Truth(), str: TEXT}
-    return simple[hint] if hint in simple else Table(hint)
+    simple_kinds = {float: FINITE, int: Whole(), bool: Truth(), str: TEXT}
+    return simple_kinds[hint] if hint in simple_kinds else Table(hint)
 
 
 @_cached
 def keys_of(kind: type) -> dict[str, Key]:
     """The keys of a dataclass, in the order of its fields."""
     hints = get_type_hints(kind, include_extras=True)
-    said = {each.name: each.metadata.get("key", {}) for each in fields(kind)}
-    return {name: Key(**{"kind": kind_of(hints[name])} | more) for name, more in said.items() if more is not None}
+    metadata = {each.name: each.metadata.get("key", {}) for each in fields(kind)}
+    return {name: Key(**{"kind": kind_of(hints[name])} | data) for name, data in metadata.items() if data is not None}
 
 
 @_cached
 def defaults_of(kind: type) -> dict[str, Any]:
-    """What fields are by default, of those that have a default."""
-    made = {each.name: each.default_factory() for each in fields(kind) if each.default_factory is not MISSING}
-    return made | {each.name: each.default for each in fields(kind) if each.default is not MISSING}
+    """The defaults of the fields that have one."""
+    defaults = {each.name: each.default_factory() for each in fields(kind) if each.default_factory is not MISSING}
+    return defaults | {each.name: each.default for each in fields(kind) if each.default is not MISSING}
 
 
 @_cached
 def file_keys(kind: type) -> dict[str, Key]:
-    """The keys of a table: those of the class, of what is inlined, and those that files only have (`in_files`)."""
-    found: dict[str, Key] = {}
-    for name, each in keys_of(kind).items():
-        if isinstance(each.kind, Inline):
-            found |= {inner: own for inner, own in file_keys(each.kind.of).items() if inner not in each.kind.without}
+    """The keys of a table: of the class, of inlined classes, and of files only (`in_files`)."""
+    keys: dict[str, Key] = {}
+    for name, own_key in keys_of(kind).items():
+        if isinstance(own_key.kind, Inline):
+            without = own_key.kind.without
+            keys |= {inner: its for inner, its in file_keys(own_key.kind.of).items() if inner not in without}
         else:
-            found[name] = each
-    return found | getattr(kind, "in_files", {})
+            keys[name] = own_key
+    return keys | getattr(kind, "in_files", {})
 
 
 def inlined(kind: type) -> list[type]:
-    """The classes whose fields stand beside those of this one."""
+    """The classes whose fields are keys of the same table."""
     return [each.kind.of for each in keys_of(kind).values() if isinstance(each.kind, Inline)]
 
 
 def is_needed(kind: type, name: str) -> bool:
     """Whether a table must have this key."""
-    own = file_keys(kind)[name].needed
-    return not any(name in defaults_of(each) for each in (kind, *inlined(kind))) if own is None else own
+    needed = file_keys(kind)[name].needed
+    return not any(name in defaults_of(each) for each in (kind, *inlined(kind))) if needed is None else needed
 
 
 def read_values(kind: type, data: Any, reader: Reader, also: tuple[str, ...] = (), partly: bool = False) -> Any:
-    """The values of a table by name; keys in `also` have been read, and `partly` needs none.
+    """The values of a table by name; keys in `also` have been read already, with `partly` no key is required.
 
-    `InputError` if it is no table, has a key that is not known or a bad value, or lacks a key.
+    `InputError` if `data` is not a table, has an unknown key or a bad value, or lacks a key.
     """
     known = file_keys(kind)
     if not isinstance(data, dict):
         raise InputError("", data, "give a table: keys and values")
     for name in data:
         if name not in known and name not in also:
-            raise InputError(quoted(name), data[name], _instead(name, (*also, *known), reader))
-    found = {}
+            raise InputError(quoted(name), data[name], _suggestion(name, (*also, *known), reader))
+    values = {}
     for name, each in known.items():
         if name in data:
             with located(name):
-                found[name] = each.kind.read(data[name], reader)
+                values[name] = each.kind.read(data[name], reader)
         elif not partly and is_needed(kind, name):
             raise InputError(name, Missing(), ADD)
-    return found
+    return values
 
 
 def read_table(kind: type, data: Any, reader: Reader, also: tuple[str, ...] = (), partly: bool = False) -> Any:
-    """The object that a table states, made by the class or by its `from_file`."""
+    """The object of a table, made by the class or by its `from_file`."""
     values = read_values(kind, data, reader, also, partly)
     with located("", file_keys(kind)):
         for name, each in keys_of(kind).items():
@@ -451,24 +452,24 @@ def read_table(kind: type, data: Any, reader: Reader, also: tuple[str, ...] = ()
 
 
 def write_table(path: str, stated: Any, writer: Writer) -> dict[str, Any]:
-    """The table that states an object, without what goes without saying."""
-    found: dict[str, Any] = {}
+    """The table of an object, without values equal to their defaults."""
+    table: dict[str, Any] = {}
     kind = type(stated)
     defaults = defaults_of(kind)
-    for name, each in keys_of(kind).items():
+    for name, table_key in keys_of(kind).items():
         value = getattr(stated, name)
-        if isinstance(each.kind, Inline):
-            own = write_table(path, value, writer)
-            found |= {inner: own[inner] for inner in own if inner not in each.kind.without}
-        elif value is not None and not (each.like and value == getattr(stated, each.like)):
-            written = each.kind.written(f"{path}.{name}", value, writer)
+        if isinstance(table_key.kind, Inline):
+            inner_table = write_table(path, value, writer)
+            table |= {inner: inner_table[inner] for inner in inner_table if inner not in table_key.kind.without}
+        elif value is not None and not (table_key.like and value == getattr(stated, table_key.like)):
+            written = table_key.kind.written(f"{path}.{name}", value, writer)
             if name not in defaults or value != defaults[name]:
-                found[name] = written
-    return found
+                table[name] = written
+    return table
 
 
 class Checked:
-    """Dataclasses whose fields are checked by their keys; numbers become floats, some are like others by default."""
+    """Base of dataclasses whose fields are checked by their keys; numbers become floats, `like` gives defaults."""
 
     def __post_init__(self) -> None:
         kind = type(self)
@@ -483,96 +484,96 @@ class Checked:
 
 @_cached
 def described(kind: type) -> dict[str, str]:
-    """The texts below fields of a class, and of those above it; below `in_files` that of the key it names.
+    """The texts below the fields of a class and of its base classes; the text below `in_files` is that of its key.
 
-    Fields right above one another share the text below them. Nothing where there is no source.
+    Consecutive fields share the text below the last one. Without source code the result is empty.
     """
     texts: dict[str, str] = {}
     for each in reversed(kind.__mro__[:-1]):
-        above = list[str]()
-        for line in _classes(each.__module__).get(each.__name__, ()):
-            if isinstance(line, ast.AnnAssign):
-                above.append(ast.unparse(line.target))
-            elif isinstance(line, ast.Expr) and above:
-                text = " ".join(ast.literal_eval(line.value).split())
-                names = [text.rpartition(": `")[2].partition(" ")[0]] if above[-1] == "in_files" else above
-                texts, above = texts | dict.fromkeys(names, text), []
+        names_above = list[str]()
+        for statement in _classes(each.__module__).get(each.__name__, ()):
+            if isinstance(statement, ast.AnnAssign):
+                names_above.append(ast.unparse(statement.target))
+            elif isinstance(statement, ast.Expr) and names_above:
+                text = " ".join(ast.literal_eval(statement.value).split())
+                names = [text.rpartition(": `")[2].partition(" ")[0]] if names_above[-1] == "in_files" else names_above
+                texts, names_above = texts | dict.fromkeys(names, text), []
     return texts
 
 
 @cache
 def _classes(module: str) -> dict[str, list[ast.stmt]]:
-    """What stands in the classes of a module."""
-    with suppress(OSError, TypeError):  # it has no source
+    """The statements of the classes of a module, by class; empty without source code."""
+    with suppress(OSError, TypeError):
         return {each.name: each.body for each in ast.parse(inspect.getsource(sys.modules[module])).body
                 if isinstance(each, ast.ClassDef)}  # fmt: skip
     return {}
 
 
 def quoted(name: object) -> str:
-    """A key as TOML writes it: bare if it can be."""
+    """A key as TOML writes it, in quotes if necessary."""
     text = str(name)
     return text if text.replace("_", "").replace("-", "").isalnum() and text.isascii() else repr(text)
 
 
 def joined(path: str, further: str) -> str:
-    """A path and what follows it: ``contacts`` and ``[2].friction``."""
+    """A path and the rest of it, such as ``contacts`` and ``[2].friction``."""
     return f"{path}.{further}" if path and further and not further.startswith("[") else path + further
 
 
 def in_toml(remedy: str) -> str:
-    """The remedy in words of a problem file."""
-    for python, toml in _IN_TOML:
+    """The remedy in the words of problem files."""
+    for python, toml in _TOML_REMEDIES:
         remedy = remedy.replace(python, toml)
     return remedy
 
 
 @contextmanager
 def located(path: str, known: Iterable[str] | None = None) -> Iterator[None]:
-    """Errors raised in the block get this path before theirs, or before its last part if that is one of those known."""
+    """Put `path` before the path of errors raised in the block; with `known`, the latter is its last part if known."""
     try:
         yield
     except InputError as error:
         name = error.field if known is None else error.field.split(".")[-1]
-        kept = name if known is None or name in known else ""
-        raise _further(path, type(error)(kept, error.value, error.remedy)) from error
+        known_name = name if known is None or name in known else ""
+        raise _with_path(path, type(error)(known_name, error.value, error.remedy)) from error
 
 
-def _further(path: str, error: InputError) -> InputError:
-    """The same error seen from one table or list further out."""
+def _with_path(path: str, error: InputError) -> InputError:
+    """The error with the path of the table or list around it."""
     value = Missing() if error.value is None else error.value
     return type(error)(joined(path, error.field), value, in_toml(error.remedy))
 
 
-def _instead(name: str, known: Iterable[str], reader: Reader) -> str:
-    """What to write in place of an unknown key: one of those known, or where in the file a key like it belongs."""
+def _suggestion(name: str, known: Iterable[str], reader: Reader) -> str:
+    """Remedy for an unknown key: a similar known key, or the place in the file where such a key belongs."""
     places = dict.fromkeys(file_keys(reader.whole), "the top of the file, before the first [table]")
     for table, headings in tables_of(reader.whole).items():
         places = dict.fromkeys(file_keys(table), headings[0]) | places
-    near, listed = closest(name, {**dict.fromkeys(known), **places}), f"the keys here are {', '.join(known)}"
-    if near is None:
+    suggestion, listed = closest(name, {**dict.fromkeys(known), **places}), f"the keys here are {', '.join(known)}"
+    if suggestion is None:
         return f"there is no such key; {listed}"
-    if near == name:
-        return f"this belongs to {places[near]}; {listed}"
-    where = "" if near in known else f", of {places[near]}"
-    return f"there is no such key; did you mean {near}{where}? ({listed})"
+    if suggestion == name:
+        return f"this belongs to {places[suggestion]}; {listed}"
+    where = "" if suggestion in known else f", of {places[suggestion]}"
+    return f"there is no such key; did you mean {suggestion}{where}? ({listed})"
 
 
 @_cached
 def tables_of(whole: type) -> dict[type, list[str]]:
-    """The classes that state the tables of a file, and the headings of each."""
-    found: dict[type, list[str]] = {}
+    """The classes of the tables of a file, with the headings of each."""
+    headings: dict[type, list[str]] = {}
 
     def walk(kind: type, path: str) -> None:
         for name, each in file_keys(kind).items():
             classes = (each.kind.of,) if hasattr(each.kind, "of") else getattr(each.kind, "classes", ())
             for table in classes:
                 heading = f"[[{path}{name}]]" if isinstance(each.kind, Tables) else f"[{path}{name}]"
-                found.setdefault(table, []).append(heading)
+                headings.setdefault(table, []).append(heading)
                 walk(table, f"{path}{name}.")
 
     walk(whole, "")
-    return found
+    return headings
 
 
 FINITE: Final = Number()

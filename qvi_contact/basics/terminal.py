@@ -1,4 +1,4 @@
-"""How the project's command lines behave: one-line errors, and on standard error how far a solve under way is."""
+"""What all command lines share: errors in one line, and the progress of a solve on standard error."""
 
 import atexit
 import gc
@@ -24,40 +24,40 @@ if TYPE_CHECKING:
 
     from solvers.basics.progress import Progress
 
-_TERMINATED: Final = 143  # exit status after SIGTERM, as shells tell it: 128 and the number of the signal
-_OFTEN_ENOUGH: Final = 100_000  # new objects between two collections of garbage
-_PATIENCE = 2.0  # seconds of silence
-_OFF_TERMINALS = 30.0  # where there is no terminal; then twice as many, and so on
-_REDRAWN = 0.1  # seconds
+_TERMINATED: Final = 143  # exit status after SIGTERM, as in shells: 128 + the number of the signal
+_COLLECTION_THRESHOLD: Final = 100_000  # new objects between two collections of garbage
+_PATIENCE = 2.0  # seconds before the first output
+_FIRST_AFTER = 30.0  # seconds, if standard error is no terminal; the interval doubles with each line
+_REDRAW_INTERVAL = 0.1  # seconds
 
 
 Advance: TypeAlias = Callable[..., None]
-"""Reports that one more step is done, or so many in all, and says in words, if there are any, how far all is."""
+"""Function (description, done) that reports one more step, or the number `done` of all steps that are finished."""
 
 
 class TerminatedError(SystemExit):
-    """The process was told to end, by SIGTERM; like any exit nobody takes it for a failure of what was done."""
+    """The process received SIGTERM; as a `SystemExit` it is not caught as a failure of the work."""
 
 
 class Command(click.Command):
-    """A command whose input errors name the option that was typed, such as --time-limit, not the Python argument."""
+    """A command whose input errors name the option of the command line, such as --time-limit, not the argument."""
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run it."""
+        """Run the command."""
         try:
             return super().invoke(ctx)
         except InputError as error:
-            typed = ctx.get_parameter_source(error.field) is click.core.ParameterSource.COMMANDLINE
+            is_typed = ctx.get_parameter_source(error.field) is click.core.ParameterSource.COMMANDLINE
             options = [
                 each.opts[-1] for each in self.params if each.name == error.field and isinstance(each, click.Option)
             ]
-            if not (typed and options):
+            if not (is_typed and options):
                 raise
             raise type(error)(options[0], error.value, error.remedy) from error
 
 
 class Group(click.Group):
-    """Commands of this kind."""
+    """A group of `Command`s."""
 
     command_class = Command
 
@@ -65,16 +65,15 @@ class Group(click.Group):
 def run(command: click.Command, name: str) -> None:
     """Run a command and exit.
 
-    Anything wrong with the input, and a standard output that cannot be written, is one line on standard error and exit
-    status 2; too little memory is one line and status 1. A reader that has gone away, as in ``… | head -1``, is no
-    fault: the command ends in silence. What libraries print when the process ends does not reach standard output. At
-    SIGTERM a command leaves as at an interrupt from the keyboard: its temporary files and worker processes go, and the
-    exit status is 143.
+    A wrong input, or a standard output that cannot be written, gives one line on standard error and exit status 2; too
+    little memory gives one line and status 1. A closed pipe, as in ``… | head -1``, is no error: the command ends
+    silently. Output of libraries at the end of the process does not reach standard output. SIGTERM acts as an interrupt
+    from the keyboard: temporary files and worker processes are removed, and the exit status is 143.
     """
-    gc.set_threshold(_OFTEN_ENOUGH)  # loading libraries makes many objects, but no garbage
-    atexit.register(gc.freeze)  # nor is there any to be collected when the process ends: both take a quarter of a solve
+    gc.set_threshold(_COLLECTION_THRESHOLD)  # new objects between two collections: loading libraries makes no garbage
+    atexit.register(gc.freeze)  # no collection at the end either: together they took a quarter of a solve's time
     for each in (sys.stdout, sys.stderr):
-        if isinstance(each, io.TextIOWrapper):  # terminals that cannot show a letter show a question mark
+        if isinstance(each, io.TextIOWrapper):  # unknown letters become question marks
             each.reconfigure(errors="replace")
     stream, errors = sys.stdout, sys.stderr
     output = _Output(stream)
@@ -90,7 +89,7 @@ def run(command: click.Command, name: str) -> None:
     except OSError as error:
         if error is not output.error:
             raise
-        status = 1  # as click has it if nobody reads it
+        status = 1  # click's status for a closed pipe
         if not isinstance(error, BrokenPipeError):
             status = _complain(name, f"standard output: cannot be written ({error.strerror or error})")
     finally:
@@ -102,7 +101,7 @@ def run(command: click.Command, name: str) -> None:
 
 
 def _status(command: click.Command, name: str) -> int:
-    """Run a command; its exit status."""
+    """Run a command and return its exit status."""
     try:
         return int(command.main(prog_name=name, standalone_mode=False) or 0)
     except click.exceptions.NoArgsIsHelpError as error:
@@ -128,9 +127,9 @@ def _status(command: click.Command, name: str) -> int:
 
 @contextmanager
 def _leaving_at_sigterm() -> Iterator[None]:
-    """Leave every block in order at the first SIGTERM, and at once at the second.
+    """The first SIGTERM raises `TerminatedError`, so that every block is left in order; the second ends the process.
 
-    A handler that is there already stays, as does that of a process whose commands run in other threads.
+    An existing handler is kept. In a thread other than the main one nothing is changed.
     """
     if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
         yield
@@ -148,7 +147,7 @@ def _leaving_at_sigterm() -> Iterator[None]:
 
 
 class _Output:
-    """Standard output that remembers why it could not be written, so that no other failure is taken for that one."""
+    """Standard output that keeps the error of a failed write, which tells it from other errors."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -174,7 +173,7 @@ class _Output:
             raise
 
     def give_up(self) -> None:
-        """Let what is left in its buffer go nowhere when the interpreter ends, which would complain about it."""
+        """Send the rest of the buffer to the null device, as writing it at exit would fail with a message."""
         with suppress(OSError, ValueError):  # a stream without a file
             number, nowhere = self._stream.fileno(), os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, number)
@@ -182,7 +181,7 @@ class _Output:
 
 
 class _Errors(_Output):
-    """Standard error that goes nowhere once it cannot be written. At a broken pipe Rich would end standard output."""
+    """Standard error that goes to the null device after a failed write; at a broken pipe Rich would end the output."""
 
     @contextmanager
     def _remembering(self) -> Iterator[None]:
@@ -193,13 +192,13 @@ class _Errors(_Output):
 
 
 def _complain(name: str, message: str) -> int:
-    """Say in one line what is wrong; the exit status."""
+    """Print an error in one line, and return the exit status 2."""
     _say(f"{name}: {' '.join(message.split())}")
     return 2
 
 
 def _say(line: str) -> None:
-    with suppress(OSError):  # there is no place left to complain at
+    with suppress(OSError):  # standard error cannot be written either
         click.echo(line, err=True)
 
 
@@ -211,19 +210,19 @@ def error_console() -> "Console":
 
 
 @contextmanager
-def solving(title: str, steps: int = 1, *, verbose: bool = False, silence: float = _OFF_TERMINALS) -> Iterator[Advance]:
-    """Show on standard error how far the solves inside are, once they take two seconds; of several steps with a bar.
+def solving(title: str, steps: int = 1, *, verbose: bool = False, silence: float = _FIRST_AFTER) -> Iterator[Advance]:
+    """Show the progress of the solves in the block on standard error after two seconds; with a bar for several steps.
 
-    With `verbose` no line is shown, and what the solves inside print goes there too: standard output is for answers.
-    A line that stays says when one method takes the place of another one. Where that is not a terminal there are plain
-    lines: one before each large factorisation, and how far all is after so many seconds of `silence`, and then after
-    twice as many, and so on. The function yielded says that a step is done, or how many, and may say how far all is.
+    On a terminal one line is redrawn; a permanent line reports a change of the method. Otherwise there are plain lines:
+    one before each large factorisation, and one after `silence` seconds, after twice as many, and so on. With `verbose`
+    no progress is shown, and the output of the solves goes to standard error, as standard output is for answers. The
+    function yielded reports that a step is done, or the number of all steps done, with a description.
     """
     if verbose:
         with redirect_stdout(sys.stderr):
             yield lambda *_: None
         return
-    from solvers.basics.progress import listening  # with NumPy, which a line of help does without
+    from solvers.basics.progress import listening  # loads NumPy, which --help does not need
 
     line = _Line(title, steps)
     thread = threading.Thread(target=line.show, args=(silence,), daemon=True)
@@ -233,11 +232,11 @@ def solving(title: str, steps: int = 1, *, verbose: bool = False, silence: float
             yield line.advance
     finally:
         line.ended.set()
-        thread.join(_PATIENCE)  # nobody may read standard error
+        thread.join(_PATIENCE)  # it may block if standard error is not read
 
 
 class _Line:
-    """The line, which a thread of its own shows until all has ended."""
+    """The line of progress, which another thread shows until the block ends."""
 
     def __init__(self, title: str, steps: int) -> None:
         self._title, self._steps, self._done = title, steps, 0
@@ -247,23 +246,23 @@ class _Line:
         self.ended = threading.Event()
 
     def report(self, progress: "Progress") -> None:
-        """What a solve says: method, iteration, residual."""
-        entry = progress.iteration
-        what = progress.stage or "setting up"
-        if entry is not None and not progress.stage:
-            what = f"iteration {entry.number}, residual {entry.residual:.1e}"
-        self._state = f"{progress.method}: {what}"
+        """Take the progress of a solve: method, stage or iteration, residual."""
+        iteration = progress.iteration
+        stage = progress.stage or "setting up"
+        if iteration is not None and not progress.stage:
+            stage = f"iteration {iteration.number}, residual {iteration.residual:.1e}"
+        self._state = f"{progress.method}: {stage}"
         if progress.stage:
             self._say(self._state, on_terminals=False)
         if progress.remark:
             self._say(f"{progress.remark}; next method: {progress.method}", on_terminals=True)
 
     def advance(self, description: str = "", done: int | None = None) -> None:
-        """One more step is done, or so many in all."""
+        """Count one more step as done, or set the number of all steps done."""
         self._done, self._so_far, self._state = self._done + 1 if done is None else done, description, ""
 
     def show(self, silence: float) -> None:
-        """Draw the line on a terminal, and elsewhere say now and then how far all is."""
+        """Draw the line on a terminal; otherwise print the progress at growing intervals."""
         patience = min(_PATIENCE, silence)
         if self.ended.wait(patience):
             return
@@ -275,7 +274,7 @@ class _Line:
             silence = wait = 2.0 * silence
 
     def _draw(self) -> None:
-        """Rich's own line, with a bar where there are several steps."""
+        """Rich's line of progress, with a bar for several steps."""
         from rich.progress import BarColumn, MofNCompleteColumn, TextColumn
         from rich.progress import Progress as Bar
 
@@ -283,13 +282,13 @@ class _Line:
         columns = (title, *((BarColumn(), MofNCompleteColumn()) if self._steps > 1 else ()), state)
         with Bar(*columns, console=error_console(), transient=True) as self._bar:
             task = self._bar.add_task(self._title, total=self._steps, state=self._text)
-            over = False
-            while not over:
-                over = self.ended.wait(_REDRAWN)
+            is_over = False
+            while not is_over:
+                is_over = self.ended.wait(_REDRAW_INTERVAL)
                 self._bar.update(task, completed=self._done, state=self._text)
 
     def _say(self, words: str, *, on_terminals: bool) -> None:
-        """A line that stays, if standard error is a terminal or is none."""
+        """Print a permanent line if standard error is a terminal, or if it is none, as `on_terminals` demands."""
         console = error_console() if self._bar is None else self._bar.console
         if console.is_terminal is on_terminals:
             console.print(f"{self._title}: {words}", markup=False, highlight=False, soft_wrap=True)

@@ -5,18 +5,7 @@ from solvers.basics.front import front
 
 __all__ = ["hsieh_clough_tocher"]
 
-__getattr__ = front(
-    __name__,
-    {
-        "hsieh_clough_tocher": ("compliance_roots",),
-        "edge": (
-            "absolute_integrals",
-            "adapted",
-            "constant",
-            "gauss_legendre",
-            "legendre_from_values",
-            "product_integrals",
-        ),
-        "triangle": ("AffineTriangles", "EDGES", "exponents"),
-    },
-)
+_EDGE = "absolute_integrals", "adapted", "constant", "gauss_legendre", "legendre_from_values", "product_integrals"
+_TRIANGLE = "AffineTriangles", "EDGES", "exponents"
+
+__getattr__ = front(__name__, {"hsieh_clough_tocher": ("compliance_roots",), "edge": _EDGE, "triangle": _TRIANGLE})

@@ -1,15 +1,15 @@
-"""The edge, 0 ≤ t ≤ 1: polynomials by coefficients of Legendre or of Bernstein, Gauss points, quadrature of functions.
+"""The edge, 0 ≤ t ≤ 1: polynomials by Legendre or Bernstein coefficients, Gauss points, quadrature of functions.
 
     p(t) = Σ c_k P_k(2t − 1),     p(t) = Σ c_i B_i(t),   B_i(t) = C(p, i) tⁱ (1 − t)^(p − i),   i = 0 … p
 
 A polynomial lies between the smallest and the largest of its Bernstein coefficients, and |Σ c_i B_i| ≤ Σ |c_i| B_i.
-Those of a linear function are its values at i/p.
+The Bernstein coefficients of a linear function are its values at i/p.
 
-Functions may jump, bend or grow inside an edge. A function is taken as the polynomial through its values at Gauss
-points of each edge. Where `SAMPLES` show that it is another one, the edge is halved, and so are its parts, until the
-polynomial on a part is what the function is at the Gauss points of its halves, just inside its ends, and at all
-samples. A jump is so enclosed down to rounding. Far from the origin rounding of the coordinates moves the points, by
-more than a function is asked to be followed: what that explains is no reason to halve a part.
+Quadrature of functions that may jump, bend or grow inside an edge: a function is replaced by the polynomial through its
+values at the Gauss points of the edge. If the two differ at one of the `SAMPLES`, the edge is halved, and its parts are
+halved again, until polynomial and function agree at the Gauss points of a part's halves, just inside its ends, and at
+all samples in it. So a jump is enclosed down to rounding. Far from the origin the rounding of coordinates moves the
+points; differences that this explains do not count.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,24 +26,24 @@ from qvi_contact.basics.checks import BoolArray, FloatArray, IntArray
 from solvers.basics.types import read_only
 
 Function: TypeAlias = Callable[[IntArray, FloatArray], FloatArray]
-"""Values (k, q) at reference points t (k, q) of edges by number (k,)."""
+"""Values (k, q) from numbers (k,) of edges and reference points t (k, q) on them."""
 
-_END = 1e-6  # so far inside the ends a step on a grid line is not seen, a peak there is
+_END_DISTANCE = 1e-6  # from an end: a jump at the vertex, moved by rounding, is excluded, a peak at the end is sampled
 
-SAMPLES: FloatArray = np.concatenate([[_END], (np.arange(97.0) + 0.5) / 97.0, [1.0 - _END]])
-"""Points (99,) of every edge at which data are compared with the polynomial taken for them: 97 midpoints and a point
-just inside each end. A difference on less than 1/97 of an edge may lie between them."""
+SAMPLES: FloatArray = np.concatenate([[_END_DISTANCE], (np.arange(97.0) + 0.5) / 97.0, [1.0 - _END_DISTANCE]])
+"""Points (99,) of every edge at which a function is compared with its polynomial: the midpoints of 97 equal parts and a
+point just inside each end. A peak narrower than 1/97 of the edge may lie between two of them."""
 SAMPLES.flags.writeable = False
 
-_LEADING = 1e-13  # of a polynomial's largest coefficient: below, its degree is lower
+_LEADING_TOLERANCE = 1e-13  # leading coefficient, relative to the largest, that counts as zero
 
-_POLYNOMIAL: Final = 1e-11  # difference at samples, relative to the largest value, that counts as rounding
-_NOTHING: Final = 1e-14  # integral of a difference on one part, relative to the largest value
-_DEEPEST: Final = 48  # halvings of an edge: then a part is as small as rounding of t
-_MOST: Final = 512  # parts of one edge, in the mean, that may wait
-_UNSEEN: Final = 1e-3  # of an edge: what the parts that do not count where values are compared may be together
-_MOVED: Final = 32.0  # differences that points moved by rounding explain, by the mean slope of a part
-_ENDS: Final = SAMPLES[[0, -1]]  # of a part: a jump may lie between its Gauss points and its ends
+_SAMPLE_TOLERANCE: Final = 1e-11  # difference at samples, relative to the largest value, that counts as rounding
+_INTEGRAL_TOLERANCE: Final = 1e-14  # integral of the difference on one part, relative to the largest value
+_MAX_HALVINGS: Final = 48  # a part is as small then as the rounding of t
+_MAX_PARTS: Final = 512  # parts that are not accepted yet, per divided edge
+_IGNORED: Final = 1e-3  # fraction of each edge: the smallest parts, which `misfit` leaves out, have no more together
+_SLOPE_FACTOR: Final = 32.0  # a point moved by rounding changes a value by up to this × rounding × mean slope
+_NEAR_ENDS: Final = SAMPLES[[0, -1]]  # of a part: a jump may lie between its last Gauss point and its end
 
 
 def legendre_basis(degree: int, t: FloatArray) -> FloatArray:
@@ -53,7 +53,7 @@ def legendre_basis(degree: int, t: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def legendre_basis_at(degree: int, t: tuple[float, ...]) -> FloatArray:
-    """The same at few points that are asked for again and again, kept and read only, shape (q, degree + 1)."""
+    """`legendre_basis`, cached for points used often; read only, shape (q, degree + 1)."""
     values = legendre_basis(degree, np.array(t))
     values.flags.writeable = False
     return values
@@ -70,10 +70,9 @@ def gauss_legendre(count: int) -> tuple[FloatArray, FloatArray]:
 
 @cache
 def legendre_from_values(degree: int, count: int) -> FloatArray:
-    """From values at `count` Gauss points to the coefficients (2k + 1) ∫ p P_k dt, shape (degree + 1, count).
+    """Matrix (degree + 1, count) from values at `count` Gauss points to the coefficients (2k + 1) ∫ p P_k dt.
 
-    They are those of the projection on polynomials of the degree in the mean square. Mean and first moment of the data
-    are kept from degree 1 on.
+    It is the L2 projection on polynomials of this degree, which from degree 1 on keeps mean and first moment.
     """
     t, w = gauss_legendre(count)
     matrix = (2.0 * np.arange(degree + 1)[:, None] + 1.0) * (legendre_basis(degree, t) * w[:, None]).T
@@ -99,20 +98,20 @@ def largest_quadratic(b: FloatArray) -> FloatArray:
 
 @cache
 def lobatto_points(degree: int) -> FloatArray:
-    """Gauss-Lobatto points (degree + 1,), the ends included: where data are interpolated.
+    """Gauss-Lobatto points (degree + 1,), ends included, at which data are interpolated.
 
-    What polynomials through them miss on arcs, of directions that turn, is at right angles to polynomials of degree
-    p − 2: smooth tractions do next to no work along it.
+    On arcs, where directions turn, the interpolation error is nearly orthogonal to polynomials of degree p − 2, so
+    smooth tractions do almost no work on it.
     """
-    inside = np.asarray(Legendre.basis(degree).deriv().roots().real)  # complex from NumPy 2.5 on
-    found = np.concatenate([[0.0], 0.5 + 0.25 * (inside - inside[::-1]), [1.0]])
-    found.flags.writeable = False
-    return found
+    interior = np.asarray(Legendre.basis(degree).deriv().roots().real)  # complex from NumPy 2.5 on
+    points = np.concatenate([[0.0], 0.5 + 0.25 * (interior - interior[::-1]), [1.0]])
+    points.flags.writeable = False
+    return points
 
 
 @cache
 def bernstein_from_values(degree: int) -> FloatArray:
-    """Matrix (degree + 1, degree + 1) from values at `lobatto_points` to coefficients."""
+    """Matrix (degree + 1, degree + 1) from values at `lobatto_points` to Bernstein coefficients."""
     matrix = np.asarray(np.linalg.inv(bernstein_basis(degree, lobatto_points(degree))))
     matrix.flags.writeable = False
     return matrix
@@ -122,30 +121,26 @@ def bernstein_from_values(degree: int) -> FloatArray:
 def product_integrals(first: int, second: int) -> FloatArray:
     """∫₀¹ B_i B_j dt of the degrees `first` and `second`, shape (first + 1, second + 1)."""
     t, w = gauss_legendre((first + second) // 2 + 1)
-    found = bernstein_basis(first, t).T @ (w[:, None] * bernstein_basis(second, t))
-    found.flags.writeable = False
-    return found
+    integrals = bernstein_basis(first, t).T @ (w[:, None] * bernstein_basis(second, t))
+    integrals.flags.writeable = False
+    return integrals
 
 
 def absolute_integrals(weight: FloatArray, coefficients: FloatArray) -> FloatArray:
-    """∫₀¹ s |v| dt for s (e, q + 1) ≥ 0 and v (e, p + 1), by coefficients: exact, split where v changes sign."""
+    """∫₀¹ s |v| dt (e,), exact, from Bernstein coefficients of s ≥ 0 (e, q + 1) and v (e, p + 1)."""
     q, p = weight.shape[1] - 1, coefficients.shape[1] - 1
     signed = np.einsum("eq,qp,ep->e", weight, product_integrals(q, p), coefficients)
     total = np.abs(signed)
-    mixed = (coefficients.max(axis=1, initial=0.0) > 0.0) & (coefficients.min(axis=1, initial=0.0) < 0.0)
+    changes_sign = (coefficients.max(axis=1, initial=0.0) > 0.0) & (coefficients.min(axis=1, initial=0.0) < 0.0)
     t, w = gauss_legendre((q + p) // 2 + 1)
-    for edge in np.flatnonzero(mixed):  # signs change at roots of Σ c_i C(p, i) rⁱ with r = t/(1 − t)
+    for edge in np.flatnonzero(changes_sign):  # zeros of v are roots of Σ c_i C(p, i) rⁱ, r = t/(1 − t)
         powers = coefficients[edge] * np.array([comb(p, i) for i in range(p + 1)])
-        roots = Polynomial(powers).trim(_LEADING * np.abs(powers).max()).roots()
-        real = np.sort(roots.real[(np.abs(roots.imag) <= 1e-9 * (1.0 + np.abs(roots.real))) & (roots.real > 0.0)])
-        breaks = np.concatenate([[0.0], real / (1.0 + real), [1.0]])
+        roots = Polynomial(powers).trim(_LEADING_TOLERANCE * np.abs(powers).max()).roots()
+        real_roots = np.sort(roots.real[(np.abs(roots.imag) <= 1e-9 * (1.0 + np.abs(roots.real))) & (roots.real > 0.0)])
+        breaks = np.concatenate([[0.0], real_roots / (1.0 + real_roots), [1.0]])
         points = breaks[:-1, None] + np.diff(breaks)[:, None] * t
-        values = (
-            bernstein_basis(p, points.ravel())
-            @ coefficients[edge]
-            * (bernstein_basis(q, points.ravel()) @ weight[edge])
-        )
-        total[edge] = float(np.abs(values.reshape(points.shape) @ w) @ np.diff(breaks))
+        v, s = (bernstein_basis(len(c) - 1, points.ravel()) @ c for c in (coefficients[edge], weight[edge]))
+        total[edge] = float(np.abs((v * s).reshape(points.shape) @ w) @ np.diff(breaks))
     return np.asarray(total)
 
 
@@ -159,128 +154,131 @@ class EdgeQuadrature:
     t: FloatArray
     weights: FloatArray
     values: FloatArray  # (k, q): the function
-    error: float  # integral of what parts that were not divided further leave of it
+    error: float  # estimated integral of the error on parts that were left unresolved
 
     @classmethod
-    def joined(cls, given: "Sequence[EdgeQuadrature]") -> "EdgeQuadrature":
-        """Functions on several sets of edges as one on all of them, set after set."""
-        starts = np.cumsum([0, *(part.count for part in given)]).tolist()
-        edge = np.concatenate([start + part.edge for start, part in zip(starts, given, strict=False)])
-        at_points = zip(*((part.t, part.weights, part.values) for part in given), strict=True)
-        t, weights, values = map(np.concatenate, at_points)
-        return cls(starts[-1], edge, t, weights, values, sum(part.error for part in given))
+    def joined(cls, functions: "Sequence[EdgeQuadrature]") -> "EdgeQuadrature":
+        """Functions on several sets of edges as one function on all edges, in the order of the sets."""
+        starts = np.cumsum([0, *(part.count for part in functions)]).tolist()
+        edge = np.concatenate([start + part.edge for start, part in zip(starts, functions, strict=False)])
+        arrays = zip(*((part.t, part.weights, part.values) for part in functions), strict=True)
+        t, weights, values = map(np.concatenate, arrays)
+        return cls(starts[-1], edge, t, weights, values, sum(part.error for part in functions))
 
     def coefficients(self, degree: int) -> FloatArray:
-        """Coefficients of Legendre on every edge (n, degree + 1) of the projection in the mean square."""
+        """Legendre coefficients (n, degree + 1) of the L2 projection on every edge."""
         return self.integrals(legendre_basis(degree, self.t)) * (2.0 * np.arange(degree + 1) + 1.0)
 
     def moments(self, degree: int) -> FloatArray:
-        """∫₀¹ f B_i dt on every edge (n, degree + 1)."""
+        """Moments ∫₀¹ f B_i dt on every edge, shape (n, degree + 1)."""
         return self.integrals(bernstein_basis(degree, self.t.ravel()).reshape(*self.t.shape, -1))
 
     def misfit(self, coefficients: FloatArray) -> float:
-        """Largest difference at points from polynomials (n, k), but for smallest parts of edges, as beside jumps."""
-        share = self.weights.sum(axis=1)
-        order = np.lexsort([share, self.edge])
-        covered = np.cumsum(share[order])
-        before = np.searchsorted(self.edge[order], self.edge[order])  # parts of earlier edges
-        seen = order[covered - np.concatenate([[0.0], covered])[before] > _UNSEEN]
-        shapes = legendre_basis(coefficients.shape[1] - 1, self.t[seen])
-        values = (shapes @ coefficients[self.edge[seen], :, None])[..., 0]
-        return float(np.abs(values - self.values[seen]).max(initial=0.0))
+        """Largest difference from polynomials with Legendre coefficients (n, k), without the parts around jumps."""
+        length = self.weights.sum(axis=1)
+        order = np.lexsort([length, self.edge])
+        covered = np.cumsum(length[order])
+        first_of_edge = np.searchsorted(self.edge[order], self.edge[order])  # number of parts of earlier edges
+        compared = order[covered - np.concatenate([[0.0], covered])[first_of_edge] > _IGNORED]
+        shapes = legendre_basis(coefficients.shape[1] - 1, self.t[compared])
+        values = (shapes @ coefficients[self.edge[compared], :, None])[..., 0]
+        return float(np.abs(values - self.values[compared]).max(initial=0.0))
 
     def integrals(self, shapes: FloatArray) -> FloatArray:
-        """∫₀¹ f s_j dt on every edge (n, j) of shape functions s_j at the points, (k, q, j)."""
-        parts = np.einsum("kq,kqj->kj", self.values * self.weights, shapes)
-        found = np.zeros((self.count, shapes.shape[-1]))
-        np.add.at(found, self.edge, parts)
-        return found
+        """∫₀¹ f s_j dt on every edge, shape (n, j), for shape functions s_j with values (k, q, j) at the points."""
+        part_integrals = np.einsum("kq,kqj->kj", self.values * self.weights, shapes)
+        integrals = np.zeros((self.count, shapes.shape[-1]))
+        np.add.at(integrals, self.edge, part_integrals)
+        return integrals
 
 
 class _Parts(NamedTuple):
-    """Parts of edges, from `start` (k,) on and so `long` (k,), and the function at their Gauss points (k, q)."""
+    """k parts of edges, each from start to start + length in t, and the function at their Gauss points (k, q)."""
 
     edge: IntArray
     start: FloatArray
-    long: FloatArray
+    length: FloatArray
     values: FloatArray
 
-    def places(self, t: FloatArray) -> FloatArray:
-        """Points t (q,) of the parts as places on their edges, (k, q)."""
-        return np.asarray(self.start[:, None] + self.long[:, None] * t)
+    def positions(self, t: FloatArray) -> FloatArray:
+        """Reference coordinates (k, q) on the edges of the points t (q,) of the parts."""
+        return np.asarray(self.start[:, None] + self.length[:, None] * t)
 
     def take(self, chosen: BoolArray) -> "_Parts":
-        return _Parts(self.edge[chosen], self.start[chosen], self.long[chosen], self.values[chosen])
+        return _Parts(self.edge[chosen], self.start[chosen], self.length[chosen], self.values[chosen])
 
-    def allowed(self, size: float, rounding: FloatArray) -> FloatArray:
-        """Differences (k,) that count as rounding, of values of this size at points moved by `rounding` (edges,)."""
-        slopes = np.ptp(self.values, axis=1) / self.long
-        return np.asarray(_POLYNOMIAL * size + _MOVED * rounding[self.edge] * slopes)
+    def tolerances(self, size: float, rounding: FloatArray) -> FloatArray:
+        """Differences (k,) that count as rounding; `size`: largest value, `rounding` (edges,): error of t."""
+        slopes = np.ptp(self.values, axis=1) / self.length
+        return np.asarray(_SAMPLE_TOLERANCE * size + _SLOPE_FACTOR * rounding[self.edge] * slopes)
 
     def halves(self, function: Function, t: FloatArray) -> "_Parts":
-        edge, long = np.repeat(self.edge, 2), np.repeat(self.long / 2.0, 2)
-        start = np.stack([self.start, self.start + self.long / 2.0], axis=1).ravel()
-        return _Parts(edge, start, long, function(edge, start[:, None] + long[:, None] * t))
+        edge, length = np.repeat(self.edge, 2), np.repeat(self.length / 2.0, 2)
+        start = np.stack([self.start, self.start + self.length / 2.0], axis=1).ravel()
+        return _Parts(edge, start, length, function(edge, start[:, None] + length[:, None] * t))
 
-    def missed(self, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Sum and maximum of |p − f| (k,) over the samples f (edges, 99) that lie on each part, p its polynomial."""
-        first, last = (np.searchsorted(SAMPLES, ends) for ends in (self.start, self.start + self.long))
+    def sample_differences(self, samples: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Sum and maximum (k,) of |p − f| over the samples f (edges, 99) on each part, where p is its polynomial."""
+        first, last = (np.searchsorted(SAMPLES, ends) for ends in (self.start, self.start + self.length))
         part = np.repeat(np.arange(len(self.edge)), last - first)
-        at = np.arange(len(part)) - np.repeat(np.cumsum(last - first) - last, last - first)
+        sample = np.arange(len(part)) - np.repeat(np.cumsum(last - first) - last, last - first)
         points = self.values.shape[1]
-        t = (SAMPLES[at] - self.start[part]) / self.long[part]
+        t = (SAMPLES[sample] - self.start[part]) / self.length[part]
         coefficients = self.values @ legendre_from_values(points - 1, points).T
-        found = (coefficients[part] * legendre_basis(points - 1, t)).sum(axis=1)
-        differences, largest = np.abs(found - samples[self.edge[part], at]), np.zeros(len(self.edge))
+        polynomial = (coefficients[part] * legendre_basis(points - 1, t)).sum(axis=1)
+        differences, largest = np.abs(polynomial - samples[self.edge[part], sample]), np.zeros(len(self.edge))
         np.maximum.at(largest, part, differences)
         return np.asarray(np.bincount(part, differences, len(self.edge)), dtype=float), largest
 
 
 def constant(value: float, count: int, points: int = 8) -> EdgeQuadrature:
-    """What `adapted` finds a number on `count` edges to be, with so many Gauss points on each."""
-    (t, w), each = gauss_legendre(points), np.ones((count, 1))
-    return EdgeQuadrature(count, np.arange(count), each * t, each * w, np.full((count, points), float(value)), 0.0)
+    """The quadrature of a constant on `count` edges with `points` Gauss points on each."""
+    (t, w), ones = gauss_legendre(points), np.ones((count, 1))
+    return EdgeQuadrature(count, np.arange(count), ones * t, ones * w, np.full((count, points), float(value)), 0.0)
 
 
 @cache
 def _interpolations(points: int) -> tuple[FloatArray, ...]:
-    """From so many points of a part to those of its halves, just inside its ends, and to the samples of an edge."""
-    t, project = gauss_legendre(points)[0], legendre_from_values(points - 1, points)
+    """Matrices from values at the Gauss points of a part to those of its halves, near its ends and at `SAMPLES`."""
+    t, to_coefficients = gauss_legendre(points)[0], legendre_from_values(points - 1, points)
     halfway = np.concatenate([t / 2.0, (1.0 + t) / 2.0])
-    found = tuple((legendre_basis(points - 1, at) @ project).T for at in (halfway, _ENDS, SAMPLES))
-    read_only(*found)
-    return found
+    matrices = tuple((legendre_basis(points - 1, at) @ to_coefficients).T for at in (halfway, _NEAR_ENDS, SAMPLES))
+    read_only(*matrices)
+    return matrices
 
 
 def adapted(function: Function, count: int, points: int = 8, rounding: FloatArray | None = None) -> EdgeQuadrature:
-    """Quadrature of a function on so many edges, with so many Gauss points on each part.
+    """Quadrature of a function on `count` edges with `points` Gauss points on each part.
 
-    Polynomials of a degree below that have one part an edge. Rounding of coordinates may move a point of each edge by
-    `rounding` (n,) along the reference edge, by default not at all.
+    A polynomial of degree below `points` needs one part per edge. `rounding` (n,) is the rounding error of t on each
+    edge, 0 by default.
     """
     if not count:
         return constant(0.0, 0, points)
-    every, (t, w) = np.arange(count), gauss_legendre(points)
+    edges, (t, w) = np.arange(count), gauss_legendre(points)
     rounding = np.zeros(count) if rounding is None else rounding
-    whole = _Parts(every, np.zeros(count), np.ones(count), function(every, np.tile(t, (count, 1))))
-    samples = function(every, np.tile(SAMPLES, (count, 1)))
+    whole = _Parts(edges, np.zeros(count), np.ones(count), function(edges, np.tile(t, (count, 1))))
+    samples = function(edges, np.tile(SAMPLES, (count, 1)))
     size = max(float(np.abs(values).max()) for values in (samples, whole.values))
     to_halves, to_ends, to_samples = _interpolations(points)
-    even = np.abs(samples - whole.values @ to_samples).max(axis=1) <= whole.allowed(size, rounding)
-    found, waiting, left = [whole.take(even)], whole.take(~even), np.zeros(0)
-    edges = len(waiting.edge)
-    for _ in range(_DEEPEST):
-        if not 0 < len(waiting.edge) <= _MOST * edges:
+    fits = np.abs(samples - whole.values @ to_samples).max(axis=1) <= whole.tolerances(size, rounding)
+    accepted, rest, error = [whole.take(fits)], whole.take(~fits), np.zeros(0)
+    n_divided = len(rest.edge)
+    for _ in range(_MAX_HALVINGS):
+        if not 0 < len(rest.edge) <= _MAX_PARTS * n_divided:
             break
-        halves = waiting.halves(function, t)
-        inside = np.abs(halves.values.reshape(-1, 2 * points) - waiting.values @ to_halves)
-        at_ends = np.abs(function(waiting.edge, waiting.places(_ENDS)) - waiting.values @ to_ends)
-        missed, most = waiting.missed(samples)
-        between = inside @ np.tile(w / 2.0, 2) + t[0] / 2.0 * at_ends.sum(axis=1)
-        left = waiting.long * between + missed / len(SAMPLES)
-        apart = np.maximum(most, np.concatenate([inside, at_ends], axis=1).max(axis=1))
-        close = (left <= _NOTHING * size) | (apart <= waiting.allowed(size, rounding))
-        found.append(waiting.take(close))
-        waiting, left = halves.take(np.repeat(~close, 2)), left[~close]
-    parts = _Parts(*map(np.concatenate, zip(*found, waiting, strict=True)))
-    return EdgeQuadrature(count, parts.edge, parts.places(t), parts.long[:, None] * w, parts.values, float(left.sum()))
+        halves = rest.halves(function, t)
+        # differences of function and polynomial at the Gauss points of the halves, near the ends, at the samples
+        in_halves = np.abs(halves.values.reshape(-1, 2 * points) - rest.values @ to_halves)
+        at_ends = np.abs(function(rest.edge, rest.positions(_NEAR_ENDS)) - rest.values @ to_ends)
+        sample_sum, sample_max = rest.sample_differences(samples)
+        integral = in_halves @ np.tile(w / 2.0, 2) + t[0] / 2.0 * at_ends.sum(axis=1)
+        error = rest.length * integral + sample_sum / len(SAMPLES)
+        largest = np.maximum(sample_max, np.concatenate([in_halves, at_ends], axis=1).max(axis=1))
+        is_close = (error <= _INTEGRAL_TOLERANCE * size) | (largest <= rest.tolerances(size, rounding))
+        # accept the parts that are resolved, halve the rest
+        accepted.append(rest.take(is_close))
+        rest, error = halves.take(np.repeat(~is_close, 2)), error[~is_close]
+    parts = _Parts(*map(np.concatenate, zip(*accepted, rest, strict=True)))
+    weights = parts.length[:, None] * w
+    return EdgeQuadrature(count, parts.edge, parts.positions(t), weights, parts.values, float(error.sum()))

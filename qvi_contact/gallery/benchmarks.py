@@ -1,6 +1,6 @@
 """Published contact problems: rings, a press fit, pins in holes, cylinders, the corner of a block, plates.
 
-Circles are true arcs. `sectors` are the edges of each circle in a quarter, `friction` is the coefficient μ.
+Circles are true arcs. `sectors` is the number of edges of each circle in a quarter, `friction` the coefficient μ.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from qvi_contact.basics.checks import Field, FloatArray, IntArray, finite_number, positive_number, whole_number
-from qvi_contact.mesh.triangles import TriangleMesh
+from qvi_contact.mesh.triangles import Place, TriangleMesh
 from qvi_contact.problem.conditions import Condition, Contact, Displacement, RigidPlate, Symmetry, Traction
 from qvi_contact.problem.material import Material, Plane, Region
 from qvi_contact.problem.problem import ContactProblem
@@ -21,16 +21,16 @@ __all__ = [
     "rings", "ssnv128",
 ]  # fmt: skip
 
-_MOST: Final = 1000  # sectors
+_MAX_COUNT: Final = 1000  # of sectors, and of cells along a length
 _QUARTER: Final = (Symmetry("start"), Symmetry("end"))
 
 
 def rings(sectors: int = 8, swing: float = 0.0, *, whole: bool = False) -> ContactProblem:
     """Two rings, one in the other, under outer pressure, without friction: Code_Aster's test SSNP167.
 
-    Radii 0.2, 0.6 and 1 m, plane strain, E = 1e9 Pa, ν = 0.2; the pressure p = 1e7 + `swing` cos 2θ acts outside. They
-    press on each other by 9.2592593e6 + 1.3571791 `swing` cos 2θ (Lamé; Michell for the second harmonic). The `whole`
-    of the rings is taken, the contact "joint" being a closed line, or a quarter between lines of symmetry.
+    Radii 0.2, 0.6 and 1 m, plane strain, E = 1e9 Pa, ν = 0.2. The pressure 1e7 + `swing` cos 2θ acts on the outside.
+    The contact pressure is 9.2592593e6 + 1.3571791 `swing` cos 2θ (Lamé; Michell for the second harmonic). The contact
+    is "joint". It is a closed line on `whole` rings; otherwise a quarter between lines of symmetry is computed.
     """
     mesh = _nested((0.2, 0.6, 1.0), sectors, 4 if whole else 1, "joint", ("inner", "joint", "outer"))
 
@@ -59,16 +59,16 @@ def press_fit_torque(
     """A hollow shaft in a hub with an interference, twisted: it slips at the torque 2π μ p R².
 
     As `press_fit`, with a bore of radius 5 mm in the shaft: p = 59.927 MPa (Lamé). The torque [N mm/mm],
-    counterclockwise, acts as shear in that bore, or the bore is moved along by `turn` [mm] instead. The outside of the
-    hub is kept from turning.
+    counterclockwise, acts as shear in the bore; with `turn` [mm] this is a prescribed tangential displacement of the
+    bore instead. The outside of the hub cannot rotate.
     """
     mesh = _nested((5.0, 25.0, 50.0), sectors, 4, "shaft", ("shaft", "outer", "inner"))
     shear = torque / (2.0 * np.pi * 5.0**3)
     bore: list[Condition] = [Traction("inner", x=lambda _, y: -shear * y, y=lambda x, _: shear * x)]
-    if turn is not None:  # tangents of edges point to the right
+    if turn is not None:  # its sign: tangents of edges point to the right
         bore = [Traction("inner", normal=0.0), Displacement("inner", tangential=lambda _, y: -turn * np.sign(y))]
-    held: list[Condition] = [Displacement("outer", tangential=0.0), Traction("outer", normal=0.0)]
-    return ContactProblem(mesh, Material(206e3, 0.3), [Contact("shaft", friction=friction, gap=-0.02), *held, *bore])
+    outside: list[Condition] = [Displacement("outer", tangential=0.0), Traction("outer", normal=0.0)]
+    return ContactProblem(mesh, Material(206e3, 0.3), [Contact("shaft", friction=friction, gap=-0.02), *outside, *bore])
 
 
 def cylinder_in_bore(
@@ -77,16 +77,16 @@ def cylinder_in_bore(
     """A cylinder in the bore of a very large plate, pressed to one side by its axis: Persson's problem.
 
     Radii 60 and 59.99 mm, both E = 210 000 MPa, ν = 0.3, plane stress, 1875 N/mm along x. Without friction the contact
-    is |θ| < 59.298° under the pressure of `persson_pressure`; Code_Aster's test SSNV127 has μ = 0.4. The upper half is
-    taken, y = 0 being a line of symmetry. The load, which the closed form has on the axis of the cylinder, is spread
-    over |x| < 1.2: the difference is 4e-5 of the pressure, and grows with the square of that length. The plate is held
-    at `extent` times the radius of the bore; `share` is the part of the load.
+    is |θ| < 59.298° with the pressure of `persson_pressure`; Code_Aster's test SSNV127 has μ = 0.4. The upper half is
+    computed, with symmetry on y = 0. The closed form has the load on the axis of the cylinder. Here the load is spread
+    over |x| < 1.2, which changes the pressure by 4e-5 of itself; this error grows with the square of that length. The
+    plate is fixed at `extent` times the radius of the bore; `share` is the fraction of the load.
     """
     radii = 1.2, 60.0, 60.0 * positive_number("extent", extent)
-    mesh = _loaded(_nested(radii, sectors, 2, "bore", ("bore", "outer"), centre=(0.0, 0.0)), 1.2)
+    mesh = _with_load(_nested(radii, sectors, 2, "bore", ("bore", "outer"), centre=(0.0, 0.0)), 1.2)
     contact = Contact("bore", friction=friction, gap=0.01)
-    held = Displacement("outer", x=0.0, y=0.0)
-    return ContactProblem(mesh, Material(210e3, 0.3), [contact, held, *_pulled(share * 1875.0 / 2.0, 1.2)])
+    outside = Displacement("outer", x=0.0, y=0.0)
+    return ContactProblem(mesh, Material(210e3, 0.3), [contact, outside, *_load_conditions(share * 1875.0 / 2.0, 1.2)])
 
 
 def persson_pressure(angle: ArrayLike) -> FloatArray:
@@ -100,8 +100,8 @@ def persson_pressure(angle: ArrayLike) -> FloatArray:
     """
     b, y = np.tan(np.deg2rad(59.298) / 2.0), np.tan(np.asarray(angle, dtype=float) / 2.0)
     s, r = np.sqrt(np.maximum(b**2 - y**2, 0.0)), np.sqrt(1.0 + b**2)
-    near = 2.0 * s / (np.pi * r * (1.0 + y**2))
-    return np.asarray(1875.0 / 60.0 * (near + np.log((r + s) / (r - s)) / (2.0 * np.pi * b**2 * r**2)))
+    first_term = 2.0 * s / (np.pi * r * (1.0 + y**2))
+    return np.asarray(1875.0 / 60.0 * (first_term + np.log((r + s) / (r - s)) / (2.0 * np.pi * b**2 * r**2)))
 
 
 def loaded_pin(sectors: int = 16, friction: float = 0.1) -> ContactProblem:
@@ -109,28 +109,28 @@ def loaded_pin(sectors: int = 16, friction: float = 0.1) -> ContactProblem:
 
     Hole and pin of radius 50 mm without clearance, eye of radius 100, sheet 200 high and clamped 200 from the centre.
     Plane strain, sheet E = 70 000 MPa, pin 210 000, ν = 0.3, μ = 0.1, 20 000 N/mm along x at the pin's centre. The
-    upper half is taken. The load is spread over a fifth of the diameter: one at a point would do infinite work.
+    upper half is computed. The load is spread over a fifth of the diameter, as a point load would do infinite work.
 
-    Where the axis meets the hole, at (50, 0), the sheet slips along the pin to both sides. The shear traction changes
-    its sign there, so that the stresses at this very point depend on the mesh: σ_xx is −155 MPa on equal edges and
-    −148 where they are graded to it. Displacements do not, u_x = 0.7387 mm.
+    At (50, 0), where the axis meets the hole, the sheet slips along the pin to both sides and the shear traction
+    changes its sign. So the stresses at this point depend on the mesh: σ_xx is −155 MPa with equal edges and −148 MPa
+    with edges graded to the point. The displacement does not depend on it, u_x = 0.7387 mm.
     """
     corner = np.arctan2(1.0, -2.0)
-    count = whole_number("sectors", sectors, _MOST)
+    count = whole_number("sectors", sectors, _MAX_COUNT)
     steep = max(1, round(count * (np.pi - corner) / (0.5 * np.pi)))
-    parts = [(0.0, 0.5 * np.pi, count), (0.5 * np.pi, corner, max(1, count - steep)), (corner, np.pi, steep)]
-    angles = np.concatenate([np.linspace(a, b, n + 1)[:-1] for a, b, n in parts] + [[np.pi]])
+    ranges = [(0.0, 0.5 * np.pi, count), (0.5 * np.pi, corner, max(1, count - steep)), (corner, np.pi, steep)]
+    angles = np.concatenate([np.linspace(a, b, n + 1)[:-1] for a, b, n in ranges] + [[np.pi]])
     with np.errstate(divide="ignore"):
         sheet_edge = np.minimum(100.0 / np.abs(np.sin(angles)), 200.0 / np.abs(np.cos(angles)))
-    edge = np.where(angles <= 0.5 * np.pi, 100.0, sheet_edge)
-    first = radii_between(10.0, 50.0, sectors)
+    distance = np.where(angles <= 0.5 * np.pi, 100.0, sheet_edge)
+    pin_radii = radii_between(10.0, 50.0, sectors)
     steps = max(2, steps_between(50.0, 100.0, count))
     shares = np.linspace(0.0, 1.0, steps + 1)[1:, None]
-    lines = [arc(radius, angles) for radius in first]
+    lines = [arc(radius, angles) for radius in pin_radii]
     unit = arc(1.0, angles)
-    lines += [unit * (50.0 ** (1.0 - share) * edge**share)[:, None] for share in shares]
-    mesh = fan(lines, closed=False, centre=(0.0, 0.0), joints={"pin": len(first) - 1}, arcs=("pin",))
-    mesh = _loaded(mesh, 10.0)
+    lines += [unit * (50.0 ** (1.0 - share) * distance**share)[:, None] for share in shares]
+    mesh = fan(lines, closed=False, centre=(0.0, 0.0), joints={"pin": len(pin_radii) - 1}, arcs=("pin",))
+    mesh = _with_load(mesh, 10.0)
     mesh = mesh.with_edges("wall", lambda x, _: x < -199.999)
     mesh = mesh.with_edges("free", lambda x, y: (y > 0.0) & (x > -199.999) & (x < 0.0))
     mesh = mesh.with_edges("eye", lambda x, y: (y > 0.0) & (x > 0.0)).with_arc("eye", (0.0, 0.0), 100.0)
@@ -139,55 +139,49 @@ def loaded_pin(sectors: int = 16, friction: float = 0.1) -> ContactProblem:
         Contact("pin", friction=friction),
         Displacement("wall", 0.0, 0.0),
         *(Traction(name, normal=0.0, tangential=0.0) for name in ("eye", "free")),
-        *_pulled(1e4, 10.0),
+        *_load_conditions(1e4, 10.0),
     ]
     return ContactProblem(mesh, sheet, conditions, regions=[Region(pin, name="pin")])
 
 
-def _loaded(mesh: TriangleMesh, half: float) -> TriangleMesh:
+def _with_load(mesh: TriangleMesh, half: float) -> TriangleMesh:
     """The mesh with the part |x| < half of the line y = 0 called "load", and the rest of it "axis"."""
-    return mesh.with_edges("load", lambda x, y: (y == 0.0) & (np.abs(x) < half)).with_edges(
-        "axis", lambda x, y: (y == 0.0) & (np.abs(x) > half)
-    )
+    mesh = mesh.with_edges("load", lambda x, y: (y == 0.0) & (np.abs(x) < half))
+    return mesh.with_edges("axis", lambda x, y: (y == 0.0) & (np.abs(x) > half))
 
 
-def _pulled(force: float, half: float) -> list[Condition]:
-    """Symmetry about y = 0, and a force on the upper half along x, spread over |x| < half."""
+def _load_conditions(force: float, half: float) -> list[Condition]:
+    """Symmetry about y = 0, and the force along x on the upper half, spread over |x| < half."""
     return [Symmetry("axis"), Displacement("load", y=0.0), Traction("load", x=force / (2.0 * half))]
 
 
 def block_corner(friction: float | None, cells: int = 4, depth: int = 0) -> ContactProblem:
     """A square block on a large block of the same material: stresses σ ~ r^(λ−1) in the corners of the contact.
 
-    The block is [−1, 1] × [0, 2], the other [−4, 4] × [−4, 0], with so many `cells` along a length of 1, and the
-    triangles at x = 1 halved in size `depth` times. Its top is pressed down by 1e-3; λ is `CORNER_EXPONENTS`[μ]. With
-    friction the top is moved to the right by 1e-2 as well, so that all of the base slips: this is λ of the leading
-    corner at x = 1. Without friction, and for `friction` None, which makes both bodies one, nothing else is singular:
-    top and bottom are free to move along. Plane strain, E = 1, ν = 0.3.
+    The small block is [−1, 1] × [0, 2], the large one [−4, 4] × [−4, 0], with `cells` along a length of 1 and the
+    triangles at (1, 0) halved in size `depth` times. The top is pressed down by 1e-3; λ is `CORNER_EXPONENTS`[μ]. With
+    friction the top also moves to the right by 1e-2, so that the whole base slips, and λ belongs to the leading corner
+    at x = 1. Without friction, and with `friction` None for one bonded body, top and bottom may move along x, so that
+    no other point is singular. Plane strain, E = 1, ν = 0.3.
     """
-    count = whole_number("cells", cells, _MOST)
+    count = whole_number("cells", cells, _MAX_COUNT)
     x, y = np.linspace(-4.0, 4.0, 8 * count + 1), np.linspace(-4.0, 2.0, 6 * count + 1)
     middle_x, middle_y = (x[1:] + x[:-1]) / 2.0, (y[1:] + y[:-1]) / 2.0
-    body = (middle_y < 0.0)[:, None] | (np.abs(middle_x) < 1.0)[None]
-    mesh = TriangleMesh.grid(
-        x,
-        y,
-        body,
-        edges={"roof": ((-1.0, 2.0), (1.0, 2.0)), "ground": lambda x, y: (y == 0.0) & (np.abs(x) > 1.0)},
-        joints={"base": ((-1.0, 0.0), (1.0, 0.0))},
-    )
+    is_body = (middle_y < 0.0)[:, None] | (np.abs(middle_x) < 1.0)[None]
+    edges: dict[str, Place] = {"roof": ((-1.0, 2.0), (1.0, 2.0)), "ground": lambda x, y: (y == 0.0) & (np.abs(x) > 1.0)}
+    mesh = TriangleMesh.grid(x, y, is_body, edges=edges, joints={"base": ((-1.0, 0.0), (1.0, 0.0))})
     mesh = mesh.graded([(1.0, 0.0)], depth)
     contact = Contact.tied("base") if friction is None else Contact("base", friction=friction)
     free = [Traction(name, 0.0, 0.0) for name in ("left", "right", "ground")]
-    held: list[Condition] = [Displacement("roof", y=-1e-3), Traction("roof", x=0.0), Symmetry("bottom")]
+    supports: list[Condition] = [Displacement("roof", y=-1e-3), Traction("roof", x=0.0), Symmetry("bottom")]
     if friction:
-        held = [Displacement("roof", x=1e-2, y=-1e-3), Displacement("bottom", 0.0, 0.0)]
-    conditions: list[Condition] = [contact, *held, *free]
+        supports = [Displacement("roof", x=1e-2, y=-1e-3), Displacement("bottom", 0.0, 0.0)]
+    conditions: list[Condition] = [contact, *supports, *free]
     return ContactProblem(mesh, Material(1.0, 0.3, "strain"), conditions)
 
 
 CORNER_EXPONENTS: Final = {None: 0.544484, 0.0: 0.7740, 0.1: 0.7249, 0.3: 0.6380, 0.5: 0.5604}
-"""λ of `block_corner` by friction; None for bodies that stick."""
+"""λ of `block_corner` by friction; None for bonded bodies."""
 
 
 def _nested(
@@ -198,31 +192,31 @@ def _nested(
     arcs: Sequence[str],
     centre: tuple[float, float] | None = None,
 ) -> TriangleMesh:
-    """A ring, or a disc if it has a centre, and the ring around it, on so many quarters; see `fan`."""
-    count, (inner, between, outer) = quarters * whole_number("sectors", sectors, _MOST), radii
+    """A ring, or a disc if a centre is given, and the ring around it, on a number of quarters; see `fan`."""
+    count, (inner, interface, outer) = quarters * whole_number("sectors", sectors, _MAX_COUNT), radii
     angles = np.linspace(0.0, quarters * 0.5 * np.pi, count + 1)
-    angles = angles[:-1] if quarters == 4 else angles  # of a whole circle without its end
-    first, second = radii_between(inner, between, sectors), radii_between(between, outer, sectors)
-    lines = [arc(radius, angles) for radius in (*first, *second[1:])]
-    return fan(lines, closed=quarters == 4, centre=centre, joints={joint: len(first) - 1}, arcs=arcs)
+    angles = angles[:-1] if quarters == 4 else angles  # the end of a whole circle is its start
+    inner_radii, outer_radii = radii_between(inner, interface, sectors), radii_between(interface, outer, sectors)
+    lines = [arc(radius, angles) for radius in (*inner_radii, *outer_radii[1:])]
+    return fan(lines, closed=quarters == 4, centre=centre, joints={joint: len(inner_radii) - 1}, arcs=arcs)
 
 
-_JOINED: Final = 1.5  # half-width of the joint over that of the contact
-_NEAR: Final = 0.4  # radius of the last round line about the contact over that of the body
+_JOINT_WIDTH: Final = 1.5  # half-width of the joint, relative to that of the contact
+_ROUND_LINES: Final = 0.4  # radius of the last round line around the contact, relative to that of the body
 
 
 def cylinder_on_block(share: float = 0.01, sectors: int = 6, depth: int = 4) -> ContactProblem:
     """A steel cylinder on an aluminium block, without friction: NAFEMS R0094-1, Code_Aster's SSNP154.
 
-    Radius R = 50 mm and E = 210 000 MPa, on a block of 200 × 200 with E = 70 000, ν = 0.3, plane strain, under a part
-    of 35 000 N/mm: all of it would be finite strain. Hertz has the half-width a = 6.2146 √share mm and the peak
-    pressure p₀ = 3585.36 √share MPa; he takes both bodies for half planes, which neglects terms of the order (a/R)².
+    Radius R = 50 mm and E = 210 000 MPa, on a block of 200 × 200 with E = 70 000, ν = 0.3, plane strain. The load is
+    the fraction `share` of 35 000 N/mm, as the whole load would cause finite strain. Hertz gives the half-width
+    a = 6.2146 √share mm and the peak pressure p₀ = 3585.36 √share MPa for two half planes, with errors of order (a/R)².
 
-    The right half of a half cylinder is taken, with the load spread over its flat side. The contact is "contact". There
-    are so many triangles around it in a quarter, and those at its end are halved in size `depth` times.
+    The right half of a half cylinder is computed, with the load spread over its flat side. The contact is "contact".
+    `sectors` triangles surround it in a quarter; the triangles at its end are halved in size `depth` times.
     """
     half_width = 6.2146 * float(np.sqrt(positive_number("share", share)))
-    mesh = _welded(_half_disc(50.0, half_width, sectors, 1), _block(100.0, 200.0, half_width, sectors))
+    mesh = _joined_bodies(_half_disc(50.0, half_width, sectors, 1), _block(100.0, 200.0, half_width, sectors))
     height = float(mesh.vertices[:, 1].max())
     mesh = mesh.with_edges("load", lambda _, y: y >= height)
     mesh = mesh.with_edges("axis", lambda x, _: x == 0.0).with_edges("bottom", lambda _, y: y == -200.0)
@@ -242,16 +236,17 @@ def cylinder_on_block(share: float = 0.01, sectors: int = 6, depth: int = 4) -> 
 def half_discs(share: float = 1e-4, sectors: int = 6, depth: int = 4) -> ContactProblem:
     """Two half discs of one material, pressed together and sheared: the middle sticks (Cattaneo, Mindlin).
 
-    Radius R = 8 mm, E = 200 MPa, ν = 0.3, plane strain, μ = 0.2, under a part of P = 10 and Q = 0.93616 N/mm. On half
-    planes the half-width is a = 0.680778 √share mm, the peak pressure p₀ = 9.351351 √share MPa, and |x| < c sticks,
-    c = a √(1 − Q/(μP)) = 0.496511 √share mm, with the shear stress μ (p₀ √(1 − x²/a²) − p₀ (c/a) √(1 − x²/c²)) there.
+    Radius R = 8 mm, E = 200 MPa, ν = 0.3, plane strain, μ = 0.2, under the fraction `share` of P = 10 and Q = 0.93616
+    N/mm. For half planes the half-width is a = 0.680778 √share mm, the peak pressure p₀ = 9.351351 √share MPa, and
+    |x| < c = a √(1 − Q/(μP)) = 0.496511 √share mm sticks, with the shear stress
+    μ (p₀ √(1 − x²/a²) − p₀ (c/a) √(1 − x²/c²)).
 
-    A rigid plate holds the flat side of the disc above and does not turn; the other flat side is held. The contact is
-    "contact"; `share`, `sectors` and `depth` are those of `cylinder_on_block`.
+    A rigid plate, which does not rotate, holds the flat side of the upper disc; the other flat side is fixed. The
+    contact is "contact"; `share`, `sectors` and `depth` are as in `cylinder_on_block`.
     """
     root = float(np.sqrt(positive_number("share", share)))
     half_width, stick = 0.680778 * root, 0.496511 * root
-    mesh = _welded(_half_disc(8.0, half_width, sectors, 2), None)
+    mesh = _joined_bodies(_half_disc(8.0, half_width, sectors, 2), None)
     height = float(mesh.vertices[:, 1].max())
     mesh = mesh.with_edges("load", lambda _, y: y >= height).with_edges("bottom", lambda _, y: y <= -height)
     mesh = mesh.with_arc("cylinder", (0.0, height), 8.0).with_arc("below", (0.0, -height), 8.0)
@@ -267,67 +262,66 @@ def half_discs(share: float = 1e-4, sectors: int = 6, depth: int = 4) -> Contact
 
 
 def _rise(x: FloatArray, radius: float) -> FloatArray:
-    """How far a circle is from its tangent [length]; no difference of large numbers."""
+    """Distance of a circle from its tangent at x from the point of tangency [length], without cancellation."""
     return np.asarray(x**2 / (radius + np.sqrt(radius**2 - x**2)))
 
 
 def _half_disc(radius: float, half_width: float, sectors: int, quarters: int) -> list[FloatArray]:
-    """Lines around (0, 0) in a half disc above it, or in the right half of that, up to its flat side.
+    """Lines around (0, 0) in a half disc above it, or in the right quarter disc, up to the flat side on top.
 
-    As far as the joint reaches its round side is flat; from there it is a circle.
+    The round side is flattened along the joint; beyond the joint it is a circle.
     """
-    joined = _JOINED * half_width
-    height = np.sqrt(radius**2 - joined**2)
-    shares = np.linspace(0.0, 1.0, quarters * whole_number("sectors", sectors, _MOST) + 1)
+    flat_half = _JOINT_WIDTH * half_width
+    height = np.sqrt(radius**2 - flat_half**2)
+    shares = np.linspace(0.0, 1.0, quarters * whole_number("sectors", sectors, _MAX_COUNT) + 1)
 
     def line(distance: float) -> FloatArray:
-        start = np.arcsin(max(distance**2 - joined**2, 0.0) / (2.0 * height * distance))
+        start = np.arcsin(max(distance**2 - flat_half**2, 0.0) / (2.0 * height * distance))
         end = 0.5 * np.pi if quarters == 1 else np.pi - start
         return arc(distance, start + shares * (end - start))
 
-    near, corner = _NEAR * radius, float(np.hypot(radius, height))
-    lines = [line(distance) for distance in _radii(half_width, near, sectors)]
-    steps = max(2, steps_between(near, corner, sectors))
-    last = lines[-1]
+    last_round, corner = _ROUND_LINES * radius, float(np.hypot(radius, height))
+    lines = [line(distance) for distance in _radii(half_width, last_round, sectors)]
+    steps = max(2, steps_between(last_round, corner, sectors))
+    round_line = lines[-1]
     flat = np.column_stack([radius * (1.0 - quarters * shares), np.full(len(shares), height)])
-    for step, distance in enumerate(np.geomspace(near, corner, steps + 1)[1:-1], start=1):
-        between = last + step / steps * (flat - last)
-        missing = line(float(distance)) - between
+    for step, distance in enumerate(np.geomspace(last_round, corner, steps + 1)[1:-1], start=1):
+        blend = round_line + step / steps * (flat - round_line)
+        correction = line(float(distance)) - blend
         start, end = (np.maximum(weight, 0.0)[:, None] for weight in (1.0 - quarters * shares, quarters * shares - 1.0))
-        lines.append(between + start * missing[0] + end * missing[-1])
+        lines.append(blend + start * correction[0] + end * correction[-1])
     return [*lines, flat]
 
 
 def _block(width: float, height: float, half_width: float, sectors: int) -> list[FloatArray]:
-    """Lines around (0, 0) in a rectangle below it and to the right, up to its sides."""
-    corner, count = np.arctan2(height, width), whole_number("sectors", sectors, _MOST)
-    low = max(1, round(count * corner / (0.5 * np.pi)))
-    parts = np.linspace(0.0, corner, low + 1), np.linspace(corner, 0.5 * np.pi, max(1, count - low) + 1)[1:]
+    """Lines around (0, 0) in a rectangle to the right and below, up to the sides of the rectangle."""
+    corner, count = np.arctan2(height, width), whole_number("sectors", sectors, _MAX_COUNT)
+    n_side = max(1, round(count * corner / (0.5 * np.pi)))
+    parts = np.linspace(0.0, corner, n_side + 1), np.linspace(corner, 0.5 * np.pi, max(1, count - n_side) + 1)[1:]
     angles = -np.concatenate(parts)[::-1]
-    near = _NEAR * width
-    lines = [arc(float(distance), angles) for distance in _radii(half_width, near, sectors)]
+    last_round = _ROUND_LINES * width
+    lines = [arc(float(distance), angles) for distance in _radii(half_width, last_round, sectors)]
     edge = np.column_stack([np.tan(angles + 0.5 * np.pi) * height, np.full(len(angles), -height)])
     side = np.column_stack([np.full(len(angles), width), np.tan(angles) * width])
     outer = np.where((angles > -corner)[:, None], side, edge)
-    outer[len(angles) - low - 1] = width, -height
+    outer[len(angles) - n_side - 1] = width, -height
     outer[0, 0] = outer[-1, 1] = 0.0
-    steps = max(2, steps_between(near, height, sectors))
-    first = lines[-1]
-    return [*lines, *(first + share * (outer - first) for share in np.linspace(0.0, 1.0, steps + 1)[1:])]
+    steps = max(2, steps_between(last_round, height, sectors))
+    round_line = lines[-1]
+    return [*lines, *(round_line + share * (outer - round_line) for share in np.linspace(0.0, 1.0, steps + 1)[1:])]
 
 
 def _radii(half_width: float, last: float, sectors: int) -> FloatArray:
-    """Radii of lines about the contact: even steps as far as the joint, and in geometric progression from there."""
-    joined = _JOINED * half_width
-    even = np.linspace(0.0, joined, max(4, sectors) + 1)[1:]
-    return np.concatenate([even, radii_between(joined, last, sectors)[1:]])
+    """Radii of lines around the contact: in equal steps within the joint, then in geometric progression."""
+    flat_half = _JOINT_WIDTH * half_width
+    even = np.linspace(0.0, flat_half, max(4, sectors) + 1)[1:]
+    return np.concatenate([even, radii_between(flat_half, last, sectors)[1:]])
 
 
-def _welded(above: list[FloatArray], below: list[FloatArray] | None) -> TriangleMesh:
-    """One mesh of two bodies with the joint "contact", the region "above" being one of them.
+def _joined_bodies(above: list[FloatArray], below: list[FloatArray] | None) -> TriangleMesh:
+    """One mesh of two bodies with the joint "contact"; the upper body is the region "above", its round side "cylinder".
 
-    The round side of it is "cylinder". The body below is the other one turned by 180° if not given, its round side
-    being "below".
+    Without lines for it, the lower body is the upper one rotated by 180°, with the round side "below".
     """
     bodies = list[TriangleMesh]()
     for name, lines in (("cylinder", above), ("below", below or [-line for line in above])):
@@ -349,10 +343,10 @@ SSNV128_DISPLACEMENTS: Final = (
     ("D", 7.5e-3, 1.98e-5),
     ("E", 11.25e-3, 1.5e-5),
 )
-"""Published answer to `ssnv128`: point, x [m], u_x(x, 0) [m], means over several codes with a tolerance of 5 %.
+"""Published results of `ssnv128`: point, x [m], u_x(x, 0) [m], means over several codes with a tolerance of 5 %.
 
-Point E has two digits in the manual. Refined meshes of this package and of biquadratic displacement elements settle
-on 2.860, 2.723, 2.287, 1.981 and 1.541e-5 m: the published value is 2.7 % low at E and within 0.3 % elsewhere.
+The manual gives two digits at point E. Refined meshes of this package and of biquadratic displacement elements converge
+to 2.860, 2.723, 2.287, 1.981 and 1.541e-5 m: the published value is 2.7 % low at E and within 0.3 % elsewhere.
 """
 
 
@@ -370,12 +364,11 @@ def compressed_plate(
     """Quarter of a plate compressed between two rough rigid plates: Więckowski (1992), section 5.
 
     The body is [0, width] × [0, height] with symmetry on x = 0 and y = 0, the side x = width free, and the contact
-    "plate" on y = height, pushed down by `displacement`. Without friction the answer is the uniform stress
+    "plate" on y = height, pushed down by U = `displacement`. Without friction the solution is the uniform stress
     σ_yy = −E U/height in plane stress. The default units are MPa and a length of 1.
 
-    Cells are those of `TriangleMesh.rectangle`; the paper, which has rectangles, takes (2, 2). With a `grading` below 1
-    they shrink towards the free corner. The `displacement` U is that of the quarter's own top; the paper prints it as
-    the relative one.
+    The cells are those of `TriangleMesh.rectangle`; the paper has (2, 2) rectangles. With a `grading` below 1 they
+    shrink towards the free corner. U is the displacement of the quarter's top; the paper calls it the relative one.
     """
     mesh = TriangleMesh.rectangle(cells, width, height, grading=grading)
     conditions: list[Condition] = [
@@ -388,15 +381,15 @@ def compressed_plate(
 
 
 def ssnv128(cells: tuple[int, int] = (32, 32), friction: Field = 1.0) -> ContactProblem:
-    """A square plate pressed against a rigid plane that opens, slips and sticks: Code_Aster's test SSNV128.
+    """A square plate pressed against a rigid plane; the contact opens, slips and sticks: Code_Aster's test SSNV128.
 
     The body is [0, 0.04 m]² in plane strain with E = 1.3e11 Pa, ν = 0.2. A pressure of 5e7 Pa acts on the top and one
     of 15e7 Pa on x = 0; the side x = 0.04 m is a line of symmetry. The base y = 0 is the contact "base" with μ = 1.
     The pressures push the body to the right, friction pulls it back: σ_T < 0, and u_T > 0 where it slips.
 
     From the left, the base is open for x < 3.28 mm, slips up to 29.84 mm and sticks beyond. Balance gives the normal
-    force 2.0e6 N/m; biquadratic displacement elements settle on these zones, a tangential force of −1.40535e6 N/m and
-    a pressure of 8.388e7 Pa at x = 0.04 m. The published displacements are in `SSNV128_DISPLACEMENTS`. Without
+    force 2.0e6 N/m; biquadratic displacement elements converge to these zones, a tangential force of −1.40535e6 N/m
+    and a pressure of 8.388e7 Pa at x = 0.04 m. The published displacements are in `SSNV128_DISPLACEMENTS`. Without
     friction the stress is uniform and u_x(0) = 4.061538e-5 m.
 
     Source: Code_Aster, Manuel de validation V6.04.128, "SSNV128 - Plaque avec contact et frottement sur un plan
@@ -412,7 +405,7 @@ def ssnv128(cells: tuple[int, int] = (32, 32), friction: Field = 1.0) -> Contact
     return ContactProblem(mesh, Material(1.3e11, 0.2, "strain"), conditions)
 
 
-# meshes of discs, rings and plates with a round part in them, made line by line without a mesh generator
+# meshes of discs, rings and plates with a round part, made line by line without a mesh generator
 
 
 def fan(
@@ -425,19 +418,20 @@ def fan(
 ) -> TriangleMesh:
     """Triangles between lines (n, 2) around a point [length], counterclockwise, from the innermost to the outermost.
 
-    Closed lines lead back to their first vertex. The centre is a vertex inside the first line, joined to it by
-    triangles; by default there is a hole. Joints are numbers of lines by name, arcs the names of lines that are arcs of
-    circles around the origin. The outermost line is called "outer", that around the hole "inner"; the two ends of open
-    lines are "start" and "end". What lies inside a joint is the region of its name, as far as the joint before it.
+    Closed lines lead back to their first vertex. A centre is a vertex inside the first line, connected to it by
+    triangles; without it there is a hole. `joints` has numbers of lines by name, `arcs` the names of lines that are
+    arcs of circles around the origin. The outermost line is called "outer", the line around the hole "inner"; the sides
+    through the ends of open lines are "start" and "end". The triangles between a joint and the joint before it are a
+    region with the joint's name.
     """
     vertices, numbers = np.concatenate(lines), np.arange(len(lines) * len(lines[0])).reshape(len(lines), -1)
     first, second = numbers, np.roll(numbers, -1, axis=1)
     if not closed:
         first, second = first[:, :-1], second[:, :-1]
     a, b, c, d = first[:-1], second[:-1], second[1:], first[1:]
-    even = np.arange(first.shape[1]) % 2 == 0
-    halves = np.stack([a, b, np.where(even, c, d)], axis=-1), np.stack([np.where(even, a, b), c, d], axis=-1)
-    cells, layer = np.stack(halves, axis=1).reshape(-1, 3), np.repeat(np.arange(1, len(lines)), 2 * first.shape[1])
+    is_even = np.arange(first.shape[1]) % 2 == 0
+    triangles = np.stack([a, b, np.where(is_even, c, d)], axis=-1), np.stack([np.where(is_even, a, b), c, d], axis=-1)
+    cells, layer = np.stack(triangles, axis=1).reshape(-1, 3), np.repeat(np.arange(1, len(lines)), 2 * first.shape[1])
     named_lines = {**(joints or {}), "outer": len(lines) - 1}
     if centre is None:
         named_lines["inner"] = 0
@@ -448,29 +442,29 @@ def fan(
     edges = {name: np.column_stack([first[line], second[line]]) for name, line in named_lines.items()}
     if not closed:
         for name, radial in (("start", numbers[:, 0]), ("end", numbers[:, -1])):
-            out = radial if centre is None else np.append(len(vertices) - 1, radial)
-            edges[name] = np.column_stack([out[:-1], out[1:]])
-    inside, named = 0, dict[str, IntArray]()
+            ray = radial if centre is None else np.append(len(vertices) - 1, radial)
+            edges[name] = np.column_stack([ray[:-1], ray[1:]])
+    first_layer, regions = 0, dict[str, IntArray]()
     for name, line in sorted((joints or {}).items(), key=lambda item: item[1]):
-        named[name] = np.flatnonzero((layer >= inside) & (layer <= line))
-        inside = line + 1
-    mesh = TriangleMesh(vertices, cells, edges, named)
+        regions[name] = np.flatnonzero((layer >= first_layer) & (layer <= line))
+        first_layer = line + 1
+    mesh = TriangleMesh(vertices, cells, edges, regions)
     for name in arcs:
         mesh = mesh.with_arc(name, (0.0, 0.0), float(np.hypot(*vertices[edges[name][0, 0]])))
     return mesh
 
 
 def arc(radius: float, angles: FloatArray) -> FloatArray:
-    """Points (n, 2) on a circle around the origin; those on an axis lie on it to the last digit."""
+    """Points (n, 2) on a circle around the origin; points on an axis are exactly on it."""
     points = radius * np.column_stack([np.cos(angles), np.sin(angles)])
     return np.asarray(np.where(np.abs(points) > 1e-15 * radius, points, 0.0))
 
 
 def radii_between(first: float, last: float, sectors: int) -> FloatArray:
-    """Radii in geometric progression, so that triangles are about as long as wide with so many sectors in a quarter."""
+    """Radii in geometric progression that make triangles about as long as wide, with `sectors` in a quarter."""
     return np.geomspace(first, last, max(1, steps_between(first, last, sectors)) + 1)
 
 
 def steps_between(first: float, last: float, sectors: int) -> int:
-    """How many steps from one radius to another make triangles about as long as wide."""
+    """Number of steps from one radius to another that makes triangles about as long as wide."""
     return round(float(np.log(last / first)) * sectors / (0.5 * np.pi))

@@ -1,7 +1,7 @@
-"""Problems whose answers are known in closed form: elastic states of one block, and limits of many with dry joints.
+"""Problems with solutions in closed form: elastic states of one block, and limit loads of many blocks with dry joints.
 
-Airy functions of degree 4 reproduce the elastic states exactly. They verify every part of the discretisation at once:
-whatever conditions are put on the sides, the computed stress must be the exact one up to round-off.
+Airy functions of degree 4 reproduce the elastic states exactly. These states verify every part of the discretisation at
+once: with any conditions on the sides the computed stress must be the exact one up to rounding.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -30,9 +30,9 @@ class ExactState:
     """Stress and displacement of an elastic body in equilibrium with b = −∇φ."""
 
     stress: Callable[[FloatArray, FloatArray], FloatArray]
-    """(x, y) arrays of shape s to σ_xx, σ_yy, σ_xy of shape (3, *s) [stress]."""
+    """σ_xx, σ_yy, σ_xy (3, *s) [stress] as a function of arrays (x, y) of shape s."""
     displacement: Callable[[FloatArray, FloatArray], FloatArray]
-    """(x, y) arrays to u_x, u_y of shape (2, *s) [length]."""
+    """u_x, u_y (2, *s) [length] as a function of arrays (x, y) of shape s."""
     potential: Callable[[FloatArray, FloatArray], FloatArray] = lambda x, y: np.zeros(np.broadcast(x, y).shape)
     """φ(x, y) [stress]."""
 
@@ -43,7 +43,7 @@ class ExactState:
         return lambda x, y: sign * self.stress(x, y)[entry]
 
     def displaced(self, component: int) -> Callable[[FloatArray, FloatArray], FloatArray]:
-        """Component of the displacement as a function of (x, y)."""
+        """Component 0 (x) or 1 (y) of the displacement as a function of (x, y)."""
         return lambda x, y: self.displacement(x, y)[component]
 
 
@@ -68,7 +68,7 @@ def pure_bending(material: Material, curvature: float) -> ExactState:
 def cantilever(material: Material, gradient: float, shear: float) -> ExactState:
     """Timoshenko's end-loaded cantilever: σ_xx = k x y, σ_xy = −τ − k y²/2; Φ = τ x y + k x y³/6.
 
-    Sides y = ±√(−2τ/k) are free. With c11 = a, c12 = b, c33 = s,
+    The sides y = ±√(−2τ/k) are free. With k = `gradient`, τ = `shear`, c11 = a, c12 = b, c33 = s,
     u_x = a k x² y/2 − s τ y − (s + b) k y³/6, u_y = b k x y²/2 − a k x³/6.
     """
     a, b = material.compliance[0, :2]
@@ -83,7 +83,7 @@ def cantilever(material: Material, gradient: float, shear: float) -> ExactState:
 
 
 def gravity_column(material: Material, weight: float, height: float) -> ExactState:
-    """Column under its own weight with a free top at y = height: φ = γ y, σ_yy = γ (y − height); γ = ρ g."""
+    """Column under its own weight with a free top at y = height: φ = γ y, σ_yy = γ (y − height), γ = `weight` = ρ g."""
     a, b = material.compliance[0, :2]
     return ExactState(
         lambda x, y: np.stack([0 * x, weight * (y - height) + 0 * x, 0 * x]),
@@ -99,10 +99,10 @@ def problem_from_state(
     sides: Mapping[str, str],
     contacts: tuple[Condition, ...] = (),
 ) -> ContactProblem:
-    """A problem whose answer is the state, on a full rectangle with the names of sides of `TriangleMesh.grid`.
+    """A problem with the state as its solution, on a rectangle with the names of sides of `TriangleMesh.grid`.
 
-    The material is that of the state. `sides` has for each side two letters, for components x and y: "t" takes the
-    traction, "u" the displacement from the state; "cc" leaves the side to the conditions in `contacts`.
+    The material is that of the state. `sides` has two letters for each side, for the components x and y: "t" prescribes
+    the traction of the state, "u" its displacement; "cc" leaves the side to the conditions in `contacts`.
     """
     conditions: list[Condition] = list(contacts)
     for side in SIDES:
@@ -124,22 +124,22 @@ _BLOCK_SIDES: Final = {"bottom": "cc", "right": "uu", "top": "tt", "left": "tt"}
 def sliding_block(
     cells: tuple[int, int] = (3, 2), plane: Plane = "stress", grading: float = 1.0
 ) -> tuple[ContactProblem, ExactState]:
-    """A block that slips on its whole base in a uniform stress state, with the exact answer.
+    """A block that slips on its whole base in a uniform stress state, with the exact solution.
 
     On [0, 2] × [0, 1] the stress is σ_xx = −20, σ_yy = −p = −100, σ_xy = μp, with μ = 0.3, E = 1000, ν = 0.3. The base
-    y = 0 is the contact "base" with g = w = 0; top and left side carry the tractions of the state; the right side gets
-    its displacement u_x = γ y + U₀ + ε_xx (x − 2), u_y = ε_yy y, with γ = c33 μp and U₀ = 0.5. The base slips by
-    U₀ + ε_xx (x − 2).
+    y = 0 is the contact "base" with g = w = 0. The top and the left side carry the tractions of the state. The right
+    side has the displacement u_x = γ y + U₀ + ε_xx (x − 2), u_y = ε_yy y of the state, with γ = c33 μp and U₀ = 0.5.
+    The base slips by U₀ + ε_xx (x − 2).
     """
     width, friction, pressure, side_stress, translation = 2.0, 0.3, 100.0, -20.0, 0.5
     material = Material(1000.0, 0.3, plane)
-    held = uniform(material, side_stress, -pressure, friction * pressure)
+    uniform_state = uniform(material, side_stress, -pressure, friction * pressure)
 
     def displacement(x: FloatArray, y: FloatArray) -> FloatArray:
-        along, across = held.displacement(x - width, y)
-        return np.stack([along + translation, across])
+        u_x, u_y = uniform_state.displacement(x - width, y)
+        return np.stack([u_x + translation, u_y])
 
-    state = ExactState(held.stress, displacement)
+    state = ExactState(uniform_state.stress, displacement)
     mesh = TriangleMesh.rectangle(cells, width, 1.0, grading=grading)
     base = Contact("bottom", friction=friction, name="base")
     return problem_from_state(state, mesh, material, _BLOCK_SIDES, (base,)), state
@@ -156,16 +156,16 @@ def stick_slip_block(
     lift: float = 0.0,
     grading: float = 1.0,
 ) -> tuple[ContactProblem, ExactState]:
-    """A block whose curved base sticks for x < x_t and slips beyond, with the exact answer.
+    """A block whose base sticks for x < x_t and slips beyond, with the exact solution.
 
     On [0, 2] × [0, 1], with E = 1000, ν = 0.3 and p = 100, the stress function is Φ = −p x²/2 + a x³ y +
-    k (x⁴ − 3x²y²)/12, with a = `shear`/12 and k = `pressure_drop`/4, as σ_T is `shear` at x = 2 and the pressure loses
-    `pressure_drop` up to there:
+    k (x⁴ − 3x²y²)/12. At x = 2 σ_T is `shear` and the pressure is smaller than p by `pressure_drop`, so a = `shear`/12,
+    k = `pressure_drop`/4 and
 
         σ_xx = −k x²/2,    σ_yy = −p + 6a x y + k (x² − y²/2),    σ_xy = −3a x² + k x y.
 
-    With the compliance c (see `Material`; c33 = 2 (c11 − c12)), `rotation` c₀ and `lift` d, which move body and
-    obstacle together, the displacement is
+    With the compliance c (see `Material`; c33 = 2 (c11 − c12)), and with `rotation` c₀ and `lift` d, which move the
+    body and the obstacle together, the displacement is
 
         u_x = c12 (3a x² y − p x) − c11 a y³ + k ((2 c12 − c11) x³ − 3 c12 x y²)/6 + c₀ y
         u_y = c11 (3a x y² − p y) − (c33 + c12) a x³ + k ((2 c11 − c12) x² y/2 − c11 y³/6) − c₀ x + d.
@@ -176,14 +176,14 @@ def stick_slip_block(
 
         μ = 3a max(x, x_t)²/(p − k x²),    w = u_T + A max(x − x_t, 0)²,
 
-    so that left of the `transition` x_t the bound 3a x_t² exceeds σ_T and nothing slips, and right of it σ_T is at the
-    bound and u_T − w = −A (x − x_t)², opposite in sign to σ_T, and −`slip` at x = 2. Bound and slip are continuous in
-    x_t and leave it with different rates, so that every other point is clearly in one state. The side x = 0 is free,
-    the top carries the tractions of the state, the right side its displacement.
+    Left of the `transition` x_t the bound 3a x_t² exceeds σ_T, and the base sticks. Right of it σ_T is at the bound and
+    u_T − w = −A (x − x_t)², with the sign opposite to σ_T and −`slip` at x = 2. Bound and slip are continuous at x_t,
+    but grow with different powers from there, so that every other point is clearly in one state. The side x = 0 is
+    free, the top has the tractions of the state, the right side its displacement.
 
-    Elements of degree 4 contain Φ. As friction varies, the law holds at Gauss points; they integrate the data, so that
-    the discrete solution is the exact stress on every mesh, even if x_t is inside an edge. Only the slip, which is
-    projected on polynomials, depends on the mesh.
+    Elements of degree 4 contain Φ. As the friction varies, the law holds at Gauss points, which also integrate the
+    data. So the discrete solution is the exact stress on every mesh, even if x_t is inside an edge. Only the slip,
+    which is projected on polynomials, depends on the mesh.
     """
     width, pressure = 2.0, 100.0
     for name, value in (("shear", shear), ("slip", slip)):
@@ -201,18 +201,18 @@ def stick_slip_block(
         return np.stack([xx, yy, -3 * a * x**2 + k * x * y])
 
     def displacement(x: FloatArray, y: FloatArray) -> FloatArray:
-        along = c12 * (3 * a * x**2 * y - p * x) - c11 * a * y**3 + rotation * y
-        across = c11 * (3 * a * x * y**2 - p * y) - (c33 + c12) * a * x**3 - rotation * x + lift
-        along = along + k * ((2 * c12 - c11) * x**3 - 3 * c12 * x * y**2) / 6
-        return np.stack([along, across + k * ((2 * c11 - c12) * x**2 * y / 2 - c11 * y**3 / 6)])
+        u_x = c12 * (3 * a * x**2 * y - p * x) - c11 * a * y**3 + rotation * y
+        u_y = c11 * (3 * a * x * y**2 - p * y) - (c33 + c12) * a * x**3 - rotation * x + lift
+        u_x = u_x + k * ((2 * c12 - c11) * x**3 - 3 * c12 * x * y**2) / 6
+        return np.stack([u_x, u_y + k * ((2 * c11 - c12) * x**2 * y / 2 - c11 * y**3 / 6)])
 
     def bound_over_pressure(x: FloatArray, y: FloatArray) -> FloatArray:
         bound = shear * (np.maximum(x, transition) / width) ** 2
         return np.asarray(bound / (pressure - pressure_drop * (x / width) ** 2) + 0 * y)
 
     def offset(x: FloatArray, y: FloatArray) -> FloatArray:
-        beyond = np.maximum(x - transition, 0.0) / (width - transition)
-        return np.asarray(displacement(x, y)[0] + slip * beyond**2)
+        slip_zone = np.maximum(x - transition, 0.0) / (width - transition)
+        return np.asarray(displacement(x, y)[0] + slip * slip_zone**2)
 
     state, mesh = ExactState(stress, displacement), TriangleMesh.rectangle(cells, width, 1.0, grading=grading)
     base = Contact("bottom", bound_over_pressure, lambda x, y: -displacement(x, y)[1], offset, "base")
@@ -223,15 +223,15 @@ def stick_slip_block(
 
 
 Opening: TypeAlias = Sequence[int]
-"""Half blocks left of it, courses below it, its width in half blocks, and its height in courses."""
+"""Number of half blocks to its left, of courses below it, its width in half blocks, and its height in courses."""
 
 DOOR_AND_WINDOW: Final[tuple[Opening, ...]] = ((3, 0, 2, 4), (8, 2, 3, 3))
 """The openings of `masonry_wall`."""
 
-_MOST: Final = 200  # courses, blocks a course, or blocks along the face
-_BLOCK, _COURSE = 0.5, 0.25  # length and height of a block [m]
-_WATER: Final = 10.0  # weight of water [kN/m³]
-_HEIGHT: Final = 12.0  # of the slope [m]
+_MOST: Final = 200  # of courses, of blocks in a course, and of blocks along the face
+_BLOCK_LENGTH, _COURSE_HEIGHT = 0.5, 0.25  # length and height of a block [m]
+_WATER_WEIGHT: Final = 10.0  # weight of water [kN/m³]
+_SLOPE_HEIGHT: Final = 12.0  # of the slope [m]
 
 
 def masonry_wall(
@@ -247,12 +247,12 @@ def masonry_wall(
 
     Blocks are 0.5 m long and 0.25 m high, with γ = 20 kN/m³, E = 5 GPa, ν = 0.2, in plane stress. Head joints of each
     course lie over the middle of the blocks below; half blocks fill the ends. A lintel, one course high and resting on
-    half a block at each side, spans each opening. All joints are unilateral contacts with the same friction and
-    cohesion [kPa]: "beds", "heads", and "ground" below the wall. Loads are "body" (weight), and "wind" on the left side
-    [kPa]. Openings are as `Opening` says; lintels must lie inside the wall, apart from other openings and lintels.
+    half a block at each side, spans each `Opening`. All joints are unilateral contacts with the same friction and
+    cohesion [kPa]: "beds", "heads", and "ground" below the wall. The loads are "body" (weight), and "wind" on the left
+    side [kPa]. Lintels must lie inside the wall and may not touch other openings and lintels.
 
-    Without openings and cohesion, a wall of n blocks of the length a in each course slides at the wind μ γ n a, along
-    every bed alike. A stack of single blocks of the total height h tips at γ a²/h if friction holds.
+    Without openings and cohesion, a wall with n blocks of length a in each course slides at the wind μ γ n a, on every
+    bed at the same load. A stack of single blocks of total height h tips at γ a²/h if it does not slide.
     """
     active, heads = _bond(whole_number("courses", courses, _MOST), 2 * whole_number("blocks", blocks, _MOST), openings)
     mesh = _wall_mesh(active, heads)
@@ -266,43 +266,43 @@ def masonry_wall(
 
 
 def _bond(courses: int, halves: int, openings: Sequence[Opening]) -> tuple[BoolArray, BoolArray]:
-    """Which half blocks there are, (courses, halves), and where head joints are, (courses, halves + 1)."""
-    active, taken = np.ones((courses, halves), dtype=bool), np.zeros((courses, halves), dtype=bool)
+    """Masks of the half blocks that exist, (courses, halves), and of head joints, (courses, halves + 1)."""
+    is_active, is_taken = np.ones((courses, halves), dtype=bool), np.zeros((courses, halves), dtype=bool)
     row, line = np.meshgrid(np.arange(courses), np.arange(halves + 1), indexing="ij")
-    heads = (row + line) % 2 == 0
+    is_head = (row + line) % 2 == 0
     for opening in openings:
         if len(opening) != 4:
             raise InputError("openings", opening, "give four numbers: half blocks left, courses below, width, height")
         bottom = opening[1] and whole_number("openings", opening[1], _MOST)
-        left, across, up = (whole_number("openings", opening[k], 2 * _MOST) for k in (0, 2, 3))
-        right, top = left + across, bottom + up
+        left, width, height = (whole_number("openings", opening[k], 2 * _MOST) for k in (0, 2, 3))
+        right, top = left + width, bottom + height
         if right >= halves or top >= courses:
             raise InputError("openings", opening, "leave half a block at each side and a course above for the lintel")
         space = (slice(bottom, top + 1), slice(left - 1, right + 1))
-        if taken[space].any():
+        if is_taken[space].any():
             raise InputError("openings", opening, "leave half a block between openings, and a course between lintels")
-        taken[space] = True
-        active[bottom:top, left:right] = False
-        heads[top, left : right + 1] = False
-        heads[top, [left - 1, right + 1]] = True
-    return active, heads
+        is_taken[space] = True
+        is_active[bottom:top, left:right] = False
+        is_head[top, left : right + 1] = False
+        is_head[top, [left - 1, right + 1]] = True
+    return is_active, is_head
 
 
 def _wall_mesh(active: BoolArray, heads: BoolArray) -> TriangleMesh:
-    """Half blocks as two triangles each, with joints and names."""
+    """The mesh of a wall, two triangles for each half block, with joints and named sides."""
     rows, halves = active.shape
-    cut = TriangleMesh.grid(np.arange(halves + 1) * _BLOCK / 2.0, np.arange(rows + 1) * _COURSE, active)
-    mesh = TriangleMesh(cut.vertices, cut.cells)
-    outside, (line, row) = mesh.topology.boundary, (mesh.midpoints / (_BLOCK / 2.0, _COURSE)).T
-    place = np.minimum(row.astype(np.int64), rows - 1), line.astype(np.int64)
-    named = {"beds": ~outside & (row % 1.0 == 0.0), "heads": ~outside & (line % 1.0 == 0.0) & heads[place]}
-    named |= {"ground": outside & (row == 0.0), "windward": outside & (line == 0.0), "top": outside & (row == rows)}
-    named["free"] = outside & ~np.any(list(named.values()), axis=0)
-    return _with_names(mesh, named)
+    grid = TriangleMesh.grid(np.arange(halves + 1) * _BLOCK_LENGTH / 2.0, np.arange(rows + 1) * _COURSE_HEIGHT, active)
+    mesh = TriangleMesh(grid.vertices, grid.cells)
+    outside, (line, row) = mesh.topology.boundary, (mesh.midpoints / (_BLOCK_LENGTH / 2.0, _COURSE_HEIGHT)).T
+    half_block = np.minimum(row.astype(np.int64), rows - 1), line.astype(np.int64)
+    masks = {"beds": ~outside & (row % 1.0 == 0.0), "heads": ~outside & (line % 1.0 == 0.0) & heads[half_block]}
+    masks |= {"ground": outside & (row == 0.0), "windward": outside & (line == 0.0), "top": outside & (row == rows)}
+    masks["free"] = outside & ~np.any(list(masks.values()), axis=0)
+    return _with_names(mesh, masks)
 
 
 def _with_names(mesh: TriangleMesh, named: dict[str, BoolArray]) -> TriangleMesh:
-    """The mesh with those joints and parts of the boundary, masks (e,) of edges, that there are."""
+    """The mesh with joints and parts of the boundary by masks (e,) of edges; empty ones are left out."""
     return replace(mesh, edge_sets={name: mesh.topology.ends[chosen] for name, chosen in named.items() if chosen.any()})
 
 
@@ -317,35 +317,36 @@ def jointed_slope(
 ) -> ContactProblem:
     """A rock slope whose bedding planes dip out of its face, cut by cross joints, with water in a tension crack.
 
-    The face rises to 12 m, twice as steeply as the bedding: tan ψ = 2 tan β. Bedding planes meet it at the toe and at
-    equal distances above; vertical cross joints divide the layers into blocks, staggered from layer to layer. The crack
-    is vertical, behind the crest, and as deep as the lowest bedding plane is there. The rock is in plane strain, with
-    γ = 25 kN/m³, E = 10 GPa, ν = 0.25. The contacts are "bedding" and "cross joints"; loads are "body" (weight) and
-    "water" in the crack.
+    The face rises to 12 m, twice as steeply as the bedding: tan ψ = 2 tan β. Bedding planes meet the face at the toe
+    and at equal distances above it. Vertical cross joints, staggered from layer to layer, divide the layers into
+    blocks. The vertical crack behind the crest reaches down to the lowest bedding plane. The rock is in plane strain,
+    with γ = 25 kN/m³, E = 10 GPa, ν = 0.25. The contacts are "bedding" and "cross joints"; the loads are "body"
+    (weight) and "water" in the crack.
 
-    There are so many rows of bedding planes, and blocks along the face. The crest is so many columns long, fewer than
-    `rows`, each as wide as the run of the face between two bedding planes. The angle β [°] is `dip`, from 5 to 60. The
-    water weighs `crack_water` times 10 kN/m³; 0 leaves the crack dry. Friction and cohesion [kPa] are those of joints.
+    `rows` is the number of bedding planes, and of blocks along the face. `crest` is the length of the crest in columns,
+    below `rows`; a column is as wide as the run of the face between two bedding planes. The angle β [°] is `dip`, from
+    5 to 60. The water weighs `crack_water` times 10 kN/m³; with 0 the crack is dry. `friction` and `cohesion` [kPa] are
+    those of all joints.
 
     With the weight W above the lowest plane, its length L, the depth z of the crack, and the thrust V = γ_w z²/2 of the
-    water, everything above that plane slides at the multiple α of V where
+    water, everything above that plane slides at the multiple α of V with
 
         W sin β + α V cos β = c L + μ (W cos β − α V sin β).
 
-    Without water and cohesion the factor of safety is tan φ/tan β, μ = tan φ: blocks of any layer slide when μ is
-    divided by it. E. Hoek and J. W. Bray, Rock Slope Engineering, plane failure.
+    Without water and cohesion the factor of safety is tan φ/tan β with tan φ = μ: the blocks of every layer slide when
+    μ is divided by this factor. Source: E. Hoek and J. W. Bray, Rock Slope Engineering, plane failure.
     """
     columns = whole_number("rows", rows, _MOST) + whole_number("crest", crest, _MOST)
     if crest >= rows:
         raise InputError("crest", crest, f"give less than rows = {rows}: the lowest plane must end in the crack")
     if not 5.0 <= finite_number("dip", dip) <= 60.0:
         raise InputError("dip", dip, "give an angle from 5 to 60 degrees")
-    rise = _HEIGHT / (2.0 * rows)
+    rise = _SLOPE_HEIGHT / (2.0 * rows)
     run = rise / float(np.tan(np.radians(dip)))
-    water = _WATER * finite_number("crack_water", crack_water)
+    water = _WATER_WEIGHT * finite_number("crack_water", crack_water)
     conditions: list[Condition] = [
         *(Contact(name, friction, cohesion=cohesion) for name in ("bedding", "cross joints")),
-        Traction("crack", normal=Polynomial([[-water * _HEIGHT, water]]), tangential=0.0, name="water"),
+        Traction("crack", normal=Polynomial([[-water * _SLOPE_HEIGHT, water]]), tangential=0.0, name="water"),
         *(Traction(side, x=0.0, y=0.0) for side in ("bench", "face", "crest")),
         *(Symmetry(side) for side in ("front", "rear")),
         Displacement("underground", x=0.0, y=0.0),
@@ -355,30 +356,30 @@ def jointed_slope(
 
 
 def _slope_mesh(rows: int, columns: int, size: tuple[float, float]) -> TriangleMesh:
-    """Triangles on a grid (i, j) of columns and rises: bedding planes are j − i = const., the face is j = 2 i."""
-    before = -max(rows // 2, 1)  # columns in front of the toe, and rises below it
+    """The mesh of a slope on a grid (i, j) of columns and rises; bedding planes are j − i = const., the face j = 2i."""
+    first = -max(rows // 2, 1)  # columns in front of the toe, and rises below it
     cells = list[tuple[tuple[int, int], ...]]()
-    for i in range(before, columns):
+    for i in range(first, columns):
         top = min(max(2 * i, 0), 2 * rows)
-        for j in range(before, top):
+        for j in range(first, top):
             cells += [((i, j), (i + 1, j), (i + 1, j + 1)), ((i, j), (i + 1, j + 1), (i, j + 1))]
         if 0 <= i < rows:
-            foot = (i + 1, top + 1)
-            cells += [((i, top), (i + 1, top), foot), ((i, top), foot, (i + 1, top + 2))]
+            upper = (i + 1, top + 1)
+            cells += [((i, top), (i + 1, top), upper), ((i, top), upper, (i + 1, top + 2))]
     places, numbers = np.unique(np.array(cells).reshape(-1, 2), axis=0, return_inverse=True)
     mesh = TriangleMesh(places * size, numbers.reshape(-1, 3))
     i, j = places[mesh.topology.ends].transpose(2, 0, 1)
     layer, outside = (j - i).min(axis=1), mesh.topology.boundary
-    above = (layer >= 0) & (i >= 0).all(axis=1)
-    bedding = above & (np.ptp(j - i, axis=1) == 0)
-    cross = above & (np.ptp(i, axis=1) == 0) & ((i[:, 0] + layer) % 2 == 0)
-    named: dict[str, BoolArray] = {"bedding": bedding & ~outside, "cross joints": cross & ~outside}
-    end = (i == columns).all(axis=1)
-    named["crack"] = end & (j >= columns).all(axis=1)
-    named["rear"] = end & ~named["crack"]
-    named["front"] = (i == before).all(axis=1)
-    named["underground"] = (j == before).all(axis=1)
-    named["bench"] = (j == 0).all(axis=1) & (i <= 0).all(axis=1) & outside
-    named["crest"] = (j == 2 * rows).all(axis=1)
-    named["face"] = (j == 2 * i).all(axis=1) & outside
-    return _with_names(mesh, named)
+    is_above = (layer >= 0) & (i >= 0).all(axis=1)
+    bedding = is_above & (np.ptp(j - i, axis=1) == 0)
+    cross = is_above & (np.ptp(i, axis=1) == 0) & ((i[:, 0] + layer) % 2 == 0)
+    masks: dict[str, BoolArray] = {"bedding": bedding & ~outside, "cross joints": cross & ~outside}
+    at_rear = (i == columns).all(axis=1)
+    masks["crack"] = at_rear & (j >= columns).all(axis=1)
+    masks["rear"] = at_rear & ~masks["crack"]
+    masks["front"] = (i == first).all(axis=1)
+    masks["underground"] = (j == first).all(axis=1)
+    masks["bench"] = (j == 0).all(axis=1) & (i <= 0).all(axis=1) & outside
+    masks["crest"] = (j == 2 * rows).all(axis=1)
+    masks["face"] = (j == 2 * i).all(axis=1) & outside
+    return _with_names(mesh, masks)

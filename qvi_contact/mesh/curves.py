@@ -1,7 +1,8 @@
-"""Edges on circles and other smooth curves: what a mesh keeps of them, how they bend, and how a function is followed.
+"""Edges on circles and other smooth curves: their bends, their checks, and bends computed from a curve's function.
 
-Vertices are looked for along a curve by halving. Between two of them the curve is taken at points of Gauss of its
-parameter; derivatives are those of the polynomial through these points, and its angle is known along its length then.
+The parameter of each vertex on the curve is found by bisection. Between two vertices the curve is evaluated at Gauss
+points of the parameter. The polynomial through these points has the tangents, from which follow the arc length and the
+angle θ as a function of it, see `mesh.edges`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -32,11 +33,11 @@ from qvi_contact.mesh.edges import (
 from qvi_contact.mesh.selection import checked_set, point
 
 ROUNDING: Final = 1.5e-6
-"""Distance of a vertex from its circle over the radius, or from another curve over its size, that is taken as rounding
-of data."""
+"""Largest distance of a vertex from its circle, relative to the radius, or from another curve, relative to its size;
+vertices in files are rounded."""
 
-_FLATTEST: Final = 5e-8  # angle from the chord below which an edge is its chord: off by rounding of data
-_LEVEL: Final = 1e-9  # angle between a chord and the line that angles count from that is rounding of data [rad]
+_STRAIGHT: Final = 5e-8  # largest angle from the chord [rad] of an edge that counts as straight
+_CHORD_TOLERANCE: Final = 1e-9  # largest rounding error of the direction of the chord [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,55 +47,55 @@ class Curve:
     edges: IntArray
     """The edges by their vertices, shape (k, 2)."""
     coefficients: FloatArray
-    """How each bends from its first vertex to the second one, see `mesh.edges`. Shape (k, n) [rad]."""
+    """Bend of each edge from its first vertex to its second, see `mesh.edges`, shape (k, n) [rad]."""
 
     def checked(self, name: str, topology: Topology) -> "Curve":
-        """The same, with edges in the order of the topology, from the lower number to the higher one.
+        """The curve with its edges in the order of the topology, each from the vertex of lower number.
 
-        `InputError` if edges are no edges of the mesh, or given twice, or bends are not one row of angles for each; its
-        field begins with the name if there is one.
+        `InputError` if the mesh has no such edge, an edge is given twice, or `coefficients` is not one row of angles
+        per edge. The field in the error begins with `name`.
         """
-        chosen, given = checked_set(name or "edges", self.edges, topology), np.asarray(self.edges)
-        bends = checked_bends(f"{name}.bends" if name else "bends", self.coefficients, len(given))
+        chosen, pairs = checked_set(name or "edges", self.edges, topology), np.asarray(self.edges)
+        bends = checked_bends(f"{name}.bends" if name else "bends", self.coefficients, len(pairs))
         if len(chosen) != len(bends):
             raise InputError(name or "edges", len(bends), "an edge is given twice: give each once")
-        back = given[:, 0] > given[:, 1]
-        bends = np.where(back[:, None], reversed_bends(bends), bends)
-        return Curve(topology.ends[chosen], bends[np.argsort(topology.number(given))])
+        is_reversed = pairs[:, 0] > pairs[:, 1]
+        bends = np.where(is_reversed[:, None], reversed_bends(bends), bends)
+        return Curve(topology.ends[chosen], bends[np.argsort(topology.number(pairs))])
 
 
 def checked_bends(field: str, given: ArrayLike, count: int) -> FloatArray:
-    """Coefficients (count, n) of so many edges, of angles that count from the chord."""
-    found = real_array(field, given, "give an array of numbers, one row for each edge")
-    if found.ndim != 2 or len(found) != count or not found.shape[1]:
-        raise InputError(field, f"shape {found.shape}", f"give {count} rows of numbers, one for each edge")
-    if not (np.abs(found) <= np.pi).all():
-        raise InputError(field, float(np.abs(found).max()), "give angles [rad] from the chord, numbers from -π to π")
-    off = float(np.abs(levelled(found) - found).max())
-    if off > _LEVEL:
+    """Bends (count, n) of edges, checked: one row per edge, of angles from the chord, at most π."""
+    bends = real_array(field, given, "give an array of numbers, one row for each edge")
+    if bends.ndim != 2 or len(bends) != count or not bends.shape[1]:
+        raise InputError(field, f"shape {bends.shape}", f"give {count} rows of numbers, one for each edge")
+    if not (np.abs(bends) <= np.pi).all():
+        raise InputError(field, float(np.abs(bends).max()), "give angles [rad] from the chord, numbers from -π to π")
+    difference = float(np.abs(levelled(bends) - bends).max())
+    if difference > _CHORD_TOLERANCE:
         remedy = "these angles count from a line that is this angle [rad] off the chord: correct it"
-        raise InputError(field, off, remedy)
-    return found
+        raise InputError(field, difference, remedy)
+    return bends
 
 
 def circle(centre: tuple[float, float], radius: float, edges: IntArray, vertices: FloatArray, field: str = "") -> Curve:
-    """The edges (k, 2) as arcs of a circle, of each the shorter one; `InputError` if a vertex is off the circle."""
-    middle, radius = np.array(point(f"{field}centre", centre)), positive_number(f"{field}radius", radius)
+    """The edges (k, 2) as arcs of a circle, always the shorter arc; `InputError` if a vertex is off the circle."""
+    centre_point, radius = np.array(point(f"{field}centre", centre)), positive_number(f"{field}radius", radius)
     pairs = np.unique(np.sort(edges, axis=1), axis=0)
     ends = vertices[np.unique(pairs)]
-    off = np.abs(np.hypot(*(ends - middle).T) - radius)
+    off = np.abs(np.hypot(*(ends - centre_point).T) - radius)
     worst = int(np.argmax(off))
     if off[worst] > ROUNDING * radius:
         remedy = f"the vertex {place_of(ends[worst])} is {off[worst]:.3g} off this circle: correct centre or radius"
         raise InputError(f"{field}radius", radius, remedy)
-    first, second = (vertices[end] - middle for end in pairs.T)
+    first, second = (vertices[end] - centre_point for end in pairs.T)
     turn = np.arctan2(cross(first, second), (first * second).sum(axis=1))
     return Curve(pairs, np.column_stack([np.zeros(len(turn)), turn / 2.0]))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MeshParts:
-    """A body divided into triangles, which nobody has checked."""
+    """The data of a `TriangleMesh` before they are checked."""
 
     vertices: FloatArray
     """Coordinates [length], shape (n, 2)."""
@@ -105,7 +106,7 @@ class MeshParts:
     regions: Mapping[str, IntArray] = field(default_factory=lambda: MappingProxyType({}))
     """Sets of triangles (k,) by name."""
     arcs: Sequence[Curve] = ()
-    """Edges that are arcs rather than their chords; see `TriangleMesh.with_arc` and `TriangleMesh.with_curve`."""
+    """Curved edges; see `TriangleMesh.with_arc` and `TriangleMesh.with_curve`."""
 
     @property
     def given(self) -> tuple[Any, ...]:
@@ -113,17 +114,17 @@ class MeshParts:
         return self.vertices, self.cells, self.edge_sets, self.regions, self.arcs
 
     def without_others(self) -> "MeshParts":
-        """The same without vertices that no triangle has; those of edges elsewhere have the number −1."""
-        used = np.unique(self.cells)
-        place = np.full(len(self.vertices), -1)
-        place[used] = np.arange(len(used))
-        sets = {name: place[pairs] for name, pairs in self.edge_sets.items()}
-        arcs = [Curve(place[arc.edges], arc.coefficients) for arc in self.arcs]
-        return MeshParts(self.vertices[used], place[self.cells], sets, self.regions, arcs)
+        """The data without vertices that belong to no triangle; in edges their number becomes −1."""
+        used_vertices = np.unique(self.cells)
+        new_number = np.full(len(self.vertices), -1)
+        new_number[used_vertices] = np.arange(len(used_vertices))
+        sets = {name: new_number[pairs] for name, pairs in self.edge_sets.items()}
+        arcs = [Curve(new_number[arc.edges], arc.coefficients) for arc in self.arcs]
+        return MeshParts(self.vertices[used_vertices], new_number[self.cells], sets, self.regions, arcs)
 
     @cached_property
     def topology(self) -> Topology:
-        """Its edges."""
+        """The edges of the triangles."""
         return Topology.of(self.cells, len(self.vertices))
 
     @cached_property
@@ -139,79 +140,79 @@ class MeshParts:
 
     @cached_property
     def finest(self) -> FloatArray:
-        """Length of the shortest edge at each vertex, infinite where there is none, shape (n,) [length]."""
-        found = np.full(len(self.vertices), np.inf)
-        np.minimum.at(found, self.topology.ends, self.chords[:, None])
-        return found
+        """Length of the shortest edge at each vertex, shape (n,) [length]; infinite at a vertex without edges."""
+        shortest = np.full(len(self.vertices), np.inf)
+        np.minimum.at(shortest, self.topology.ends, self.chords[:, None])
+        return shortest
 
     @cached_property
     def bends(self) -> FloatArray:
-        """How the edges of `topology` bend, see `Edges.bend`; from the vertex of lower number, (e, k)."""
-        terms = [arc.coefficients.shape[1] for arc in self.arcs]
-        found = np.zeros((len(self.topology.ends), max([_LEAST_TERMS, *terms])))
-        for arc, count in zip(self.arcs, terms, strict=True):
-            flat = np.abs(arc.coefficients).max(axis=1, keepdims=True) <= _FLATTEST
-            found[self.topology.number(arc.edges), :count] = np.where(flat, 0.0, arc.coefficients)
-        return found
+        """Bends of the edges of `topology` from their vertex of lower number, see `mesh.edges`, shape (e, k) [rad]."""
+        n_terms = [arc.coefficients.shape[1] for arc in self.arcs]
+        bends = np.zeros((len(self.topology.ends), max([_LEAST_TERMS, *n_terms])))
+        for arc, count in zip(self.arcs, n_terms, strict=True):
+            is_straight = np.abs(arc.coefficients).max(axis=1, keepdims=True) <= _STRAIGHT
+            bends[self.topology.number(arc.edges), :count] = np.where(is_straight, 0.0, arc.coefficients)
+        return bends
 
 
-_LEAST_TERMS: Final = 2  # of bends: those of circles
-_WIDEST: Final = np.pi / 2.0 * (1.0 + 1e-12)  # angle that one edge may turn by
-_HIGHEST: Final = 1.5  # height of an arc over the distance of its chord from the triangle's barycentre, outwards
-_LEAST: Final = 0.01  # share of the area between an arc's end and the barycentre that bending has to leave
-_PLACES: Final = np.linspace(1e-9, 1.0 - 1e-9, 33)  # where heights, areas and angles are looked at
+_LEAST_TERMS: Final = 2  # coefficients of a bend: enough for circles
+_MAX_TURN: Final = np.pi / 2.0 * (1.0 + 1e-12)  # of one edge [rad]
+_MAX_HEIGHT: Final = 1.5  # of an arc outwards, relative to the distance from its chord to the triangle's barycentre
+_MIN_AREA: Final = 0.01  # least ratio of area, see `beyond_chords`, to that of the straight triangle
+_CHECK_POINTS: Final = np.linspace(1e-9, 1.0 - 1e-9, 33)  # fractions of an edge where these bounds are checked
 
 
 def refuse_bad_arcs(mesh: MeshParts) -> None:
-    """`InputError` where an edge is on two arcs, turns too far for one, or bends too far for its triangle."""
+    """`InputError` where an edge is on two arcs, turns by more than 90°, or bends too far for its triangle."""
     numbers = np.sort(np.concatenate([mesh.topology.number(arc.edges) for arc in mesh.arcs]))
     twice = np.flatnonzero(np.bincount(numbers) > 1)
-    long = numbers[np.ptp(angles(mesh.bends[numbers], _PLACES), axis=1) > _WIDEST]
-    bent = mesh.topology.of_cells[bent_too_far(mesh)]
-    for wrong, remedy in (
+    turning = numbers[np.ptp(angles(mesh.bends[numbers], _CHECK_POINTS), axis=1) > _MAX_TURN]
+    bending = mesh.topology.of_cells[bent_too_far(mesh)]
+    for edges, remedy in (
         (twice, "lies on two arcs: give it one"),
-        (long, "turns by more than 90°: divide the triangles there"),
-        (bent, "bends too far for the triangle at it: divide the triangles there"),
+        (turning, "turns by more than 90°: divide the triangles there"),
+        (bending, "bends too far for the triangle at it: divide the triangles there"),
     ):
-        if len(wrong):
-            place = place_of(mesh.vertices[mesh.topology.ends[wrong[0]]].mean(axis=0))
+        if len(edges):
+            place = place_of(mesh.vertices[mesh.topology.ends[edges[0]]].mean(axis=0))
             raise InputError("TriangleMesh.arcs", place, f"the edge around this point {remedy}")
 
 
 def bent_too_far(mesh: MeshParts) -> BoolArray:
-    """Which sides of triangles are arcs that the barycentre does not see, or that lead too far outwards; (m, 3).
+    """Mask (m, 3) of the sides of triangles that are arcs not visible from the barycentre, or too far outside.
 
-    Areas between the line and the barycentre grow with (x − c)×x'. The barycentre sees all of the arc if this is
-    positive; that of a circle is least at an end where it bends inwards.
+    The whole arc is visible from the barycentre c if (x − c) × x' > 0 along it, which is the ratio of area up to a
+    factor. On a circle that bends inwards this is least at an end.
     """
     sides = mesh.bends[mesh.topology.of_cells]
-    bent = np.asarray(sides.any(axis=2))
+    is_bent = np.asarray(sides.any(axis=2))
     for s, (a, b) in enumerate(EDGES):
-        cell, along = np.flatnonzero(bent[:, s]), np.zeros((len(_PLACES), 3))
-        along[:, a], along[:, b] = 1.0 - _PLACES, _PLACES
-        places, areas = beyond_chords(mesh.vertices[mesh.cells[cell]], sides[cell], along)
-        bent[cell, s] = (places[:, :, s].min(axis=1) < -_HIGHEST / 3.0) | (areas.min(axis=1) < _LEAST)
-    return bent
+        cell, reference = np.flatnonzero(is_bent[:, s]), np.zeros((len(_CHECK_POINTS), 3))
+        reference[:, a], reference[:, b] = 1.0 - _CHECK_POINTS, _CHECK_POINTS
+        lam, areas = beyond_chords(mesh.vertices[mesh.cells[cell]], sides[cell], reference)
+        is_bent[cell, s] = (lam[:, :, s].min(axis=1) < -_MAX_HEIGHT / 3.0) | (areas.min(axis=1) < _MIN_AREA)
+    return is_bent
 
 
 CurveFunction: TypeAlias = Callable[[FloatArray], object]
 """Points (n, 2) of a curve at parameters (n,)."""
 
-_SAMPLES: Final = 512  # of the curve at least, and so many for each edge:
-_FOR_EACH: Final = 16
-_HALVINGS: Final = 60
-_POINTS: Final = 32  # of an edge, and coefficients of its bend before the smallest are left out
-_CHECKED: Final[FloatArray] = np.linspace(0.03, 0.97, 21)  # shares of an edge where its bend is compared with the curve
-_STEPS: Final = 8  # of Newton's method for the parameter from the length
-_CLOSED: Final = 1e-9  # distance of both ends over the curve's size where it is closed
-_EXACT: Final = 1e-12  # distance of an edge from its curve over the chord that is rounding
-_RESOLVED: Final = 1e-2  # share of that below which coefficients of a curve are rounding, which slopes would enlarge
-_KEPT: Final = 0.2  # share of that below which the highest coefficients are none
-_LOST: Final = 64.0 * np.finfo(float).eps  # of coordinates by the differences that angles are made of
+_MIN_SAMPLES: Final = 512  # of a curve
+_SAMPLES_PER_EDGE: Final = 16
+_BISECTIONS: Final = 60  # more than the 53 bits of a double
+_POINTS: Final = 32  # Gauss points of an edge, and coefficients of its bend before the smallest are dropped
+_COMPARED: Final[FloatArray] = np.linspace(0.03, 0.97, 21)  # fractions of an edge where it is compared with the curve
+_NEWTON_STEPS: Final = 8  # for the parameter as a function of the arc length
+_CLOSED: Final = 1e-9  # a curve is closed if its ends are this close, relative to its size
+_EXACT: Final = 1e-12  # distance of an edge from its curve, relative to the chord, that is rounding
+_RESOLVED: Final = 1e-2  # × `_EXACT`: smaller coefficients of a curve are rounding; derivatives enlarge it
+_KEPT_COEFFICIENT: Final = 0.2  # × `_EXACT`: trailing coefficients of a bend that are smaller are dropped
+_ROUNDING: Final = 64.0 * np.finfo(float).eps  # × coordinates: rounding of the differences behind an angle
 
 
-class _Given(NamedTuple):
-    """A curve as a function, asked for points between its ends; a closed one goes round and round."""
+class _CurvePoints(NamedTuple):
+    """The function of a curve, evaluated between its ends only; on a closed curve the parameter is periodic."""
 
     name: str
     function: CurveFunction
@@ -222,31 +223,31 @@ class _Given(NamedTuple):
     def points(self, t: FloatArray) -> FloatArray:
         """Points (..., 2) at parameters (...)."""
         if self.closed:
-            inside = self.start + np.mod(t.ravel() - self.start, self.stop - self.start)
+            parameters = self.start + np.mod(t.ravel() - self.start, self.stop - self.start)
         else:
-            inside = np.clip(t.ravel(), min(self.start, self.stop), max(self.start, self.stop))
+            parameters = np.clip(t.ravel(), min(self.start, self.stop), max(self.start, self.stop))
         try:
-            found = self.function(inside)
+            points = self.function(parameters)
         except Exception as error:
             remedy = f"the function must take an array (n,) of parameters and return points (n, 2) ({error})"
             raise InputError(self.name, self.function, remedy) from error
-        found = real_array(self.name, found, "the function must return real numbers")
-        if found.shape != (inside.size, 2):
-            remedy = f"the function must return points ({inside.size}, 2) for so many parameters"
-            raise InputError(self.name, f"shape {found.shape}", remedy)
-        if not np.isfinite(found).all():
-            where = float(inside[np.argmin(np.isfinite(found).all(axis=1))])
+        points = real_array(self.name, points, "the function must return real numbers")
+        if points.shape != (parameters.size, 2):
+            remedy = f"the function must return points ({parameters.size}, 2) for so many parameters"
+            raise InputError(self.name, f"shape {points.shape}", remedy)
+        if not np.isfinite(points).all():
+            where = float(parameters[np.argmin(np.isfinite(points).all(axis=1))])
             raise InputError(self.name, f"parameter {where:.6g}", "the function returns NaN or infinity here")
-        return found.reshape(*t.shape, 2)
+        return points.reshape(*t.shape, 2)
 
 
 def ellipse(centre: tuple[float, float], axes: tuple[float, float], angle: float = 0.0) -> CurveFunction:
     """An ellipse by its half axes [length] and the angle [rad] of the first, for parameters from 0 to 2π."""
     a, b = (positive_number("axes", axis) for axis in axes)
-    middle, first = np.array(centre), finite_number("angle", angle)
+    centre_point, rotation = np.array(centre), finite_number("angle", angle)
 
     def points(t: FloatArray) -> FloatArray:
-        return middle + turned(np.column_stack([a * np.cos(t), b * np.sin(t)]), np.full(len(t), first))
+        return centre_point + turned(np.column_stack([a * np.cos(t), b * np.sin(t)]), np.full(len(t), rotation))
 
     return points
 
@@ -254,93 +255,91 @@ def ellipse(centre: tuple[float, float], axes: tuple[float, float], angle: float
 def fitted(
     name: str, function: CurveFunction, start: float, stop: float, edges: IntArray, vertices: FloatArray
 ) -> Curve:
-    """The bends of edges (k, 2) whose vertices (v, 2) are on a curve, from its points (n, 2) at parameters (n,).
+    """The edges (k, 2), whose vertices (v, 2) lie on a curve, with their bends; the function gives points of the curve.
 
-    The curve is closed if first and last parameter have the same point; then each edge follows the shorter way between
-    its vertices. `InputError` about the name of the curve if the function is none, or fails, a vertex is off the curve,
-    or the curve is not smooth along an edge.
+    The curve is closed if `start` and `stop` have the same point; then each edge follows the shorter way between its
+    vertices. `InputError` about `name` if the function is not callable or fails, a vertex is off the curve, or the
+    curve is not smooth along an edge.
     """
     if not callable(function):
         raise InputError(name, function, "give a function of an array (n,) that returns points (n, 2)")
     edges = np.unique(np.sort(edges, axis=1), axis=0)
-    given = _Given(name, function, finite_number("start", start), finite_number("stop", stop))
-    if given.start == given.stop:
+    curve = _CurvePoints(name, function, finite_number("start", start), finite_number("stop", stop))
+    if curve.start == curve.stop:
         raise InputError("stop", stop, "give another parameter than the one that the curve starts at")
-    t = np.linspace(given.start, given.stop, max(_SAMPLES, _FOR_EACH * len(edges)) + 1)
-    samples = given.points(t)
+    t = np.linspace(curve.start, curve.stop, max(_MIN_SAMPLES, _SAMPLES_PER_EDGE * len(edges)) + 1)
+    samples = curve.points(t)
     size = float(np.ptp(samples, axis=0).max())
     if not size > 0.0:
         raise InputError(name, tuple(samples[0].tolist()), "all points of the curve are this one")
-    given = given._replace(closed=bool(np.hypot(*(samples[-1] - samples[0])) <= _CLOSED * size))
-    numbers, places = np.unique(edges, return_inverse=True)
+    curve = curve._replace(closed=bool(np.hypot(*(samples[-1] - samples[0])) <= _CLOSED * size))
+    numbers, position = np.unique(edges, return_inverse=True)
     from scipy.spatial import cKDTree  # slow to import, and few solves need it
 
-    # (γ − x)·d vanishes at a vertex x, d being from the sample before the nearest to that after: by halving, which
-    # needs no derivative, and no smoothness but between vertices
+    # bisection for (γ − x)·d = 0 at a vertex x, where d leads from the sample before the nearest one to that after it;
+    # it needs no derivative, and the curve may have corners at vertices
     nearest = np.asarray(cKDTree(samples).query(vertices[numbers])[1])
-    if given.closed:  # where both ends are nearest the sample beside them tells which one a vertex is at
-        beside = np.asarray(cKDTree(samples[[1, -2]]).query(vertices[numbers])[1])
-        nearest = np.where(nearest % (len(t) - 1) == 0, beside * (len(t) - 1), nearest)
+    if curve.closed:  # at the common end the nearer of its two neighbours decides
+        nearer_end = np.asarray(cKDTree(samples[[1, -2]]).query(vertices[numbers])[1])
+        nearest = np.where(nearest % (len(t) - 1) == 0, nearer_end * (len(t) - 1), nearest)
     before, after = np.maximum(nearest - 1, 0), np.minimum(nearest + 1, len(t) - 1)
-    low, high, along = t[before], t[after], samples[after] - samples[before]
-    for _ in range(_HALVINGS):
+    low, high, direction = t[before], t[after], samples[after] - samples[before]
+    for _ in range(_BISECTIONS):
         middle = (low + high) / 2.0
-        ahead = ((given.points(middle) - vertices[numbers]) * along).sum(axis=1) > 0.0
-        low, high = np.where(ahead, low, middle), np.where(ahead, middle, high)
-    found = (low + high) / 2.0
-    off = np.hypot(*(given.points(found) - vertices[numbers]).T)
-    worst = int(np.argmax(off))
-    if off[worst] > ROUNDING * size:
-        vertex = f"the vertex {place_of(vertices[numbers[worst]])} is {off[worst]:.3g} off this curve"
+        is_beyond = ((curve.points(middle) - vertices[numbers]) * direction).sum(axis=1) > 0.0
+        low, high = np.where(is_beyond, low, middle), np.where(is_beyond, middle, high)
+    parameter = (low + high) / 2.0
+    distance = np.hypot(*(curve.points(parameter) - vertices[numbers]).T)
+    worst = int(np.argmax(distance))
+    if distance[worst] > ROUNDING * size:
+        vertex = f"the vertex {place_of(vertices[numbers[worst]])} is {distance[worst]:.3g} off this curve"
         raise InputError(name, function, f"{vertex}: correct the curve, or its ends")
-    first, second = found[places.reshape(edges.shape)].T
-    if given.closed:
+    first, second = parameter[position.reshape(edges.shape)].T
+    if curve.closed:
         second = second - (stop - start) * np.rint((second - first) / (stop - start))
-    return Curve(edges, _bends(given, first, second, vertices[edges]))
+    return Curve(edges, _bends(curve, first, second, vertices[edges]))
 
 
-def _bends(given: _Given, first: FloatArray, second: FloatArray, ends: FloatArray) -> FloatArray:
-    """Bends (k, n) of the edges between parameters (k,) of the curve; their own ends (k, 2, 2) say how they round."""
+def _bends(curve: _CurvePoints, first: FloatArray, second: FloatArray, ends: FloatArray) -> FloatArray:
+    """Bends (k, n) of the edges between parameters (k,) of the curve; `ends` (k, 2, 2) are coordinates of vertices."""
     step = (second - first)[:, None]
-    corners = given.points(first[:, None] + step * np.array([0.0, 1.0]))
+    corners = curve.points(first[:, None] + step * np.array([0.0, 1.0]))
     chords = corners[:, 1] - corners[:, 0]
     lengths = np.hypot(*chords.T)
-    exact = np.maximum(_EXACT, _LOST * np.abs(ends).max(axis=(1, 2)) / np.where(lengths > 0.0, lengths, 1.0))
-    t, project = gauss_legendre(_POINTS)[0], legendre_from_values(_POINTS - 1, _POINTS).T
-    points = (given.points(first[:, None] + step * t) - corners[:, :1]).swapaxes(1, 2) @ project
-    points = _without_rounding(points, (_RESOLVED * exact * lengths)[:, None])
-    slopes = np.asarray(legder(points, axis=2), dtype=np.float64)
-    # parameters −1 to 1 at shares of the lengths: where angles are taken, and where edges are compared with the curve
-    shares = np.concatenate([t, _CHECKED])
-    speed = np.hypot(*np.moveaxis(_at(slopes, np.tile(2.0 * t - 1.0, (len(slopes), 1))), -1, 0)) @ project
-    covered = np.asarray(legint(speed, axis=1, lbnd=-1), dtype=np.float64)
-    wanted, found = (
-        shares * polynomials(covered, np.ones((len(slopes), 1))),
-        np.tile(2.0 * shares - 1.0, (len(slopes), 1)),
-    )
-    for _ in range(_STEPS):
-        rate = polynomials(speed, found)
-        missed = (polynomials(covered, found) - wanted) / np.where(rate != 0.0, rate, 1.0)
-        found = np.clip(found - missed, -1.0, 1.0)
-    tangents = _at(slopes, found[:, : len(t)])
+    tolerance = np.maximum(_EXACT, _ROUNDING * np.abs(ends).max(axis=(1, 2)) / np.where(lengths > 0.0, lengths, 1.0))
+    t, to_legendre = gauss_legendre(_POINTS)[0], legendre_from_values(_POINTS - 1, _POINTS).T
+    coefficients = (curve.points(first[:, None] + step * t) - corners[:, :1]).swapaxes(1, 2) @ to_legendre
+    coefficients = _without_rounding(coefficients, (_RESOLVED * tolerance * lengths)[:, None])
+    slopes = np.asarray(legder(coefficients, axis=2), dtype=np.float64)
+    # Newton's method for the parameters x, −1 to 1, at fractions of the arc length: for the angles and the comparison
+    shares = np.concatenate([t, _COMPARED])
+    speed = np.hypot(*np.moveaxis(_curve_points(slopes, np.tile(2.0 * t - 1.0, (len(slopes), 1))), -1, 0)) @ to_legendre
+    arc_length = np.asarray(legint(speed, axis=1, lbnd=-1), dtype=np.float64)
+    target = shares * polynomials(arc_length, np.ones((len(slopes), 1)))
+    x = np.tile(2.0 * shares - 1.0, (len(slopes), 1))
+    for _ in range(_NEWTON_STEPS):
+        rate = polynomials(speed, x)
+        correction = (polynomials(arc_length, x) - target) / np.where(rate != 0.0, rate, 1.0)
+        x = np.clip(x - correction, -1.0, 1.0)
+    tangents = _curve_points(slopes, x[:, : len(t)])
     turn = np.arctan2(cross(chords[:, None], tangents), (chords[:, None] * tangents).sum(axis=2))
-    bends = levelled(_without_rounding(turn @ project, _KEPT * exact))
-    there = given.points(first[:, None] + step * (1.0 + found[:, len(t) :]) / 2.0)
-    off = np.hypot(*np.moveaxis(corners[:, :1] + arc_offsets(chords, bends, _CHECKED) - there, -1, 0)).max(axis=1)
-    rough = np.flatnonzero(off > exact * lengths)
-    if len(rough):
+    bends = levelled(_without_rounding(turn @ to_legendre, _KEPT_COEFFICIENT * tolerance))
+    on_curve = curve.points(first[:, None] + step * (1.0 + x[:, len(t) :]) / 2.0)
+    off = np.hypot(*np.moveaxis(corners[:, :1] + arc_offsets(chords, bends, _COMPARED) - on_curve, -1, 0)).max(axis=1)
+    not_smooth = np.flatnonzero(off > tolerance * lengths)
+    if len(not_smooth):
         remedy = "is not smooth there, turns back, or turns too far along one edge: divide the triangles there"
-        raise InputError(given.name, place_of(ends[rough[0]].mean(axis=0)), f"the curve {remedy}")
+        raise InputError(curve.name, place_of(ends[not_smooth[0]].mean(axis=0)), f"the curve {remedy}")
     return bends[:, : 1 + int(np.flatnonzero(bends.any(axis=0)).max(initial=0))]
 
 
-def _at(curves: FloatArray, x: FloatArray) -> FloatArray:
-    """Curves by coefficients of Legendre (k, 2, n) at x (k, q), −1 to 1; shape (k, q, 2)."""
+def _curve_points(curves: FloatArray, x: FloatArray) -> FloatArray:
+    """Points (k, q, 2) at x (k, q), −1 to 1, of curves with Legendre coefficients (k, 2, n)."""
     return np.stack([polynomials(curves[:, axis], x) for axis in (0, 1)], axis=-1)
 
 
 def _without_rounding(terms: FloatArray, rounding: FloatArray) -> FloatArray:
-    """Coefficients (..., n) up to the last one that is larger than rounding (...), 0 behind it."""
+    """Coefficients (..., n) with zeros after the last one that is larger than `rounding` (...)."""
     large = np.abs(terms) > rounding[..., None]
-    kept = np.cumsum(large[..., ::-1], axis=-1)[..., ::-1] > 0
-    return np.where(kept, terms, 0.0)
+    is_kept = np.cumsum(large[..., ::-1], axis=-1)[..., ::-1] > 0
+    return np.where(is_kept, terms, 0.0)

@@ -1,14 +1,13 @@
 """Meshes from other programs, see `TriangleMesh.load`: files of Gmsh, Abaqus or CalculiX, MED, and VTK.
 
-Names are physical names in .msh files, ELSET in .inp files, with line elements such as T3D2 for curves, whatever the
-case of letters, and groups in .med files; files of VTK have none. Middle nodes of quadratic elements are left out, and
-points that no triangle needs; sides are straight.
+Names are physical names in .msh files, element sets (ELSET) in .inp files, in upper or lower case and with line
+elements such as T3D2 for curves, and groups in .med files. VTK files have no names. Middle nodes of quadratic elements
+and points without a triangle are left out, so sides are straight.
 
-Files of Gmsh, formats 2.2 and 4.1, as text or in binary, and those of Abaqus are read here, the others by meshio. Of a
-file of Abaqus meshio would keep the last of several blocks of nodes only. It would also take sets of elements for those
-of another block, or lose what other sets or files hold. No array is made of a size that a file of Gmsh only claims:
-every count is compared with the bytes that are left. Sections that no mesh needs (periodic nodes, fields, views) are
-skipped.
+Files of Gmsh, formats 2.2 and 4.1, text or binary, and of Abaqus are read here, the others by meshio. In Abaqus files
+meshio keeps only the last of several blocks of nodes, may assign sets of elements to the wrong block, and loses
+included files and sets. Every count in a Gmsh file is compared with the bytes that are left, so no wrong count makes a
+large array. Sections that a mesh does not need (periodic nodes, fields, views) are skipped.
 """
 
 import io
@@ -31,41 +30,43 @@ from qvi_contact.mesh.curves import MeshParts
 from qvi_contact.mesh.edges import cross
 
 _FORMATS: Final = {".msh": "gmsh", ".inp": "abaqus", ".med": "med", ".vtk": "vtk", ".vtu": "vtu"}
-_LARGEST: Final = 200_000_000  # bytes
-_MOST_TRIANGLES: Final = 1_000_000
-_FLAT: Final = 1e-9  # of the size in the plane: larger z are no plane body
-_BETTER: Final = 1e-6  # share by which a triangle is larger that rounding alone does not make so
+_MAX_BYTES: Final = 200_000_000  # bytes
+_MAX_TRIANGLES: Final = 1_000_000
+_PLANE_TOLERANCE: Final = 1e-9  # range of z, relative to the body's size, that counts as plane
+_AREA_TOLERANCE: Final = 1e-6  # relative difference of areas that is more than rounding
 
-_NODES: Final = {1: 2, 2: 3, 3: 4, 8: 3, 9: 6, 10: 9, 15: 1, 16: 8}  # by the number of a kind in Gmsh
-_OTHERS: Final = {4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid"}
-_CORNERS: Final = {  # for meshio
+# by Gmsh's numbers of element types: numbers of nodes, names of solids, and which nodes are the corners
+_NODE_COUNTS: Final = {1: 2, 2: 3, 3: 4, 8: 3, 9: 6, 10: 9, 15: 1, 16: 8}
+_SOLIDS: Final = {4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid"}
+_CORNERS: Final = {  # by meshio's types of cells
     "triangle": 3, "triangle6": 3, "triangle7": 3, "triangle10": 3, "triangle15": 3, "quad": 4, "quad8": 4, "quad9": 4,
 }  # fmt: skip
 _LINES: Final = {1: (0, 1), 8: (0, 1)}
 _CELLS: Final = {2: (0, 1, 2, 2), 9: (0, 1, 2, 2), 3: (0, 1, 2, 3), 10: (0, 1, 2, 3), 16: (0, 1, 2, 3)}
-_MOST_SETS: Final = 10_000_000  # names times blocks of elements: each of the blocks may have all names
-_VERSIONS: Final = {"2": "2.2", "2.1": "2.2", "2.2": "2.2", "4.1": "4.1"}  # "4" is 4.0
+_MAX_SETS: Final = 10_000_000  # names × blocks of elements: each block may have all names
+_VERSIONS: Final = {"2": "2.2", "2.1": "2.2", "2.2": "2.2", "4.1": "4.1"}  # known formats; "4" would be 4.0
 
 
 def read_mesh(path: str | Path) -> MeshParts:
     """Vertices, triangles, and named curves and surfaces of a mesh file.
 
-    `InputError` if meshio is missing, the file cannot be read, or it holds other cells than triangles and
-    quadrilaterals, or no plane body.
+    `InputError` if meshio is missing, the file cannot be read, it has cells other than triangles and quadrilaterals, or
+    the body is not plane.
     """
     path = given_path("mesh", path)
     mesh = _read(path)
     if not len(mesh.cells):
         raise _refused(path, "holds no triangles")
-    if mesh.vertices.shape[1] == 3 and np.ptp(mesh.vertices[:, 2]) > _FLAT * np.ptp(mesh.vertices[:, :2], axis=0).max():
+    extent = np.ptp(mesh.vertices, axis=0)
+    if len(extent) == 3 and extent[2] > _PLANE_TOLERANCE * extent[:2].max():
         raise _refused(path, "is not plane: all points must have one coordinate z")
     for numbers in (mesh.cells, *mesh.edge_sets.values()):
         if ((numbers < 0) | (numbers >= len(mesh.vertices))).any():
-            held = f"(it has {len(mesh.vertices)})"
-            raise _refused(path, f"joins nodes that it does not hold {held}: write the mesh again")
+            n_nodes = f"(it has {len(mesh.vertices)})"
+            raise _refused(path, f"joins nodes that it does not hold {n_nodes}: write the mesh again")
     cells, parent = triangles_of(mesh.vertices[:, :2], mesh.cells)
-    if len(cells) > _MOST_TRIANGLES:
-        raise _refused(path, f"holds {len(cells)} triangles: give at most {_MOST_TRIANGLES}")
+    if len(cells) > _MAX_TRIANGLES:
+        raise _refused(path, f"holds {len(cells)} triangles: give at most {_MAX_TRIANGLES}")
     regions = {name: np.flatnonzero(np.isin(parent, chosen)) for name, chosen in mesh.regions.items()}
     vertices = np.ascontiguousarray(mesh.vertices[:, :2])
     return MeshParts(vertices, np.sort(cells, axis=1), mesh.edge_sets, regions).without_others()
@@ -76,20 +77,20 @@ def _refused(path: Path, remedy: str) -> InputError:
 
 
 def _read(path: Path) -> MeshParts:
-    """What a file holds, or one `InputError`; pipes and devices are not opened, as they may wait for ever.
+    """The mesh in a file, with points (n, 2 or 3) and cells (m, 4), where triangles have their last corner twice.
 
-    Points (n, 2 or 3), and cells as quadrilaterals (m, 4): triangles have their last corner twice.
+    Every failure is an `InputError`. Pipes and devices, which may block, are not opened.
     """
     reader = _FORMATS.get(path.suffix.lower())
     if reader is None:
         raise _refused(path, f"give a file with one of the endings {', '.join(_FORMATS)}")
-    printed = io.StringIO()  # by meshio: part of an error, and else, like NumPy's warnings, nothing anybody needs
+    stderr = io.StringIO()  # meshio prints its errors
     try:
-        with open_regular(path) as source, warnings.catch_warnings(), redirect_stderr(printed):
+        with open_regular(path) as source, warnings.catch_warnings(), redirect_stderr(stderr):
             warnings.simplefilter("ignore")
             size = path.stat().st_size
-            if size > _LARGEST:
-                raise _refused(path, f"holds more than {_LARGEST} bytes, the limit: give a coarser mesh")
+            if size > _MAX_BYTES:
+                raise _refused(path, f"holds more than {_MAX_BYTES} bytes, the limit: give a coarser mesh")
             if reader == "gmsh":
                 return _GmshFile(source, size).read()
             if reader == "abaqus":
@@ -103,23 +104,23 @@ def _read(path: Path) -> MeshParts:
         needed = "meshio h5py" if reader == "med" else "meshio"
         remedy = f"these files need {needed.replace(' ', ' and ')}: python -m pip install {needed}"
         raise _refused(path, remedy) from error
-    except Exception as error:  # whatever a broken file makes a reader stumble over
-        told = " ".join(f"{getattr(error, 'strerror', None) or error} {printed.getvalue()}".split())
-        told = told or type(error).__name__
-        raise _refused(path, f"cannot be read as {reader} ({told}): write the mesh again") from error
+    except Exception as error:  # readers fail on broken files in many ways
+        reason = " ".join(f"{getattr(error, 'strerror', None) or error} {stderr.getvalue()}".split())
+        reason = reason or type(error).__name__
+        raise _refused(path, f"cannot be read as {reader} ({reason}): write the mesh again") from error
 
 
-def _named_cells(found: Any) -> MeshParts:
-    """What meshio read, by name: the groups of the families of MED."""
+def _named_cells(file: Any) -> MeshParts:
+    """The mesh that meshio read; its names are the groups of the families in a MED file."""
     lines = ("line", "line3")
-    kinds = sorted({block.type for block in found.cells} - {*_CORNERS, *lines, "vertex"})
+    kinds = sorted({block.type for block in file.cells} - {*_CORNERS, *lines, "vertex"})
     if kinds:
         raise InputError("mesh", kinds[0], f"holds cells of kind {kinds[0]!r}: give triangles and quadrilaterals only")
-    families, tags = getattr(found, "cell_tags", None) or {}, found.cell_data.get("cell_tags", ())
+    families, tags = getattr(file, "cell_tags", None) or {}, file.cell_data.get("cell_tags", ())
     edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
     for name, family in ((name, family) for family, names in families.items() for name in names):
         start = 0
-        for block, values in zip(found.cells, tags, strict=False):
+        for block, values in zip(file.cells, tags, strict=False):
             rows = np.flatnonzero(np.asarray(values) == family)
             if block.type in _CORNERS:
                 regions[name] = np.concatenate([regions.get(name, rows[:0]), start + rows])
@@ -128,47 +129,49 @@ def _named_cells(found: Any) -> MeshParts:
                 pairs = np.asarray(block.data[rows, :2], dtype=np.int64)
                 edge_sets[name] = np.concatenate([edge_sets.get(name, pairs[:0]), pairs])
     edge_sets, regions = ({n: parts for n, parts in each.items() if len(parts)} for each in (edge_sets, regions))
-    return MeshParts(np.asarray(found.points, dtype=float), corners_of(found.cells), edge_sets, regions)
+    return MeshParts(np.asarray(file.points, dtype=float), corners_of(file.cells), edge_sets, regions)
 
 
 def corners_of(blocks: Any) -> IntArray:
-    """Corners (m, 4) of the triangles, their last one twice, and of the quadrilaterals in cells that meshio read."""
+    """Corners (m, 4) of triangles, which have their last corner twice, and quadrilaterals in cells from meshio."""
     cells = [block.data[:, [0, 1, 2, _CORNERS[block.type] - 1]] for block in blocks if block.type in _CORNERS]
     return np.concatenate([np.empty((0, 4), np.int64), *cells]).astype(np.int64)
 
 
 def triangles_of(points: FloatArray, cells: IntArray) -> tuple[IntArray, IntArray]:
-    """Triangles (t, 3) of cells (m, 4), of which triangles have their last corner twice; and the cell of each (t,).
+    """Triangles (t, 3) of cells (m, 4), and the cell (t,) of each; triangles have their last corner twice in `cells`.
 
-    A quadrilateral is cut from a corner of the body that it fills, as in `TriangleMesh.grid`, else so that the smaller
-    triangle is large.
+    A quadrilateral in a corner of the body is cut from that corner, as in `TriangleMesh.grid`. Otherwise the diagonal
+    with the larger smaller triangle is taken.
     """
     quads = cells[:, 3] != cells[:, 2]
     if not quads.any():
         return cells[:, :3], np.arange(len(cells))
-    pairs = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=2), axis=2)  # of a triangle one is a point
+    # corners of the body: both sides there belong to one cell only
+    pairs = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=2), axis=2)
     keys = pairs[..., 0] * len(points) + pairs[..., 1]
-    _, index, count = np.unique(keys, return_inverse=True, return_counts=True)
-    outer = (count == 1)[index].reshape(keys.shape)  # sides ab, bc, cd, da
-    in_corner = outer & np.roll(outer, 1, axis=1)  # a, b, c, d
+    _, number, count = np.unique(keys, return_inverse=True, return_counts=True)
+    on_boundary = (count == 1)[number].reshape(keys.shape)  # sides ab, bc, cd, da
+    in_corner = on_boundary & np.roll(on_boundary, 1, axis=1)  # at a, b, c, d
     a, b, c, d = points[cells].swapaxes(0, 1)
-    least = []  # area of the smaller triangle on either diagonal, below 0 where it lies outside
-    for one, other in (((a, b, c), (a, c, d)), ((a, b, d), (b, c, d))):
-        first, second = (cross(q - p, r - p) for p, q, r in (one, other))
-        least.append(np.where(first * second > 0.0, np.minimum(np.abs(first), np.abs(second)), -1.0))
-    larger = least[1] > least[0] * (1.0 + _BETTER)
-    fills = in_corner[:, [1, 3]].sum(axis=1) - in_corner[:, [0, 2]].sum(axis=1)
-    from_b = np.where((least[0] > 0.0) & (least[1] > 0.0) & (fills != 0), fills > 0, larger)[:, None]
+    least = []  # 2 × area of the smaller triangle for diagonal ac, bd; −1 if the diagonal lies outside
+    for first_half, second_half in (((a, b, c), (a, c, d)), ((a, b, d), (b, c, d))):
+        area_1, area_2 = (cross(q - p, r - p) for p, q, r in (first_half, second_half))
+        least.append(np.where(area_1 * area_2 > 0.0, np.minimum(np.abs(area_1), np.abs(area_2)), -1.0))
+    # take diagonal bd instead of ac if it runs into more corners of the body, else by the areas
+    b_larger = least[1] > least[0] * (1.0 + _AREA_TOLERANCE)
+    corners_bd = in_corner[:, [1, 3]].sum(axis=1) - in_corner[:, [0, 2]].sum(axis=1)
+    from_b = np.where((least[0] > 0.0) & (least[1] > 0.0) & (corners_bd != 0), corners_bd > 0, b_larger)[:, None]
     halves = np.stack(
         [np.where(from_b, cells[:, [0, 1, 3]], cells[:, :3]), np.where(from_b, cells[:, 1:], cells[:, [0, 2, 3]])], 1
     )
     halves[~quads, 0] = cells[~quads, :3]
-    kept = np.column_stack([np.ones(len(cells), dtype=bool), quads])
-    return halves[kept], np.repeat(np.arange(len(cells)), kept.sum(axis=1))
+    is_triangle = np.column_stack([np.ones(len(cells), dtype=bool), quads])
+    return halves[is_triangle], np.repeat(np.arange(len(cells)), is_triangle.sum(axis=1))
 
 
 class _GmshFile:
-    """An open file, read section by section."""
+    """A Gmsh file, open, read section by section."""
 
     def __init__(self, source: BinaryIO, size: int) -> None:
         self._source, self._size = source, size
@@ -179,7 +182,7 @@ class _GmshFile:
         self._blocks = list[tuple[int, IntArray, set[int]]]()  # kind, nodes (k, …), physical numbers of all of them
 
     def read(self) -> MeshParts:
-        """All sections that make a mesh."""
+        """Read all sections, and make the mesh."""
         sections = {
             b"MeshFormat": self._read_format,
             b"PhysicalNames": self._read_names,
@@ -204,57 +207,57 @@ class _GmshFile:
         lines, of_lines = self._joined(_LINES, 2)
         edge_sets = {name: lines[rows] for name, rows in self._by_name(1, of_lines).items()}
         regions = self._by_name(2, of_cells)
-        if self._version == "2.2" and len(of_cells) > 1:  # repeats what is in several surfaces for each of them
+        if self._version == "2.2" and len(of_cells) > 1:  # an element in several surfaces is repeated for each
             alike, first, place = np.unique(np.sort(cells, axis=1), axis=0, return_index=True, return_inverse=True)
             if len(alike) < len(cells):
-                kept = np.sort(first)
-                number = np.searchsorted(kept, first)[place.reshape(-1)]
-                cells, regions = cells[kept], {name: number[rows] for name, rows in regions.items()}
+                kept_cells = np.sort(first)
+                number = np.searchsorted(kept_cells, first)[place.reshape(-1)]
+                cells, regions = cells[kept_cells], {name: number[rows] for name, rows in regions.items()}
         return MeshParts(self._points, cells, edge_sets, regions)
 
     def _by_name(self, dimension: int, numbered: Mapping[int, list[IntArray]]) -> dict[str, IntArray]:
-        """Numbers of elements by physical names, each of which may belong to several physical numbers."""
-        found = dict[str, list[IntArray]]()
+        """Numbers of elements by physical name; several physical numbers may have one name."""
+        parts_of_name = dict[str, list[IntArray]]()
         for each, number, name in self._names:
             if each == dimension and number in numbered:
-                found.setdefault(name, []).extend(numbered[number])
-        return {name: np.concatenate(parts) for name, parts in found.items()}
+                parts_of_name.setdefault(name, []).extend(numbered[number])
+        return {name: np.concatenate(parts) for name, parts in parts_of_name.items()}
 
     def _joined(self, kinds: Mapping[int, tuple[int, ...]], corners: int) -> tuple[IntArray, dict[int, list[IntArray]]]:
-        """Indices of the corners of all elements of some kinds, (k, corners), and their numbers by physical number."""
-        found, named, count = [np.empty((0, corners), np.int64)], dict[int, list[IntArray]](), 0
+        """Corners (k, corners) of all elements of some kinds, as indices of nodes; elements by physical number."""
+        nodes_of_kinds, by_physical_number, count = [np.empty((0, corners), np.int64)], dict[int, list[IntArray]](), 0
         for kind, nodes, physical in self._blocks:
             if kind in kinds and len(nodes):
-                found.append(nodes[:, kinds[kind]])
+                nodes_of_kinds.append(nodes[:, kinds[kind]])
                 for number in physical:
-                    named.setdefault(number, []).append(np.arange(count, count + len(nodes)))
+                    by_physical_number.setdefault(number, []).append(np.arange(count, count + len(nodes)))
                 count += len(nodes)
-        wanted, order = np.concatenate(found), np.argsort(self._tags)
+        node_tags, order = np.concatenate(nodes_of_kinds), np.argsort(self._tags)
         if not len(order):
             raise ValueError("it holds no nodes")
-        at = order[np.minimum(np.searchsorted(self._tags[order], wanted), len(order) - 1)]
-        return np.where(self._tags[at] == wanted, at, -1), named  # nodes that it does not hold are refused later
+        index = order[np.minimum(np.searchsorted(self._tags[order], node_tags), len(order) - 1)]
+        return np.where(self._tags[index] == node_tags, index, -1), by_physical_number  # `read_mesh` refuses −1
 
     def _next_line(self) -> bytes:
-        """The next line that is not blank, without blanks around it; empty at the end of the file."""
+        """The next line that is not blank, stripped; empty at the end of the file."""
         return next((line.strip() for line in self._source if line.strip()), b"")
 
     def _take(self, kind: str, count: int, what: str) -> NDArray[Any]:
-        """Numbers, no more than the rest of the file can hold."""
-        least = np.dtype(kind).itemsize if self._binary else 2  # a digit, and what separates it from the next
-        left = self._size - self._source.tell()
-        if not 0 <= count * least <= left + 1:
-            raise ValueError(f"it claims {count} {what} in {left} bytes")
+        """The next `count` numbers; `ValueError` if the rest of the file cannot hold them. Errors call them `what`."""
+        bytes_each = np.dtype(kind).itemsize if self._binary else 2  # a digit and a separator
+        bytes_left = self._size - self._source.tell()
+        if not 0 <= count * bytes_each <= bytes_left + 1:
+            raise ValueError(f"it claims {count} {what} in {bytes_left} bytes")
         if self._binary:
-            found = np.frombuffer(self._source.read(count * least), kind)
+            numbers = np.frombuffer(self._source.read(count * bytes_each), kind)
         else:
             try:
-                found = np.fromfile(self._source, kind, count, sep=" ")
-            except ValueError:  # new versions of NumPy for words among numbers; old ones warn
-                found = np.empty(0, kind)
-        if len(found) != count:
+                numbers = np.fromfile(self._source, kind, count, sep=" ")
+            except ValueError:  # from new versions of NumPy for words among numbers
+                numbers = np.empty(0, kind)
+        if len(numbers) != count:
             raise ValueError(f"it does not hold the {count} {what} that it claims")
-        return found
+        return numbers
 
     def _read_format(self) -> None:
         words = self._source.readline().decode("ascii").split()
@@ -275,17 +278,17 @@ class _GmshFile:
             self._names.append((int(words[0]), int(words[1]), words[2].strip('"')))
 
     def _read_entities(self) -> None:
-        """Format 4.1: tag, point or box, physical numbers, and of all but points what bounds them."""
+        """Format 4.1: for each entity its tag, point or box, physical numbers, and, except for points, its bounds."""
         for dimension, count in enumerate(self._take(self._word, 4, "numbers of entities").tolist()):
             for _ in range(count):
                 (tag,) = self._take("i4", 1, "tags of entities").tolist()
                 self._take("f8", 3 if dimension == 0 else 6, "coordinates of entities")
-                (several,) = self._take(self._word, 1, "counts of entities").tolist()
-                numbers = self._take("i4", several, "physical numbers").tolist()
+                (n_numbers,) = self._take(self._word, 1, "counts of entities").tolist()
+                numbers = self._take("i4", n_numbers, "physical numbers").tolist()
                 self._physical[dimension, tag] = set(map(abs, numbers))
                 if dimension:
-                    (several,) = self._take(self._word, 1, "counts of entities").tolist()
-                    self._take("i4", several, "bounds")
+                    (n_numbers,) = self._take(self._word, 1, "counts of entities").tolist()
+                    self._take("i4", n_numbers, "bounds")
 
     def _read_nodes(self) -> None:
         if self._version == "2.2":
@@ -298,16 +301,16 @@ class _GmshFile:
                 tags, self._points = numbers[:, 0], numbers[:, 1:]
         else:
             blocks, count, _, _ = self._take(self._word, 4, "counts of nodes").tolist()
-            found, places = [np.empty(0, self._word)], [np.empty((0, 3))]
+            tag_blocks, point_blocks = [np.empty(0, self._word)], [np.empty((0, 3))]
             for _ in range(blocks):
                 _, _, parametric = self._take("i4", 3, "numbers of a block of nodes").tolist()
                 if parametric:
                     remedy = "holds parameters of nodes: save the mesh without them (Mesh.SaveParametric = 0)"
                     raise InputError("mesh", "", remedy)
-                (several,) = self._take(self._word, 1, "counts of nodes").tolist()
-                found.append(self._take(self._word, several, "tags of nodes"))
-                places.append(self._take("f8", 3 * several, "coordinates").reshape(-1, 3))
-            tags, self._points = np.concatenate(found).astype(float), np.concatenate(places)
+                (n_nodes,) = self._take(self._word, 1, "counts of nodes").tolist()
+                tag_blocks.append(self._take(self._word, n_nodes, "tags of nodes"))
+                point_blocks.append(self._take("f8", 3 * n_nodes, "coordinates").reshape(-1, 3))
+            tags, self._points = np.concatenate(tag_blocks).astype(float), np.concatenate(point_blocks)
         if len(tags) != count or not count:
             raise ValueError(f"it claims {count} nodes and holds {len(tags)}")
         if not ((tags >= 1.0) & (tags < 2.0**53) & (tags == np.rint(tags))).all() or len(np.unique(tags)) < count:
@@ -319,28 +322,28 @@ class _GmshFile:
             blocks, _, _, _ = self._take(self._word, 4, "counts of elements").tolist()
             for _ in range(blocks):
                 dimension, entity, kind = self._take("i4", 3, "numbers of a block of elements").tolist()
-                (several,) = self._take(self._word, 1, "counts of elements").tolist()
+                (count,) = self._take(self._word, 1, "counts of elements").tolist()
                 columns = 1 + self._nodes_of(kind)
-                numbers = self._take(self._word, several * columns, "numbers of elements").reshape(several, columns)
+                numbers = self._take(self._word, count * columns, "numbers of elements").reshape(count, columns)
                 physical = self._physical.get((dimension, entity), set())
                 self._blocks.append((kind, numbers[:, 1:].astype(np.int64), physical))
-            if blocks * len(self._names) > _MOST_SETS:
+            if blocks * len(self._names) > _MAX_SETS:
                 raise ValueError(f"it has {blocks} blocks of elements and {len(self._names)} physical names")
         elif self._binary:
-            count, done = int(self._source.readline()), 0
-            while done < count:
-                kind, several, tags = self._take("i4", 3, "numbers of a block of elements").tolist()
+            total, n_read = int(self._source.readline()), 0
+            while n_read < total:
+                kind, count, tags = self._take("i4", 3, "numbers of a block of elements").tolist()
                 columns = 1 + tags + self._nodes_of(kind)
-                numbers = self._take("i4", several * columns, "numbers of elements").reshape(several, columns)
+                numbers = self._take("i4", count * columns, "numbers of elements").reshape(count, columns)
                 changes = np.flatnonzero(np.diff(numbers[:, 1]) * (tags > 0)) + 1
-                for part in np.split(numbers, changes) if several > 0 else ():
+                for part in np.split(numbers, changes) if count > 0 else ():
                     physical = {abs(int(part[0, 1]))} if tags > 0 else set()
                     self._blocks.append((kind, part[:, 1 + tags :].astype(np.int64), physical))
-                done += max(several, 1)
+                n_read += max(count, 1)
         else:
             lines = self._element_lines(int(self._source.readline()))
-            for (kind, number), alike in groupby(lines, key=lambda line: line[:2]):
-                self._blocks.append((kind, np.array([nodes for _, _, nodes in alike]), {number}))
+            for (kind, number), group in groupby(lines, key=lambda line: line[:2]):
+                self._blocks.append((kind, np.array([nodes for _, _, nodes in group]), {number}))
 
     def _element_lines(self, count: int) -> Iterator[tuple[int, int, list[int]]]:
         """Format 2.2 as text: kind, physical number and nodes of each element; 0 is no physical number."""
@@ -352,30 +355,30 @@ class _GmshFile:
             yield words[1], abs(words[3]) if words[2] else 0, nodes
 
     def _nodes_of(self, kind: int) -> int:
-        """Nodes of one element."""
-        if kind not in _NODES:
-            named = repr(_OTHERS.get(kind, kind))
+        """Number of nodes of an element."""
+        if kind not in _NODE_COUNTS:
+            named = repr(_SOLIDS.get(kind, kind))
             raise InputError("mesh", "", f"holds cells of kind {named}: give triangles and quadrilaterals only")
-        return _NODES[kind]
+        return _NODE_COUNTS[kind]
 
 
 # files of Abaqus
 
 _PLANE: Final = re.compile(r"(?:CPS|CPE|CPEG|CAX|S|STRI|M3D|R3D)([34689])\w*")  # with the number of nodes
 _TRUSS: Final = re.compile(r"(?:(T2D2|T3D2|R2D2|B[23][13])|T2D3|T3D3|B[23]2)H?")  # of two nodes, or of three
-_MAKING: Final = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY")  # nodes and elements of others
+_GENERATORS: Final = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY")  # keywords that generate nodes or elements
 _READ: Final = ("NODE", "ELEMENT", "ELSET")
-_WORDS: Final = ("GENERATE", "INTERNAL", "UNSORTED")  # options without a value
-_LAST: Final = 2**62  # number of an element that a range may end with
+_FLAGS: Final = ("GENERATE", "INTERNAL", "UNSORTED")  # options without a value
+_MAX_NUMBER: Final = 2**62  # of an element
 
 _Member: TypeAlias = str | int | range
-"""Of a set: the name of another one, an element, or several."""
+"""Member of a set of elements: the name of another set, the number of an element, or a range of numbers."""
 
 
-def _lines_of(path: Path, above: tuple[Path, ...] = ()) -> Iterator[str]:
-    """Lines of a file, and of those that it includes, without comments."""
+def _lines_of(path: Path, including: tuple[Path, ...] = ()) -> Iterator[str]:
+    """Lines of a file and of the files that it includes, without comments."""
     path = path.resolve()
-    if path in above or (above and not path.is_file()):
+    if path in including or (including and not path.is_file()):
         raise ValueError(f"it includes {path.name}, which is not there, or includes itself")
     with open_regular(path) as source:
         content = source.read()
@@ -385,67 +388,68 @@ def _lines_of(path: Path, above: tuple[Path, ...] = ()) -> Iterator[str]:
         text = content.decode("latin-1")
     for line in map(str.strip, io.StringIO(text, newline=None)):
         if line.upper().startswith("*INCLUDE"):
-            yield from _lines_of(path.parent / line.partition("=")[2].strip().strip('"'), (*above, path))
+            yield from _lines_of(path.parent / line.partition("=")[2].strip().strip('"'), (*including, path))
         elif line and not line.startswith("**"):
             yield line
 
 
 class _AbaqusFile:
-    """What a file holds; names of sets mean the same in capitals and small letters."""
+    """An Abaqus file; names of sets do not depend on upper and lower case."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._nodes, self._elements = dict[int, list[float]](), dict[int, list[int]]()  # of lines two or three, else 4
+        self._nodes = dict[int, list[float]]()
+        self._elements = dict[int, list[int]]()  # nodes of each: 2 or 3 of lines, else 4
         self._members = dict[str, list[_Member]]()
-        self._called = dict[str, tuple[str, bool]]()  # as it is written, and whether it belongs to an assembly
+        self._called = dict[str, tuple[str, bool]]()  # its spelling, and whether it belongs to an assembly
         self._sections = list[tuple[str, dict[str, str], list[str]]]()
-        goes_on = False
+        is_continued = False
         for line in _lines_of(path):
-            if line.startswith("*") or (goes_on and ("=" in line or line.strip(", ").upper() in _WORDS)):
+            if line.startswith("*") or (is_continued and ("=" in line or line.strip(", ").upper() in _FLAGS)):
                 words = [word.strip() for word in line.lstrip("*").rstrip(",").split(",")]
                 if line.startswith("*"):
                     self._sections.append((" ".join(words.pop(0).upper().split()), {}, []))
                 pairs = (word.partition("=") for word in words)
                 self._sections[-1][1].update({key.strip().upper(): value.strip() for key, _, value in pairs})
-                goes_on = line.endswith(",")
+                is_continued = line.endswith(",")
             elif self._sections and self._sections[-1][0] in (*_READ, "SYSTEM", "INSTANCE"):
                 self._sections[-1][2].append(line)
-                goes_on = False
+                is_continued = False
 
     def read(self) -> MeshParts:
-        """The mesh; `InputError` for what is no plane mesh in one part, `ValueError` for a file that is broken."""
+        """The mesh; `InputError` if it is not one part with a plane mesh, `ValueError` if the file is broken."""
         self._read_sections()
         if not self._nodes:
             raise InputError("mesh", "", "holds no nodes: write the mesh again")
-        index, points = {number: place for place, number in enumerate(self._nodes)}, list(self._nodes.values())
-        found = {number: [index.get(node, -1) for node in each] for number, each in self._elements.items()}
-        at = {number: row for row, number in enumerate(n for n, nodes in found.items() if len(nodes) == 4)}
+        index, points = {number: position for position, number in enumerate(self._nodes)}, list(self._nodes.values())
+        nodes_of = {number: [index.get(node, -1) for node in each] for number, each in self._elements.items()}
+        row_of = {number: row for row, number in enumerate(n for n, nodes in nodes_of.items() if len(nodes) == 4)}
         edge_sets, regions = dict[str, IntArray](), dict[str, IntArray]()
         for key, (name, _) in self._called.items():
             members = self._numbers(key)
-            lines = [_ends(found[number], points) for number in members if number not in at]
-            cells = [at[number] for number in members if number in at]
+            lines = [_ends(nodes_of[number], points) for number in members if number not in row_of]
+            cells = [row_of[number] for number in members if number in row_of]
             edge_sets |= {name: np.array(lines)} if lines else {}
             regions |= {name: np.array(cells)} if cells else {}
-        corners = np.array([found[number] for number in at], dtype=np.int64).reshape(-1, 4)
+        corners = np.array([nodes_of[number] for number in row_of], dtype=np.int64).reshape(-1, 4)
         return MeshParts(np.array(points, dtype=float).reshape(-1, 3), corners, edge_sets, regions)
 
     def _read_sections(self) -> None:
-        """Nodes, elements and sets."""
+        """Read nodes, elements and sets."""
         if [keyword for keyword, _, _ in self._sections].count("PART") > 1:
             raise InputError("mesh", "", "holds several parts: write one, with all nodes where they are")
         of_assembly = False
         for keyword, options, data in self._sections:
             if keyword in ("ASSEMBLY", "INSTANCE", "END INSTANCE", "END ASSEMBLY"):
                 of_assembly = keyword in ("ASSEMBLY", "END INSTANCE")
-            placed = keyword in ("SYSTEM", "INSTANCE") and data  # turned or moved
-            if placed or keyword in _MAKING or (keyword == "NODE" and options.get("SYSTEM", "R").upper() != "R"):
+            is_moved = keyword in ("SYSTEM", "INSTANCE") and data  # a part is rotated or translated
+            if is_moved or keyword in _GENERATORS or (keyword == "NODE" and options.get("SYSTEM", "R").upper() != "R"):
                 remedy = f"holds *{keyword}, which moves or makes nodes: write all nodes where they are"
                 raise InputError("mesh", "", remedy)
             if keyword in _READ and "INPUT" in options:
                 data += _lines_of(self._path.parent / options["INPUT"].strip('"'), (self._path.resolve(),))
             rows = (line.rstrip(",").split(",") for line in data)
-            if keyword == "NODE" and not of_assembly:  # those of assemblies are reference points
+            if keyword == "NODE" and not of_assembly:  # nodes of assemblies are reference points
                 self._read_nodes(rows)
             elif keyword == "ELEMENT" and of_assembly:
                 raise InputError("mesh", "", "holds elements of an assembly: write one part, with all elements")
@@ -455,9 +459,9 @@ class _AbaqusFile:
                 self._read_set(options, rows, of_assembly)
 
     def _read_nodes(self, rows: Iterator[list[str]]) -> None:
-        for number, *place in rows:
-            found = [*map(float, place), 0.0, 0.0][:3]
-            if self._nodes.setdefault(int(number), found) != found:
+        for number, *coordinates in rows:
+            point = [*map(float, coordinates), 0.0, 0.0][:3]
+            if self._nodes.setdefault(int(number), point) != point:
                 raise ValueError(f"two nodes have the number {number}")
 
     def _read_elements(self, options: dict[str, str], rows: Iterator[list[str]]) -> None:
@@ -466,25 +470,25 @@ class _AbaqusFile:
         if not plane and not truss:
             raise InputError("mesh", "", f"holds elements of type {kind!r}: give triangles and quadrilaterals only")
         count = int(plane[1]) if plane else 2 if truss and truss[1] else 3
-        given = np.array([int(word) for words in rows for word in words if word.strip()]).reshape(-1, 1 + count)
-        for number, *nodes in given.tolist():
+        table = np.array([int(word) for words in rows for word in words if word.strip()]).reshape(-1, 1 + count)
+        for number, *nodes in table.tolist():
             if number in self._elements:
                 raise ValueError(f"two elements have the number {number}")
             self._elements[number] = nodes if truss else [*nodes[:3], nodes[2 if count in (3, 6) else 3]]
         if "ELSET" in options:
-            self._set(options, of_assembly=False).extend(given[:, 0].tolist())
+            self._set(options, of_assembly=False).extend(table[:, 0].tolist())
 
     def _read_set(self, options: dict[str, str], rows: Iterator[list[str]], of_assembly: bool) -> None:
-        own = self._set(options, of_assembly=of_assembly)
+        members = self._set(options, of_assembly=of_assembly)
         for words in rows:
             if "GENERATE" in options:
                 first, last, *step = map(int, words)
-                own.append(range(first, min(last, _LAST) + 1, *step))
+                members.append(range(first, min(last, _MAX_NUMBER) + 1, *step))
             else:
-                own += [int(word) if word.isdigit() else word.upper() for word in map(str.strip, words)]
+                members += [int(word) if word.isdigit() else word.upper() for word in map(str.strip, words)]
 
     def _set(self, options: dict[str, str], *, of_assembly: bool) -> list[_Member]:
-        """The members of the set that is named."""
+        """The list of members of the set that the options name."""
         name = options.get("ELSET", "")
         if not name:
             raise ValueError("a set of elements has no name")
@@ -493,24 +497,24 @@ class _AbaqusFile:
         return self._members.setdefault(name.upper(), [])
 
     def _numbers(self, key: str) -> list[int]:
-        """The elements of a set, and of those that it names."""
-        found, known, left = set[int](), {key}, [key]
-        while left:
-            if (name := left.pop()) not in self._members:
+        """The elements of a set and of the sets among its members, in ascending order."""
+        elements, seen, pending = set[int](), {key}, [key]
+        while pending:
+            if (name := pending.pop()) not in self._members:
                 raise ValueError(f"there is no set {name} of elements")
-            for each in self._members[name]:
-                if isinstance(each, range):
-                    few = len(each) <= len(self._elements)
-                    found.update(each if few else (number for number in self._elements if number in each))
-                elif isinstance(each, int):
-                    found.add(each)
-                elif each not in known:
-                    known.add(each)
-                    left.append(each)
-        return sorted(found & self._elements.keys())
+            for member in self._members[name]:
+                if isinstance(member, range):
+                    is_short = len(member) <= len(self._elements)
+                    elements.update(member if is_short else (number for number in self._elements if number in member))
+                elif isinstance(member, int):
+                    elements.add(member)
+                elif member not in seen:
+                    seen.add(member)
+                    pending.append(member)
+        return sorted(elements & self._elements.keys())
 
 
 def _ends(nodes: list[int], points: list[list[float]]) -> list[int]:
-    """The two nodes of a line, or the two of three that are farthest apart."""
+    """The end nodes of a line: its two nodes, or those two of three nodes that are farthest apart."""
     pairs = [nodes[:2], nodes[1:], nodes[::2]] if len(nodes) == 3 else [nodes]
     return max(pairs, key=lambda pair: float(np.hypot(*np.subtract(points[pair[0]], points[pair[1]])[:2])))

@@ -21,21 +21,21 @@ from qvi_contact.errors import InputError, place_of
 from qvi_contact.mesh.curves import MeshParts
 
 LONGEST: Final = 500.0
-"""Length over width of a cell, beyond which it is cut along its length: thinner triangles lose too many digits."""
+"""Largest ratio of a cell's length to its width; longer cells are cut, as thinner triangles lose too many digits."""
 
 SIDES: Final = ("bottom", "right", "top", "left")
-"""Names of the sides of a grid by the way they face, counterclockwise from −y."""
+"""Names of the sides of a grid, counterclockwise from the one that faces −y."""
 
 _MOST_LINES: Final = 1_000_000
 _MOST_CELLS: Final = 10_000_000
-_FEW_CELLS: Final = 10_000  # that cutting long cells may always make
+_FEW_CELLS: Final = 10_000  # cutting long cells may always make so many
 
 
 def graded_lines(start: float, stop: float, cells: int, grading: float = 1.0, both_ends: bool = False) -> FloatArray:
-    """Grid lines (cells + 1,) from start to stop [length] whose cells form a geometric sequence; both ends are exact.
+    """Grid lines (cells + 1,) from start to stop [length] with sizes of cells in geometric progression.
 
-    The grading is the ratio of each cell to the one before it: below 1 the cells shrink towards `stop`, or towards
-    `both_ends`, by a sequence mirrored about the middle.
+    The grading is the ratio of each cell's size to that of the cell before it. Below 1 the cells shrink towards `stop`;
+    with `both_ends` they shrink from the middle towards both ends, symmetrically. Both ends are exact.
     """
     start, stop = finite_number("start", start), finite_number("stop", stop)
     cells = whole_number("cells", cells, _MOST_LINES)
@@ -63,7 +63,7 @@ def rectangle_lines(
     origin: tuple[float, float],
     grading: float | tuple[float, float],
 ) -> tuple[FloatArray, FloatArray]:
-    """Lines x, y of a rectangle of so many cells; see `TriangleMesh.rectangle`."""
+    """Grid lines x, y of a rectangle; see `TriangleMesh.rectangle`."""
     width, height = positive_number("width", width), positive_number("height", height)
     pair = grading if isinstance(grading, (tuple, list)) else (grading, grading)
     for name, value in (("cells", cells), ("origin", origin), ("grading", pair)):
@@ -77,7 +77,7 @@ def rectangle_lines(
 
 
 def checked_lines(name: str, lines: ArrayLike) -> FloatArray:
-    """Strictly increasing finite grid lines as an array that cannot be written to, or `InputError`."""
+    """Strictly increasing finite grid lines as a read-only array, or `InputError`."""
     values = real_array(name, lines, "give a sequence of real numbers")
     if values.ndim != 1 or len(values) < 2:
         raise InputError(name, lines, "give a sequence of at least two grid lines")
@@ -116,45 +116,45 @@ def grid_parts(x: ArrayLike, y: ArrayLike, active: ArrayLike | None) -> MeshPart
         raise InputError("active", active, remedy)
     if not mask.any():
         raise InputError("active", active, "at least one cell must belong to the body")
-    across, up, body = _without_long_cells(*lines, mask)
-    padded = ~np.pad(body, 1)
+    x_lines, y_lines, is_body = _without_long_cells(*lines, mask)
+    padded = ~np.pad(is_body, 1)
     below, right, above, left = padded[:-2, 1:-1], padded[1:-1, 2:], padded[2:, 1:-1], padded[1:-1, :-2]
-    # A diagonal runs into more corners of the body than the other one would, or away from the middle of the grid.
+    # take the diagonal that runs into more corners of the body; if equal, the one away from the grid's middle
     rising, falling = (below & left).astype(int) + (above & right), (below & right).astype(int) + (above & left)
-    upper, right_half = (2 * np.arange(count) + 1 >= count for count in body.shape)
-    row, column = np.nonzero(body)
+    upper, right_half = (2 * np.arange(count) + 1 >= count for count in is_body.shape)
+    row, column = np.nonzero(is_body)
     falls = np.where(falling == rising, upper[:, None] != right_half, falling > rising)[row, column]
-    stride = len(across)
+    stride = len(x_lines)
     a = column + row * stride  # corners of each cell, counterclockwise from the lower left one
     b, c, d = a + 1, a + 1 + stride, a + stride
     first = np.column_stack([a, b, np.where(falls, d, c)])
     second = np.column_stack([np.where(falls, b, a), d, c])
     cells = np.stack([first, second], axis=1).reshape(-1, 3)
     sets = {}
-    for name, start, stop, free in zip(SIDES, (a, b, d, a), (b, c, c, d), (below, right, above, left), strict=True):
-        exposed = free[row, column]
-        sets[name] = np.column_stack([start[exposed], stop[exposed]])
-    vertices = np.column_stack([np.tile(across, len(up)), np.repeat(up, stride)])
+    for name, start, stop, is_free in zip(SIDES, (a, b, d, a), (b, c, c, d), (below, right, above, left), strict=True):
+        on_side = is_free[row, column]
+        sets[name] = np.column_stack([start[on_side], stop[on_side]])
+    vertices = np.column_stack([np.tile(x_lines, len(y_lines)), np.repeat(y_lines, stride)])
     return MeshParts(vertices, cells, sets).without_others()
 
 
 def _without_long_cells(x: FloatArray, y: FloatArray, active: BoolArray) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Lines added until no cell of the body is more than `LONGEST` times as long as wide.
+    """The grid with lines added until no cell of the body is more than `LONGEST` times as long as wide.
 
-    Lines that cut a long cell make others thinner, which may then need cuts the other way. Where that takes more than
-    one round, or makes a small grid a large one, a grid is the wrong mesh for the body.
+    Lines that cut a long cell make others thinner, which may then need cuts in the other direction. `InputError` if one
+    round of cuts is not enough or makes too many cells: a grid is the wrong mesh for such a body.
     """
-    most, lines = max(_FEW_CELLS, 4 * active.size), [x, y]
+    max_cells, lines = max(_FEW_CELLS, 4 * active.size), [x, y]
     for axis in (0, 1):
-        own, other = np.diff(lines[axis]), np.diff(lines[1 - axis])
-        thinnest = np.where(active if axis == 0 else active.T, other[:, None], np.inf).min(axis=0)
-        count = np.maximum(np.ceil(own / (LONGEST * thinnest) - 1e-9), 1.0)
-        if count.sum() * active.shape[axis] > most:
+        sizes, cross_sizes = np.diff(lines[axis]), np.diff(lines[1 - axis])
+        least_cross_size = np.where(active if axis == 0 else active.T, cross_sizes[:, None], np.inf).min(axis=0)
+        count = np.maximum(np.ceil(sizes / (LONGEST * least_cross_size) - 1e-9), 1.0)
+        if count.sum() * active.shape[axis] > max_cells:
             break
         count = count.astype(np.int64)
-        place = np.repeat(np.arange(len(count)), count)
-        step = np.arange(len(place)) - np.repeat(np.cumsum(count) - count, count)
-        places = np.append(place + step / count[place], len(count))
+        old_cell = np.repeat(np.arange(len(count)), count)
+        step = np.arange(len(old_cell)) - np.repeat(np.cumsum(count) - count, count)
+        places = np.append(old_cell + step / count[old_cell], len(count))
         lines[axis] = checked_lines("lines", np.interp(places, np.arange(len(count) + 1), lines[axis]))
         active = np.repeat(active, count, axis=1 - axis)
     x, y = lines

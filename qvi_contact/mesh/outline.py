@@ -1,11 +1,11 @@
 """Bodies described by their outline: corners joined by straight lines and arcs, holes, inner lines, sizes.
 
-An arc is divided first as a polygon whose vertices lie on the circle; its chords are about as long as the triangles
-there are to be. The edges of the triangles know the circle, so that the body ends at the arc.
+An arc is first divided into chords with vertices on the circle, about as long as the sides of triangles there. The mesh
+then makes these edges arcs of the circle, so that the body ends at the arc.
 
-gmsh makes the triangles. It keeps one state for the whole process, so it is started for one mesh and ended behind it,
-under a lock, without configuration files, threads of its own, or output; a session of the caller's is left as it was,
-and so are handlers of signals, which its start takes away.
+gmsh makes the triangles. It has one state per process. So it is started for one mesh and ended after it, under a lock,
+without configuration files, threads or output. A session of the caller is left as it was, and so are signal handlers,
+which the start of gmsh replaces.
 """
 
 from __future__ import annotations
@@ -31,15 +31,16 @@ from solvers.basics.types import load
 Point: TypeAlias = tuple[float, float]
 
 _SAME_RADIUS: Final = 1e-6  # relative difference of the distances of an arc's ends from its centre
-_WIDEST: Final = np.pi / 6.0  # angle of a chord at most
-_MOST_LINES: Final = 4000
-_MOST_TRIANGLES: Final = 200_000
-_NEAR: Final = 1e-9  # distance of points over the body's length below which they are one
-_APART: Final = 1e-5  # distance of points and lines over the body's length that do not meet
-_FARTHEST: Final = 1e5  # coordinates over the body's length
-_FLATTEST: Final = 1e6  # radius of an arc over its chord, which it is but for rounding
-_CHUNK: Final = 256  # points whose distances are looked at at a time
-_SMALLEST: Final = 1e-7  # of sizes, as a share of the outline's length
+_MAX_CHORD_ANGLE: Final = np.pi / 6.0  # angle of a circle that one chord spans [rad]
+_MAX_LINES: Final = 4000
+_MAX_TRIANGLES: Final = 200_000
+# relative to the body's length:
+_SAME_PLACE: Final = 1e-9  # points at this distance coincide
+_MIN_DISTANCE: Final = 1e-5  # least distance of points and lines that do not meet
+_MAX_COORDINATE: Final = 1e5  # farther from the origin rounding is too large
+_MIN_SIZE: Final = 1e-7  # of triangles
+_MAX_RADIUS: Final = 1e6  # relative to the chord: a flatter arc is its chord up to rounding
+_POINTS_AT_A_TIME: Final = 256  # whose distances from all lines are in memory
 
 
 @dataclass(frozen=True)
@@ -49,12 +50,12 @@ class Corner(Checked):
     at: Point
     """Coordinates [length]: `at = [2.0, 0.0]`."""
     name: Name = ""
-    """What the line from here to the next corner is called: edges of one name are one edge set: `name = "base"`."""
+    """Name of the line from here to the next corner; lines with the same name are one edge set: `name = "base"`."""
     centre: Point | None = None
-    """Centre of the circle that the line follows [length]; a straight line by default. Both ends must be at one
+    """Centre of the circle that the line follows [length]; a straight line by default. Both ends must be at the same
     distance from it: `centre = [1.0, 1.0]`."""
     clockwise: bool = False
-    """Which way an arc goes around its centre: `clockwise = true`."""
+    """Whether the arc runs clockwise around its centre: `clockwise = true`."""
     size: Positive | None = None
     """Size of the triangles at this corner, and along an arc that begins here [length]: `size = 0.02`."""
 
@@ -66,30 +67,30 @@ class Corner(Checked):
 
 
 Line: TypeAlias = Sequence[Corner | Point]
-"""Corners one after the other; a pair of coordinates is a corner without a name."""
+"""Corners in order; a pair of coordinates is a corner without a name."""
 
 
 class Polygon(NamedTuple):
-    """A line of an outline as straight pieces; or several lines, one after the other."""
+    """A line of an outline as k straight pieces; or several lines, one after the other."""
 
     pieces: FloatArray
     """Both ends of each piece [length], shape (k, 2, 2)."""
     names: NDArray[np.object_]
-    """What edges on each piece are called, or "", shape (k,)."""
+    """Name of the edges on each piece, or "", shape (k,)."""
     sizes: FloatArray
     """Sizes of triangles at the ends [length], shape (k, 2)."""
     centres: FloatArray
-    """Centre of the circle that each piece is a chord of [length]; not a number where it is straight, shape (k, 2)."""
+    """Centre of the circle of which each piece is a chord [length], shape (k, 2); NaN for straight lines."""
 
     def holds(self, points: FloatArray) -> BoolArray:
         """Whether points (m, 2) lie inside this closed line, up to its arcs."""
         inside = np.zeros(len(points), dtype=bool)
         for (start, stop), centre in zip(self.pieces, self.centres, strict=True):
-            crossed = (start[1] > points[:, 1]) != (stop[1] > points[:, 1])
+            crosses = (start[1] > points[:, 1]) != (stop[1] > points[:, 1])
             side = cross(stop - start, points - start)
-            inside ^= crossed & ((side > 0.0) == (stop[1] > start[1]))
-            beyond = side * cross(stop - start, centre - start) < 0.0  # the chord of an arc
-            inside ^= beyond & (np.hypot(*(points - centre).T) < np.hypot(*(start - centre)))
+            inside ^= crosses & ((side > 0.0) == (stop[1] > start[1]))
+            in_segment = side * cross(stop - start, centre - start) < 0.0  # beyond the chord, seen from the centre
+            inside ^= in_segment & (np.hypot(*(points - centre).T) < np.hypot(*(start - centre)))
         return inside
 
 
@@ -105,9 +106,9 @@ class Polygons(NamedTuple):
     """All lines, those of the boundary first."""
     points: FloatArray
     sizes: FloatArray
-    """Sizes of their own (k,) that triangles have at the `points` (k, 2) [length]."""
+    """Sizes (k,) of triangles at the `points` (k, 2) [length]."""
     largest: float
-    """Size of triangles where nothing else is said [length]."""
+    """Size of triangles elsewhere [length]."""
     length: float
     """The longer side of the bounding box [length]."""
 
@@ -120,29 +121,30 @@ def polygons(
     regions: object = None,
     sizes: object = None,
 ) -> Polygons:
-    """The lines of an outline as polygons, see `TriangleMesh.outline`; `InputError` says which is wrong, and where."""
+    """The lines of an outline as polygons, see `TriangleMesh.outline`; `InputError` names a line that is wrong."""
     size = positive_number("size", size)
     if size > LARGEST:
         raise InputError("size", size, f"give at most {LARGEST:.0e}: take other units")
-    places = mapping("sizes", sizes, "points to sizes", optional=True)
+    given_sizes = mapping("sizes", sizes, "points to sizes", optional=True)
     boundary = [_polygon("corners", corners, size, closed=True)]
-    boundary += [_polygon(f"holes[{k}]", line, size, closed=True) for k, line in enumerate(_listed(holes))]
+    boundary += [_polygon(f"holes[{k}]", line, size, closed=True) for k, line in enumerate(_checked_list(holes))]
     inner, areas = list[Polygon](), dict[str, Polygon]()
-    for kind, given in (("joints", joints), ("regions", regions)):
-        for name, line in mapping(kind, given, "names to lines", optional=True).items():
+    for kind, value in (("joints", joints), ("regions", regions)):
+        for name, line in mapping(kind, value, "names to lines", optional=True).items():
             if not isinstance(name, str) or not name:
                 raise InputError(kind, name, "give names that are not empty")
-            last = _listed(line)[-1:]  # a joint whose last corner begins an arc can only lead back to the first
+            last = _checked_list(line)[-1:]  # a joint whose last corner begins an arc can only lead back to the first
             closed = kind == "regions" or any(isinstance(each, Corner) and each.centre is not None for each in last)
             polygon = _polygon(f"{kind}.{name}", line, size, closed=closed)
             polygon.names[:] = name if kind == "joints" else ""
             inner.append(polygon)
             if kind == "regions":
                 areas[name] = polygon
-    at = np.array([point("sizes", place) for place in places]).reshape(-1, 2)
-    own = np.array([positive_number(f"sizes[{place}]", given) for place, given in places.items()])
-    every = Polygon(*map(np.concatenate, zip(*boundary, *inner, strict=True)))
-    outline = Polygons(boundary, inner, areas, every, at, own, size, float(np.ptp(boundary[0].pieces, (0, 1)).max()))
+    points = np.array([point("sizes", place) for place in given_sizes]).reshape(-1, 2)
+    point_sizes = np.array([positive_number(f"sizes[{place}]", value) for place, value in given_sizes.items()])
+    all_lines = Polygon(*map(np.concatenate, zip(*boundary, *inner, strict=True)))
+    length = float(np.ptp(boundary[0].pieces, (0, 1)).max())
+    outline = Polygons(boundary, inner, areas, all_lines, points, point_sizes, size, length)
     _check_sizes(outline)
     _check_lines(outline)
     _check_inside(outline)
@@ -150,126 +152,126 @@ def polygons(
 
 
 def _polygon(name: str, line: Line, size: float, *, closed: bool) -> Polygon:
-    corners = [corner if isinstance(corner, Corner) else Corner(corner) for corner in _listed(line)]
+    corners = [corner if isinstance(corner, Corner) else Corner(corner) for corner in _checked_list(line)]
     if len(corners) < 2:
         raise InputError(name, len(corners), "give two or more corners")
     corners += corners[:1] if closed else []
-    own = [corner.size or size for corner in corners]
-    steps = [_steps(name, *each) for each in zip(corners, corners[1:], own, strict=False)]
-    counts = [len(points) for points in steps]
+    corner_sizes = [corner.size or size for corner in corners]
+    divisions = [_division(name, *each) for each in zip(corners, corners[1:], corner_sizes, strict=False)]
+    counts = [len(points) for points in divisions]
     if closed and sum(counts) < 3:
         raise InputError(name, len(corners) - 1, "give three or more corners of a closed line, or arcs between two")
-    points, sizes = np.concatenate([*steps, [corners[-1].at]]), np.repeat(own, [*counts, 1])
+    points, sizes = np.concatenate([*divisions, [corners[-1].at]]), np.repeat(corner_sizes, [*counts, 1])
     names = np.repeat(np.array([corner.name for corner in corners[:-1]], dtype=object), counts)
     centres = [(np.nan, np.nan) if corner.centre is None else corner.centre for corner in corners[:-1]]
     ends = np.arange(len(names))[:, None] + [0, 1]
     return Polygon(points[ends], names, sizes[ends], np.repeat(centres, counts, axis=0))
 
 
-def _steps(name: str, corner: Corner, following: Corner, size: float) -> FloatArray:
-    """The corner, and the points of an arc that starts there, without its end."""
-    start, stop = np.array(corner.at), np.array(following.at)
+def _division(name: str, corner: Corner, next_corner: Corner, size: float) -> FloatArray:
+    """The corner, and the points that divide an arc from there, without its end point; shape (n, 2)."""
+    start, stop = np.array(corner.at), np.array(next_corner.at)
     if np.array_equal(start, stop):
         raise InputError(name, corner.at, "two corners lie here one after the other: leave one out")
     if corner.centre is None:
         return start[None]
     centre = np.array(corner.centre)
-    radius, other = float(np.hypot(*(start - centre))), float(np.hypot(*(stop - centre)))
-    if not abs(radius - other) <= _SAME_RADIUS * radius:
-        remedy = f"the ends of this arc are {radius:.9g} and {other:.9g} from its centre: correct one of the three"
+    radius, end_radius = float(np.hypot(*(start - centre))), float(np.hypot(*(stop - centre)))
+    if not abs(radius - end_radius) <= _SAME_RADIUS * radius:
+        remedy = f"the ends of this arc are {radius:.9g} and {end_radius:.9g} from its centre: correct one of the three"
         raise InputError(name, corner.centre, remedy)
-    first, last = (float(np.arctan2(*(end - centre)[::-1])) for end in (start, stop))
-    turn = (first - last if corner.clockwise else last - first) % (2.0 * np.pi)
-    chords = np.ceil(max(turn * radius / size, turn / _WIDEST) - 1e-9)  # infinite for the smallest sizes
-    if chords > _MOST_LINES:
-        raise InputError(name, size, f"would divide this arc into {chords:g} chords, at most {_MOST_LINES}: give more")
+    start_angle, end_angle = (float(np.arctan2(*(end - centre)[::-1])) for end in (start, stop))
+    turn = (start_angle - end_angle if corner.clockwise else end_angle - start_angle) % (2.0 * np.pi)
+    chords = np.ceil(max(turn * radius / size, turn / _MAX_CHORD_ANGLE) - 1e-9)  # may be infinite
+    if chords > _MAX_LINES:
+        raise InputError(name, size, f"would divide this arc into {chords:g} chords, at most {_MAX_LINES}: give more")
     if chords < 1.0:
         raise InputError(name, corner.centre, "is too far from this arc: leave the centre out, the line is straight")
     count = int(chords)
-    angles = first + (-1.0 if corner.clockwise else 1.0) * turn * np.arange(count) / count
+    angles = start_angle + (-1.0 if corner.clockwise else 1.0) * turn * np.arange(count) / count
     points = centre + radius * np.column_stack([np.cos(angles), np.sin(angles)])
     points[0] = start
     return points
 
 
-def _check_sizes(found: Polygons) -> None:
-    """The body has a length, near the origin compared with it, and sizes do not make too many triangles."""
-    pieces, sizes, (start, stop) = found.every.pieces, found.every.sizes, found.boundary[0].pieces.swapaxes(0, 1)
+def _check_sizes(outline: Polygons) -> None:
+    """`InputError` if the body has no length, is too far from the origin, or sizes make too many triangles."""
+    pieces, sizes, (start, stop) = outline.every.pieces, outline.every.sizes, outline.boundary[0].pieces.swapaxes(0, 1)
     farthest = float(np.abs(pieces).max())
-    if not found.length > 0.0 or farthest > _FARTHEST * found.length:
-        raise InputError("corners", farthest, f"the body is {found.length:g} long: move it to the origin")
-    smallest = min(found.largest, float(sizes.min()), *found.sizes.tolist())
-    if smallest < _SMALLEST * found.length:
-        raise InputError("size", smallest, f"is too small for a body of length {found.length:g}: give more")
+    if not outline.length > 0.0 or farthest > _MAX_COORDINATE * outline.length:
+        raise InputError("corners", farthest, f"the body is {outline.length:g} long: move it to the origin")
+    smallest = min(outline.largest, float(sizes.min()), *outline.sizes.tolist())
+    if smallest < _MIN_SIZE * outline.length:
+        raise InputError("size", smallest, f"is too small for a body of length {outline.length:g}: give more")
     edges = float((np.hypot(*(pieces[:, 1] - pieces[:, 0]).T) / sizes[:, 0]).sum())
     area = abs(float(cross(start, stop).sum())) / 2.0
-    triangles = 4.0 / np.sqrt(3.0) * area / found.largest**2 + edges
-    if triangles > _MOST_TRIANGLES:
-        remedy = f"makes about {triangles:.0e} triangles, at most {_MOST_TRIANGLES}: give more"
-        raise InputError("size", found.largest, remedy)
+    triangles = 4.0 / np.sqrt(3.0) * area / outline.largest**2 + edges
+    if triangles > _MAX_TRIANGLES:
+        remedy = f"makes about {triangles:.0e} triangles, at most {_MAX_TRIANGLES}: give more"
+        raise InputError("size", outline.largest, remedy)
 
 
-def _check_lines(found: Polygons) -> None:
-    """Lines meet, or keep a distance, as what lies between them is divided too; those of the boundary do not meet."""
-    least, rounding, pieces = _APART * found.length, _NEAR * found.length, found.every.pieces
-    if len(pieces) > _MOST_LINES:
-        raise InputError("outline", len(pieces), f"has more than {_MOST_LINES} lines and chords: give larger sizes")
+def _check_lines(outline: Polygons) -> None:
+    """`InputError` if lines of the boundary meet, or lines nearly meet: the narrow space would be divided too."""
+    least, rounding, pieces = _MIN_DISTANCE * outline.length, _SAME_PLACE * outline.length, outline.every.pieces
+    if len(pieces) > _MAX_LINES:
+        raise InputError("outline", len(pieces), f"has more than {_MAX_LINES} lines and chords: give larger sizes")
     lengths = np.hypot(*(pieces[:, 1] - pieces[:, 0]).T)
     if lengths.min() < least:
         place = tuple(pieces[np.argmin(lengths), 0].tolist())
         raise InputError("outline", place, "two corners lie here one after the other: leave one out")
-    points = np.concatenate([pieces[:, 0], pieces[:, 1], found.points])
+    points = np.concatenate([pieces[:, 0], pieces[:, 1], outline.points])
     touching, sides = list[BoolArray](), list[IntArray]()
-    for chosen in np.array_split(points, 1 + len(points) // _CHUNK):
-        distances = _distances(chosen, found.every)
-        close = (distances > rounding) & (distances < least)
-        if close.any():
-            place = tuple(chosen[np.argwhere(close)[0, 0]].tolist())
+    for some_points in np.array_split(points, 1 + len(points) // _POINTS_AT_A_TIME):
+        distances = _distances(some_points, outline.every)
+        too_close = (distances > rounding) & (distances < least)
+        if too_close.any():
+            place = tuple(some_points[np.argwhere(too_close)[0, 0]].tolist())
             remedy = "this point nearly lies on another line or point: let them meet, or move them apart"
             raise InputError("outline", place, remedy)
         touching.append(distances <= rounding)
-        offset = cross(pieces[:, 1] - pieces[:, 0], chosen[:, None] - pieces[:, 0]) / lengths  # left of the piece
+        offset = cross(pieces[:, 1] - pieces[:, 0], some_points[:, None] - pieces[:, 0]) / lengths  # left of the piece
         sides.append(np.where(np.abs(offset) > rounding, np.sign(offset), 0.0).astype(np.int8))
-    counts = [len(line.names) for line in found.boundary]
-    own = np.arange(sum(counts))  # pieces of the boundary, and the points that they begin at
-    following = np.concatenate([np.roll(part, -1) for part in np.split(own, np.cumsum(counts)[:-1])])
-    touch, side = (np.concatenate(each)[np.ix_(own, own)] for each in (touching, sides))
-    touch[own, own] = touch[following, own] = False
-    apart = side * side[following] < 0  # whether a piece has its ends on both sides of another
-    wrong = (touch | (apart & apart.T)).any(axis=0)
-    if wrong.any():
-        x, y = pieces[np.argmax(wrong)].mean(axis=0).tolist()
+    counts = [len(line.names) for line in outline.boundary]
+    boundary = np.arange(sum(counts))  # its pieces, and the points at which they begin
+    next_point = np.concatenate([np.roll(part, -1) for part in np.split(boundary, np.cumsum(counts)[:-1])])
+    touches, side = (np.concatenate(each)[np.ix_(boundary, boundary)] for each in (touching, sides))
+    touches[boundary, boundary] = touches[next_point, boundary] = False
+    on_both_sides = side * side[next_point] < 0  # whether the ends of a piece are on both sides of another piece
+    is_wrong = (touches | (on_both_sides & on_both_sides.T)).any(axis=0)
+    if is_wrong.any():
+        x, y = pieces[np.argmax(is_wrong)].mean(axis=0).tolist()
         raise InputError("outline", (x, y), "two lines of the boundary cross or touch around this point")
 
 
-def _check_inside(found: Polygons) -> None:
-    """Holes, and places with sizes of their own, lie in the body."""
-    outer, *holes = found.boundary
+def _check_inside(outline: Polygons) -> None:
+    """`InputError` if a hole, or a point with a size, is not inside the body."""
+    outer, *holes = outline.boundary
     for k, hole in enumerate(holes):
         start, others = hole.pieces[:1, 0], (other for other in holes if other is not hole)
         if not outer.holds(start)[0] or any(other.holds(start)[0] for other in others):
             raise InputError(f"holes[{k}]", tuple(start[0].tolist()), "this hole is not inside the body: move it")
-    inside = np.sum([line.holds(found.points) for line in found.boundary], axis=0) == 1  # in the outer line alone
-    border = Polygon(*map(np.concatenate, zip(*found.boundary, strict=True)))
-    inside |= (_distances(found.points, border) <= _NEAR * found.length).any(axis=1)
+    inside = np.sum([line.holds(outline.points) for line in outline.boundary], axis=0) == 1  # in the outer line only
+    border = Polygon(*map(np.concatenate, zip(*outline.boundary, strict=True)))
+    inside |= (_distances(outline.points, border) <= _SAME_PLACE * outline.length).any(axis=1)
     if not inside.all():
-        raise InputError("sizes", tuple(found.points[np.argmin(inside)].tolist()), "give points of the body")
+        raise InputError("sizes", tuple(outline.points[np.argmin(inside)].tolist()), "give points of the body")
 
 
 def _distances(points: FloatArray, line: Polygon) -> FloatArray:
-    """Distances of points (m, 2) from each of the pieces (k,) of a line, arcs being arcs, shape (m, k) [length]."""
+    """Distances (m, k) [length] of points (m, 2) from the k pieces of a line; pieces of arcs count as arcs."""
     start, stop = line.pieces[:, 0], line.pieces[:, 1]
-    along, offset = stop - start, points[:, None] - start
-    t = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
-    found = np.hypot(*np.moveaxis(offset - t[:, :, None] * along, 2, 0))
-    first, last, away = start - line.centres, stop - line.centres, points[:, None] - line.centres
+    piece, offset = stop - start, points[:, None] - start
+    t = np.clip((offset * piece).sum(axis=2) / (piece**2).sum(axis=1), 0.0, 1.0)
+    distance = np.hypot(*np.moveaxis(offset - t[:, :, None] * piece, 2, 0))
+    first, last, arm = start - line.centres, stop - line.centres, points[:, None] - line.centres
     radius, turn = np.hypot(*first.T), np.sign(cross(first, last))
-    beside = (turn * cross(first, away) >= 0.0) & (turn * cross(away, last) >= 0.0)  # between the radii to its ends
-    beside &= radius < _FLATTEST * np.hypot(*along.T)
-    return np.asarray(np.where(beside, np.abs(np.hypot(*np.moveaxis(away, 2, 0)) - radius), found))
+    in_sector = (turn * cross(first, arm) >= 0.0) & (turn * cross(arm, last) >= 0.0)  # between the radii to both ends
+    in_sector &= radius < _MAX_RADIUS * np.hypot(*piece.T)
+    return np.asarray(np.where(in_sector, np.abs(np.hypot(*np.moveaxis(arm, 2, 0)) - radius), distance))
 
 
-def _listed(line: object) -> Sequence[Any]:
+def _checked_list(line: object) -> Sequence[Any]:
     if not isinstance(line, Sequence) or isinstance(line, str):
         raise InputError("outline", line, "give a list of corners, and of such lists for holes")
     return line
@@ -278,22 +280,13 @@ def _listed(line: object) -> Sequence[Any]:
 # triangles by gmsh
 
 _LOCK: Final = Lock()
-_SHARPEST: Final = 0.2  # sine of the angle below which no triangle is made
+_MIN_SINE: Final = 0.2  # of the smallest angle in triangles that `divided_corners` makes
 _OPTIONS: Final = {
-    "General.Terminal": 0,
-    "General.Verbosity": 0,
-    "General.AbortOnError": 2,
-    "General.NumThreads": 1,
-    "Geometry.Tolerance": 1e-10,
-    "Mesh.Algorithm": 6,  # frontal Delaunay
-    "Mesh.ElementOrder": 1,
-    "Mesh.MeshSizeFromPoints": 1,
-    "Mesh.MeshSizeFromCurvature": 0,
-    "Mesh.MeshSizeExtendFromBoundary": 1,
-    "Mesh.MeshSizeMin": 0.0,
-    "Mesh.MeshSizeFactor": 1.0,
-    "Mesh.RandomSeed": 1,
-}
+    "General.Terminal": 0, "General.Verbosity": 0, "General.AbortOnError": 2, "General.NumThreads": 1,
+    "Geometry.Tolerance": 1e-10, "Mesh.Algorithm": 6, "Mesh.ElementOrder": 1,  # algorithm 6: frontal Delaunay
+    "Mesh.MeshSizeFromPoints": 1, "Mesh.MeshSizeFromCurvature": 0, "Mesh.MeshSizeExtendFromBoundary": 1,
+    "Mesh.MeshSizeMin": 0.0, "Mesh.MeshSizeFactor": 1.0, "Mesh.RandomSeed": 1,
+}  # fmt: skip
 _LIBRARIES: Final = "apt-get install libgl1 libglu1-mesa libxcursor1 libxfixes3 libxft2 libxinerama1 libxrender1"
 
 
@@ -309,28 +302,28 @@ def meshed(shape: Polygons) -> MeshParts:
         remedy = "outlines are divided by gmsh: python -m pip install gmsh"
         raise InputError("outline", "gmsh", remedy) from error
     except OSError as error:  # a library of the system is missing
-        told = " ".join(str(error).split())
-        remedy = f"gmsh needs libraries of the system ({told}): on Debian and Ubuntu {_LIBRARIES}"
+        reason = " ".join(str(error).split())
+        remedy = f"gmsh needs libraries of the system ({reason}): on Debian and Ubuntu {_LIBRARIES}"
         raise InputError("outline", "gmsh", remedy) from error
     with _LOCK, foreign_code(), _session(gmsh):
         try:
-            return _divided(gmsh, shape)
+            return _gmsh_mesh(gmsh, shape)
         except Exception as error:
             if type(error) is not Exception:  # gmsh raises bare ones with a text
                 raise
-            told = " ".join(str(error).split()) or "no reason given"
-            raise InputError("outline", told, "gmsh cannot divide this body: look for lines that cross") from error
+            reason = " ".join(str(error).split()) or "no reason given"
+            raise InputError("outline", reason, "gmsh cannot divide this body: look for lines that cross") from error
 
 
 @contextmanager
 def _session(gmsh: Any) -> Iterator[None]:
-    """A model of its own, in a session of its own if there is none."""
-    fresh = not gmsh.isInitialized()
-    if fresh:
+    """A new model of gmsh, in a new session unless the caller has one."""
+    is_new = not gmsh.isInitialized()
+    if is_new:
         with handlers_kept():
             gmsh.initialize(["gmsh", "-v", "0"], readConfigFiles=False, interruptible=False)
-    before = None if fresh else gmsh.model.getCurrent()
-    kept = {name: gmsh.option.getNumber(name) for name in _OPTIONS}
+    current = None if is_new else gmsh.model.getCurrent()
+    old_options = {name: gmsh.option.getNumber(name) for name in _OPTIONS}
     try:
         for name, value in _OPTIONS.items():
             gmsh.option.setNumber(name, value)
@@ -338,20 +331,21 @@ def _session(gmsh: Any) -> Iterator[None]:
         yield
     finally:
         gmsh.model.remove()
-        for name, value in kept.items():
+        for name, value in old_options.items():
             gmsh.option.setNumber(name, value)
-        if before is not None:
-            gmsh.model.setCurrent(before)
-        if fresh:
+        if current is not None:
+            gmsh.model.setCurrent(current)
+        if is_new:
             gmsh.finalize()
 
 
-def _divided(gmsh: Any, shape: Polygons) -> MeshParts:
-    """See `meshed`; tolerances of gmsh are absolute: the body is about one unit long there, by a power of two."""
+def _gmsh_mesh(gmsh: Any, shape: Polygons) -> MeshParts:
+    """See `meshed`; gmsh has absolute tolerances, so the body is scaled to a length of about 1 by a power of two."""
     occ, unit = gmsh.model.occ, 2.0 ** -round(np.log2(shape.length))
-    outer = [_drawn(occ, polygon, unit) for polygon in shape.boundary]
+    # the geometry: a surface with holes, cut by the inner lines and by points with sizes
+    outer = [_drawn_lines(occ, polygon, unit) for polygon in shape.boundary]
     surfaces = [(2, occ.addPlaneSurface([occ.addCurveLoop(lines) for lines in outer]))]
-    cuts = [(1, line) for polygon in shape.inner for line in _drawn(occ, polygon, unit)]
+    cuts = [(1, line) for polygon in shape.inner for line in _drawn_lines(occ, polygon, unit)]
     cuts += [(0, occ.addPoint(*place, 0.0)) for place in (unit * shape.points).tolist()]
     if cuts:
         surfaces = [part for part in occ.fragment(surfaces, cuts)[1][0] if part[0] == 2]
@@ -365,99 +359,102 @@ def _divided(gmsh: Any, shape: Polygons) -> MeshParts:
         nodes = gmsh.model.mesh.getElementsByType(dimension, tag)[1]
         return np.asarray(nodes, dtype=np.int64).reshape(-1, dimension + 1)
 
+    # triangles, surface by surface, and their vertices, numbered anew from 0
     parts = [elements(2, tag) for _, tag in sorted(surfaces)]
     cells, surface = np.concatenate(parts), np.repeat(np.arange(len(parts)), list(map(len, parts)))
     used = np.flatnonzero(np.isin(tags, cells))
     vertex = np.full(int(tags.max()) + 1, -1)
     vertex[tags[used].astype(np.int64)] = np.arange(len(used))
     vertices = np.asarray(coordinates, dtype=float).reshape(-1, 3)[used, :2] / unit
+    # names and circles of the edges on gmsh's curves; a curve is on the pieces on which its ends and its middle are
     pieces, names, _, centres = shape.every
-    named, radii = {name: list[IntArray]() for name in names if name}, np.hypot(*(pieces[:, 0] - centres).T)
-    circles, fixed = dict[tuple[float, float, float], list[IntArray]](), list[IntArray]()
-    for _, tag in gmsh.model.getEntities(1):  # each is on those pieces that its ends and its middle are on
+    pairs_by_name, radii = {name: list[IntArray]() for name in names if name}, np.hypot(*(pieces[:, 0] - centres).T)
+    circles, line_pairs = dict[tuple[float, float, float], list[IntArray]](), list[IntArray]()
+    for _, tag in gmsh.model.getEntities(1):
         places = [gmsh.model.getValue(0, abs(end), [])[:2] for _, end in gmsh.model.getBoundary([(1, tag)])]
         places.append(gmsh.model.getValue(1, tag, np.mean(gmsh.model.getParametrizationBounds(1, tag), axis=0))[:2])
-        on = np.flatnonzero((_distances(np.array(places) / unit, shape.every) <= _NEAR * shape.length).all(axis=0))
+        distances = _distances(np.array(places) / unit, shape.every)
+        on = np.flatnonzero((distances <= _SAME_PLACE * shape.length).all(axis=0))
         pairs = vertex[elements(1, tag)]
-        fixed.append(pairs)
+        line_pairs.append(pairs)
         for name in {*names[on]} - {""}:
-            named[name].append(pairs)
-        bent = on[np.isfinite(radii[on])]
-        if len(bent) and (pairs >= 0).all():
-            around = *centres[bent[0]].tolist(), float(np.round(unit * radii[bent[0]], 12)) / unit
-            circles.setdefault(around, []).append(pairs)
-    edge_sets = {name: np.concatenate(found) for name, found in named.items() if found}
-    for name, found in edge_sets.items():
-        if (found < 0).any():
+            pairs_by_name[name].append(pairs)
+        on_arcs = on[np.isfinite(radii[on])]
+        if len(on_arcs) and (pairs >= 0).all():
+            key = *centres[on_arcs[0]].tolist(), float(np.round(unit * radii[on_arcs[0]], 12)) / unit
+            circles.setdefault(key, []).append(pairs)
+    edge_sets = {name: np.concatenate(all_pairs) for name, all_pairs in pairs_by_name.items() if all_pairs}
+    for name, all_pairs in edge_sets.items():
+        if (all_pairs < 0).any():
             remedy = "this inner line leaves the body: end it on the boundary or inside"
             raise InputError(f"joints.{name}", name, remedy)
     arcs = [
-        circle((x, y), radius, np.concatenate(found), vertices, "TriangleMesh.arcs.")
-        for (x, y, radius), found in circles.items()
+        circle((x, y), radius, np.concatenate(all_pairs), vertices, "TriangleMesh.arcs.")
+        for (x, y, radius), all_pairs in circles.items()
     ]
-    cells = divided_corners(vertices, vertex[cells], np.concatenate(fixed))
-    # a surface of gmsh lies in a region or outside; a triangle on the chord of an arc may have its middle beyond that
+    cells = divided_corners(vertices, vertex[cells], np.concatenate(line_pairs))
+    # most of a surface's area decides whether it is in a region: a triangle at an arc may have its centre beyond it
     a, b, c = vertices[cells].swapaxes(0, 1)
     middles, areas = (a + b + c) / 3.0, np.abs(cross(b - a, c - a))
-    held = {
+    area_in = {
         name: np.bincount(surface, areas * (2.0 * line.holds(middles) - 1.0)) for name, line in shape.regions.items()
     }
-    regions = {name: np.flatnonzero((share > 0.0)[surface]) for name, share in held.items()}
+    regions = {name: np.flatnonzero((share > 0.0)[surface]) for name, share in area_in.items()}
     for name, chosen in regions.items():
         if not len(chosen):
             raise InputError(f"regions.{name}", name, "no part of the body lies in this region: move it")
     return MeshParts(vertices, cells, edge_sets, regions, arcs)
 
 
-def _drawn(occ: Any, polygon: Polygon, unit: float) -> list[int]:
-    """The polygon's pieces as lines and arcs of gmsh."""
+def _drawn_lines(occ: Any, polygon: Polygon, unit: float) -> list[int]:
+    """Add the pieces of a polygon to gmsh as lines and arcs; their tags."""
     pieces = [(tuple(start), tuple(stop)) for start, stop in (unit * polygon.pieces).tolist()]
     tags = {place: occ.addPoint(*place, 0.0) for place in dict.fromkeys(place for ends in pieces for place in ends)}
-    drawn, middles = [], []
+    lines, centres = [], []
     for (start, stop), (x, y) in zip(pieces, (unit * polygon.centres).tolist(), strict=True):
         if np.isnan(x):
-            drawn.append(occ.addLine(tags[start], tags[stop]))
+            lines.append(occ.addLine(tags[start], tags[stop]))
         else:
-            middles.append(occ.addPoint(x, y, 0.0))
-            drawn.append(occ.addCircleArc(tags[start], middles[-1], tags[stop]))
-    occ.remove([(0, tag) for tag in middles])
-    return drawn
+            centres.append(occ.addPoint(x, y, 0.0))
+            lines.append(occ.addCircleArc(tags[start], centres[-1], tags[stop]))
+    occ.remove([(0, tag) for tag in centres])
+    return lines
 
 
 def _set_sizes(gmsh: Any, shape: Polygons, unit: float) -> None:
-    """Sizes at all points, the smallest where several are given at one place."""
+    """Set the sizes at all points of the geometry, the smallest where several are given at one place."""
     places = np.concatenate([shape.every.pieces.reshape(-1, 2), shape.points])
     sizes = np.concatenate([shape.every.sizes.ravel(), shape.sizes])
     gmsh.option.setNumber("Mesh.MeshSizeMax", unit * float(sizes.max()))
     for entity in gmsh.model.getEntities(0):
-        at = np.array(gmsh.model.getValue(*entity, [])[:2]) / unit
-        here = np.hypot(*(places - at).T) <= _NEAR * shape.length
-        gmsh.model.mesh.setSize([entity], unit * float(sizes[here].min() if here.any() else shape.largest))
+        position = np.array(gmsh.model.getValue(*entity, [])[:2]) / unit
+        is_here = np.hypot(*(places - position).T) <= _SAME_PLACE * shape.length
+        gmsh.model.mesh.setSize([entity], unit * float(sizes[is_here].min() if is_here.any() else shape.largest))
 
 
 def divided_corners(vertices: FloatArray, cells: IntArray, fixed: IntArray) -> IntArray:
-    """The triangles (m, 3), corners of the body not filled by a single one, for the reason in `TriangleMesh.grid`.
+    """The triangles (m, 3) with no corner of the body filled by one triangle; `TriangleMesh.grid` has the reason.
 
-    The edge opposite the corner is turned, unless it is one of the `fixed` ones (k, 2) or that would make a needle.
+    The edge opposite the corner is flipped, unless it is one of the edges `fixed` (k, 2) or a needle would result.
     """
     cells = np.sort(cells, axis=1)
     topology = Topology.of(cells, len(vertices))
-    kept = np.isin(np.arange(len(topology.ends)), topology.number(fixed))
-    inner = ~topology.boundary[topology.of_cells]
-    changed, touched = cells.copy(), np.zeros(len(cells), dtype=bool)
-    for cell in np.flatnonzero(inner.sum(axis=1) == 1).tolist():
-        opposite = int(topology.of_cells[cell, np.argmax(inner[cell])])
+    is_fixed = np.isin(np.arange(len(topology.ends)), topology.number(fixed))
+    is_inner = ~topology.boundary[topology.of_cells]
+    new_cells, is_changed = cells.copy(), np.zeros(len(cells), dtype=bool)
+    for cell in np.flatnonzero(is_inner.sum(axis=1) == 1).tolist():
+        opposite = int(topology.of_cells[cell, np.argmax(is_inner[cell])])
         pair = [cell, int(topology.cells[opposite].sum()) - cell]
-        if kept[opposite] or touched[pair].any():
+        if is_fixed[opposite] or is_changed[pair].any():
             continue
         b, c = topology.ends[opposite].tolist()
         a, d = (cells[pair].sum(axis=1) - (b + c)).tolist()
-        turned = np.array([[a, b, d], [a, d, c]])
-        sides = np.roll(vertices[turned], -1, axis=1) - vertices[turned]
-        before = -np.roll(sides, 1, axis=1)
-        lengths = np.hypot(*np.moveaxis(sides, 2, 0)) * np.hypot(*np.moveaxis(before, 2, 0))
-        sines = cross(sides, before) / lengths  # of another sign in a triangle that is turned over
-        if (sines * np.sign(sines[0, 0])).min() > _SHARPEST:
-            changed[pair] = turned
-            touched[pair] = True
-    return np.sort(changed, axis=1)
+        flipped = np.array([[a, b, d], [a, d, c]])
+        sides = np.roll(vertices[flipped], -1, axis=1) - vertices[flipped]
+        backward = -np.roll(sides, 1, axis=1)
+        lengths = np.hypot(*np.moveaxis(sides, 2, 0)) * np.hypot(*np.moveaxis(backward, 2, 0))
+        sines = cross(sides, backward) / lengths  # of the other sign if a triangle is inverted
+        if (sines * np.sign(sines[0, 0])).min() > _MIN_SINE:
+            new_cells[pair] = flipped
+            is_changed[pair] = True
+    return np.sort(new_cells, axis=1)

@@ -1,4 +1,4 @@
-"""Which edges and triangles are meant: by number, function, segment or box."""
+"""Selection of edges and triangles: by number, function, segment or box."""
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
@@ -16,18 +16,18 @@ Point: TypeAlias = Sequence[float]
 Range: TypeAlias = Sequence[float] | None
 
 Where: TypeAlias = Callable[[FloatArray, FloatArray], ArrayLike] | ArrayLike
-"""A function of coordinate arrays (x, y) that says which ones are meant, or the numbers themselves."""
+"""A function of coordinate arrays (x, y) that returns booleans, or the numbers themselves."""
 
 ASLANT: Final = (np.cos(1.0), np.sin(1.0))
-"""A direction that lines of a mesh seldom have."""
+"""A direction that lines of a mesh seldom have, so that projections on it differ."""
 
-_NEAR: Final = 1e-6  # distance over the body's length below which a vertex lies on a line
-_ALONG: Final = 0.1  # slope of an edge to a line, from which on it leaves this, however short it is
-_LARGEST: Final = 2.0**53  # whole numbers below it are exact
+_LINE_DISTANCE: Final = 1e-6  # a vertex at this distance from a line, relative to the body's length, lies on it
+_MAX_SLOPE: Final = 0.1  # an edge with a larger slope to a line is not on it, however short the edge is
+_EXACT_INTEGERS: Final = 2.0**53  # doubles below it represent all integers
 
 
 def new_name(name: object, taken: Iterable[str] = (), what: str = "edge set") -> str:
-    """A name that is not taken yet, or `InputError`."""
+    """The name if it is a non-empty text and not taken, or `InputError`."""
     if not isinstance(name, str) or not name:
         raise InputError("name", name, "give a non-empty string")
     if name in taken:
@@ -42,29 +42,29 @@ def point(name: str, value: object) -> tuple[float, float]:
 
 
 def numbers_of(name: str, value: Any, kind: type) -> Any:
-    """An array of numbers, whole ones if the kind is int."""
-    given: Any = None
+    """An array of numbers, or `InputError`; integers if `kind` is int."""
+    array: Any = None
     with suppress(ValueError):  # rows of several lengths, which are refused next
-        given = np.asarray(value)
-        if kind is int and given.dtype == np.int64:
-            return given.copy()
-    found = real_array(name, value, "give an array of real numbers")
-    whole = kind is not int or bool((np.abs(found) < _LARGEST).all() and (found == np.rint(found)).all())
-    if given.dtype == bool or not whole:
+        array = np.asarray(value)
+        if kind is int and array.dtype == np.int64:
+            return array.copy()
+    numbers = real_array(name, value, "give an array of real numbers")
+    whole = kind is not int or bool((np.abs(numbers) < _EXACT_INTEGERS).all() and (numbers == np.rint(numbers)).all())
+    if array.dtype == bool or not whole:
         raise InputError(name, type(value).__name__, "give whole numbers" if kind is int else "give numbers")
-    return found.astype(np.int64) if kind is int else found
+    return numbers.astype(np.int64) if kind is int else numbers
 
 
 def checked_set(name: str, pairs: ArrayLike, topology: Topology, vertices: FloatArray | None = None) -> IntArray:
-    """Numbers (k,) in `topology` of edges, ascending; with vertices all on the boundary, or all inside the body."""
+    """Numbers (k,) of edges from pairs of vertices, ascending; given `vertices`, all on the boundary or all inside."""
     new_name(name)
-    found = numbers_of(name, pairs, int)
-    if found.ndim != 2 or found.shape[1] != 2 or not len(found):
-        raise InputError(name, f"shape {found.shape}", "give the vertices of one or more edges as an array (k, 2)")
-    number = known_edges(name, found, topology)
-    outer = topology.boundary[number]
-    if vertices is not None and outer.any() and not outer.all():
-        around = place_of(vertices[found[np.argmin(outer)]].mean(axis=0))
+    array = numbers_of(name, pairs, int)
+    if array.ndim != 2 or array.shape[1] != 2 or not len(array):
+        raise InputError(name, f"shape {array.shape}", "give the vertices of one or more edges as an array (k, 2)")
+    number = known_edges(name, array, topology)
+    on_boundary = topology.boundary[number]
+    if vertices is not None and on_boundary.any() and not on_boundary.all():
+        around = place_of(vertices[array[np.argmin(on_boundary)]].mean(axis=0))
         remedy = f"lies partly on the boundary and partly inside, as around {around}: make two sets of it"
         raise InputError("TriangleMesh.edge_sets", name, remedy)
     chosen = np.bincount(number).nonzero()[0]  # each once
@@ -83,16 +83,16 @@ def known_edges(name: str, pairs: IntArray, topology: Topology) -> IntArray:
 def checked_region(name: str, cells: ArrayLike, count: int) -> IntArray:
     """Numbers (k,) of the triangles of a region, in ascending order."""
     new_name(name)
-    found = numbers_of(name, cells, int)
-    if found.ndim != 1 or not len(found) or found.min() < 0 or found.max() >= count:
+    numbers = numbers_of(name, cells, int)
+    if numbers.ndim != 1 or not len(numbers) or numbers.min() < 0 or numbers.max() >= count:
         raise InputError(name, cells, f"give numbers of triangles, 0 to {count - 1}")
-    chosen = np.unique(found)
+    chosen = np.unique(numbers)
     chosen.flags.writeable = False
     return np.asarray(chosen)
 
 
 def selected(name: str, where: Callable[[FloatArray, FloatArray], ArrayLike], points: FloatArray) -> IntArray:
-    """Indices of the points (k, 2) that a function of (x, y) chooses."""
+    """Indices of the points (k, 2) at which the function of (x, y) is true."""
     try:
         mask = np.broadcast_to(np.asarray(where(*points.T)), len(points))
     except Exception as error:
@@ -106,30 +106,31 @@ def selected(name: str, where: Callable[[FloatArray, FloatArray], ArrayLike], po
 def edges_on_segment(
     vertices: FloatArray, topology: Topology, start: Point, stop: Point, *, inside: bool = False
 ) -> IntArray:
-    """Edges (k, 2) of the boundary, or inside the body, that lie between two points (x, y) [length], their vertices.
+    """Vertices (k, 2) of the edges of the boundary, or inside the body, on the segment between two points [length].
 
-    `InputError` if no edge lies there, or the line ends elsewhere than they do.
+    `InputError` if no edge lies there, or an end of the segment is not an end of an edge.
     """
     ends = np.array([start, stop], dtype=float)
     length = float(np.hypot(*(ends[1] - ends[0])))
-    near = _NEAR * float(np.ptp(vertices, axis=0).max())
-    if not length > near:
+    tolerance = _LINE_DISTANCE * float(np.ptp(vertices, axis=0).max())
+    if not length > tolerance:
         raise InputError("segment", [list(start), list(stop)], "give two different points")
-    along = (ends[1] - ends[0]) / length
+    direction = (ends[1] - ends[0]) / length
     offset = vertices - ends[0]
-    t, distance = offset @ along, np.abs(offset @ np.array([-along[1], along[0]]))
-    on = (distance <= near) & (t >= -near) & (t <= length + near)
-    pairs = _pairs(topology, on, inside)
-    run, middle = vertices[pairs[:, 1]] - vertices[pairs[:, 0]], t[pairs].mean(axis=1)
-    follows = _ALONG * np.abs(run @ along) > np.abs(run @ [-along[1], along[0]])  # shorter ones may leave the line
-    pairs = pairs[follows & (middle > 0.0) & (middle < length)]
+    t, distance = offset @ direction, np.abs(offset @ np.array([-direction[1], direction[0]]))
+    on_line = (distance <= tolerance) & (t >= -tolerance) & (t <= length + tolerance)
+    pairs = _edges_between(topology, on_line, inside)
+    chords, t_middle = vertices[pairs[:, 1]] - vertices[pairs[:, 0]], t[pairs].mean(axis=1)
+    # vertices of tiny edges are always near the line
+    is_parallel = _MAX_SLOPE * np.abs(chords @ direction) > np.abs(chords @ [-direction[1], direction[0]])
+    pairs = pairs[is_parallel & (t_middle > 0.0) & (t_middle < length)]
     if not len(pairs):
         where = "inside the body" if inside else "of the boundary"
         raise InputError("segment", [list(start), list(stop)], f"no edge {where} lies on this line: correct its ends")
     for end in ends:
-        gaps = np.hypot(*(vertices[np.unique(pairs)] - end).T)
-        if gaps.min() > near:
-            x, y = vertices[np.unique(pairs)[np.argmin(gaps)]]
+        distances = np.hypot(*(vertices[np.unique(pairs)] - end).T)
+        if distances.min() > tolerance:
+            x, y = vertices[np.unique(pairs)[np.argmin(distances)]]
             remedy = f"must be a vertex where edges on this line end; the nearest one is ({x:.9g}, {y:.9g})"
             raise InputError("segment", end.tolist(), remedy)
     return np.asarray(pairs)
@@ -137,9 +138,9 @@ def edges_on_segment(
 
 def edges_in_box(vertices: FloatArray, topology: Topology, x: Range, y: Range) -> IntArray:
     """Edges (k, 2) of the boundary whose two ends lie in ranges of x and y [length], by their vertices."""
-    low, high, near = _box(vertices, x, y)
-    within = (vertices >= low - near) & (vertices <= high + near)
-    pairs = _pairs(topology, np.asarray(within.all(axis=1)), False)
+    low, high, tolerance = _box(vertices, x, y)
+    is_inside = (vertices >= low - tolerance) & (vertices <= high + tolerance)
+    pairs = _edges_between(topology, np.asarray(is_inside.all(axis=1)), False)
     if not len(pairs):
         raise InputError("box", {"x": x, "y": y}, "no edge of the boundary lies in this box: make it larger")
     return pairs
@@ -147,64 +148,65 @@ def edges_in_box(vertices: FloatArray, topology: Topology, x: Range, y: Range) -
 
 def triangles_in_box(vertices: FloatArray, cells: IntArray, x: Range, y: Range) -> IntArray:
     """Numbers (k,) of the triangles in ranges of x and y [length], the borders of which must be edges of the mesh."""
-    given = {name: bounds for name, bounds in (("x", x), ("y", y)) if bounds is not None}
-    low, high, near = _box(vertices, x, y)
+    ranges = {name: bounds for name, bounds in (("x", x), ("y", y)) if bounds is not None}
+    low, high, tolerance = _box(vertices, x, y)
     corners = vertices[cells]
-    centres = corners.mean(axis=1)  # of triangles smaller than what counts as near they say on which side these lie
-    inside = ((corners >= low - near) & (corners <= high + near)).all(axis=(1, 2))
-    inside &= ((centres > low) & (centres < high)).all(axis=1)
-    # a triangle and the box are apart if a side of one of them has them on its two sides
-    apart = ((corners.max(axis=1) <= low + near) | (corners.min(axis=1) >= high - near)).any(axis=1)
+    centres = corners.mean(axis=1)  # decide for triangles smaller than the tolerance
+    is_inside = ((corners >= low - tolerance) & (corners <= high + tolerance)).all(axis=(1, 2))
+    is_inside &= ((centres > low) & (centres < high)).all(axis=1)
+    # a triangle and the box are apart if a side of one of them separates them
+    is_apart = ((corners.max(axis=1) <= low + tolerance) | (corners.min(axis=1) >= high - tolerance)).any(axis=1)
     for start, stop in ((0, 1), (1, 2), (2, 0)):
-        along = corners[:, stop] - corners[:, start]
-        normal = along[:, ::-1] * TURNED
+        side = corners[:, stop] - corners[:, start]
+        normal = side[:, ::-1] * TURNED
         outward = np.sign(((corners[:, start] - centres) * normal).sum(axis=1))[:, None] * normal
-        nearest = np.where(outward > 0.0, low + near, high - near)  # corner of the box
-        apart |= ((nearest - corners[:, start]) * outward).sum(axis=1) >= 0.0
-    cut = ~apart & ~inside
-    if cut.any():
-        around = place_of(vertices[cells[np.argmax(cut)]].mean(axis=0))
+        # the box corner that is first in the direction outward
+        box_corner = np.where(outward > 0.0, low + tolerance, high - tolerance)
+        is_apart |= ((box_corner - corners[:, start]) * outward).sum(axis=1) >= 0.0
+    is_cut = ~is_apart & ~is_inside
+    if is_cut.any():
+        around = place_of(vertices[cells[np.argmax(is_cut)]].mean(axis=0))
         remedy = f"cuts the triangle around {around}: give ranges that end on edges of the mesh"
-        raise InputError("region", given, remedy)
-    if not inside.any():
-        raise InputError("region", given, "no triangle lies in this range: make it larger")
-    return np.flatnonzero(inside)
+        raise InputError("region", ranges, remedy)
+    if not is_inside.any():
+        raise InputError("region", ranges, "no triangle lies in this range: make it larger")
+    return np.flatnonzero(is_inside)
 
 
 def between(start: IntArray, stop: IntArray) -> tuple[IntArray, IntArray]:
-    """Pairs (k,) of a row and a whole number from its start (n,) on, below its stop (n,), in order."""
+    """All pairs (row (k,), number (k,)) with start[row] ≤ number < stop[row], in order."""
     count = stop - start
     row = np.arange(len(count)).repeat(count)
     return row, np.arange(len(row)) - (count.cumsum() - stop).repeat(count)
 
 
 def in_circles(points: FloatArray, centres: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
-    """Pairs of a circle and a point in it, in order; looked for along `ASLANT`."""
-    place, centre = ((at - points[0]) @ ASLANT for at in (points, centres))
-    order = place.argsort()
-    ordered = place[order]
+    """All pairs (circle (k,), point (k,)) of a circle and a point in it, in order; `ASLANT` gives candidates."""
+    position, centre = ((each - points[0]) @ ASLANT for each in (points, centres))
+    order = position.argsort()
+    ordered = position[order]
     start, stop = ordered.searchsorted(centre - radius, "left"), ordered.searchsorted(centre + radius, "right")
-    circle, number = between(start, stop)
-    point = order[number]
-    away = points.take(point, axis=0) - centres.take(circle, axis=0)
-    inside = np.hypot(*away.T) <= radius[circle]
+    circle, index = between(start, stop)
+    point = order[index]
+    offset = points.take(point, axis=0) - centres.take(circle, axis=0)
+    inside = np.hypot(*offset.T) <= radius[circle]
     return np.divmod(np.sort(circle[inside] * len(points) + point[inside]), len(points))
 
 
-def _pairs(topology: Topology, chosen: BoolArray, inside: bool) -> IntArray:
-    """Edges whose two vertices are chosen (v,), on the boundary or inside."""
+def _edges_between(topology: Topology, chosen: BoolArray, inside: bool) -> IntArray:
+    """Vertices (k, 2) of the edges on the boundary, or inside, whose vertices are both in the mask `chosen`."""
     ends = topology.ends
     return np.asarray(ends[chosen[ends].all(axis=1) & (topology.boundary != inside)])
 
 
 def _box(vertices: FloatArray, x: Range, y: Range) -> tuple[FloatArray, FloatArray, float]:
-    """Lower left and upper right corner (2,) of ranges, and how far off them a vertex still lies on their border."""
+    """Lower left and upper right corner (2,) of the box of two ranges, and the distance that is on its border."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    near = _NEAR * float((high - low).max())
+    tolerance = _LINE_DISTANCE * float((high - low).max())
     for axis, bounds in enumerate((x, y)):
         if bounds is not None:
             ends = real_array("range", bounds, "give a pair of numbers")
             if ends.shape != (2,) or not ends[0] < ends[1]:
                 raise InputError("range", bounds, "give two numbers, the smaller end first")
             low[axis], high[axis] = ends
-    return low, high, near
+    return low, high, tolerance

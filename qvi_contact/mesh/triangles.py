@@ -47,29 +47,30 @@ from solvers.errors import known_name
 Place: TypeAlias = tuple[Point, Point] | Callable[[FloatArray, FloatArray], ArrayLike]
 """A segment between two points ((x, y), (x, y)), or a function of the coordinates (x, y) of midpoints of edges."""
 
-_EDGE_SETS: Final = "names to edges by their vertices, arrays (k, 2)"
-_OF_NAMES: Final = ("edge_names", "joint_names", "kept", "_numbers", "_taken")  # computed from the names of a mesh too
-_LISTED: Final = 8  # names in one line
-_DEEPEST: Final = 100
-_AT_VERTEX: Final = 1e-9  # distance over the body's length
-_BORDER: Final = 1e-9  # what a barycentric coordinate of a point on the border may be below 0
-_TOGETHER: Final = 512  # points that are looked for at a time, those next to each other along x
+_EDGE_SETS_FORMAT: Final = "names to edges by their vertices, arrays (k, 2)"  # in messages
+# cached values that do not fit a mesh with other names
+_DEPENDS_ON_NAMES: Final = ("edge_names", "joint_names", "kept", "_numbers", "_taken")
+_NAMES_IN_REPR: Final = 8  # of one kind
+_MAX_DEPTH: Final = 100  # steps of `graded`
+_VERTEX_TOLERANCE: Final = 1e-9  # distance from a vertex, relative to the body's larger extent, that counts as rounding
+_BORDER_TOLERANCE: Final = 1e-9  # a point with barycentric coordinates of at least −1e-9 is in the triangle
+_POINTS_AT_A_TIME: Final = 512  # points located together, neighbours along x
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TriangleMesh(MeshParts, PicklesFields):
     """A body divided into triangles.
 
-    `InputError` if vertices or cells are no mesh of one piece: triangles without area, vertices inside edges, edges
+    `InputError` if vertices and cells are not a mesh of one piece: triangles without area, vertices inside edges, edges
     with more than two triangles, triangles that overlap, several pieces, pieces that meet in a vertex only, vertices
-    without triangle or in the same place; if a name is empty or used twice, or a set does not fit the mesh.
+    without a triangle or in the same place. Also if a name is empty or used twice, or a set does not fit the mesh.
     """
 
     def __post_init__(self) -> None:
         vertices, cells = cutting.checked_triangles(self.vertices, self.cells)
         vars(self).update(vertices=vertices, cells=cells)
         cutting.refuse_flaws(self)
-        edge_sets = mapping("TriangleMesh.edge_sets", self.edge_sets, _EDGE_SETS)
+        edge_sets = mapping("TriangleMesh.edge_sets", self.edge_sets, _EDGE_SETS_FORMAT)
         numbers = {name: checked_set(name, given, self.topology, self.vertices) for name, given in edge_sets.items()}
         pairs = {name: self.topology.ends[number] for name, number in numbers.items()}
         read_only(*pairs.values())
@@ -85,18 +86,18 @@ class TriangleMesh(MeshParts, PicklesFields):
 
     def __repr__(self) -> str:
         width, height = np.ptp(self.vertices, axis=0).tolist()
-        listed = ""
+        parts = ""
         for kind, names in (("edges", self.edge_names), ("joints", self.joint_names), ("regions", self.region_names)):
             if names:
-                more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
-                listed += f"; {kind} {', '.join(names[:_LISTED])}{more}"
+                more = f" and {len(names) - _NAMES_IN_REPR} more" if len(names) > _NAMES_IN_REPR else ""
+                parts += f"; {kind} {', '.join(names[:_NAMES_IN_REPR])}{more}"
         cells = f"{len(self.cells)} triangles with {len(self.vertices)} vertices"
-        return f"<{type(self).__name__}: {cells}, body of {width:.6g} × {height:.6g}{listed}>"
+        return f"<{type(self).__name__}: {cells}, body of {width:.6g} × {height:.6g}{parts}>"
 
     def _repr_png_(self) -> bytes | None:
-        """The same drawn, for notebooks; None without matplotlib."""
-        found: bytes | None = load("qvi_contact.plots.figures").notebook_png(self)
-        return found
+        """A picture of the mesh for notebooks; None without matplotlib."""
+        picture: bytes | None = load("qvi_contact.plots.figures").notebook_png(self)
+        return picture
 
     @classmethod
     def rectangle(
@@ -110,9 +111,9 @@ class TriangleMesh(MeshParts, PicklesFields):
     ) -> TriangleMesh:
         """A rectangle of cells[0] × cells[1] rectangular cells, each cut into two triangles, see `grid`.
 
-        Its sides are called "bottom", "right", "top" and "left", the origin is its lower left corner [length]. The
-        grading is the ratio of each cell to the one before it (see `graded_lines`), one number for both directions or a
-        pair: below 1 cells shrink towards the right and top sides.
+        The sides are called "bottom", "right", "top" and "left"; the origin is the lower left corner [length]. The
+        grading is the ratio of each cell's size to that of the cell before it (see `graded_lines`), one number for both
+        directions or a pair. With a ratio below 1 cells shrink towards the right and top sides.
         """
         return cls.grid(*rectangle_lines(cells, width, height, origin, grading))
 
@@ -129,37 +130,35 @@ class TriangleMesh(MeshParts, PicklesFields):
     ) -> TriangleMesh:
         """Rectangular cells between lines, each cut into two triangles.
 
-        All edges of the boundary that face down, right, up and left are called "bottom", "right", "top" and "left";
-        `edges` names parts of them.
+        The grid lines x (nx + 1,) and y (ny + 1,) [length] increase strictly, with any spacing; see `graded_lines`. The
+        body consists of the cells where ``active[row, column]``, (ny, nx), is true, by default of all cells. All
+        boundary edges that face down, right, up and left are called "bottom", "right", "top" and "left".
 
-        Diagonals run away from the middle of the grid: from lower left to upper right in its lower left and upper right
-        quarters, from upper left to lower right in the others. So a body that is its own mirror image has triangles
-        that are, if the grid has an even number of cells across; a grid with twice the cells has triangles inside
-        these. A middle row counts as upper, a middle column as right: neither spoils the symmetry about the other. In a
-        corner of the body diagonals always run into the corner: a triangle with two edges on the boundary could follow
-        the tractions on neither of them. The triangles 2k and 2k + 1 lie in the cell k of the body, counted row by row.
-        Cells more than 500 times as long as wide are cut along their length first, by lines through the grid.
+        `edges` names parts of the boundary, `joints` lines inside the body along which a `Contact` may hold. Each is a
+        pair of grid nodes ((x, y), (x, y)) between which the edges lie, or a function of (x, y) for midpoints of edges,
+        as in `with_edges`. A region consists of the cells between two lines (x₁, x₂) and two lines (y₁, y₂); None is
+        the whole range.
 
-        Grid lines x (nx + 1,) and y (ny + 1,) [length] increase strictly, with any spacing; see `graded_lines`. Cells
-        of the body are the true ones of ``active[row, column]``, (ny, nx), by default all.
-
-        Parts of the boundary in `edges`, and lines inside the body in `joints`, along which a `Contact` may hold, are
-        segments by name, pairs of grid nodes ((x, y), (x, y)) between which the edges lie, or functions of (x, y) that
-        are given the midpoints of edges, as in `with_edges`. Regions by name are the cells between two lines (x₁, x₂)
-        and two lines (y₁, y₂), None for all.
+        Diagonals run away from the middle of the grid: from lower left to upper right in the lower left and upper right
+        quarters, from upper left to lower right in the others. So the triangles of a symmetric body are symmetric if
+        the number of cells across is even, and a grid with twice the cells has triangles inside these. A middle row
+        counts as upper, a middle column as right, which keeps the symmetry about the other axis. In a corner of the
+        body the diagonal always runs into the corner: a triangle with two edges on the boundary could represent the
+        tractions on neither. The triangles 2k and 2k + 1 lie in the cell k of the body, counted row by row. Cells more
+        than 500 times as long as wide are first cut along their length, by lines through the grid.
         """
         mesh = cls(*grid_parts(x, y, active).given)
-        what = "names to segments, or to functions of (x, y)"
-        for kind, given, inside in (("edges", edges, False), ("joints", joints, True)):
-            for name, place in mapping(kind, given, what, optional=True).items():
-                where: Where = place
+        wanted = "names to segments, or to functions of (x, y)"
+        for kind, places, is_joint in (("edges", edges, False), ("joints", joints, True)):
+            for name, place in mapping(kind, places, wanted, optional=True).items():
+                chosen: Where = place
                 if not callable(place):
                     remedy = "give a pair of points ((x, y), (x, y)), or a function of (x, y)"
                     ends = real_array(name, place, remedy)
                     if ends.shape != (2, 2) or not np.isfinite(ends).all():
                         raise InputError(name, place, remedy)
-                    where = edges_on_segment(mesh.vertices, mesh.topology, *ends.tolist(), inside=inside)
-                mesh = mesh._with_set(name, where, inside)
+                    chosen = edges_on_segment(mesh.vertices, mesh.topology, *ends.tolist(), inside=is_joint)
+                mesh = mesh._with_set(name, chosen, is_joint)
         for name, ranges in mapping("regions", regions, "names to pairs of ranges", optional=True).items():
             if not isinstance(ranges, (tuple, list)) or len(ranges) != 2:
                 raise InputError(f"regions[{name!r}]", ranges, "give a pair of ranges ((x, x), (y, y)), None for all")
@@ -168,11 +167,12 @@ class TriangleMesh(MeshParts, PicklesFields):
 
     @classmethod
     def joined(cls, name: str, meshes: Sequence[TriangleMesh]) -> TriangleMesh:
-        """Bodies that touch along straight lines or arcs as one mesh, with a joint of that name between them.
+        """Bodies that touch along straight lines or arcs as one mesh, with a joint called `name` between them.
 
-        Arcs are declared in both of them, see `with_arc`, or they are chords and their bodies overlap.
-        Their vertices need not match there: those of either side are put into the other, and triangles are cut. Parts
-        of one name are one. A named part of the boundary loses the edges that are in the joint, unless all of it is.
+        Arcs must be declared in both bodies, see `with_arc`; otherwise their sides are chords and the bodies overlap.
+        The vertices of the two sides need not match: those of each side are put into the other, and triangles are cut.
+        Sets with the same name are united. A named part of the boundary loses its edges in the joint, unless all of
+        them are in the joint.
         """
         if not (isinstance(meshes, Sequence) and meshes and all(isinstance(mesh, TriangleMesh) for mesh in meshes)):
             raise InputError("meshes", meshes, "give a list of TriangleMesh")
@@ -183,11 +183,11 @@ class TriangleMesh(MeshParts, PicklesFields):
         """Read a mesh file: Gmsh (.msh, format 4.1 or 2.2), Abaqus or CalculiX (.inp), and by meshio MED (.med), VTK.
 
         Names of curves (physical names, ELSET, groups) become edge sets, or joints where the curves lie inside the
-        body; names of surfaces become regions. Quadrilaterals are cut in two. See `mesh.files`. Bodies in the file that
-        touch along straight lines get a joint called `join`, see `joined` for arcs.
+        body; names of surfaces become regions. Quadrilaterals are cut in two. See `mesh.files`. With `join`, bodies in
+        the file that touch along straight lines get a joint of this name; for arcs see `joined`.
         """
-        found = read_mesh(path)
-        return cls(*(found if join is None else cutting.joined(found, join)).given)
+        parts = read_mesh(path)
+        return cls(*(parts if join is None else cutting.joined(parts, join)).given)
 
     @classmethod
     def outline(
@@ -202,14 +202,15 @@ class TriangleMesh(MeshParts, PicklesFields):
     ) -> TriangleMesh:
         """A body given by its outline, divided into triangles by gmsh (extra ``mesh``).
 
-        The corners, `Corner` or (x, y), go around the body, either way round; the last one is joined to the first. A
-        `Corner` can name the line that begins there, and make an arc of it. Triangles have sides that are parts of the
-        arc there, as with `with_arc`. `size` is the length of the sides of triangles [length] where nothing else is
-        said; `sizes` has others at points (x, y) of the body, and corners can have their own.
+        The corners, `Corner` or (x, y), go around the body in either sense; the last one is joined to the first. A
+        `Corner` can name the line that begins there, and make it an arc; triangles there have sides on the arc, as with
+        `with_arc`. `size` is the side length of triangles [length]; `sizes` has others at points (x, y) of the body,
+        and a `Corner` can have its own.
 
-        Each hole has its corners; `Corner.circle` makes round ones. Joints are lines inside the body by name, along
-        which a `Contact` may hold. A line ends at its last corner. It is closed if the first corner is repeated there,
-        or if an arc begins there, as in `Corner.circle`. The triangles inside a closed line in `regions` are a region.
+        Each hole has its corners; `Corner.circle` makes a round one. `joints` are lines inside the body by name, along
+        which a `Contact` may hold. A line ends at its last corner. It is closed if its last corner repeats the first,
+        or if an arc begins at the last corner, as in `Corner.circle`. The triangles inside a closed line in `regions`
+        are a region.
         """
         parts = meshed(polygons(corners, size, holes, joints, regions, sizes))
         try:
@@ -226,12 +227,12 @@ class TriangleMesh(MeshParts, PicklesFields):
 
     @cached_property
     def kept(self) -> Kept:
-        """What is made of this mesh alone, for every problem on it; it goes with the mesh, and refers to `bare`."""
+        """Cache of objects that depend on the mesh only and serve all problems on it; they refer to `bare`."""
         return Kept()
 
     @property
     def bare(self) -> TriangleMesh:
-        """The same mesh, with all that was computed of it but `kept`."""
+        """The same mesh with all its cached values except `kept`."""
         _ = self.topology, self.boundary, self.sides, self.curved
         mesh = object.__new__(TriangleMesh)
         vars(mesh).update({name: value for name, value in vars(self).items() if name != "kept"})
@@ -239,7 +240,7 @@ class TriangleMesh(MeshParts, PicklesFields):
 
     @cached_property
     def sides(self) -> FloatArray:
-        """The same of the sides of all triangles, side s opposite to corner s, shape (m, 3, k)."""
+        """Bends of the sides of all triangles, see `mesh.edges`; side s is opposite to corner s, shape (m, 3, k)."""
         return np.asarray(self.bends[self.topology.of_cells])
 
     @cached_property
@@ -284,13 +285,13 @@ class TriangleMesh(MeshParts, PicklesFields):
 
     @cached_property
     def hole_edges(self) -> BoolArray:
-        """Which edges of `boundary` bound a hole rather than the outside, shape (edges,): all but the largest line."""
-        holes = np.ones(len(self.boundary), dtype=bool)
-        places = [np.searchsorted(self.topology.outer, line) for line in self.outlines]
-        middle = points_along(self.vertices, self.boundary, np.array([0.5]))[:, 0] - self.origin
-        areas = (middle * self.boundary.normal).sum(axis=1) * self.boundary.length  # of lines twice what they enclose
-        holes[max(places, key=lambda place: abs(areas[place].sum()))] = False
-        return holes
+        """Which edges of `boundary` bound a hole, shape (edges,): all but those of the line with the largest area."""
+        is_hole = np.ones(len(self.boundary), dtype=bool)
+        on_lines = [np.searchsorted(self.topology.outer, numbers) for numbers in self.outlines]
+        midpoints = points_along(self.vertices, self.boundary, np.array([0.5]))[:, 0] - self.origin
+        areas = (midpoints * self.boundary.normal).sum(axis=1) * self.boundary.length  # their sum: 2 × enclosed area
+        is_hole[max(on_lines, key=lambda line: abs(areas[line].sum()))] = False
+        return is_hole
 
     @cached_property
     def edge_names(self) -> tuple[str, ...]:
@@ -313,23 +314,23 @@ class TriangleMesh(MeshParts, PicklesFields):
         return {name: self.topology.number(pairs) for name, pairs in self.edge_sets.items()}
 
     def edge_set(self, name: str) -> IntArray:
-        """Indices into `boundary` of the edges called `name`; `InputError` lists the names there are."""
+        """Indices into `boundary` of the edges called `name`; `InputError` lists the known names."""
         known = known_name("edges", name, {"edge sets": self.edge_names}, "add it by with_edges()")
         return self.topology.outer.searchsorted(self.edges(known).number)
 
     def joint_set(self, name: str) -> IntArray:
-        """Indices into `interior` of the joint called `name`; `InputError` lists the names there are."""
+        """Indices into `interior` of the edges of the joint `name`; `InputError` lists the known names."""
         known = known_name("joint", name, {"joints": self.joint_names}, "add it by with_joint()")
         return self.topology.inner.searchsorted(self.edges(known).number)
 
     def edges(self, name: str) -> Edges:
-        """The edges called `name`, on the boundary or in a joint; read only, as all share them."""
+        """The edges called `name`, on the boundary or in a joint; read only, as all callers share them."""
         if not isinstance(name, str) or name not in self._taken:
             known = {"edge sets": self.edge_names, "joints": self.joint_names}
             numbers = self._numbers[known_name("edges", name, known, "add it by with_edges() or with_joint()")]
             outer = name in self.edge_names
-            every, of_all = (self.boundary, self.topology.outer) if outer else (self.interior, self.topology.inner)
-            edges = every.take(of_all.searchsorted(numbers))
+            all_edges, order = (self.boundary, self.topology.outer) if outer else (self.interior, self.topology.inner)
+            edges = all_edges.take(order.searchsorted(numbers))
             edges = edges if outer else led_around(edges)
             read_only(*vars(edges).values())
             self._taken.setdefault(name, edges)
@@ -337,7 +338,7 @@ class TriangleMesh(MeshParts, PicklesFields):
 
     @cached_property
     def _taken(self) -> dict[str, Edges]:
-        """Those asked for so far: a problem asks for the same ones tens of times."""
+        """Cache of `edges`: a problem asks for the same edges tens of times."""
         return {}
 
     def region(self, name: str) -> IntArray:
@@ -356,7 +357,7 @@ class TriangleMesh(MeshParts, PicklesFields):
     def with_edges(self, name: str, where: Where) -> TriangleMesh:
         """The same mesh with one more named part of the boundary.
 
-        Which edges says a function of (x, y) that is given their midpoints, or an array (k, 2) of their vertices.
+        `where` is a function of (x, y) that is true at midpoints of its edges, or an array (k, 2) of their vertices.
         """
         return self._with_set(name, where, inside=False)
 
@@ -366,41 +367,41 @@ class TriangleMesh(MeshParts, PicklesFields):
 
     def _with_set(self, name: str, where: Where, inside: bool) -> TriangleMesh:
         new_name(name, self.edge_sets)
-        ends, among = self.topology.ends, self.topology.boundary != inside
+        ends, allowed = self.topology.ends, self.topology.boundary != inside
         if callable(where):
-            candidates = np.flatnonzero(among)
+            candidates = np.flatnonzero(allowed)
             chosen = candidates[selected(name, where, self.midpoints[candidates])]
         else:
             chosen = checked_set(name, where, self.topology, self.vertices)
-        if not len(chosen) or not among[chosen].all():
+        if not len(chosen) or not allowed[chosen].all():
             raise InputError(name, where, f"no {'interior' if inside else 'boundary'} edge lies there: check the set")
         pairs = ends[chosen]
         return self._renamed({**self.edge_sets, name: pairs}, self.regions)
 
     def _renamed(self, edge_sets: Mapping[str, IntArray], regions: Mapping[str, IntArray]) -> TriangleMesh:
-        """The same triangles, which are checked already, with other names, whose sets are."""
+        """The same mesh with other edge sets and regions; nothing is checked again."""
         mesh = object.__new__(TriangleMesh)
         read_only(*edge_sets.values(), *regions.values())
         named = {"edge_sets": MappingProxyType(dict(edge_sets)), "regions": MappingProxyType(dict(regions))}
-        vars(mesh).update({name: value for name, value in vars(self).items() if name not in _OF_NAMES} | named)
+        vars(mesh).update({name: value for name, value in vars(self).items() if name not in _DEPENDS_ON_NAMES} | named)
         return mesh
 
     def with_arc(self, name: str, centre: tuple[float, float], radius: float) -> TriangleMesh:
         """The same mesh with the edges called `name` as arcs of a circle [length], on which their vertices lie.
 
-        Bodies, or the sides of a joint, end at the arcs then, at full order: conditions, normals and tractions are
-        those on the arcs, and finer meshes get vertices on the circle. `InputError` if a vertex is off the circle, or
-        an edge turns by more than 90° or bends too far for its triangle.
+        The arcs then bound the body, or the two sides of a joint, without loss of order: conditions, normals and
+        tractions hold on the arcs, and finer meshes get vertices on the circle. `InputError` if a vertex is off the
+        circle, or an edge turns by more than 90° or bends too far for its triangle.
         """
         return replace(self, arcs=(*self.arcs, circle(centre, radius, self.pairs(name), self.vertices)))
 
     def with_curve(self, name: str, curve: CurveFunction, start: float = 0.0, stop: float = 1.0) -> TriangleMesh:
         """The same mesh with the edges called `name` on a smooth curve, on which their vertices lie; see `with_arc`.
 
-        The function gives points (n, 2) [length] of the curve at parameters (n,) from start to stop; where both have
-        the same point, the curve is closed. It is taken edge by edge to all digits and not asked for again: finer
-        meshes, archives and problem files keep the edges' own polynomials. It may have corners in vertices, not between
-        them.
+        The function gives points (n, 2) [length] of the curve at parameters (n,) from start to stop; the curve is
+        closed if both have the same point. On each edge it is replaced by a polynomial to machine precision; finer
+        meshes, archives and problem files keep the polynomials and do not call the function again. The curve may have
+        corners in vertices, not between them.
         """
         return replace(self, arcs=(*self.arcs, fitted("curve", curve, start, stop, self.pairs(name), self.vertices)))
 
@@ -409,25 +410,25 @@ class TriangleMesh(MeshParts, PicklesFields):
         return self.topology.ends[self.numbers(name)]
 
     def with_region(self, name: str, where: Where) -> TriangleMesh:
-        """The same mesh with a region: triangles by a function of (x, y) that is given their centres, or by numbers."""
+        """The same mesh with one more region, given by a function of (x, y) at centres of triangles, or by numbers."""
         new_name(name, self.regions, "region")
         chosen = selected(name, where, self.corners.mean(axis=1)) if callable(where) else where
         return self._renamed(self.edge_sets, {**self.regions, name: checked_region(name, chosen, len(self.cells))})
 
     def part(self, cells: IntArray, edge_sets: Mapping[str, IntArray] | None = None) -> TriangleMesh:
-        """Some of the triangles as a mesh of their own; names and arcs stay where they have edges or triangles in it.
+        """The chosen triangles as a mesh; it keeps names and arcs that have edges or triangles in it.
 
-        What was a joint is a part of the boundary where the triangles of one side only are taken. Named edges may be
-        others than those of this mesh, by its vertices. `InputError` if the triangles are no body of one piece.
+        A joint becomes a part of the boundary where only the triangles on one side of it are chosen. `edge_sets`, by
+        vertices of this mesh, replace its own. `InputError` if the triangles are not a body of one piece.
         """
-        taken = checked_region("cells", cells, len(self.cells))
-        named_edges = self.edge_sets if edge_sets is None else mapping("edge_sets", edge_sets, _EDGE_SETS)
-        for name, pairs in named_edges.items():
+        chosen = checked_region("cells", cells, len(self.cells))
+        kept_sets = self.edge_sets if edge_sets is None else mapping("edge_sets", edge_sets, _EDGE_SETS_FORMAT)
+        for name, pairs in kept_sets.items():
             if np.ndim(pairs) != 2 or np.shape(pairs)[1] != 2:
-                raise InputError(f"edge_sets[{name!r}]", pairs, f"give a mapping of {_EDGE_SETS}")
-        named = MeshParts(self.vertices, self.cells, named_edges, self.regions, self.arcs)
-        vars(named).update(topology=self.topology, bends=self.bends)  # known already
-        return TriangleMesh(*cutting.part(named, taken).given)
+                raise InputError(f"edge_sets[{name!r}]", pairs, f"give a mapping of {_EDGE_SETS_FORMAT}")
+        parts = MeshParts(self.vertices, self.cells, kept_sets, self.regions, self.arcs)
+        vars(parts).update(topology=self.topology, bends=self.bends)  # known already
+        return TriangleMesh(*cutting.part(parts, chosen).given)
 
     @cached_property
     def outlines(self) -> tuple[IntArray, ...]:
@@ -437,41 +438,41 @@ class TriangleMesh(MeshParts, PicklesFields):
 
     @cached_property
     def _boxes(self) -> tuple[FloatArray, FloatArray]:
-        """Lower left and upper right corners (m, 2) of boxes that hold the triangles [length]."""
-        lengths = self.chords * np.where(self.bends.any(axis=1), stretches(self.bends), 0.0)
-        beyond = lengths[self.topology.of_cells].max(axis=1, keepdims=True) / 2.0  # half of an arc leads no farther
-        return self.corners.min(axis=1) - beyond, self.corners.max(axis=1) + beyond
+        """Lower left and upper right corners (m, 2) of boxes around the triangles, with their arcs [length]."""
+        arc_lengths = self.chords * np.where(self.bends.any(axis=1), stretches(self.bends), 0.0)
+        margin = arc_lengths[self.topology.of_cells].max(axis=1, keepdims=True) / 2.0  # from an end of an arc
+        return self.corners.min(axis=1) - margin, self.corners.max(axis=1) + margin
 
     def locate(self, points: ArrayLike) -> IntArray:
-        """The triangle that holds each of the points (k, 2), the one of lowest number on edges; −1 outside."""
-        given, points = points, real_array("points", points)
+        """The triangle that contains each of the points (k, 2) [length], on edges the lowest number; −1 outside."""
+        argument, points = points, real_array("points", points)
         if points.size and points.shape[-1:] != (2,):
-            raise InputError("points", given, "give an array (k, 2) of coordinates")
+            raise InputError("points", argument, "give an array (k, 2) of coordinates")
         point, cell = self.around(points.reshape(-1, 2))
-        found = np.full(points.size // 2, -1)
-        found[point[::-1]] = cell[::-1]
-        return found
+        triangle = np.full(points.size // 2, -1)
+        triangle[point[::-1]] = cell[::-1]
+        return triangle
 
-    def around(self, points: FloatArray, beyond: float = _BORDER) -> tuple[IntArray, IntArray]:
-        """Points (k, 2) [length] and the triangles that hold them, as pairs of numbers (point (l,), triangle (l,)).
+    def around(self, points: FloatArray, beyond: float = _BORDER_TOLERANCE) -> tuple[IntArray, IntArray]:
+        """All pairs (point (l,), triangle (l,)), by number and sorted, of points (k, 2) [length] and their triangles.
 
-        They are in order. A point on an edge or in a vertex is in a pair with every triangle there. Triangles hold
-        points outside them too whose `reference` coordinates are at least −`beyond`.
+        A point on an edge or in a vertex has a pair with every triangle there. A triangle also has pairs with points
+        outside it whose `reference` coordinates are at least −`beyond`.
         """
         low, high = self._boxes
-        more = 2.0 * beyond * (high - low)  # centres are a third of the way from a border at least
-        (left, below), (right, above) = (low - more).T, (high + more).T
+        margin = 2.0 * beyond * (high - low)  # how far coordinates of at least −β may lie outside
+        (left, below), (right, above) = (low - margin).T, (high + margin).T
         finite = np.flatnonzero(np.isfinite(points).all(axis=1))
         order = finite[points[finite, 0].argsort()]
         pairs = [np.empty((2, 0), dtype=np.int64)]
-        for some in (order[start : start + _TOGETHER] for start in range(0, len(order), _TOGETHER)):
-            x, y = points[some := some[points[some, 1].argsort()]].T
-            beside = np.flatnonzero((left <= x.max()) & (right >= x.min()))
-            row, number = between(y.searchsorted(below[beside]), y.searchsorted(above[beside], "right"))
-            inside = (left[beside[row]] <= x[number]) & (right[beside[row]] >= x[number])
-            cell, point = beside[row[inside]], some[number[inside]]
-            held = self.reference(cell, points[point]).min(axis=1) >= -beyond
-            pairs.append(np.stack([point[held], cell[held]]))
+        for group in (order[start : start + _POINTS_AT_A_TIME] for start in range(0, len(order), _POINTS_AT_A_TIME)):
+            x, y = points[group := group[points[group, 1].argsort()]].T
+            candidates = np.flatnonzero((left <= x.max()) & (right >= x.min()))
+            box, position = between(y.searchsorted(below[candidates]), y.searchsorted(above[candidates], "right"))
+            in_box = (left[candidates[box]] <= x[position]) & (right[candidates[box]] >= x[position])
+            cell, point = candidates[box[in_box]], group[position[in_box]]
+            is_held = self.reference(cell, points[point]).min(axis=1) >= -beyond
+            pairs.append(np.stack([point[is_held], cell[is_held]]))
         point, cell = np.concatenate(pairs, axis=1)
         order = np.lexsort((cell, point))
         return point[order], cell[order]
@@ -479,34 +480,34 @@ class TriangleMesh(MeshParts, PicklesFields):
     def reference(self, cells: IntArray, points: FloatArray) -> FloatArray:
         """Barycentric coordinates of points (l, …, 2) [length] in the triangles (l,), shape (l, …, 3).
 
-        In triangles with arcs they are those of the points of the straight triangle, see `mesh.edges`.
+        In triangles with arcs they are the reference coordinates of `mesh.edges`.
         """
         if points.ndim > 2:
             flat = self.reference(np.repeat(cells, points.shape[1]), points.reshape(-1, 2))
             return flat.reshape(*points.shape[:-1], 3)
         a, b, c = self.corners[cells].swapaxes(0, 1)
         u, v, w = b - a, c - a, points - a
-        second, third = cross(w, v) / cross(u, v), cross(u, w) / cross(u, v)
-        found = np.column_stack([1.0 - second - third, second, third])
+        lambda_1, lambda_2 = cross(w, v) / cross(u, v), cross(u, w) / cross(u, v)
+        bary = np.column_stack([1.0 - lambda_1 - lambda_2, lambda_1, lambda_2])
         bent = self.curved[cells]
         if bent.any():
-            found[bent] = reference_of(self.corners[cells[bent]], self.sides[cells[bent]], found[bent])
-        return found
+            bary[bent] = reference_of(self.corners[cells[bent]], self.sides[cells[bent]], bary[bent])
+        return bary
 
     def placed(self, cells: IntArray, t: FloatArray) -> FloatArray:
-        """Barycentric coordinates of reference points t, (q, 3) or (k, q, 3), in the triangles (k,).
+        """Barycentric coordinates of reference points t, (q, 3) or (k, q, 3), in the triangles (k,), see `mesh.edges`.
 
-        The points themselves where none of the triangles has arcs, else of shape (k, q, 3).
+        The result is t itself if no triangle has arcs, otherwise an array (k, q, 3).
         """
         bent = np.flatnonzero(self.curved[cells])
         if not len(bent):
             return t
-        found = np.array(np.broadcast_to(t, (len(cells), *np.shape(t)[-2:])))
-        found[bent] = beyond_chords(self.corners[cells[bent]], self.sides[cells[bent]], found[bent])[0]
-        return found
+        bary = np.array(np.broadcast_to(t, (len(cells), *np.shape(t)[-2:])))
+        bary[bent] = beyond_chords(self.corners[cells[bent]], self.sides[cells[bent]], bary[bent])[0]
+        return bary
 
     def same_as(self, other: object) -> bool:
-        """Whether the other mesh has the same vertices and triangles, whatever its edge sets are called."""
+        """Whether the other mesh has the same vertices, triangles and arcs; names do not matter."""
         if not isinstance(other, TriangleMesh):
             return False
         pairs = ((self.vertices, other.vertices), (self.cells, other.cells), (self.bends, other.bends))
@@ -519,39 +520,39 @@ class TriangleMesh(MeshParts, PicklesFields):
         return coarse.locate(self.corners.mean(axis=1))
 
     def refined(self, marked: ArrayLike | None = None) -> TriangleMesh:
-        """The same body with marked triangles (k,) or a mask (m,) halved in size, and neighbours as far as needed.
+        """The same body with marked triangles, numbers (k,) or a mask (m,), halved in size, and neighbours as needed.
 
-        By default each is divided into four, and further if it becomes too flat for its arc. Names are carried over.
+        By default all are marked. A triangle that is too flat for its arc is divided further. Names are kept.
         """
         return TriangleMesh(*cutting.bisected(self, marked).given)
 
     def fanned(self, vertices: IntArray, angle: float, layers: int = 1) -> TriangleMesh:
-        """The mesh with fans of thin triangles around vertices (k,), for what turns quickly around a point.
+        """The mesh with fans of thin triangles around vertices (k,), for stresses that turn quickly around a point.
 
-        None of the vertices is an end of another's edge; they keep their numbers. Triangles there have at most this
-        angle [rad], and are made half as long so many times at least: before angles are halved they are.
+        No edge joins two of the vertices; all keep their numbers. Triangles at the vertices get angles of at most
+        `angle` [rad]. In at least `layers` steps their length is halved, then each angle that is too large.
         """
         return TriangleMesh(*cutting.fanned(self, vertices, angle, layers).given)
 
     def _vertices_at(self, places: FloatArray) -> IntArray:
-        """The vertices at places (k, 2); `InputError` if there is none, or an arc ends there."""
+        """The vertices at places (k, 2) [length]; `InputError` at a place without a vertex or at the end of an arc."""
         distance = np.hypot(*(places[:, None] - self.vertices).T)  # (n, k)
-        found = np.asarray(np.argmin(distance, axis=0), dtype=np.int64)
-        bent = np.isin(found, self.topology.ends[self.bends.any(axis=1)])
-        wrong = bent | (distance.min(axis=0) > _AT_VERTEX * np.ptp(self.vertices, axis=0).max())
-        if wrong.any():
-            x, y = places[np.argmax(wrong)].tolist()
+        nearest = np.asarray(np.argmin(distance, axis=0), dtype=np.int64)
+        on_arc = np.isin(nearest, self.topology.ends[self.bends.any(axis=1)])
+        is_wrong = on_arc | (distance.min(axis=0) > _VERTEX_TOLERANCE * np.ptp(self.vertices, axis=0).max())
+        if is_wrong.any():
+            x, y = places[np.argmax(is_wrong)].tolist()
             raise InputError("points", (x, y), "give vertices of the mesh where no arc ends, or leave out `ratio`")
-        return found
+        return nearest
 
     def graded(self, points: ArrayLike, depth: int | Sequence[int], *, ratio: float | None = None) -> TriangleMesh:
         """The same body with smaller triangles at points (k, 2), in `depth` steps, a number or one for each point.
 
-        This is for points where stresses are singular or change their kind: corners, ends of contacts, of loads, of
-        stick zones. A step halves the size of the triangles at a point, and of their neighbours as far as needed. With
-        a ratio below 1 the points are vertices, and a step cuts only the triangles that meet there, across, at that
-        share of their edges from the point. Such layers are few triangles for much depth. With stresses of a high
-        degree and a ratio of 0.15 to 0.25 the error falls fastest for the number of unknowns. Names are carried over.
+        It is meant for points where stresses are singular or jump: corners, ends of contacts, of loads, of stick zones.
+        A step halves the size of the triangles at a point, and of neighbours as needed. With a ratio below 1 the points
+        must be vertices, and a step cuts only the triangles at each point, across, at this fraction of their edges from
+        the point. Such layers reach a great depth with few triangles. With a high degree and a ratio of 0.15 to 0.25
+        the error falls fastest with the number of unknowns. Names are kept.
 
         `InputError` if a point is outside the body, or with a ratio no vertex or the end of an arc, or if triangles
         would become too small to tell their vertices apart.
@@ -559,27 +560,27 @@ class TriangleMesh(MeshParts, PicklesFields):
         places = real_array("points", points, "give an array (k, 2) of coordinates")
         if places.ndim != 2 or places.shape[1] != 2 or not np.isfinite(places).all():
             raise InputError("points", points, "give an array (k, 2) of coordinates")
-        remedy = f"give a whole number from 0 to {_DEEPEST}, or one for each of the {len(places)} points"
-        given = real_array("depth", depth, remedy)
-        whole = np.asarray(depth).dtype.kind in "iu" and given.min(initial=0) >= 0 and given.max(initial=0) <= _DEEPEST
-        if not whole or given.shape not in ((), (len(places),)):
+        remedy = f"give a whole number from 0 to {_MAX_DEPTH}, or one for each of the {len(places)} points"
+        depths = real_array("depth", depth, remedy)
+        valid = np.asarray(depth).dtype.kind in "iu" and bool(((depths >= 0) & (depths <= _MAX_DEPTH)).all())
+        if not valid or depths.shape not in ((), (len(places),)):
             raise InputError("depth", depth, remedy)
-        depths = np.broadcast_to(given.astype(np.int64), len(places))
-        outside = self.locate(places) < 0
-        if outside.any():
-            x, y = places[np.argmax(outside)].tolist()
+        steps = np.broadcast_to(depths.astype(np.int64), len(places))
+        is_outside = self.locate(places) < 0
+        if is_outside.any():
+            x, y = places[np.argmax(is_outside)].tolist()
             raise InputError("points", (x, y), "give points of the body")
-        mesh, at = self, np.empty(0, dtype=np.int64)
+        mesh, vertices = self, np.empty(0, dtype=np.int64)
         if ratio is not None:
             if positive_number("ratio", ratio) >= 1.0:
                 raise InputError("ratio", ratio, "give a number below 1")
-            at = self._vertices_at(places)
-        for level in range(int(depths.max(initial=0))):
+            vertices = self._vertices_at(places)
+        for level in range(int(steps.max(initial=0))):
             try:
                 if ratio is None:
-                    mesh = mesh.refined(np.unique(mesh.around(places[depths > level])[1]))
+                    mesh = mesh.refined(np.unique(mesh.around(places[steps > level])[1]))
                 else:
-                    mesh = TriangleMesh(*cutting.layered(mesh, np.unique(at[depths > level]), ratio).given)
+                    mesh = TriangleMesh(*cutting.layered(mesh, np.unique(vertices[steps > level]), ratio).given)
             except InputError as error:
                 remedy = f"give at most {level}: triangles would become too small to tell their vertices apart"
                 raise InputError("depth", depth, remedy) from error

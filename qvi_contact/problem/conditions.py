@@ -4,12 +4,12 @@ With stresses as the unknown, a prescribed traction is the essential condition a
 natural one. Every boundary edge needs exactly one condition for each of two perpendicular components: the Cartesian
 ones, or the normal and the tangential one.
 
-A `Contact` on a joint inside the body rules no boundary edge.
+A `Contact` on a joint inside the body is no condition of a boundary edge.
 
-Signs: n is the outward normal; the tangent t is the direction along the edge with t_x > 0, or t_y > 0 where |t_x| is at
-most 1e-5 (+x on horizontal edges, +y on vertical ones), whichever way the edge faces. On joints around a block it is n
-turned clockwise, also on vertical edges: one offset all around turns the block. σ_N = n·σn is negative under pressure,
-σ_T is the tangential component of the traction σn, u_N and u_T are the components of the displacement.
+Signs: n is the outward normal. The tangent t is the direction along the edge with t_x > 0, or t_y > 0 where |t_x| is at
+most 1e-5 (+x on horizontal edges, +y on vertical ones), whichever way the edge faces. On a joint around a block t is n
+turned clockwise, also on vertical edges, so one offset all around turns the block. σ_N = n·σn is negative under
+pressure, σ_T = t·σn is the tangential traction, u_N = n·u and u_T = t·u are the components of the displacement.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from qvi_contact.errors import InputError
 from qvi_contact.problem.fields import Expression
 
 Law: TypeAlias = Literal["unilateral", "bilateral", "tied"]
-"""What a contact does across its line: it may open, it keeps its distance, or it does not move at all."""
+"""Kind of contact: it may open and slip; it slips, but keeps the gap closed; or it neither opens nor slips."""
 
 Driven: TypeAlias = Annotated[float, Scalar()]
-"""A number, which files may write as an expression of constants and t."""
+"""A number, written in problem files also as an expression of constants and the pseudo-time t."""
 
 _STIFF: Final = Varying(0.0, instead="leave it out if it is rigid, and the contact if the side is free")
 
 SHEAR_LAW: Final = ("friction", "cohesion", "shear_limit")
-"""Data of a contact that bound its shear by min(c + μ|σ_N|, t_max); none but friction has a unit, that of stress."""
+"""Data of a contact that bound its shear by min(c + μ|σ_N|, t_max): μ without a unit, c and t_max [stress]."""
 
 SPRINGS: Final = ("normal_stiffness", "tangential_stiffness")
-"""Data of a contact that make it compliant, across its line and along it."""
+"""Data of a contact with springs, normal and tangential to its line."""
 
 CARTESIAN: Final = ("x", "y")
 LOCAL: Final = ("normal", "tangential")
@@ -49,12 +49,12 @@ def components(condition: Traction | Displacement) -> dict[str, Field]:
 
 
 class _ByComponents(Checked):
-    """A condition that gives components of one kind, at least one."""
+    """A condition with one or two components, either Cartesian or normal and tangential; else `InputError`."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        stated: Any = self
-        kind, given = type(self).__name__, components(stated)
+        condition: Any = self
+        kind, given = type(self).__name__, components(condition)
         if not given:
             raise InputError(f"{kind}.x", None, "give at least one of the components x and y, or normal and tangential")
         if given.keys() & set(CARTESIAN) and given.keys() & set(LOCAL):
@@ -66,10 +66,10 @@ class _ByComponents(Checked):
 class Traction(_ByComponents):
     """Prescribed traction σn (1.5).
 
-    Exact, on elements of degree p, if both components are polynomials of degree p − 2 along each edge. Anything else is
-    projected so that the resultant force and moment of every cell edge are kept. They are integrated where the function
-    jumps, bends or peaks inside an edge too, if that shows at 99 points of it: what is narrower than a hundredth of an
-    edge may be missed.
+    With elements of degree p, tractions whose components are polynomials of degree p − 2 along each edge are met
+    exactly. Other tractions are projected onto these polynomials; the projection keeps the resultant force and moment
+    of every edge. The integrals are also accurate where the function jumps, bends or peaks inside an edge, as far as 99
+    sample points on the edge show it: a peak narrower than a hundredth of the edge may be missed.
     """
 
     edges: str
@@ -79,11 +79,11 @@ class Traction(_ByComponents):
     """Cartesian component of the traction that acts on the body [stress]; without it another condition has to give the
     component: `x = 0.0`."""
     name: Name = field(default="", metadata=key(like="edges"))
-    """What a limit analysis calls this load; the edge set's name by default: `name = "thrust"`."""
+    """Name of this load in a limit analysis; the edge set's name by default: `name = "thrust"`."""
     normal: Field | None = field(default=None, kw_only=True)
     tangential: Field | None = field(default=None, kw_only=True)
-    """Component σ_N or σ_T instead [stress], where a pressure p is normal = −p, and the tangent leads to the right, or
-    up on vertical edges, also around a hole: `normal = -10.0`."""
+    """Component σ_N or σ_T instead [stress]; a pressure p is normal = −p. The tangent points to the right, or up on
+    vertical edges, also around a hole: `normal = -10.0`."""
 
 
 @dataclass(frozen=True)
@@ -98,19 +98,19 @@ class Displacement(_ByComponents):
     `x = "-1e-3 * t"`."""
     normal: Field | None = field(default=None, kw_only=True)
     tangential: Field | None = field(default=None, kw_only=True)
-    """Component u_N or u_T instead [length], with the tangent as that of tractions: `normal = 0.0`."""
+    """Component u_N or u_T instead [length], with the same tangent as for tractions: `normal = 0.0`."""
 
 
 @dataclass(frozen=True)
 class Symmetry(Checked):
-    """Line of symmetry: no normal displacement, no tangential traction."""
+    """Line of symmetry: u_N = 0 and σ_T = 0."""
 
     edges: str
     """Name of an edge set of the mesh: `edges = "left"`."""
 
 
 DRIVES: Final = {"force_x": "x", "force_y": "y", "moment": "rotation"}
-"""What drives a rigid plate in each component: a force or moment, or a motion."""
+"""Names of the force or moment that drives a component of a rigid plate, and of the motion that can replace it."""
 
 
 @dataclass(frozen=True)
@@ -123,35 +123,35 @@ class RigidMotion:
     rotation: float
     """Rotation, counterclockwise [rad]."""
     centre: tuple[float, float]
-    """The point that the translation belongs to [length]."""
+    """Centre of the rotation [length]; u(centre) is the translation."""
 
     def at(self, points: FloatArray) -> FloatArray:
         """Displacements of points (..., 2) [length]."""
         arm = np.asarray(points) - self.centre
-        turned = self.rotation * np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
-        return np.asarray(np.array([self.x, self.y]) + turned)
+        rotation_part = self.rotation * np.stack([-arm[..., 1], arm[..., 0]], axis=-1)
+        return np.asarray(np.array([self.x, self.y]) + rotation_part)
 
 
 @dataclass(frozen=True)
 class RigidPlate(Checked):
     """A rigid obstacle, such as a plate, a stamp or a pin, that moves as a whole.
 
-    On every point of its contact, whichever way the edge there faces, its motion (x, y, rotation) adds
+    The motion (x, y, rotation) of the plate displaces each point of the obstacle by
 
-        u = (x − rotation (y − y₀),   y + rotation (x − x₀))
+        u = (x − rotation (y − y₀),   y + rotation (x − x₀)).
 
-    to where the obstacle stands: n·u to `gap`, t·u to `offset`. For each force or moment given, the resultant of the
-    tractions on the body is prescribed,
+    This adds n·u to the `gap` and t·u to the `offset` of the contact there. For each force or moment given, the
+    resultant of the tractions on the body is prescribed,
 
         ∫ t_x ds = force_x,   ∫ t_y ds = force_y,   ∫ [(x − x₀) t_y − (y − y₀) t_x] ds = moment,
 
-    and the motion in that component is unknown: the multiplier of the equation. In a component with neither force nor
-    motion the plate stands still.
+    and the motion in that component is unknown: it is the multiplier of the equation. Without a force or a motion the
+    plate does not move in that component.
     """
 
     force_x: Driven | None = field(default=None, metadata=key(symbol="F_x", unit="force"))
     force_y: Driven | None = field(default=None, metadata=key(symbol="F_y", unit="force"))
-    """Force on the body along x or y a unit of thickness [stress × length]; what presses down has force_y < 0:
+    """Force on the body along x or y per unit of thickness [stress × length]; force_y < 0 presses down:
     `force_x = -10.0`."""
     moment: Driven | None = field(default=None, metadata=key(symbol="M", unit="moment"))
     """Moment on the body about the pivot, counterclockwise [stress × length²]: `moment = 0.0`."""
@@ -164,14 +164,14 @@ class RigidPlate(Checked):
     """Rotation about the pivot, counterclockwise [rad], instead of the moment: `rotation = 0.0`."""
 
     def __post_init__(self) -> None:
-        names = [name for pair in DRIVES.items() for name in pair if getattr(self, name) is not None]
-        if not names:
+        given = [name for pair in DRIVES.items() for name in pair if getattr(self, name) is not None]
+        if not given:
             remedy = "give at least one of force_x, force_y, moment, x, y and rotation: x = 0 if it stands still"
             raise InputError("RigidPlate", None, remedy)
         super().__post_init__()
-        for name in names:
-            if DRIVES.get(name) in names:
-                remedy = f"{DRIVES[name]} is given too: what moves a plate is a force or a motion, leave one out"
+        for name in given:
+            if DRIVES.get(name) in given:
+                remedy = f"{DRIVES[name]} is given too: a plate is moved by a force or by a motion, leave one out"
                 raise InputError(f"RigidPlate.{name}", getattr(self, name), remedy)
 
     @property
@@ -185,11 +185,11 @@ class RigidPlate(Checked):
         return np.moveaxis(motion.at(np.stack([x, y], axis=-1)), -1, 0)
 
     def reference(self, x: float, y: float) -> tuple[float, float]:
-        """Arms of the moment count from here [length]: x, y as far as the forces that go with them are given."""
+        """Origin of the moment's arms [length]: x if force_y is given, y if force_x is given, otherwise the pivot's."""
         return x if self.force_y is not None else self.pivot[0], y if self.force_x is not None else self.pivot[1]
 
     def moment_about(self, x: float, y: float) -> float:
-        """The given moment about the pivot, less that of the given forces acting at (x, y) [stress × length²]."""
+        """Moment about (x, y) of the given moment and the given forces, which act at the pivot [stress × length²]."""
         x, y = self.reference(x, y)
         forces = (x - self.pivot[0]) * (self.force_y or 0.0) - (y - self.pivot[1]) * (self.force_x or 0.0)
         return (self.moment or 0.0) - forces
@@ -197,18 +197,18 @@ class RigidPlate(Checked):
 
 def disc_gap(centre: tuple[float, float], radius: float) -> Expression:
     """The distance from points to a disc [length], negative inside it."""
-    away = ", ".join(
+    differences = ", ".join(
         f"{name} {'-' if at > 0.0 else '+'} {abs(at)!r}" if at else name
         for name, at in zip("xy", (finite_number("centre", value) for value in centre), strict=True)
     )
-    return Expression(f"hypot({away}) - {positive_number('radius', radius)!r}")
+    return Expression(f"hypot({differences}) - {positive_number('radius', radius)!r}")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pin(RigidPlate):
-    """A rigid round pin or disc in a problem file, its motion as `RigidPlate`; gap and plate are made of it."""
+    """A rigid round pin or disc in a problem file; it moves as a `RigidPlate` and gives a contact's gap and plate."""
 
-    pivot: tuple[float, float] = field(default=(0.0, 0.0), metadata={"key": None})  # the centre; no key
+    pivot: tuple[float, float] = field(default=(0.0, 0.0), metadata={"key": None})  # no key: the pivot is the centre
     centre: tuple[float, float]
     """Centre, before it moves [length]: `centre = [0.0, 0.0]`."""
     radius: Positive
@@ -225,31 +225,31 @@ class Contact(Checked):
         |σ_T| < b ⇒ u_T = w,   (u_T − w) σ_T ≤ 0                            unilateral, bilateral
         u_T = w                                                             tied
 
-    A fluid of pressure p_w in the contact presses the sides apart, and the law holds for the effective normal stress
-    σ_N' = σ_N + p_w in the place of σ_N: σ_N' ≤ 0, (u_N − g) σ_N' = 0, |σ_T| ≤ min(c + μ|σ_N'|, t_max). An open contact
-    then carries σ_N = −p_w.
+    A fluid of pressure p_w in the contact presses the sides apart. The law then holds for the effective normal stress
+    σ_N' = σ_N + p_w instead of σ_N: σ_N' ≤ 0, (u_N − g) σ_N' = 0, |σ_T| ≤ min(c + μ|σ_N'|, t_max). An open contact
+    carries σ_N = −p_w.
 
-    On a joint (an edge set made by `with_joint` of the mesh) u stands for the displacement of the lower or left block
-    less that of the upper or right one, n points from the former to the latter, and g is how far the joint stands open
-    without load.
+    On a joint (an edge set made by the mesh's `with_joint`) u is the displacement of the lower or left block minus that
+    of the upper or right block, n points from the first block to the second, and g is the opening of the joint without
+    load.
     """
 
     edges: str
     """Name of an edge set or joint of the mesh: `edges = "bottom"`."""
     friction: Field = field(metadata=key(kind=Varying(0.0), needed=False, tied=False, symbol="μ"))
-    """Coefficient of friction μ ≥ 0, which files may leave out of tied contacts. With μ = 0 and a cohesion the law is
+    """Coefficient of friction μ ≥ 0; problem files may omit it for tied contacts. With μ = 0 and a cohesion the law is
     Tresca's: `friction = 0.3`."""
     gap: Field = field(default=0.0, metadata=key(symbol="gap", unit="length"))
-    """Position g of the obstacle along the outward normal [length]: positive where it stands away from the body,
-    negative where a rigid plate is pushed into it: `gap = -1e-3`."""
+    """Position g of the obstacle along the outward normal [length]: positive for an obstacle at a distance from the
+    body, negative for one that is pushed into the body: `gap = -1e-3`."""
     offset: Field = field(default=0.0, metadata=key(symbol="offset", unit="length"))
-    """Tangential displacement w of the obstacle [length], to the right, or up on vertical edges. On joints how far
-    what is below or left moves beyond the rest; around a closed joint what is inside, clockwise:
+    """Tangential displacement w of the obstacle [length], to the right, or up on vertical edges. On joints the
+    displacement of the lower or left block relative to the other; on a closed joint of the block inside, clockwise:
     `offset = "1e-3 * sin(t)"`."""
     name: Name = field(default="", metadata=key(like="edges"))
     """Key of this contact in the result; the edge set's name by default: `name = "base"`."""
     cohesion: Field = field(default=0.0, metadata=key(kind=Varying(0.0), tied=False, symbol="c", unit="stress"))
-    """Cohesion c ≥ 0 [stress]. It acts wherever the law does, also where the contact is open: `cohesion = 0.1`."""
+    """Cohesion c ≥ 0 [stress]. It acts on the whole contact, also where it is open: `cohesion = 0.1`."""
     shear_limit: Field | None = field(
         default=None, metadata=key(kind=Varying(0.0), tied=False, symbol="t_max", unit="stress")
     )
@@ -258,37 +258,37 @@ class Contact(Checked):
     """Whether the contact may open and slip, slip only, or neither. A tied contact takes no friction, cohesion or
     limit: `law = "bilateral"`."""
     plate: RigidPlate | None = None
-    """Moves the obstacle as a rigid body, by force and moment or by a motion; not on joints. Forces are the resultants
-    of the total stress, of the obstacle's own pressure and the fluid's: `plate = { force_y = -10.0 }`."""
+    """Makes the obstacle a rigid plate, moved by force and moment or by a motion; not on joints. The forces are the
+    resultants of the total stress: contact pressure plus fluid pressure: `plate = { force_y = -10.0 }`."""
     pore_pressure: Field = field(default=0.0, metadata=key(kind=Varying(0.0), tied=False, symbol="p_w", unit="stress"))
-    """Pressure p_w ≥ 0 of a fluid in the contact [stress], such as uplift under a dam. It is given, not computed, and
-    acts whether the contact is open or closed. A tied contact takes none: `pore_pressure = "0.01 * (40 - y)"`."""
+    """Given pressure p_w ≥ 0 of a fluid in the contact [stress], such as uplift under a dam. It acts whether the
+    contact is open or closed, but not on a tied contact: `pore_pressure = "0.01 * (40 - y)"`."""
     normal_stiffness: Field | None = field(default=None, metadata=key(kind=_STIFF, symbol="k_N", unit="stiffness"))
     tangential_stiffness: Field | None = field(default=None, metadata=key(kind=_STIFF, symbol="k_T", unit="stiffness"))
-    """Stiffness k_N or k_T of springs along the edges [stress/length], such as a bed or a compliant joint. The law
-    holds for u_N + σ_N'/k_N and u_T + σ_T/k_T, of which gap and slip are: `normal_stiffness = 50.0`."""
+    """Stiffness k_N or k_T of springs along the edges [stress/length], such as a bed or a compliant joint. The law,
+    and the result's gap and slip, take u_N + σ_N'/k_N and u_T + σ_T/k_T for u_N and u_T: `normal_stiffness = 50.0`."""
 
     in_files: ClassVar[dict[str, Key]] = {"pin": Key(Table(Pin), needed=False)}
     """Rigid pin, see `pin`, instead of gap and plate: `pin = { centre = [0, 0], radius = 9.95, force_x = 10.0 }`."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, each in keys_of(Contact).items():
+        for name, schema_key in keys_of(Contact).items():
             value = getattr(self, name)
-            given = callable(value) or value != defaults_of(Contact).get(name, 0.0)
-            if self.law == "tied" and not each.tied and given:
+            is_given = callable(value) or value != defaults_of(Contact).get(name, 0.0)
+            if self.law == "tied" and not schema_key.tied and is_given:
                 raise InputError(f"Contact.{name}", value, "a tied contact neither opens nor slips: leave this out")
 
     @classmethod
     def from_file(cls, *, pin: Pin | None = None, **values: Any) -> Contact:
-        """The contact that the table of a problem file states, in which a pin may give gap and plate."""
+        """The contact of a table of a problem file, in which a pin may give gap and plate."""
         if values.get("law") == "tied":
             values.setdefault("friction", 0.0)
         if "friction" not in values:
             raise InputError("friction", None, "give the coefficient of friction, 0.0 if there is none")
         if pin is not None:
             if "plate" in values or values.get("gap", 0.0) != 0.0:
-                remedy = "a pin gives the gap and what moves it: leave out gap and plate, or the pin"
+                remedy = "a pin gives the gap and its own motion: leave out gap and plate, or the pin"
                 raise InputError("pin", None, remedy)
             drives = {name: getattr(pin, name) for pair in DRIVES.items() for name in pair}
             values |= {"gap": disc_gap(pin.centre, pin.radius), "plate": RigidPlate(**drives, pivot=pin.centre)}
@@ -296,7 +296,7 @@ class Contact(Checked):
 
     @property
     def has_springs(self) -> bool:
-        """Whether it is compliant."""
+        """Whether the contact has springs, normal or tangential."""
         return any(getattr(self, name) is not None for name in SPRINGS)
 
     @property
@@ -313,10 +313,10 @@ class Contact(Checked):
     def pin(
         cls, edges: str, friction: Field, centre: tuple[float, float], radius: float, *, name: str = "", **drives: Any
     ) -> Contact:
-        """A rigid round pin or disc of this centre and radius, that moves as `RigidPlate` does about its centre.
+        """A rigid round pin or disc of this centre and radius; it moves as a `RigidPlate` with its pivot in the centre.
 
-        `drives` are force_x, force_y, moment, x, y or rotation of that. The gap is the distance from the body to the
-        disc, √((x − x₀)² + (y − y₀)²) − radius; negative where the disc is larger than its hole. Motions are small.
+        `drives` are force_x, force_y, moment, x, y or rotation of the plate. The gap is the distance from the body to
+        the disc, √((x − x₀)² + (y − y₀)²) − radius; negative where the disc is larger than its hole. Motions are small.
         """
         plate = RigidPlate(**drives, pivot=centre)
         return cls(edges, friction, disc_gap(plate.pivot, radius), name=name, plate=plate)
@@ -328,7 +328,7 @@ class Contact(Checked):
 
     @classmethod
     def tied(cls, edges: str, gap: Field = 0.0, offset: Field = 0.0, name: str = "") -> Contact:
-        """Neither opens nor slips: u_N = g, u_T = w; reports tractions like any contact."""
+        """Tied contact, which neither opens nor slips: u_N = g, u_T = w. The result has its tractions too."""
         return cls(edges, 0.0, gap, offset, name, law="tied")
 
 
@@ -337,12 +337,12 @@ Condition: TypeAlias = Traction | Displacement | Symmetry | Contact
 
 def has_coulomb(contact: Contact) -> bool:
     """Whether the friction bound depends on the pressure."""
-    limited = contact.shear_limit is not None and not acts(contact.shear_limit)
-    return contact.law != "tied" and not limited and acts(contact.friction)
+    shear_free = contact.shear_limit is not None and not acts(contact.shear_limit)
+    return contact.law != "tied" and not shear_free and acts(contact.friction)
 
 
 def is_frictionless(contact: Contact) -> bool:
-    """Whether a contact is open or closed, with nothing that could stick or slip."""
+    """Whether a contact that is not tied carries no shear."""
     return contact.law != "tied" and not bears_shear(contact)
 
 

@@ -1,4 +1,4 @@
-"""Functions of position: polynomials and expressions, which files hold; values at points; and fields on edges."""
+"""Functions of position: polynomials and expressions, which files can hold; values at points; fields along edges."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from qvi_contact.mesh.triangles import TriangleMesh
 from solvers.basics.types import PicklesFields, load
 from solvers.errors import known_name
 
-_LONGEST: Final = 2000  # characters of an expression
-_MOST_POWERS: Final = 100  # of x, and of y
+_MAX_LENGTH: Final = 2000  # characters of an expression
+_MAX_POWERS: Final = 100  # rows, and columns, of the coefficients of a polynomial
 _VARIABLES: Final = ("x", "y", "t")
 
 FUNCTIONS: Final[Mapping[str, Any]] = MappingProxyType(
@@ -53,30 +53,27 @@ _OPERATORS: Final = {
 
 @dataclass(frozen=True)
 class Polynomial:
-    """The function Σ_ij c_ij xⁱ yʲ.
-
-    ``coefficients[i][j]`` is c_ij; short rows are filled up with zeros.
-    """
+    """The function Σ_ij c_ij xⁱ yʲ, where ``coefficients[i][j]`` is c_ij and short rows end with zeros."""
 
     coefficients: Sequence[Sequence[float]]
 
     def __post_init__(self) -> None:
         remedy = "give rows of finite real numbers, [i][j] for xⁱ yʲ, at least one"
         try:
-            table = [real_array("Polynomial", row, remedy) for row in self.coefficients]
+            rows = [real_array("Polynomial", row, remedy) for row in self.coefficients]
         except TypeError as error:
             raise InputError("Polynomial", self.coefficients, remedy) from error
-        if any(row.ndim != 1 or not np.isfinite(row).all() for row in table) or not any(row.size for row in table):
+        if any(row.ndim != 1 or not np.isfinite(row).all() for row in rows) or not any(row.size for row in rows):
             raise InputError("Polynomial", self.coefficients, remedy)
-        if max([len(table), *map(len, table)]) > _MOST_POWERS:
-            raise InputError("Polynomial", self.coefficients, f"give powers of x and y below {_MOST_POWERS}")
-        rows = tuple(tuple(row.tolist()) for row in table)
-        object.__setattr__(self, "coefficients", rows)
+        if max([len(rows), *map(len, rows)]) > _MAX_POWERS:
+            raise InputError("Polynomial", self.coefficients, f"give powers of x and y below {_MAX_POWERS}")
+        coefficients = tuple(tuple(row.tolist()) for row in rows)
+        object.__setattr__(self, "coefficients", coefficients)
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y)."""
-        table = np.array(list(zip_longest(*self.coefficients, fillvalue=0.0))).T
-        return np.asarray(polynomial.polyval2d(x, y, table))
+        coefficients = np.array(list(zip_longest(*self.coefficients, fillvalue=0.0))).T
+        return np.asarray(polynomial.polyval2d(x, y, coefficients))
 
 
 def times(field: Field, factor: float) -> Field:
@@ -97,10 +94,11 @@ def plus(field: Field, number: float) -> Field:
 
 @dataclass(frozen=True)
 class BodyForces(PicklesFields):
-    """Several body forces by name: a potential φ = Σ φ_name whose parts limit loads and sweeps can multiply.
+    """Several body forces by name: a potential φ = Σ φ_name [stress] whose parts limit loads and sweeps can multiply.
 
-    Parts are numbers or functions of (x, y) [stress]: weight is ρ g y, an acceleration a along x the potential −ρ a x.
-    `InputError` if there is no part, a name is no text or means something already, or a part is no number or function.
+    Each part is a number or a function of (x, y): the weight has the potential ρ g y, an acceleration a along x the
+    potential −ρ a x. `InputError` if there is no part, a name is not a text or is taken, or a part is no number and no
+    function.
     """
 
     parts: Mapping[str, Any] = field(hash=False)
@@ -115,7 +113,7 @@ class BodyForces(PicklesFields):
         object.__setattr__(self, "parts", MappingProxyType(parts))
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Values at (x, y): of all parts together."""
+        """The sum of all parts at (x, y)."""
         x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
         return np.asarray(sum(evaluate(f"BodyForces.{name}", part, x, y) for name, part in self.parts.items()))
 
@@ -124,9 +122,9 @@ class BodyForces(PicklesFields):
 class Expression:
     """A function written as text, such as ``"1e6 * where(x < 0.5, x, 0.5) * sin(pi * t)"``.
 
-    It is in x, y [length], t (pseudo-time of a load history), constants by name, and ``pi``, which is always there.
-    Its tree has numbers, these names, + - * / **, comparisons and the `FUNCTIONS` alone; anything else is refused, so
-    an expression can never run code. `InputError` if the text is no such expression, naming the part that is wrong.
+    Its variables are x, y [length] and t (pseudo-time of a load history); constants have names, and ``pi`` is always
+    known. An expression consists of numbers, these names, + - * / **, comparisons and the `FUNCTIONS`. Anything else is
+    refused, so an expression never runs code. `InputError` for any other text names the part that is wrong.
     """
 
     text: str
@@ -140,46 +138,46 @@ class Expression:
         for name, value in self.constants.items():
             if name in (*_VARIABLES, "pi", *FUNCTIONS):
                 raise InputError(f"constants.{name}", value, "this name means something already: choose another one")
-        # a copy, which later changes of the caller's do not reach; NumPy's numbers have limits, or fewer digits
+        # a copy, so the caller's later changes have no effect; floats, as NumPy's integers overflow and float32 rounds
         constants = {name: finite_number(f"constants.{name}", value) for name, value in self.constants.items()}
         object.__setattr__(self, "constants", constants)
         _ = self._tree
         try:
-            self(np.array([0.25, 0.75]), np.array([0.25, 0.75]))  # all of it, so that a bad text is refused here
+            self(np.array([0.25, 0.75]), np.array([0.25, 0.75]))  # refuse here what cannot be evaluated
         except Exception as error:
             raise InputError("expression", self.text, f"cannot be evaluated: {error}") from error
 
     @cached_property
     def _tree(self) -> ast.expr:
-        if not isinstance(self.text, str) or len(self.text) > _LONGEST:
-            raise InputError("expression", self.text, f"give a text of at most {_LONGEST} characters")
+        if not isinstance(self.text, str) or len(self.text) > _MAX_LENGTH:
+            raise InputError("expression", self.text, f"give a text of at most {_MAX_LENGTH} characters")
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # such as for 1(x): refused below
+                warnings.simplefilter("ignore")  # SyntaxWarning for texts such as 1(x), which `_value` refuses
                 tree = ast.parse(self.text.strip(), mode="eval")
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-            told = getattr(error, "msg", str(error))
-            raise InputError("expression", self.text, f"is not an expression in x, y and t ({told})") from error
+            reason = getattr(error, "msg", str(error))
+            raise InputError("expression", self.text, f"is not an expression in x, y and t ({reason})") from error
         return tree.body
 
     @property
     def names(self) -> set[str]:
-        """All names that occur: of coordinates, t, constants and functions."""
+        """All names in the expression: of coordinates, t, constants and functions."""
         return {node.id for node in ast.walk(self._tree) if isinstance(node, ast.Name)}
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y)."""
         names = {"x": np.asarray(x, float), "y": np.asarray(y, float), "t": self.t, "pi": np.pi, **self.constants}
-        with np.errstate(all="ignore"):  # what is not finite is refused where it is used
+        with np.errstate(all="ignore"):  # `evaluate` refuses values that are not finite
             value = _value(self._tree, names)
         return np.array(np.broadcast_to(np.asarray(value, dtype=float), np.shape(x)))
 
 
 def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
-    """The value of a part of an expression; `ValueError`, naming it, for whatever is not arithmetic."""
+    """The value of a part of an expression; `ValueError` with the part's text if it is not arithmetic."""
     match node:
         case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
-            return float(number)  # arithmetic of whole numbers has no limit
+            return float(number)  # powers of Python's integers could grow without limit
         case ast.Name(id=name) if name in names:
             return names[name]
         case ast.UnaryOp(op=op, operand=operand) if type(op) in _OPERATORS:
@@ -189,12 +187,12 @@ def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
         case ast.Compare(left=left, ops=ops, comparators=others) if all(type(op) in _OPERATORS for op in ops):
             sides = [_value(each, names) for each in (left, *others)]
             pairs = zip(ops, sides, sides[1:], strict=False)
-            holds = reduce(np.logical_and, [_OPERATORS[type(op)](one, other) for op, one, other in pairs])
-            return np.asarray(holds, float)  # a sum of truths were a truth, a root of one had few digits
-        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=named) if name in FUNCTIONS:
-            wanted = _ARGUMENTS.get(name, 1)  # more would be taken for the place to write the result to
-            if named or len(arguments) != wanted:
-                raise ValueError(f"{name} takes {wanted} argument{'s' if wanted > 1 else ''}")
+            all_true = reduce(np.logical_and, [_OPERATORS[type(op)](one, other) for op, one, other in pairs])
+            return np.asarray(all_true, float)  # a sum of booleans would be a boolean, a root of one half precision
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=keywords) if name in FUNCTIONS:
+            n_arguments = _ARGUMENTS.get(name, 1)  # NumPy would write its result to a further argument
+            if keywords or len(arguments) != n_arguments:
+                raise ValueError(f"{name} takes {n_arguments} argument{'s' if n_arguments > 1 else ''}")
             return FUNCTIONS[name](*(_value(each, names) for each in arguments))
         case ast.Call(func=function):
             raise ValueError(f"{ast.unparse(function)} is not a known function; there are {', '.join(FUNCTIONS)}")
@@ -204,16 +202,17 @@ def _value(node: ast.AST, names: Mapping[str, Any]) -> Any:
         ast.BitXor: "write ** for powers", ast.IfExp: "write where(condition, then, else)",
         ast.Compare: "compare by < <= > >=", ast.And: "write min(one, other)", ast.Or: "write max(one, other)",
     }  # fmt: skip
-    refused = f"{ast.unparse(node)} is not allowed: use numbers, x, y, t, + - * / ** and functions"
-    raise ValueError(hints.get(type(getattr(node, "op", node)), refused))
+    remedy = f"{ast.unparse(node)} is not allowed: use numbers, x, y, t, + - * / ** and functions"
+    raise ValueError(hints.get(type(getattr(node, "op", node)), remedy))
 
 
 def along_edges(
     mesh: TriangleMesh, edges: Edges, name: str, field: Field, points: int = 8, *, minimum: float | None = None
 ) -> EdgeQuadrature:
-    """A field on edges; so many Gauss points on each, or on each of its parts where the field jumps or bends.
+    """Values of a field at Gauss points of edges: `points` on each edge, or on each part of a divided edge.
 
-    `InputError` if the field fails, is not finite or is below the minimum somewhere; `name` is what it is called then.
+    Edges are divided where the field jumps or bends. `InputError`, which calls the field by `name`, if it fails, is not
+    finite or is below the minimum at a point.
     """
     if not callable(field):
         check_field(name, field, minimum=minimum)
@@ -225,16 +224,16 @@ def along_edges(
     return adapted(values, len(edges), points, rounding_along(mesh.vertices, edges))
 
 
-_BEYOND: Final = 1.0  # what their barycentric coordinates may be below 0 where they are extended
+_EXTENSION: Final = 1.0  # triangles of point data are extended to points with barycentric coordinates of at least −1
 
 
 @dataclass(frozen=True, eq=False)
 class PointData:
     """The function that is linear on each triangle of a mesh and has these values (v,) at the vertices.
 
-    The mesh need not be that of the problem. Beside chords of its boundary, as along an arc, the nearest triangle is
-    extended. `InputError` if there is not one finite value for each vertex; later, if a point lies far outside of the
-    triangles.
+    The mesh may differ from that of the problem. A point just outside, as between an arc and its chord, gets its value
+    by extending the nearest triangle. `InputError` if there is not one finite value for each vertex, and when the
+    function is called at a point far outside the triangles.
     """
 
     mesh: TriangleMesh
@@ -253,23 +252,23 @@ class PointData:
     def load(cls, path: str | Path, name: str) -> PointData:
         """The point data of that name in a file that meshio reads, such as .vtu, .vtk, .msh or .med.
 
-        Quadrilaterals are cut in two. `InputError` if meshio is missing, the file cannot be read, has no such cells and
-        no triangles, or no such data with one number a point.
+        Quadrilaterals are cut into two triangles. `InputError` if meshio is missing, the file cannot be read, or it has
+        no triangles and quadrilaterals, or no data of that name with one number per point.
         """
-        path, printed, meshio = given_path("file", path), StringIO(), load("meshio")
+        path, stderr, meshio = given_path("file", path), StringIO(), load("meshio")
         try:
-            with open_regular(path), redirect_stderr(printed):
-                read: Any = meshio.read(path)
+            with open_regular(path), redirect_stderr(stderr):
+                file: Any = meshio.read(path)
         except FileNotFoundError as error:
             raise InputError("file", str(path), "there is no such file: correct its name or folder") from error
-        except (Exception, SystemExit) as error:  # whatever a broken file makes a reader stumble over
-            told = " ".join(f"{error} {printed.getvalue()}".split()) or type(error).__name__
-            raise InputError("file", str(path), f"cannot be read ({told}): write the file again") from error
-        data = read.point_data[known_name("data", name, {"point data": read.point_data})]
-        cells = triangles_of(read.points[:, :2], corners_of(read.cells))[0]
+        except (Exception, SystemExit) as error:  # readers of meshio fail on broken files in many ways
+            reason = " ".join(f"{error} {stderr.getvalue()}".split()) or type(error).__name__
+            raise InputError("file", str(path), f"cannot be read ({reason}): write the file again") from error
+        data = file.point_data[known_name("data", name, {"point data": file.point_data})]
+        cells = triangles_of(file.points[:, :2], corners_of(file.cells))[0]
         if not len(cells) or np.ndim(data) != 1:
             raise InputError("file", str(path), f"needs triangles, and one number a point as {name!r}")
-        mesh = MeshParts(read.points[:, :2], cells).without_others()
+        mesh = MeshParts(file.points[:, :2], cells).without_others()
         return cls(TriangleMesh(*mesh.given), np.asarray(data, dtype=float)[np.unique(cells)])
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -277,9 +276,9 @@ class PointData:
         points = np.column_stack([np.ravel(x), np.ravel(y)])
         cells = self.mesh.locate(points)
         outside = np.flatnonzero(cells < 0)
-        point, near = self.mesh.around(points[outside], _BEYOND)
-        order = self.mesh.reference(near, points[outside[point]]).min(axis=1).argsort(kind="stable")
-        cells[outside[point[order]]] = near[order]  # the triangles that they are least far from come last
+        outside_point, nearby_cell = self.mesh.around(points[outside], _EXTENSION)
+        order = self.mesh.reference(nearby_cell, points[outside[outside_point]]).min(axis=1).argsort(kind="stable")
+        cells[outside[outside_point[order]]] = nearby_cell[order]  # the last value counts: the nearest triangle
         if (cells < 0).any():
             place = tuple(points[np.argmin(cells)].tolist())
             raise InputError("PointData", place, "this point lies outside of the triangles of the data")

@@ -1,11 +1,11 @@
-"""Materials: linear elastic in plane stress or plane strain, and what they can carry: yield criteria, as cones.
+"""Materials: linear elasticity in plane stress or plane strain, yield criteria as cones, and initial strain.
 
-With S = σ_xx + σ_yy and R = |(σ_xx − σ_yy, 2σ_xy)|, the difference of the principal stresses in the plane, every
-criterion here is a list of second-order cones
+Yield criteria. With S = σ_xx + σ_yy and R = |(σ_xx − σ_yy, 2σ_xy)|, the difference of the principal stresses in the
+plane, every criterion here is a list of second-order cones
 
     |(γ S, σ_xx − σ_yy, 2σ_xy)| ≤ a − β S,
 
-compression being negative. The flow rule is associated: a body that yields flows along the normal of its cones.
+compression being negative. The flow rule is associated: plastic strain rates are normal to the cones.
 
 | strength     | plane strain                                | plane stress, in addition or instead                 |
 |--------------|---------------------------------------------|------------------------------------------------------|
@@ -16,16 +16,14 @@ compression being negative. The flow rule is associated: a body that yields flow
 
 with f_t = 2c cos φ/(1 + sin φ) and f_c = 2c cos φ/(1 − sin φ).
 
-Initial strain: what temperature, shrinkage and prestress strain a body without stress, or stress without strain.
-
-With α ΔT of `Material.expansion` and the temperature, the shrinkage s and the prestress σ_p, a free piece of material
-strains by e = α ΔT − s in all directions of space, and the law of the body is
+Initial strain. With the thermal strain α ΔT (`Material.expansion`, `ContactProblem.temperature`), the shrinkage s and
+the prestress σ_p, a free piece of material strains by e = α ΔT − s in all directions of space, and the elastic law is
 
     c σ = ε(u) − ε⁰,      σ = C ε(u) + σ⁰,      σ⁰ = −C ε⁰ = σ_p − E e/(1 − ν) I      in plane stress,
                                                      = σ_p − E e/(1 − 2ν) I     in plane strain,
 
-where ε⁰ = (1 + ν) e I, as the body is held along z. σ⁰ is the stress of a body that is held everywhere. It is what the
-package computes with: the energies are
+where −cσ_p is a part of ε⁰. The rest of ε⁰ is e I in plane stress, and (1 + ν) e I in plane strain, where ε_zz = 0.
+σ⁰ is the stress of a body whose displacements are zero everywhere. The package computes with σ⁰; the energies are
 
     J*(σ) = ½ ∫ cσ:σ dx + ∫ ε⁰:σ dx − …,      J(v) = ½ ∫ (ε(v) − ε⁰) : C : (ε(v) − ε⁰) dx − …
 """
@@ -49,21 +47,21 @@ if TYPE_CHECKING:
     from qvi_contact.problem.problem import ContactProblem
 
 Plane: TypeAlias = Literal["stress", "strain"]
-"""Whether σ_zz or ε_zz is zero."""
+"""Plane stress (σ_zz = 0) or plane strain (ε_zz = 0)."""
 
-_STRONG: Final = Varying(0.0, instead="leave the strength out if the body does not yield")
-Strong: TypeAlias = Annotated[Field, _STRONG]
+_POSITIVE_FIELD: Final = Varying(0.0, instead="leave the strength out if the body does not yield")
+PositiveField: TypeAlias = Annotated[Field, _POSITIVE_FIELD]
 
 
 class YieldCone(NamedTuple):
     """One cone |(γ S, σ_xx − σ_yy, 2σ_xy)| ≤ a − β S."""
 
     name: str
-    """What messages call the field behind a, such as "Tresca.c"."""
+    """Name in messages of the strength that a is proportional to, such as "Tresca.c"."""
     field: Field
-    """The field, at least 0 [stress]."""
+    """This strength, at least 0 [stress]."""
     factor: float | FloatArray
-    """a over that field; an array where it is for several angles of friction."""
+    """a divided by the strength; an array for an array of angles of friction."""
     pressure: float | FloatArray = 0.0
     """β."""
     mean: float = 0.0
@@ -74,12 +72,12 @@ class YieldCone(NamedTuple):
 class Tresca(Checked):
     """Largest shear stress: half the difference of the principal stresses is at most c. For undrained clay c is s_u."""
 
-    c: Strong
+    c: PositiveField
     """Strength in shear, positive [stress]; half the yield stress in tension: `c = 20.0`."""
     kind: ClassVar[str] = "tresca"
 
     def cones(self, plane: Plane) -> Iterator[YieldCone]:
-        """Its cones in that plane state."""
+        """The criterion's cones in this plane state."""
         yield YieldCone("Tresca.c", self.c, 2.0)
         if plane == "stress":
             yield YieldCone("Tresca.c", self.c, 4.0, 1.0)
@@ -88,14 +86,14 @@ class Tresca(Checked):
 
 @dataclass(frozen=True)
 class Mises(Checked):
-    """Von Mises: the equivalent stress is at most the yield stress. In plane strain a Tresca body with c = σ_0/√3."""
+    """Von Mises: the equivalent stress is at most the yield stress. In plane strain equal to Tresca with c = σ_0/√3."""
 
-    yield_stress: Strong
+    yield_stress: PositiveField
     """Yield stress σ_0 in tension, positive [stress]: `yield_stress = 235.0`."""
     kind: ClassVar[str] = "mises"
 
     def cones(self, plane: Plane) -> Iterator[YieldCone]:
-        """Its cone in that plane state."""
+        """The criterion's cone in this plane state."""
         mean = 1.0 / math.sqrt(3.0) if plane == "stress" else 0.0
         yield YieldCone("Mises.yield_stress", self.yield_stress, 2.0 / math.sqrt(3.0), 0.0, mean)
 
@@ -104,8 +102,9 @@ class Mises(Checked):
 class MohrCoulomb(Checked):
     """Cohesion and friction: |τ| ≤ c − σ tan φ on every plane, and no tension above the cut-off.
 
-    Where φ varies on a part of a triangle, limit loads count there from below with what each of its angles carries,
-    from above with a cone around all of them. That has no end where φ begins at zero without a cut-off.
+    Where φ varies within a part of a triangle, the lower bound of a limit load satisfies the criterion of every angle
+    there, and the upper bound uses one cone that contains all of them. That cone is unbounded where φ begins at zero
+    without a cut-off.
     """
 
     c: Annotated[Field, Varying(0.0)]
@@ -113,7 +112,7 @@ class MohrCoulomb(Checked):
     phi: Annotated[Field, Varying(0.0)]
     """Angle of friction φ, from 0 to below π/2 [rad]: `phi = "30 * pi / 180"`."""
     tension: Annotated[Field, Varying(0.0)] | None = None
-    """Largest tensile stress t, at least 0 [stress]; without it c cot φ is: `tension = 0.0`."""
+    """Largest tensile stress t, at least 0 [stress]; c cot φ by default: `tension = 0.0`."""
     kind: ClassVar[str] = "mohr-coulomb"
 
     def __post_init__(self) -> None:
@@ -121,10 +120,10 @@ class MohrCoulomb(Checked):
         if not callable(self.phi):
             self.angles(np.zeros(1), np.zeros(1))
             if self.phi == 0.0:
-                _STRONG.check("MohrCoulomb.c", self.c)
+                _POSITIVE_FIELD.check("MohrCoulomb.c", self.c)
 
     def angles(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """The angle of friction φ at points; `InputError` if it is out of its range."""
+        """The angle of friction φ [rad] at points; `InputError` if it is out of range."""
         phi = evaluate("MohrCoulomb.phi", self.phi, x, y, minimum=0.0)
         if (phi >= math.pi / 2.0).any():
             remedy = "give the angle of friction in radians, from 0 to below pi/2: 30 degrees are 0.5236"
@@ -132,7 +131,7 @@ class MohrCoulomb(Checked):
         return phi
 
     def cones(self, plane: Plane, phi: FloatArray | float | None = None) -> Iterator[YieldCone]:
-        """Its cones in that plane state, for given angles where φ is no number."""
+        """The criterion's cones in this plane state; `phi` has the angles [rad] if φ is a function of position."""
         angle = cast("FloatArray | float", self.phi if phi is None else phi)
         sine, cosine = np.sin(angle), np.cos(angle)
         yield YieldCone("MohrCoulomb.c", self.c, 2.0 * cosine, sine)
@@ -145,21 +144,21 @@ class MohrCoulomb(Checked):
 
 @dataclass(frozen=True)
 class NoTension(Checked):
-    """Masonry after Heyman: no tension in any direction, and crushing at f if that is given."""
+    """Heyman's masonry: no tension in any direction, and crushing at f if f is given."""
 
-    crushing: Strong | None = None
+    crushing: PositiveField | None = None
     """Strength f in compression, positive [stress]; without it there is no limit: `crushing = 4.0`."""
     kind: ClassVar[str] = "no-tension"
 
     def cones(self, plane: Plane) -> Iterator[YieldCone]:  # noqa: ARG002  # as in all of them
-        """Its cones, the same in both plane states."""
+        """The criterion's cones, the same in both plane states."""
         yield YieldCone("NoTension", 0.0, 2.0, 1.0)
         if self.crushing is not None:
             yield YieldCone("NoTension.crushing", self.crushing, 2.0, -1.0)
 
 
 Strength: TypeAlias = Tresca | Mises | MohrCoulomb | NoTension
-"""What a material can carry."""
+"""A yield criterion."""
 
 
 @dataclass(frozen=True)
@@ -174,15 +173,14 @@ class Material(Checked):
     plane: Plane = "stress"
     """Plane stress or plane strain, κ = 0 or 1 in the compliance: `plane = "strain"`."""
     strength: Strength | None = None
-    """What the material can carry in a limit analysis; without it any stress. `solve` stays elastic: `strength = { law
-    = "tresca", c = 1.0 }`."""
+    """Yield criterion for limit analysis; without it the material carries any stress. `solve` ignores it: `strength = {
+    law = "tresca", c = 1.0 }`."""
     expansion: Annotated[float, Scalar()] = 0.0
     """Coefficient of thermal expansion α [1/temperature], see `ContactProblem.temperature`: `expansion = 1.2e-5`."""
     shrinkage: Field = 0.0
-    """Strain by which a free piece contracts in all directions, such as that of concrete as it dries: `shrinkage =
-    3e-4`."""
+    """Strain by which a free piece contracts in all directions, such as drying concrete: `shrinkage = 3e-4`."""
     prestress: tuple[Field, Field, Field] | None = None
-    """Stress (xx, yy, xy) of the body where it is not strained [stress]: `prestress = [-2.0, 0.0, 0.0]`."""
+    """Stress (xx, yy, xy) of the body at zero strain [stress]: `prestress = [-2.0, 0.0, 0.0]`."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -194,7 +192,7 @@ class Material(Checked):
 
     @property
     def incompressible(self) -> bool:
-        """Whether a constant pressure in the plane strains it not at all: plane strain with ν = 0.5."""
+        """Whether a constant pressure in the plane causes no strain: plane strain with ν = 0.5."""
         return self.plane == "strain" and self.poisson == 0.5
 
     @property
@@ -215,47 +213,47 @@ class Material(Checked):
 
 @dataclass(frozen=True)
 class Region(Checked):
-    """A part of the body with a material of its own: a named region of the mesh, or what lies in ranges of x and y.
+    """A part of the body with its own material: a named region of the mesh, or the triangles in ranges of x and y.
 
-    Across the border the tractions agree and the bodies are bonded.
+    The part is bonded to its neighbours: tractions and displacements are continuous across the border.
     """
 
     material: Annotated[Material, Inline(Material, ("plane",))]
-    """Its material, in the plane state of the rest of the body."""
+    """The material of the region, in the plane state of the rest of the body."""
     x: tuple[float, float] | None = None
     y: tuple[float, float] | None = None
-    """Range along x or y [length] that ends on edges of the mesh; without it all of the mesh: `x = [0.0, 0.5]`."""
+    """Range along x or y [length] that ends on edges of the mesh; unlimited by default: `x = [0.0, 0.5]`."""
     name: Name | None = None
-    """Name of a region of the mesh; beside ranges what to call the part that lies in them: `name = "inclusion"`."""
+    """Name of a region of the mesh; if ranges are given, a new name for the part in them: `name = "inclusion"`."""
     temperature: Field | None = None
-    """Rise of temperature here, instead of that of the body: `temperature = 60.0`."""
+    """Rise of temperature in the region, instead of the body's: `temperature = 60.0`."""
 
     def cells(self, mesh: TriangleMesh, before: Sequence[Region] = ()) -> IntArray:
-        """Numbers of the triangles of a mesh that lie in it, in ascending order.
+        """Numbers of the mesh's triangles in the region, in ascending order.
 
-        `InputError` if ranges cut triangles, or have a name that the mesh, or a region before, has.
+        `InputError` if ranges cut triangles, or their name is that of a region of the mesh or of a region `before`.
         """
         if self.name is not None and self.x is self.y is None:
             return mesh.region(self.name)
-        found = triangles_in_box(mesh.vertices, mesh.cells, self.x, self.y)
+        cells = triangles_in_box(mesh.vertices, mesh.cells, self.x, self.y)
         if self.name is not None:
             new_name(self.name, {*mesh.regions, *(each.name for each in before if each.name)}, "region")
-        return found
+        return cells
 
 
 def cell_materials(mesh: TriangleMesh, regions: Sequence[Region]) -> IntArray:
-    """For each cell 0 for the body's own material, else 1 + the number of the last region it lies in; (cells,)."""
-    number = np.zeros(mesh.cell_count, dtype=np.int64)
-    for index, region in enumerate(regions):
-        number[region.cells(mesh, regions[:index])] = 1 + index
-    return number
+    """Index of each cell's material, shape (cells,): 0 outside regions, else 1 + the number of its last region."""
+    material_of_cell = np.zeros(mesh.cell_count, dtype=np.int64)
+    for number, region in enumerate(regions):
+        material_of_cell[region.cells(mesh, regions[:number])] = 1 + number
+    return material_of_cell
 
 
 # initial strain
 
 
 def is_strained(problem: ContactProblem) -> bool:
-    """Whether a part of the body has an initial strain, be it constant."""
+    """Whether a part of the body has an initial strain, constant or not."""
     return any(
         material.prestress is not None
         or acts(material.shrinkage)
@@ -265,7 +263,7 @@ def is_strained(problem: ContactProblem) -> bool:
 
 
 def varies(problem: ContactProblem) -> bool:
-    """Whether a part of it is a function of position."""
+    """Whether a datum of the initial strain is a function of position."""
     fields = [problem.temperature, *(region.temperature for region in problem.regions)]
     for material in problem.materials:
         fields += [material.shrinkage, *(material.prestress or ())]
@@ -273,49 +271,49 @@ def varies(problem: ContactProblem) -> bool:
 
 
 def stress_at_rest(problem: ContactProblem, cells: IntArray, x: FloatArray, y: FloatArray) -> FloatArray:
-    """σ⁰ = −C ε⁰ (xx, yy, xy) at points of cells (k,), from coordinates (k, …) [length] to (k, …, 3) [stress]."""
-    found = np.zeros((*np.shape(x), 3))
-    for material, here, swelling, prestress in _strained(problem, cells, x, y):
-        if swelling.any():
+    """σ⁰ = −C ε⁰ (xx, yy, xy) [stress], shape (k, …, 3), at points x, y (k, …) [length] of the cells (k,)."""
+    stress = np.zeros((*np.shape(x), 3))
+    for material, is_here, strain, prestress in _initial_strains(problem, cells, x, y):
+        if strain.any():
             nu = material.poisson
             modulus = material.young / (1.0 - (2.0 * nu if material.plane == "strain" else nu))
-            found[here, ..., :2] -= modulus * swelling[..., None]
+            stress[is_here, ..., :2] -= modulus * strain[..., None]
         for component, values in enumerate(prestress):
-            found[here, ..., component] += values
-    return found
+            stress[is_here, ..., component] += values
+    return stress
 
 
 def stress_along_z(
     problem: ContactProblem, cells: IntArray, x: FloatArray, y: FloatArray, stress: FloatArray
 ) -> FloatArray:
-    """σ_zz (k, …) of stresses (k, …, 3) at such points: 0 in plane stress, else ν (σ_xx + σ_yy) + what is held along z.
+    """σ_zz (k, …) [stress] for stresses (k, …, 3) at points x, y (k, …) of the cells (k,).
 
-    That is −E e, and −ν times the prestress in the plane, which has no part along z.
+    It is 0 in plane stress, and ν (σ_xx + σ_yy − σ_p,xx − σ_p,yy) − E e in plane strain.
     """
-    found = np.zeros(np.shape(x))
-    for material, here, swelling, prestress in _strained(problem, cells, x, y):
+    sigma_zz = np.zeros(np.shape(x))
+    for material, is_here, strain, prestress in _initial_strains(problem, cells, x, y):
         if material.plane == "strain":
-            strained = stress[here, ..., :2].sum(axis=-1) - sum(prestress[:2], np.zeros(swelling.shape))
-            found[here] = material.poisson * strained - material.young * swelling
-    return found
+            in_plane = stress[is_here, ..., :2].sum(axis=-1) - sum(prestress[:2], np.zeros(strain.shape))
+            sigma_zz[is_here] = material.poisson * in_plane - material.young * strain
+    return sigma_zz
 
 
 def _temperature(problem: ContactProblem, number: int) -> Field:
-    """That of the part with this number in `ContactProblem.materials`."""
-    own = problem.regions[number - 1].temperature if number else None
-    return problem.temperature if own is None else own
+    """The temperature where the material is the one with this index in `ContactProblem.materials`."""
+    regional = problem.regions[number - 1].temperature if number else None
+    return problem.temperature if regional is None else regional
 
 
-def _strained(
+def _initial_strains(
     problem: ContactProblem, cells: IntArray, x: FloatArray, y: FloatArray
 ) -> Iterator[tuple[Material, BoolArray, FloatArray, list[FloatArray]]]:
-    """Materials of cells (k,), which of these have each, and e = α ΔT − s and the prestress at their points."""
+    """For each material of the cells (k,): a mask of its cells, e = α ΔT − s and the prestress at their points."""
     numbers = problem.cell_materials[cells]
     for number in np.unique(numbers).tolist():
-        material, temperature, here = problem.materials[number], _temperature(problem, number), numbers == number
-        place = x[here], y[here]
-        swelling = -evaluate("Material.shrinkage", material.shrinkage, *place)
+        material, temperature, is_here = problem.materials[number], _temperature(problem, number), numbers == number
+        points = x[is_here], y[is_here]
+        strain = -evaluate("Material.shrinkage", material.shrinkage, *points)
         if material.expansion != 0.0 and acts(temperature):
-            swelling += material.expansion * evaluate("ContactProblem.temperature", temperature, *place)
-        prestress = [evaluate("Material.prestress", field, *place) for field in material.prestress or ()]
-        yield material, here, swelling, prestress
+            strain += material.expansion * evaluate("ContactProblem.temperature", temperature, *points)
+        prestress = [evaluate("Material.prestress", field, *points) for field in material.prestress or ()]
+        yield material, is_here, strain, prestress
