@@ -208,18 +208,23 @@ def star_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> float:
 
 def _gain(problem: ContactProblem, sides: list[FloatArray]) -> float:
     """G with ‖∇ψ‖² ≤ G ‖ω‖² for a ψ of divergence ω, the rotation of any displacement, zero where these are free."""
-    from scipy.optimize import minimize  # slow to import, and few bodies need it
+    from scipy.optimize import fmin_slsqp  # slow to import, and few bodies need it
 
     mesh, boundary = problem.mesh, problem.mesh.boundary
-    corners = mesh.vertices[np.unique(mesh.cells)]
+    corners = mesh.vertices[np.unique([boundary.first, boundary.second])]
+    middle = corners.mean(axis=0)
+    corners, starts = ((each - middle) / mesh.length for each in (corners, mesh.vertices[boundary.first]))
+    # r/R at y/t, t = 1/R, is the largest ρ ≤ b t − n·y of all edges n·x = b, with |t x − y| ≤ 1 at all vertices x
+    rows = np.column_stack([-boundary.normal, (starts * boundary.normal).sum(axis=1), -np.ones(len(starts))])
 
-    def negative(centre: FloatArray) -> float:
-        """−r/R, r the distance of a point from the lines of all edges, R that from the farthest vertex."""
-        inside = ((mesh.vertices[boundary.first] - centre) * boundary.normal).sum(axis=1).min()
-        return -float(inside / np.linalg.norm(corners - centre, axis=1).max())
+    def room(x: FloatArray) -> FloatArray:
+        return np.concatenate([rows @ x, 1.0 - ((x[2] * corners - x[:2]) ** 2).sum(axis=1)])
 
-    found = minimize(negative, np.asarray(corners.mean(axis=0), dtype=float), method="Nelder-Mead")
-    inf_sup = float(np.sin(0.5 * np.arcsin(max(-negative(np.asarray(found.x)), 0.0))))  # ≤ β
+    least = np.array([0.0, 0.0, 0.0, -1.0]).dot
+    found = np.asarray(fmin_slsqp(least, np.array([0.0, 0.0, 1.0, -1.0]), f_ieqcons=room, iprint=0))
+    centre = found[:2] / found[2]
+    ratio = float((rows[:, :3] @ np.append(centre, 1.0)).min() / np.linalg.norm(corners - centre, axis=1).max())
+    inf_sup = float(np.sin(0.5 * np.arcsin(max(ratio, 0.0))))  # ≤ β
     if inf_sup == 0.0 or mesh.hole_edges.any():
         return np.inf
     # by a field of mean divergence 1 where supports are, and by β for what is left

@@ -293,8 +293,9 @@ def _raw(
     bears = bound > _BEARS * most
     for chosen in np.flatnonzero(~is_open & ~bears.all(axis=1)).tolist():  # what bears little is as what is next to it
         counts = np.flatnonzero(bears[chosen])
-        nearest = np.abs(np.arange(bound.shape[1])[:, None] - counts).argmin(axis=1)
-        values[chosen] = values[chosen, counts[nearest]]
+        away = np.abs(np.arange(bound.shape[1])[:, None] - counts)
+        nearest = away == away.min(axis=1, keepdims=True)  # on both sides where they are as near, and then the mean
+        values[chosen] = nearest @ values[chosen, counts] / nearest.sum(axis=1)
     values = np.where(given[:, None] == 0.0, values, given[:, None])
     values = np.where(np.abs(values) >= 1.0 - _SLIPS, np.sign(values), values)
     slips = np.abs(values.sum(axis=1)) == values.shape[1]
