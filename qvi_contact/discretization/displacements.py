@@ -49,7 +49,7 @@ from qvi_contact.element.triangle import bernstein as basis
 from qvi_contact.errors import place_of
 from qvi_contact.mesh.edges import Edges, arc_offsets, cross, vectors_along
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.problem.conditions import Displacement
+from qvi_contact.problem.conditions import Displacement, bears_shear
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.linked import linked
 
@@ -335,7 +335,7 @@ MISFIT = 1e-10
 PARALLEL = 1e-8
 """Sine of the angle between two directions that is the rounding of coordinates."""
 
-ALIKE = 3e-5  # the same where coordinates were rounded to few digits, as in files of meshes
+ALIKE = 2e-4  # the same where coordinates were rounded to few digits, as in files of meshes
 ROUNDED = f"Edges that meet at an angle below {ALIKE:.0e}, as those of rounded coordinates, count as parallel."
 
 
@@ -414,7 +414,8 @@ def supports(
     """Prescribed displacements; where some disagree in a corner their mean, by least squares.
 
     They disagree if they differ by more than a share of their size. Directions along one line but for rounded
-    coordinates count as one: each vertex of an oblique side would be held along it too, by neighbours that differ.
+    coordinates count as one: each vertex of an oblique side would be held along it too, by neighbours that differ. So
+    do those of contacts with friction that a support meets: what it holds of their slip in the corner is all or none.
     """
     p, unit, reasons, jumps = space.degree, scales.displacement, list[str](), list[str]()
     width = 2 * (p + 1)  # of rows: on the coefficients of an edge
@@ -422,15 +423,19 @@ def supports(
     values, places = [np.empty(0)], [np.empty(0, np.int64)]  # of which coefficient alone they are; −1 inside arcs
     conditions = problem.prescribed(Displacement)
     stated, ends, bends = [np.empty((0, 2))], [np.empty((0, 2), np.int64)], [np.empty(0, bool)]
-    for given in conditions:
-        stated.append(given.direction)
-        ends.append(np.stack([given.edges.first, given.edges.second], axis=1))
-        bends.append(given.edges.bent & given.turns)
+    sheared = [problem.mesh.edges(each.edges) for each in problem.contacts if bears_shear(each)]
+    for vectors, edges, turns in (
+        *((vectors, each, True) for each in sheared for vectors in (each.tangent, each.normal)),
+        *((given.direction, given.edges, given.turns) for given in conditions),
+    ):
+        stated.append(vectors)
+        ends.append(np.stack([edges.first, edges.second], axis=1))
+        bends.append(edges.bent & turns)
     directions = in_lines(np.concatenate(stated), np.concatenate(ends), ~np.concatenate(bends))
-    if np.abs(directions - np.concatenate(stated)).max(initial=0.0) > PARALLEL:
+    parts, first = np.split(directions, np.cumsum([len(part) for part in stated[1:]])), 2 * len(sheared)
+    if np.abs(directions - np.concatenate(stated))[sum(map(len, parts[:first])) :].max(initial=0.0) > PARALLEL:
         reasons.append(ROUNDED)
-    parts = np.split(directions, np.cumsum([len(part) for part in stated[1:]]))
-    for given, direction, bent in zip(conditions, parts, bends[1:], strict=False):  # the last part is empty
+    for given, direction, bent in zip(conditions, parts[first:], bends[first + 1 :], strict=False):  # the last is empty
         edges, numbers = given.edges, space.along(given.edges)
         data, misfit = edge_data(problem.mesh, edges, given.name, given.value, p, unit)
         if misfit > MISFIT * max(1.0, float(np.abs(data).max(initial=0.0))):

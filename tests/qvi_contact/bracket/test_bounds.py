@@ -275,6 +275,14 @@ def test_sides_are_straight_but_for_rounded_coordinates(digits, apart):
     assert any("count as parallel" in reason for reason in rounded.reasons) is (digits < 10)
 
 
+@pytest.mark.parametrize(("digits", "cells"), [(12, 4), (7, 4), (5, 8)])
+def test_corners_are_square_but_for_rounded_coordinates(digits, cells):
+    """A support at a right angle to a contact holds its slip in the corner, also of an oblique plate."""
+    mesh = oblique((plate := compressed_plate(0.3, (cells, cells))).mesh, np.degrees(0.5))
+    rounded = replace(plate, mesh=replace(mesh, vertices=mesh.vertices.round(digits)))
+    assert solve(rounded).bracket.coulomb.relative_error < 0.04
+
+
 def test_sides_that_do_not_meet_keep_their_directions():
     """On polygons of a hundred sides some are parallel by chance but for 1e-5, which takes no guarantee away."""
     x, y = BLOCK.vertices.T
