@@ -19,6 +19,7 @@ from qvi_contact.mesh.edges import Topology, angles, arc_offsets, chains, cross,
 from qvi_contact.mesh.selection import ASLANT, in_circles, known_edges, new_name, numbers_of
 from solvers.basics.linked import linked
 
+_EQUAL: Final = 1e-9  # of a length: what equal sides differ by
 _FLAT: Final = 1e-8  # height over longest side below which a triangle is none
 _SAME: Final = 1e-10  # distance of vertices over the body's length below which they are in one place
 _NEAR: Final = 1e-6  # the same of bodies to be joined, whose data are rounded
@@ -223,23 +224,27 @@ def angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
 
 
 def _bisected(mesh: MeshParts, marked: IntArray) -> MeshParts:
-    """All edges of marked triangles (k,) halved, and the longest one of each triangle that has any."""
-    sides = mesh.topology.of_cells
+    """All edges of marked triangles (k,) halved, and the longest one of each triangle that has any.
+
+    Of equal longest edges one that is halved is enough. Where none is, or more are, all three edges are halved: else
+    the numbers of the vertices would choose one.
+    """
+    sides, lengths = mesh.topology.of_cells, _lengths(mesh)
     halved = np.zeros(len(mesh.topology.ends), dtype=bool)
     halved[sides[marked]] = True
-    longest, count = _longest(mesh, np.ones(len(halved), dtype=bool)), 0
-    longest = np.take_along_axis(sides, longest[:, None], axis=1)[:, 0]
+    longest = lengths >= (1.0 - _EQUAL) * lengths.max(axis=1, keepdims=True)
+    alone, count = longest.sum(axis=1, keepdims=True) == 1, 0
     while count < (count := int(halved.sum())):
-        halved[longest[halved[sides].any(axis=1)]] = True
+        own = halved[sides]
+        wanted = np.where(alone, longest, (own & longest).sum(axis=1, keepdims=True) != 1)
+        halved[sides[wanted & own.any(axis=1, keepdims=True)]] = True
     return _halved(mesh, np.flatnonzero(halved))
 
 
-def _longest(mesh: MeshParts, among: BoolArray) -> IntArray:
-    """Which side (m,) of each triangle is the longest among some edges (e,), the middle one of equal ones."""
+def _lengths(mesh: MeshParts) -> FloatArray:
+    """Lengths (m, 3) of the sides of triangles."""
     first, second = mesh.vertices[mesh.topology.ends].swapaxes(0, 1)
-    lengths = np.where(among, np.sqrt(np.square(first - second).sum(axis=1)), -1.0)[mesh.topology.of_cells]
-    order = np.array([1, 2, 0])
-    return np.asarray(order[np.argmax(lengths[:, order], axis=1)])
+    return np.asarray(np.sqrt(np.square(first - second).sum(axis=1))[mesh.topology.of_cells])
 
 
 def _halved(mesh: MeshParts, number: IntArray) -> MeshParts:
@@ -260,7 +265,8 @@ def _halved(mesh: MeshParts, number: IntArray) -> MeshParts:
     sides = middle[topology.of_cells]  # opposite to the corners
     count = (sides >= 0).sum(axis=1)
     some, all_three = (count == 1) | (count == 2), count == 3
-    turn = np.where(some, _longest(mesh, middle >= 0), 0)[:, None] + np.arange(3)
+    order, lengths = np.array([1, 2, 0]), np.where(sides >= 0, _lengths(mesh), -1.0)  # the middle one of equal ones
+    turn = np.where(some, order[np.argmax(lengths[:, order], axis=1)], 0)[:, None] + np.arange(3)
     nodes = np.concatenate([np.take_along_axis(each, turn % 3, axis=1) for each in (mesh.cells, sides)], axis=1)
     last, next_ = nodes[:, 5] >= 0, nodes[:, 4] >= 0
     found, parents = list[IntArray](), list[IntArray]()

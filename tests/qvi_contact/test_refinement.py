@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from qvi_contact import InputError, RefinementStatus, RigidPlate, TriangleMesh, refine, solve
+from qvi_contact import InputError, Polynomial, RefinementStatus, RigidPlate, TriangleMesh, refine, solve
 from qvi_contact.basics import solving
 from qvi_contact.gallery import compressed_plate
 from qvi_contact.problem import Contact, ContactProblem, Displacement, Material, Region, Symmetry, Traction
@@ -138,6 +138,15 @@ class TestReferenceSolution:
         middle = problem.mesh.corners[places(result).cells].mean(axis=1)
         assert 0.0 < np.abs(middle[:, 0]).max() < 1.0
         assert bulk(np.array([2.0, 1.0, 3.0, 1.0 - 1e-9, 0.1]), 0.8).tolist() == [True, True, True, True, False]
+
+    def test_pressure_that_turns_to_tension_is_a_change(self):
+        """A body that is turned slides on a contact that keeps its distance: μ|σ_N| has a kink in the middle."""
+        turned = Displacement("top", x=0.0, y=Polynomial([[-5e-4], [1e-3]]))
+        conditions = [Contact("bottom", 0.2, law="bilateral", offset=1e-3), turned, *FREE]
+        result = solve(ContactProblem(TriangleMesh.rectangle((5, 2)), Material(1e4, 0.2), conditions), degree=4)
+        assert (result.contacts["bottom"].state == 2).all()
+        middle = result.problem.mesh.corners[places(result).cells].mean(axis=1)
+        assert 0.0 < np.abs(middle[:, 0] - 0.5).max() < 0.2
 
     def test_it_keeps_all_vertices_and_is_not_much_larger(self):
         problem = plate(0.2, (4, 4))

@@ -9,7 +9,7 @@ import pytest
 from qvi_contact import Contact, ContactProblem, InputError, Material, Region, Symmetry, Traction, solve
 from qvi_contact.gallery import compressed_plate, fan
 from qvi_contact.mesh import TriangleMesh, edges_on_segment
-from tests.qvi_contact.builders import area, quarter
+from tests.qvi_contact.builders import area, half_disc, quarter
 from tests.qvi_contact.test_triangles import turned
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
@@ -179,6 +179,16 @@ class TestRefined:
         assert fine.corners[fine.regions["foot"]].mean(axis=1)[:, 1].max() < 0.5
         assert area(fine) == pytest.approx(area(mesh))
         assert np.isin(fine.parents(mesh)[fine.regions["foot"]], mesh.regions["foot"]).all()
+
+    def test_numbers_do_not_choose_one_of_equal_sides(self):
+        """Sectors of a disc, which have two longest ones."""
+        mesh, found = half_disc().mesh, []
+        for order in (np.arange(14), np.random.default_rng(0).permutation(14)):
+            fine = TriangleMesh(mesh.vertices[order], np.argsort(order)[mesh.cells])
+            for _ in range(3):
+                fine = fine.refined(fine.locate(mesh.corners[0].mean(axis=0)[None]))
+            found.append(np.sort(fine.corners.mean(axis=1) @ [1.0, 1j]))
+        assert found[0] == pytest.approx(found[1])
 
     def test_grading_halves_the_triangles_at_a_point(self):
         mesh = TriangleMesh.rectangle((2, 2))
