@@ -350,16 +350,17 @@ class Places(NamedTuple):
 def places(result: ContactResult) -> Places:
     """Where a reference solution for an answer is refined.
 
-    Slip to either side, under pressure or tension, is a state of its own: μ|σ_N| has a kink where σ_N changes its sign.
-    Corners are vertices where conditions change or the boundary turns inwards, and where joints end or meet.
+    Slip to either side is a state of its own, and so are pressure and tension: where σ_N changes its sign μ|σ_N| has a
+    kink, and what sticks elsewhere slips. Corners are vertices where conditions change or the boundary turns inwards,
+    and where joints end or meet.
     """
     problem, mesh, unit = result.problem, result.problem.mesh, result.discretization.scales.stress
     cells = [np.empty(0, dtype=np.int64)]
     for contact in problem.contacts:
         edges, line = mesh.edges(contact.edges), result.contacts[contact.name]
-        slips = line.state == ContactState.SLIP
-        state = np.where(slips & (line.counted_shear < -_NOISE * unit), _LEFTWARD, line.state)
-        state = np.where(slips & (line.effective_normal_stress > _NOISE * unit), -state, state).reshape(len(edges), -1)
+        leftward = (line.state == ContactState.SLIP) & (line.counted_shear < -_NOISE * unit)
+        pulled = has_coulomb(contact) & (line.effective_normal_stress > _NOISE * unit)
+        state = (np.where(pulled, -1, 1) * np.where(leftward, _LEFTWARD, line.state)).reshape(len(edges), -1)
         ends = np.stack([edges.first, edges.second])
         at_ends = np.unique([ends.ravel(), np.concatenate([state[:, 0], state[:, -1]])], axis=1)
         vertex, states = np.unique(at_ends[0], return_counts=True)

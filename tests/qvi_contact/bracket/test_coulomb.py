@@ -12,18 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.linalg import eigh
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Material,
-    Polynomial,
-    Region,
-    RigidPlate,
-    Traction,
-    load_problem,
-    solve,
-)
+from qvi_contact import Contact, ContactProblem, Displacement, Material, Polynomial, Region, RigidPlate, Traction, solve
 from qvi_contact.bracket import (
     Share,
     amplification,
@@ -39,6 +28,7 @@ from qvi_contact.bracket import (
 )
 from qvi_contact.companion import BodyAtRest
 from qvi_contact.element import gauss_legendre
+from qvi_contact.files import load_problem
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
 from qvi_contact.mesh import TriangleMesh
 from qvi_contact.refinement import bulk
