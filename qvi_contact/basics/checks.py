@@ -68,7 +68,8 @@ def check_field(field: str, value: Any, *, minimum: float | None = None) -> Fiel
 def evaluate(name: str, field: Field, x: FloatArray, y: FloatArray, *, minimum: float | None = None) -> FloatArray:
     """Values of `field`, which messages call by that name, at points (x, y) of any shape [length].
 
-    `InputError` if the function fails, or its values have another shape, are not finite, or are below `minimum`.
+    `InputError` if the function fails, or its values have another shape, are not finite, or are below `minimum`; what
+    formulas miss that by, as 0.3 − 0.1 · 3 does 0, is rounding.
     """
     if not callable(field):
         return np.full(np.shape(x), check_field(name, field, minimum=minimum))
@@ -84,6 +85,8 @@ def evaluate(name: str, field: Field, x: FloatArray, y: FloatArray, *, minimum: 
         raise InputError(name, field, remedy) from error
     bad = ~np.isfinite(values)
     if minimum is not None:
+        low = values < minimum
+        values[low & (values >= minimum - 1e-14 * np.abs(values).max(initial=0.0))] = minimum
         bad |= values < minimum
     if bad.any():
         where = np.unravel_index(np.argmax(bad), bad.shape)

@@ -198,6 +198,7 @@ def block(contact, *top):
 
 CASES = {
     "pressed": (Contact("bottom", 0.0, pore_pressure=falling, gap=1e-3), [Traction("top", 0.0, -8.0)]),
+    "-6e-17": (Contact("bottom", 0.0, pore_pressure=lambda x, _: 0.3 - 0.1 * (x + 1.0)), [Traction("top", 0.0, -8.0)]),
     "Tresca": (Contact("bottom", 0.0, cohesion=1.0, pore_pressure=2.0), [Displacement("top", 2e-3, -1e-2)]),
     "open": (Contact("bottom", 0.0, pore_pressure=falling, gap=1.0), [HELD]),
     "plate": (Contact("bottom", 0.0, pore_pressure=falling, plate=RigidPlate(force_y=16.0)), [HELD]),
