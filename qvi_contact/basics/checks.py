@@ -69,6 +69,7 @@ def evaluate(name: str, field: Field, x: FloatArray, y: FloatArray, *, minimum: 
     """Values of a field, called `name` in messages, at points (x, y) of any shape [length].
 
     `InputError` if the function fails, or its values have another shape, are not finite, or are below `minimum`.
+    Values below it by rounding only, as 0.3 − 0.1 · 3 for 0, become `minimum`.
     """
     if not callable(field):
         return np.full(np.shape(x), check_field(name, field, minimum=minimum))
@@ -84,6 +85,8 @@ def evaluate(name: str, field: Field, x: FloatArray, y: FloatArray, *, minimum: 
         raise InputError(name, field, remedy) from error
     is_bad = ~np.isfinite(values)
     if minimum is not None:
+        rounding = 1e-14 * np.abs(values).max(initial=0.0)
+        values[(values < minimum) & (values >= minimum - rounding)] = minimum
         is_bad |= values < minimum
     if is_bad.any():
         index = np.unravel_index(np.argmax(is_bad), is_bad.shape)

@@ -225,18 +225,26 @@ def _divergence_constant(problem: ContactProblem, held_vectors: list[FloatArray]
 
     ψ vanishes on the boundary, component by component, but on edges where that component of displacements is held.
     """
-    from scipy.optimize import minimize  # slow to import, and few bodies need it
+    from scipy.optimize import fmin_slsqp  # slow to import, and few bodies need it
 
     mesh, boundary = problem.mesh, problem.mesh.boundary
-    corners = mesh.vertices[np.unique(mesh.cells)]
+    corners = mesh.vertices[np.unique([boundary.first, boundary.second])]
+    middle = corners.mean(axis=0)
+    corners, starts = ((each - middle) / mesh.length for each in (corners, mesh.vertices[boundary.first]))
 
-    def negative_ratio(centre: FloatArray) -> float:
-        """−r/R, r the distance of a point from the lines of all edges, R that from the farthest vertex."""
-        inner_radius = ((mesh.vertices[boundary.first] - centre) * boundary.normal).sum(axis=1).min()
-        return -float(inner_radius / np.linalg.norm(corners - centre, axis=1).max())
+    # max r/R over centres c, with r the distance of c from the lines n·x = b of all edges, R that from the farthest
+    # vertex. With t = 1/R and y = t c this is convex: the largest ρ ≤ b t − n·y with |t x − y| ≤ 1 at all vertices x
+    rows = np.column_stack([-boundary.normal, (starts * boundary.normal).sum(axis=1), -np.ones(len(starts))])
 
-    optimum = minimize(negative_ratio, np.asarray(corners.mean(axis=0), dtype=float), method="Nelder-Mead")
-    inf_sup = float(np.sin(0.5 * np.arcsin(max(-negative_ratio(np.asarray(optimum.x)), 0.0))))  # ≤ β
+    def margins(point: FloatArray) -> FloatArray:
+        """Margins of the inequalities at (y, t, ρ)."""
+        return np.concatenate([rows @ point, 1.0 - ((point[2] * corners - point[:2]) ** 2).sum(axis=1)])
+
+    negative_rho = np.array([0.0, 0.0, 0.0, -1.0]).dot
+    optimum = np.asarray(fmin_slsqp(negative_rho, np.array([0.0, 0.0, 1.0, -1.0]), f_ieqcons=margins, iprint=0))
+    centre = optimum[:2] / optimum[2]
+    ratio = float((rows[:, :3] @ np.append(centre, 1.0)).min() / np.linalg.norm(corners - centre, axis=1).max())
+    inf_sup = float(np.sin(0.5 * np.arcsin(max(ratio, 0.0))))  # ≤ β
     if inf_sup == 0.0 or mesh.hole_edges.any():
         return np.inf
     # ψ_h minimises ‖∇ψ‖² + ‖1 − div ψ‖²/β² and is then scaled to the mean divergence 1

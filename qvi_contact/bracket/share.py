@@ -293,11 +293,12 @@ def _raw(
     backwards = slip.reshape(len(bound), -1).sum(axis=1) < 0.0
     values[is_open] = np.where(backwards, -1.0, 1.0)[is_open, None]
     does_count = bound > _BEARS * largest
-    # coefficients with small bounds take the nearest value that counts
+    # coefficients with small bounds take the nearest value that counts, or the mean of the two nearest
     for edge in np.flatnonzero(~is_open & ~does_count.all(axis=1)).tolist():
         counting = np.flatnonzero(does_count[edge])
-        nearest = np.abs(np.arange(bound.shape[1])[:, None] - counting).argmin(axis=1)
-        values[edge] = values[edge, counting[nearest]]
+        distance = np.abs(np.arange(bound.shape[1])[:, None] - counting)
+        is_nearest = distance == distance.min(axis=1, keepdims=True)
+        values[edge] = is_nearest @ values[edge, counting] / is_nearest.sum(axis=1)
     values = np.where(prescribed_sense[:, None] == 0.0, values, prescribed_sense[:, None])
     values = np.where(np.abs(values) >= 1.0 - _SLIPS, np.sign(values), values)
     is_slipping = np.abs(values.sum(axis=1)) == values.shape[1]

@@ -49,7 +49,7 @@ from qvi_contact.element.triangle import bernstein as basis
 from qvi_contact.errors import place_of
 from qvi_contact.mesh.edges import Edges, arc_offsets, cross, vectors_along
 from qvi_contact.mesh.triangles import TriangleMesh
-from qvi_contact.problem.conditions import Displacement
+from qvi_contact.problem.conditions import Displacement, bears_shear
 from qvi_contact.problem.problem import ContactProblem
 from solvers.basics.linked import linked
 
@@ -336,7 +336,7 @@ MISFIT = 1e-10
 PARALLEL = 1e-8
 """Sine of the angle between two directions up to which they are parallel, but for rounding of coordinates."""
 
-ALIKE = 3e-5  # the same for coordinates with few digits, as in mesh files
+ALIKE = 2e-4  # the same for coordinates with few digits, as in mesh files
 ROUNDED = f"Edges that meet at an angle below {ALIKE:.0e}, as those of rounded coordinates, count as parallel."
 
 
@@ -417,6 +417,7 @@ def supports(
 
     Data disagree if they differ by more than `least` times their size. Edges of one line, bent by rounded coordinates,
     count as parallel: two slightly different normals would hold the vertices of an oblique side in both directions.
+    So do sides of contacts with friction that a support meets: in the corner it holds all of their slip, or none.
     """
     p, unit, reasons, jumps = space.degree, scales.displacement, list[str](), list[str]()
     width = 2 * (p + 1)  # entries of a row: the coefficients on an edge
@@ -424,16 +425,22 @@ def supports(
     values, places = [np.empty(0)], [np.empty(0, np.int64)]  # d, and the coefficient of each row; −1 inside arcs
     conditions = problem.prescribed(Displacement)
     original, ends, bends = [np.empty((0, 2))], [np.empty((0, 2), np.int64)], [np.empty(0, bool)]
-    for given in conditions:
-        original.append(given.direction)
-        ends.append(np.stack([given.edges.first, given.edges.second], axis=1))
-        bends.append(given.edges.bent & given.turns)
+    rough_edges = [problem.mesh.edges(each.edges) for each in problem.contacts if bears_shear(each)]
+    for vectors, edges, turns in (
+        *((vectors, each, True) for each in rough_edges for vectors in (each.tangent, each.normal)),
+        *((given.direction, given.edges, given.turns) for given in conditions),
+    ):
+        original.append(vectors)
+        ends.append(np.stack([edges.first, edges.second], axis=1))
+        bends.append(edges.bent & turns)
     directions = in_lines(np.concatenate(original), np.concatenate(ends), ~np.concatenate(bends))
-    if np.abs(directions - np.concatenate(original)).max(initial=0.0) > PARALLEL:
+    # parts of the conditions follow two for each contact; the last part is empty
+    parts, first = np.split(directions, np.cumsum([len(part) for part in original[1:]])), 2 * len(rough_edges)
+    change = np.abs(directions - np.concatenate(original))[sum(map(len, parts[:first])) :]
+    if change.max(initial=0.0) > PARALLEL:
         reasons.append(ROUNDED)
     # rows C v = d of each condition
-    parts = np.split(directions, np.cumsum([len(part) for part in original[1:]]))
-    for given, direction, bent in zip(conditions, parts, bends[1:], strict=False):  # the last part is empty
+    for given, direction, bent in zip(conditions, parts[first:], bends[first + 1 :], strict=False):
         edges, numbers = given.edges, space.along(given.edges)
         data, error = edge_data(problem.mesh, edges, given.name, given.value, p, unit)
         if error > MISFIT * max(1.0, float(np.abs(data).max(initial=0.0))):

@@ -19,6 +19,7 @@ from qvi_contact.mesh.edges import Topology, angles, arc_offsets, chains, cross,
 from qvi_contact.mesh.selection import ASLANT, in_circles, known_edges, new_name, numbers_of
 from solvers.basics.linked import linked
 
+_EQUAL: Final = 1e-9  # sides whose lengths differ by less, relative to the longer one, are equally long
 _FLAT_HEIGHT: Final = 1e-8  # smallest height of a triangle, relative to its longest side
 _SAME_PLACE: Final = 1e-10  # vertices at this distance, relative to the body's length, coincide
 _JOIN_DISTANCE: Final = 1e-6  # the same for two bodies to be joined, whose coordinates are rounded
@@ -224,23 +225,27 @@ def angles_at(mesh: MeshParts, vertex: int) -> tuple[IntArray, FloatArray]:
 
 
 def _bisected(mesh: MeshParts, marked: IntArray) -> MeshParts:
-    """The mesh with all edges of marked triangles (k,) halved, and the longest of each triangle with a halved one."""
-    sides = mesh.topology.of_cells
+    """The mesh with all edges of marked triangles (k,) halved, and the longest of each triangle with a halved one.
+
+    Of several longest edges of equal length one halved edge is enough. If none of them is halved, or more than one,
+    all three edges are halved: else the numbers of the vertices would choose one.
+    """
+    sides, lengths = mesh.topology.of_cells, _lengths(mesh)
     is_halved = np.zeros(len(mesh.topology.ends), dtype=bool)
     is_halved[sides[marked]] = True
-    longest, count = _longest(mesh, np.ones(len(is_halved), dtype=bool)), 0
-    longest = np.take_along_axis(sides, longest[:, None], axis=1)[:, 0]
+    is_longest = lengths >= (1.0 - _EQUAL) * lengths.max(axis=1, keepdims=True)
+    is_alone, count = is_longest.sum(axis=1, keepdims=True) == 1, 0
     while count < (count := int(is_halved.sum())):
-        is_halved[longest[is_halved[sides].any(axis=1)]] = True
+        halved_sides = is_halved[sides]
+        to_halve = np.where(is_alone, is_longest, (halved_sides & is_longest).sum(axis=1, keepdims=True) != 1)
+        is_halved[sides[to_halve & halved_sides.any(axis=1, keepdims=True)]] = True
     return _halved(mesh, np.flatnonzero(is_halved))
 
 
-def _longest(mesh: MeshParts, among: BoolArray) -> IntArray:
-    """The longest side (m,) of each triangle among the edges of a mask (e,); of equal sides 1, then 2, then 0."""
+def _lengths(mesh: MeshParts) -> FloatArray:
+    """Lengths (m, 3) of the sides of the triangles."""
     first, second = mesh.vertices[mesh.topology.ends].swapaxes(0, 1)
-    lengths = np.where(among, np.sqrt(np.square(first - second).sum(axis=1)), -1.0)[mesh.topology.of_cells]
-    order = np.array([1, 2, 0])
-    return np.asarray(order[np.argmax(lengths[:, order], axis=1)])
+    return np.asarray(np.sqrt(np.square(first - second).sum(axis=1))[mesh.topology.of_cells])
 
 
 def _halved(mesh: MeshParts, edges: IntArray) -> MeshParts:
@@ -262,7 +267,9 @@ def _halved(mesh: MeshParts, edges: IntArray) -> MeshParts:
     sides = new_vertex[topology.of_cells]
     count = (sides >= 0).sum(axis=1)
     one_or_two, all_three = (count == 1) | (count == 2), count == 3
-    rotation = np.where(one_or_two, _longest(mesh, new_vertex >= 0), 0)[:, None] + np.arange(3)
+    # the longest halved side; of equal ones side 1, then 2, then 0
+    order, lengths = np.array([1, 2, 0]), np.where(sides >= 0, _lengths(mesh), -1.0)
+    rotation = np.where(one_or_two, order[np.argmax(lengths[:, order], axis=1)], 0)[:, None] + np.arange(3)
     nodes = np.concatenate([np.take_along_axis(each, rotation % 3, axis=1) for each in (mesh.cells, sides)], axis=1)
     last_is_cut, next_is_cut = nodes[:, 5] >= 0, nodes[:, 4] >= 0
     children, parents = list[IntArray](), list[IntArray]()

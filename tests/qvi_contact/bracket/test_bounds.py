@@ -198,6 +198,7 @@ def block(contact, *top):
 
 CASES = {
     "pressed": (Contact("bottom", 0.0, pore_pressure=falling, gap=1e-3), [Traction("top", 0.0, -8.0)]),
+    "-6e-17": (Contact("bottom", 0.0, pore_pressure=lambda x, _: 0.3 - 0.1 * (x + 1.0)), [Traction("top", 0.0, -8.0)]),
     "Tresca": (Contact("bottom", 0.0, cohesion=1.0, pore_pressure=2.0), [Displacement("top", 2e-3, -1e-2)]),
     "open": (Contact("bottom", 0.0, pore_pressure=falling, gap=1.0), [HELD]),
     "plate": (Contact("bottom", 0.0, pore_pressure=falling, plate=RigidPlate(force_y=16.0)), [HELD]),
@@ -273,6 +274,14 @@ def test_sides_are_straight_but_for_rounded_coordinates(digits, apart):
     exact, rounded = (bracket(solve(ContactProblem(each, Material(1.0, 0.3), stated))) for each, stated in ways)
     assert rounded.companion.energy == pytest.approx(exact.companion.energy, rel=10.0 ** (2 - digits))
     assert any("count as parallel" in reason for reason in rounded.reasons) is (digits < 10)
+
+
+@pytest.mark.parametrize(("digits", "cells"), [(12, 4), (7, 4), (5, 8)])
+def test_corners_are_square_but_for_rounded_coordinates(digits, cells):
+    """A support at a right angle to a contact holds its slip in the corner, also of an oblique plate."""
+    mesh = oblique((plate := compressed_plate(0.3, (cells, cells))).mesh, np.degrees(0.5))
+    rounded = replace(plate, mesh=replace(mesh, vertices=mesh.vertices.round(digits)))
+    assert solve(rounded).bracket.coulomb.relative_error < 0.04
 
 
 def test_sides_that_do_not_meet_keep_their_directions():

@@ -56,11 +56,8 @@ def test_distances_are_those_of_strains(several):
 
 def test_where_no_other_is_found_the_result_is_alone():
     """Large friction alone, no time, no friction."""
-    for problem, limit in (
-        (ssnv128((3, 3), 5.0), None),
-        (compressed_plate(0.2, (2, 2)), 1e-9),
-        (compressed_plate(0.0, (2, 2)), None),
-    ):
+    rough, smooth = (compressed_plate(friction, (2, 2)) for friction in (0.2, 0.0))
+    for problem, limit in ((ssnv128((3, 3), 5.0), None), (rough, 1e-9), (smooth, None)):
         result = solve(problem)
         found = other_solutions(result, time_limit=limit)
         assert found.results == (result,)

@@ -12,18 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.linalg import eigh
 
-from qvi_contact import (
-    Contact,
-    ContactProblem,
-    Displacement,
-    Material,
-    Polynomial,
-    Region,
-    RigidPlate,
-    Traction,
-    load_problem,
-    solve,
-)
+from qvi_contact import Contact, ContactProblem, Displacement, Material, Polynomial, Region, RigidPlate, Traction, solve
 from qvi_contact.bracket import (
     Share,
     amplification,
@@ -39,12 +28,14 @@ from qvi_contact.bracket import (
 )
 from qvi_contact.companion import BodyAtRest
 from qvi_contact.element import gauss_legendre
+from qvi_contact.files import load_problem
 from qvi_contact.gallery import compressed_plate, sliding_block, ssnv128
 from qvi_contact.mesh import TriangleMesh
 from qvi_contact.refinement import bulk
 from qvi_contact.solution import ContactResult
 from tests.cases import examples
 from tests.qvi_contact.builders import bernstein, energy_apart, half_disc, half_discs, holed, sheared_layer
+from tests.qvi_contact.test_triangles import oblique
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 FREE = [Traction(side, x=0.0, y=0.0) for side in ("left", "right")]
@@ -127,8 +118,7 @@ def test_bounds_solve_their_quadratics():
 def clamped_plate(friction):
     """The plate with its bottom clamped and its left side free."""
     problem = compressed_plate(friction)
-    free = [Traction("left", x=0.0, y=0.0), Displacement("bottom", x=0.0, y=0.0), *problem.conditions[2:]]
-    return replace(problem, conditions=free)
+    return replace(problem, conditions=[FREE[0], Displacement("bottom", x=0.0, y=0.0), *problem.conditions[2:]])
 
 
 def test_bodies_without_loads_and_open_contacts_cost_nothing():
@@ -168,10 +158,12 @@ class TestNorms:
 
     @pytest.mark.parametrize("problem", [half_disc(0.1), sheared_layer(0.1), clamped_plate(0.1)])
     def test_star_shaped_bodies(self, problem):
-        """|Sv|/|v| of finite elements, for which Sv = η v_t n is a finite element too, stays below what is proved."""
+        """|Sv|/|v| of finite elements, for which Sv = η v_t n is one too, is less than what is proved, turned too."""
         shares = shared(problem, -1.0)
-        least = 0.1 * quotient(problem, degree=4)
-        assert computed_norm(problem, shares) / 1.01 <= least < star_norm(problem, shares)
+        least, proved = 0.1 * quotient(problem, degree=4), star_norm(problem, shares)
+        assert computed_norm(problem, shares) / 1.01 <= least < proved
+        turned = replace(problem, mesh=oblique(problem.mesh, 40.0))
+        assert star_norm(turned, shares) == pytest.approx(proved, rel=1e-6)
         assert friction_norm(problem, shares).proved
 
     @pytest.mark.parametrize("seed", range(2))
@@ -247,8 +239,7 @@ def quotient(problem, degree):
     """The largest |v_x e_y|/|v| of displacements of a degree on the mesh."""
     body = BodyAtRest.of(problem, degree).body
     K = body.body.stiffness().toarray()
-    turn = np.zeros_like(K)
-    turn[1::2, ::2] = np.eye(len(K) // 2)
+    turn = np.kron(np.eye(len(K) // 2), [[0.0, 0.0], [1.0, 0.0]])
     B = body.B.toarray()
     return float(np.sqrt(eigh(B.T @ turn.T @ K @ turn @ B, B.T @ K @ B, eigvals_only=True)[-1]))
 
@@ -288,7 +279,9 @@ def test_stresses_made_bad_at_random_are_never_closer_than_said():
     for number in range(examples(4)):
         z = weaker[number % 3].solution.z
         step = random.standard_normal(len(z)) * np.abs(z).max() * 10.0 ** random.uniform(-4.0, 0.0)
-        while not _inside(qvi, z + step):
+        while (
+            max(np.max(s := qvi.N @ (z + step) + qvi.n0), np.max(abs(qvi.T @ (z + step) + qvi.t0) + qvi.mu * s)) > 0.0
+        ):
             step *= 0.5
         share = random.uniform(0.0, 1.0) ** 3
         stress = carrying(result, result.solution.z + share * (z + step - result.solution.z))
@@ -319,11 +312,6 @@ def test_a_corner_far_from_an_obstacle(remainder):
     assert 200.0 < lower < 214.235 < upper < 220.0
 
 
-def _inside(qvi, z):
-    normal, shear = qvi.N @ z + qvi.n0, qvi.T @ z + qvi.t0
-    return normal.max() <= 0.0 and (np.abs(shear) + qvi.mu * normal).max() <= 0.0
-
-
 def with_law(problem, **law):
     """The problem with other data of its contacts."""
     conditions = [replace(each, **law) if isinstance(each, Contact) else each for each in problem.conditions]
@@ -348,6 +336,14 @@ class TestScope:
         result = solve(ContactProblem(mesh, Material(1.0, 0.3, "stress"), [contact, *loads]), degree=6)
         values = result.bracket.coulomb.shares["bottom"].at(np.array([0.0, 1e-4, 1.0 - 1e-4, 1.0]))
         assert max(np.abs(values[:, 1] - values[:, 0]).max(), np.abs(values[:, 3] - values[:, 2]).max()) < 1e-3
+
+    def test_what_bears_little_between_two_takes_the_mean_of_their_shares(self):
+        """Neither end of an edge is preferred: mirrored bodies have mirrored shares."""
+        qvi = (result := solve(compressed_plate(0.3, (1, 1)), degree=4)).discretization.qvi
+        rows, pressure = np.vstack([qvi.N.toarray(), qvi.T.toarray()]), np.array([1.0, 1e-3, 1.0])
+        wanted = np.concatenate([-pressure - qvi.n0, -0.3 * pressure * [0.2, 0.0, 0.6] - qvi.t0])
+        found = carrying(result, np.linalg.lstsq(rows, wanted, rcond=None)[0]).bracket.coulomb
+        assert found.shares["plate"].values[0] == pytest.approx([0.2, 0.4, 0.6])
 
     def test_pressure_where_displacements_leave_the_obstacle_counts(self):
         """δ = ∫ |τ_N| (g − v_N) ds, on a contact that opens inside an edge."""

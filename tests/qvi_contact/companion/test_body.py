@@ -20,9 +20,8 @@ L_SHAPE = np.array([[1, 1, 1], [1, 1, 0], [1, 1, 0]], dtype=bool)
 
 def notched():
     """An L of two materials, cut by a joint."""
-    mesh = TriangleMesh.grid([0.0, 0.5, 1.1, 2.0], [0.0, 0.4, 0.7, 1.0], L_SHAPE).with_joint(
-        "cut", lambda _, y: np.isclose(y, 0.4)
-    )
+    mesh = TriangleMesh.grid([0.0, 0.5, 1.1, 2.0], [0.0, 0.4, 0.7, 1.0], L_SHAPE)
+    mesh = mesh.with_joint("cut", lambda _, y: np.isclose(y, 0.4))
     conditions = [Symmetry("bottom"), Symmetry("left"), Traction("right", 1.0, 0.0), Traction("top", 0.0, -1.0)]
     regions = [Region(Material(50.0, 0.45), x=(0.5, 1.1))]
     return ContactProblem(mesh, Material(100.0, 0.2), [*conditions, Contact("cut", 0.3)], regions=regions)

@@ -147,13 +147,9 @@ def test_contacts_are_in_order_along_the_line(side, degree):
 def block(shear, friction=0.3):
     """A block under pressure 5, dragged along by a uniform shear on its top, by a plate of no mass."""
     mesh = TriangleMesh.rectangle((6, 3), 2.0, 1.0)
-    conditions = [
-        Contact("bottom", friction, name="ground"),
-        Traction("top", shear, -5.0),
-        Traction("left", 0.0, lambda x, _: -shear + 0 * x),
-        Traction("right", 0.0, lambda x, _: shear + 0 * x),
-    ]
-    return ContactProblem(mesh, STEEL, conditions)
+    sides = [Traction(side, 0.0, lambda x, _, y=y: y + 0 * x) for side, y in (("left", -shear), ("right", shear))]
+    sides += [Contact("bottom", friction, name="ground"), Traction("top", shear, -5.0)]
+    return ContactProblem(mesh, STEEL, sides)
 
 
 def test_friction_carries_a_dragged_block_exactly_up_to_its_bound():
