@@ -1,7 +1,7 @@
 """Results as NumPy archives, and load steps as folders of archives.
 
-An archive has named entries, which are arrays or texts, never pickles. It holds the problem and everything a result
-claims, so the result can be checked from the file alone.
+An archive has named entries, arrays and texts without pickles. It holds the problem and all that a result claims, so
+that the file alone can be checked.
 
 The entry "digest" is SHA-256 over names, types, shapes and bytes of all other entries, in the order of their names. It
 shows whether a file was changed after it was written. Who changes the digest too still has to pass the certificate.
@@ -26,7 +26,7 @@ from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import problem_from_toml
-from qvi_contact.files.problem_text import problem_to_toml, unread_toml
+from qvi_contact.files.problem_text import problem_to_toml, unchecked_toml
 from qvi_contact.mesh.edges import points_back
 from qvi_contact.solution.history import CONTINUES
 from qvi_contact.solution.result import ContactResult
@@ -192,7 +192,7 @@ def solution_arrays(
     """
     try:
         problem = result.problem
-        text, missing = problem_to_toml(problem, units=units, title=title) if checked else unread_toml(problem), ""
+        text, missing = problem_to_toml(problem, units=units, title=title) if checked else unchecked_toml(problem), ""
     except InputError as error:
         text, missing = "", str(error)
     return {"problem": text, "problem_missing": missing, **answer_arrays(result)}
@@ -201,6 +201,7 @@ def solution_arrays(
 def answer_arrays(result: ContactResult) -> dict[str, Any]:
     """Entries for the algebraic solution, from which `answer_from_archive` makes the result if the problem is known."""
     solution, discretization, certificate = result.solution, result.discretization, result.solution.certificate
+    scales = discretization.scales
     history = [
         [e.number, e.residual, e.energy, e.normal_resultant, e.inner_iterations, e.seconds] for e in solution.history
     ]
@@ -209,11 +210,9 @@ def answer_arrays(result: ContactResult) -> dict[str, Any]:
         "degree": discretization.space.degree,
         "law_on": discretization.rule.law_on,
         **_counted(discretization),
-        "scales": np.array(
-            [discretization.scales.length, discretization.scales.stress, discretization.scales.compliance]
-        ),
-        "loaded": discretization.scales.loaded,
-        "reach": discretization.scales.reach,
+        "scales": np.array([scales.length, scales.stress, scales.compliance]),
+        "loaded": scales.loaded,
+        "reach": scales.reach,
         "later": discretization.later,
         "earlier_slip": np.concatenate([np.empty(0), *(rows.slip for rows in discretization.contacts)]),
         "status": str(result.status),
@@ -256,7 +255,7 @@ def result_from_archive(archive: Archive) -> ContactResult:
     def discretized(scales: Scales) -> Discretization:
         try:
             problem_file = problem_from_toml(text)
-            if problem_file.is_grid:  # results of today store the triangles themselves
+            if problem_file.is_grid:  # results on triangles store vertices and triangles
                 remedy = "was computed on rectangles, retired in version 0.2: solve its problem again"
                 raise InputError("result", archive.path, remedy)
             entry = "contact_rows" if "contact_rows" in archive.arrays else "law_on"  # the first in version 0.1
@@ -306,38 +305,30 @@ def _discretization(archive: Archive, discretize_in: Callable[[Scales], Discreti
     reach = archive.number("reach") if "reach" in archive.arrays else np.inf  # files of version 0.1 have none
     if not reach > 0.0:
         raise archive.refused("reach", "is not a positive number")
-    discretization = discretize_in(Scales(length, stress, compliance, archive.number("loaded") != 0.0, reach))
-    for name, computed in _counted(discretization).items():
-        if not np.array_equal(
-            archive.integers(name) if name in archive.arrays else np.empty(0, dtype=np.int64), computed
-        ):
+    known = discretize_in(Scales(length, stress, compliance, archive.number("loaded") != 0.0, reach))
+    for name, own in _counted(known).items():
+        if not np.array_equal(archive.integers(name) if name in archive.arrays else np.empty(0, dtype=np.int64), own):
             remedy = (
                 "refers to another basis or orientation than this version has on the mesh: solve the problem again, or "
                 "take the version of qvi-contact that wrote the file"
             )
             raise archive.refused("tangential_multiplier" if name == "led_back" else "z", remedy)
-    counts = [len(rows.gap) for rows in discretization.contacts]
+    counts = [len(rows.gap) for rows in known.contacts]
     slip = archive.floats("earlier_slip", size=sum(counts))
     if not (slip.any() or ("later" in archive.arrays and archive.number("later") != 0.0)):
-        return discretization
-    return discretization.with_data(
-        discretization.problem, discretization.scales, np.split(slip, np.cumsum(counts)[:-1])
-    )
+        return known
+    return known.with_data(known.problem, known.scales, np.split(slip, np.cumsum(counts)[:-1]))
 
 
-def _counted(discretization: Discretization) -> dict[str, IntArray]:
-    """The choices that give unknowns and multipliers their meaning, which a file must share with this version.
+def _counted(known: Discretization) -> dict[str, IntArray]:
+    """Choices of this version on which the meaning of stored unknowns and multipliers depends.
 
-    `centres` and `cuts` are those of the frames in which Φ is expanded, `led_back` are the edges of contacts whose
-    tangent points back. A file without these entries has Φ itself as unknowns and no such edges.
+    Φ is expanded about the vertices `centres` and the cuts `cuts`; on the contact edges `led_back` the tangent points
+    back. A file without these entries has Φ itself as unknowns and no such edges.
     """
-    tangents = [discretization.problem.mesh.edges(contact.edges).tangent for contact in discretization.problem.contacts]
+    tangents = [known.problem.mesh.edges(contact.edges).tangent for contact in known.problem.contacts]
     led_back = np.flatnonzero(points_back(np.concatenate([np.empty((0, 2)), *tangents])))
-    return {
-        "centres": discretization.space.frames.centres,
-        "cuts": discretization.space.frames.on_cuts,
-        "led_back": led_back,
-    }
+    return {"centres": known.space.frames.centres, "cuts": known.space.frames.on_cuts, "led_back": led_back}
 
 
 def _certificate(archive: Archive) -> Certificate:
@@ -368,10 +359,9 @@ Restore = Callable[[int, Scales], Discretization]
 class StepStore(Sequence[ContactResult]):
     """Results of a history of `planned` steps, each read from its file when it is asked for.
 
-    The last result read or added stays in memory. The folder is made if it is missing, the fingerprint is a digest of
-    problems and options, `restore` discretises the problem of a step. `statuses` has the status of each step so far.
-    `InputError` if the folder cannot be written, or holds other files or another history. Reading a step raises it if
-    the file is damaged or was changed.
+    The last result read or added stays in memory. `fingerprint` is a digest of problems and options, `restore`
+    discretises the problem of a step, `statuses` has the status of each step so far. `InputError` if the folder cannot
+    be written, or holds other files or another history; when a step is read, if its file is damaged or was changed.
     """
 
     def __init__(self, folder: str | Path, fingerprint: str, planned: int, restore: Restore) -> None:
@@ -388,9 +378,7 @@ class StepStore(Sequence[ContactResult]):
             except (OSError, ValueError, RecursionError):
                 existing = None
             if not isinstance(existing, dict) or not expected.items() <= existing.items():  # older files have more keys
-                remedy = (
-                    "belongs to another history, with other problems or options, or holds no steps: give a new folder"
-                )
+                remedy = "belongs to another history, with other problems or options, or to none: give a new folder"
                 raise InputError("store", str(header), remedy)
         elif any(not path.name.startswith(".writing-") for path in self._folder.iterdir()):  # a write that was killed
             raise InputError("store", str(folder), "holds other files: give an empty folder, or a new name")
