@@ -85,7 +85,6 @@ class Shape:
         problem, discretization, scales = result.problem, result.discretization, result.discretization.scales
         space = DisplacementSpace.of(problem, triangle(_DEGREE), scales.length)
         body = Elasticity(space, np.tile(_ISOTROPIC, (len(space.table), 1, 1)))
-
         # strains c (σ − σ_rest) at the quadrature points, where c σ_rest = −ε⁰
         t, weights = body.points()
         cells = np.arange(len(space.table))
@@ -94,7 +93,6 @@ class Shape:
         stress = stress_in_cells(discretization, coefficients, cells, reference)[1] * scales.stress
         stress = stress - stress_at_rest(problem, cells, points[..., 0], points[..., 1])
         strain = stress @ problem.compliances.swapaxes(1, 2)
-
         # normal equations of the minimum, in units of length
         load = body.virtual_work((strain @ _ISOTROPIC) * weights[..., None], t)
         rows, known = _known(result, space)
@@ -206,20 +204,17 @@ class LineTractions:
         centre, force = share @ place / share.sum(), forces.sum(axis=0)
         size, moment = float(np.hypot(*force)), float(cross(place - centre, forces).sum())
         is_near = abs(moment) < size * float(np.ptp(place, axis=0).max())
-        if is_near and self._turns(chosen):
+        if is_near and np.ptp(self.normal[chosen], axis=0).max() > 1e-6:
             centre = centre + moment / size**2 * np.array([force[1], -force[0]])  # on the line of action
             arms = place[share > 0.1 * share.max()] - centre
             nearest = arms[np.argmin(np.abs(cross(arms, force)))]
             centre = centre + force * (nearest @ force) / size**2
         return force, centre
 
-    def _turns(self, chosen: slice | FloatArray) -> bool:
-        return bool(np.ptp(self.normal[chosen], axis=0).max() > 1e-6)
-
     @property
     def turns(self) -> bool:
         """Whether the line is not straight, so that the pressure on it may balance itself."""
-        return self._turns(slice(None))
+        return bool(np.ptp(self.normal, axis=0).max() > 1e-6)
 
     @property
     def eccentricity(self) -> float:
@@ -300,7 +295,6 @@ def draw_body(
     units, mesh, shape = style.plain_units(units), result.problem.mesh, Shape.of(result)
     scales = Scales.of([result], component) if scales is None else scales
     factor, length, t = scales.factor, mesh.length, np.linspace(0.0, 1.0, style.CHORDS + 1)
-
     # bands of stress, drawn at the deformed points; values are averaged within a block of one material
     samples = sample_body(result, _SAMPLES)
     values = stress_component(samples.stress, component, samples.along_z)
@@ -322,7 +316,6 @@ def draw_body(
         for other in (False, True):
             side = face(mesh.edges(joint.edges), other=other)
             axes.add_collection(style.lines(side, "#333333", "solid", 0.6))
-
     # symbols of loads and supports, which move as the nearest point of the boundary does; obstacles and springs
     lines = [line for name in result.contacts for line in _lines_of(result, name, shape, factor)]
     sprung = {contact.name for contact in result.problem.contacts if contact.has_springs}
@@ -330,7 +323,6 @@ def draw_body(
     tree, moves = cKDTree(extent[0]), extent[1] - extent[0]
     extent += draw_symbols(axes, result.problem, lambda points: np.asarray(points + moves[tree.query(points)[1]]))
     extent += [_obstacle(axes, line, length, SPRING * length * (line.name in sprung)) for line in lines]
-
     # scales of the tractions, and their ranges for the legend
     pressure = max((float(np.abs(line.pressure).max()) for line in lines), default=0.0)
     friction = max((float(np.abs(line.shear).max()) for line in lines), default=0.0)
@@ -346,7 +338,6 @@ def draw_body(
     has_tension = low < -_LEAST * abs(high)
     ends = dict.fromkeys(beside([low, high], 3)) if has_tension else ["up to " + beside([high], 3)[0]]
     label = f"pressure, {' to '.join(ends)} {units.stress}"
-
     # tractions, line of thrust, resultants
     is_few, friction_text = len(lines) <= _LABELLED, beside([pressure, friction], 3)[1]
     for line in lines:
@@ -361,7 +352,6 @@ def draw_body(
     if 0 < len(labelled) <= _LABELLED:
         arrows, written = _resultants(axes, labelled, length, units)
         extent.append(arrows)
-
     # the box around all of it, and the colour bar beside it, at least _TALL as high as the box is wide
     box = style.show_all(axes, np.concatenate(extent), units)
     across, up = box[1] - box[0]
@@ -572,7 +562,6 @@ def draw_contours(
     _, first, group = np.unique(np.column_stack([rounded, part]), axis=0, return_index=True, return_inverse=True)
     group = group.ravel()
     means = np.bincount(group, values) / np.bincount(group)
-
     # range and levels of the bands
     low, high = usual_range(means) if ends is None else ends
     size = float(np.abs(means).max())
@@ -585,7 +574,6 @@ def draw_contours(
     has_both_signs = low < -0.05 * end and high > 0.05 * end
     low, high = (-end, end) if has_both_signs else (low, high)
     levels = MaxNLocator(_LEVELS, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
-
     # colours, with one more band for values below or above the levels
     share = np.linspace(0.0, 1.0, len(levels) + 1)
     pale = 0.04 + 0.62 * (share if high > -low else share[::-1])

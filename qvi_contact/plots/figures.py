@@ -1,4 +1,4 @@
-"""Whole figures: a result, a load history, a problem, a mesh, and the motion in which a body fails at its limit load."""
+"""Whole figures: a result, a load history, a problem, a mesh, and the motion of a body that fails at its limit load."""
 
 import textwrap
 from collections.abc import Sequence
@@ -92,10 +92,7 @@ def result_figure(
 def _lay_out(
     figure: "Figure", box: FloatArray, title: str, answer: str, foot: str, written: Sequence[Written] = ()
 ) -> None:
-    """Write title and answer above and foot below, and size the figure so that the box (2, 2) [length] fits.
-
-    Texts beside the body need room too, which depends on the size: the box grows in a few passes until it holds them.
-    """
+    """Write title, answer and foot, and size the figure for the box (2, 2) [length], which grows to hold the texts."""
     body, *charts = figure.axes
     cell = body.get_subplotspec()
     assert cell is not None  # the axes were made by `subplots`
@@ -244,28 +241,28 @@ def draw_mechanism(axes: "Axes", mesh: TriangleMesh, motion: Mechanism | Collaps
     colours: str | FloatArray = "#d6e6f2"
     if isinstance(motion, Mechanism):
         for number, rigid in enumerate(motion.motions):
-            own = motion.blocks == number
-            arm = turned(after[own] - rigid.centre, np.arctan(scale * rigid.rotation))
-            after[own] = rigid.centre + arm + scale * np.array([rigid.x, rigid.y])
+            in_block = motion.blocks == number
+            arms = turned(after[in_block] - rigid.centre, np.arctan(scale * rigid.rotation))
+            after[in_block] = rigid.centre + arms + scale * np.array([rigid.x, rigid.y])
     else:
         flow, (a, b, c) = motion.motion, mesh.corners.swapaxes(0, 1)
-        second = -isqrt(2 * flow.velocities.shape[2])  # of a part's corners, after the first
+        second = -isqrt(2 * flow.velocities.shape[2])  # coefficient at the second corner of a part; 0 at the first
         velocity = flow.velocities[:, [1, 0, 0], [0, 0, second]]  # at the corners of each triangle
         after += scale / max(float(np.hypot(*velocity.T).max()), 1e-300) * velocity
         density = flow.dissipation / np.abs(cross(b - a, c - a))
         shade = np.sqrt(np.minimum(density / max(float(np.quantile(density, _DEEPEST)), 1e-300), 1.0))
         colours = np.column_stack([np.tile([0.9, 0.45, 0.0], (len(shade), 1)), 0.85 * shade])
 
-    def ends(edges: Edges, side: int) -> FloatArray:
+    def moved_ends(edges: Edges, side: int) -> FloatArray:
         cells = edges.cells[:, side]
         corners = ((mesh.cells[cells] == nodes[:, None]).argmax(axis=1) for nodes in (edges.first, edges.second))
         return np.stack([after[cells, corner] for corner in corners], axis=1)
 
     axes.add_collection(PolyCollection(list(after), facecolors=colours, antialiased=False, zorder=1.0))
-    one, other = ends(mesh.interior, 0), ends(mesh.interior, 1)
-    apart = np.abs(one - other).max(axis=(1, 2)) > _OPEN * mesh.length
-    moved = np.concatenate([ends(mesh.boundary, 0), one[apart], other[apart]])
-    rest = mesh.vertices[mesh.topology.ends[np.append(mesh.topology.outer, mesh.topology.inner[apart])]]
+    near, far = moved_ends(mesh.interior, 0), moved_ends(mesh.interior, 1)
+    is_open = np.abs(near - far).max(axis=(1, 2)) > _OPEN * mesh.length
+    moved = np.concatenate([moved_ends(mesh.boundary, 0), near[is_open], far[is_open]])
+    rest = mesh.vertices[mesh.topology.ends[np.append(mesh.topology.outer, mesh.topology.inner[is_open])]]
     axes.add_collection(lines(rest, style.GREY, (0, (4, 3)), 0.7))
     axes.add_collection(lines(moved, style.BLUE, "solid", 1.0, "mechanism"))
     return np.concatenate([rest.reshape(-1, 2), moved.reshape(-1, 2)])
@@ -277,10 +274,7 @@ _LOOPS: Final = 4  # largest number of loops, and of charts of forces
 
 
 def history_figure(
-    history: History,
-    units: Units | None = None,
-    times: Sequence[float] | None = None,
-    title: str = "",
+    history: History, units: Units | None = None, times: Sequence[float] | None = None, title: str = ""
 ) -> "Figure":
     """A load history: the deformed body in the last step, hysteresis loops of up to four contacts, and contact forces.
 
@@ -319,21 +313,19 @@ def history_figure(
         body.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), anchor="N")
         label = f"step {last_number}" if abscissa is None else f"t = {abscissa[last_number - 1]:g}"
         body.set_title(f"{label}; displacements × {picture.factor:g}", fontsize="medium")
-        for subfigure, (draw, row, argument) in zip(
-            right.subfigures(len(rows), 1, squeeze=False)[:, 0], rows, strict=True
-        ):
-            for axes, (name, values) in zip(subfigure.subplots(1, len(row), squeeze=False)[0], row, strict=True):
+        for part, (draw, row, argument) in zip(right.subfigures(len(rows), 1, squeeze=False)[:, 0], rows, strict=True):
+            for axes, (name, values) in zip(part.subplots(1, len(row), squeeze=False)[0], row, strict=True):
                 axes.set_ylabel(f"force [{units.force}]")
                 draw(axes, style.plain_text(name), values, argument)
         notes = [f"loops not shown: {', '.join(list(loops)[_LOOPS:])}"] if len(loops) > _LOOPS else []
         width = int(_LETTERS * (3.8 + right_width))
-        heading = "\n".join(textwrap.fill(step, width) for step in (title, history.message, *notes) if step)
+        heading = "\n".join(textwrap.fill(text, width) for text in (title, history.message, *notes) if text)
         figure.suptitle(style.plain_text(heading), x=0.02, ha="left", fontsize="medium")
     return figure
 
 
 _Loop: TypeAlias = tuple[str, FloatArray, FloatArray]
-"""As `History.driven` returns it: "displacement" or "rotation", its values, and the force or moment."""
+"""As `History.driven` returns it: "along", "x", "y" or "rotation", the motion, and the force or moment."""
 
 
 def _loops(history: History, problem: ContactProblem) -> dict[str, _Loop]:
@@ -350,7 +342,7 @@ def _loops(history: History, problem: ContactProblem) -> dict[str, _Loop]:
             driven_edges.append(condition.edges)
     loops: dict[str, _Loop] = {}
     for name in (*(contact.name for contact in problem.contacts), *driven_edges):
-        with suppress(InputError):  # an obstacle at rest while displacements move the body
+        with suppress(InputError):  # raised for an obstacle at rest
             loops.setdefault(name, history.driven(name))
     for condition in supports if not loops else ():
         loops.setdefault(condition.edges, history.driven(condition.edges))
