@@ -323,8 +323,8 @@ def _discretization(archive: Archive, discretize_in: Callable[[Scales], Discreti
 def _counted(known: Discretization) -> dict[str, IntArray]:
     """Choices of this version on which the meaning of stored unknowns and multipliers depends.
 
-    Φ is expanded about the vertices `centres` and the cuts `cuts`; on the contact edges `led_back` the tangent points
-    back. A file without these entries has Φ itself as unknowns and no such edges.
+    Unknowns are those of Φ less affine functions around the vertices `centres`, and Φ jumps across the lines of `cuts`.
+    On the contact edges `led_back` the tangent points back. A file without these entries has none of the three.
     """
     tangents = [known.problem.mesh.edges(contact.edges).tangent for contact in known.problem.contacts]
     led_back = np.flatnonzero(points_back(np.concatenate([np.empty((0, 2)), *tangents])))
