@@ -204,8 +204,10 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     lines, units, reasons = report.limit_lines(loads, limit_load, refinement), problem_file.units, {}
     remarks = _time_remark(problem_file)
     if limit_load.upper == math.inf:
-        but = "Smaller multiples, also 1, may be too small to hold the body. Under Coulomb friction it may slide at any"
-        remarks.append(f"{but}: check a load by qvi-contact solve.")
+        small = (
+            "Smaller multiples, even 1, may be too small to hold the body, and under Coulomb friction it may slide at"
+        )
+        remarks.append(f"{small} any multiple: check a load by qvi-contact solve.")
     lines += remarks
     if limit_load.mechanism is None and limit_load.collapse is None:
         reasons["plot"] = "there is no mechanism to draw in"
@@ -399,7 +401,7 @@ def _report_stored(file: ProblemFile, sweep: qvi_contact.StoredSweep, targets: M
     }  # fmt: skip
     complete = _write_files(targets, {"save_json": lambda path: write_text(path, _json_text(document) + "\n")}, {})
     lines = [f"{sweep.parameter}: {len(sweep.values)} values from {min(sweep.values):g} to {max(sweep.values):g}"]
-    lines.append(", ".join(f"{count} {status.words}" for status, count in statuses.items()) or "none done")
+    lines.append(", ".join(f"{count} {status.words}" for status, count in statuses.items()) or "no values done")
     lines += [*([] if is_solved else [sweep.message]), f"rows: {sweep.path}"]
     return _print_answer(file, as_json, document, lines, is_solved, complete)
 
@@ -415,7 +417,7 @@ def _with_settings(file: ProblemFile, assignments: Sequence[str]) -> tuple[Probl
         name, separator, value_list = text.partition("=")
         owner, _, parameter = name.strip().rpartition(".")
         if owner == "load" and parameter not in PARAMETERS:
-            owner, parameter = parameter, owner
+            owner, parameter = parameter, owner  # in load.NAME the parameter comes first
         values: tuple[float, ...] = ()
         with suppress(ValueError, TypeError):
             start, colon, rest = value_list.partition(":")

@@ -165,7 +165,7 @@ def _subdivided(lines: FloatArray, corners: FloatArray, largest: float, smallest
         x = start + (stop - start) * np.concatenate([t**3 / 2, 1.0 - t[-2::-1] ** 3 / 2])  # dense at both ends
         distance = np.abs(x[:, None] - corners).min(axis=1, initial=np.inf)
         size = np.minimum(largest, smallest + growth * distance)
-        cells = np.concatenate([[0.0], np.cumsum(np.diff(x) * (1.0 / size[1:] + 1.0 / size[:-1]) / 2.0)])
+        cells = np.concatenate([[0.0], np.cumsum(np.diff(x) * (1.0 / size[1:] + 1.0 / size[:-1]) / 2.0)])  # ∫ dx / h
         count = max(1, int(np.ceil(cells[-1] - 1e-3)))
         total += count
         if total > _MOST_CELLS:

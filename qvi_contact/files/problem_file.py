@@ -193,7 +193,7 @@ class Document:
             if table.file is not None:
                 try:
                     parts = read_mesh(_beside(folder, table.file))
-                    if table.join is not None:
+                    if table.join is not None:  # arcs on both bodies have to be known before these are joined
                         on_parts = {path: arc for path, arc in arcs.items() if arc.name in parts.edge_sets}
                         arcs = {path: arc for path, arc in arcs.items() if path not in on_parts}
                         curves = [a.curve(parts.edge_sets[a.name or ""], parts.vertices) for a in on_parts.values()]
@@ -212,7 +212,7 @@ class Document:
                 mesh = table.grid(lines)
         mesh = self._named(mesh, lines, arcs)
         if table.refine is None or lines is None:
-            return mesh
+            return mesh  # else grid lines are added, and edges are named again on the finer grid
         with schema.located("mesh.refine"):
             lines = table.refine.lines(mesh, table.body(lines), lines)
             mesh = table.grid(lines)
@@ -243,7 +243,7 @@ class Document:
                 if table.name is None and table.x is None and table.y is None and "x" not in read_tables["mesh"]:
                     remedy = "say which triangles are meant: name a region of the mesh, or give x and y"
                     raise InputError("name", None, remedy)
-                _ = table.cells(mesh, regions)
+                _ = table.cells(mesh, regions)  # raises if its range cuts triangles, or its name is taken
                 regions.append(replace(table, material=replace(table.material, plane=self.material.plane)))
         condition_tables = [(f"{kind}[{i}]", each) for kind in TABLES for i, each in enumerate(getattr(self, kind))]
         try:
@@ -269,7 +269,9 @@ class Document:
 def _beside(folder: Path | None, file: str) -> Path:
     """The path of a file that a problem file names."""
     if folder is None:
-        raise InputError("file", file, "its place is not known for a text: read the problem file by load_problem")
+        raise InputError(
+            "file", file, "a text has no folder, in which to find it: read the problem file by load_problem"
+        )
     return folder / file
 
 
