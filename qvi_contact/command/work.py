@@ -155,26 +155,25 @@ def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given
 
 def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     """Refine the mesh until a number is accurate."""
-    from qvi_contact.refinement import refine as refined
+    from qvi_contact.refinement import refine as refine_mesh
 
     with _problem_file(file, given, "a refinement") as (problem_file, targets, options):
         refine_options = {name: given[name] for name in keys_of(RefineOptions) if given[name] is not None}
         units = problem_file.units
         with solving(problem_file.title or "refine", verbose=verbose) as advance:
-            refinement: Any = refined(
+            refined: Any = refine_mesh(
                 problem_file.problem, **{**problem_file.refine_options, **refine_options}, **options,
                 callback=lambda done: advance(report.so_far(done)), verbose=verbose,
             )  # fmt: skip
-        document = {"title": problem_file.title, **export.summary(refinement.result, units)}
-        document["refinement"] = report.refinement_document(refinement, units)
+        document = {"title": problem_file.title, **export.summary(refined.result, units)}
+        document["refinement"] = report.refinement_document(refined, units)
         complete = _write_all(
-            targets, problem_file, refinement.result, document,
-            time_limit=options.get("time_limit"), refinement=refinement,
+            targets, problem_file, refined.result, document,
+            time_limit=options.get("time_limit"), refinement=refined,
         )  # fmt: skip
-    said, last = refinement.message, report.result_lines(refinement.result, units)
-    last_lines = [line for line in last if not line or line not in said]
-    lines = (*report.refinement_lines(refinement, units), *([""] if last_lines else []), *last_lines)
-    return _print_answer(problem_file, as_json, document, lines, refinement.status == "reached", complete)
+    last = [line for line in report.result_lines(refined.result, units) if not line or line not in refined.message]
+    lines = (*report.refinement_lines(refined, units), *([""] if last else []), *last)
+    return _print_answer(problem_file, as_json, document, lines, refined.status == "reached", complete)
 
 
 def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool, as_json: bool, **given: Any) -> int:

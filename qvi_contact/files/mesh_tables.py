@@ -150,10 +150,7 @@ class RefineTable:
             if size < least:
                 raise InputError(name, size, f"give at least {_FINEST:g} of the body, {least:g}")
         points, growth = np.concatenate(critical_points), -float(np.log(self.ratio))
-        x, y = (
-            _subdivided(across, np.unique(points[:, axis]), largest, smallest, growth)
-            for axis, across in enumerate(lines)
-        )
+        x, y = (_subdivided(lines[k], np.unique(points[:, k]), largest, smallest, growth) for k in range(2))
         return x, y
 
 

@@ -269,9 +269,7 @@ class Document:
 def _beside(folder: Path | None, file: str) -> Path:
     """The path of a file that a problem file names."""
     if folder is None:
-        raise InputError(
-            "file", file, "a text has no folder, in which to find it: read the problem file by load_problem"
-        )
+        raise InputError("file", file, "a text has no folder to find it in: read the problem file by load_problem")
     return folder / file
 
 

@@ -424,13 +424,11 @@ def _lines_of(result: ContactResult, name: str, shape: Shape, factor: float) -> 
 
 
 def _obstacle(axes: "Axes", line: LineTractions, length: float, spring: float) -> FloatArray:
-    """Draw the obstacle beside a line, unless that is a joint, and springs; returns the points they cover (n, 2).
-
-    `spring` is the length of a spring at rest [length], changed where springs would be drawn too short or too long.
-    """
+    """Draw the obstacle beside a line, unless it is a joint, and springs of this length at rest; the points (n, 2)."""
     offset = spring * line.normal
     if spring > 0.0:
         stretch = ((line.obstacle - line.place) * line.normal).sum(axis=1) / spring
+        # a length at rest at which no spring is drawn too short or too long
         offset *= max(min(1.0, _LONGEST_SPRING - stretch.max()), _SHORTEST_SPRING - stretch.min())
         at = spaced(line.s, 2.0 * _SPACING * length)
         ends = line.place - line.joint * offset / 2.0, line.obstacle + offset * (0.5 if line.joint else 1.0)

@@ -268,24 +268,24 @@ class _Sketch:
         from matplotlib.patches import Patch
 
         mesh, outlines = self.problem.mesh, style.cell_outlines(self.problem.mesh)
-        number = self.problem.cell_materials
-        present = np.unique(number).tolist()
-        for index, chosen in enumerate(present):
+        cell_materials = self.problem.cell_materials
+        present = np.unique(cell_materials).tolist()
+        for index, material_number in enumerate(present):
             look: dict[str, Any] = {
                 "facecolor": _FILLS[index % len(_FILLS)],
                 "hatch": _HATCHES[index // len(_FILLS) % len(_HATCHES)],
             }
-            cells = outlines[number == chosen]
+            cells = outlines[cell_materials == material_number]
             self.axes.add_collection(
                 PolyCollection(list(cells), **look, edgecolors="#cccccc", linewidths=0.0, antialiased=False, zorder=0)
             )
-            material = self.problem.materials[chosen]
-            name = self.problem.regions[chosen - 1].name if chosen else None
+            material = self.problem.materials[material_number]
+            name = self.problem.regions[material_number - 1].name if material_number else None
             young = f"{style.beside([material.young], 6)[0]} {self.units.stress}"
             text = f"E = {young}, ν = {material.poisson:.4g}, plane {material.plane}"
             if material.strength is not None:
                 text += f", strength {material.strength.kind}"
-            text = ", ".join([text, *_initial_strain(self.problem, chosen, self.units)])
+            text = ", ".join([text, *_initial_strain(self.problem, material_number, self.units)])
             if len(present) > 1:
                 text = f"{index + 1}{f' ({name})' if name else ''}: {text}"
                 middles = cells.mean(axis=1)  # the number stands in the cell nearest to the centre
@@ -319,13 +319,13 @@ class _Sketch:
     def displacement(self, condition: Displacement, pieces: Sequence[Run]) -> None:
         values, given = self._given(condition, pieces)
         self._line(pieces, _HELD)
-        held = [name for name, value in values.items() if not value.any()]
-        if held:
-            self._supports(pieces, held)
-        moved = len(held) < len(values)
-        if moved:
+        fixed = [name for name, value in values.items() if not value.any()]
+        if fixed:
+            self._supports(pieces, fixed)
+        is_moved = len(fixed) < len(values)
+        if is_moved:
             self._arrows(condition, pieces, {"facecolor": "white", "edgecolor": style.BLUE, "linewidth": 0.7})
-        self._entry(f"{condition.edges}: {given}", _HELD, marker=">" if moved else "^", filled=len(held) == 2)
+        self._entry(f"{condition.edges}: {given}", _HELD, marker=">" if is_moved else "^", filled=len(fixed) == 2)
 
     def symmetry(self, condition: Symmetry, pieces: Sequence[Run]) -> None:
         self._line(pieces, _MIRROR)
@@ -350,15 +350,15 @@ class _Sketch:
     def names(self) -> None:
         """Write the names of edge sets without a contact, and of joints without a contact, at free places."""
         contacts = {contact.edges for contact in self.problem.contacts}
-        ruled = dict.fromkeys(condition.edges for condition in self.problem.conditions)
-        for name in (name for name in ruled if name not in contacts):
+        named_conditions = dict.fromkeys(condition.edges for condition in self.problem.conditions)
+        for name in (name for name in named_conditions if name not in contacts):
             pieces = runs(self.problem.mesh, self.problem.mesh.edges(name))
             longest = max(run.length for run in pieces)
             for run in [run for run in pieces if run.length > _WORTH_A_NAME * longest][:_NAMED]:
                 first, *inside = self._spots(run, -1.0)
                 outside = self._spots(run, 1.0)
-                rest = outside + inside if name in self.groups["free"] else inside + outside
-                self._write(name, [first, *rest], style.GREY)
+                other_spots = outside + inside if name in self.groups["free"] else inside + outside
+                self._write(name, [first, *other_spots], style.GREY)
         for name in self.problem.mesh.joint_names:
             if name not in contacts:
                 pieces = runs(self.problem.mesh, self.problem.mesh.edges(name))
@@ -404,18 +404,18 @@ class _Sketch:
     def _arrows(self, condition: Traction | Displacement, pieces: Sequence[Run], look: dict[str, Any]) -> None:
         """Draw arrows in the scale in which the largest one of all conditions of this class has full length."""
 
-        def most(condition: Traction | Displacement) -> float:
+        def largest_of(condition: Traction | Displacement) -> float:
             return float(np.hypot(*_vectors(condition, self._along(self._runs(condition))).T).max())
 
-        largest = max(most(other) for other in self.conditions if isinstance(other, type(condition)))
+        largest = max(largest_of(other) for other in self.conditions if isinstance(other, type(condition)))
         if self.size < 1.0:  # small loads stay visible
-            largest = min(largest, most(condition) / _VISIBLE)
+            largest = min(largest, largest_of(condition) / _VISIBLE)
         for run in pieces:
             places = run.points(_SPACING * (1.0 + self.size) / 2.0 * self.length)
             vectors = _vectors(condition, places) / largest * (self.size * _ARROW * self.length)
-            slender = {} if self.size == 1.0 else {"width": 0.0035}
+            thin = {} if self.size == 1.0 else {"width": 0.0035}
             places = places._replace(points=self.moved(places.points))
-            self.ends.append(arrows(self.axes, places, vectors, _AWAY * self.length, look | slender))
+            self.ends.append(arrows(self.axes, places, vectors, _AWAY * self.length, look | thin))
 
     def _supports(self, pieces: Sequence[Run], held: Sequence[str]) -> None:
         """Draw triangles that point at the body, or diamonds where only a component along the side is held."""
@@ -425,13 +425,13 @@ class _Sketch:
         both = len(held) == 2
         for run in pieces:
             places = self._beside(run)
-            across = np.abs((_directions(held[0], places) * places.normals).sum(axis=1)) > _ACROSS
-            across |= both
-            self._mark(places.points[~across], "d", style.BLUE, filled=both)
+            is_normal = np.abs((_directions(held[0], places) * places.normals).sum(axis=1)) > _ACROSS
+            is_normal |= both
+            self._mark(places.points[~is_normal], "d", style.BLUE, filled=both)
             angles = np.round(np.degrees(np.arctan2(*places.normals.T[::-1])) + 90.0)  # the marker "^" turned inwards
-            for angle in np.unique(angles[across]):
+            for angle in np.unique(angles[is_normal]):
                 marker = MarkerStyle("^", transform=Affine2D().scale(*_SLIM).rotate_deg(float(angle)))
-                self._mark(places.points[across & (angles == angle)], marker, style.BLUE, filled=both)
+                self._mark(places.points[is_normal & (angles == angle)], marker, style.BLUE, filled=both)
 
     def _beside(self, run: Run) -> Places:
         """Places of symbols beside a run, outside the body."""
@@ -450,13 +450,13 @@ class _Sketch:
         pieces = self._runs(contact)
         lines = [run.ends_and_points(self.length / _SAMPLES) for run in pieces]
         gaps = [evaluate("Contact.gap", contact.gap, *places.points.T) for places in lines]
-        least, most = min(gap.min() for gap in gaps), max(gap.max() for gap in gaps)
-        rise = 0.06 * self.length / (most - least) if most - least > 1e-9 * max(abs(least), abs(most)) else 0.0
+        low, high = min(gap.min() for gap in gaps), max(gap.max() for gap in gaps)
+        scale = 0.06 * self.length / (high - low) if high - low > 1e-9 * max(abs(low), abs(high)) else 0.0
         for run, places, gap in zip(pieces, lines, gaps, strict=True):
-            distance = (0.5 * _AWAY + SPRING * self.size * contact.has_springs) * self.length + rise * (gap - least)
+            distance = (0.5 * _AWAY + SPRING * self.size * contact.has_springs) * self.length + scale * (gap - low)
             if contact.has_springs:
-                few = run.points(_SPACING * self.length, least=1)
-                springs(self.axes, few.points, few.points + distance.mean() * few.normals)
+                feet = run.points(_SPACING * self.length, least=1)
+                springs(self.axes, feet.points, feet.points + distance.mean() * feet.normals)
             line = places.points + distance[:, None] * places.normals
             ground(self.axes, line, places.normals, 0.025 * self.size * self.length)
             self.ends.append(line)
@@ -492,25 +492,25 @@ class _Sketch:
         places = self._along(pieces)
         owner: Any
         for owner in filter(None, (contact, contact.plate)):
-            for name, each in keys_of(type(owner)).items():
+            for name, key in keys_of(type(owner)).items():
                 value = getattr(owner, name)
-                if each.symbol and value is not None and (each.tied or contact.law != "tied"):
+                if key.symbol and value is not None and (key.tied or contact.law != "tied"):
                     values = evaluate(f"{type(owner).__name__}.{name}", value, *places.points.T)
                     if values.any() or defaults_of(type(owner)).get(name) is None:
                         about = " about\xa0({:.4g}, {:.4g})".format(*owner.pivot) if name == "moment" else ""
-                        yield style.value_range(each.symbol, values, getattr(self.units, each.unit, each.unit)) + about
+                        yield style.value_range(key.symbol, values, getattr(self.units, key.unit, key.unit)) + about
 
 
 def _initial_strain(problem: ContactProblem, number: int, units: Units) -> Iterator[str]:
     """Texts of the shrinkage, thermal expansion and prestress of a material, with ranges at corners of its cells."""
     material = problem.materials[number]
     x, y = problem.mesh.corners[problem.cell_materials == number].reshape(-1, 2).T
-    given: dict[str, Field] = {"shrinkage": material.shrinkage}
+    fields: dict[str, Field] = {"shrinkage": material.shrinkage}
     if material.expansion != 0.0:
-        own = problem.regions[number - 1].temperature if number else None
-        given |= {"α": material.expansion, "ΔT": problem.temperature if own is None else own}
-    given |= dict(zip(("σ⁰_xx", "σ⁰_yy", "σ⁰_xy"), material.prestress or (), strict=False))
-    for name, field in given.items():
+        local = problem.regions[number - 1].temperature if number else None
+        fields |= {"α": material.expansion, "ΔT": problem.temperature if local is None else local}
+    fields |= dict(zip(("σ⁰_xx", "σ⁰_yy", "σ⁰_xy"), material.prestress or (), strict=False))
+    for name, field in fields.items():
         values = evaluate(name, field, x, y)
         if values.any():
             yield style.value_range(name, values, units.stress if name.startswith("σ") else "")
@@ -525,8 +525,8 @@ def _directions(component: str, places: Places) -> FloatArray:
 
 def _values(condition: Traction | Displacement, places: Places) -> dict[str, FloatArray]:
     """Values of the given components at places, by name."""
-    kind, given = type(condition).__name__, components(condition)
-    return {name: evaluate(f"{kind}.{name}", value, *places.points.T) for name, value in given.items()}
+    kind, fields = type(condition).__name__, components(condition)
+    return {name: evaluate(f"{kind}.{name}", value, *places.points.T) for name, value in fields.items()}
 
 
 def _vectors(condition: Traction | Displacement, places: Places) -> FloatArray:
