@@ -116,8 +116,8 @@ def _command(*options: str | _Decorator) -> Callable[[_Command], click.Command]:
             return getattr(import_module("qvi_contact.command.work"), function.__name__)(**given)
 
         command: _Command = run_work
-        each = [[given] if callable(given) else map(_option, given.split()) for given in options]
-        for option in reversed([*chain.from_iterable(each)]):
+        decorators = [[given] if callable(given) else map(_option, given.split()) for given in options]
+        for option in reversed([*chain.from_iterable(decorators)]):
             command = option(command)
         return group.command(command)
 

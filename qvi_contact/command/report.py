@@ -211,9 +211,9 @@ def _stated(table: Mapping[str, Any]) -> str:
     return ", ".join(f"{name} = {value}" for name, value in inner.items())
 
 
-def shares(known: Mapping[str, float], states: Iterable[str]) -> list[str]:
+def shares(share_of: Mapping[str, float], states: Iterable[str]) -> list[str]:
     """Shares of a contact's length in these states, as `ContactLine.shares` has them."""
-    return [f"{100.0 * known[name]:.1f} %" if name in known else "-" for name in states if known]
+    return [f"{100.0 * share_of[name]:.1f} %" if name in share_of else "-" for name in states if share_of]
 
 
 def table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
@@ -225,76 +225,76 @@ def table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str
         yield "  ".join(cells).rstrip()
 
 
-def _accuracy(found: Outcome | RefinementRound) -> dict[str, Any]:
+def _accuracy(outcome: Outcome | RefinementRound) -> dict[str, Any]:
     """The relative error of a number and its kind, for JSON."""
-    return {"estimate": found.estimate, "guaranteed": found.guaranteed, "certainty": str(found.certainty)}
+    return {"estimate": outcome.estimate, "guaranteed": outcome.guaranteed, "certainty": str(outcome.certainty)}
 
 
-def refinement_document(found: Outcome, units: Units) -> dict[str, Any]:
+def refinement_document(outcome: Outcome, units: Units) -> dict[str, Any]:
     """Outcome and rounds of a refinement for JSON."""
     return {
-        "status": found.status.value,
-        "quantity": found.quantity,
-        "value": {"value": found.value, "unit": _unit(found, units)},
-        **_accuracy(found),
-        "target": found.target,
-        "message": found.message,
-        "advice": found.status.advice,
+        "status": outcome.status.value,
+        "quantity": outcome.quantity,
+        "value": {"value": outcome.value, "unit": _unit(outcome, units)},
+        **_accuracy(outcome),
+        "target": outcome.target,
+        "message": outcome.message,
+        "advice": outcome.status.advice,
         "rounds": [
-            {"cells": [each.cells], "unknowns": each.unknowns, "value": each.value, **_accuracy(each)}
-            for each in found.rounds
+            {"cells": [step.cells], "unknowns": step.unknowns, "value": step.value, **_accuracy(step)}
+            for step in outcome.rounds
         ],
     }
 
 
-def refinement_lines(found: Refinement, units: Units) -> Iterator[str]:
+def refinement_lines(refined: Refinement, units: Units) -> Iterator[str]:
     """The rounds as a table, the message, and the error of the number."""
-    if found.rounds:
-        yield from table(*refinement_table(found, units))
+    if refined.rounds:
+        yield from table(*refinement_table(refined, units))
         yield ""
-    yield found.message
-    if found.rounds:
-        yield trust(found, units)
-    if found.status != "reached" and (found.rounds or found.result.status.advice not in found.message):
-        yield found.status.advice
+    yield refined.message
+    if refined.rounds:
+        yield trust(refined, units)
+    if refined.status != "reached" and (refined.rounds or refined.result.status.advice not in refined.message):
+        yield refined.status.advice
 
 
-def refinement_table(found: Refinement, units: Units) -> tuple[list[str], list[list[str]]]:
+def refinement_table(refined: Refinement, units: Units) -> tuple[list[str], list[list[str]]]:
     """Headings, and a row for each round: cells, unknowns, value, relative error, and the kind of error."""
-    headings = ["round", "cells", "unknowns", f"{found.quantity} [{_unit(found, units)}]", "relative error", ""]
+    headings = ["round", "cells", "unknowns", f"{refined.quantity} [{_unit(refined, units)}]", "relative error", ""]
     return headings, [
-        [str(number), str(each.cells), str(each.unknowns), f"{each.value:.9g}", *_error(each)]
-        for number, each in enumerate(found.rounds, 1)
+        [str(number), str(step.cells), str(step.unknowns), f"{step.value:.9g}", *_error(step)]
+        for number, step in enumerate(refined.rounds, 1)
     ]
 
 
-def _unit(found: Outcome, units: Units) -> str:
+def _unit(outcome: Outcome, units: Units) -> str:
     from qvi_contact.refinement.measure import unit_of
 
-    return unit_of(found.quantity, units)
+    return unit_of(outcome.quantity, units)
 
 
-def trust(found: Refinement, units: Units) -> str:
+def trust(refined: Refinement, units: Units) -> str:
     """A sentence with the error of the last round, which says whether it is a bound or an estimate."""
-    if not math.isfinite(found.estimate):
+    if not math.isfinite(refined.estimate):
         return "Error: not known."
-    size = f"{shown(found.error, digits=2)} {_unit(found, units)}"
-    if found.certainty is Certainty.ESTIMATE:
+    size = f"{shown(refined.error, digits=2)} {_unit(refined, units)}"
+    if refined.certainty is Certainty.ESTIMATE:
         return f"Error: about {size}. This is an estimate, not a guaranteed bound."
     return f"Error: at most {size}. This is a guaranteed bound, up to rounding."
 
 
-def so_far(done: RefinementRound) -> str:
+def so_far(step: RefinementRound) -> str:
     """A round as the line of progress shows it."""
-    error, kind = _error(done)
-    return f"{done.unknowns} unknowns, relative error {error} ({kind or 'not known'})"
+    error, kind = _error(step)
+    return f"{step.unknowns} unknowns, relative error {error} ({kind or 'not known'})"
 
 
-def _error(each: RefinementRound) -> tuple[str, str]:
+def _error(step: RefinementRound) -> tuple[str, str]:
     """The relative error, and its kind: "estimate", "guaranteed" or empty."""
-    if not math.isfinite(each.estimate):
+    if not math.isfinite(step.estimate):
         return "-", ""
-    return f"{each.estimate:.1e}", "estimate" if each.certainty is Certainty.ESTIMATE else "guaranteed"
+    return f"{step.estimate:.1e}", "estimate" if step.certainty is Certainty.ESTIMATE else "guaranteed"
 
 
 def limit_lines(loads: Sequence[str], limit: LimitLoad, refinement: LimitRefinement | None) -> list[str]:

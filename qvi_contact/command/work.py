@@ -313,8 +313,8 @@ def methods(as_json: bool) -> None:
         click.echo(_json_text(document))
         return
     missing = {name: f"not installed: {install}" for name, install in missing_backends().items()}
-    shown = tuple(f"{name}  ({what})" for name, what in (factorisations | missing).items())
-    for title, names in {"methods": METHODS, "inner solvers": available(), "factorisations": shown}.items():
+    lines = tuple(f"{name}  ({what})" for name, what in (factorisations | missing).items())
+    for title, names in {"methods": METHODS, "inner solvers": available(), "factorisations": lines}.items():
         click.echo("\n  ".join([title, *names]))
 
 

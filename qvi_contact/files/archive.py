@@ -104,7 +104,7 @@ class Archive:
                 self.arrays = read_arrays("result", self.path, stream)
         except InputError:
             raise
-        except Exception as error:  # zip, zlib, numpy, tokenize: what broken bytes raise there is not documented
+        except Exception as error:  # zipfile, zlib, numpy, tokenize: their errors for broken files are not documented
             text = getattr(error, "strerror", None) or (str(error).splitlines() or [type(error).__name__])[0]
             if "pickle" in text or isinstance(error, BadZipFile):
                 text = "it is not an archive, or holds pickled objects"

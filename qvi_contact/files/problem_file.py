@@ -288,7 +288,7 @@ def _check_values(condition_tables: Iterable[tuple[str, Condition]], mesh: Trian
 
 @dataclass(frozen=True)
 class FileReader:
-    """Reads the fields of a problem file: what their texts and tables mean."""
+    """Reads fields of a problem file: numbers, expressions, polynomials, and data at points."""
 
     data: Mapping[str, Any]
     """The document as TOML gives it."""

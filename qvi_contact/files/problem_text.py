@@ -59,7 +59,7 @@ def problem_to_toml(
     if units is not None and not isinstance(units, Units):
         raise InputError("units", units, "give Units, or nothing")
     text = unchecked_toml(problem, title, description, units)
-    problem_from_toml(text)  # refuses what Python takes and a file does not, such as names of several lines
+    problem_from_toml(text)  # raises for values that only Python allows, such as names of several lines
     return text
 
 

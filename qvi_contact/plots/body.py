@@ -144,7 +144,7 @@ def _known(result: ContactResult, space: DisplacementSpace) -> tuple[sparse.csr_
 
 
 def faces(result: ContactResult, name: str) -> tuple[FloatArray, FloatArray]:
-    """Displacements (m, 2) [length] of the body at the points of a contact, and those of the obstacle's face there.
+    """Displacements (m, 2) [length] of the body and of the obstacle's face at the points of a contact.
 
     The displacement of the body follows from gap, slip, elongation of springs, and the motion of a plate; on a joint it
     is the jump. The obstacle moves by its gap g and with its plate. Its tangential displacement w is left out, as that
@@ -378,9 +378,9 @@ def _separate(result: ContactResult, shape: Shape, factor: float) -> float:
         for number in np.unique(block).tolist():
             sides = triangles[block == number]
             low, high = sides.min(axis=(0, 1)), sides.max(axis=(0, 1))
-            near = drawn[(block_of_point != number) & ((drawn > low) & (drawn < high)).all(axis=1)]
+            candidates = drawn[(block_of_point != number) & ((drawn > low) & (drawn < high)).all(axis=1)]
             a = sides[:, None]
-            is_left = [cross(a[:, :, k - 2] - a[:, :, k], near - a[:, :, k]) > 0.0 for k in range(3)]
+            is_left = [cross(a[:, :, k - 2] - a[:, :, k], candidates - a[:, :, k]) > 0.0 for k in range(3)]
             if np.logical_and.reduce(is_left).any():
                 return False
         return True

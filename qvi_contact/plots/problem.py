@@ -307,17 +307,17 @@ class _Sketch:
         drawn(condition, self._runs(condition))
 
     def traction(self, condition: Traction, pieces: Sequence[Run]) -> None:
-        values, given = self._given(condition, pieces)
+        values, ranges = self._ranges(condition, pieces)
         if any(value.any() for value in values.values()):
             self._line(pieces, _LOADED)
             self._arrows(condition, pieces, {"color": style.VERMILLION})
-            self._entry(f"traction {condition.name}: {given}", _LOADED, marker=">", filled=True)
+            self._entry(f"traction {condition.name}: {ranges}", _LOADED, marker=">", filled=True)
         elif len(values) == 2:
             self._line(pieces, _FREE)
             self.groups["free"].append(condition.edges)
 
     def displacement(self, condition: Displacement, pieces: Sequence[Run]) -> None:
-        values, given = self._given(condition, pieces)
+        values, ranges = self._ranges(condition, pieces)
         self._line(pieces, _HELD)
         fixed = [name for name, value in values.items() if not value.any()]
         if fixed:
@@ -325,7 +325,7 @@ class _Sketch:
         is_moved = len(fixed) < len(values)
         if is_moved:
             self._arrows(condition, pieces, {"facecolor": "white", "edgecolor": style.BLUE, "linewidth": 0.7})
-        self._entry(f"{condition.edges}: {given}", _HELD, marker=">" if is_moved else "^", filled=len(fixed) == 2)
+        self._entry(f"{condition.edges}: {ranges}", _HELD, marker=">" if is_moved else "^", filled=len(fixed) == 2)
 
     def symmetry(self, condition: Symmetry, pieces: Sequence[Run]) -> None:
         self._line(pieces, _MIRROR)
@@ -394,7 +394,7 @@ class _Sketch:
         places = [run.ends_and_points(self.length / _SAMPLES) for run in pieces]
         return Places(*map(np.concatenate, zip(*places, strict=True)))
 
-    def _given(self, condition: Traction | Displacement, pieces: Sequence[Run]) -> tuple[dict[str, FloatArray], str]:
+    def _ranges(self, condition: Traction | Displacement, pieces: Sequence[Run]) -> tuple[dict[str, FloatArray], str]:
         """Values of the given components along the runs, and a text with their ranges."""
         signs, unit = ("tσ", self.units.stress) if isinstance(condition, Traction) else ("uu", self.units.length)
         values = _values(condition, self._along(pieces))
@@ -402,7 +402,7 @@ class _Sketch:
         return values, ", ".join(words)
 
     def _arrows(self, condition: Traction | Displacement, pieces: Sequence[Run], look: dict[str, Any]) -> None:
-        """Draw arrows in the scale in which the largest one of all conditions of this class has full length."""
+        """Draw arrows, in a scale in which the largest arrow of all conditions of this class has full length."""
 
         def largest_of(condition: Traction | Displacement) -> float:
             return float(np.hypot(*_vectors(condition, self._along(self._runs(condition))).T).max())

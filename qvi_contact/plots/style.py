@@ -94,7 +94,7 @@ def save_figure(path: str | Path, figure: "Figure") -> None:
 
 
 def plain_text(text: str) -> str:
-    """The text with its dollar signs escaped: matplotlib reads what stands between two of them as a formula."""
+    """The text with its dollar signs escaped: matplotlib reads text between two of them as a formula."""
     instance_of(str, "title", text, "give a text")
     return _DOLLAR.sub(r"\\$", text)
 
@@ -102,8 +102,8 @@ def plain_text(text: str) -> str:
 def plain_units(units: Units | None) -> Units:
     """The units with dollar signs in their names escaped; `Units()` for None."""
     Units.labels(units, {})  # raises if these are no units
-    given = units or Units()
-    return Units(plain_text(given.length), plain_text(given.stress))
+    named = units or Units()
+    return Units(plain_text(named.length), plain_text(named.stress))
 
 
 def cell_outlines(mesh: TriangleMesh) -> FloatArray:
@@ -167,7 +167,7 @@ def lines(points: FloatArray, colour: str, style: object, width: float, label: s
 
 def legend_below(axes: "Axes", shown: "Sequence[Axes]", columns: int) -> None:
     """Add a legend of all that the axes `shown` show, each label once, below the horizontal axis of `axes`."""
-    handles = dict(pair[::-1] for each in shown for pair in zip(*each.get_legend_handles_labels(), strict=True))
+    handles = dict(pair[::-1] for other in shown for pair in zip(*other.get_legend_handles_labels(), strict=True))
     place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.4}
     look: dict[str, Any] = {"frameon": False, "columnspacing": 1.2, "handlelength": 1.8, "fontsize": "small"}
     axes.legend(handles=list(handles.values()), ncols=columns, **look, **place)
@@ -274,8 +274,8 @@ def svg_text(figure: "Figure", name: str) -> str:
     with settings(), rc_context({"svg.fonttype": "none", "svg.hashsalt": name}):
         text = io.StringIO()
         figure.savefig(text, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
-    whole = text.getvalue()
-    return "\n".join(line.rstrip() for line in whole[whole.index("<svg") :].splitlines()) + "\n"
+    svg = text.getvalue()
+    return "\n".join(line.rstrip() for line in svg[svg.index("<svg") :].splitlines()) + "\n"
 
 
 def inline_image(svg: str, label: str) -> str:

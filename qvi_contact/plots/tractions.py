@@ -47,10 +47,10 @@ def contact_tractions(axes: "Axes", line: ContactLine, units: Units | None = Non
     units = plain_units(units)
     (pieces, label), mark = pieces_along(line), "'" if line.has_fluid else ""
     effective, limit = line.effective_normal_stress, line.friction_bound
-    coulomb = np.allclose(limit, line.friction * np.abs(effective), rtol=1e-9, atol=0.0)
+    is_coulomb = np.allclose(limit, line.friction * np.abs(effective), rtol=1e-9, atol=0.0)
     curves = [
         (f"{'effective ' if mark else ''}pressure $-\\sigma_N{mark}$", -effective, _PRESSURE),
-        (f"bound $\\mu|\\sigma_N{mark}|$" if coulomb else "friction bound", limit, _BOUND),
+        (f"bound $\\mu|\\sigma_N{mark}|$" if is_coulomb else "friction bound", limit, _BOUND),
     ]
     if line.has_fluid:
         curves.append(("pressure $-\\sigma_N$", -line.normal_stress, _TOTAL))
@@ -96,7 +96,7 @@ class Piece:
         return np.concatenate([[first], inside, [last]])
 
     def closed(self, line: ContactLine, values: FloatArray) -> FloatArray:
-        """As `extended`, for a traction (m,): it is zero at an open end, and where extrapolation changes its sign."""
+        """As `extended`, for a traction: zero at an open end without fluid, and where extrapolation changes its sign."""
         tractions, is_open = self.extended(values), line.state[self.points] == ContactState.OPEN
         for end, near in ((0, 1), (-1, -2)):
             if tractions[end] * tractions[near] < 0.0 or (is_open[end] and not line.has_fluid):

@@ -191,8 +191,8 @@ def result_tables(result: ContactResult, units: Units) -> list[report.Titled]:
     """The tables of a result: contacts, resultants on the edge sets of conditions, plates and pins."""
     least, numbers = result.rounding, contact_numbers(result)
     about = report.with_units(("F_x", "F_y", "moment about the origin"), RESULTANT, units)
-    loaded = dict.fromkeys(each.edges for each in result.problem.conditions)
-    resultants = [_row(name, vars(result.resultant(name)), RESULTANT, least) for name in loaded]
+    edge_sets = dict.fromkeys(each.edges for each in result.problem.conditions)
+    resultants = [_row(name, vars(result.resultant(name)), RESULTANT, least) for name in edge_sets]
     plates = [_row(name, numbers[name], PLATE_COLUMNS, least) for name in result.plates]
     tables = [
         contacts_table(list(result.contacts.values()), units),
