@@ -295,7 +295,7 @@ def draw_body(
     units, mesh, shape = style.plain_units(units), result.problem.mesh, Shape.of(result)
     scales = Scales.of([result], component) if scales is None else scales
     factor, length, t = scales.factor, mesh.length, np.linspace(0.0, 1.0, style.CHORDS + 1)
-    # bands of stress, drawn at the deformed points; values are averaged within a block of one material
+    # bands of stress at the deformed points; values are averaged where cells of one block and one material meet
     samples = sample_body(result, _SAMPLES)
     values = stress_component(samples.stress, component, samples.along_z)
     largest = float(np.abs(samples.stress).max())

@@ -96,7 +96,7 @@ class Piece:
         return np.concatenate([[first], inside, [last]])
 
     def closed(self, line: ContactLine, values: FloatArray) -> FloatArray:
-        """As `extended`, for a traction: zero at an open end without fluid, and where extrapolation changes its sign."""
+        """As `extended`, for a traction: zero at open ends without fluid, and where extrapolation changes the sign."""
         tractions, is_open = self.extended(values), line.state[self.points] == ContactState.OPEN
         for end, near in ((0, 1), (-1, -2)):
             if tractions[end] * tractions[near] < 0.0 or (is_open[end] and not line.has_fluid):
