@@ -125,7 +125,7 @@ def _command(*options: str | _Decorator) -> Callable[[_Command], click.Command]:
 
 
 def _put_off(*names: str) -> None:
-    """Import parts of NumPy on first use. SciPy asks for all names of NumPy; these would take a tenth of a small solve."""
+    """Import parts of NumPy on first use: SciPy names all parts, and importing these takes a tenth of a small solve."""
     import numpy as np
 
     for spec in (find_spec(f"numpy.{name}") for name in names):
