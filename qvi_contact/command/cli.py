@@ -32,9 +32,9 @@ TARGETS: Final = {
     "plot": Target("PICTURE", "Draw the result: .png, .svg or .pdf.", ".png .svg .pdf", "matplotlib"),
     "vtk": Target("VTU", "Write the fields for ParaView (.vtu), and the contacts to …_contacts.vtu.", ".vtu", "meshio"),
     "npz": Target("NPZ", "Write problem and result as NumPy arrays (.npz), for qvi-contact verify.", ".npz"),
-    "save_json": Target("JSON", "Write what --json prints to a file."),
+    "save_json": Target("JSON", "Write the document of --json to a file."),
     "report": Target("HTML", "Write a report on one page (.html): pictures, forces, bounds.", ".html", "matplotlib"),
-    "proof": Target("FILE", "Write a proof of both numbers, for check-proof: .json.", ".json"),
+    "proof": Target("FILE", "Write a proof of both numbers (.json), for qvi-contact check-proof.", ".json"),
 }
 """Files that commands write, by option."""
 
@@ -237,7 +237,9 @@ def check() -> None:
         "--tolerance", type=float, default=1e-8, show_default=True, help="Tolerance of both solves, at most 1e-6."
     ),
     "time_limit verbose json",
-    _option("vtk", "Write the fields for ParaView (.vtu), with what each cell adds to the gap of the bounds."),
+    _option(
+        "vtk", "Write the fields for ParaView (.vtu), with the contribution of each cell to the gap of the bounds."
+    ),
 )
 def bracket() -> None:
     """Bound energy and forces from both sides.
@@ -298,8 +300,10 @@ def refine() -> None:
     _option("target", "Refine the mesh until the two bounds agree to this relative difference, such as 1e-4."),
     "degree time_limit verbose json",
     _option("plot", "Draw how the body gives way beyond the limit: .png, .svg or .pdf."),
-    _option("vtk", "Write how a body that yields gives way for ParaView (.vtu)."),
-    _option("report", "Write a report on one page (.html): both numbers, and how the body gives way."),
+    _option("vtk", "Write the plastic flow of a body that yields for ParaView (.vtu)."),
+    _option(
+        "report", "Write a report on one page (.html): both numbers, and a picture of the motion beyond the limit."
+    ),
     "proof",
 )
 def limit() -> None:
