@@ -237,9 +237,7 @@ def check() -> None:
         "--tolerance", type=float, default=1e-8, show_default=True, help="Tolerance of both solves, at most 1e-6."
     ),
     "time_limit verbose json",
-    _option(
-        "vtk", "Write the fields for ParaView (.vtu), with the contribution of each cell to the gap of the bounds."
-    ),
+    _option("vtk", "Write the fields for ParaView (.vtu), with the part of each cell in the gap of the bounds."),
 )
 def bracket() -> None:
     """Bound energy and forces from both sides.
@@ -301,9 +299,7 @@ def refine() -> None:
     "degree time_limit verbose json",
     _option("plot", "Draw how the body gives way beyond the limit: .png, .svg or .pdf."),
     _option("vtk", "Write the plastic flow of a body that yields for ParaView (.vtu)."),
-    _option(
-        "report", "Write a report on one page (.html): both numbers, and a picture of the motion beyond the limit."
-    ),
+    _option("report", "Write a report on one page (.html): both numbers, and the motion beyond the limit."),
     "proof",
 )
 def limit() -> None:
