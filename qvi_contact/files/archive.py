@@ -39,11 +39,8 @@ FORMAT: Final = "qvi_contact result"
 FORMAT_VERSION: Final = 1
 """Grows when an entry changes its meaning or is removed. A new entry does not: the reader has a default without it."""
 
-OWN: Final = frozenset({"format", "format_version", "digest"})
-"""Names of the entries that `write_archive` adds."""
-
-STORE: Final = "store"
-"""Entry with the digest of the history. Only archives of load steps have it; they hold no fields."""
+OWN: Final = frozenset({"format", "format_version", "digest"})  # entries that `write_archive` adds
+STORE: Final = "store"  # entry with the digest of the history, in archives of load steps, which hold no fields
 
 _VECTORS: Final = ("z", "normal_multiplier", "tangential_multiplier", "equality_multiplier", "threshold")
 _TEXTS: Final = ("method", "inner", "form", "factorisation")

@@ -33,8 +33,7 @@ _ARROW: Final = 0.11  # length of the longest arrow, as a share of the body's le
 _SPACING: Final = 0.07  # distance between arrows or symbols, as a share of the body's length
 _SMALL: Final = 0.7  # size of symbols in the picture of a result, over their size in that of a problem
 _VISIBLE: Final = 0.45  # least length of the largest arrow of a load there, over that of the longest arrow
-SPRING: Final = 0.04
-"""Length of springs, as a share of the body's length."""
+SPRING: Final = 0.04  # length of springs, as a share of the body's length
 _AWAY: Final = 0.018  # distance of obstacles and symbols from the body, as a share of its length
 _SAMPLES: Final = 64  # points per body's length at which the range of a field is computed
 _MATERIALS: Final = 8  # largest number of materials in the legend

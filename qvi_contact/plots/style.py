@@ -35,22 +35,14 @@ if TYPE_CHECKING:
 BLUE, ORANGE, GREEN, GREY, VERMILLION = "#0072B2", "#E69F00", "#009E73", "#666666", "#D55E00"
 PURPLE, SKY = "#CC79A7", "#56B4E9"
 
-CHORDS: Final = 8
-"""Number of chords by which an arc is drawn, and every other edge of a mesh that has arcs."""
-
-LONGEST: Final = 0.08
-"""Largest drawn displacement, as a share of the body's length."""
-
-LEAST: Final = 1e-5
-"""Displacements below this share of the problem's displacement scale are not magnified any further."""
+CHORDS: Final = 8  # chords by which an arc is drawn, and every other edge of a mesh that has arcs
+LONGEST: Final = 0.08  # largest drawn displacement, as a share of the body's length
+LEAST: Final = 1e-5  # displacements below this share of the problem's displacement scale are not magnified further
 
 _SETTINGS: Final[Any] = {"svg.hashsalt": "qvi-contact", "font.size": 9, "hatch.linewidth": 0.5}
-
 _METADATA: Final[dict[str, dict[str, None]]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 """Suffix → metadata of the file. Dates are left out, so that the same picture gives the same bytes."""
-
 _DOTS: Final = {"files": 150.0, "pages": 120.0}  # pixels per inch
-
 _DOLLAR: Final = re.compile(r"(?<!\\)\$")  # a dollar sign that is not escaped
 
 
@@ -254,7 +246,6 @@ def spread(axes: "Axes", written: Sequence[Written]) -> None:
 
 _WIDTH: Final = re.compile(r'\swidth="([\d.]+)pt"')
 _URL: Final = " !$'()*+,/:;=?@[]^`{|}~"  # characters that a data URL may have as they are
-
 _READABLE: Final = 0.85  # least share of the natural size: exponents, 6.3 points, are then 7 pixels high
 _PIXELS_PER_POINT: Final = 4.0 / 3.0
 
