@@ -218,7 +218,7 @@ class SizeTable:
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class OutlineTable:
-    """See `qvi_contact.TriangleMesh.outline`."""
+    """An outline that gmsh divides into triangles, see `qvi_contact.TriangleMesh.outline`."""
 
     size: float
     """Size of the triangles where no other size is given: `size = 0.2`."""

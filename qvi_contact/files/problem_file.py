@@ -401,10 +401,10 @@ class ProblemFile:
         except InputError as error:
             path, remedy = _RENAMED.get(error.field, error.field), schema.in_toml(error.remedy)
             for kind, options in (("refine", self.refine_options), ("solve", self.solve_options)):
-                if error.value is not None and options.get(error.field) == error.value:
+                if error.value is not None and options.get(error.field) == error.value:  # the file has that value
                     path = f"{kind}.{error.field}"
             first, _, name = error.field.partition(".")
-            if first == RigidPlate.__name__:
+            if first == RigidPlate.__name__:  # name the contact if only one plate or pin has that key
                 contacts = enumerate(self._reader.data["contacts"])
                 places = [
                     f"[{i}].{kind}" for i, table in contacts for kind in ("plate", "pin") if name in table.get(kind, ())
