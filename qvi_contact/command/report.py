@@ -214,7 +214,7 @@ def _toml_line(table: Mapping[str, Any]) -> str:
 
 
 def shares(share_of: Mapping[str, float], states: Iterable[str]) -> list[str]:
-    """Shares of a contact's length in these states as texts, "-" for other states; an empty list if there are no shares."""
+    """Shares of a contact's length in these states as texts, "-" for other states; empty without shares."""
     return [f"{100.0 * share_of[name]:.1f} %" if name in share_of else "-" for name in states if share_of]
 
 
