@@ -1,7 +1,6 @@
 """Results as NumPy archives, and load steps as folders of archives.
 
-An archive has named entries, arrays and texts without pickles. It holds the problem and all that a result claims, so
-that the file alone can be checked.
+An archive has named entries without pickles: the problem, and all that a result claims, to be checked from the file.
 
 The entry "digest" is SHA-256 over names, types, shapes and bytes of all other entries, in the order of their names. It
 shows whether a file was changed after it was written. Who changes the digest too still has to pass the certificate.
@@ -318,11 +317,7 @@ def _discretization(archive: Archive, discretize_in: Callable[[Scales], Discreti
 
 
 def _counted(known: Discretization) -> dict[str, IntArray]:
-    """Choices of this version on which the meaning of stored unknowns and multipliers depends.
-
-    Unknowns are those of Φ less affine functions around the vertices `centres`, and Φ jumps across the lines of `cuts`.
-    On the contact edges `led_back` the tangent points back. A file without these entries has none of the three.
-    """
+    """Choices on which stored unknowns depend: centres and cuts of Φ, contact edges whose tangent points back."""
     tangents = [known.problem.mesh.edges(contact.edges).tangent for contact in known.problem.contacts]
     led_back = np.flatnonzero(points_back(np.concatenate([np.empty((0, 2)), *tangents])))
     return {"centres": known.space.frames.centres, "cuts": known.space.frames.on_cuts, "led_back": led_back}

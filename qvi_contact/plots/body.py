@@ -335,9 +335,8 @@ def draw_body(
     pressure_scale = height / max(scales.pressure, 1e-300)
     friction_scale = 1.8 * _SPACING * length / max(scales.friction, _LEAST * scales.pressure, 1e-300)
     low, high = (float(end(end(line.pressure) for line in lines)) if lines else 0.0 for end in (min, max))
-    has_tension = low < -_LEAST * abs(high)
-    ends = dict.fromkeys(beside([low, high], 3)) if has_tension else ["up to " + beside([high], 3)[0]]
-    label = f"pressure, {' to '.join(ends)} {units.stress}"
+    ends = dict.fromkeys(beside([low, high], 3)) if low < -_LEAST * abs(high) else ["up to " + beside([high], 3)[0]]
+    label = f"pressure, {' to '.join(ends)} {units.stress}"  # a range if there is tension
     # tractions, line of thrust, resultants
     is_few, friction_text = len(lines) <= _LABELLED, beside([pressure, friction], 3)[1]
     for line in lines:
@@ -555,7 +554,6 @@ def draw_contours(
     from matplotlib.ticker import MaxNLocator
     from matplotlib.tri import Triangulation
 
-    # means at coinciding points
     rounded = np.round((points - points.min(axis=0)) / max(float(np.ptp(points, axis=0).max()), 1e-300), 9)
     _, first, group = np.unique(np.column_stack([rounded, part]), axis=0, return_index=True, return_inverse=True)
     group = group.ravel()
