@@ -1,4 +1,4 @@
-"""The command `qvi-contact`: options, reports, outlines of problems."""
+"""The command `qvi-contact`: options and help, the work of each command, printed text, and HTML reports."""
 
 from solvers.basics.front import front
 

@@ -1,4 +1,4 @@
-"""The command `qvi-contact`: its options and help. What it does is in `work`, which is loaded when it is needed."""
+"""The command `qvi-contact`: options and help. Functions of `work` do the work; they are imported when it runs."""
 
 import sys
 from collections.abc import Callable, Iterable
@@ -20,7 +20,7 @@ _Decorator = Callable[[_Command], _Command]
 
 
 class Target(NamedTuple):
-    """A file that commands write: what stands for its name, what it is, its suffixes and the library that it needs."""
+    """A file that commands write: its name in the help, the help text, its suffixes, and the library that it needs."""
 
     metavar: str
     text: str
@@ -32,53 +32,53 @@ TARGETS: Final = {
     "plot": Target("PICTURE", "Draw the result: .png, .svg or .pdf.", ".png .svg .pdf", "matplotlib"),
     "vtk": Target("VTU", "Write the fields for ParaView (.vtu), and the contacts to …_contacts.vtu.", ".vtu", "meshio"),
     "npz": Target("NPZ", "Write problem and result as NumPy arrays (.npz), for qvi-contact verify.", ".npz"),
-    "save_json": Target("JSON", "Write what --json prints to a file."),
+    "save_json": Target("JSON", "Write the document of --json to a file."),
     "report": Target("HTML", "Write a report on one page (.html): pictures, forces, bounds.", ".html", "matplotlib"),
-    "proof": Target("FILE", "Write a proof of both numbers, for check-proof: .json.", ".json"),
+    "proof": Target("FILE", "Write a proof of both numbers (.json), for qvi-contact check-proof.", ".json"),
 }
-"""By option."""
+"""Files that commands write, by option."""
 
 _METAVARS: Final = {"time_limit": "SECONDS", "quantity": "NAME", "max_unknowns": "N", "max_rounds": "N"}
 
 
-def _words(_context: object, option: click.Parameter, begun: str) -> list[str]:
-    """What the shell offers for an option: words that can be used here."""
+def _words(_context: object, option: click.Parameter, prefix: str) -> list[str]:
+    """Completions of an option for the shell: names of methods, inner solvers or factorisations that work here."""
     from solvers import available
     from solvers.factorisation.choice import OTHERS, available_backends
     from solvers.settings import METHODS
 
-    known: dict[str | None, Iterable[str]] = {"method": METHODS, "inner": available()}
-    return [word for word in known.get(option.name, (*OTHERS, *available_backends())) if word.startswith(begun)]
+    words_of: dict[str | None, Iterable[str]] = {"method": METHODS, "inner": available()}
+    return [word for word in words_of.get(option.name, (*OTHERS, *available_backends())) if word.startswith(prefix)]
 
 
 _SHARED: Final[dict[str, _Decorator]] = {
-    "FILE": click.argument("file", metavar="FILE", type=click.Path()),  # of any kind: the shell completes its name
+    "FILE": click.argument("file", metavar="FILE", type=click.Path()),  # shells complete file names
     "verbose": click.option("-v", "--verbose", is_flag=True, help="Print what the solver does, on standard error."),
     "json": click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else."),
 }
 
 
 def _option(name: str, text: str = "") -> _Decorator:
-    """A shared option: a file to write, or what `Settings` or `RefineOptions` declare, perhaps with another text."""
+    """A shared option: a file to write, or a field of `Settings` or `RefineOptions`. `text` is its help."""
     if name in _SHARED:
         return _SHARED[name]
-    more: dict[str, Any] = {"metavar": _METAVARS.get(name)}
+    attributes: dict[str, Any] = {"metavar": _METAVARS.get(name)}
     if name in TARGETS:
-        more["metavar"], said, *_ = TARGETS[name]
+        attributes["metavar"], help_text, *_ = TARGETS[name]
     else:
         declared = Settings if name in keys_of(Settings) else RefineOptions
         kind, default = keys_of(declared)[name].kind, defaults_of(declared)[name]
-        said = described(declared).get(name, "").rpartition(": `")[0]  # nothing without a source
-        said += "." if said else ""
+        help_text = described(declared).get(name, "").rpartition(": `")[0]  # empty under python -OO
+        help_text += "." if help_text else ""
         if default is not None:
-            said += f"  [default: {default}]"
+            help_text += f"  [default: {default}]"
         if isinstance(kind, Choice):
-            more["type"] = click.Choice(kind.words)
+            attributes["type"] = click.Choice(kind.words)
         elif isinstance(kind, Number | Whole):
-            more["type"] = float if isinstance(kind, Number) else int
+            attributes["type"] = float if isinstance(kind, Number) else int
         if name in ("method", "inner", "factorisation"):
-            more["shell_complete"] = _words
-    return click.option(f"--{name.replace('_', '-')}", help=text or said, **more)
+            attributes["shell_complete"] = _words
+    return click.option(f"--{name.replace('_', '-')}", help=text or help_text, **attributes)
 
 
 @click.group(cls=Group, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
@@ -97,27 +97,27 @@ def group() -> None:
 
     \b
     Exit status: 0 the answer was found and passes its checks
-                 1 it was not, or a check failed: the message gives the reason
-                 2 something is wrong with the input, or a file cannot be written
+                 1 no answer was found, or a check failed: the message says why
+                 2 the input is wrong, or a file cannot be written
 
     \b
     Reproduce the paper that the method comes from:
         python -m comparisons paper
-    """  # noqa: D301  # click wants the character \b, not the two
+    """  # noqa: D301  # click needs the control character \b
 
 
 def _command(*options: str | _Decorator) -> Callable[[_Command], click.Command]:
-    """A command with these options, or names of shared ones: the function has its help, that in `work` does it."""
+    """Make a command with options, or names of shared options. Its function has the help, that in `work` the work."""
 
     def decorated(function: _Command) -> click.Command:
         @wraps(function)
-        def done(**given: Any) -> Any:
+        def run_work(**given: Any) -> Any:
             _put_off("f2py", "testing")
             return getattr(import_module("qvi_contact.command.work"), function.__name__)(**given)
 
-        command: _Command = done
-        each = [[given] if callable(given) else map(_option, given.split()) for given in options]
-        for option in reversed([*chain.from_iterable(each)]):
+        command: _Command = run_work
+        decorators = [[given] if callable(given) else map(_option, given.split()) for given in options]
+        for option in reversed([*chain.from_iterable(decorators)]):
             command = option(command)
         return group.command(command)
 
@@ -125,7 +125,7 @@ def _command(*options: str | _Decorator) -> Callable[[_Command], click.Command]:
 
 
 def _put_off(*names: str) -> None:
-    """Load parts of NumPy on first use: SciPy asks for each name of NumPy, and these take a tenth of a small solve."""
+    """Import parts of NumPy on first use: SciPy names all parts, and importing these takes a tenth of a small solve."""
     import numpy as np
 
     for spec in (find_spec(f"numpy.{name}") for name in names):
@@ -142,7 +142,7 @@ def _put_off(*names: str) -> None:
     click.option(
         "--panels",
         metavar="NAMES",
-        help="Contacts with a chart of pressure and friction in pictures, as base,wall; none without charts.  "
+        help="Contacts whose pressure and friction are drawn as charts, such as base,wall; none for no charts.  "
         "[default: at most two]",
     ),
     click.option(
@@ -150,14 +150,14 @@ def _put_off(*names: str) -> None:
         "swept",
         multiple=True,
         metavar="NAME=V1,V2,…",
-        help="Solve for these values, or START:STOP:COUNT: of a constant of the file, of friction, of a factor of "
-        "load, of what is added to gap or offset; also load.NAME, CONTACT.friction.",
+        help="Solve for several values, V1,V2,… or START:STOP:COUNT. NAME is a constant of the file, friction, load (a "
+        "factor), gap or offset (a length to add), or one of a single contact or load: CONTACT.friction, load.NAME.",
     ),
     click.option(
         "--store",
         metavar="PLACE",
-        help="Keep steps of a history in a folder, or rows of a sweep in an SQLite file; the same command again goes "
-        "on.",
+        help="Folder for the steps of a history, or SQLite file for the rows of a sweep. Repeat an interrupted command "
+        "to continue it.",
     ),
     click.option("--workers", type=int, help="Processes that share a sweep with --store.  [default: 1]"),
     click.option(
@@ -170,17 +170,17 @@ def solve() -> None:
     Options override [solve] in the file. After --time-limit seconds the result is the best state found so far, with the
     status time_limit.
 
-    A file with a [history] is solved step by step. Its picture shows forces and loops, and its fields are those of the
-    last step. --store keeps each step as soon as it is done.
+    A file with a [history] is solved step by step. The picture shows forces and loops, other files the last step. With
+    --store each step is kept as soon as it is done.
 
-    --set, or a [sweep] in the file, solves for several values. A single value of a constant takes the place of that in
-    the file, also beside a history or another --set. Files that are written hold the last value. For thousands of
-    values give --store: forces and shares of each value are kept as soon as it is done, and --workers or --dask share
-    the values.
+    --set, or a [sweep] in the file, solves for several values; files are written for the last one. A single value of a
+    constant replaces that in the file, also together with a history or another --set. For thousands of values give
+    --store: each value becomes a row of forces and states as soon as it is done. --workers or --dask solve values in
+    parallel.
 
-    --report writes one page. Its energy bounds take a second solve, of at most --time-limit seconds, by displacement
-    elements. So do the displacements in the file of --vtk. A step of a history is bounded for itself, with the slip
-    before it as it was computed.
+    --report writes one page. The energy bounds on it, and the displacements in the file of --vtk, need a second solve
+    by displacement elements, which takes at most --time-limit seconds. The bounds of a load step hold for that step
+    alone, after the slip computed before it.
 
     \b
     Examples:
@@ -220,9 +220,9 @@ def verify() -> None:
 
 @_command("FILE degree law_on", _option("plot", "Draw mesh, boundary parts and loads: .png, .svg or .pdf."), "json")
 def check() -> None:
-    """Read FILE and print what it describes, without solving.
+    """Read FILE and print the problem, without solving it.
 
-    Builds the mesh, assigns a condition to every part of the boundary, adds up the loads, and counts the unknowns.
+    The mesh is built, every part of the boundary gets its condition, loads are added up, and unknowns are counted.
 
     \b
     Example:
@@ -237,7 +237,7 @@ def check() -> None:
         "--tolerance", type=float, default=1e-8, show_default=True, help="Tolerance of both solves, at most 1e-6."
     ),
     "time_limit verbose json",
-    _option("vtk", "Write the fields for ParaView (.vtu), with what each cell adds to the gap of the bounds."),
+    _option("vtk", "Write the fields for ParaView (.vtu), with the part of each cell in the gap of the bounds."),
 )
 def bracket() -> None:
     """Bound energy and forces from both sides.
@@ -298,22 +298,23 @@ def refine() -> None:
     _option("target", "Refine the mesh until the two bounds agree to this relative difference, such as 1e-4."),
     "degree time_limit verbose json",
     _option("plot", "Draw how the body gives way beyond the limit: .png, .svg or .pdf."),
-    _option("vtk", "Write how a body that yields gives way for ParaView (.vtu)."),
-    _option("report", "Write a report on one page (.html): both numbers, and how the body gives way."),
+    _option("vtk", "Write the plastic flow of a body that yields for ParaView (.vtu)."),
+    _option("report", "Write a report on one page (.html): both numbers, and the motion beyond the limit."),
     "proof",
 )
 def limit() -> None:
     """Bound the largest multiple of loads that can be carried.
 
-    Named loads are multiplied, by as much as contacts and body can carry; the other loads are fixed. The first number
-    is a multiple that stresses of this mesh carry within the contact laws, and within the strength of materials that
-    have one. The second is a multiple that no stress of the body exceeds, proved by a mechanism of rigid blocks, or by
-    a flow of bodies that yield. With --target the mesh is refined until the difference is within this share of the
-    second number. Under Coulomb friction the body may slide below these loads; check a load by "qvi-contact solve".
+    The loads NAME are multiplied, the other loads are fixed. The first number is a multiple that stresses of this mesh
+    carry within the contact laws, and within the strength of materials that have one. The second number is a multiple
+    that no stress of the body exceeds, proved by a mechanism of rigid blocks, or by the plastic flow of bodies that
+    yield. With --target the mesh is refined until the difference is within this share of the second number. Under
+    Coulomb friction the body may slide at smaller loads; check a load by "qvi-contact solve".
+
     NAME is the name of a traction (its edge set if it has none), of a contact whose plate is driven by force, or "body"
     for the body force. Loads of one name are multiplied together. With a [history] the problem at its first time is
-    used. With --proof and without a --load the file proves that the loads as they are cannot be carried, by a mechanism
-    of rigid blocks. The exit status is 1 if the mesh carries no multiple, or if the target was not reached.
+    used. With --proof but no --load the file proves, by a mechanism of rigid blocks, that the given loads cannot be
+    carried. The exit status is 1 if the mesh carries no multiple, or if the target was not reached.
 
     \b
     Examples:
@@ -326,7 +327,7 @@ def limit() -> None:
 @_command(
     "FILE",
     click.option(
-        "--of", metavar="NAME", multiple=True, help="Contact, region or body to weaken; may be given several times."
+        "--of", metavar="NAME", multiple=True, help='Contact, region or "body" to weaken; may be given several times.'
     ),
     click.option("--accuracy", type=float, default=1e-3, show_default=True, help="Relative width of each bisection."),
     "degree time_limit verbose json",
@@ -334,11 +335,11 @@ def limit() -> None:
 def safety() -> None:
     """Bound the factor of safety on strength and friction.
 
-    Friction, cohesion and strengths may be divided by it until the loads are just carried. The first number is a factor
-    at which stresses of this mesh carry all loads, the second one at which no stress does. By default all contacts and
-    materials are weakened together; name some of them by --of. "body" is the material of the body. Under Coulomb
-    friction the body may slide at smaller factors than the first; check one by "qvi-contact solve". With a [history]
-    the problem at its first time is used. The exit status is 1 if the first number is below 1.
+    It is the number by which friction, cohesion and strengths can be divided until the loads are just carried. At the
+    first number printed, stresses of this mesh carry all loads; at the second, no stress does. All contacts and
+    materials are weakened together, or those given by --of, where "body" is the material of the body. Under Coulomb
+    friction the body may slide at factors below the first number; check a factor by "qvi-contact solve". With a
+    [history] the problem at its first time is used. The exit status is 1 if the first number is below 1.
 
     \b
     Examples:
@@ -351,9 +352,9 @@ def safety() -> None:
 def check_proof() -> None:
     """Check a proof file in exact arithmetic.
 
-    "qvi-contact limit --proof" writes it: a proof of what a body carries and of what it does not. The check is the
-    script qvi_contact/limit/check_proof.py, which needs nothing but Python's standard library. The exit status is 1 if
-    something does not hold.
+    "qvi-contact limit --proof" writes such a file, with proofs of both bounds of a limit load. The check is the script
+    qvi_contact/limit/check_proof.py, which needs only Python's standard library. The exit status is 1 if a proof does
+    not hold.
 
     \b
     Example:
@@ -365,7 +366,7 @@ def check_proof() -> None:
 def keys() -> None:
     """List the keys of problem files.
 
-    All tables with their keys are listed, or all is said about the table or key called NAME. Of each key there are the
+    Without NAME, all tables are listed with their keys. NAME is a table or a key: then each key is explained, with the
     values that it takes, its default, its meaning with the unit, and an example.
 
     \b
@@ -380,10 +381,10 @@ def keys() -> None:
 def methods() -> None:
     """List methods and solvers that can be used here.
 
-    Inner solvers are names for the argument `inner` of qvi_contact.solve: "qp:…" are quadratic programs through
-    qpsolvers, "direct:…" solvers that keep their set-up between outer iterations, "socp:…" second-order cone programs
-    through cvxpy. In a copy of the repository "python -m pip install '.[solvers]'" installs more back ends. The
-    list also names factorisations that are not installed, and how to install them.
+    Inner solvers are names for --inner and the argument `inner` of qvi_contact.solve: "qp:…" solve quadratic programs
+    through qpsolvers, "direct:…" keep their set-up between outer iterations, "socp:…" solve second-order cone programs
+    through cvxpy. In a copy of the repository "python -m pip install '.[solvers]'" installs more of them. The list also
+    names factorisations that are not installed, and how to install them.
     """
 
 

@@ -1,4 +1,4 @@
-"""What commands say of results, problems and limit loads: plain text for a terminal, and documents for programs."""
+"""What commands print about results, problems and limit loads: text for a terminal, and JSON documents."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 STATES = [state.name.lower() for state in ContactState]
 FORCES = {name: SUMMARY[name] for name in ("normal_force", "tangential_force")}
 _LAW_ON = {"points": "at Gauss points", "edges": "on whole edges"}
-_HIDDEN = ("kind", "edges", "length", "joint")  # of conditions, said otherwise
-_STIFF = ("young", "poisson", "plane", "cells")  # of materials
+_HIDDEN = ("kind", "edges", "length", "joint")  # keys of conditions that their line shows elsewhere
+_ELASTIC = ("young", "poisson", "plane", "cells")  # keys of materials that every line shows
 
 
 def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
-    """Status, remarks, certificate, and one line for each contact."""
+    """Message, remarks, certificate, and a table with a row for each contact; then plates and pins."""
     yield result.message
     yield from (f"remark: {units.filled(remark)}" for remark in result.remarks)
     if not result.has_state:
@@ -55,11 +55,11 @@ def result_lines(result: ContactResult, units: Units) -> Iterator[str]:
         if line.has_fluid:
             effective = shown(line.effective_normal_force, result.rounding.force)
             yield f"contact {line.name}: effective normal force, without the pore pressure, {effective} {force}"
-    numbers = contact_numbers(result) if result.plates else {}
+    plate_numbers = contact_numbers(result) if result.plates else {}
     for name in result.plates:
-        x, y, turned, across, up, moment = cells(numbers[name], PLATE_COLUMNS, result.rounding)
-        yield f"obstacle {name} moves by ({x}, {y}) {units.displacement}, turns by {turned} rad"
-        yield f"obstacle {name} pushes with ({across}, {up}) {force}, moment {moment} {units.moment}"
+        x, y, rotation, force_x, force_y, moment = cells(plate_numbers[name], PLATE_COLUMNS, result.rounding)
+        yield f"obstacle {name} moves by ({x}, {y}) {units.displacement}, turns by {rotation} rad"
+        yield f"obstacle {name} pushes with ({force_x}, {force_y}) {force}, moment {moment} {units.moment}"
 
 
 Titled: TypeAlias = tuple[str, list[str], list[list[str]]]
@@ -67,7 +67,7 @@ Titled: TypeAlias = tuple[str, list[str], list[list[str]]]
 
 
 class Series(NamedTuple):
-    """Several results of one file: "t" for a history, or the parameter of a sweep, all its values, and of what."""
+    """Results of a history, with label "t" and its times, or of a sweep over the parameter `label` of contacts `of`."""
 
     results: Any
     label: str
@@ -76,11 +76,11 @@ class Series(NamedTuple):
 
     @property
     def owners(self) -> str:
-        """Behind the label: of which contacts or loads, if not of all."""
+        """Text behind the label: the contacts or loads of a sweep, if it is restricted to some."""
         return f" of {', '.join(self.of)}" if self.of else ""
 
     def document(self, summaries: Sequence[dict[str, Any]], units: Units) -> dict[str, Any]:
-        """What JSON holds of them beside the summaries of results; of a history also the energy lost in friction."""
+        """Keys for JSON: times or values, summaries of the results, of a history the energy lost in friction."""
         if self.label != "t":
             return {self.label: list(self.values), "steps": list(summaries)}
         lost = self.results.dissipated
@@ -91,7 +91,7 @@ class Series(NamedTuple):
         return {"times": list(self.values), "dissipated": dissipated, "steps": list(summaries)}
 
     def lines(self, units: Units) -> Iterator[str]:
-        """The tables, and what is said of all."""
+        """The tables, and the sentences about all results."""
         for title, headings, rows in self.tables(units):
             yield title
             yield from table(headings, rows)
@@ -99,50 +99,51 @@ class Series(NamedTuple):
         yield from self.said(units)
 
     def said(self, units: Units) -> Iterator[str]:
-        """The energy lost, each remark once with where it first applies, then what became of it all."""
+        """Sentences: the energy lost, each remark with the time or value at which it first appears, the message."""
         steps = self.results.steps
         if self.label == "t":
-            least = Rounding.largest(step.rounding for step in steps)
-            lost = shown(float(self.results.dissipated.sum()), least.energy)
-            yield f"energy lost in friction: {lost} {units.energy}"
-        said = dict[str, float]()
+            rounding = Rounding.largest(step.rounding for step in steps)
+            dissipated = shown(float(self.results.dissipated.sum()), rounding.energy)
+            yield f"energy lost in friction: {dissipated} {units.energy}"
+        first_value = dict[str, float]()
         for value, step in zip(self.values, steps, strict=False):
-            said |= {remark: value for remark in step.remarks if remark not in said}
+            first_value |= {remark: value for remark in step.remarks if remark not in first_value}
         first = f"remark, first at {self.label}{self.owners}"
-        yield from (f"{first} = {at:g}: {units.filled(remark)}" for remark, at in said.items())
+        yield from (f"{first} = {at:g}: {units.filled(remark)}" for remark, at in first_value.items())
         yield self.results.message
 
     def tables(self, units: Units) -> Iterator[Titled]:
-        """One table for each contact and each plate: a row for each time "t", or value of a sweep.
+        """One table for each contact and each plate, with a row for each time or value.
 
-        Rounding is that of the largest step of a history, and of each value of a sweep.
+        Rounding noise, which is shown as 0, is measured by the largest step of a history, in a sweep by each result.
         """
-        timed, length = self.label == "t", f"[{units.displacement}]"
-        swept = {"load": "load factor", "gap": "added gap", "offset": "added offset"}
-        heading = swept.get(self.label, self.label) + self.owners + f" {length}" * (self.label in ("gap", "offset"))
-        first = ["step", "t", "status"] if timed else [heading, "status", "iterations"]
-        read = list[tuple[list[str], Mapping[str, Any], Mapping[str, Any], Rounding]]()
-        for number, step in enumerate(self.results.steps):  # each is read once: those of a store are files
-            begun = [f"{self.values[number]:.6g}", str(step.status)]
-            begun = [str(number + 1), *begun] if timed else [*begun, str(step.iterations)]
+        is_history, length = self.label == "t", f"[{units.displacement}]"
+        headings = {"load": "load factor", "gap": "added gap", "offset": "added offset"}
+        heading = headings.get(self.label, self.label) + self.owners + f" {length}" * (self.label in ("gap", "offset"))
+        first_headings = ["step", "t", "status"] if is_history else [heading, "status", "iterations"]
+        records = list[tuple[list[str], Mapping[str, Any], Mapping[str, Any], Rounding]]()
+        for number, step in enumerate(self.results.steps):  # read each step once: it may be a file
+            start = [f"{self.values[number]:.6g}", str(step.status)]
+            start = [str(number + 1), *start] if is_history else [*start, str(step.iterations)]
             lines = step.contacts if step.has_state else {}
-            parts = {name: line.shares for name, line in lines.items()}
-            read.append((begun, contact_numbers(step) if lines else {}, parts, step.rounding))
-        largest = Rounding.largest(least for *_, least in read) if timed else None
+            share_of = {name: line.shares for name, line in lines.items()}
+            records.append((start, contact_numbers(step) if lines else {}, share_of, step.rounding))
+        largest = Rounding.largest(least for *_, least in records) if is_history else None
         kinds: Any = (
             ("contact", f"forces in {units.force}", FORCES, ["normal", "tangential"]),
-            ("obstacle", "motion and what it does to the body", PLATE_COLUMNS, plate_headings(units)),
+            ("obstacle", "its motion and its force on the body", PLATE_COLUMNS, plate_headings(units)),
         )
-        for (kind, what, columns, labels), contact in product(kinds, self.results.steps[0].problem.contacts):
+        for (kind, content, columns, labels), contact in product(kinds, self.results.steps[0].problem.contacts):
             if columns is PLATE_COLUMNS and contact.plate is None:
                 continue
-            name, known = contact.name, {state for _, _, parts, _ in read for state in parts.get(contact.name, ())}
-            states = [state for state in STATES if state in known and columns is FORCES]
+            name = contact.name
+            present = {state for _, _, share_of, _ in records for state in share_of.get(name, ())}
+            states = [state for state in STATES if state in present and columns is FORCES]
             rows = [
-                [*begun, *cells(numbers.get(name), columns, largest or own), *shares(parts.get(name, {}), states)]
-                for begun, numbers, parts, own in read
+                [*start, *cells(numbers.get(name), columns, largest or own), *shares(share_of.get(name, {}), states)]
+                for start, numbers, share_of, own in records
             ]
-            yield f"{kind} {name}, {what}", [*first, *labels, *states], rows
+            yield f"{kind} {name}, {content}", [*first_headings, *labels, *states], rows
 
 
 def plate_headings(units: Units) -> list[str]:
@@ -151,19 +152,19 @@ def plate_headings(units: Units) -> list[str]:
 
 
 def with_units(labels: Iterable[str], columns: Mapping[str, str], units: Units) -> list[str]:
-    """Headings of columns that have these of the `Units`."""
+    """Headings with units: `columns` has the kind of unit, a name in `Units`, of each column."""
     return [f"{label} [{getattr(units, kind)}]" for label, kind in zip(labels, columns.values(), strict=True)]
 
 
 def cells(
     numbers: Mapping[str, float] | None, columns: Mapping[str, str], least: Rounding, digits: int = 6
 ) -> list[str]:
-    """The numbers of these columns for people, those that are rounding as 0; none where there are none."""
+    """The numbers of these columns as texts, with rounding noise as 0; an empty list without numbers."""
     return [] if numbers is None else [shown(numbers[name], getattr(least, of), digits) for name, of in columns.items()]
 
 
 def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
-    """What `outline` found, as text."""
+    """The document of `outline` as lines of text."""
     mesh = outline["mesh"]
     yield (
         f"mesh: {mesh['cells']} triangles, edges {mesh['smallest']:.4g} to {mesh['largest']:.4g} {units.length} long; "
@@ -176,17 +177,17 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
         yield (
             f"material: E = {material['young']:g} {units.stress}, ν = {material['poisson']:g}, "
             f"plane {material['plane']}, {material['cells']} cells"
-            + "".join(f", {_stated({name: value})}" for name, value in material.items() if name not in _STIFF)
+            + "".join(f", {_toml_line({name: value})}" for name, value in material.items() if name not in _ELASTIC)
         )
     if outline["temperature"] != 0.0:
         yield f"temperature: {outline['temperature']}"
     for condition in outline["boundary"]:
-        given = {name: value for name, value in condition.items() if name not in _HIDDEN and value != "unilateral"}
-        given |= given.pop("plate", {})
-        where = f"{condition['kind']} on {condition['edges']} ({condition['length']:g} {units.length})"
-        yield f"{where}: {_stated(given)}" if given else where
+        data = {name: value for name, value in condition.items() if name not in _HIDDEN and value != "unilateral"}
+        data |= data.pop("plate", {})
+        place = f"{condition['kind']} on {condition['edges']} ({condition['length']:g} {units.length})"
+        yield f"{place}: {_toml_line(data)}" if data else place
     for name in outline["whole"]:
-        yield f"inner line {name}: no contact, so that the body holds together there"
+        yield f"inner line {name}: no contact, so the body holds together there"
     for load in outline["loads"]:
         yield (
             f"load {load['name']}: ({load['x']:.6g}, {load['y']:.6g}) {units.force}, "
@@ -204,138 +205,140 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
     yield from (f"remark: {remark}" for remark in outline["remarks"])
 
 
-def _stated(table: Mapping[str, Any]) -> str:
-    """Keys and values on one line, tables in them in braces, as in a problem file."""
-    inner = {name: f"{{ {_stated(value)} }}" if isinstance(value, Mapping) else value for name, value in table.items()}
+def _toml_line(table: Mapping[str, Any]) -> str:
+    """Keys and values on one line, inner tables in braces, as in a problem file."""
+    inner = {
+        name: f"{{ {_toml_line(value)} }}" if isinstance(value, Mapping) else value for name, value in table.items()
+    }
     return ", ".join(f"{name} = {value}" for name, value in inner.items())
 
 
-def shares(known: Mapping[str, float], states: Iterable[str]) -> list[str]:
-    """Shares of a contact's length in these states, as `ContactLine.shares` has them."""
-    return [f"{100.0 * known[name]:.1f} %" if name in known else "-" for name in states if known]
+def shares(share_of: Mapping[str, float], states: Iterable[str]) -> list[str]:
+    """Shares of a contact's length in these states as texts, "-" for other states; empty without shares."""
+    return [f"{100.0 * share_of[name]:.1f} %" if name in share_of else "-" for name in states if share_of]
 
 
 def table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Columns, the first one to the left, the others to the right; short rows are filled up."""
-    filled = [list(heading), *([*row, *[""] * (len(heading) - len(row))] for row in rows)]
-    widths = [max(map(len, column)) for column in zip(*filled, strict=True)]
-    for row in filled:
+    """The lines of a table: the first column is aligned left, the others right; short rows are filled up."""
+    full_rows = [list(heading), *([*row, *[""] * (len(heading) - len(row))] for row in rows)]
+    widths = [max(map(len, column)) for column in zip(*full_rows, strict=True)]
+    for row in full_rows:
         cells = [row[0].ljust(widths[0]), *(text.rjust(width) for text, width in zip(row[1:], widths[1:], strict=True))]
         yield "  ".join(cells).rstrip()
 
 
-def _accuracy(found: Outcome | RefinementRound) -> dict[str, Any]:
-    """How far a number can be trusted, for programs; the error is relative."""
-    return {"estimate": found.estimate, "guaranteed": found.guaranteed, "certainty": str(found.certainty)}
+def _accuracy(outcome: Outcome | RefinementRound) -> dict[str, Any]:
+    """The relative error of a number and its kind, for JSON."""
+    return {"estimate": outcome.estimate, "guaranteed": outcome.guaranteed, "certainty": str(outcome.certainty)}
 
 
-def refinement_document(found: Outcome, units: Units) -> dict[str, Any]:
-    """Outcome and rounds for programs."""
+def refinement_document(outcome: Outcome, units: Units) -> dict[str, Any]:
+    """Outcome and rounds of a refinement for JSON."""
     return {
-        "status": found.status.value,
-        "quantity": found.quantity,
-        "value": {"value": found.value, "unit": _unit(found, units)},
-        **_accuracy(found),
-        "target": found.target,
-        "message": found.message,
-        "advice": found.status.advice,
+        "status": outcome.status.value,
+        "quantity": outcome.quantity,
+        "value": {"value": outcome.value, "unit": _unit(outcome, units)},
+        **_accuracy(outcome),
+        "target": outcome.target,
+        "message": outcome.message,
+        "advice": outcome.status.advice,
         "rounds": [
-            {"cells": [each.cells], "unknowns": each.unknowns, "value": each.value, **_accuracy(each)}
-            for each in found.rounds
+            {"cells": [step.cells], "unknowns": step.unknowns, "value": step.value, **_accuracy(step)}
+            for step in outcome.rounds
         ],
     }
 
 
-def refinement_lines(found: Refinement, units: Units) -> Iterator[str]:
-    """The rounds as a table, then how it ended and how far the number can be trusted."""
-    if found.rounds:
-        yield from table(*refinement_table(found, units))
+def refinement_lines(refined: Refinement, units: Units) -> Iterator[str]:
+    """The rounds as a table, the message, and the error of the number."""
+    if refined.rounds:
+        yield from table(*refinement_table(refined, units))
         yield ""
-    yield found.message
-    if found.rounds:
-        yield trust(found, units)
-    if found.status != "reached" and (found.rounds or found.result.status.advice not in found.message):
-        yield found.status.advice
+    yield refined.message
+    if refined.rounds:
+        yield trust(refined, units)
+    if refined.status != "reached" and (refined.rounds or refined.result.status.advice not in refined.message):
+        yield refined.status.advice
 
 
-def refinement_table(found: Refinement, units: Units) -> tuple[list[str], list[list[str]]]:
-    """Headings, and of each round cells, unknowns, value and relative error, and what the error is."""
-    headings = ["round", "cells", "unknowns", f"{found.quantity} [{_unit(found, units)}]", "relative error", ""]
+def refinement_table(refined: Refinement, units: Units) -> tuple[list[str], list[list[str]]]:
+    """Headings, and a row for each round: cells, unknowns, value, relative error, and the kind of error."""
+    headings = ["round", "cells", "unknowns", f"{refined.quantity} [{_unit(refined, units)}]", "relative error", ""]
     return headings, [
-        [str(number), str(each.cells), str(each.unknowns), f"{each.value:.9g}", *_error(each)]
-        for number, each in enumerate(found.rounds, 1)
+        [str(number), str(step.cells), str(step.unknowns), f"{step.value:.9g}", *_error(step)]
+        for number, step in enumerate(refined.rounds, 1)
     ]
 
 
-def _unit(found: Outcome, units: Units) -> str:
+def _unit(outcome: Outcome, units: Units) -> str:
     from qvi_contact.refinement.measure import unit_of
 
-    return unit_of(found.quantity, units)
+    return unit_of(outcome.quantity, units)
 
 
-def trust(found: Refinement, units: Units) -> str:
-    """Whether the last error is a bound, in a sentence."""
-    if not math.isfinite(found.estimate):
+def trust(refined: Refinement, units: Units) -> str:
+    """A sentence with the error of the last round, which says whether it is a bound or an estimate."""
+    if not math.isfinite(refined.estimate):
         return "Error: not known."
-    size = f"{shown(found.error, digits=2)} {_unit(found, units)}"
-    if found.certainty is Certainty.ESTIMATE:
+    size = f"{shown(refined.error, digits=2)} {_unit(refined, units)}"
+    if refined.certainty is Certainty.ESTIMATE:
         return f"Error: about {size}. This is an estimate, not a guaranteed bound."
     return f"Error: at most {size}. This is a guaranteed bound, up to rounding."
 
 
-def so_far(done: RefinementRound) -> str:
-    """A round in the line of the progress."""
-    error, kind = _error(done)
-    return f"{done.unknowns} unknowns, relative error {error} ({kind or 'not known'})"
+def so_far(step: RefinementRound) -> str:
+    """A round as the line of progress shows it."""
+    error, kind = _error(step)
+    return f"{step.unknowns} unknowns, relative error {error} ({kind or 'not known'})"
 
 
-def _error(each: RefinementRound) -> tuple[str, str]:
-    """The relative error, and what it is."""
-    if not math.isfinite(each.estimate):
+def _error(step: RefinementRound) -> tuple[str, str]:
+    """The relative error, and its kind: "estimate", "guaranteed" or empty."""
+    if not math.isfinite(step.estimate):
         return "-", ""
-    return f"{each.estimate:.1e}", "estimate" if each.certainty is Certainty.ESTIMATE else "guaranteed"
+    return f"{step.estimate:.1e}", "estimate" if step.certainty is Certainty.ESTIMATE else "guaranteed"
 
 
 def limit_lines(loads: Sequence[str], limit: LimitLoad, refinement: LimitRefinement | None) -> list[str]:
-    """What people read."""
-    found = [f"{', '.join(loads)}: {limit_sentence(limit)}"]
+    """The result of a limit analysis as lines of text."""
+    lines = [f"{', '.join(loads)}: {limit_sentence(limit)}"]
     if refinement is not None:
-        found.append(refinement.message)
+        lines.append(refinement.message)
         if refinement.status != "reached":
-            found.append(refinement.status.advice)
-    return found
+            lines.append(refinement.status.advice)
+    return lines
 
 
 def limit_sentence(limit: LimitLoad) -> str:
-    """How much the mesh and the body carry."""
+    """How much the mesh carries, and the body at most, in a sentence."""
     if limit.upper == -math.inf:
         return "no multiple can be carried"
     if limit.upper == limit.lower == math.inf:
         return "no upper limit"
     if limit.collapse is not None and not limit.collapse.guaranteed:
-        numbers = f"{_multiple(limit.lower)} and {_multiple(limit.upper)} these loads"
+        numbers = f"between about {_multiple(limit.lower)} and {_multiple(limit.upper)} these loads"
         return (
-            f"estimates of what the body carries are {numbers}; they are no bounds, as sides are arcs or the body "
-            "force is no polynomial of the mesh"
+            f"the body carries {numbers}; these are estimates, not bounds, because sides are arcs or the body force is "
+            "not a polynomial on the mesh"
         )
     mesh = "this mesh carries " + _multiple(limit.lower)
     body = "no stress of the body carries more than " + _multiple(limit.upper)
-    return f"{mesh} these loads; {body if limit.upper < math.inf else 'for the body there is no upper limit'}"
+    return f"{mesh} these loads; {body if limit.upper < math.inf else 'the body has no upper limit'}"
 
 
 def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict[str, Any]:
-    """The same for programs; `outcome` says what factors that are not finite stand for."""
+    """The result of a limit analysis for JSON, where infinite factors are null: `outcome` tells them apart."""
     outcome = "none" if limit.upper == -math.inf else "unbounded" if limit.upper == math.inf else "bounded"
-    bounds = limit.collapse is None or limit.collapse.guaranteed
-    known: dict[str, Any] = {
+    are_bounds = limit.collapse is None or limit.collapse.guaranteed
+    document: dict[str, Any] = {
         "outcome": outcome,
-        "bounds": bounds,
+        "bounds": are_bounds,
         "factor": limit.lower,
         "upper": limit.upper,
         "message": limit_sentence(limit),
     }
     if refinement is not None:
-        known["refinement"] = {
+        document["refinement"] = {
             "status": refinement.status.value,
             "target": refinement.target,
             **_accuracy(refinement),
@@ -343,27 +346,27 @@ def limit_document(limit: LimitLoad, refinement: LimitRefinement | None) -> dict
             "rounds": len(refinement.rounds),
             "message": refinement.message,
         }
-    return known
+    return document
 
 
 def _multiple(factor: float) -> str:
-    """A factor in a sentence."""
+    """A factor in words."""
     if math.isinf(factor):
         return "any multiple of" if factor > 0.0 else "no multiple of"
     return f"{factor + 0.0:.9g} times"
 
 
-_NOISE: Final = 1e-12  # share of all that acts below which a resultant is rounding
+_NOISE: Final = 1e-12  # a resultant below this share of the sum of the loads' magnitudes is rounding
 
 
-def outline(file: ProblemFile, given: Mapping[str, Any]) -> tuple[ContactProblem, dict[str, Any]]:
-    """The problem at its first time, and that in words and numbers that JSON can hold; discretises, does not solve.
+def outline(file: ProblemFile, arguments: Mapping[str, Any]) -> tuple[ContactProblem, dict[str, Any]]:
+    """The problem at its first time, discretised but not solved, and its description for JSON.
 
-    `given` are arguments for `discretize` that override the file's.
+    `arguments` are those of `discretize` that override the file's.
     """
-    options = {**file.solve_options, **given}
-    with file.named_errors(), np.errstate(all="ignore"):  # what is not finite is refused
-        discretization = discretize(file.problem, **{**file.element, **given})
+    options = {**file.solve_options, **arguments}
+    with file.named_errors(), np.errstate(all="ignore"):  # values that are not finite are refused
+        discretization = discretize(file.problem, **{**file.element, **arguments})
     problem, mesh, qvi = discretization.problem, discretization.problem.mesh, discretization.qvi
     low, high = mesh.vertices.min(axis=0).tolist(), mesh.vertices.max(axis=0).tolist()
     smallest, largest = mesh.cell_range
@@ -397,7 +400,7 @@ def outline(file: ProblemFile, given: Mapping[str, Any]) -> tuple[ContactProblem
 
 
 def _written(_path: str, value: Any) -> Any:
-    """A field as a file has it, as far as JSON can hold it."""
+    """A field as JSON can hold it: a number, the text of an expression, a polynomial, or a number of points."""
     if isinstance(value, Polynomial):
         return {"polynomial": [list(row) for row in value.coefficients]}
     if isinstance(value, PointData):
@@ -406,39 +409,39 @@ def _written(_path: str, value: Any) -> Any:
 
 
 def _material(problem: ContactProblem, number: int, cells: int) -> dict[str, Any]:
-    """The body's own material, number 0, or that of a region, and where that is."""
+    """The material of the body, number 0, or of a region, with the number of its cells."""
     stated = problem.regions[number - 1] if number else problem.material
     return write_table("material", stated, _written) | {"plane": problem.material.plane, "cells": cells}
 
 
 def _condition(problem: ContactProblem, condition: Condition) -> dict[str, Any]:
-    """A condition as a problem file states it."""
+    """A condition with the keys of a problem file, and the length of its edges."""
     kind, length = type(condition).__name__.lower(), float(problem.mesh.edges(condition.edges).length.sum())
-    found = {"kind": kind, "edges": condition.edges, "length": length}
+    document = {"kind": kind, "edges": condition.edges, "length": length}
     if isinstance(condition, Contact):
-        found |= {"name": condition.name, "law": condition.law, "joint": condition in problem.joints}
-    return found | write_table(kind, condition, _written)
+        document |= {"name": condition.name, "law": condition.law, "joint": condition in problem.joints}
+    return document | write_table(kind, condition, _written)
 
 
 def act(problem: ContactProblem, loads: Iterable[str]) -> bool:
     """Whether any of these loads is more than 0."""
     from qvi_contact.mechanism import Bodies, works
 
-    known = works(problem, Bodies.of(problem))
-    return any(known[name].size > 0.0 for name in loads if name in known)
+    power_of_loads = works(problem, Bodies.of(problem))
+    return any(power_of_loads[name].size > 0.0 for name in loads if name in power_of_loads)
 
 
 def _loads(problem: ContactProblem) -> Iterator[dict[str, Any]]:
-    """Resultants of tractions and body forces by their names, moments about the origin."""
+    """Names and resultants of tractions and body forces; moments are about the origin."""
     from qvi_contact.mechanism import Bodies, works
 
     bodies = Bodies.of(problem)
     tractions = {each.name for each in problem.conditions if isinstance(each, Traction)}
     for name, work in works(problem, bodies).items():
         if not (name in tractions or (name in problem.body_forces and work.row.any())) or work.size == 0.0:
-            continue  # what drives a plate or presses in a contact, or a force of nothing
-        x, y, turned = work.row.reshape(-1, 3).T
-        moment = turned @ bodies.size + y @ bodies.centre[:, 0] - x @ bodies.centre[:, 1]
+            continue  # forces on plates, fluids in contacts, and loads that are zero
+        x, y, rotation = work.row.reshape(-1, 3).T
+        moment = rotation @ bodies.size + y @ bodies.centre[:, 0] - x @ bodies.centre[:, 1]
         arm = float(np.hypot(*problem.mesh.vertices.T).max())
         sums = {"x": (x.sum(), work.size), "y": (y.sum(), work.size), "moment": (moment, work.size * arm)}
         yield {"name": name} | {n: float(s) if abs(s) > _NOISE * most else 0.0 for n, (s, most) in sums.items()}

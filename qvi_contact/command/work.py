@@ -1,6 +1,6 @@
-"""What the commands do and write: a function for each command of `cli`, which returns the exit status.
+"""The work behind the commands: a function for each command of `cli`, which returns the exit status.
 
-Rooms that only one of them needs are loaded in its function, or by a name of the package, when it comes to them.
+Modules that only one command needs are imported in its function, so that the others start faster.
 """
 
 from __future__ import annotations
@@ -42,41 +42,41 @@ from solvers.settings import METHODS
 if TYPE_CHECKING:
     from qvi_contact.bracket import Bracket
 
-_MOST: Final = 1_000_000  # values that are asked for at once
-_TAKEN: Final = (*PARAMETERS, "title", "solved", "steps")  # what constants are not called alone in documents
+_MOST_VALUES: Final = 1_000_000  # largest number of values in --set NAME=START:STOP:COUNT
+_RESERVED: Final = (*PARAMETERS, "title", "solved", "steps")  # keys of JSON: there a constant is constants.NAME
 
 
 @contextmanager
-def _opened(
+def _problem_file(
     file: str, given: dict[str, Any], single: str = ""
 ) -> Iterator[tuple[ProblemFile, dict[str, str], dict[str, Any]]]:
-    """The problem in a file, the files to write, and arguments of `solve`: those of the file and those given.
+    """The problem in a file, the files to write, and arguments of `solve`, from the file and the command line.
 
-    Input errors in the block have their paths in the file. `single` is what a file with load steps is refused for.
+    Input errors in the block get their paths in the file. A task `single` is refused for a file with load steps.
     """
     targets = _checked_targets(file, {name: given[name] for name in TARGETS if given.get(name) is not None})
     problem_file = load_problem(file)
-    read = set(map(identity, problem_file.files.values()))
+    input_files = set(map(identity, problem_file.files.values()))
     for name, path in targets.items():
-        if read.intersection(map(identity, _files_of(name, path))):
+        if input_files.intersection(map(identity, _files_of(name, path))):
             raise InputError(_option_name(name), path, "is a file that the problem reads: give a file of its own")
     if single and problem_file.times:
         remedy = f"{single} needs a single problem: give a file without [history]"
         raise InputError("history", f"{len(problem_file.times)} steps", remedy)
-    known = keys_of(Settings)
-    typed = {name: value for name, value in given.items() if name in known and value is not None}
-    with problem_file.named_errors(), np.errstate(all="ignore"):  # what overflows fails its certificate
-        element, stated = problem_file.element, problem_file.solve_options
-        options = {name: value for name, value in stated.items() if name not in element}
-        if "method" in typed and typed["method"] != Settings.of(None, options).chosen:
-            options = {name: value for name, value in options.items() if name in known}
-        yield problem_file, targets, options | element | typed
+    option_names = keys_of(Settings)
+    command_options = {name: value for name, value in given.items() if name in option_names and value is not None}
+    with problem_file.named_errors(), np.errstate(all="ignore"):  # a result that overflows fails its certificate
+        element, file_options = problem_file.element, problem_file.solve_options
+        options = {name: value for name, value in file_options.items() if name not in element}
+        if "method" in command_options and command_options["method"] != Settings.of(None, options).chosen:
+            options = {name: value for name, value in options.items() if name in option_names}
+        yield problem_file, targets, options | element | command_options
 
 
-def _ended(
+def _print_answer(
     file: ProblemFile, as_json: bool, document: dict[str, Any], lines: Iterable[str], good: bool, complete: bool = True
 ) -> int:
-    """Print a document for programs, or title, description and lines for people; the exit status."""
+    """Print a JSON document, or title, description and lines of text; returns the exit status."""
     heading = filter(None, (file.title, *file.description.strip().splitlines()))
     click.echo(_json_text(document) if as_json else "\n".join((*heading, *lines)))
     return 2 if not complete else 0 if good else 1
@@ -84,95 +84,96 @@ def _ended(
 
 def solve(file: str, verbose: bool, as_json: bool, swept: tuple[str, ...], panels: str | None, **given: Any) -> int:
     """Solve a problem, its history, or a sweep."""
-    with _opened(file, given) as (problem_file, targets, options):
-        problem_file, plan = _asked(problem_file, swept)
+    with _problem_file(file, given) as (problem_file, targets, options):
+        problem_file, plan = _with_settings(problem_file, swept)
         units = problem_file.units
-        charts = _asked_panels(problem_file, panels)
+        charts = _chart_names(problem_file, panels)
         if panels is not None and not {"plot", "report"} & targets.keys():
             raise InputError("--panels", panels, "is for pictures: give --plot or --report too")
-        if _check_asked(problem_file, plan, given) and plan is not None:
-            stored = {name: given[name] for name in ("store", "workers", "dask") if given[name] is not None}
-            sweep = _swept(problem_file, plan, options, verbose, **stored)
-            return _told(problem_file, sweep, targets, as_json)
-        series, steps = _solved_series(problem_file, plan, options, verbose, given["store"])
+        if _is_stored(problem_file, plan, given) and plan is not None:
+            store_options = {name: given[name] for name in ("store", "workers", "dask") if given[name] is not None}
+            sweep = _sweep(problem_file, plan, options, verbose, **store_options)
+            return _report_stored(problem_file, sweep, targets, as_json)
+        series, steps = _solve_series(problem_file, plan, options, verbose, given["store"])
         solved = (steps[0] if series is None else series.results).status == "solved"
         document = {"title": problem_file.title, "solved": solved}
         if as_json or "save_json" in targets:
-            found = [export.summary(step, units) for step in steps]
-            document |= found[0] if series is None else series.document(found, units)
+            summaries = [export.summary(step, units) for step in steps]
+            document |= summaries[0] if series is None else series.document(summaries, units)
         complete = _write_all(
             targets, problem_file, steps[-1], document,
             time_limit=options.get("time_limit"), panels=charts, series=series,
         )  # fmt: skip
     lines = report.result_lines(steps[0], units) if series is None else series.lines(units)
-    return _ended(problem_file, as_json, document, lines, solved, complete)
+    return _print_answer(problem_file, as_json, document, lines, solved, complete)
 
 
 def verify(result: str, tolerance: float | None, verbose: bool, as_json: bool) -> int:
     """Check a stored result."""
     from qvi_contact.verification import verify_file
 
-    with np.errstate(all="ignore"):  # what overflows fails
-        found = verify_file(result, tolerance)
-    click.echo(_json_text(found.document()) if as_json else found.table(failures_only=not verbose))
-    return 0 if found.passed else 1
+    with np.errstate(all="ignore"):  # a check that overflows fails
+        verification = verify_file(result, tolerance)
+    click.echo(_json_text(verification.document()) if as_json else verification.table(failures_only=not verbose))
+    return 0 if verification.passed else 1
 
 
 def check(file: str, as_json: bool, **given: Any) -> int:
     """Print what a problem file describes."""
-    with _opened(file, given) as (problem_file, targets, options):
+    with _problem_file(file, given) as (problem_file, targets, options):
         element: dict[str, Any] = {name: options[name] for name in ELEMENT_OPTIONS if name in options}
-        problem, found = report.outline(problem_file, element)
+        problem, outline = report.outline(problem_file, element)
     if "plot" in targets:
         from qvi_contact import plots
 
         plots.save_figure(targets["plot"], plots.problem_figure(problem, problem_file.units))
-    return _ended(problem_file, as_json, found, report.outline_lines(found, problem_file.units), good=True)
+    return _print_answer(problem_file, as_json, outline, report.outline_lines(outline, problem_file.units), True)
 
 
 def bracket(file: str, degree: int | None, verbose: bool, as_json: bool, **given: Any) -> int:
     """Bound energy and forces by a displacement model."""
     from qvi_contact.bracket import bounds, outcome
 
-    with _opened(file, given, "a bracket") as (problem_file, targets, options):
+    with _problem_file(file, given, "a bracket") as (problem_file, targets, options):
         limit, title, units = options.pop("time_limit", None), problem_file.title or "bracket", problem_file.units
         with solving(title, 3, verbose=verbose) as advance, deadline(limit):
             result = solve_one(problem_file.problem, **options, verbose=verbose)
             advance("stress model solved")
             tolerance = given["tolerance"]
-            found = bounds.bracket(result, degree, tolerance, verbose=verbose) if result.has_state else None
+            energy_bracket = bounds.bracket(result, degree, tolerance, verbose=verbose) if result.has_state else None
             advance("energy bounded, contact forces follow")
-            if found is not None:
-                _ = found.forces  # takes longest on large meshes: here, where progress is shown
-        complete = _write_all(targets, problem_file, result, {}, known=found)
+            if energy_bracket is not None:
+                _ = energy_bracket.forces  # computed here, as progress is shown: the longest part on large meshes
+        complete = _write_all(targets, problem_file, result, {}, known_bracket=energy_bracket)
     document = {"title": problem_file.title, **export.summary(result, units)}
-    document["bracket"] = None if found is None else outcome.document(found, units)
-    more = () if found is None else ("", *outcome.lines(found, units))
-    bounded = found is not None and result.status == "solved" and math.isfinite(found.gap)
-    return _ended(problem_file, as_json, document, (*report.result_lines(result, units), *more), bounded, complete)
+    document["bracket"] = None if energy_bracket is None else outcome.document(energy_bracket, units)
+    more = () if energy_bracket is None else ("", *outcome.lines(energy_bracket, units))
+    is_bounded = energy_bracket is not None and result.status == "solved" and math.isfinite(energy_bracket.gap)
+    lines = (*report.result_lines(result, units), *more)
+    return _print_answer(problem_file, as_json, document, lines, is_bounded, complete)
 
 
 def refine(file: str, verbose: bool, as_json: bool, **given: Any) -> int:
     """Refine the mesh until a number is accurate."""
-    from qvi_contact.refinement import refine as refined
+    from qvi_contact.refinement import refine as refine_mesh
 
-    with _opened(file, given, "a refinement") as (problem_file, targets, options):
-        asked = {name: given[name] for name in keys_of(RefineOptions) if given[name] is not None}
+    with _problem_file(file, given, "a refinement") as (problem_file, targets, options):
+        refine_options = {name: given[name] for name in keys_of(RefineOptions) if given[name] is not None}
         units = problem_file.units
         with solving(problem_file.title or "refine", verbose=verbose) as advance:
-            found: Any = refined(
-                problem_file.problem, **{**problem_file.refine_options, **asked}, **options,
+            refined: Any = refine_mesh(
+                problem_file.problem, **{**problem_file.refine_options, **refine_options}, **options,
                 callback=lambda done: advance(report.so_far(done)), verbose=verbose,
             )  # fmt: skip
-        document = {"title": problem_file.title, **export.summary(found.result, units)}
-        document["refinement"] = report.refinement_document(found, units)
+        document = {"title": problem_file.title, **export.summary(refined.result, units)}
+        document["refinement"] = report.refinement_document(refined, units)
         complete = _write_all(
-            targets, problem_file, found.result, document,
-            time_limit=options.get("time_limit"), refinement=found,
+            targets, problem_file, refined.result, document,
+            time_limit=options.get("time_limit"), refinement=refined,
         )  # fmt: skip
-    last = [line for line in report.result_lines(found.result, units) if not line or line not in found.message]
-    lines = (*report.refinement_lines(found, units), *([""] if last else []), *last)
-    return _ended(problem_file, as_json, document, lines, found.status == "reached", complete)
+    last = [line for line in report.result_lines(refined.result, units) if not line or line not in refined.message]
+    lines = (*report.refinement_lines(refined, units), *([""] if last else []), *last)
+    return _print_answer(problem_file, as_json, document, lines, refined.status == "reached", complete)
 
 
 def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool, as_json: bool, **given: Any) -> int:
@@ -182,84 +183,88 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     from qvi_contact.refinement import refine as refined
 
     with (
-        _opened(file, given) as (problem_file, targets, options),
+        _problem_file(file, given) as (problem_file, targets, options),
         solving(problem_file.title or "limit", verbose=verbose),
     ):
-        told = {name: options.get(name) for name in OPTIONS}
+        settings = {name: options.get(name) for name in OPTIONS}
         problem, refinement, proof = problem_file.problem, None, targets.pop("proof", None)
         if proof is not None and not loads:
-            return _without_loads(proof, problem_file, told, {"target": target, **targets}, as_json)
+            return _prove_not_carried(proof, problem_file, settings, {"target": target, **targets}, as_json)
         named: list[Any] = list(loads) or [Missing()]
         if not report.act(problem, checked_loads(problem, named, "--load")):
             raise InputError("--load", ", ".join(loads), f"is 0{_first_time(problem_file)}: name a load to multiply")
         if target is None:
-            found = limit_load_factor(problem, loads=list(loads), verbose=verbose, **told)
+            limit_load = limit_load_factor(problem, loads=list(loads), verbose=verbose, **settings)
         else:
             quantity = LimitFactor(list(loads))
-            refinement = refined(problem, target=target, quantity=quantity, verbose=verbose, **told)
-            found, problem = refinement.limit, refinement.problem
-        proved = [] if proof is None else _write_proof(proof, problem, loads, told)
-    said, units, missing = report.limit_lines(loads, found, refinement), problem_file.units, {}
-    remarks = _meant(problem_file)
-    if found.upper == math.inf:
-        but = "Smaller multiples, also 1, may be too small to hold the body. Under Coulomb friction it may slide at any"
-        remarks.append(f"{but}: check a load by qvi-contact solve.")
-    said += remarks
-    if found.mechanism is None and found.collapse is None:
-        missing["plot"] = "there is no mechanism to draw in"
-    if found.collapse is None:
-        missing["vtk"] = "no part of the body yields, or it has no largest load: there is no flow to write to"
+            refinement = refined(problem, target=target, quantity=quantity, verbose=verbose, **settings)
+            limit_load, problem = refinement.limit, refinement.problem
+        proof_lines = [] if proof is None else _write_proof(proof, problem, loads, settings)
+    lines, units, reasons = report.limit_lines(loads, limit_load, refinement), problem_file.units, {}
+    remarks = _time_remark(problem_file)
+    if limit_load.upper == math.inf:
+        small = (
+            "Smaller multiples, even 1, may be too small to hold the body, and under Coulomb friction it may slide at"
+        )
+        remarks.append(f"{small} any multiple: check a load by qvi-contact solve.")
+    lines += remarks
+    if limit_load.mechanism is None and limit_load.collapse is None:
+        reasons["plot"] = "there is no mechanism to draw in"
+    if limit_load.collapse is None:
+        reasons["vtk"] = "no part of the body yields, or it has no largest load: there is no flow to write to"
 
     def plot(path: str) -> None:
         from qvi_contact import plots
 
-        plots.save_figure(path, plots.limit_figure(problem, found, units, problem_file.title, f"{said[0]}."))
+        plots.save_figure(path, plots.limit_figure(problem, limit_load, units, problem_file.title, f"{lines[0]}."))
 
     def page(path: str) -> None:
         from qvi_contact.command.page import limit_page
 
-        write_text(path, limit_page(problem_file, problem, found, said))
+        write_text(path, limit_page(problem_file, problem, limit_load, lines))
 
-    writers = {"plot": plot, "vtk": lambda path: export.write_collapse_vtu(path, problem, found, units), "report": page}
-    complete = _written(targets, writers, missing)
-    document = {"loads": list(loads), **report.limit_document(found, refinement), "remarks": remarks}
-    click.echo(_json_text(document) if as_json else "\n".join([*said, *proved]))
-    missed = refinement is not None and refinement.status != "reached"
-    return 2 if not complete else 1 if missed or found == -math.inf else 0
+    def flow(path: str) -> None:
+        export.write_collapse_vtu(path, problem, limit_load, units)
+
+    complete = _write_files(targets, {"plot": plot, "vtk": flow, "report": page}, reasons)
+    document = {"loads": list(loads), **report.limit_document(limit_load, refinement), "remarks": remarks}
+    click.echo(_json_text(document) if as_json else "\n".join([*lines, *proof_lines]))
+    is_missed = refinement is not None and refinement.status != "reached"
+    return 2 if not complete else 1 if is_missed or limit_load == -math.inf else 0
 
 
 def _first_time(file: ProblemFile) -> str:
-    """When the loads of a limit analysis act, where the file has a history."""
+    """The time at which a limit analysis takes the loads, if the file has a history."""
     return f" at t = {file.times[0]:g}, the first time of the history" if file.times else ""
 
 
-def _meant(file: ProblemFile) -> list[str]:
-    """Which loads a limit analysis has had, if that is to be said."""
+def _time_remark(file: ProblemFile) -> list[str]:
+    """The remark that a limit analysis took the loads at the first time, if the file has a history."""
     return [f"These loads are those{_first_time(file)}."] if file.times else []
 
 
-def _without_loads(
-    path: str, file: ProblemFile, told: Mapping[str, Any], more: Mapping[str, Any], as_json: bool
+def _prove_not_carried(
+    path: str, file: ProblemFile, settings: Mapping[str, Any], unused_options: Mapping[str, Any], as_json: bool
 ) -> int:
-    """Prove that the loads as they are cannot be carried; `more` are options that have no sense here."""
-    for name, value in more.items():
+    """Prove that the given loads cannot be carried; `unused_options` need --load, and must not be given without it."""
+    for name, value in unused_options.items():
         if value is not None:
             raise InputError(_option_name(name), value, "needs loads that are multiplied: give --load")
-    proved = _write_proof(path, file.problem, (), told)
-    document = {"loads": [], "message": "; ".join(proved), "remarks": _meant(file)}
-    click.echo(_json_text(document) if as_json else "\n".join([*proved, *_meant(file)]))
+    proof_lines = _write_proof(path, file.problem, (), settings)
+    document = {"loads": [], "message": "; ".join(proof_lines), "remarks": _time_remark(file)}
+    click.echo(_json_text(document) if as_json else "\n".join([*proof_lines, *_time_remark(file)]))
     return 0
 
 
-def _write_proof(path: str, problem: ContactProblem, loads: Iterable[str], told: Mapping[str, Any]) -> list[str]:
-    """Write a proof file; what people read of it."""
+def _write_proof(path: str, problem: ContactProblem, loads: Iterable[str], settings: Mapping[str, Any]) -> list[str]:
+    """Write a proof file; returns its statements as lines of text."""
     from qvi_contact.limit import check_proof as proofs
     from qvi_contact.limit.proof import limit_proof, save_proof
 
-    proof = limit_proof(problem, list(loads), **told)
+    proof = limit_proof(problem, list(loads), **settings)
     save_proof(path, proof)
-    found = proofs.sentences(*proofs.check(proof)[:2])
-    return found + [f"not proved: the {side} bound ({reason})" for side, reason in proof["missing"].items()]
+    lines = proofs.sentences(*proofs.check(proof)[:2])
+    return lines + [f"not proved: the {side} bound ({reason})" for side, reason in proof["missing"].items()]
 
 
 def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_json: bool, **given: Any) -> int:
@@ -267,18 +272,18 @@ def safety(file: str, of: tuple[str, ...], accuracy: float, verbose: bool, as_js
     from qvi_contact.limit.load_factor import OPTIONS, strength_reduction_factor
 
     with (
-        _opened(file, given) as (problem_file, _, options),
+        _problem_file(file, given) as (problem_file, _, options),
         solving(problem_file.title or "safety", verbose=verbose),
     ):
-        told = {name: options.get(name) for name in OPTIONS}
-        found = strength_reduction_factor(problem_file.problem, of=list(of) or None, accuracy=accuracy, **told)
-    above = f"divided by {found.upper:.6g} they do not on any mesh" if found.upper < math.inf else "no bound above"
-    said = f"strengths divided by {found.lower:.6g} carry the loads on this mesh; {above}"
+        settings = {name: options.get(name) for name in OPTIONS}
+        factor = strength_reduction_factor(problem_file.problem, of=list(of) or None, accuracy=accuracy, **settings)
+    above = f"divided by {factor.upper:.6g} they carry them on no mesh" if factor.upper < math.inf else "no bound above"
+    line = f"strengths divided by {factor.lower:.6g} carry the loads on this mesh; {above}"
     late = "The time limit ended the search: both bounds hold, but more time would bring them closer."
-    remarks = [*_meant(problem_file), *[late] * (not found.in_time)]
-    document = {"of": list(of), "lower": found.lower, "upper": found.upper, "remarks": remarks}
-    click.echo(_json_text(document) if as_json else "\n".join([said, *remarks]))
-    return 0 if found.lower >= 1.0 else 1
+    remarks = [*_time_remark(problem_file), *[late] * (not factor.in_time)]
+    document = {"of": list(of), "lower": factor.lower, "upper": factor.upper, "remarks": remarks}
+    click.echo(_json_text(document) if as_json else "\n".join([line, *remarks]))
+    return 0 if factor.lower >= 1.0 else 1
 
 
 def check_proof(file: str) -> int:
@@ -288,12 +293,12 @@ def check_proof(file: str) -> int:
     remedy = "give a file written by qvi-contact limit --proof"
     try:
         with open_regular(file) as stream:
-            said, status = proofs.told(stream.read())
+            text, status = proofs.told(stream.read())
     except (OSError, ValueError) as error:
         raise InputError("file", file, f"cannot be read ({getattr(error, 'strerror', error)}): {remedy}") from error
     if status == 2:
-        raise InputError("file", file, f"is {said}: {remedy}")
-    click.echo(said)
+        raise InputError("file", file, f"is {text}: {remedy}")
+    click.echo(text)
     return status
 
 
@@ -310,36 +315,36 @@ def methods(as_json: bool) -> None:
         click.echo(_json_text(document))
         return
     missing = {name: f"not installed: {install}" for name, install in missing_backends().items()}
-    shown = tuple(f"{name}  ({what})" for name, what in (factorisations | missing).items())
-    for title, names in {"methods": METHODS, "inner solvers": available(), "factorisations": shown}.items():
+    lines = tuple(f"{name}  ({what})" for name, what in (factorisations | missing).items())
+    for title, names in {"methods": METHODS, "inner solvers": available(), "factorisations": lines}.items():
         click.echo("\n  ".join([title, *names]))
 
 
-# several results of one problem file: load steps of a history, or values of a sweep
+# Several results of one problem file: load steps of a history, or values of a sweep.
 
 
-def _solved_series(
+def _solve_series(
     file: ProblemFile, plan: SweepPlan | None, options: dict[str, Any], verbose: bool, store: str | None
 ) -> tuple[report.Series | None, Sequence[ContactResult]]:
-    """The results of a file: of its history, of a sweep if there is a plan, or one."""
+    """Solve a file: a sweep if there is a plan, a history if the file has one, else a single problem."""
     if plan is not None:
-        swept = _swept if plan.parameter in PARAMETERS else _swept_constant
-        sweep = swept(file, plan, options, verbose)
+        solve_plan = _sweep if plan.parameter in PARAMETERS else _sweep_constant
+        sweep = solve_plan(file, plan, options, verbose)
         return report.Series(sweep, plan.parameter, plan.values, plan.of), sweep.steps
     if not file.times:
         with solving(file.title or "solve", verbose=verbose):
             return None, (solve_one(file.problem, **options, verbose=verbose),)
     with solving(file.title or "history", len(file.times), verbose=verbose) as advance:
 
-        def told(number: int, _result: ContactResult) -> None:
+        def advance_step(number: int, _result: ContactResult) -> None:
             advance(f"step {number} of {len(file.times)} solved", number)
 
-        history = qvi_contact.solve_history(file.problems, told, store=store, **options, verbose=verbose)
+        history = qvi_contact.solve_history(file.problems, advance_step, store=store, **options, verbose=verbose)
     return report.Series(history, "t", file.times), history.steps
 
 
-def _swept_constant(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool) -> qvi_contact.Sweep:
-    """The sweep of a constant: each value is a problem of its own."""
+def _sweep_constant(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool) -> qvi_contact.Sweep:
+    """Sweep a constant of the file; each value is solved as a separate problem."""
     steps, limit = list[ContactResult](), options.get("time_limit")
     with solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance, deadline(limit):
         for value in plan.values:
@@ -350,16 +355,16 @@ def _swept_constant(file: ProblemFile, plan: SweepPlan, options: dict[str, Any],
     return qvi_contact.Sweep(plan.parameter, plan.values, tuple(steps))
 
 
-def _swept(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool, **stored: Any) -> Any:
-    """The sweep of a file; `stored` are a store, where its rows are kept then, and those who share it."""
-    solved: Any = qvi_contact.solve_sweep  # with a store or without
+def _sweep(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose: bool, **stored: Any) -> Any:
+    """Sweep a parameter of a file; `stored` has the store for the rows, and workers or a cluster, if they are given."""
+    solve_sweep: Any = qvi_contact.solve_sweep  # its overloads depend on `store`
     with solving(file.title or "sweep", len(plan.values), verbose=verbose) as advance:
         if stored:
-            with suppress(InputError):  # what is no store will be told
+            with suppress(InputError):  # solve_sweep will report a wrong store
                 advance("", len(qvi_contact.read_sweep(stored["store"]).statuses))
-        asked = plan.parameter, plan.values, plan.of
+        swept = plan.parameter, plan.values, plan.of
         try:
-            return solved(file.problem, *asked, lambda *_: advance(), **stored, **options, verbose=verbose)
+            return solve_sweep(file.problem, *swept, lambda *_: advance(), **stored, **options, verbose=verbose)
         except InputError as error:
             if error.field not in ("parameter", "values", "of"):  # also keys of [sweep]
                 raise
@@ -367,11 +372,11 @@ def _swept(file: ProblemFile, plan: SweepPlan, options: dict[str, Any], verbose:
             raise type(error)(place, error.value, error.remedy) from error
 
 
-def _check_asked(file: ProblemFile, plan: SweepPlan | None, asked: Mapping[str, Any]) -> bool:
-    """Whether a sweep goes to a file; refuse options, by name, that have no sense with one or without."""
-    streams = plan is not None and asked["store"] is not None
-    if streams:
-        remedy = "needs a result, and a sweep with --store keeps rows of numbers alone: leave one of them out"
+def _is_stored(file: ProblemFile, plan: SweepPlan | None, options: Mapping[str, Any]) -> bool:
+    """Whether a sweep goes to a store; `InputError` for options that cannot be combined with it, or need it."""
+    is_stored = plan is not None and options["store"] is not None
+    if is_stored:
+        remedy = "needs a result, but a sweep with --store keeps only rows of numbers: leave one of them out"
         refused = dict.fromkeys(("plot", "vtk", "npz", "report"), remedy)
     else:
         remedy = "is for values of a sweep: give --store FILE with --set, or with a [sweep] in the problem file"
@@ -382,45 +387,45 @@ def _check_asked(file: ProblemFile, plan: SweepPlan | None, asked: Mapping[str, 
     elif plan is not None and plan.parameter not in PARAMETERS:
         refused = {"store": f"keeps rows of {', '.join(PARAMETERS)}: sweep a constant without it"} | refused
     for name, remedy in refused.items():
-        if asked[name] is not None:
-            raise InputError(f"--{name}", asked[name], remedy)
-    return streams
+        if options[name] is not None:
+            raise InputError(f"--{name}", options[name], remedy)
+    return is_stored
 
 
-def _told(file: ProblemFile, sweep: qvi_contact.StoredSweep, targets: Mapping[str, str], as_json: bool) -> int:
-    """Print what became of a sweep in a store, keep its document in a file if one is named; the exit status."""
-    statuses, solved = Counter(sweep.statuses), sweep.status == "solved"
+def _report_stored(file: ProblemFile, sweep: qvi_contact.StoredSweep, targets: Mapping[str, str], as_json: bool) -> int:
+    """Print the outcome of a sweep in a store, and write it to the file of --save-json; returns the exit status."""
+    statuses, is_solved = Counter(sweep.statuses), sweep.status == "solved"
     document = {
-        "title": file.title, "solved": solved, "store": str(sweep.path), "parameter": sweep.parameter,
+        "title": file.title, "solved": is_solved, "store": str(sweep.path), "parameter": sweep.parameter,
         "values": len(sweep.values), "statuses": {str(each): count for each, count in statuses.items()},
         "message": sweep.message,
     }  # fmt: skip
-    complete = _written(targets, {"save_json": lambda path: write_text(path, _json_text(document) + "\n")}, {})
+    complete = _write_files(targets, {"save_json": lambda path: write_text(path, _json_text(document) + "\n")}, {})
     lines = [f"{sweep.parameter}: {len(sweep.values)} values from {min(sweep.values):g} to {max(sweep.values):g}"]
-    lines.append(", ".join(f"{count} {status.words}" for status, count in statuses.items()) or "none done")
-    lines += [*([] if solved else [sweep.message]), f"rows: {sweep.path}"]
-    return _ended(file, as_json, document, lines, solved, complete)
+    lines.append(", ".join(f"{count} {status.words}" for status, count in statuses.items()) or "no values done")
+    lines += [*([] if is_solved else [sweep.message]), f"rows: {sweep.path}"]
+    return _print_answer(file, as_json, document, lines, is_solved, complete)
 
 
-def _asked(file: ProblemFile, given: Sequence[str]) -> tuple[ProblemFile, SweepPlan | None]:
-    """The file with constants that options --set give one value, and the sweep that another one or the file asks for.
+def _with_settings(file: ProblemFile, assignments: Sequence[str]) -> tuple[ProblemFile, SweepPlan | None]:
+    """Apply the options --set to a file: constants with one value are replaced, several values are a sweep.
 
-    Each is `NAME=V1,V2,…`, or `NAME=START:STOP:COUNT`. The name is that of a constant of the file, of a parameter of
-    sweeps, or `CONTACT.PARAMETER`, `load.NAME` or `constants.NAME`.
+    Returns the file, and this sweep or else that of the file. An assignment is `NAME=V1,V2,…` or
+    `NAME=START:STOP:COUNT`, NAME a constant, a parameter of sweeps, CONTACT.PARAMETER, load.NAME or constants.NAME.
     """
     plans, constants = list[SweepPlan](), dict[str, float]()
-    for text in given:
-        name, separator, listed = text.partition("=")
+    for text in assignments:
+        name, separator, value_list = text.partition("=")
         owner, _, parameter = name.strip().rpartition(".")
         if owner == "load" and parameter not in PARAMETERS:
-            owner, parameter = parameter, owner
+            owner, parameter = parameter, owner  # in load.NAME the parameter comes first
         values: tuple[float, ...] = ()
         with suppress(ValueError, TypeError):
-            start, colon, rest = listed.partition(":")
+            start, colon, rest = value_list.partition(":")
             stop, _, count = rest.partition(":")
             if not colon:
-                values = tuple(float(part) for part in listed.split(","))
-            elif int(count) <= _MOST:
+                values = tuple(float(part) for part in value_list.split(","))
+            elif int(count) <= _MOST_VALUES:
                 values = tuple(np.linspace(float(start), float(stop), int(count)).tolist())
         if not (separator and parameter and values):
             remedy = (
@@ -428,42 +433,42 @@ def _asked(file: ProblemFile, given: Sequence[str]) -> tuple[ProblemFile, SweepP
                 "values, or with a name base.friction=0.1,0.2 or load.thrust=1.2"
             )
             raise InputError("--set", text, remedy)
-        known = {} if owner == "constants" else {"parameters": PARAMETERS}
-        known_name("--set", parameter, {**known, "constants": () if owner not in ("", "constants") else file.constants})
+        names = {} if owner == "constants" else {"parameters": PARAMETERS}
+        known_name("--set", parameter, {**names, "constants": () if owner not in ("", "constants") else file.constants})
         if owner == "constants" or parameter not in PARAMETERS:
             if len(values) == 1:
                 constants[parameter] = values[0]
                 continue
-            owner, parameter = "", f"constants.{parameter}" if parameter in _TAKEN else parameter
+            owner, parameter = "", f"constants.{parameter}" if parameter in _RESERVED else parameter
         plans.append(SweepPlan(parameter, values, (owner,) if owner else None))
-    if len(plans) > 1 or len({*constants, *(plan.parameter for plan in plans)}) < len(given):
-        remedy = "name a number once, sweep one at a time: give one value of constants, one option for something else"
-        raise InputError("--set", " ".join(given), remedy)
+    if len(plans) > 1 or len({*constants, *(plan.parameter for plan in plans)}) < len(assignments):
+        remedy = "only one quantity can have several values, and each name may be given once: leave the others out"
+        raise InputError("--set", " ".join(assignments), remedy)
     if plans and file.times:
-        raise InputError("--set", given[0], "a file with a [history] cannot be swept: give one without")
+        raise InputError("--set", assignments[0], "a file with a [history] cannot be swept: give one without")
     file = file.with_constants(constants) if constants else file
     return file, plans[0] if plans else file.sweep
 
 
-# files, checked before the work begins, and written as far as they can be
+# Files are checked before the work begins. If one cannot be written, the others still are.
 
 
-def _checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
-    """The files asked for, by option.
+def _checked_targets(source: str, paths: Mapping[str, str]) -> dict[str, str]:
+    """The files to write, by option, after a check.
 
-    `InputError` if one cannot be written, is the problem file or another option's, or needs a package that is missing.
+    `InputError` if a file cannot be written, is the problem file, is given twice, or needs a package that is missing.
     """
-    taken = {identity(source): "the problem file"}
-    for option, path in given.items():
+    uses = {identity(source): "the problem file"}
+    for option, path in paths.items():
         name = _option_name(option)
-        if path in ("", "-") or os.path.isdir(path):  # Path's raises for names that no file can have
+        if path in ("", "-") or os.path.isdir(path):  # Path.is_dir raises for invalid names
             raise InputError(name, path, "give the name of a file")
-        for each in _files_of(option, path):
-            check_writable(each, name)
-            place = identity(each)
-            if place in taken:
-                raise InputError(name, each, f"is {taken[place]}: give a file of its own")
-            taken[place] = f"the file of {name} too"
+        for written_file in _files_of(option, path):
+            check_writable(written_file, name)
+            place = identity(written_file)
+            if place in uses:
+                raise InputError(name, written_file, f"is {uses[place]}: give a file of its own")
+            uses[place] = f"the file of {name} too"
         target = TARGETS[option]
         if target.library and find_spec(target.library) is None:
             raise InputError(name, path, f"needs {target.library}: python -m pip install {target.library}")
@@ -473,22 +478,22 @@ def _checked_targets(source: str, given: Mapping[str, str]) -> dict[str, str]:
             from qvi_contact.plots.style import require_matplotlib
 
             require_matplotlib()
-    return dict(given)
+    return dict(paths)
 
 
 def _files_of(option: str, path: str) -> tuple[str, ...]:
-    """What an option writes; a VTU file has one of contacts beside it."""
+    """The files that an option writes; --vtk writes a second one, for contacts."""
     whole = Path(path)
     return (path, str(whole.with_name(f"{whole.stem}_contacts{whole.suffix}"))) if option == "vtk" else (path,)
 
 
-def _asked_panels(file: ProblemFile, panels: str | None) -> list[str] | None:
-    """The contacts that --panels names, none for "none"; None for those that pictures choose."""
+def _chart_names(file: ProblemFile, panels: str | None) -> list[str] | None:
+    """The contacts that --panels names, an empty list for "none"; None if the picture chooses them."""
     names = [contact.name for contact in file.problem.contacts]
     if panels is None or panels in names:
         return None if panels is None else [panels]
-    found = [] if panels == "none" else [part.strip() for part in panels.split(",")]
-    return [known_name("--panels", name, {"contacts": names}) for name in found]
+    names_asked = [] if panels == "none" else [part.strip() for part in panels.split(",")]
+    return [known_name("--panels", name, {"contacts": names}) for name in names_asked]
 
 
 def _write_all(
@@ -497,25 +502,25 @@ def _write_all(
     result: ContactResult,
     document: dict[str, Any],
     *,
-    known: Bracket | None = None,
+    known_bracket: Bracket | None = None,
     time_limit: float | None = None,
-    **more: Any,
+    **page_arguments: Any,
 ) -> bool:
-    """Write the files asked for, as many as can be; whether all could be, and a line for each that could not.
+    """Write all files, with a message for each that cannot be written; returns whether all were.
 
-    The picture is that of the result, or of a history. Pages and fields have the bracket, which takes at most
-    `time_limit` seconds if it is not known. Other arguments are those of `result_page`.
+    The picture shows the result, or a history. Pages and fields need the bracket, which is computed in at most
+    `time_limit` seconds if it is not known. `page_arguments` are those of `result_page`.
     """
-    series: Any = more.get("series")
+    series: Any = page_arguments.get("series")
     units = file.units
 
     @cache
     def bracketed() -> tuple[Bracket | None, str]:
-        """The bracket, or why there is none: for incompressible materials, and after earlier slip on arcs."""
+        """The bracket, or the reason why there is none, such as an incompressible material."""
         from qvi_contact.bracket import bracket
 
-        if known is not None or not result.has_state:
-            return known, "there is no stress state"
+        if known_bracket is not None or not result.has_state:
+            return known_bracket, "there is no stress state"
         try:
             return bracket(result, time_limit=time_limit), ""
         except InputError as error:
@@ -527,12 +532,12 @@ def _write_all(
         if file.times and series.results.steps[0].has_state and result.problem.contacts:
             plots.save_figure(path, plots.history_figure(series.results, units, file.times, file.title))
         else:
-            plots.save_figure(path, plots.result_figure(result, units, file.title, more.get("panels")))
+            plots.save_figure(path, plots.result_figure(result, units, file.title, page_arguments.get("panels")))
 
     def page(path: str) -> None:
         from qvi_contact.command.page import result_page
 
-        write_text(path, result_page(file, result, bracketed, **more))
+        write_text(path, result_page(file, result, bracketed, **page_arguments))
 
     def fields(path: str) -> None:
         bracket, _ = bracketed()
@@ -549,24 +554,24 @@ def _write_all(
         "vtk": fields,
     }
     stateless = {} if result.has_state else dict.fromkeys(("vtk", "npz"), "there is no stress state to write to")
-    return _written(targets, writers, stateless)
+    return _write_files(targets, writers, stateless)
 
 
-def _written(
-    targets: Mapping[str, str], writers: Mapping[str, Callable[[str], None]], missing: Mapping[str, str]
+def _write_files(
+    targets: Mapping[str, str], writers: Mapping[str, Callable[[str], None]], reasons: Mapping[str, str]
 ) -> bool:
-    """Write files by option, as many as can be, with a line for each that is not; whether none failed.
+    """Write files by option, with a message for each that cannot be written; returns whether all others were.
 
-    Words for what there is nothing to write to stand in `missing`.
+    `reasons` has the options for which there is nothing to write, and why; they count as no failure.
     """
     complete = True
     for option, path in targets.items():
         try:
-            if option in missing:
-                click.echo(f"qvi-contact: {missing[option]} {path}", err=True)
+            if option in reasons:
+                click.echo(f"qvi-contact: {reasons[option]} {path}", err=True)
             else:
                 writers[option](path)
-        except (InputError, OSError, MemoryError) as error:  # also of a library that cannot open its fonts, or draw
+        except (InputError, OSError, MemoryError) as error:  # also raised by libraries while they draw
             failure = error if isinstance(error, InputError) else unwritable(Path(path), error)
             name = _option_name(option) if failure.field == "output" else failure.field
             failure = InputError(name, failure.value, failure.remedy)
@@ -576,7 +581,7 @@ def _written(
 
 
 def _option_name(name: str) -> str:
-    """How an option is typed."""
+    """The option as it is typed."""
     return f"--{name.replace('_', '-')}"
 
 

@@ -1,4 +1,4 @@
-"""Documents in and out: problem files, archives of results, VTU."""
+"""Files: problem files and their meshes, archives of results and of load steps."""
 
 from solvers.basics.front import front
 

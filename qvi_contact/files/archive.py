@@ -1,9 +1,9 @@
-"""Results as NumPy archives: flat names, arrays and texts, no pickles, and a digest of them all; folders of load steps.
+"""Results as NumPy archives, and load steps as folders of archives.
 
-They hold everything a result claims, and the problem, so that it can be checked from the file alone.
+An archive has named entries without pickles: the problem, and all that a result claims, to be checked from the file.
 
-The digest is SHA-256 over names, types, shapes and bytes of all other entries in the order of their names. It tells
-a file that was changed after it was written; whoever changes the digest too still has to fool the certificate.
+The entry "digest" is SHA-256 over names, types, shapes and bytes of all other entries, in the order of their names. It
+shows whether a file was changed after it was written. Who changes the digest too still has to pass the certificate.
 """
 
 import hashlib
@@ -25,7 +25,7 @@ from qvi_contact.discretization.discretization import Discretization, discretize
 from qvi_contact.discretization.scaling import Scales
 from qvi_contact.errors import InputError
 from qvi_contact.files.problem_file import problem_from_toml
-from qvi_contact.files.problem_text import problem_to_toml, unread_toml
+from qvi_contact.files.problem_text import problem_to_toml, unchecked_toml
 from qvi_contact.mesh.edges import points_back
 from qvi_contact.solution.history import CONTINUES
 from qvi_contact.solution.result import ContactResult
@@ -36,17 +36,14 @@ from solvers.certificate.certificate import EXPONENTS
 
 FORMAT: Final = "qvi_contact result"
 FORMAT_VERSION: Final = 1
-"""Grows when an entry changes its meaning or goes away; one that comes says what files without it mean."""
+"""Grows when an entry changes its meaning or is removed. A new entry does not: the reader has a default without it."""
 
-OWN: Final = frozenset({"format", "format_version", "digest"})
-"""Names of the entries that `write_archive` adds."""
-
-STORE: Final = "store"
-"""Entry of steps of a history, which hold a problem and its answer, and no fields: the digest of that history."""
+OWN: Final = frozenset({"format", "format_version", "digest"})  # entries that `write_archive` adds
+STORE: Final = "store"  # entry with the digest of the history, in archives of load steps, which hold no fields
 
 _VECTORS: Final = ("z", "normal_multiplier", "tangential_multiplier", "equality_multiplier", "threshold")
 _TEXTS: Final = ("method", "inner", "form", "factorisation")
-_GROUPS: Final = ("measures", "scales", "signed")  # of numbers in a certificate
+_CERTIFICATE_GROUPS: Final = ("measures", "scales", "signed")  # fields of `Certificate` that are stored
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -54,17 +51,17 @@ _REMEDY = "give a file written by write_npz, or by qvi-contact solve --npz"
 
 
 def digest(arrays: Mapping[str, NDArray[Any]]) -> str:
-    """The digest of all entries but the digest itself, as hexadecimal text."""
-    found = hashlib.sha256()
+    """SHA-256 of all entries except "digest", as hexadecimal text."""
+    sha = hashlib.sha256()
     for name in sorted(set(arrays) - {"digest"}):
         array = np.ascontiguousarray(arrays[name])
-        found.update(f"{name}\0{array.dtype.str}\0{array.shape}\0".encode())
-        found.update(array.reshape(-1).view(np.uint8).data)  # not a copy of them
-    return found.hexdigest()
+        sha.update(f"{name}\0{array.dtype.str}\0{array.shape}\0".encode())
+        sha.update(array.reshape(-1).view(np.uint8).data)  # the bytes themselves, not a copy
+    return sha.hexdigest()
 
 
 def write_archive(path: str | Path, arrays: Mapping[str, Any], field: str = "output") -> None:
-    """Write entries, format, version and digest, whole or not at all; `field` names the path in errors."""
+    """Write the entries, and format, version and digest, whole or not at all; errors call the path `field`."""
     entries = {name: np.asarray(value) for name, value in arrays.items()}
     entries |= {"format": np.array(FORMAT), "format_version": np.array(FORMAT_VERSION)}
     entries["digest"] = np.array(digest(entries))
@@ -73,7 +70,7 @@ def write_archive(path: str | Path, arrays: Mapping[str, Any], field: str = "out
 
 
 def json_ready(value: Any) -> Any:
-    """The same for JSON, in mappings and lists too: Python's own numbers, and None for those that JSON has not."""
+    """The value for JSON, through mappings and lists: NumPy numbers become Python's, numbers not finite become None."""
     if isinstance(value, Mapping):
         return {str(key): json_ready(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
@@ -86,10 +83,10 @@ def json_ready(value: Any) -> Any:
 
 
 class Archive:
-    """The entries of a file in `arrays` by name, read and checked one by one.
+    """An archive file that was read: `arrays` has all entries by name, each method checks one and returns it.
 
-    `InputError` if the file is no archive, truncated, holds pickles, or is of another format or version; and by the
-    methods if an entry is missing or of another kind.
+    `InputError` if the file is no archive, is truncated, holds pickles, or has another format or version. The methods
+    raise it if the entry is missing or has another type, number of dimensions or size.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -103,7 +100,7 @@ class Archive:
                 self.arrays = read_arrays("result", self.path, stream)
         except InputError:
             raise
-        except Exception as error:  # zip, zlib, numpy, tokenize: what broken bytes raise there is not documented
+        except Exception as error:  # zipfile, zlib, numpy, tokenize: their errors for broken files are not documented
             text = getattr(error, "strerror", None) or (str(error).splitlines() or [type(error).__name__])[0]
             if "pickle" in text or isinstance(error, BadZipFile):
                 text = "it is not an archive, or holds pickled objects"
@@ -117,7 +114,7 @@ class Archive:
 
     @property
     def intact(self) -> bool:
-        """Whether the digest fits."""
+        """Whether the stored digest is that of the entries."""
         return self.text("digest") == digest(self.arrays)
 
     def text(self, name: str) -> str:
@@ -140,11 +137,11 @@ class Archive:
         return int(value)
 
     def floats(self, name: str, dimensions: int = 1, size: int | None = None) -> FloatArray:
-        """An array of float64; a vector of that size."""
-        found: FloatArray = self._entry(name, "f", dimensions, f"{dimensions}-dimensional, of float64")
-        if size is not None and len(found) != size:
-            raise self.refused(name, f"has {len(found)} values instead of {size}")
-        return found
+        """An array of float64 with so many dimensions, and of this length if `size` is given."""
+        values: FloatArray = self._entry(name, "f", dimensions, f"{dimensions}-dimensional, of float64")
+        if size is not None and len(values) != size:
+            raise self.refused(name, f"has {len(values)} values instead of {size}")
+        return values
 
     def integers(self, name: str) -> IntArray:
         """A vector of int64."""
@@ -153,12 +150,12 @@ class Archive:
     def mapping(self, name: str) -> dict[str, Any]:
         """A text that is a JSON object."""
         try:
-            found = json.loads(self.text(name))
+            document = json.loads(self.text(name))
         except (ValueError, RecursionError) as error:
             raise self.refused(name, "is not a JSON document") from error
-        if not isinstance(found, dict):
+        if not isinstance(document, dict):
             raise self.refused(name, "is not a JSON object")
-        return found
+        return document
 
     def status(self, word: str) -> Status:
         """The status of that name."""
@@ -167,81 +164,82 @@ class Archive:
         except ValueError as error:
             raise InputError("result", self.path, f"names a status {word!r} that does not exist") from error
 
-    def refused(self, name: str, told: str) -> InputError:
-        """The error about an entry."""
-        return InputError("result", self.path, f"entry {name!r} {told}")
+    def refused(self, name: str, reason: str) -> InputError:
+        """The error to raise about an entry."""
+        return InputError("result", self.path, f"entry {name!r} {reason}")
 
-    def _entry(self, name: str, kinds: str, dimensions: int, wanted: str) -> NDArray[Any]:
-        """An entry of a kind; arrays of numbers have 64 bits."""
+    def _entry(self, name: str, kinds: str, dimensions: int, expected: str) -> NDArray[Any]:
+        """An entry whose dtype has one of the `kinds` (letters of NumPy); arrays of numbers must have 64 bits."""
         if name not in self.arrays:
             raise InputError("result", self.path, f"has no entry {name!r}: {_REMEDY}")
-        found = self.arrays[name]
-        short = dimensions > 0 and kinds in "fi" and found.dtype.itemsize != 8
-        if found.dtype.kind not in kinds or found.ndim != dimensions or short or not found.dtype.isnative:
-            raise self.refused(name, f"is {found.dtype}{list(found.shape)}, not {wanted}")
-        return found
+        array = self.arrays[name]
+        is_not_64_bit = dimensions > 0 and kinds in "fi" and array.dtype.itemsize != 8
+        if array.dtype.kind not in kinds or array.ndim != dimensions or is_not_64_bit or not array.dtype.isnative:
+            raise self.refused(name, f"is {array.dtype}{list(array.shape)}, not {expected}")
+        return array
 
 
 def solution_arrays(
-    result: ContactResult, units: Units | None = None, title: str = "", *, tried: bool = True
+    result: ContactResult, units: Units | None = None, title: str = "", *, checked: bool = True
 ) -> dict[str, Any]:
-    """The problem and the algebraic solution, from which `load_result` makes the result again.
+    """Entries for the problem and the algebraic solution, from which `load_result` makes the result again.
 
-    Problems of steps of a history are alike, and not each is `tried`.
+    With `checked` the text of the problem is read back once. Steps of a history differ little, and do without.
     """
     try:
-        known = result.problem
-        problem, missing = problem_to_toml(known, units=units, title=title) if tried else unread_toml(known), ""
+        problem = result.problem
+        text, missing = problem_to_toml(problem, units=units, title=title) if checked else unchecked_toml(problem), ""
     except InputError as error:
-        problem, missing = "", str(error)
-    return {"problem": problem, "problem_missing": missing, **answer_arrays(result)}
+        text, missing = "", str(error)
+    return {"problem": text, "problem_missing": missing, **answer_arrays(result)}
 
 
 def answer_arrays(result: ContactResult) -> dict[str, Any]:
-    """The algebraic solution alone, from which `answer_from_archive` makes the result again beside the problem."""
-    solution, known, certificate = result.solution, result.discretization, result.solution.certificate
+    """Entries for the algebraic solution, from which `answer_from_archive` makes the result if the problem is known."""
+    solution, discretization, certificate = result.solution, result.discretization, result.solution.certificate
+    scales = discretization.scales
     history = [
         [e.number, e.residual, e.energy, e.normal_resultant, e.inner_iterations, e.seconds] for e in solution.history
     ]
-    words = [str(entry.inner_status or "") for entry in solution.history]
+    inner_statuses = [str(entry.inner_status or "") for entry in solution.history]
     return {
-        "degree": known.space.degree,
-        "law_on": known.rule.law_on,
-        **_counted(known),
-        "scales": np.array([known.scales.length, known.scales.stress, known.scales.compliance]),
-        "loaded": known.scales.loaded,
-        "reach": known.scales.reach,
-        "later": known.later,
-        "earlier_slip": np.concatenate([np.empty(0), *(rows.slip for rows in known.contacts)]),
+        "degree": discretization.space.degree,
+        "law_on": discretization.rule.law_on,
+        **_counted(discretization),
+        "scales": np.array([scales.length, scales.stress, scales.compliance]),
+        "loaded": scales.loaded,
+        "reach": scales.reach,
+        "later": discretization.later,
+        "earlier_slip": np.concatenate([np.empty(0), *(rows.slip for rows in discretization.contacts)]),
         "status": str(result.status),
         "message": result.message,
         **{name: np.asarray(getattr(solution, name), dtype=np.float64) for name in _VECTORS},
         **{name: getattr(solution, name) for name in _TEXTS},
         "tolerance": certificate.tolerance,
-        "certificate": json.dumps(json_ready({group: getattr(certificate, group) for group in _GROUPS})),
+        "certificate": json.dumps(json_ready({group: getattr(certificate, group) for group in _CERTIFICATE_GROUPS})),
         "iterations": solution.iterations,
         "corrections": np.array(solution.corrections, dtype=np.float64),
         "remarks": np.array(solution.remarks, dtype=np.str_),
         "timings": json.dumps(dict(solution.timings)),
         "versions": json.dumps({"qvi-contact": __version__, **solution.versions}),
         "history": np.array(history, dtype=np.float64).reshape(len(history), 6),
-        "history_status": np.array(words, dtype="U").reshape(len(words)),
+        "history_status": np.array(inner_statuses, dtype="U").reshape(len(inner_statuses)),
     }
 
 
 def load_result(path: str | Path) -> ContactResult:
     """Read a result that `qvi_contact.export.write_npz` has written.
 
-    The problem is discretised afresh; unknowns and multipliers are those of the file to the last bit. Status and
+    The problem is discretised again; unknowns and multipliers are those of the file to the last bit. Status and
     certificate are what the file claims: `qvi_contact.verification.verify_file` tells whether they are true.
-    `InputError` if the file cannot be read or is not such an archive, entries are missing or of the wrong size, or it
-    holds no problem since that has Python functions.
+    `InputError` if the file cannot be read or is no archive of a result, if entries are missing or of the wrong size,
+    or if the file holds no problem because the problem has Python functions.
     """
     return result_from_archive(Archive(path))
 
 
 def result_from_archive(archive: Archive) -> ContactResult:
-    """The result of an archive that was read; see `load_result`."""
+    """Make the result of an archive; see `load_result`."""
     text, missing = archive.text("problem"), archive.text("problem_missing")
     if not text:
         remedy = (
@@ -252,36 +250,36 @@ def result_from_archive(archive: Archive) -> ContactResult:
 
     def discretized(scales: Scales) -> Discretization:
         try:
-            file = problem_from_toml(text)
-            if file.is_grid:  # results on triangles are stored with these
+            problem_file = problem_from_toml(text)
+            if problem_file.is_grid:  # results on triangles store vertices and triangles
                 remedy = "was computed on rectangles, retired in version 0.2: solve its problem again"
                 raise InputError("result", archive.path, remedy)
-            old = "contact_rows" in archive.arrays  # version 0.1
-            law_on = law_of_rows(archive.text("contact_rows" if old else "law_on"))
-            return discretize(file.problem, scales=scales, degree=archive.count("degree"), law_on=law_on)
+            entry = "contact_rows" if "contact_rows" in archive.arrays else "law_on"  # the first in version 0.1
+            law_on = law_of_rows(archive.text(entry))
+            return discretize(problem_file.problem, scales=scales, degree=archive.count("degree"), law_on=law_on)
         except InputError as error:
-            if error.field == "result":  # names the file already
+            if error.field == "result":  # the message names the file already
                 raise
             raise archive.refused("problem", f"holds a problem that cannot be solved ({error})") from error
 
     return answer_from_archive(archive, discretized)
 
 
-def answer_from_archive(archive: Archive, discretized: Callable[[Scales], Discretization]) -> ContactResult:
-    """The result of an archive that was read, of a problem discretised in given units, without earlier slip."""
-    known = _discretization(archive, discretized)
+def answer_from_archive(archive: Archive, discretize_in: Callable[[Scales], Discretization]) -> ContactResult:
+    """Make the result of an archive; `discretize_in` discretises its problem in given scales, without earlier slip."""
+    discretization = _discretization(archive, discretize_in)
     if "strict" in archive.arrays and archive.number("strict") != 0.0:
         remedy = "was computed by an inner solver 'strict:…', retired in version 0.2: solve its problem again"
         raise InputError("result", archive.path, remedy)
-    qvi, (table, words) = known.qvi, (archive.floats("history", 2), archive.texts("history_status"))
-    if table.shape != (len(words), 6) or not np.isfinite(table[:, [0, 4]]).all():
+    qvi, (table, statuses) = discretization.qvi, (archive.floats("history", 2), archive.texts("history_status"))
+    if table.shape != (len(statuses), 6) or not np.isfinite(table[:, [0, 4]]).all():
         raise InputError("result", archive.path, "entries 'history' and 'history_status' do not fit together")
     history = tuple(
         Iteration(int(number), residual, energy, force, archive.status(word) if word else None, int(inner), seconds)
-        for (number, residual, energy, force, inner, seconds), word in zip(table.tolist(), words, strict=True)
+        for (number, residual, energy, force, inner, seconds), word in zip(table.tolist(), statuses, strict=True)
     )
     sizes = dict(zip(_VECTORS, (qvi.n, qvi.m, qvi.m, qvi.p, qvi.m), strict=True))
-    given: dict[str, Any] = {
+    fields: dict[str, Any] = {
         **{name: archive.floats(name, size=size) for name, size in sizes.items()},
         "certificate": _certificate(archive),
         "history": history,
@@ -292,37 +290,37 @@ def answer_from_archive(archive: Archive, discretized: Callable[[Scales], Discre
         **{name: archive.mapping(name) for name in ("timings", "versions")},
         **{name: archive.text(name) for name in _TEXTS},
     }
-    return ContactResult(known, QVISolution(qvi, archive.status(archive.text("status")), **given))
+    return ContactResult(discretization, QVISolution(qvi, archive.status(archive.text("status")), **fields))
 
 
-def _discretization(archive: Archive, discretized: Callable[[Scales], Discretization]) -> Discretization:
-    """The problem of an archive, in its units and after the slip before it."""
+def _discretization(archive: Archive, discretize_in: Callable[[Scales], Discretization]) -> Discretization:
+    """The discretised problem of an archive, in its scales, and after the slip of earlier load steps."""
     length, stress, compliance = archive.floats("scales", size=3)
     if not min(length, stress, compliance) > 0.0 or not np.isfinite([length, stress, compliance]).all():
         raise archive.refused("scales", "holds units that are not positive numbers")
     reach = archive.number("reach") if "reach" in archive.arrays else np.inf  # files of version 0.1 have none
     if not reach > 0.0:
         raise archive.refused("reach", "is not a positive number")
-    fresh = discretized(Scales(length, stress, compliance, archive.number("loaded") != 0.0, reach))
-    for name, own in _counted(fresh).items():
+    known = discretize_in(Scales(length, stress, compliance, archive.number("loaded") != 0.0, reach))
+    for name, own in _counted(known).items():
         if not np.array_equal(archive.integers(name) if name in archive.arrays else np.empty(0, dtype=np.int64), own):
             remedy = (
-                "counts from other vertices of this mesh than it does here: solve the problem anew, or take the "
-                "version of qvi-contact that wrote the file"
+                "refers to another basis or orientation than this version has on the mesh: solve the problem again, or "
+                "take the version of qvi-contact that wrote the file"
             )
             raise archive.refused("tangential_multiplier" if name == "led_back" else "z", remedy)
-    counts = [len(rows.gap) for rows in fresh.contacts]
+    counts = [len(rows.gap) for rows in known.contacts]
     slip = archive.floats("earlier_slip", size=sum(counts))
     if not (slip.any() or ("later" in archive.arrays and archive.number("later") != 0.0)):
-        return fresh
-    return fresh.with_data(fresh.problem, fresh.scales, np.split(slip, np.cumsum(counts)[:-1]))
+        return known
+    return known.with_data(known.problem, known.scales, np.split(slip, np.cumsum(counts)[:-1]))
 
 
 def _counted(known: Discretization) -> dict[str, IntArray]:
-    """From where unknowns and multipliers count; files without an entry have unknowns of Φ itself, none led back."""
+    """Choices on which stored unknowns depend: centres and cuts of Φ, contact edges whose tangent points back."""
     tangents = [known.problem.mesh.edges(contact.edges).tangent for contact in known.problem.contacts]
-    back = np.flatnonzero(points_back(np.concatenate([np.empty((0, 2)), *tangents])))
-    return {"centres": known.space.frames.centres, "cuts": known.space.frames.on_cuts, "led_back": back}
+    led_back = np.flatnonzero(points_back(np.concatenate([np.empty((0, 2)), *tangents])))
+    return {"centres": known.space.frames.centres, "cuts": known.space.frames.on_cuts, "led_back": led_back}
 
 
 def _certificate(archive: Archive) -> Certificate:
@@ -332,52 +330,52 @@ def _certificate(archive: Archive) -> Certificate:
     try:
         measures, scales, signed = (
             {name: np.inf if value is None else float(value) for name, value in groups[group].items()}
-            for group in _GROUPS
+            for group in _CERTIFICATE_GROUPS
         )
     except (KeyError, AttributeError, TypeError, ValueError, OverflowError) as error:
         raise archive.refused("certificate", "holds entries that are no numbers, or too large for a float") from error
     if any(value < 0.0 for value in measures.values()):
         raise archive.refused("certificate", "holds measures below zero")
-    return Certificate(dict.fromkeys(EXPONENTS, np.inf) | measures, tolerance, scales, signed)  # others do not pass
+    return Certificate(dict.fromkeys(EXPONENTS, np.inf) | measures, tolerance, scales, signed)  # missing ones fail
 
 
-# Steps of a history: archives in a folder, one for each step that is done, written whole or not at all. `store.json`
-# tells which history it is: a digest of all its problems and options. Beside it stands `step-000001.npz` for the first
-# step, and so on. After an interruption the steps up to the first that is missing or damaged are kept.
+# Steps of a history are archives in a folder, `step-000001.npz` and so on, each written whole or not at all. Beside
+# them `store.json` identifies the history by a digest of its problems and options. After an interruption the steps
+# before the first missing or damaged one are kept.
 
 
 Restore = Callable[[int, Scales], Discretization]
-"""The problem of a step, from 1, in these units, without earlier slip."""
+"""Discretise the problem of a step, counted from 1, in given scales, without earlier slip."""
 
 
 class StepStore(Sequence[ContactResult]):
-    """Results of so many planned steps, read when they are asked for; the last one read or added is at hand.
+    """Results of a history of `planned` steps, each read from its file when it is asked for.
 
-    The folder is made if it is missing, the fingerprint is a digest of problems and options, `restore` makes the
-    problem of a step again, and `statuses` are those of each step there is. `InputError` if the folder cannot be
-    written, or holds other files or another history; where a step is read, if its file is damaged or was changed.
+    The last result read or added stays in memory. `fingerprint` is a digest of problems and options, `restore`
+    discretises the problem of a step, `statuses` has the status of each step so far. `InputError` if the folder cannot
+    be written, or holds other files or another history; when a step is read, if its file is damaged or was changed.
     """
 
     def __init__(self, folder: str | Path, fingerprint: str, planned: int, restore: Restore) -> None:
         self._folder, self._fingerprint = writable_folder(folder, "store").absolute(), fingerprint
         self._restore = restore
-        self._end: ContactResult | None = None  # a step that is not done, and in no file
-        self._near: tuple[int, ContactResult] | None = None
-        self._part: range | None = None  # numbers of steps, where only some are meant
+        self._unfinished: ContactResult | None = None  # a last step that failed: it has no file
+        self._last_read: tuple[int, ContactResult] | None = None
+        self._slice: range | None = None  # numbers of the steps in a slice of the sequence
         header = self._folder / "store.json"
-        told = {"format": "qvi_contact steps", "version": 1, "fingerprint": fingerprint, "planned": planned}
+        expected = {"format": "qvi_contact steps", "version": 1, "fingerprint": fingerprint, "planned": planned}
         if header.exists():
             try:
-                found: Any = json.loads(header.read_text(encoding="utf-8"))
+                existing: Any = json.loads(header.read_text(encoding="utf-8"))
             except (OSError, ValueError, RecursionError):
-                found = None
-            if not isinstance(found, dict) or not told.items() <= found.items():  # older ones say more
-                remedy = "tells of no steps, or of another history, with other problems or options: give a new folder"
+                existing = None
+            if not isinstance(existing, dict) or not expected.items() <= existing.items():  # older files have more keys
+                remedy = "belongs to another history, with other problems or options, or to none: give a new folder"
                 raise InputError("store", str(header), remedy)
-        elif any(not path.name.startswith(".writing-") for path in self._folder.iterdir()):  # a write cut short
+        elif any(not path.name.startswith(".writing-") for path in self._folder.iterdir()):  # a write that was killed
             raise InputError("store", str(folder), "holds other files: give an empty folder, or a new name")
         else:
-            write_text(header, json.dumps(told, indent=2) + "\n", "store")
+            write_text(header, json.dumps(expected, indent=2) + "\n", "store")
         self.statuses: list[Status] = []
         while len(self.statuses) < planned:
             try:
@@ -390,37 +388,37 @@ class StepStore(Sequence[ContactResult]):
 
     def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
-            some = copy(self)
-            some._part = self._numbers[index]
-            return some
+            part = copy(self)
+            part._slice = self._numbers[index]
+            return part
         number = self._numbers[index]
-        if number == len(self.statuses) and self._end is not None:
-            return self._end
-        if self._near is None or self._near[0] != number:
+        if number == len(self.statuses) and self._unfinished is not None:
+            return self._unfinished
+        if self._last_read is None or self._last_read[0] != number:
             archive = self._archive(number)
-            self._near = number, answer_from_archive(archive, lambda scales: self._restore(number, scales))
-        return self._near[1]
+            self._last_read = number, answer_from_archive(archive, lambda scales: self._restore(number, scales))
+        return self._last_read[1]
 
     def append(self, result: ContactResult) -> None:
-        """One more step: written if another may follow, else at hand only, as the end."""
+        """Add a step. It is written if another may follow; a failed step, the last one, stays in memory only."""
         number = len(self.statuses) + 1
         if result.status in CONTINUES:
-            entries = solution_arrays(result, tried=False) | {STORE: self._fingerprint}
+            entries = solution_arrays(result, checked=False) | {STORE: self._fingerprint}
             write_archive(self._path(number), entries, "store")
-            self._near = number, result
+            self._last_read = number, result
         else:
-            self._end = result
+            self._unfinished = result
         self.statuses.append(result.status)
 
     @property
     def _numbers(self) -> range:
-        return range(1, len(self.statuses) + 1) if self._part is None else self._part
+        return range(1, len(self.statuses) + 1) if self._slice is None else self._slice
 
     def _path(self, number: int) -> Path:
         return self._folder / f"step-{number:06}.npz"
 
     def _archive(self, number: int) -> Archive:
-        """A step, as it was read."""
+        """The archive of a step, checked to be intact and of this history."""
         archive = Archive(self._path(number))
         if not archive.intact or archive.text(STORE) != self._fingerprint:
             remedy = "was changed, or belongs to another history: delete the file, and run the history again"

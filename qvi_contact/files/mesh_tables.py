@@ -1,6 +1,6 @@
-"""The tables of a problem file that say what its mesh is: a grid, triangles of the file or of a mesh file, an outline.
+"""The tables of a problem file that define the mesh: as a grid, an outline, triangles in the file or in a mesh file.
 
-Each table is declared by its keys, and makes its part of the mesh. Errors have the path of the value in the file.
+The fields of a class are the keys of its table; its methods make that part of the mesh. Errors name the key by path.
 """
 
 from __future__ import annotations
@@ -21,34 +21,34 @@ from qvi_contact.mesh.outline import Corner, Point
 from qvi_contact.mesh.selection import checked_set, edges_in_box, edges_on_segment, new_name
 from qvi_contact.mesh.triangles import TriangleMesh
 
-_MOST_IN_A_ROW: Final = 10_000  # cells of a piece of grid lines
-_MOST_CELLS: Final = 1_000_000  # of a grid
-_FINEST: Final = 1e-9  # smallest cell that refinement makes, relative to the body
-_SAMPLES: Final = 2000  # points per half interval where sizes are summed
+_MOST_IN_A_ROW: Final = 10_000  # cells in one piece of grid lines
+_MOST_CELLS: Final = 1_000_000  # cells in a grid
+_FINEST: Final = 1e-9  # smallest cell size that `refine` accepts, relative to the larger side of the grid
+_SAMPLES: Final = 2000  # points on each half of an interval at which 1 / size is integrated
 
 Lines = tuple[FloatArray, FloatArray]
 """Grid lines across x and across y."""
 
 
-def _one_way(table: object, ways: Mapping[tuple[str, ...], tuple[str, ...]]) -> None:
-    """`InputError` unless a table says a thing in one of some ways, by all keys of that and further ones of its own."""
-    given = [way for way in ways if any(getattr(table, name) is not None for name in way)]
-    if len(given) != 1:
-        remedy = f"give {', or '.join(map(' and '.join, ways))}: one of these"
-        raise InputError((given or list(ways)[:1])[-1][0], [" and ".join(way) for way in given] or None, remedy)
-    for name in given[0]:
+def _check_choice(table: object, alternatives: Mapping[tuple[str, ...], tuple[str, ...]]) -> None:
+    """`InputError` unless a table uses one of the alternatives, each given as {all keys it needs: keys it may have}."""
+    used = [keys for keys in alternatives if any(getattr(table, name) is not None for name in keys)]
+    if len(used) != 1:
+        remedy = f"give {', or '.join(map(' and '.join, alternatives))}: one of these"
+        raise InputError((used or list(alternatives)[:1])[-1][0], [" and ".join(keys) for keys in used] or None, remedy)
+    for name in used[0]:
         if getattr(table, name) is None:
             raise InputError(name, None, schema.ADD)
-    for way, further in ways.items():
-        for name in further if way not in given else ():
+    for keys, extra_keys in alternatives.items():
+        for name in extra_keys if keys not in used else ():
             value = getattr(table, name)
             if value != schema.defaults_of(type(table))[name]:
-                raise InputError(name, value, f"this belongs to {' and '.join(way)}: leave it out")
+                raise InputError(name, value, f"this belongs to {' and '.join(keys)}: leave it out")
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Segment:
-    """Grid lines from `start` to `stop`, see `qvi_contact.graded_lines`; `start` may be left out after another one."""
+    """A piece of grid lines, from `start` to `stop`, see `qvi_contact.graded_lines`."""
 
     start: float | None = None
     """First grid line; left out after another piece: `start = 0.0`."""
@@ -57,7 +57,7 @@ class Segment:
     cells: Annotated[int, schema.Whole(1, _MOST_IN_A_ROW)]
     """Number of cells: `cells = 8`."""
     grading: float = 1.0
-    """Size of each cell over that of the one before it: `grading = 0.9`."""
+    """Size of each cell over the size of the cell before it: `grading = 0.9`."""
     both_ends: bool = False
     """Whether cells shrink towards both ends: `both_ends = true`."""
 
@@ -68,31 +68,31 @@ class Axis(schema.Kind):
     of = Segment
 
     def read(self, value: Any, reader: schema.Reader) -> FloatArray:
-        """All lines, those that are given as they are."""
-        piece = isinstance(value, dict)
-        if not piece and not isinstance(value, list):
-            remedy = "give a list of grid lines, or { start = 0.0, stop = 1.0, cells = 8 }, or a list of such"
+        """All grid lines; a list of numbers is taken as it stands."""
+        single = isinstance(value, dict)
+        if not single and not isinstance(value, list):
+            remedy = "give a list of grid lines, a piece { start = 0.0, stop = 1.0, cells = 8 }, or a list of pieces"
             raise InputError("", value, remedy)
-        if not piece and not (value and isinstance(value[0], dict)):
+        if not single and not (value and isinstance(value[0], dict)):
             return checked_lines("", schema.Listed(schema.FINITE).read(value, reader))
         lines: FloatArray = np.empty(0)
-        segments = [schema.read_table(Segment, value, reader)] if piece else schema.Tables(Segment).read(value, reader)
+        segments = [schema.read_table(Segment, value, reader)] if single else schema.Tables(Segment).read(value, reader)
         for index, segment in enumerate(segments):
-            with schema.located("" if piece else f"[{index}]"):
+            with schema.located("" if single else f"[{index}]"):
                 start = float(lines[-1]) if segment.start is None and len(lines) else segment.start
                 if start is None:
                     raise InputError("start", schema.Missing(), schema.ADD)
                 if len(lines) and start != lines[-1]:
-                    raise InputError("start", start, f"start where the one before stops, at {lines[-1]:g}")
+                    raise InputError("start", start, f"start where the piece before stops, at {lines[-1]:g}")
                 with schema.located("", schema.keys_of(Segment)):
-                    more = graded_lines(start, segment.stop, segment.cells, segment.grading, segment.both_ends)
-                lines = np.concatenate([lines[:-1], more])
+                    piece_lines = graded_lines(start, segment.stop, segment.cells, segment.grading, segment.both_ends)
+                lines = np.concatenate([lines[:-1], piece_lines])
         return lines
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Rectangle:
-    """Cells between grid lines; a range left out reaches across the whole mesh."""
+    """Cells of a grid within ranges of x and y; a range left out is the whole grid."""
 
     x: Point | None = None
     """Range along x: `x = [0.0, 1.0]`."""
@@ -100,15 +100,15 @@ class Rectangle:
     """Range along y: `y = [0.5, 2.0]`."""
 
     def cells(self, lines: Lines) -> tuple[slice, slice]:
-        """Rows and columns of its cells."""
-        found = []
-        for name, across in (("y", lines[1]), ("x", lines[0])):
-            bounds = getattr(self, name) or (across[0], across[-1])
-            first, last = (int(np.searchsorted(across, on_line(name, bound, across))) for bound in bounds)
+        """Slices of rows and columns of the grid's cells, which lie in the rectangle."""
+        slices = []
+        for name, grid_lines in (("y", lines[1]), ("x", lines[0])):
+            bounds = getattr(self, name) or (grid_lines[0], grid_lines[-1])
+            first, last = (int(np.searchsorted(grid_lines, on_line(name, bound, grid_lines))) for bound in bounds)
             if first >= last:
                 raise InputError(name, bounds, "give the smaller end first")
-            found.append(slice(first, last))
-        return found[0], found[1]
+            slices.append(slice(first, last))
+        return slices[0], slices[1]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -118,29 +118,29 @@ class RefineTable:
     largest: float
     """Largest cell: `largest = 0.25`."""
     smallest: float | None = None
-    """Size at re-entrant corners and the ends named. The first cell there is up to (1/ratio − 1)/ln(1/ratio) times as
-    large, 1.2 at a ratio of 0.7, 1.4 at 0.5, 1.9 at 0.3: `smallest = 0.01`."""
+    """Size of cells at re-entrant corners and at the ends in `towards`. The first cell there is up to
+    (1/ratio − 1)/ln(1/ratio) times as large: 1.2 times at a ratio of 0.7, 1.4 at 0.5, 1.9 at 0.3: `smallest = 0.01`."""
     ratio: Annotated[float, schema.Number(0.01, 0.99)] = 0.5
     """Size of a cell over that of its larger neighbour: `ratio = 0.7`."""
     towards: tuple[str, ...] = ()
-    """Edge sets at whose ends cells are small too: `towards = ["base"]`."""
+    """Edge sets at whose ends the cells shrink to `smallest` too: `towards = ["base"]`."""
 
     def lines(self, mesh: TriangleMesh, body: BoolArray, lines: Lines) -> Lines:
-        """The grid lines of a mesh, with those cells as its body, and more of them.
+        """The given grid lines and further ones between them; `body` (ny, nx) marks the cells of the body.
 
-        Cells are about `largest` wide, and shrink geometrically to `smallest` towards every re-entrant corner of the
-        body and both ends of every edge set or joint in `towards`: at a distance d from the nearest such coordinate the
-        size is min(largest, smallest + ln(1/ratio) d), in x and y separately.
+        Cells are about `largest` wide. They shrink geometrically to `smallest` towards the critical points: re-entrant
+        corners of the body, and both ends of every edge set or joint in `towards`. In x and in y separately, the size
+        at a distance d from the nearest coordinate of a critical point is min(largest, smallest + ln(1/ratio) d).
         """
-        around = np.pad(body, 1).astype(np.int64)
-        around = around[1:, 1:] + around[1:, :-1] + around[:-1, 1:] + around[:-1, :-1]
-        row, column = np.nonzero(around == 3)
-        critical = [np.column_stack([lines[0][column], lines[1][row]])]
+        body_count = np.pad(body, 1).astype(np.int64)
+        body_count = body_count[1:, 1:] + body_count[1:, :-1] + body_count[:-1, 1:] + body_count[:-1, :-1]
+        row, column = np.nonzero(body_count == 3)  # re-entrant: three of the four cells around it belong to the body
+        critical_points = [np.column_stack([lines[0][column], lines[1][row]])]
         for index, name in enumerate(self.towards):
             with schema.located(f"towards[{index}]", ()):
                 edges = mesh.edges(name)
             vertex, count = np.unique(np.concatenate([edges.first, edges.second]), return_counts=True)
-            critical.append(mesh.vertices[vertex[count == 1]])
+            critical_points.append(mesh.vertices[vertex[count == 1]])
         largest = positive_number("largest", self.largest)
         smallest = largest if self.smallest is None else positive_number("smallest", self.smallest)
         if smallest > largest:
@@ -149,23 +149,20 @@ class RefineTable:
         for name, size in (("largest", largest), ("smallest", smallest)):
             if size < least:
                 raise InputError(name, size, f"give at least {_FINEST:g} of the body, {least:g}")
-        places, growth = np.concatenate(critical), -float(np.log(self.ratio))
-        x, y = (
-            _subdivided(across, np.unique(places[:, axis]), largest, smallest, growth)
-            for axis, across in enumerate(lines)
-        )
+        points, growth = np.concatenate(critical_points), -float(np.log(self.ratio))
+        x, y = (_subdivided(lines[k], np.unique(points[:, k]), largest, smallest, growth) for k in range(2))
         return x, y
 
 
-def _subdivided(lines: FloatArray, critical: FloatArray, largest: float, smallest: float, growth: float) -> FloatArray:
-    """Lines added so that cells are about h(x) = min(largest, smallest + growth · distance to `critical`)."""
+def _subdivided(lines: FloatArray, corners: FloatArray, largest: float, smallest: float, growth: float) -> FloatArray:
+    """Lines added so that cells are about h(x) wide, h = min(largest, smallest + growth · distance to `corners`)."""
     pieces, total = [lines[:1]], 0
     for start, stop in pairwise(lines.tolist()):
         t = np.linspace(0.0, 1.0, _SAMPLES)
         x = start + (stop - start) * np.concatenate([t**3 / 2, 1.0 - t[-2::-1] ** 3 / 2])  # dense at both ends
-        distance = np.abs(x[:, None] - critical).min(axis=1, initial=np.inf)
+        distance = np.abs(x[:, None] - corners).min(axis=1, initial=np.inf)
         size = np.minimum(largest, smallest + growth * distance)
-        cells = np.concatenate([[0.0], np.cumsum(np.diff(x) * (1.0 / size[1:] + 1.0 / size[:-1]) / 2.0)])
+        cells = np.concatenate([[0.0], np.cumsum(np.diff(x) * (1.0 / size[1:] + 1.0 / size[:-1]) / 2.0)])  # ∫ dx / h
         count = max(1, int(np.ceil(cells[-1] - 1e-3)))
         total += count
         if total > _MOST_CELLS:
@@ -179,7 +176,7 @@ class LineTable:
     """A line of an outline by its corners, or a circle: a hole, a joint, or the border of a region."""
 
     name: schema.Name = ""
-    """What joints and regions are called, which need it, and the edges of a round hole: `name = "bore"`."""
+    """Name of the joint or region, which needs one, or of the edges of a round hole: `name = "bore"`."""
     corners: Annotated[tuple[Corner, ...], schema.Tables(Corner, None)] | None = None
     """Corners in order; a joint is closed if the first one is repeated at its end, or an arc begins at the last one:
     `corners = [{ at = [0.0, 0.0] }, { at = [1.0, 0.0] }, { at = [0.0, 1.0] }]`."""
@@ -191,22 +188,22 @@ class LineTable:
     """Size of the triangles along a circle: `size = 0.1`."""
 
     def __post_init__(self) -> None:
-        _one_way(self, {("centre", "radius"): ("size",), ("corners",): ()})
+        _check_choice(self, {("centre", "radius"): ("size",), ("corners",): ()})
 
-    def line(self, kind: str, taken: Iterable[str]) -> Sequence[Corner]:
-        """The corners of a hole, joint or region."""
-        hole = kind == "holes"
-        if not hole and not self.name:
+    def line(self, kind: str, taken_names: Iterable[str]) -> Sequence[Corner]:
+        """The corners of the line, which belongs to a `kind`: "holes", "joints" or "regions"."""
+        is_hole = kind == "holes"
+        if not is_hole and not self.name:
             raise InputError("name", schema.Missing(), schema.ADD)
-        if not hole:
-            new_name(self.name, taken, kind.removesuffix("s"))
+        if not is_hole:
+            new_name(self.name, taken_names, kind.removesuffix("s"))
         elif self.corners is not None and self.name:
             raise InputError("name", self.name, "give the names to the corners where the lines begin")
         if self.corners is not None:
             return self.corners
         assert self.centre is not None  # checked above
         assert self.radius is not None
-        return Corner.circle(self.centre, self.radius, self.name if hole else "", self.size)
+        return Corner.circle(self.centre, self.radius, self.name if is_hole else "", self.size)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -221,39 +218,39 @@ class SizeTable:
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class OutlineTable:
-    """See `qvi_contact.TriangleMesh.outline`."""
+    """An outline that gmsh divides into triangles, see `qvi_contact.TriangleMesh.outline`."""
 
     size: float
-    """Size of the triangles where nothing else is said: `size = 0.2`."""
+    """Size of the triangles where no other size is given: `size = 0.2`."""
     corners: Annotated[tuple[Corner, ...], schema.Tables(Corner, None)]
     """Corners of the body, see `[[mesh.outline.corners]]`: `corners = [{ at = [0.0, 0.0] }, { at = [1.0, 0.0] }, {
     at = [0.0, 1.0] }]`."""
     holes: tuple[LineTable, ...] = ()
     """Holes, by corners or as circles: `holes = [{ centre = [1.0, 1.0], radius = 0.4 }]`."""
     joints: tuple[LineTable, ...] = ()
-    """Lines inside, open or closed; those without a contact hold together: `joints = [{ name = "joint", corners = [
-    { at = [0.0, 0.5] }, { at = [1.0, 0.5] }] }]`."""
+    """Lines inside the body, open or closed, which come apart only where a contact names them: `joints = [{ name =
+    "joint", corners = [{ at = [0.0, 0.5] }, { at = [1.0, 0.5] }] }]`."""
     regions: tuple[LineTable, ...] = ()
     """Regions of another material: `regions = [{ name = "inclusion", centre = [1.0, 1.0], radius = 0.2 }]`."""
     sizes: tuple[SizeTable, ...] = ()
-    """Places where triangles have another size: `sizes = [{ at = [1.0, 0.5], size = 0.05 }]`."""
+    """Points at which the triangles have another size: `sizes = [{ at = [1.0, 0.5], size = 0.05 }]`."""
 
     def mesh(self) -> TriangleMesh:
-        """The body divided into triangles."""
-        lines: dict[str, dict[Any, Sequence[Corner]]] = {"holes": {}, "joints": {}, "regions": {}}
-        for kind, found in lines.items():
+        """The triangles that gmsh makes of the outline."""
+        lines_of_kind: dict[str, dict[Any, Sequence[Corner]]] = {"holes": {}, "joints": {}, "regions": {}}
+        for kind, kind_lines in lines_of_kind.items():
             for index, table in enumerate(getattr(self, kind)):
                 with schema.located(f"{kind}[{index}]", schema.keys_of(LineTable)):
-                    line = table.line(kind, found)
-                found[index if kind == "holes" else table.name] = line
-        holes, sizes = list(lines.pop("holes").values()), {entry.at: entry.size for entry in self.sizes}
+                    line = table.line(kind, kind_lines)
+                kind_lines[index if kind == "holes" else table.name] = line
+        holes, sizes = list(lines_of_kind.pop("holes").values()), {entry.at: entry.size for entry in self.sizes}
         try:
-            return TriangleMesh.outline(self.corners, self.size, holes=holes, sizes=sizes, **lines)
+            return TriangleMesh.outline(self.corners, self.size, holes=holes, sizes=sizes, **lines_of_kind)
         except InputError as error:
             kind, _, name = error.field.partition(".")
             place = error.field if error.field.split("[")[0] in schema.keys_of(OutlineTable) else ""
-            if name in lines.get(kind, ()):
-                place = f"{kind}[{list(lines[kind]).index(name)}]"
+            if name in lines_of_kind.get(kind, ()):
+                place = f"{kind}[{list(lines_of_kind[kind]).index(name)}]"
             raise type(error)(place, error.value, error.remedy) from error
 
 
@@ -270,38 +267,37 @@ class ArcTable:
     angle: float | None = None
     """Angle [rad] from the x-axis to the first axis of the ellipse, counterclockwise: `angle = 0.5`."""
     bends: tuple[tuple[float, ...], ...] | None = None
-    """Other curves as the program writes them, one row for each of the edges: coefficients of Legendre, along the
-    edge, of the angle [rad] from its chord to its tangent, counterclockwise: `bends = [[0.0, 0.25], [0.0,
-    0.25]]`."""
+    """Other curves as the program writes them, a row for each edge: Legendre coefficients, along the edge, of the angle
+    [rad] from the chord to the tangent, counterclockwise: `bends = [[0.0, 0.25], [0.0, 0.25]]`."""
     name: schema.Name | None = None
-    """Which edges, by the name they have in the mesh, in `[[edges]]` or in `[[joints]]`: `name = "bore"`."""
+    """Name of the edges in the mesh, in `[[edges]]` or in `[[joints]]`: `name = "bore"`."""
     edges: tuple[tuple[int, int], ...] | None = None
-    """The edges themselves instead, two vertices each: `edges = [[0, 1], [1, 2]]`."""
+    """Instead of a name, the edges, two vertices each: `edges = [[0, 1], [1, 2]]`."""
 
     def __post_init__(self) -> None:
-        _one_way(self, {("name",): (), ("edges",): ("bends",)})
-        _one_way(self, {("radius",): (), ("axes",): ("angle",), ("bends",): ()})
+        _check_choice(self, {("name",): (), ("edges",): ("bends",)})
+        _check_choice(self, {("radius",): (), ("axes",): ("angle",), ("bends",): ()})
         if (self.centre is None) != (self.bends is not None):
             remedy = schema.ADD if self.centre is None else "bends need no centre: leave it out"
             raise InputError("centre", self.centre, remedy)
 
     def on(self, mesh: TriangleMesh) -> Curve:
-        """These edges of the mesh on their circle, ellipse or other curve."""
+        """The curve that the edges of this table follow in the mesh."""
         if self.bends is not None:
             edges = np.array(self.edges, dtype=np.int64).reshape(-1, 2)
             curve = Curve(edges, checked_bends("bends", self.bends, len(edges)))
             return curve.checked("", mesh.topology)
         if self.name is not None:
             return self.curve(mesh.pairs(self.name), mesh.vertices)
-        chosen = checked_set("edges", self.edges or [], mesh.topology)
-        return self.curve(mesh.topology.ends[chosen], mesh.vertices)
+        edge_numbers = checked_set("edges", self.edges or [], mesh.topology)
+        return self.curve(mesh.topology.ends[edge_numbers], mesh.vertices)
 
     def curve(self, pairs: IntArray, vertices: FloatArray) -> Curve:
-        """The edges (k, 2) on this circle or ellipse."""
+        """The circle or ellipse of this table along edges, given by pairs of vertices (k, 2)."""
         assert self.centre is not None  # checked above
         if self.axes is not None:
-            circled = ellipse(self.centre, self.axes, self.angle or 0.0)
-            return fitted("axes", circled, 0.0, 2.0 * np.pi, pairs, vertices)
+            parametrisation = ellipse(self.centre, self.axes, self.angle or 0.0)
+            return fitted("axes", parametrisation, 0.0, 2.0 * np.pi, pairs, vertices)
         return circle(self.centre, self.radius or 0.0, pairs, vertices)
 
 
@@ -310,18 +306,18 @@ class MeshTable:
     """A grid whose cells are cut into triangles; or triangles: in this file, in a mesh file, or of an outline."""
 
     x: Annotated[FloatArray, Axis()] | None = None
-    """Grid lines across x: all of them, a piece, or a list of pieces: `x = { start = 0.0, stop = 2.0, cells = 8 }`."""
+    """Coordinates x of grid lines: a list, a piece, or pieces: `x = { start = 0.0, stop = 2.0, cells = 8 }`."""
     y: Annotated[FloatArray, Axis()] | None = None
-    """Grid lines across y: `y = [0.0, 0.5, 1.0]`."""
+    """Coordinates y of grid lines: `y = [0.0, 0.5, 1.0]`."""
     remove: Annotated[tuple[Rectangle, ...], schema.Tables(Rectangle, None)] = ()
     """Rectangles of the grid that are no part of the body: `remove = [{ x = [1.0, 2.0], y = [1.0, 2.0] }]`."""
     refine: RefineTable | None = None
-    """Finer towards re-entrant corners, see `[mesh.refine]`: `refine = { largest = 0.25, smallest = 0.01 }`."""
+    """Smaller cells towards re-entrant corners, see `[mesh.refine]`: `refine = { largest = 0.25, smallest = 0.01 }`."""
     file: schema.Name | None = None
-    """Mesh file, .msh, .inp, .med, .vtk or .vtu, by its place beside the problem file: `file = "meshes/dam.msh"`."""
+    """Mesh file (.msh, .inp, .med, .vtk or .vtu), by its path from the problem file: `file = "meshes/dam.msh"`."""
     join: schema.Name | None = None
-    """Name for the joint of bodies in the mesh file that touch along straight lines, or along `arcs` that name edges of
-    both; their nodes need not match: `join = "seam"`."""
+    """Name of the joint made where bodies of the mesh file touch, along straight lines or `arcs` that name edges of
+    both bodies. The nodes of the bodies need not match: `join = "seam"`."""
     outline: OutlineTable | None = None
     """Outline that gmsh divides into triangles, see `[mesh.outline]`: `outline = { size = 0.2, corners = [{ at =
     [0.0, 0.0] }, { at = [1.0, 0.0] }, { at = [0.0, 1.0] }] }`."""
@@ -337,11 +333,11 @@ class MeshTable:
     """Edges of triangles that are arcs, not chords: `arcs = [{ name = "bore", centre = [0.0, 0.0], radius = 0.5 }]`."""
 
     def __post_init__(self) -> None:
-        grid, triangles = ("remove", "refine"), ("edges", "regions")
-        _one_way(self, {("x", "y"): grid, ("file",): ("join",), ("outline",): (), ("vertices", "triangles"): triangles})
+        grid, inline, named = ("remove", "refine"), ("vertices", "triangles"), ("edges", "regions")
+        _check_choice(self, {("x", "y"): grid, ("file",): ("join",), ("outline",): (), inline: named})
 
     def inline(self) -> TriangleMesh:
-        """Triangles of the file itself."""
+        """The triangles written in the problem file itself."""
         edges = {name: np.array(pairs).reshape(-1, 2) for name, pairs in self.edges.items()}
         regions = {name: np.array(chosen, dtype=np.int64) for name, chosen in self.regions.items()}
         try:
@@ -355,7 +351,7 @@ class MeshTable:
             raise type(error)(place, error.value, error.remedy) from error
 
     def body(self, lines: Lines) -> BoolArray:
-        """Cells (ny, nx) that are not removed."""
+        """Which cells (ny, nx) belong to the body: those that are not removed."""
         body = np.ones((len(lines[1]) - 1, len(lines[0]) - 1), dtype=bool)
         for index, rectangle in enumerate(self.remove):
             with schema.located(f"remove[{index}]"):
@@ -363,7 +359,7 @@ class MeshTable:
         return body
 
     def grid(self, lines: Lines) -> TriangleMesh:
-        """The grid without the cells removed; an error shows the rectangles of the file, not the array made of them."""
+        """The triangles of the grid without the removed cells; errors show the rectangles of the file."""
         x, y = lines
         if (len(x) - 1) * (len(y) - 1) > _MOST_CELLS:
             raise InputError("", (len(x) - 1, len(y) - 1), f"give at most {_MOST_CELLS} cells in all")
@@ -374,51 +370,51 @@ class MeshTable:
         try:
             return TriangleMesh.grid(x, y, body)
         except InputError as error:
-            shown = [{name: value for name, value in asdict(each).items() if value} for each in self.remove]
-            raise type(error)("remove", shown, error.remedy) from error
+            rectangles = [{name: value for name, value in asdict(each).items() if value} for each in self.remove]
+            raise type(error)("remove", rectangles, error.remedy) from error
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class _Place:
-    """Edges that are given in one way: by a line of a grid, or by a segment or box of any mesh."""
+    """Named edges: on a side or line of a grid, or on a segment of any mesh."""
 
     name: schema.Name
-    """What conditions call it: `name = "base"`."""
+    """Name by which conditions refer to these edges: `name = "base"`."""
     start: float | None = None
-    """Where it begins along its line of a grid: `start = 0.5`."""
+    """Coordinate where the edges begin along their grid line: `start = 0.5`."""
     stop: float | None = None
-    """Where it ends: `stop = 1.5`."""
+    """Coordinate where the edges end along their grid line: `stop = 1.5`."""
     at: float | None = None
-    """Coordinate across that line; a side needs it only if it has several: `at = 0.0`."""
+    """Position of the grid line, x or y; a side needs it only if it lies on several lines: `at = 0.0`."""
     segment: tuple[Point, Point] | None = None
-    """What lies between two points: `segment = [[0.0, 0.0], [2.0, 0.0]]`."""
+    """Two points; all edges between them on a straight line: `segment = [[0.0, 0.0], [2.0, 0.0]]`."""
 
     def pairs(self, mesh: TriangleMesh, lines: Lines | None) -> IntArray:
-        """The edges (k, 2) by their vertices; `lines` are those of a grid."""
-        inside, box = isinstance(self, JointTable), getattr(self, "box", None)
-        facing = getattr(self, "direction" if inside else "side")
+        """The edges as pairs of vertices (k, 2); `lines` are the grid lines, None on other meshes."""
+        is_joint, box = isinstance(self, JointTable), getattr(self, "box", None)
+        facing = getattr(self, "direction" if is_joint else "side")
         if self.segment is not None:
-            return edges_on_segment(mesh.vertices, mesh.topology, *self.segment, inside=inside)
+            return edges_on_segment(mesh.vertices, mesh.topology, *self.segment, inside=is_joint)
         if box is not None:
             return edges_in_box(mesh.vertices, mesh.topology, box.x, box.y)
         if lines is None:
-            ways = "a segment between two points" if inside else "a segment between two points, or a box"
+            ways = "a segment between two points" if is_joint else "a segment between two points, or a box"
             remedy = f"sides and directions are for grids: on triangles give {ways}"
             raise InputError("segment", None, remedy)
         axis = 0 if facing in ("bottom", "top", "horizontal") else 1
-        pairs = mesh.topology.ends[~mesh.topology.boundary] if inside else mesh.pairs(facing)
-        keep = np.ptp(mesh.vertices[pairs][:, :, 1 - axis], axis=1) == 0.0
+        pairs = mesh.topology.ends[~mesh.topology.boundary] if is_joint else mesh.pairs(facing)
+        kept = np.ptp(mesh.vertices[pairs][:, :, 1 - axis], axis=1) == 0.0
         middle = mesh.vertices[pairs].mean(axis=1)
         if self.start is not None:
-            keep &= middle[:, axis] > on_line("start", self.start, lines[axis])
+            kept &= middle[:, axis] > on_line("start", self.start, lines[axis])
         if self.stop is not None:
-            keep &= middle[:, axis] < on_line("stop", self.stop, lines[axis])
+            kept &= middle[:, axis] < on_line("stop", self.stop, lines[axis])
         if self.at is not None:
-            keep &= middle[:, 1 - axis] == on_line("at", self.at, lines[1 - axis])
-        if not keep.any():
-            where, given = "interior" if inside else "boundary", (facing, self.start, self.stop, self.at)
+            kept &= middle[:, 1 - axis] == on_line("at", self.at, lines[1 - axis])
+        if not kept.any():
+            where, given = "interior" if is_joint else "boundary", (facing, self.start, self.stop, self.at)
             raise InputError(self.name, given, f"no {where} edge lies there: check side and range")
-        return np.asarray(pairs[keep])
+        return np.asarray(pairs[kept])
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -428,10 +424,10 @@ class EdgesTable(_Place):
     side: Literal["bottom", "right", "top", "left"] | None = None
     """Side of a grid: bottom, right, top or left: `side = "bottom"`."""
     box: Rectangle | None = None
-    """What lies inside a box: `box = { y = [0.9, 1.1] }`."""
+    """A rectangle; all boundary edges inside it: `box = { y = [0.9, 1.1] }`."""
 
     def __post_init__(self) -> None:
-        _one_way(self, {("side",): ("start", "stop", "at"), ("segment",): (), ("box",): ()})
+        _check_choice(self, {("side",): ("start", "stop", "at"), ("segment",): (), ("box",): ()})
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -442,4 +438,4 @@ class JointTable(_Place):
     """Direction on a grid: horizontal or vertical: `direction = "horizontal"`."""
 
     def __post_init__(self) -> None:
-        _one_way(self, {("direction", "at"): ("start", "stop"), ("segment",): ()})
+        _check_choice(self, {("direction", "at"): ("start", "stop"), ("segment",): ()})

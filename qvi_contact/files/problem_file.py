@@ -47,7 +47,7 @@ TABLES: Final[dict[str, type[Condition]]] = {
     "tractions": Traction,
     "contacts": Contact,
 }
-"""Which table states which condition, in the order in which a problem gets them."""
+"""Name of a table → class of its conditions, in the order in which a problem gets them."""
 
 _LONGEST: Final = 20_000_000  # bytes of a file, characters of its text
 _TOO_LONG: Final = (
@@ -55,8 +55,8 @@ _TOO_LONG: Final = (
     "cells = … }, triangles in a mesh file, and functions as expressions"
 )
 _MOST_STEPS: Final = 10_000
-_IN_TIME: Final = ("version", "body_potential", "body_forces", "temperature", "material", "regions", *TABLES)
-"""Tables that expressions in t may stand in."""
+_VARIES_IN_TIME: Final = ("version", "body_potential", "body_forces", "temperature", "material", "regions", *TABLES)
+"""Keys whose values may be expressions in t; they are read again for each load step."""
 _RENAMED: Final = {
     "ContactProblem.body_potential": "body_potential",
     "ContactProblem.temperature": "temperature",
@@ -70,11 +70,11 @@ class TimeRange:
     """Times, or values of a sweep, from `start` to `stop`, both included, in equal steps."""
 
     start: float = 0.0
-    """The first: `start = 0.0`."""
+    """First value: `start = 0.0`."""
     stop: float
-    """The last: `stop = 6.3`."""
+    """Last value: `stop = 6.3`."""
     steps: Annotated[int, schema.Whole(1, _MOST_STEPS)]
-    """Number of steps: `steps = 20`."""
+    """Number of equal steps between them: `steps = 20`."""
 
 
 class Values(schema.Kind):
@@ -83,10 +83,10 @@ class Values(schema.Kind):
     of = TimeRange
 
     def read(self, value: Any, reader: schema.Reader) -> tuple[float, ...]:
-        """All of them."""
+        """All numbers of the list or range."""
         if isinstance(value, dict):
-            given = schema.read_table(TimeRange, value, reader)
-            return tuple(np.linspace(given.start, given.stop, given.steps + 1).tolist())
+            time_range = schema.read_table(TimeRange, value, reader)
+            return tuple(np.linspace(time_range.start, time_range.stop, time_range.steps + 1).tolist())
         if not isinstance(value, list):
             raise InputError("", value, "give a list of numbers, or { start = 0.0, stop = 1.0, steps = 10 }")
         return schema.Listed(schema.FINITE, 1, _MOST_STEPS).read(value, reader)
@@ -105,9 +105,9 @@ class PointDataTable:
     """Values at the points of a mesh, linear in between, as ``{ file = "…", data = "T" }``."""
 
     file: str
-    """File with triangles and point data, as .vtu or .msh, beside the problem file: `file = "temperature.vtu"`."""
+    """File (.vtu or .msh) with triangles and point data, relative to the problem file: `file = "temperature.vtu"`."""
     data: str
-    """Name of the point data in it, one number a point: `data = "T"`."""
+    """Name of the point data in the file, one number for each point: `data = "T"`."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -115,18 +115,18 @@ class HistoryTable:
     """Load steps: the values that t takes."""
 
     times: Annotated[tuple[float, ...], Values()]
-    """Values that t takes, a list or a range; friction remembers from step to step: `times = [0.0, 0.5, 1.0]`."""
+    """Values of t, a list or a range; each step begins with the slip of the step before: `times = [0.0, 0.5, 1.0]`."""
 
 
 @dataclass(frozen=True)
 class SweepPlan:
-    """Arguments for `qvi_contact.solve_sweep`: parameter, values, and names of what is changed, by default all."""
+    """Arguments for `qvi_contact.solve_sweep`."""
 
     parameter: Annotated[Any, schema.Choice(PARAMETERS)]  # checked by solve_sweep too
-    """friction: μ of contacts; load: a factor of loads; gap, offset: what is added to these of contacts [length]:
+    """friction (μ of contacts), load (a factor of loads), gap or offset (a length added to that of contacts):
     `parameter = "friction"`."""
     values: Annotated[tuple[float, ...], Values()]
-    """Its values, a list or a range: `values = { start = 0.1, stop = 0.5, steps = 4 }`."""
+    """Values of the parameter, a list or a range: `values = { start = 0.1, stop = 0.5, steps = 4 }`."""
     of: Annotated[tuple[str, ...], schema.Listed(schema.TEXT, 0, schema.MOST)] | None = None
     """Names of the contacts, or of the loads, that are changed; all by default: `of = ["base"]`."""
 
@@ -140,23 +140,23 @@ class Document:
     title: str = ""
     """Heading of pictures and reports: `title = "Dam on rock"`."""
     description: str = ""
-    """Anything else worth keeping: `description = "Water at 40 m"`."""
+    """Text that commands and reports print below the title: `description = "Water at 40 m"`."""
     body_potential: Field = 0.0
     """Field φ with the body force −∇φ; ρ g y under gravity: `body_potential = "0.024 * y"`."""
     body_forces: dict[str, Field] | None = None
-    """Several by name instead, which `limit` and sweeps can multiply: `body_forces = { weight = "24.0 * y" }`."""
+    """Or several potentials by name, which `limit` and sweeps can multiply: `body_forces = { weight = "24.0 * y" }`."""
     temperature: Field = 0.0
-    """Rise of temperature since the body was free of stress, see `expansion` in materials: `temperature = 40.0`."""
+    """Rise of temperature since the body was free of stress, see `expansion` of materials: `temperature = 40.0`."""
     units: Units = field(default_factory=Units)
     """Labels of units, see `[units]`: `units = { length = "mm", stress = "MPa" }`."""
     constants: dict[str, float] | None = None
-    """Numbers that expressions may name: `constants = { mu = 0.3, p = 10.0 }`."""
+    """Numbers that expressions may use by name: `constants = { mu = 0.3, p = 10.0 }`."""
     mesh: MeshTable | None = field(default=None, metadata=schema.key(needed=True))
     """The body, see `[mesh]`: `mesh = { x = [0.0, 1.0], y = [0.0, 1.0] }`."""
     edges: tuple[EdgesTable, ...] = ()
     """Named parts of the boundary, see `[[edges]]`: `edges = [{ name = "base", side = "bottom", stop = 0.5 }]`."""
     joints: tuple[JointTable, ...] = ()
-    """Lines inside, see `[[joints]]`; each needs a contact: `joints = [{ name = "a", segment = [[0, 1], [2, 1]] }]`."""
+    """Lines inside with a contact, see `[[joints]]`: `joints = [{ name = "a", segment = [[0, 1], [2, 1]] }]`."""
     material: Material
     """The body's material, see `[material]`: `material = { young = 2.1e5, poisson = 0.3 }`."""
     regions: Annotated[tuple[Region, ...], schema.Tables(Region, None)] = ()
@@ -170,9 +170,9 @@ class Document:
     contacts: Annotated[tuple[Contact, ...], schema.Tables(Contact, None)] = ()
     """Contacts, see `[[contacts]]`: `contacts = [{ edges = "bottom", friction = 0.3 }]`."""
     solve: Annotated[Mapping[str, Any], schema.Options(SolveOptions)] = field(default_factory=dict)
-    """How to solve it, see `[solve]`: `solve = { degree = 5 }`."""
+    """Options of `solve`, see `[solve]`: `solve = { degree = 5 }`."""
     refine: Annotated[Mapping[str, Any], schema.Options(RefineOptions)] = field(default_factory=dict)
-    """How to refine it, see `[refine]`: `refine = { target = 1e-4 }`."""
+    """Options of `refine`, see `[refine]`: `refine = { target = 1e-4 }`."""
     history: HistoryTable | None = None
     """Load steps, see `[history]`: `history = { times = [0.0, 1.0, 2.0] }`."""
     sweep: SweepPlan | None = None
@@ -185,7 +185,7 @@ class Document:
             raise InputError("sweep", self.sweep.parameter, "a file with a [history] cannot be swept: leave one out")
 
     def built_mesh(self, folder: Path | None) -> TriangleMesh:
-        """The mesh with its named edges, joints, regions and arcs; a mesh file is looked for in the folder."""
+        """The mesh with its named edges, joints, regions and arcs; `folder` is that of the problem file."""
         table, lines = self.mesh, None
         assert table is not None  # it is needed
         arcs = {f"mesh.arcs[{index}]": arc for index, arc in enumerate(table.arcs)}
@@ -193,10 +193,10 @@ class Document:
             if table.file is not None:
                 try:
                     parts = read_mesh(_beside(folder, table.file))
-                    if table.join is not None:
-                        before = {path: arc for path, arc in arcs.items() if arc.name in parts.edge_sets}
-                        arcs = {path: arc for path, arc in arcs.items() if path not in before}
-                        curves = [arc.curve(parts.edge_sets[arc.name or ""], parts.vertices) for arc in before.values()]
+                    if table.join is not None:  # arcs on both bodies have to be known before these are joined
+                        on_parts = {path: arc for path, arc in arcs.items() if arc.name in parts.edge_sets}
+                        arcs = {path: arc for path, arc in arcs.items() if path not in on_parts}
+                        curves = [a.curve(parts.edge_sets[a.name or ""], parts.vertices) for a in on_parts.values()]
                         parts = cutting.joined(replace(parts, arcs=curves), table.join)
                     mesh = TriangleMesh(*parts.given)
                 except InputError as error:
@@ -212,27 +212,27 @@ class Document:
                 mesh = table.grid(lines)
         mesh = self._named(mesh, lines, arcs)
         if table.refine is None or lines is None:
-            return mesh
+            return mesh  # else grid lines are added, and edges are named again on the finer grid
         with schema.located("mesh.refine"):
             lines = table.refine.lines(mesh, table.body(lines), lines)
             mesh = table.grid(lines)
         return self._named(mesh, lines, arcs)
 
     def _named(self, mesh: TriangleMesh, lines: Lines | None, arcs: Mapping[str, ArcTable]) -> TriangleMesh:
-        """The mesh with named parts, and edges on arcs; the lines are those of a grid."""
-        sets = dict(mesh.edge_sets)
-        parts = {f"{kind}[{k}]": part for kind in ("edges", "joints") for k, part in enumerate(getattr(self, kind))}
-        for path, part in parts.items():
+        """Add the tables [[edges]], [[joints]] and [[mesh.arcs]] to a mesh; `lines` are the lines of a grid."""
+        edge_sets = dict(mesh.edge_sets)
+        tables = {f"{kind}[{k}]": part for kind in ("edges", "joints") for k, part in enumerate(getattr(self, kind))}
+        for path, part in tables.items():
             with schema.located(path, ("name", "start", "stop", "at", "segment", "box")):
-                sets[new_name(part.name, sets)] = part.pairs(mesh, lines)
-        mesh = replace(mesh, edge_sets=sets)
+                edge_sets[new_name(part.name, edge_sets)] = part.pairs(mesh, lines)
+        mesh = replace(mesh, edge_sets=edge_sets)
         for path, arc in arcs.items():
             with schema.located(path, schema.keys_of(ArcTable)):
                 mesh = replace(mesh, arcs=(*mesh.arcs, arc.on(mesh)))
         return mesh
 
-    def problem(self, mesh: TriangleMesh, given: Mapping[str, Any]) -> ContactProblem:
-        """The problem on that mesh, its fields checked where they count; `given` are the tables as they were read."""
+    def problem(self, mesh: TriangleMesh, read_tables: Mapping[str, Any]) -> ContactProblem:
+        """The problem on the mesh, with all functions checked; `read_tables` is the document as TOML gives it."""
         forces: Field = self.body_potential
         if self.body_forces:
             with schema.located("body_forces", ()):
@@ -240,68 +240,68 @@ class Document:
         regions = list[Region]()
         for index, table in enumerate(self.regions):
             with schema.located(f"regions[{index}]", schema.keys_of(Region)):
-                if table.name is None and table.x is None and table.y is None and "x" not in given["mesh"]:
+                if table.name is None and table.x is None and table.y is None and "x" not in read_tables["mesh"]:
                     remedy = "say which triangles are meant: name a region of the mesh, or give x and y"
                     raise InputError("name", None, remedy)
-                _ = table.cells(mesh, regions)
+                _ = table.cells(mesh, regions)  # raises if its range cuts triangles, or its name is taken
                 regions.append(replace(table, material=replace(table.material, plane=self.material.plane)))
-        placed = [(f"{kind}[{i}]", each) for kind in TABLES for i, each in enumerate(getattr(self, kind))]
+        condition_tables = [(f"{kind}[{i}]", each) for kind in TABLES for i, each in enumerate(getattr(self, kind))]
         try:
             problem = ContactProblem(
-                mesh, self.material, [each for _, each in placed], forces, regions, self.temperature
+                mesh, self.material, [each for _, each in condition_tables], forces, regions, self.temperature
             )
         except InputError as error:
-            name, found = error.field.split(".")[-1], _RENAMED.get(error.field, error.field)
-            for path, each in placed:  # the last table that the error can mean, by the edges or name that it names
+            name, field_path = error.field.split(".")[-1], _RENAMED.get(error.field, error.field)
+            for path, each in condition_tables:  # the last table whose edges or name the error quotes
                 if error.value in (each.edges, getattr(each, "name", None)):
-                    found = f"{path}.{name}" if name in schema.keys_of(type(each)) else path
-            with schema.located(found, ()):
+                    field_path = f"{path}.{name}" if name in schema.keys_of(type(each)) else path
+            with schema.located(field_path, ()):
                 raise
-        used = {contact.edges for contact in self.contacts}
-        for index, joint in enumerate(given.get("joints", ())):
-            if joint["name"] not in used:
+        edges_of_contacts = {contact.edges for contact in self.contacts}
+        for index, joint in enumerate(read_tables.get("joints", ())):
+            if joint["name"] not in edges_of_contacts:
                 remedy = 'no contact uses this joint: add [[contacts]] with these edges, law = "tied" if it is to hold'
                 raise InputError(f"joints[{index}]", joint["name"], remedy)
-        _check_values(placed, mesh)
+        _check_values(condition_tables, mesh)
         return problem
 
 
 def _beside(folder: Path | None, file: str) -> Path:
-    """A file that is named in a problem file."""
+    """The path of a file that a problem file names."""
     if folder is None:
-        raise InputError("file", file, "its place is not known for a text: read the problem file by load_problem")
+        raise InputError("file", file, "a text has no folder to find it in: read the problem file by load_problem")
     return folder / file
 
 
-def _check_values(placed: Iterable[tuple[str, Condition]], mesh: TriangleMesh) -> None:
-    """Evaluate functions where the discretisation will, so that errors name the place in the file."""
-    for path, condition in placed:
+def _check_values(condition_tables: Iterable[tuple[str, Condition]], mesh: TriangleMesh) -> None:
+    """Evaluate functions at the points that the discretisation uses, so that an error names the key in the file."""
+    for path, condition in condition_tables:
         samples = SAMPLES if isinstance(condition, Traction) else np.zeros(0)
         t = np.concatenate([[0.0, 1.0], gauss_legendre(LOAD_POINTS)[0], samples])
         x, y = (points.ravel() for points in mesh.points_along(mesh.edges(condition.edges), t))
-        for name, own in schema.keys_of(type(condition)).items():
+        for name, schema_key in schema.keys_of(type(condition)).items():
             value = getattr(condition, name)
-            if isinstance(own.kind, schema.Varying) and callable(value):
+            if isinstance(schema_key.kind, schema.Varying) and callable(value):
                 with np.errstate(all="ignore"):
-                    evaluate(f"{path}.{name}", value, x, y, minimum=own.kind.least)
+                    evaluate(f"{path}.{name}", value, x, y, minimum=schema_key.kind.least)
 
 
 @dataclass(frozen=True)
 class FileReader:
-    """Makes objects out of the tables of a file."""
+    """Reads fields of a problem file: numbers, expressions, polynomials, and data at points."""
 
     data: Mapping[str, Any]
-    """The tables, as TOML has them."""
+    """The document as TOML gives it."""
     constants: Mapping[str, float]
-    """Numbers that expressions may name."""
+    """Numbers that expressions may use by name."""
     t: float | None = None
-    """Value of t in expressions; None where there is no history, and t means nothing."""
+    """Value of t in expressions; None without a history, where t is not defined."""
     folder: Path | None = None
-    """Where files with point data are looked for."""
+    """Folder of the problem file, to which paths of other files are relative."""
     whole = Document
 
     def field(self, value: Any) -> Field:
-        """A number, also as an expression of constants and t; a function, as an expression or a polynomial."""
+        """A number, also from an expression without x and y; or a function: expression, polynomial, data at points."""
         if isinstance(value, dict) and "file" in value:
             data = schema.read_table(PointDataTable, value, self)
             with schema.located("", schema.keys_of(PointDataTable)):
@@ -316,9 +316,9 @@ class FileReader:
                 if self.t is None and "t" in names:
                     remedy = "t changes in a history only: add [history] with times, or do without t"
                     raise InputError("", value, remedy)
-                named = {name: number for name, number in self.constants.items() if name in names}
-                found = Expression(value, named, self.t if self.t is not None and "t" in names else 0.0)
-                return found if names & {"x", "y"} else float(evaluate("", found, np.zeros(1), np.zeros(1))[0])
+                constants = {name: number for name, number in self.constants.items() if name in names}
+                formula = Expression(value, constants, self.t if self.t is not None and "t" in names else 0.0)
+                return formula if names & {"x", "y"} else float(evaluate("", formula, np.zeros(1), np.zeros(1))[0])
         if isinstance(value, bool) or not isinstance(value, int | float):
             remedy = "give a number, an expression in quotes, or { polynomial = [[c00, c01], [c10]] }"
             raise InputError("", value, remedy)
@@ -327,84 +327,84 @@ class FileReader:
 
 @dataclass(frozen=True, eq=False)
 class ProblemFile:
-    """What a problem file says."""
+    """A problem file that was read: the problem, and how to solve it."""
 
     problem: ContactProblem
-    """The problem, at the first time if there is a history."""
+    """The problem; with a history the problem at its first time."""
     title: str
     description: str
-    """What the author calls it."""
+    """Title and description that the author gave."""
     units: Units
     """Labels of the numbers' units."""
     solve_options: Mapping[str, Any]
     """Arguments for `qvi_contact.solve`."""
     refine_options: Mapping[str, Any]
-    """Arguments for `qvi_contact.refine` beside those."""
+    """Further arguments for `qvi_contact.refine`."""
     times: tuple[float, ...]
     """Times of the load steps; empty without a history."""
     sweep: SweepPlan | None
-    """Values for which the problem is to be solved, if there is a sweep."""
+    """The sweep that the file asks for, if any."""
     is_grid: bool
     """Whether the file gives its mesh by grid lines."""
     _reader: FileReader = field(repr=False)
     text: str = field(default="", repr=False)
-    """The file itself."""
+    """The text of the file."""
 
     @property
     def element(self) -> dict[str, Any]:
-        """What the file says of the element: arguments for `qvi_contact.discretize`."""
+        """Arguments for `qvi_contact.discretize` in the file: degree and law_on."""
         return {name: value for name, value in self.solve_options.items() if name in ELEMENT_OPTIONS}
 
     @property
     def constants(self) -> Mapping[str, float]:
-        """Numbers that expressions may name."""
+        """Numbers that expressions may use by name."""
         return self._reader.constants
 
     @property
     def files(self) -> dict[str, Path]:
-        """The files that it reads, with a mesh or values at points, by the names that it has for them."""
+        """Other files that the problem file reads, with a mesh or values at points: name in the file → path."""
 
-        def named(value: Any) -> Iterator[str]:
+        def file_names(value: Any) -> Iterator[str]:
             if isinstance(value, dict) and isinstance(value.get("file"), str):
                 yield value["file"]
             for part in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
-                yield from named(part)
+                yield from file_names(part)
 
-        places = {name: (self._reader.folder or Path()) / name for name in named(self._reader.data)}
-        return {name: place for name, place in places.items() if os.path.isfile(place)}  # not a formula
+        paths = {name: (self._reader.folder or Path()) / name for name in file_names(self._reader.data)}
+        return {name: path for name, path in paths.items() if os.path.isfile(path)}  # not a load named "file"
 
     def with_constants(self, changed: Mapping[str, float]) -> "ProblemFile":
         """The same file with other values of some of its constants, on the same mesh; `InputError` for other names."""
         for name in mapping("constants", changed, "values by name"):
             known_name("constants", name, {"constants": self.constants})
-        found = _from_tables(self._reader.data, self._reader.folder, self.problem.mesh, {**self.constants, **changed})
-        return replace(found, text=self.text)
+        file = _from_tables(self._reader.data, self._reader.folder, self.problem.mesh, {**self.constants, **changed})
+        return replace(file, text=self.text)
 
     @cached_property
     def problems(self) -> tuple[ContactProblem, ...]:
-        """The problems of all load steps, on one mesh; without a history the one there is."""
-        found, data = [self.problem], self._reader.data
-        known = {name: data[name] for name in _IN_TIME if name in data}
+        """The problems of all load steps, on one mesh; without a history the single problem."""
+        problems, data = [self.problem], self._reader.data
+        time_tables = {name: data[name] for name in _VARIES_IN_TIME if name in data}
         for t in self.times[1:]:
             try:
-                document: Document = schema.read_table(Document, known, replace(self._reader, t=t), partly=True)
-                found.append(document.problem(self.problem.mesh, data))
+                document: Document = schema.read_table(Document, time_tables, replace(self._reader, t=t), partly=True)
+                problems.append(document.problem(self.problem.mesh, data))
             except InputError as error:
                 raise type(error)(error.field, error.value, f"at t = {t:g}: {error.remedy}") from error
-        return tuple(found)
+        return tuple(problems)
 
     @contextmanager
     def named_errors(self) -> Iterator[None]:
-        """Input errors raised in the block, such as loads out of balance, get their path in the file."""
+        """Give input errors raised in the block, such as loads out of balance, their path in the file."""
         try:
             yield
         except InputError as error:
             path, remedy = _RENAMED.get(error.field, error.field), schema.in_toml(error.remedy)
             for kind, options in (("refine", self.refine_options), ("solve", self.solve_options)):
-                if error.value is not None and options.get(error.field) == error.value:
+                if error.value is not None and options.get(error.field) == error.value:  # the file has that value
                     path = f"{kind}.{error.field}"
             first, _, name = error.field.partition(".")
-            if first == RigidPlate.__name__:
+            if first == RigidPlate.__name__:  # name the contact if only one plate or pin has that key
                 contacts = enumerate(self._reader.data["contacts"])
                 places = [
                     f"[{i}].{kind}" for i, table in contacts for kind in ("plate", "pin") if name in table.get(kind, ())
@@ -416,10 +416,10 @@ class ProblemFile:
 
 
 def load_problem(path: str | Path) -> ProblemFile:
-    """Read a problem file (TOML); the folder ``examples`` shows how to write them.
+    """Read a problem file (TOML); the folder ``examples`` shows how to write one.
 
-    `InputError` if the file cannot be read, or anything in it is wrong; the field is the path inside the file, such as
-    ``contacts[1].friction``, counted from 0.
+    `InputError` if the file cannot be read, or a value in it is wrong. The error's field is then the path of the key,
+    such as ``contacts[1].friction``, counted from 0.
     """
     path = given_path("file", path)
     try:
@@ -441,7 +441,7 @@ def load_problem(path: str | Path) -> ProblemFile:
 def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFile:
     """Read a problem from TOML text; see `load_problem`.
 
-    A mesh file is looked for in `folder`; without one a text that names a mesh file is refused.
+    Paths in the text are relative to `folder`; without a folder a text that names a file is refused.
     """
     if not isinstance(text, str):
         raise InputError("TOML", text, "give the text of a problem file, or its name to load_problem")
@@ -454,10 +454,10 @@ def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFil
         _check_scalars(data, "")
     except InputError:
         raise
-    except ValueError as error:  # also whole numbers of too many digits
-        _, found, rest = str(error).partition("at line ")  # the line that the parser complains about, if it says which
+    except ValueError as error:  # of tomllib, or of int for too many digits
+        _, separator, rest = str(error).partition("at line ")  # the parser's message may name a line
         number, lines = rest.split(",")[0], text.splitlines()
-        line = lines[int(number) - 1] if found and number.isdigit() and 0 < int(number) <= len(lines) else ""
+        line = lines[int(number) - 1] if separator and number.isdigit() and 0 < int(number) <= len(lines) else ""
         raise InputError("TOML", line, f"correct the syntax: {error}") from error
     except RecursionError as error:
         raise InputError("TOML", text[:100], "lists and tables are nested too deeply: remove brackets") from error
@@ -465,7 +465,7 @@ def problem_from_toml(text: str, folder: str | Path | None = None) -> ProblemFil
 
 
 def _check_scalars(value: object, path: str) -> None:
-    """Refuse values that TOML knows and no table wants."""
+    """Refuse values that TOML allows but no key takes: dates, too large and infinite numbers."""
     if isinstance(value, dict):
         for name, item in value.items():
             _check_scalars(item, schema.joined(path, schema.quoted(name)))
@@ -486,22 +486,22 @@ def _from_tables(
     data: Mapping[str, Any],
     folder: str | Path | None,
     mesh: TriangleMesh | None = None,
-    changed: Mapping[str, float] = MappingProxyType({}),
+    changed_constants: Mapping[str, float] = MappingProxyType({}),
 ) -> ProblemFile:
-    """What the tables of a file say, on a mesh that was made already, or with other values of some constants."""
-    given = {name: data[name] for name in ("constants", "history") if name in data}  # what expressions mean
-    first = schema.read_values(Document, given, FileReader(data, {}), partly=True)
-    constants = {**first.get("constants", {}), **changed}
+    """The problem file of a document; `mesh` replaces the mesh, `changed_constants` the values of some constants."""
+    early_tables = {name: data[name] for name in ("constants", "history") if name in data}  # needed to read expressions
+    first = schema.read_values(Document, early_tables, FileReader(data, {}), partly=True)
+    constants = {**first.get("constants", {}), **changed_constants}
     times = first["history"].times if "history" in first else ()
     for name, value in constants.items():
         with schema.located(f"constants.{schema.quoted(name)}", ()):
             if not name.isidentifier() or not unicodedata.is_normalized("NFKC", name):
                 raise InputError("", name, "give a name of letters, digits and _ that does not begin with a digit")
             Expression(name, {name: value})
-            _check_scalars(float(value), "")  # those that were changed too
+            _check_scalars(float(value), "")  # also of changed constants
     reader = FileReader(data, constants, times[0] if times else None, None if folder is None else Path(folder))
     document: Document = schema.read_table(Document, data, reader)
-    found = ProblemFile(
+    problem_file = ProblemFile(
         problem=document.problem(document.built_mesh(reader.folder) if mesh is None else mesh, data),
         title=document.title,
         description=document.description,
@@ -513,5 +513,5 @@ def _from_tables(
         is_grid="x" in data["mesh"],
         _reader=reader,
     )
-    _ = found.problems  # checks the other times
-    return found
+    _ = problem_file.problems  # reads the other times, and so checks them
+    return problem_file

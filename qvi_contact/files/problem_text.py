@@ -1,7 +1,7 @@
-"""Problem files as text: from a `ContactProblem` to TOML, and all keys from the classes that declare them.
+"""Problem files as text: a `ContactProblem` written as TOML, and the list of all keys.
 
-What a key means, and an example of it, says the text below its field; the page "All keys" and `qvi-contact keys` show
-them.
+The keys are the fields of the classes that declare the tables. The docstring of a field has the meaning of the key and
+an example. `qvi-contact keys` and the page "All keys" show them.
 """
 
 import re
@@ -30,12 +30,12 @@ from qvi_contact.units import Units
 from solvers.basics.types import load
 from solvers.errors import UnknownNameError, closest, plain
 
-_WIDTH: Final = 110  # characters in a line of numbers
+_WIDTH: Final = 110  # largest length of a line of numbers [characters]
 _ARRAY: Final = re.compile(r"^(.+) = \[\n((?: .*\n)+)\]$", re.MULTILINE)
 
 
 def save_problem(path: str | Path, problem: ContactProblem, **details: Any) -> None:
-    """Write a problem file, whole or not at all; see `problem_to_toml`, whose details these are."""
+    """Write a problem file, whole or not at all; `details` are the options of `problem_to_toml`."""
     write_text(path, problem_to_toml(problem, **details))
 
 
@@ -44,12 +44,12 @@ def problem_to_toml(
 ) -> str:
     """A problem as the text of a problem file, from which `problem_from_toml` makes the same problem.
 
-    Numbers are kept to the last digit, the mesh triangle by triangle. Conditions get ordered by kind, which has no
-    meaning. Title and description say what to call it, units are labels of numbers. `InputError` if a function is one
-    of Python, which a file cannot hold, or expressions disagree about constants or time.
+    Numbers are kept to the last digit, the mesh as a list of triangles. Conditions are sorted by kind; their order has
+    no meaning. Units are labels, nothing is converted. `InputError` if a function is a Python function, which a file
+    cannot hold, or if expressions disagree about constants or time.
 
-    Of a file that was read this is `ProblemFile.problem`, the state at its first time. Its `[solve]`, `[refine]`,
-    `[sweep]` and the times of its `[history]` are not written: copy them from there.
+    Of a problem that was read from a file, only the state at the first time is written. Copy `[solve]`, `[refine]`,
+    `[sweep]` and the times of `[history]` from that file.
     """
     if not isinstance(problem, ContactProblem):
         raise InputError("problem", problem, "give a ContactProblem, such as the problem of a file that was read")
@@ -58,50 +58,50 @@ def problem_to_toml(
             raise InputError(name, value, "give a text")
     if units is not None and not isinstance(units, Units):
         raise InputError("units", units, "give Units, or nothing")
-    text = unread_toml(problem, title, description, units)
-    problem_from_toml(text)  # refuses what Python takes and a file does not, such as names of several lines
+    text = unchecked_toml(problem, title, description, units)
+    problem_from_toml(text)  # raises for values that only Python allows, such as names of several lines
     return text
 
 
-def unread_toml(problem: ContactProblem, title: str = "", description: str = "", units: Units | None = None) -> str:
-    """The same without the look whether a file may say all of it, which takes most of the time."""
+def unchecked_toml(problem: ContactProblem, title: str = "", description: str = "", units: Units | None = None) -> str:
+    """As `problem_to_toml`, without reading the text back as a check, which takes most of the time."""
     writer, mesh = _Writer(), problem.mesh
     document: dict[str, Any] = {"version": VERSION, "title": title, "description": description}
     if isinstance(problem.body_potential, BodyForces):
-        named = problem.body_potential.parts.items()
-        document["body_forces"] = {name: writer.field(f"body_forces.{name}", part) for name, part in named}
+        loads = problem.body_potential.parts.items()
+        document["body_forces"] = {name: writer.field(f"body_forces.{name}", part) for name, part in loads}
     elif problem.body_potential != 0.0:
         document["body_potential"] = writer.field("body_potential", problem.body_potential)
     if problem.temperature != 0.0:
         document["temperature"] = writer.field("temperature", problem.temperature)
     document["units"] = {} if units is None else {"length": units.length, "stress": units.stress}
-    document["constants"] = writer.constants  # filled by what follows
+    document["constants"] = writer.constants  # the writer fills it below
     table: dict[str, Any] = {"vertices": mesh.vertices.tolist(), "triangles": mesh.cells.tolist()}
     table["edges"] = {name: pairs.tolist() for name, pairs in mesh.edge_sets.items()}
-    table["regions"] = {name: chosen.tolist() for name, chosen in mesh.regions.items()}
+    table["regions"] = {name: cells.tolist() for name, cells in mesh.regions.items()}
     table["arcs"] = [{"bends": arc.coefficients.tolist(), "edges": arc.edges.tolist()} for arc in mesh.arcs]
     document["mesh"] = {name: value for name, value in table.items() if value}
     document["material"] = write_table("material", problem.material, writer.field)
-    stated: dict[str, Sequence[object]] = {"regions": problem.regions}
-    stated |= {name: [each for each in problem.conditions if isinstance(each, kind)] for name, kind in TABLES.items()}
-    for name, parts in stated.items():
+    tables: dict[str, Sequence[object]] = {"regions": problem.regions}
+    tables |= {name: [each for each in problem.conditions if isinstance(each, kind)] for name, kind in TABLES.items()}
+    for name, parts in tables.items():
         document[name] = [write_table(f"{name}[{i}]", part, writer.field) for i, part in enumerate(parts)]
     if writer.time is not None:
         document["history"] = {"times": [writer.time]}
     document = {name: value for name, value in document.items() if value not in ({}, [], "")}
-    wide = load("tomli_w").dumps(document, indent=_WIDTH)  # too wide for one line: a [[table]] for each table
-    return _ARRAY.sub(_filled, wide)
+    text = load("tomli_w").dumps(document, indent=_WIDTH)  # so wide that tomli_w writes each table as [[table]]
+    return _ARRAY.sub(_filled, text)
 
 
 class _Writer:
-    """Writes functions, and collects what they have in common."""
+    """Writes functions, and collects the constants and the time that they share."""
 
     def __init__(self) -> None:
         self.constants: dict[str, float] = {}
         self.time: float | None = None
 
     def field(self, path: str, value: object) -> object:
-        """A number, text or table for a field."""
+        """The number, text or table that stands for a field in TOML."""
         if isinstance(value, Polynomial):
             return {"polynomial": [list(row) for row in value.coefficients]}
         if not isinstance(value, Expression):
@@ -121,7 +121,7 @@ class _Writer:
 
 
 def _filled(array: re.Match[str]) -> str:
-    """An array on as few lines as its numbers, or whole rows of them, fill; texts and tables have their own lines."""
+    """An array on as few lines as possible. Rows of numbers are not broken; a text or table has a line of its own."""
     name, items = array[1], [line.strip() for line in array[2].splitlines()]
     if '"' in array[2] or "{" in array[2]:
         return "\n".join([f"{name} = [", *(f"    {item}" for item in items), "]"])
@@ -142,7 +142,7 @@ HEADINGS: Final[dict[str, type]] = {
     "a field, as a polynomial": PolynomialTable,
     "a field, by values at points": PointDataTable,
 }
-"""Heading → class that states the table."""
+"""Heading → class that declares the table."""
 
 _WORDS: Final[tuple[tuple[type[schema.Kind], str], ...]] = (
     (schema.Varying, "number, expression or polynomial"),
@@ -160,7 +160,7 @@ _WORDS: Final[tuple[tuple[type[schema.Kind], str], ...]] = (
 
 
 class Key(NamedTuple):
-    """A key: what values it takes, by default or "needed", what it means, and an example in TOML."""
+    """A key of a table: the values it takes, its default or "needed", its meaning, and an example in TOML."""
 
     name: str
     values: str
@@ -176,41 +176,41 @@ def keys(table: type) -> Iterator[Key]:
     for kind in (*schema.inlined(table), table):
         defaults |= schema.defaults_of(kind)
         texts |= schema.described(kind)
-    for name, own in file_keys(table).items():
-        found = re.fullmatch(r"(.+): `\w+ = ([^`]+)`\.", texts.get(name, ""))  # without docstrings there is nothing
-        meaning, example = (found[1], f"{name} = {found[2]}") if found is not None else ("", "")
+    for name, field in file_keys(table).items():
+        match = re.fullmatch(r"(.+): `\w+ = ([^`]+)`\.", texts.get(name, ""))  # no match under python -OO
+        meaning, example = (match[1], f"{name} = {match[2]}") if match is not None else ("", "")
         value = defaults.get(name)
         shown = str(value).lower() if isinstance(value, bool) else list(value) if isinstance(value, tuple) else value
         default = "" if value in (None, "", (), {}, Units()) else str(shown)
-        yield Key(name, _values(own.kind), "needed" if schema.is_needed(table, name) else default, meaning, example)
+        yield Key(name, _values(field.kind), "needed" if schema.is_needed(table, name) else default, meaning, example)
 
 
 def listed(name: str = "") -> Iterator[str]:
-    """Lines for a terminal: the keys of the tables, or of keys of that name, with all there is to say.
+    """Lines for a terminal: without a name all tables with their keys, else the full text of the keys with that name.
 
-    A name is that of a table, as contacts or mesh.outline, of a key, or of both, as contacts.friction.
+    The name is that of a table (contacts, mesh.outline), of a key (friction), or of both (contacts.friction).
     `UnknownNameError` if there is no such table or key.
     """
-    found = {heading: list(keys(table)) for heading, table in HEADINGS.items()}
+    keys_of_table = {heading: list(keys(table)) for heading, table in HEADINGS.items()}
     if not name:
-        for heading, own in found.items():
-            yield f"{heading}: {', '.join(key.name for key in own)}"
+        for heading, table_keys in keys_of_table.items():
+            yield f"{heading}: {', '.join(key.name for key in table_keys)}"
         return
-    chosen, known = dict[str, list[Key]](), set[str]()
-    for heading, own in found.items():
+    matching, all_names = dict[str, list[Key]](), set[str]()
+    for heading, table_keys in keys_of_table.items():
         tables = re.findall(r"\[+([\w.]+)\]", heading)
-        for key in own:
+        for key in table_keys:
             names = {*tables, key.name, *(f"{table}.{key.name}" for table in tables)}
-            known |= names
+            all_names |= names
             if name in names:
-                chosen.setdefault(heading, []).append(key)
-    if not chosen:
-        near = closest(name, sorted(known))
-        meant = "" if near is None else f"did you mean {near}? "
-        raise UnknownNameError("NAME", name, f"{meant}qvi-contact keys lists all tables and keys")
-    for heading, own in chosen.items():
+                matching.setdefault(heading, []).append(key)
+    if not matching:
+        closest_name = closest(name, sorted(all_names))
+        hint = "" if closest_name is None else f"did you mean {closest_name}? "
+        raise UnknownNameError("NAME", name, f"{hint}qvi-contact keys lists all tables and keys")
+    for heading, table_keys in matching.items():
         yield heading
-        for key in own:
+        for key in table_keys:
             default = f"default {key.default}" if key.default not in ("", "needed") else key.default or "optional"
             yield f"  {key.name}: {key.values}; {default}"
             yield from textwrap.wrap(key.meaning, 100, initial_indent="      ", subsequent_indent="      ")
@@ -218,7 +218,7 @@ def listed(name: str = "") -> Iterator[str]:
 
 
 def _values(kind: schema.Kind) -> str:
-    """The values of a kind in words."""
+    """The values that a kind allows, in words."""
     if isinstance(kind, schema.Choice):
         return "one of " + ", ".join(map(str, kind.words)) if len(kind.words) > 1 else str(kind.words[0])
     if isinstance(kind, schema.Listed):

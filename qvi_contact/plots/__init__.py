@@ -1,10 +1,10 @@
-"""Pictures of problems and results, drawn on axes the caller gives; needs the extra ``plot`` (matplotlib).
+"""Pictures of problems and results; they need the extra ``plot`` (matplotlib).
 
-`axes` are those of matplotlib, in units of length where they show the body; `units` are the names of units in labels.
-What ends in `_figure` returns a figure of matplotlib, which `save_figure` writes.
+`axes` are axes of matplotlib, in units of length where they show the body; `units` are the names of units in labels.
+Functions whose names end in `_figure` return a figure of matplotlib, which `save_figure` writes.
 
-Nothing here needs a screen, keeps state or changes matplotlib's settings. Colours are safe for colour-blind readers,
-and nothing depends on colour alone.
+The functions need no screen, keep no state and leave matplotlib's settings unchanged. Colours are safe for colour-blind
+readers, and nothing depends on colour alone.
 """
 
 from qvi_contact.plots.body import Drawn, Scales, draw_body

@@ -1,4 +1,4 @@
-"""Whole figures: a result, a history with its loops, a problem, a mesh, how a body gives way at its limit load."""
+"""Whole figures: a result, a load history, a problem, a mesh, and the motion of a body that fails at its limit load."""
 
 import textwrap
 from collections.abc import Sequence
@@ -32,14 +32,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _PARTS: Final = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY)  # of named edges
-_PANELS: Final = 2  # at most so many charts unless some are asked for
-_WIDTH: Final = 6.3  # of a picture of a result [inch]: that of the text on a page
-_BODY: Final = 4.6  # about the width of the body in it
-_PASSES: Final = 6  # until texts beside the body have room
-_CHART: Final = 1.5  # height of a chart
-_SAID: Final = 2  # contacts named in the answer
-_CANCELLED: Final = 1e-6  # size of a resultant over its parts, up to which it has no direction
-_SHARE: Final = 0.005  # of a contact's length from which on a state is named
+_PANELS: Final = 2  # largest number of charts, unless `panels` asks for more
+_WIDTH: Final = 6.3  # width of the figure of a result [inch]: that of the text on a page
+_BODY: Final = 4.6  # width of the body in it [inch], about
+_PASSES: Final = 6  # enlargements of the box until it holds the texts beside the body
+_CHART: Final = 1.5  # height of a chart [inch]
+_NAMED: Final = 2  # contacts whose forces the answer states
+_CANCELLED: Final = 1e-6  # resultant over the sum of its parts, below which it has no direction
+_SHARE: Final = 0.005  # least share of a contact's length of which the answer states the state
 
 
 def result_figure(
@@ -50,13 +50,13 @@ def result_figure(
     component: str = "von_mises",
     scales: Scales | None = None,
 ) -> "Figure":
-    """A result as one would put it in a report: the deformed body, and charts along contacts.
+    """A result for a report: the deformed body, and charts of pressure and friction along contacts.
 
-    The problem's title and the answer stand above, what the solver says small below. `draw_body` says what is drawn,
-    and which stresses `component` names. Without a stress state, as of an infeasible problem, the loads are drawn, and
-    how the mechanism moves the blocks, if there is one. Contacts in `panels` have a chart of pressure and friction
-    each; by default at most two, which are no more than one line. `scales` are those of several results that are looked
-    at beside each other. `InputError` if there is no contact of a name, or no such stress.
+    The title and the answer stand above, the solver's message in small print below. `draw_body` has what is drawn, and
+    the stresses that `component` names. Each contact in `panels` has a chart; by default these are the first two that
+    consist of one line. Give `scales` if several results are to be compared. Without a stress state, as for an
+    infeasible problem, the loads are drawn, and the motion of the blocks in the mechanism, if there is one.
+    `InputError` if there is no contact of a name, or no such stress.
     """
     units = style.plain_units(units)
     instance_of(ContactResult, "result", result, "give a ContactResult, such as solve returns, or one of the steps")
@@ -64,8 +64,8 @@ def result_figure(
     if panels is not None:
         panels = names_among("panels", panels, "contacts", names, least=0)
     if not result.has_state:
-        said = result.message.removesuffix(result.solution.message).rstrip(": ")
-        reason = f"{said or f'Not solved: {result.status.words}'}. {result.status.advice}"
+        reason_text = result.message.removesuffix(result.solution.message).rstrip(": ")
+        reason = f"{reason_text or f'Not solved: {result.status.words}'}. {result.status.advice}"
         return _motion_figure(result.problem, result.mechanism, title, reason, result.solution.message, units)
     if panels is None:
         panels = [line.name for line in result.contacts.values() if len(line.path.lines) == 1][:_PANELS]
@@ -76,30 +76,30 @@ def result_figure(
         if callable(result.problem.body_potential):
             body.plot([], [], " ", label=f"{_body_force(result.problem)} body force".strip())
         style.legend_below(body, [body], 3)
-        for panel, name in zip(charts, panels, strict=True):
-            contact_tractions(panel, result.contacts[name], units)
+        for chart, name in zip(charts, panels, strict=True):
+            contact_tractions(chart, result.contacts[name], units)
             if drawn.pressure == 0.0:
                 most = float(np.abs(result.gauss_stress()[2]).max())
-                panel.set_ylim(0.0, most if most > result.rounding.stress else 1.0)  # rather than rounding
+                chart.set_ylim(0.0, most if most > result.rounding.stress else 1.0)  # rather than rounding
             if len(names) > 1:
-                panel.set_title(style.plain_text(name), loc="left", fontsize="medium")
+                chart.set_title(style.plain_text(name), loc="left", fontsize="medium")
         if charts:
             style.legend_below(charts[-1], charts, 6)
-        _placed(figure, drawn.box, title, _answer(result, units), result.solution.message, drawn.written)
+        _lay_out(figure, drawn.box, title, _answer(result, units), result.solution.message, drawn.written)
     return figure
 
 
-def _placed(
+def _lay_out(
     figure: "Figure", box: FloatArray, title: str, answer: str, foot: str, written: Sequence[Written] = ()
 ) -> None:
-    """Write title, answer and foot; give the body the height its box (2, 2) [length] wants, and its texts room."""
+    """Write title, answer and foot, and size the figure for the box (2, 2) [length], which grows to hold the texts."""
     body, *charts = figure.axes
-    place_of = body.get_subplotspec()
-    assert place_of is not None  # all were made by `subplots`
-    grid = place_of.get_gridspec()
-    together = ((text.replace(" = ", "\u00a0=\u00a0"), count) for text, count in ((answer, 88), (foot, 140)))
-    answer, foot = (textwrap.fill(text, count).replace("\u00a0", " ") for text, count in together)
-    above = 0.1 + 0.22 * bool(title) + 0.17 * (answer.count("\n") + 1)
+    cell = body.get_subplotspec()
+    assert cell is not None  # the axes were made by `subplots`
+    grid = cell.get_gridspec()
+    unbroken = ((text.replace(" = ", "\u00a0=\u00a0"), count) for text, count in ((answer, 88), (foot, 140)))
+    answer, foot = (textwrap.fill(text, count).replace("\u00a0", " ") for text, count in unbroken)
+    above = 0.1 + 0.22 * bool(title) + 0.17 * (answer.count("\n") + 1)  # heights in inches
     below = 0.06 + 0.12 * (foot.count("\n") + 1)
     texts = [
         figure.text(0.01, 1.0, style.plain_text(title), va="top", fontsize="large", fontweight="bold"),
@@ -110,12 +110,12 @@ def _placed(
         across, up = box[1] - box[0]
         height = float(np.clip(_BODY * up / across, 1.5, 4.6))
         heights = [height + 0.75, *[_CHART] * len(charts)]
-        whole = sum(heights) + above + below
-        figure.set_size_inches(_WIDTH, whole)
+        total = sum(heights) + above + below
+        figure.set_size_inches(_WIDTH, total)
         grid.set_height_ratios(heights)
-        figure.set_layout_engine("constrained", rect=(0.0, below / whole, 1.0, 1.0 - (above + below) / whole))
-        for text, place in zip(texts, (-0.07, -0.1 - 0.22 * bool(title), 0.05), strict=True):
-            text.set_y(place / whole + (place < 0.0))
+        figure.set_layout_engine("constrained", rect=(0.0, below / total, 1.0, 1.0 - (above + below) / total))
+        for text, offset in zip(texts, (-0.07, -0.1 - 0.22 * bool(title), 0.05), strict=True):  # from top or bottom
+            text.set_y(offset / total + (offset < 0.0))
         body.set(xlim=box[:, 0], ylim=box[:, 1])
         body.locator_params(axis="x", nbins=max(2, round(min(_BODY, height * across / up) / 0.7)))
         body.locator_params(axis="y", nbins=max(2, round(min(height, _BODY * up / across) / 0.5)))
@@ -127,27 +127,27 @@ def _placed(
 
 
 def _answer(result: ContactResult, units: Units) -> str:
-    """What the largest contacts carry and how they touch, obstacles first; why a result is not to be trusted."""
-    joints = {joint.name for joint in result.problem.joints}
-    lines = sorted(result.contacts.values(), key=lambda line: (line.name in joints, -abs(line.normal_force)))
-    said, verbs = [], {"open": "open", "stick": "sticks", "slip": "slips", "closed": "closed"}
-    for line in lines[:_SAID]:
+    """Forces and states of the contacts with the largest forces, obstacles before joints; the status if not solved."""
+    joint_names = {joint.name for joint in result.problem.joints}
+    lines = sorted(result.contacts.values(), key=lambda line: (line.name in joint_names, -abs(line.normal_force)))
+    sentences, verbs = [], {"open": "open", "stick": "sticks", "slip": "slips", "closed": "closed"}
+    for line in lines[:_NAMED]:
         normal, tangential = beside(line.forces)
         effective = f" (effective {beside([line.effective_normal_force])[0]})" if line.has_fluid else ""
         along = "" if line.frictionless else f", T = {tangential}"
-        words = [f"N = {normal}{effective}{along}\u00a0{units.force}"]
+        parts = [f"N = {normal}{effective}{along}\u00a0{units.force}"]
         shares = {verbs[name]: f"{100.0 * share:.0f}\u00a0%" for name, share in line.shares.items() if share >= _SHARE}
-        words += [f"all\u00a0{verb}" if len(shares) == 1 else f"{share}\u00a0{verb}" for verb, share in shares.items()]
+        parts += [f"all\u00a0{verb}" if len(shares) == 1 else f"{share}\u00a0{verb}" for verb, share in shares.items()]
         motion = result.plates.get(line.name)
         if motion is not None and np.hypot(motion.x, motion.y) > line.rounding.displacement:
-            words.append(f"moves {beside([float(np.hypot(motion.x, motion.y))])[0]}\u00a0{units.length}")
-        said.append(f"{line.name}: {', '.join(words)}")
+            parts.append(f"moves {beside([float(np.hypot(motion.x, motion.y))])[0]}\u00a0{units.length}")
+        sentences.append(f"{line.name}: {', '.join(parts)}")
     status = "" if result.status is Status.SOLVED else f"Not solved ({result.status.words}). "
-    return status + "; ".join(said) + ("." if said else "")
+    return status + "; ".join(sentences) + ("." if sentences else "")
 
 
 def _body_force(problem: ContactProblem) -> str:
-    """Where the body force pulls, as an arrow; nothing where its parts cancel out."""
+    """An arrow in the direction of the total body force; empty if its parts cancel out."""
     edges = problem.mesh.boundary
     x, y = problem.mesh.points_along(edges, np.array([0.5]))
     values = evaluate("ContactProblem.body_potential", problem.body_potential, x[:, 0], y[:, 0])
@@ -158,7 +158,7 @@ def _body_force(problem: ContactProblem) -> str:
 
 
 def mesh_figure(mesh: TriangleMesh) -> "Figure":
-    """One picture of a mesh: its triangles, and its named edges and joints, which differ without colour too."""
+    """A mesh: its triangles, and its named edges and joints, which differ in colour and line style."""
     with style.settings():
         sides = np.ptp(mesh.vertices, axis=0)
         figure = style.new_figure(*(5.0 * sides / sides.max() + [3.0, 1.0]))
@@ -174,11 +174,11 @@ def mesh_figure(mesh: TriangleMesh) -> "Figure":
 
 
 def problem_figure(problem: ContactProblem, units: Units | None = None) -> "Figure":
-    """One picture of a problem: mesh, materials, conditions, loads, contacts, joints."""
+    """A problem: mesh, materials, conditions, loads, contacts, joints."""
     instance_of(ContactProblem, "problem", problem, "give a ContactProblem, such as load_problem(FILE).problem")
     with style.settings():
         sides = np.ptp(problem.mesh.vertices, axis=0)
-        scale = 6.0 / max(1.25 * sides[0], 1.5 * sides[1])  # what is around the body takes room too
+        scale = 6.0 / max(1.25 * sides[0], 1.5 * sides[1])  # with room for the symbols around the body
         figure = style.new_figure(scale * sides[0] + 6.5, max(3.2, scale * (sides[1] + 0.4 * max(sides)) + 0.7))
         draw_problem(figure.subplots(), problem, units)
     return figure
@@ -187,11 +187,11 @@ def problem_figure(problem: ContactProblem, units: Units | None = None) -> "Figu
 def limit_figure(
     problem: ContactProblem, limit: LimitLoad, units: Units | None = None, title: str = "", answer: str = ""
 ) -> "Figure":
-    """One picture of a limit load: how the body gives way, under its loads as small arrows.
+    """A limit load: the motion in which the body fails, as `draw_mechanism` draws it, with the loads as small arrows.
 
-    `draw_mechanism` says what is drawn. The problem is that on the mesh of the analysis, `LimitRefinement.problem`; the
-    limit is what `limit_load_factor` has found. The problem's title and the answer, how much it carries, stand above.
-    `InputError` if the limit load has no mechanism, since there is no upper limit, or no multiple at all.
+    `limit` is the result of `limit_load_factor`. `problem` is the problem on the mesh of that analysis, after a
+    refinement `LimitRefinement.problem`. The title and the answer, the loads that can be carried, stand above.
+    `InputError` if there is no mechanism: then there is no upper limit, or no multiple can be carried.
     """
     instance_of(ContactProblem, "problem", problem)
     instance_of(LimitLoad, "limit", limit)
@@ -204,7 +204,7 @@ def limit_figure(
 def _motion_figure(
     problem: ContactProblem, motion: Mechanism | Collapse | None, title: str, answer: str, foot: str, units: Units
 ) -> "Figure":
-    """How a body gives way: blocks moved, or where it yields and flows; obstacles, loads and supports."""
+    """The motion in which a body fails, moved blocks or plastic flow, with obstacles, loads and supports."""
     mesh = problem.mesh
     with style.settings():
         figure = style.new_figure(_WIDTH, _WIDTH)
@@ -219,21 +219,21 @@ def _motion_figure(
         ends += draw_symbols(axes, problem, obstacles=True)
         axes.set_title(words, fontsize="small", loc="left")
         box = style.show_all(axes, np.concatenate(ends), units)
-        _placed(figure, box, title, answer, foot)
+        _lay_out(figure, box, title, answer, foot)
     return figure
 
 
-_DEEPEST: Final = 0.95  # share of the triangles that dissipate less than what has the deepest colour
-_APART: Final = 1e-6  # share of the body's length from which on sides of an edge are drawn apart
+_DEEPEST: Final = 0.95  # quantile of the dissipation per area at which the colour is deepest
+_OPEN: Final = 1e-6  # opening of an interior edge, over the body's length, above which both of its sides are drawn
 
 
 def draw_mechanism(axes: "Axes", mesh: TriangleMesh, motion: Mechanism | Collapse) -> FloatArray:
-    """Draw a body where a motion takes it, over dashed outlines of where it was; the ends of both (n, 2).
+    """Draw a body moved by a motion, over its dashed outlines at rest; returns the ends of all outlines (n, 2).
 
-    Motions are small; they are drawn so large that the largest displacement is 8 % of the body's length, and rotations
-    of blocks without the growth that comes with that. Where a body yields it is orange, the deeper the more power it
-    dissipates for its area. `ContactResult.mechanism`, `LimitLoad.mechanism` and `LimitLoad.collapse` give motions, on
-    the mesh of the analysis; axes are in units of length.
+    Motions are small. They are magnified until the largest displacement is 8 % of the body's length; magnified
+    rotations leave blocks their size. Triangles that yield are orange, the deeper the more power they dissipate per
+    area. `ContactResult.mechanism`, `LimitLoad.mechanism` and `LimitLoad.collapse` are motions, on the mesh of the
+    analysis. Axes are in units of length.
     """
     from matplotlib.collections import PolyCollection
 
@@ -241,50 +241,47 @@ def draw_mechanism(axes: "Axes", mesh: TriangleMesh, motion: Mechanism | Collaps
     colours: str | FloatArray = "#d6e6f2"
     if isinstance(motion, Mechanism):
         for number, rigid in enumerate(motion.motions):
-            own = motion.blocks == number
-            arm = turned(after[own] - rigid.centre, np.arctan(scale * rigid.rotation))
-            after[own] = rigid.centre + arm + scale * np.array([rigid.x, rigid.y])
+            in_block = motion.blocks == number
+            arms = turned(after[in_block] - rigid.centre, np.arctan(scale * rigid.rotation))
+            after[in_block] = rigid.centre + arms + scale * np.array([rigid.x, rigid.y])
     else:
         flow, (a, b, c) = motion.motion, mesh.corners.swapaxes(0, 1)
-        second = -isqrt(2 * flow.velocities.shape[2])  # of a part's corners, after the first
+        second = -isqrt(2 * flow.velocities.shape[2])  # coefficient at the second corner of a part; 0 at the first
         velocity = flow.velocities[:, [1, 0, 0], [0, 0, second]]  # at the corners of each triangle
         after += scale / max(float(np.hypot(*velocity.T).max()), 1e-300) * velocity
         density = flow.dissipation / np.abs(cross(b - a, c - a))
         shade = np.sqrt(np.minimum(density / max(float(np.quantile(density, _DEEPEST)), 1e-300), 1.0))
         colours = np.column_stack([np.tile([0.9, 0.45, 0.0], (len(shade), 1)), 0.85 * shade])
 
-    def ends(edges: Edges, side: int) -> FloatArray:
+    def moved_ends(edges: Edges, side: int) -> FloatArray:
         cells = edges.cells[:, side]
         corners = ((mesh.cells[cells] == nodes[:, None]).argmax(axis=1) for nodes in (edges.first, edges.second))
         return np.stack([after[cells, corner] for corner in corners], axis=1)
 
     axes.add_collection(PolyCollection(list(after), facecolors=colours, antialiased=False, zorder=1.0))
-    one, other = ends(mesh.interior, 0), ends(mesh.interior, 1)
-    apart = np.abs(one - other).max(axis=(1, 2)) > _APART * mesh.length
-    moved = np.concatenate([ends(mesh.boundary, 0), one[apart], other[apart]])
-    rest = mesh.vertices[mesh.topology.ends[np.append(mesh.topology.outer, mesh.topology.inner[apart])]]
+    near, far = moved_ends(mesh.interior, 0), moved_ends(mesh.interior, 1)
+    is_open = np.abs(near - far).max(axis=(1, 2)) > _OPEN * mesh.length
+    moved = np.concatenate([moved_ends(mesh.boundary, 0), near[is_open], far[is_open]])
+    rest = mesh.vertices[mesh.topology.ends[np.append(mesh.topology.outer, mesh.topology.inner[is_open])]]
     axes.add_collection(lines(rest, style.GREY, (0, (4, 3)), 0.7))
     axes.add_collection(lines(moved, style.BLUE, "solid", 1.0, "mechanism"))
     return np.concatenate([rest.reshape(-1, 2), moved.reshape(-1, 2)])
 
 
-_LETTERS: Final = 13  # an inch
-_ROOM: Final = 0.12  # for numbers around the body, as a share of its drawing
-_LOOPS: Final = 4  # at most so many loops, and forces of contacts
+_LETTERS: Final = 13  # letters of a heading on an inch
+_ROOM: Final = 0.12  # margin for numbers around the body, as a share of the larger side of its drawing
+_LOOPS: Final = 4  # largest number of loops, and of charts of forces
 
 
 def history_figure(
-    history: History,
-    units: Units | None = None,
-    times: Sequence[float] | None = None,
-    title: str = "",
+    history: History, units: Units | None = None, times: Sequence[float] | None = None, title: str = ""
 ) -> "Figure":
-    """The deformed body in the last step, hysteresis loops of up to four contacts, and forces of contacts step by step.
+    """A load history: the deformed body in the last step, hysteresis loops of up to four contacts, and contact forces.
 
-    A loop needs something that moves, such as an obstacle or a prescribed displacement. Under loads alone there are
-    forces only. Steps are read one by one. With `times`, the value of t in each step, forces are drawn over t instead
-    of the number of the step, a hollow square at the first one. The body is that of the last step that has a state. The
-    problem's title, and what the history says of itself, stand above.
+    A loop needs a moving obstacle or a prescribed displacement; under loads alone only forces are drawn. With `times`,
+    the value of t in each step, forces are drawn over t instead of the number of the step. A hollow square marks the
+    first step. The body is that of the last step with a stress state. The title and the message of the history stand
+    above. Steps are read one by one.
 
     `InputError` if there is nothing to draw, or not a time for each step.
     """
@@ -293,10 +290,10 @@ def history_figure(
     abscissa = None if times is None else real_array("times", times)
     forces: dict[str, list[tuple[float, float]]] = {}
     last = None
-    for number, each in enumerate(history.steps, 1):
-        if each.has_state:
-            last = number, each
-            for name, line in each.contacts.items():
+    for last_number, step in enumerate(history.steps, 1):
+        if step.has_state:
+            last = last_number, step
+            for name, line in step.contacts.items():
                 forces.setdefault(name, []).append(line.forces)
     loops = {} if last is None else _loops(history, last[1].problem)
     if last is None or not (forces or loops):
@@ -304,49 +301,50 @@ def history_figure(
     count = max(map(len, forces.values()), default=0)
     if abscissa is not None and (abscissa.ndim != 1 or len(abscissa) < count):
         raise InputError("times", times, f"give the times of all {count} steps")
-    known: Any = [(_draw_loop, loops, units), (_draw_forces, forces, abscissa)]
-    rows = [(draw, list(found.items())[:_LOOPS], more) for draw, found, more in known if found]
-    wide = 3.0 * max(len(row) for _, row, _ in rows)
+    groups: Any = [(_draw_loop, loops, units), (_draw_forces, forces, abscissa)]
+    rows = [(draw, list(items.items())[:_LOOPS], argument) for draw, items, argument in groups if items]
+    right_width = 3.0 * max(len(row) for _, row, _ in rows)
     with style.settings():
-        figure = style.new_figure(3.8 + wide, 0.4 + 3.0 * len(rows))
-        left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[3.8, wide])[0]
-        body, (number, shown) = left.subplots(), last
-        picture = draw_body(body, shown, units=units)
+        figure = style.new_figure(3.8 + right_width, 0.4 + 3.0 * len(rows))
+        left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=[3.8, right_width])[0]
+        body, (last_number, last_step) = left.subplots(), last
+        picture = draw_body(body, last_step, units=units)
         low, high = picture.box + np.array([[-1.0], [1.0]]) * _ROOM * float(np.ptp(picture.box, axis=0).max())
         body.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), anchor="N")
-        at = f"step {number}" if abscissa is None else f"t = {abscissa[number - 1]:g}"
-        body.set_title(f"{at}; displacements × {picture.factor:g}", fontsize="medium")
-        for part, (draw, row, more) in zip(right.subfigures(len(rows), 1, squeeze=False)[:, 0], rows, strict=True):
+        label = f"step {last_number}" if abscissa is None else f"t = {abscissa[last_number - 1]:g}"
+        body.set_title(f"{label}; displacements × {picture.factor:g}", fontsize="medium")
+        for part, (draw, row, argument) in zip(right.subfigures(len(rows), 1, squeeze=False)[:, 0], rows, strict=True):
             for axes, (name, values) in zip(part.subplots(1, len(row), squeeze=False)[0], row, strict=True):
                 axes.set_ylabel(f"force [{units.force}]")
-                draw(axes, style.plain_text(name), values, more)
-        left_out = [f"loops not shown: {', '.join(list(loops)[_LOOPS:])}"] if len(loops) > _LOOPS else []
-        width = int(_LETTERS * (3.8 + wide))
-        said = "\n".join(textwrap.fill(each, width) for each in (title, history.message, *left_out) if each)
-        figure.suptitle(style.plain_text(said), x=0.02, ha="left", fontsize="medium")
+                draw(axes, style.plain_text(name), values, argument)
+        notes = [f"loops not shown: {', '.join(list(loops)[_LOOPS:])}"] if len(loops) > _LOOPS else []
+        width = int(_LETTERS * (3.8 + right_width))
+        heading = "\n".join(textwrap.fill(text, width) for text in (title, history.message, *notes) if text)
+        figure.suptitle(style.plain_text(heading), x=0.02, ha="left", fontsize="medium")
     return figure
 
 
 _Loop: TypeAlias = tuple[str, FloatArray, FloatArray]
-"""What moves, its displacement or rotation, and the force or moment, as of `History.driven`."""
+"""As `History.driven` returns it: "along", "x", "y" or "rotation", the motion, and the force or moment."""
 
 
 def _loops(history: History, problem: ContactProblem) -> dict[str, _Loop]:
-    """Loops of what is moved sideways: contacts, and edge sets whose tangential displacement is prescribed.
+    """Loops of contacts that move, and of edge sets whose tangential displacement is prescribed.
 
-    Edge sets moved across if these move the body; none if nothing moves, as under loads that change.
+    If there are none, loops of all edge sets with a prescribed displacement. A loop whose displacement never changes,
+    as under loads alone, is left out.
     """
-    moved = [condition for condition in problem.conditions if isinstance(condition, Displacement)]
-    driven = []
-    for condition in moved:
+    supports = [condition for condition in problem.conditions if isinstance(condition, Displacement)]
+    driven_edges = []
+    for condition in supports:
         tangent = problem.mesh.edges(condition.edges).tangent[0]
         if {CARTESIAN[int(np.argmax(np.abs(tangent)))], "tangential"} & set(components(condition)):
-            driven.append(condition.edges)
+            driven_edges.append(condition.edges)
     loops: dict[str, _Loop] = {}
-    for name in (*(contact.name for contact in problem.contacts), *driven):
-        with suppress(InputError):  # an obstacle at rest while displacements move the body
+    for name in (*(contact.name for contact in problem.contacts), *driven_edges):
+        with suppress(InputError):  # raised for an obstacle at rest
             loops.setdefault(name, history.driven(name))
-    for condition in moved if not loops else ():
+    for condition in supports if not loops else ():
         loops.setdefault(condition.edges, history.driven(condition.edges))
     return {name: loop for name, loop in loops.items() if np.ptp(loop[1]) > 0.0}
 
@@ -355,7 +353,7 @@ _FIRST: Final[dict[str, Any]] = {"color": style.GREY, "marker": "s", "markersize
 
 
 def _draw_loop(axes: "Axes", name: str, loop: _Loop, units: Units) -> None:
-    """Force over displacement, or moment over rotation, of what moves: a dot a step, the first in a square."""
+    """Draw force over displacement, or moment over rotation: a dot for each step, the first in a square."""
     what, displacement, force = loop
     axes.axhline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
     axes.axvline(0.0, color="#dddddd", linewidth=0.5, zorder=0)
@@ -370,7 +368,7 @@ def _draw_loop(axes: "Axes", name: str, loop: _Loop, units: Units) -> None:
 
 
 def _draw_forces(axes: "Axes", name: str, forces: list[tuple[float, float]], times: FloatArray | None) -> None:
-    """Normal and tangential force (steps, 2) of one contact step by step, over t where times are given."""
+    """Draw normal and tangential force (steps, 2) of one contact over the steps, or over t if times are given."""
     place = np.arange(1, len(forces) + 1) if times is None else times[: len(forces)]
     looks = (("N", style.GREY, "s", "-"), ("T", style.BLUE, "o", "--"))
     for (label, colour, marker, dashes), values in zip(looks, np.array(forces).T, strict=True):
@@ -384,7 +382,7 @@ def _draw_forces(axes: "Axes", name: str, forces: list[tuple[float, float]], tim
 
 
 def notebook_png(shown: TriangleMesh | ContactProblem) -> bytes | None:
-    """What a notebook shows for a mesh or a problem at the end of a cell; None without matplotlib."""
+    """The picture that a notebook shows for a mesh or a problem at the end of a cell; None without matplotlib."""
     if find_spec("matplotlib") is None:
         return None
     return style.png_bytes(problem_figure(shown) if isinstance(shown, ContactProblem) else mesh_figure(shown))

@@ -1,7 +1,7 @@
-"""Colours, line styles, words and files of all pictures, also inside pages.
+"""Colours, line styles, texts and files of all pictures, also inside pages.
 
-Colours are from the Okabe-Ito palette, colour maps from those that colour-blind people can read, and nothing depends
-on colour alone: line style, hatching and markers say the same.
+Colours are from the Okabe-Ito palette, and colour maps are safe for colour-blind readers. Line styles, hatching and
+markers repeat what colours show.
 """
 
 import html
@@ -35,23 +35,15 @@ if TYPE_CHECKING:
 BLUE, ORANGE, GREEN, GREY, VERMILLION = "#0072B2", "#E69F00", "#009E73", "#666666", "#D55E00"
 PURPLE, SKY = "#CC79A7", "#56B4E9"
 
-CHORDS: Final = 8
-"""Lines that stand for an arc, and for other edges drawn beside arcs."""
-
-LONGEST: Final = 0.08
-"""Share of the body's length at which the largest displacement is drawn."""
-
-LEAST: Final = 1e-5
-"""Share of what strains the body, below which displacements are not magnified any further."""
+CHORDS: Final = 8  # chords by which an arc is drawn, and every other edge of a mesh that has arcs
+LONGEST: Final = 0.08  # largest drawn displacement, as a share of the body's length
+LEAST: Final = 1e-5  # displacements below this share of the problem's displacement scale are not magnified further
 
 _SETTINGS: Final[Any] = {"svg.hashsalt": "qvi-contact", "font.size": 9, "hatch.linewidth": 0.5}
-
 _METADATA: Final[dict[str, dict[str, None]]] = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
-"""Kinds of files; the same picture makes the same file on any day."""
-
-_DOTS: Final = {"files": 150.0, "pages": 120.0}  # of pixels, an inch
-
-_DOLLAR: Final = re.compile(r"(?<!\\)\$")  # not escaped yet
+"""Suffix → metadata of the file. Dates are left out, so that the same picture gives the same bytes."""
+_DOTS: Final = {"files": 150.0, "pages": 120.0}  # pixels per inch
+_DOLLAR: Final = re.compile(r"(?<!\\)\$")  # a dollar sign that is not escaped
 
 
 def require_matplotlib() -> None:
@@ -68,7 +60,7 @@ def require_matplotlib() -> None:
 
 @contextmanager
 def settings() -> Iterator[None]:
-    """Matplotlib's settings of this package, inside the block only."""
+    """Matplotlib has the settings of this package inside the block only."""
     require_matplotlib()
     from matplotlib import rc_context
 
@@ -77,7 +69,7 @@ def settings() -> Iterator[None]:
 
 
 def new_figure(width: float, height: float) -> "Figure":
-    """An empty figure of this size [inch] that needs no screen; it is made inside ``settings()``."""
+    """An empty figure of this size [inch] that needs no screen; call it inside ``settings()``."""
     from matplotlib.figure import Figure
 
     return Figure((width, height), dpi=_DOTS["files"], layout="constrained")  # texts are measured as they are drawn
@@ -94,20 +86,20 @@ def save_figure(path: str | Path, figure: "Figure") -> None:
 
 
 def plain_text(text: str) -> str:
-    """The text with its dollar signs escaped: matplotlib reads what stands between two of them as a formula."""
+    """The text with its dollar signs escaped: matplotlib reads text between two of them as a formula."""
     instance_of(str, "title", text, "give a text")
     return _DOLLAR.sub(r"\\$", text)
 
 
 def plain_units(units: Units | None) -> Units:
-    """Units whose names are drawn as they are; those without names for None."""
-    Units.labels(units, {})  # refuses what are none
-    given = units or Units()
-    return Units(plain_text(given.length), plain_text(given.stress))
+    """The units with dollar signs in their names escaped; `Units()` for None."""
+    Units.labels(units, {})  # raises if these are no units
+    named = units or Units()
+    return Units(plain_text(named.length), plain_text(named.stress))
 
 
 def cell_outlines(mesh: TriangleMesh) -> FloatArray:
-    """Outlines of the cells, shape (cells, 3, 2) [length]; where some have arcs every side is `CHORDS` chords."""
+    """Outlines of the cells, (cells, 3, 2) [length]; (cells, 3 CHORDS, 2) if the mesh has arcs."""
     chords = CHORDS if mesh.curved.any() else 1
     share = np.arange(chords)[:, None] / chords
     t = np.concatenate([(1.0 - share) * np.eye(3)[k] + share * np.eye(3)[k - 2] for k in range(3)])
@@ -115,16 +107,16 @@ def cell_outlines(mesh: TriangleMesh) -> FloatArray:
 
 
 def edge_lines(mesh: TriangleMesh, edges: Edges) -> FloatArray:
-    """Edges as lines (n, 2, 2) [length]; as `CHORDS` chords each where some are arcs."""
+    """Edges as lines (n, 2, 2) [length]; (n, CHORDS + 1, 2) if some of these edges are arcs."""
     return points_along(mesh.vertices, edges, np.linspace(0.0, 1.0, (CHORDS if edges.curved else 1) + 1))
 
 
 def draw_grid(axes: "Axes", mesh: TriangleMesh) -> None:
-    """Draw the edges between cells in light grey, thinner the smaller the cells are on the page."""
+    """Draw the edges between cells in light grey; small cells have thinner lines."""
     box, (across, up) = axes.get_window_extent(), np.ptp(mesh.vertices, axis=0).tolist()
-    points = 72.0 / axes.figure.dpi * min(box.width / across, box.height / up)  # printer's, that a unit of length takes
-    usual = np.median(np.concatenate([mesh.interior.length, mesh.boundary.length]))
-    width = float(np.clip(0.05 * usual * points, 0.1, 0.6))
+    points = 72.0 / axes.figure.dpi * min(box.width / across, box.height / up)  # printer's points a unit of length
+    median = np.median(np.concatenate([mesh.interior.length, mesh.boundary.length]))
+    width = float(np.clip(0.05 * median * points, 0.1, 0.6))
     axes.add_collection(lines(edge_lines(mesh, mesh.interior), "#cccccc", "solid", width))
 
 
@@ -134,7 +126,7 @@ def draw_outline(axes: "Axes", mesh: TriangleMesh, colour: str = GREY, width: fl
 
 
 def show_all(axes: "Axes", points: FloatArray, units: Units) -> FloatArray:
-    """Show all of some points (n, 2), equal scales in both directions, labelled axes; the corners of the box (2, 2)."""
+    """Fit labelled axes with equal scales around points (n, 2); returns the corners of the box (2, 2)."""
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.02 * float((high - low).max())
     axes.set_aspect("equal")
@@ -148,12 +140,12 @@ def show_all(axes: "Axes", points: FloatArray, units: Units) -> FloatArray:
 
 
 def magnified(largest: float, length: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that keeps displacements within `LONGEST` of the body's length."""
+    """Factor, 1, 2 or 5 times a power of ten, that keeps the largest displacement within `LONGEST` of the length."""
     return rounded_down(LONGEST * length / largest)
 
 
 def rounded_down(value: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten up to a positive value."""
+    """The largest number of the form 1, 2 or 5 times a power of ten up to a positive value."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value * (1 + 1e-12)))
 
@@ -166,28 +158,28 @@ def lines(points: FloatArray, colour: str, style: object, width: float, label: s
 
 
 def legend_below(axes: "Axes", shown: "Sequence[Axes]", columns: int) -> None:
-    """Add a legend of what axes show, each once, under the label of the horizontal axis of one of them."""
-    handles = dict(pair[::-1] for each in shown for pair in zip(*each.get_legend_handles_labels(), strict=True))
+    """Add a legend of all that the axes `shown` show, each label once, below the horizontal axis of `axes`."""
+    handles = dict(pair[::-1] for other in shown for pair in zip(*other.get_legend_handles_labels(), strict=True))
     place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.4}
     look: dict[str, Any] = {"frameon": False, "columnspacing": 1.2, "handlelength": 1.8, "fontsize": "small"}
     axes.legend(handles=list(handles.values()), ncols=columns, **look, **place)
 
 
 Spot: TypeAlias = tuple[FloatArray, dict[str, Any]]
-"""Where a text may stand [length], and how it is aligned there."""
+"""A position for a text [length], and the alignment of the text there."""
 
 Written: TypeAlias = "tuple[Text, Sequence[Spot]]"
-"""A text at the first of the spots that it may have."""
+"""A text, which stands at the first of its spots, and all spots that it may take."""
 
 _WRAP: Final = 44  # characters in a line of the legend
-_LONG: Final = 6  # powers of ten from which on numbers are written with them
+_LONG: Final = 6  # numbers from 10⁶ on, or below 10⁻⁵, are written with a power of ten
 _RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_NOISE: Final = 1e-12  # of the larger end of a range, below which the other one is 0
-_UPRIGHT: Final = 0.3  # component of a normal below which a side counts as facing across it
+_NOISE: Final = 1e-12  # an end of a range below this share of the other end is rounding, and shown as 0
+_UPRIGHT: Final = 0.3  # component of a unit normal below which a text is centred in that direction
 
 
 def alignment(normal: FloatArray) -> dict[str, Any]:
-    """How a text beside a side is aligned, so that it grows away from the body."""
+    """Alignment of a text beside a side with this normal: the text extends away from the body."""
     x, y = normal.tolist()
     across = "center" if abs(x) < _UPRIGHT else "left" if x > 0.0 else "right"
     upward = "center" if abs(y) < _UPRIGHT else "bottom" if y > 0.0 else "top"
@@ -195,24 +187,24 @@ def alignment(normal: FloatArray) -> dict[str, Any]:
 
 
 def value_range(name: str, values: FloatArray, unit: str) -> str:
-    """The value or the range of values of a named quantity, with its unit."""
+    """A named quantity with the single value or the range of its values, and its unit."""
     ends = [float(values.min()), float(values.max())]
-    noise = _NOISE * max(map(abs, ends))
-    numbers = dict.fromkeys(beside([0.0 if abs(end) <= noise else end], 6)[0] for end in ends)  # one of two alike
+    rounding = _NOISE * max(map(abs, ends))
+    numbers = dict.fromkeys(beside([0.0 if abs(end) <= rounding else end], 6)[0] for end in ends)  # equal ends once
     return f"{name} = {' … '.join(numbers)} {unit}".rstrip().replace(" ", "\xa0")  # kept on one line
 
 
 def beside(values: Sequence[float], digits: int = 4) -> list[str]:
-    """Numbers that stand beside each other, to the last place of the largest with so many digits: noise is 0."""
+    """Numbers with the same last place, that of the largest one with so many digits; rounding noise becomes 0."""
     largest = max((abs(value) for value in values), default=0.0)
     rounded_up = float(f"{largest:.{digits - 1}e}")
-    power = int(np.floor(np.log10(rounded_up))) if 0.0 < rounded_up < np.inf else 0
-    tens = power if abs(power) >= _LONG else 0
-    places = digits - 1 - power + tens
-    rounded = np.round(np.divide(values, 10.0**tens), places).tolist()
-    found = [f"{value + 0.0:.{max(places, 0)}f}".replace("-", "−") for value in rounded]
-    found = [text.rstrip("0").rstrip(".") if "." in text else text for text in found]
-    return [text + f" · 10{str(tens).translate(_RAISED)}" * (tens != 0 and text != "0") for text in found]
+    magnitude = int(np.floor(np.log10(rounded_up))) if 0.0 < rounded_up < np.inf else 0
+    exponent = magnitude if abs(magnitude) >= _LONG else 0
+    places = digits - 1 - magnitude + exponent
+    rounded = np.round(np.divide(values, 10.0**exponent), places).tolist()
+    texts = [f"{value + 0.0:.{max(places, 0)}f}".replace("-", "−") for value in rounded]
+    texts = [text.rstrip("0").rstrip(".") if "." in text else text for text in texts]
+    return [text + f" · 10{str(exponent).translate(_RAISED)}" * (exponent != 0 and text != "0") for text in texts]
 
 
 def wrapped(text: str) -> str:
@@ -221,7 +213,7 @@ def wrapped(text: str) -> str:
 
 
 def write(axes: "Axes", text: str, spots: Sequence[Spot], colour: str = "black") -> Written:
-    """Write a text at the first of the spots; the others are taken where texts would overlap, see `spread`."""
+    """Write a text at the first of its spots; `spread` moves it to another one where texts overlap."""
     box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.7}
     look: dict[str, Any] = {"fontsize": "small", "zorder": 6, "bbox": box, "color": colour}
     (x, y), align = spots[0]
@@ -230,37 +222,36 @@ def write(axes: "Axes", text: str, spots: Sequence[Spot], colour: str = "black")
 
 
 def spread(axes: "Axes", written: Sequence[Written]) -> None:
-    """Move each text to the first of its spots where it covers none of those before it; without one it stays."""
+    """Move each text to the first of its spots where it overlaps no earlier text; if there is none, it stays."""
     figure = axes.get_figure(root=True)
     if figure is None or not written:
         return
     engine = figure.get_layout_engine()
-    if axes.get_axes_locator() is not None:  # a panel inside another one, which gets its place while that is drawn
+    if axes.get_axes_locator() is not None:  # inset axes get their place only when the figure is drawn
         figure.draw_without_rendering()
-    else:  # sizes are known once the layout is; drawing without a picture would take as long again
+    else:  # the layout gives all sizes; drawing would take twice as long
         if engine is not None:
             engine.execute(figure)
         axes.apply_aspect()
-    taken: list[Any] = []
+    boxes: list[Any] = []
     for text, spots in written:
         for place, align in (*spots, spots[0]):
             text.set_position(place.tolist())
             text.set(**align)
-            box = text.get_window_extent().padded(3.0)  # with its white ground
-            if not any(box.overlaps(other) for other in taken):
+            box = text.get_window_extent().padded(3.0)  # with its white background
+            if not any(box.overlaps(other) for other in boxes):
                 break
-        taken.append(box)
+        boxes.append(box)
 
 
 _WIDTH: Final = re.compile(r'\swidth="([\d.]+)pt"')
-_URL: Final = " !$'()*+,/:;=?@[]^`{|}~"  # what stands for itself in the address of an image
-
-_READABLE: Final = 0.85  # of the natural size; exponents of numbers, 6.3 points, are then 7 pixels high
+_URL: Final = " !$'()*+,/:;=?@[]^`{|}~"  # characters that a data URL may have as they are
+_READABLE: Final = 0.85  # least share of the natural size: exponents, 6.3 points, are then 7 pixels high
 _PIXELS_PER_POINT: Final = 4.0 / 3.0
 
 
 def png_bytes(figure: "Figure") -> bytes:
-    """The figure as pixels."""
+    """The figure as the bytes of a PNG file."""
     picture = io.BytesIO()
     with settings():
         figure.savefig(picture, format="png", dpi=_DOTS["pages"], metadata={"Software": None})
@@ -268,21 +259,18 @@ def png_bytes(figure: "Figure") -> bytes:
 
 
 def svg_text(figure: "Figure", name: str) -> str:
-    """The figure as an SVG element with `name` in its ids; the same bytes for the same data.
-
-    It was made by `new_figure` inside ``settings()``.
-    """
+    """The figure, made by `new_figure`, as an SVG element with ids from `name`; the same data give the same bytes."""
     from matplotlib import rc_context
 
     with settings(), rc_context({"svg.fonttype": "none", "svg.hashsalt": name}):
         text = io.StringIO()
         figure.savefig(text, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
-    whole = text.getvalue()
-    return "\n".join(line.rstrip() for line in whole[whole.index("<svg") :].splitlines()) + "\n"
+    svg = text.getvalue()
+    return "\n".join(line.rstrip() for line in svg[svg.index("<svg") :].splitlines()) + "\n"
 
 
 def inline_image(svg: str, label: str) -> str:
-    """A picture for a page that loads nothing, as an image with a label; the least width keeps its text readable."""
+    """An SVG picture as an HTML image with its data inside; a least width keeps its text readable."""
     width = _WIDTH.search(svg)
     least = f' style="min-width: {_READABLE * _PIXELS_PER_POINT * float(width[1]):.0f}px"' if width else ""
     return f'<img src="data:image/svg+xml,{quote(svg, safe=_URL)}" alt="{html.escape(label)}"{least}>\n'

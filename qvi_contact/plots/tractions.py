@@ -1,7 +1,7 @@
-"""Tractions along a contact against its friction bound, with its open, stick and slip parts.
+"""Charts of pressure, friction stress and friction bound along a contact, with its open, stick and slip parts.
 
-Curves run through the values at the points, monotone between them, and are closed where a contact opens: what the
-polynomials of the element do beyond their points, teeth and jumps where edges meet, is nothing but the mesh.
+Curves interpolate the values at the contact points, monotonically between them, and end at zero where a contact is
+open. The polynomials of the element themselves would show jumps between edges, which depend on the mesh alone.
 """
 
 from collections.abc import Sequence
@@ -33,49 +33,49 @@ _TOTAL: Final[dict[str, Any]] = {"color": VERMILLION, "linestyle": "-.", "linewi
 _FLUID: Final[dict[str, Any]] = {"color": BLUE, "linewidth": 0.8}
 _TANGENTIAL: Final[dict[str, Any]] = {"color": "black", "linestyle": ":", "marker": "o"}
 
-_MARKERS: Final = 40  # at most so many markers a curve
-_BETWEEN: Final = 5  # parts of a curve between two points
-_SLANTED: Final = 1e-9  # rise of an edge over its length from which on it is not horizontal
+_MARKERS: Final = 40  # largest number of markers on a curve
+_BETWEEN: Final = 5  # line segments of a curve between two points
+_SLANTED: Final = 1e-9  # slope of an edge above which it is neither horizontal nor vertical
 
 
 def contact_tractions(axes: "Axes", line: ContactLine, units: Units | None = None) -> None:
-    """Draw pressure, friction bound and |σ_T| along a contact, with its open, stick and slip parts shaded by hatching.
+    """Draw pressure, friction bound and |σ_T| along a contact, and hatch its open, stick and slip parts.
 
-    A negative pressure is tension, which bilateral and tied contacts can carry. Where a fluid presses in the contact it
-    is drawn three times: in all, of the fluid, and the effective pressure, which friction depends on.
+    A negative pressure is tension, which bilateral and tied contacts can carry. With a fluid in the contact there are
+    three pressures: the total one, that of the fluid, and the effective one, on which friction depends.
     """
     units = plain_units(units)
-    (pieces, label), prime = pieces_along(line), "'" if line.has_fluid else ""
+    (pieces, label), mark = pieces_along(line), "'" if line.has_fluid else ""
     effective, limit = line.effective_normal_stress, line.friction_bound
-    coulomb = np.allclose(limit, line.friction * np.abs(effective), rtol=1e-9, atol=0.0)
+    is_coulomb = np.allclose(limit, line.friction * np.abs(effective), rtol=1e-9, atol=0.0)
     curves = [
-        (f"{'effective ' if prime else ''}pressure $-\\sigma_N{prime}$", -effective, _PRESSURE),
-        (f"bound $\\mu|\\sigma_N{prime}|$" if coulomb else "friction bound", limit, _BOUND),
+        (f"{'effective ' if mark else ''}pressure $-\\sigma_N{mark}$", -effective, _PRESSURE),
+        (f"bound $\\mu|\\sigma_N{mark}|$" if is_coulomb else "friction bound", limit, _BOUND),
     ]
     if line.has_fluid:
         curves.append(("pressure $-\\sigma_N$", -line.normal_stress, _TOTAL))
         curves.append(("fluid $p_w$", line.pore_pressure, _FLUID))
     curves.append(("friction $|\\sigma_T|$", np.abs(line.tangential_stress), _TANGENTIAL))
     _draw_states(axes, pieces, line)
-    lowest, every = 0.0, -(-len(line.x) // _MARKERS)
-    for name, values, look in (curve for curve in curves if np.isfinite(curve[1]).all()):  # a tied contact has no bound
+    lowest, step = 0.0, -(-len(line.x) // _MARKERS)
+    for name, values, look in (curve for curve in curves if np.isfinite(curve[1]).all()):  # tied: infinite bound
         x, y, marked = [np.empty(0)], [np.empty(0)], list[int]()
         for piece in pieces:
             s, curve = monotone(piece.with_ends, piece.closed(line, values))
             marked += (sum(map(len, x)) + _BETWEEN * np.arange(1, len(piece.points) + 1)).tolist()
-            x += [s, np.array([np.nan])]  # a line breaks where the contact does
+            x += [s, np.array([np.nan])]  # NaN separates the lines of the contact
             y += [curve, np.array([np.nan])]
         drawn = np.concatenate(y)[:-1]
-        axes.plot(np.concatenate(x)[:-1], drawn, markevery=marked[::every], markersize=3, label=name, **look)
+        axes.plot(np.concatenate(x)[:-1], drawn, markevery=marked[::step], markersize=3, label=name, **look)
         lowest = min(lowest, float(np.nanmin(drawn, initial=0.0)))
-    axes.set_ylim(bottom=1.05 * lowest, auto=None)  # the top still follows what is drawn
+    axes.set_ylim(bottom=1.05 * lowest, auto=None)  # the upper limit stays automatic
     axes.set_xlabel(f"{label} [{units.length}]")
     axes.set_ylabel(f"traction [{units.stress}]")
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A line of a contact that hangs together: numbers of its points in order, places of these and of its ends."""
+    """A connected line of a contact: numbers of its points in order, places [length] of the points and its ends."""
 
     points: IntArray
     s: FloatArray
@@ -87,51 +87,51 @@ class Piece:
         return np.concatenate([self.ends[:1], self.s, self.ends[1:]])
 
     def extended(self, values: FloatArray) -> FloatArray:
-        """Values (m, …) of the contact at the points of this line, and at both ends, where they go on, (k + 2, …)."""
-        found = values[self.points]
+        """Values (k + 2, …) at the points of this line, from those of the contact (m, …), extrapolated to both ends."""
+        inside = values[self.points]
         first, last = (
-            found[near] + (end - self.s[near]) / (self.s[near] - self.s[next_]) * (found[near] - found[next_])
+            inside[near] + (end - self.s[near]) / (self.s[near] - self.s[next_]) * (inside[near] - inside[next_])
             for end, near, next_ in ((self.ends[0], 0, 1), (self.ends[1], -1, -2))
         )
-        return np.concatenate([[first], found, [last]])
+        return np.concatenate([[first], inside, [last]])
 
     def closed(self, line: ContactLine, values: FloatArray) -> FloatArray:
-        """The same of a traction (m,), which is zero at an end that is open, and has no other sign there."""
-        found, opened = self.extended(values), line.state[self.points] == ContactState.OPEN
+        """As `extended`, for a traction: zero at open ends without fluid, and where extrapolation changes the sign."""
+        tractions, is_open = self.extended(values), line.state[self.points] == ContactState.OPEN
         for end, near in ((0, 1), (-1, -2)):
-            if found[end] * found[near] < 0.0 or (opened[end] and not line.has_fluid):
-                found[end] = 0.0
-        return found
+            if tractions[end] * tractions[near] < 0.0 or (is_open[end] and not line.has_fluid):
+                tractions[end] = 0.0
+        return tractions
 
 
 def pieces_along(line: ContactLine, *, coordinates: bool = True) -> tuple[list[Piece], str]:
-    """The lines of a contact, from left to right, and what their places are.
+    """The lines of a contact from left to right, and the name of their places.
 
-    That is the coordinate along a horizontal or vertical contact, if asked for, else the length along it. The latter
-    too where coordinates of lines above or beside each other would overlap.
+    With `coordinates`, places on a horizontal contact are x, on a vertical one y, unless the ranges of two lines
+    overlap. Else places are lengths along the contact.
     """
     path, ends = line.path, line.ends
     numbers, s = path.points(line.points_per_edge), path.places(gauss_legendre(line.points_per_edge)[0])
     stops = path.starts + path.lengths
-    found = [
-        Piece(numbers[own].ravel(), s[own].ravel(), np.array([path.starts[own[0]], stops[own[-1]]]))
-        for own in path.lines
+    pieces = [
+        Piece(numbers[edges].ravel(), s[edges].ravel(), np.array([path.starts[edges[0]], stops[edges[-1]]]))
+        for edges in path.lines
     ]
-    rise = np.abs(ends[:, 1] - ends[:, 0])
+    extent = np.abs(ends[:, 1] - ends[:, 0])
     for axis, name in enumerate("xy" if coordinates else ""):
         places = ends[path.edges, :, axis]
-        reach = np.array([(places[own].min(), places[own].max()) for own in path.lines]).reshape(-1, 2)
-        order = np.argsort(reach[:, 0], kind="stable")
-        apart = reach[order][1:, 0] - reach[order][:-1, 1] >= -1e-6 * path.lengths.max()
-        if (rise[:, 1 - axis] <= _SLANTED * rise[:, axis]).all() and apart.all():
+        ranges = np.array([(places[edges].min(), places[edges].max()) for edges in path.lines]).reshape(-1, 2)
+        order = np.argsort(ranges[:, 0], kind="stable")
+        is_apart = ranges[order][1:, 0] - ranges[order][:-1, 1] >= -1e-6 * path.lengths.max()
+        if (extent[:, 1 - axis] <= _SLANTED * extent[:, axis]).all() and is_apart.all():
             along = (line.x, line.y)[axis]
-            return [Piece(found[k].points, along[found[k].points], reach[k]) for k in order.tolist()], name
-    return found, f"length along the contact{', line by line' if len(found) > 1 else ''}"
+            return [Piece(pieces[k].points, along[pieces[k].points], ranges[k]) for k in order.tolist()], name
+    return pieces, f"length along the contact{', line by line' if len(pieces) > 1 else ''}"
 
 
 def monotone(s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Places and values of a curve through values at places s that has no extremes between them."""
-    from scipy.interpolate import PchipInterpolator  # slow to import, and few pictures need it
+    """Places and values on a curve through the values at places s, monotone between them."""
+    from scipy.interpolate import PchipInterpolator  # imported late: it is slow
 
     share = np.arange(_BETWEEN) / _BETWEEN
     dense = np.append((s[:-1, None] + np.diff(s)[:, None] * share).ravel(), s[-1])
@@ -139,9 +139,9 @@ def monotone(s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def _draw_states(axes: "Axes", pieces: Sequence[Piece], line: ContactLine) -> None:
-    """Shade the parts of the contact that are open, stick or slip.
+    """Hatch the parts of the contact that are open, stick or slip.
 
-    Each point has its share of its edge: Gauss weights add up to the edge, so the shares meet.
+    The part of a point is as long as its Gauss weight. The weights add up to the edge, so there are no gaps.
     """
     bands: dict[int, list[tuple[float, float]]] = {}
     for piece in pieces:

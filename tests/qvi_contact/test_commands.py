@@ -177,7 +177,7 @@ def test_limit(shell, sliding):
     assert document["upper"] == pytest.approx(1 / 1.01, rel=1e-9)
     assert "0.99009901 times" in shell("limit", sliding, *loads, "--plot", picture := sliding.with_name("a.svg"))[1]
     assert picture.stat().st_size > 1000
-    assert "also 1, may be too small" in shell("limit", sliding, "--load", "pressure")[1]
+    assert "even 1, may be too small" in shell("limit", sliding, "--load", "pressure")[1]
     refused(shell("limit", sliding, "--load", "nonsense"), "drag")
     refused(shell("limit", sliding), "--load: missing: name one of the loads (", "drag")
     cyclic = EXAMPLES / "cyclic_shear.toml"

@@ -311,7 +311,7 @@ class TestForged:
         assert fails(tmp_path / "a.npz") == set()
         none, old = ({k: v for k, v in entries.items() if k != name} for name in ("centres", "led_back"))
         for wrong in (entries | {"centres": entries["centres"][:1]}, none, old):
-            assert "counts from other vertices" in fails(stored(tmp_path / "b.npz", wrong))
+            assert "refers to another basis" in fails(stored(tmp_path / "b.npz", wrong))
 
     @settings(max_examples=10, deadline=None, derandomize=True)
     @given(

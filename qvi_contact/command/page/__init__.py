@@ -1,7 +1,7 @@
-"""A result as one HTML page that loads nothing: style, script, pictures and data are inside.
+"""A result as one HTML page, with style, script, pictures and data inside: it loads no other file.
 
-Numbers have four digits or as many as are asked for, rounding noise is 0, and minus is a real one. Fields are data for
-the page's own script, which draws them and answers the pointer.
+Numbers have five digits unless said otherwise, rounding noise is shown as 0, and the minus sign is a true one. Fields
+are data that the page's script draws; it also shows the values under the pointer.
 """
 
 import base64
@@ -41,8 +41,8 @@ from qvi_contact.units import Rounding, Units, shown
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_WIDE: Final = (9.0, 3.2)  # of a picture of tractions [inch]
-_MOST_STEPS: Final = 16  # with a picture: a page is to be mailed
+_CHART_SIZE: Final = (9.0, 3.2)  # width and height of a chart of tractions [inch]
+_MOST_STEPS: Final = 16  # steps with a picture: the page has to be small enough for mail
 
 
 def result_page(
@@ -53,10 +53,10 @@ def result_page(
     series: report.Series | None = None,
     panels: Sequence[str] | None = None,
 ) -> str:
-    """The page about the result of a solve, of a refinement, or of the last of several in a series.
+    """The page of a result: of a solve, of a refinement, or of the last result of a series.
 
-    `bracketed` gives the bracket of this result, or why there is none. Contacts in `panels` have charts, all of them by
-    default.
+    `bracketed` returns the bracket of this result, or the reason why there is none. Contacts in `panels` have charts,
+    by default all.
     """
     steps = (result,) if series is None else series.results.steps
     bracket, missing = bracketed()
@@ -85,12 +85,12 @@ def result_page(
 
 
 def limit_page(file: ProblemFile, problem: ContactProblem, limit: LimitLoad, lines: Sequence[str]) -> str:
-    """The page about a limit load: what people read of it, and how the body gives way, on the mesh of the analysis."""
-    moved, picture = limit.mechanism, ""
-    if moved is not None or limit.collapse is not None:
+    """The page of a limit load: its lines of text, and a picture of the motion on the mesh of the analysis."""
+    mechanism, picture = limit.mechanism, ""
+    if mechanism is not None or limit.collapse is not None:
         figure = limit_figure(problem, limit, file.units, answer=f"{lines[0]}.")
         picture = _picture(figure, "How the body gives way")
-    contacts = {} if moved is None else moved.contacts
+    contacts = {} if mechanism is None else mechanism.contacts
     return page_template("qvi_contact.command.page", "limit.html").render(
         **_frame(file, problem, "Limit load"),
         lines=lines,
@@ -100,8 +100,8 @@ def limit_page(file: ProblemFile, problem: ContactProblem, limit: LimitLoad, lin
 
 
 def _frame(file: ProblemFile, problem: ContactProblem, title: str) -> dict[str, Any]:
-    """What all pages say around their answer: title, description, the problem, how to repeat it."""
-    files = [(name, sha256(place.read_bytes()).hexdigest()) for name, place in file.files.items()]
+    """Values for the frame of all pages: title, description, the problem, and how to repeat the computation."""
+    files = [(name, sha256(path.read_bytes()).hexdigest()) for name, path in file.files.items()]
     return {
         "title": file.title or title,
         "paragraphs": [part for part in file.description.split("\n\n") if part.strip()],
@@ -117,28 +117,28 @@ def _frame(file: ProblemFile, problem: ContactProblem, title: str) -> dict[str, 
 def _pictures(
     steps: Sequence[ContactResult], values: Sequence[float] | None, file: ProblemFile
 ) -> list[tuple[str, Markup]]:
-    """The picture of a result; of several those of some of them, the first and the last among them, with the value."""
+    """The picture of a result, or pictures of at most _MOST_STEPS results of a series, each with its value."""
     if values is None or len(steps) == 1:
         figure = result_figure(steps[-1], file.units, panels=())
         return [("", _picture(figure, "The deformed body and what its contacts carry"))]
-    chosen = np.unique(np.linspace(0, len(steps) - 1, min(len(steps), _MOST_STEPS)).round().astype(int)).tolist()
-    found, scales = [], Scales.of(step for step in map(steps.__getitem__, chosen) if step.has_state)
-    for step in chosen:
-        picture = png_bytes(result_figure(steps[step], file.units, panels=(), scales=scales))
+    numbers = np.unique(np.linspace(0, len(steps) - 1, min(len(steps), _MOST_STEPS)).round().astype(int)).tolist()
+    pictures, scales = [], Scales.of(step for step in map(steps.__getitem__, numbers) if step.has_state)
+    for index in numbers:
+        picture = png_bytes(result_figure(steps[index], file.units, panels=(), scales=scales))
         source = f"data:image/png;base64,{base64.b64encode(picture).decode('ascii')}"
-        found.append((f"{values[step]:g}", Markup('<img src="{}" alt="The deformed body">').format(source)))
-    return found
+        pictures.append((f"{values[index]:g}", Markup('<img src="{}" alt="The deformed body">').format(source)))
+    return pictures
 
 
 def _contact(line: ContactLine, units: Units) -> dict[str, Any]:
-    """Picture of the tractions, where its axes lie in it, and the values at the points."""
+    """Chart of the tractions, position of its axes in the picture, and values at the contact points."""
     with settings():
-        figure = new_figure(*_WIDE)
+        figure = new_figure(*_CHART_SIZE)
         axes = figure.subplots()
         contact_tractions(axes, line, units)
         figure.legend(loc="outside right upper", frameon=False)
     picture = _picture(figure, f"Tractions along contact {line.name}")
-    box, (low, high) = axes.get_position(), axes.get_xlim()  # as they were drawn
+    box, (low, high) = axes.get_position(), axes.get_xlim()  # valid after the picture was drawn
     frame = {"low": low, "high": high, "left": float(box.x0), "right": float(box.x1)}
     return {"name": line.name, "picture": picture, "data": contact_data(line, units) | frame}
 
@@ -148,7 +148,7 @@ def _picture(figure: "Figure", label: str) -> Markup:
 
 
 def _settings(result: ContactResult) -> list[tuple[str, str]]:
-    """How the answer was computed, and by what."""
+    """How the result was computed: element, method, tolerance, versions."""
     solution, space, qvi = result.solution, result.discretization.space, result.discretization.qvi
     used = {
         "element": f"{FAMILY}, degree {space.degree}",
@@ -167,17 +167,17 @@ def _settings(result: ContactResult) -> list[tuple[str, str]]:
 
 
 def number(value: float, digits: int = 5, least: float = 0.0) -> str:
-    """A number for people."""
+    """A number as text."""
     return shown(value, least, digits).replace("-", "−")
 
 
 def _row(name: str, numbers: Mapping[str, float], columns: Mapping[str, str], least: Rounding) -> list[str]:
-    """A name, and its numbers in these columns."""
+    """A row of a table: a name, and the numbers of these columns."""
     return [name, *(cell.replace("-", "−") for cell in report.cells(numbers, columns, least, digits=5))]
 
 
 def contacts_table(lines: Sequence[ContactLine], units: Units) -> report.Titled:
-    """What contacts carry and do: forces, extremes, shares of their length in each state."""
+    """The table of contacts: forces, extremes, shares of their length in each state."""
     states = [state for state in report.STATES if any(state in line.shares for line in lines)]
     labels = ("N", "T", "largest pressure", "largest |σ_T|", "largest gap", "largest |slip|")
     rows = [
@@ -188,11 +188,11 @@ def contacts_table(lines: Sequence[ContactLine], units: Units) -> report.Titled:
 
 
 def result_tables(result: ContactResult, units: Units) -> list[report.Titled]:
-    """What each contact carries and does, the resultants on edges that a condition names, plates and pins."""
+    """The tables of a result: contacts, resultants on the edge sets of conditions, plates and pins."""
     least, numbers = result.rounding, contact_numbers(result)
     about = report.with_units(("F_x", "F_y", "moment about the origin"), RESULTANT, units)
-    loaded = dict.fromkeys(each.edges for each in result.problem.conditions)
-    resultants = [_row(name, vars(result.resultant(name)), RESULTANT, least) for name in loaded]
+    edge_sets = dict.fromkeys(each.edges for each in result.problem.conditions)
+    resultants = [_row(name, vars(result.resultant(name)), RESULTANT, least) for name in edge_sets]
     plates = [_row(name, numbers[name], PLATE_COLUMNS, least) for name in result.plates]
     tables = [
         contacts_table(list(result.contacts.values()), units),
@@ -203,15 +203,15 @@ def result_tables(result: ContactResult, units: Units) -> list[report.Titled]:
 
 
 def result_html(result: ContactResult) -> Markup:
-    """How a solve ended, and its tables, which a notebook shows for a result at the end of a cell."""
-    said = [result.message, *(f"Remark: {remark}" for remark in result.remarks)]
-    lines = [Markup("<div>{}</div>").format(line) for line in said]
+    """Message, remarks and tables of a result, which a notebook shows at the end of a cell."""
+    sentences = [result.message, *(f"Remark: {remark}" for remark in result.remarks)]
+    lines = [Markup("<div>{}</div>").format(line) for line in sentences]
     tables = result_tables(result, Units()) if result.has_state else []
     return Markup("<div>{}</div>").format(Markup("").join([*lines, *map(_table_html, tables)]))
 
 
 def contact_html(line: ContactLine) -> Markup:
-    """The table of one contact, which a notebook shows for it."""
+    """The table of one contact, which a notebook shows at the end of a cell."""
     return _table_html(contacts_table([line], Units()))
 
 
@@ -221,27 +221,27 @@ def _table_html(table: report.Titled) -> Markup:
     return Markup(module.table(headings, rows))
 
 
-_PARTS: Final = (64, 48, 32, 24, 16, 8, 1)  # along the body's length: the first with few enough points is taken
+_PARTS: Final = (64, 48, 32, 24, 16, 8, 1)  # samples along the body's length, tried until at most _MOST_POINTS result
 _MOST_POINTS: Final = 9_000
-_SHORT: Final = 65_536  # so many numbers two bytes can tell apart
-_LARGEST: Final = 120_000  # points: with more the page would be too heavy to mail
-_COLOURS: Final = 33  # of a colour map
+_SHORT: Final = 65_536  # number of points that two bytes can index
+_LARGEST: Final = 120_000  # largest number of points on a page, which has to be small enough for mail
+_COLOURS: Final = 33  # samples of a colour map
 
 
 def field_data(result: ContactResult, companion: CompanionResult | None, units: Units) -> dict[str, Any] | None:
-    """Points, small triangles, stresses and displacements of a result; None where there are too many for a page.
+    """Points, small triangles, stresses and displacements of a result; None if there are too many points for a page.
 
-    Arrays are little-endian, in base64: float32, triangles as uint16 or uint32. Points are less the origin.
+    Arrays are little-endian in base64: float32, triangles uint16 or uint32. Points are relative to the mesh's origin.
     """
     from matplotlib import colormaps
 
-    for parts in _PARTS:  # as many points as a page should have, or the fewest there can be
+    for parts in _PARTS:
         samples = sample_body(result, parts)
         if len(samples.points) <= _MOST_POINTS:
             break
     if len(samples.points) > _LARGEST:
         return None
-    mesh, wide = result.problem.mesh, 2 if len(samples.points) <= _SHORT else 4
+    mesh, index_bytes = result.problem.mesh, 2 if len(samples.points) <= _SHORT else 4
     reference = samples.reference[:, None, -2:]
     moved = None if companion is None else companion.displacement_in(samples.cells, reference)[:, 0]
     largest = 0.0 if moved is None else float(np.hypot(*moved.T).max())
@@ -250,8 +250,8 @@ def field_data(result: ContactResult, companion: CompanionResult | None, units: 
         "origin": mesh.origin.tolist(),
         "size": mesh.length,
         "points": _floats(samples.points - mesh.origin),
-        "triangles": _encoded(samples.triangles.astype("<u2" if wide == 2 else "<u4")),
-        "bytes": wide,
+        "triangles": _encoded(samples.triangles.astype("<u2" if index_bytes == 2 else "<u4")),
+        "bytes": index_bytes,
         "stress": _floats(samples.stress),
         "alongZ": _floats(samples.along_z) if samples.along_z.any() else None,
         "displacement": None if moved is None else _floats(moved),
@@ -267,19 +267,19 @@ def field_data(result: ContactResult, companion: CompanionResult | None, units: 
 
 
 def contact_data(line: ContactLine, units: Units) -> dict[str, Any]:
-    """The points of a contact as its picture shows them from left to right, with seven digits of what is at them."""
+    """The points of a contact in the order of its chart, from left to right, with values of seven digits."""
     pieces = pieces_along(line)[0]
     order, places = (np.concatenate(part) for part in zip(*((piece.points, piece.s) for piece in pieces), strict=True))
     columns = {
         "pressure": -line.effective_normal_stress, "shear": line.tangential_stress,
         "bound": line.friction_bound, "gap": line.gap, "slip": line.slip,
     }  # fmt: skip
-    found: dict[str, Any] = {name: _rounded(values[order]) for name, values in columns.items()}
+    document: dict[str, Any] = {name: _rounded(values[order]) for name, values in columns.items()}
     if line.has_fluid:
-        found["fluid"] = _rounded(line.pore_pressure[order])
-    found |= {"x": line.x[order].tolist(), "y": line.y[order].tolist(), "s": places.tolist()}
-    found |= {"units": {"length": units.length, "stress": units.stress}}
-    return found | {"state": [ContactState(state).name.lower() for state in line.state[order].tolist()]}
+        document["fluid"] = _rounded(line.pore_pressure[order])
+    document |= {"x": line.x[order].tolist(), "y": line.y[order].tolist(), "s": places.tolist()}
+    document |= {"units": {"length": units.length, "stress": units.stress}}
+    return document | {"state": [ContactState(state).name.lower() for state in line.state[order].tolist()]}
 
 
 def _encoded(values: Any) -> str:
@@ -295,11 +295,11 @@ def _rounded(values: FloatArray) -> list[float | None]:
 
 
 def _segments(mesh: TriangleMesh, edges: Edges, companion: CompanionResult | None) -> dict[str, Any]:
-    """Both ends of the two halves of edges, x and y of each, and their displacements in the first cell beside."""
+    """Both halves of edges as line segments, (x, y) of their ends, and displacements there in the first cell."""
     points = np.stack(mesh.points_along(edges, np.array([0.0, 0.5, 1.0])), axis=-1)
     moved = None
     if companion is not None:
-        beside = edges.cells[:, 0]
-        moved = companion.displacement_in(beside, mesh.reference(beside, points)[..., -2:])
+        cells = edges.cells[:, 0]
+        moved = companion.displacement_in(cells, mesh.reference(cells, points)[..., -2:])
     halves = [None if values is None else _floats(values[:, [0, 1, 1, 2]]) for values in (points - mesh.origin, moved)]
     return {"points": halves[0], "displacement": halves[1]}

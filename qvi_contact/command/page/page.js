@@ -1,4 +1,4 @@
-// Draws the field of the page and answers the pointer. Nothing is loaded; all data are in the element "data".
+// Draws the field of the page and shows the values under the pointer. All data are in the element "data"; nothing is loaded.
 "use strict";
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
@@ -6,7 +6,7 @@
   const array = (text, Kind) => new Kind(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
   const show = (value) => (value === null || Number.isNaN(value) ? "–" : String(Number(value.toPrecision(4))).replace("-", "−"));
 
-  const coordinates = (x, y, size) => { // with four digits of the size of what they are on, wherever that lies
+  const coordinates = (x, y, size) => { // to four digits of the size of the body or contact, wherever the origin is
     const digits = Math.min(Math.max(4 - Math.floor(Math.log10(size)), 0), 100);
     return ["x", "y"].map((name, c) => `${name} = ${String(Number([x, y][c].toFixed(digits))).replace("-", "−")}`).join(", ");
   };
@@ -71,7 +71,7 @@
     let values = new Float32Array(count), low = 0, high = 1, colours = field.colours.cividis, scale = 0;
     let view = null, picked = new Int32Array(0), screen = new Float32Array(2 * count), queued = false;
 
-    const choose = () => { // values and the range of colours; a few much larger values, as in corners, do not set it
+    const choose = () => { // values and the range of colours, which a few much larger values, as in corners, do not change
       const [unitOf, function_] = quantities[find("quantity").value];
       values = Float32Array.from({ length: count }, (_, p) => at(function_, p));
       const sorted = Float32Array.from(values).sort(), least = sorted[0], most = sorted[count - 1];
@@ -112,7 +112,7 @@
     };
     const toScreen = (x, y, ratio) => [canvas.width / 2 + (x - view.x) * view.zoom * ratio, canvas.height / 2 - (y - view.y) * view.zoom * ratio];
 
-    const fill = (image, width, height) => { // every pixel gets the value between those of the corners around it
+    const fill = (image, width, height) => { // linear interpolation in each triangle, pixel by pixel
       const pixels = new Uint32Array(image.data.buffer), last = colours.length - 1;
       const ramp = Uint32Array.from({ length: 256 }, (_, k) => {
         const t = (k / 255) * last, first = Math.min(Math.floor(t), last - 1), share = t - first;
