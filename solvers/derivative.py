@@ -49,7 +49,7 @@ class Change:
 
 
 def change(solution: QVISolution, base: FrictionQVI, moved: FrictionQVI, sign: float = 1.0) -> Change:
-    """The one-sided derivative of a solution is_shear the data from `base` towards `moved`, for sign −1 away from it.
+    """The one-sided derivative of a solution along the data from `base` towards `moved`, for sign −1 away from it.
 
     The problem of the solution has the matrices of `base`, and `moved` has the same N, T, W and A. `InputError` if
     there are more than `LARGEST` contact points, or no derivative exists.
@@ -87,9 +87,8 @@ def change(solution: QVISolution, base: FrictionQVI, moved: FrictionQVI, sign: f
     is_shear, side = kind > 0, np.array([0.0, 1.0, -1.0])[kind]
     by_normal, limit = np.where(is_shear, slope[point], 1.0), np.where(is_shear, limit[point], 0.0)
     multiplier_sign, is_active = (
-        np.where(is_shear, side, 1.0),
-        np.vstack([is_open, is_slip_side | is_equation])[kind, point],
-    )
+        np.where(is_shear, side, 1.0), np.vstack([is_open, is_slip_side | is_equation])[kind, point],
+    )  # fmt: skip
     H_C = by_normal[:, None] * condensed.compliance[point] + side[:, None] * condensed.compliance[m + point]
     columns = np.where(is_shear, m + point, point)
     M = H_C[:, columns] * multiplier_sign

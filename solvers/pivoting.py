@@ -10,7 +10,7 @@ and every bound is a row of the slacks w = limit − H σ ≥ 0, with xᵀw = 0:
 so that w = q + M x with q = limit − H σ_bonded, M = H C F. There is no outer iteration, since |σ_N| = −σ_N is linear.
 At bilateral points with friction the sign of σ_N is guessed, and guessed again from the solution until it stays.
 
-A vertex is exact where the admissible set has no interior, as an interior point method needs it: a contact touches
+A vertex is exact even if the admissible set has no interior, which an interior point method needs: a contact touches
 without pressure, equilibrium alone excludes any pressure, or only one traction is admissible. The number of pivots of a
 dense table is about that of the points that slip or open. So pivoting comes first on small contacts (`LARGEST`), and
 starts from the state `initial` if it is given. With large friction the path may end in a ray although there is a

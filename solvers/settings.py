@@ -95,7 +95,7 @@ class FixedPointOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class UzawaOptions:
-    """Options of the Uzawa procedure."""
+    """Options of the Uzawa procedure; by default at most 100 000 iterations."""
 
     rule: str = "accumulating"
     """Uzawa: "accumulating", or "printed" as in the paper, see `solvers.uzawa`: `rule = "printed"`."""

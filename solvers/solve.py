@@ -219,7 +219,7 @@ ATTEMPTS: Final = (
     Way("uzawa", (uzawa,), serves=lambda _: False),
 )
 """Methods in the order in which they are tried until a certificate passes. If the first entry fails, only `attempts`
-shows it; the messages then call the second the first."""
+shows it: messages do not mention it."""
 
 
 class Search:

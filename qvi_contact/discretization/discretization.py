@@ -97,7 +97,7 @@ class Discretization(PicklesFields):
         ]
         temperatures = self.problem.temperature, *(region.temperature or 0.0 for region in self.problem.regions)
         if any(map(acts, temperatures)) and not any(material.expansion for material in self.problem.materials):
-            remarks.append("The temperature has no effect, as no material has an expansion: give one, or leave it out.")
+            remarks.append("The temperature has no effect: no material has an expansion. Give it, or no temperature.")
         remarks += [
             f"The potential of the body force {name!r} is a constant, {field:g} [stress]: it has no force. The "
             "potential of a weight is ρ g y."
@@ -159,8 +159,7 @@ class Discretization(PicklesFields):
         """The same problem, with the mean stress of the bonded state as unit if the present unit is far too large.
 
         In the bonded state contacts neither open nor slip. `Scales` cannot foresee every load, such as an obstacle that
-        drags the body along by friction. Stresses far below the unit would be lost in the tolerances of solvers and
-        certificate.
+        drags the body along by friction. Solvers and certificate would not resolve stresses far below the unit.
         """
         if not 0.0 < self.qvi.bonded_state.rough_stress < _TOO_SMALL or self.qvi.bonded_state.error > _UNRELIABLE:
             return self
@@ -289,7 +288,7 @@ def _contact_matrices(
     edges = [rows.points.edges for rows in contacts]
 
     def made() -> ContactMatrices:
-        # rows of σ_N at the Gauss points of all contacts, then of σ_T; E Y are those of the rule
+        # rows of σ_N at the Gauss points of all contacts, then of σ_T; E Y are the rows of `rule`
         Y = supports.basis.rows(supports.space.trace_rows(edges, rule.points))
         r = Y.shape[0]
         if are_few(r, r):  # E is block diagonal, with the same block V⁻¹ for every edge

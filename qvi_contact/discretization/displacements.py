@@ -9,8 +9,7 @@ coefficients. Derivatives along the two reference axes are combinations of diffe
 so that a translation, however large, causes no rounding. Cells share coefficients on edges that are not joints. A
 vertex on a joint has one coefficient for each block there. Degree of freedom 2 k + c is component c of coefficient k.
 
-A cell with arcs as sides is a smooth image of the reference triangle. With its corners X and the arc γ of a side from
-corner a to b,
+A cell with arcs is a smooth image of the reference triangle. With its corners X and the arc γ from corner a to b,
 
     x(λ) = Σ λ_i X_i + Σ_sides λ_a λ_b q(λ_b − λ_a),   τ (1 − τ) q(2τ − 1) = γ(τ) − (1 − τ) X_a − τ X_b
 

@@ -5,8 +5,7 @@ On one triangle with the shared degrees of freedom u and the interior ones v
     ½ ∫ c(σ + φI):(σ + φI) dx = ½ (u, v)ᵀK(u, v) + l·(u, v) + e.
 
 Its minimum over v, at v = −K_vv⁻¹ (K_vu u + l_v), is ½ uᵀSu + s·u + e' with the Schur complement S. The energy of an
-affine function is zero. With the differences w of u to the affine function that has the value and gradient of Φ in the
-first corner,
+affine function is zero. With the differences w of u to the affine function with Φ and ∇Φ of the first corner,
 
     Φ_k − Φ₀ − (x_k − x₀)·∇Φ₀,   ∇Φ_k − ∇Φ₀   in the corners k = 1, 2,   and the coefficients on edges,
 

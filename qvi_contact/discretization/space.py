@@ -137,8 +137,7 @@ class Functionals(NamedTuple):
 class Differences:
     """The map u (N,) ↦ w (n, k): in each triangle, the differences of Φ to the affine function of its first corner.
 
-    Energies are rows on w. To apply them, first w is computed, then the rows are applied: so large numbers cancel in
-    the subtraction only.
+    Rows of energies act on w, which is computed first: so large numbers cancel in the subtraction only.
     """
 
     corners: Functionals  # (n, 6, 9): the differences of Φ, Φ_x, Φ_y in the second and third corner

@@ -397,7 +397,7 @@ def lines(problem: ContactProblem, bodies: Bodies) -> tuple[Line, ...]:
 
 def _pieces(vertices: FloatArray, arc: Edges) -> Iterator[tuple[Frame, FloatArray]]:
     """Frames and positions of the ends of pieces of an arc, each of which turns by `_TURN` at most."""
-    turn = np.abs(np.diff(angles(arc.bend, np.linspace(0.0, 1.0, _SAMPLES + 1)))).max() * _SAMPLES  # if all turned so
+    turn = np.abs(np.diff(angles(arc.bend, np.linspace(0.0, 1.0, _SAMPLES + 1)))).max() * _SAMPLES
     count = max(1, math.ceil(turn / _TURN))
     length = float(arc.length[0]) / count
     for piece in range(count):

@@ -6,8 +6,7 @@ the slip that needs opening, at the places of the line:
     w − μ s ≥ 0   or   w − μ a ≥ 0,  0 ≤ a ≤ s,          R(v) = Σ_l (∫ bound ds · s_l − ∫ (t_max − c)⁺ a ds)
 
 Supports, tied and bilateral lines are equations. Their null space is computed first, so that many nearly dependent
-equations of one line do no harm. Of the solver's answer only v is used: works, resistance and violations are computed
-from v again.
+equations of one line do no harm. The solver's answer gives v only: works, resistance and violations follow from v.
 
 In `docs/theory.md`: (D23).
 """
@@ -137,8 +136,7 @@ def find_mechanism(problem: ContactProblem) -> Mechanism | None:
     """The mechanism that proves that no stress carries the loads; None if there is none.
 
     Of all mechanisms it has the largest driving work over resisting work. None means that contact tractions exist that
-    carry the loads on rigid blocks, up to 1e-8 of the loads. Coulomb friction may still fail earlier, since its slip is
-    not associated.
+    carry the loads on rigid blocks, up to 1e-8 of them. Coulomb friction may fail earlier: its slip is not associated.
 
     Raises
     ------
@@ -156,8 +154,7 @@ def upper_bound(problem: ContactProblem, loads: Sequence[str]) -> tuple[float, M
     """The largest multiple of the named loads that rigid blocks carry, and the mechanism of this limit.
 
     No stress of the body carries more, on any mesh. The multiple is infinite, without a mechanism, if the loads can
-    grow without limit. It is minus infinity if no multiple can be carried, by a mechanism on which the named loads do
-    no work.
+    grow without limit. It is minus infinity if a mechanism on which the named loads do no work excludes all multiples.
     """
     rigid = Rigid(problem)
     named = [name for name in dict.fromkeys(loads) if name in rigid.works]

@@ -55,7 +55,7 @@ class Database:
     tables: Sequence[str]
     """The SQL statements that create the tables."""
     rows: str
-    """Name of the table of results. A file in which it is empty is replaced, as of a run that failed at once."""
+    """Name of the table of results. A file without results is replaced, as of a run that failed at once."""
 
     @contextmanager
     def writing(self, path: Path, fill: Callable[[sqlite3.Connection], object]) -> Iterator[sqlite3.Connection]:
@@ -141,10 +141,7 @@ class Database:
         """Lock a file, which need not exist yet, for all other runs."""
         target = path.resolve()
         lock = target.with_name(f"{target.name}.lock")
-        with (
-            self.explained(path),
-            closing(sqlite3.connect(lock, timeout=0.0, isolation_level=None)) as connection,
-        ):
+        with self.explained(path), closing(sqlite3.connect(lock, timeout=0.0, isolation_level=None)) as connection:
             connection.execute("PRAGMA journal_mode = MEMORY")  # SIGKILL would leave a journal file behind
             connection.execute("BEGIN EXCLUSIVE")
             yield

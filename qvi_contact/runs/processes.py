@@ -1,15 +1,13 @@
 """Work in processes with limits, on this machine or on the machines of a Dask cluster.
 
-A run has *orders*, the cases to compute. Each order ends with an *outcome*: a value or a failure. A failed order does
-not affect the others.
+A run has *orders*, the cases to compute. Each order ends with an *outcome*, a value or a failure, on its own.
 
 The *job* is common to all orders of a run: a callable without arguments, which is called once in each process. It
 returns information about the process, which is part of every outcome, and the function that computes an order. Job,
 orders and values are pickled; their functions are in modules that the process can import as this one does.
 
-On a cluster each thread of a Dask worker has a process of its own, as on this machine. So limits and failures are the
-same there, and an order that ends its process does not end Dask's. If a worker of the cluster is lost, its orders go to
-another worker, three times at most.
+On a cluster each thread of a Dask worker has its own process, as on this machine. So limits and failures are the same,
+and an order that ends its process does not end Dask's. Orders of a lost worker go to another, three times at most.
 """
 
 from __future__ import annotations
@@ -106,8 +104,7 @@ class NotLoadedError(QVIError):
 class Process:
     """A worker process for a pickled job, started when needed, and replaced if it was lost; used by one thread.
 
-    It leads a process group: all that its orders have started ends with it. It ends with its parent, however the parent
-    ends.
+    It leads a process group: all that its orders have started ends with it. It ends whenever its parent ends.
     """
 
     def __init__(self, job: bytes, limits: Limits) -> None:

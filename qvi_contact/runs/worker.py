@@ -1,7 +1,6 @@
 """A worker process: loads a job, then does its orders one after the other. Started by `processes`, not by hand.
 
-It imports little, so that it starts quickly. Output of libraries goes to standard error, from which the parent takes
-the last line of a process that crashed.
+It imports little, to start quickly. Libraries print to standard error; the parent quotes the last line of a crash.
 """
 
 from __future__ import annotations
@@ -123,8 +122,7 @@ def end_group() -> None:
 def _end_with(lifeline: int) -> None:
     """End this process group when the parent ends, which closes the lifeline, a pipe to which nobody writes.
 
-    On Linux the kernel sends SIGKILL then, also while a library does not return control to Python. On other systems a
-    thread waits for the end of the pipe.
+    On Linux the kernel then sends SIGKILL, even while a library keeps control. Elsewhere a thread waits for the end.
     """
     if sys.platform == "linux":
         fcntl.fcntl(lifeline, fcntl.F_SETSIG, signal.SIGKILL)

@@ -1,8 +1,7 @@
 """Results on a contact: tractions, gap and slip, the state of each point, and the law's excess between points.
 
 Gap and slip are the multipliers divided by the weights. Between the Gauss points the discrete problem does not impose
-the law. There tractions and data of the law are interpolated by polynomials, and checked at the ends and `SAMPLES` of
-every edge.
+the law. There tractions and data of the law are interpolated, and checked at the ends and `SAMPLES` of every edge.
 """
 
 from __future__ import annotations
@@ -62,8 +61,7 @@ class ContactState(IntEnum):
 class ContactLine:
     """One contact in the solution; arrays over its m Gauss points, edges in the mesh's order.
 
-    An edge has p − 1 points, with p the degree of the Airy function. On edges that are arcs normals and tangents are
-    those of the arc at each point.
+    An edge has p − 1 points, with p the degree of the Airy function. On arcs normals and tangents turn with the arc.
 
     On a joint u is the displacement of the lower or left block less that of the other one. The gap is the opening of
     the joint, the slip the motion of the lower or left block along the tangent relative to the other. Tractions and
@@ -82,8 +80,7 @@ class ContactLine:
     friction_bound: FloatArray
     """Bound min(c + μ|σ_N'|, t_max) of |σ_T| (m,) [stress]; infinity if tied."""
     normal_stress: FloatArray
-    """σ_N (m,) [stress], ≤ 0 under pressure; of either sign if bilateral or tied. The pressure of a fluid is part of
-    it."""
+    """σ_N (m,) [stress], ≤ 0 under pressure; of either sign if bilateral or tied. It includes a fluid's pressure."""
     tangential_stress: FloatArray
     """σ_T (m,) [stress], component of the traction on the body along the tangent: +x (horizontal contact) or +y
     (vertical), t_x > 0 on slanted edges; on closed joints −y (vertical)."""
@@ -192,8 +189,7 @@ class ContactLine:
 
         One row a point, with the columns "s" (length along the contact, line by line), "x", "y", "weight", "friction",
         "friction_bound", "normal_stress", "pore_pressure", "tangential_stress", "gap", "slip" as described above, and
-        "state", a categorical of "open", "stick", "slip", "closed". With units the names of columns end in them, as in
-        "slip [mm]".
+        "state", a categorical of "open", "stick", "slip", "closed". With units column names end in them: "slip [mm]".
         """
         names, path = [state.name.lower() for state in ContactState], self.path
         order = path.points(self.points_per_edge).ravel()
@@ -247,8 +243,7 @@ def contact_states(
     * else slip if b − t < v + tolerance, and v or t is above the tolerance: the slip outweighs the slack of the bound;
     * else stick.
 
-    The tolerance, 1e-6, is above the error of a solution certified at 1e-8. Exactly between two states either answer is
-    right.
+    The tolerance, 1e-6, is above the error of a solution certified at 1e-8. Exactly between two states both are right.
 
     With the law at points, at most one of p and d, and one of b − t and v, is not zero, and the rule says which. With
     Bernstein coefficients the law holds for each coefficient. At the points of an edge in which a zone ends, both may
@@ -343,9 +338,8 @@ def between_points(rows: ContactRows, normal: FloatArray, tangential: FloatArray
 
 # The order of a contact's edges and points along the lines that they form, and lengths along these lines.
 #
-# Edges are numbered in the mesh's order, and each tangent has t_x > 0 on its own. So neither gives the order along a
-# curved contact. A path does: each line begins at its end of smallest x (and y), a closed line at its point of smallest
-# x.
+# Edges are numbered in the mesh's order, and each tangent has t_x > 0. So neither gives the order along a curved
+# contact. A path does: each line begins at its end of smallest x (and y), a closed line at its point of smallest x.
 
 
 @dataclass(frozen=True, eq=False)

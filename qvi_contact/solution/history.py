@@ -97,8 +97,7 @@ class History:
         """One row for each step and contact as a pandas table, with units and errors as `ContactResult.to_frame`.
 
         Columns are "step" (from 1), "status", "contact", the columns of `ContactResult.forces_frame`, with the slip of
-        the step, and "dissipated", the energy lost in friction on all contacts in the step. Steps without a state have
-        no rows.
+        the step, and "dissipated", its energy lost in friction on all contacts. Steps without a state have no rows.
         """
         rows = [
             {"step": number, "status": str(step.status), "contact": name, **numbers, "dissipated": lost}

@@ -85,7 +85,7 @@ class Energies:
     """∫_{Γ_u} U·σn ds + ∫_{Γ_μ} (g σ_N' + w σ_T) ds − ∫ ε⁰:σ dx, work of the prescribed displacements and initial
     strains; g and w with the given motions of plates."""
     complementary: float
-    """strain − load, which the stress minimises over all admissible stresses with this friction bound."""
+    """strain − load, which the stress minimises over all admissible stresses with the friction bound held fixed."""
     dissipation: float
     """−∫ σ_T (u_T − w) ds = Σ m_T σ_T over the contact rows, the work lost in friction. The multipliers m_T of the rows
     obey the friction law exactly, so that this is ≥ 0 to the accuracy of the certificate; with the projected `slip` it
@@ -117,8 +117,7 @@ class ContactResult(PicklesFields):
     Without a stress state (infeasible problem, failed back end) fields and contacts raise `InputError`. An infeasible
     problem has no state, even if an iteration left one; it has a `mechanism` as its proof.
 
-    `remarks`, `undetermined_motions` and `bracket` call the functions of these names in `solution.remarks` and
-    `bracket`, on first use.
+    `remarks`, `undetermined_motions`, `bracket` call the functions of `solution.remarks` and `bracket` on first use.
     """
 
     discretization: Discretization
@@ -198,7 +197,7 @@ class ContactResult(PicklesFields):
 
     @cached_property
     def mechanism(self) -> Mechanism | None:
-        """The motion of rigid blocks that proves that no mesh carries the load; None if the status is another."""
+        """Motion of rigid blocks that proves that no stress, on any mesh, carries the load; None unless infeasible."""
         if self.status is not Status.INFEASIBLE:
             return None
         from qvi_contact.mechanism import find_mechanism  # few results need it
@@ -264,7 +263,7 @@ class ContactResult(PicklesFields):
 
     @property
     def uniqueness(self) -> Uniqueness:
-        """What `bracket` tells about other solutions: how far the exact problem's may be from each other."""
+        """How far another solution of the exact problem can be from this one, as far as `bracket` bounds that."""
         return self.bracket.uniqueness
 
     def gauss_stress(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -318,8 +317,7 @@ class ContactResult(PicklesFields):
     def resultant(self, edges: str) -> Resultant:
         """Resultant of the computed tractions σn on a named edge set, joint or contact.
 
-        On a joint it is the force on the lower or left block; on a joint around a block, such as a circle, on the block
-        inside.
+        On a joint it is the force on the lower or left block; if a joint encloses a block, on this block.
         """
         mesh, scales = self.problem.mesh, self.discretization.scales
         named = {contact.name: contact.edges for contact in self.problem.contacts}

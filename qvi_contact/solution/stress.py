@@ -111,8 +111,7 @@ def stress_rounding(discretization: Discretization, u: FloatArray) -> float:
     """Largest change of stresses by rounding the degrees of freedom u (N,), dimensionless, from a sample.
 
     Stresses are second differences of u. So rounding of u changes stresses in a cell of size h by a share ε (L/h)².
-    Every entry is changed by ±ε of its size, at random, and stresses are compared in the `_MOST_CELLS` cells of least
-    area.
+    Every entry is changed by ±ε of its size, at random, and stresses are compared in the `_MOST_CELLS` smallest cells.
     """
     space = discretization.space
     cells = np.argsort(space.triangles.areas, kind="stable")[:_MOST_CELLS]

@@ -197,9 +197,8 @@ def solve_sweep(
 ) -> Sweep | StoredSweep:
     """Solve a problem for several values of one of its data.
 
-    Each value is a separate problem, without a memory of slip; matrices and starts are reused to save time. Where
-    Coulomb's law has several solutions, the one found may depend on the value before: sort the values in the order in
-    which the body would be loaded.
+    Each value is a separate problem, without a memory of slip; matrices and starts are reused to save time. If there
+    are several solutions, the one found may depend on the value before: sort the values as the body would be loaded.
 
     With a `store` no result is kept. A row of numbers for each value and contact is on the disk as soon as the value
     is done, so that memory does not grow with the number of values. The same call continues an interrupted sweep. A

@@ -106,7 +106,7 @@ def is_farkas(qvi: FrictionQVI, y: Vector, nu: Vector) -> bool:
 def check_feasibility(qvi: FrictionQVI) -> Feasibility:
     """Whether the load can be carried: by `refuted`, else by Clarabel, whose claims `is_farkas` checks.
 
-    If the rows σ_N ≤ 0 alone cannot be met, the proof has no multipliers on friction: the load is tension.
+    If the rows σ_N ≤ 0 alone cannot be met, the proof has no multipliers on friction, which is then not the reason.
     """
     rows = AdmissibleRows.of(qvi)
     if not qvi.n:  # C is empty if a row 0 ≤ h fails, and the multiplier 1 of that row proves it

@@ -1,4 +1,4 @@
-"""The interface of all factorisations: K with its interior eliminated, and the dense Schur complement on the interface.
+"""What all factorisations have: K with its interior eliminated, and the dense Schur complement on the interface Γ.
 
 In `docs/theory.md`: (D3).
 """

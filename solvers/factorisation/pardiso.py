@@ -123,7 +123,7 @@ _REASONS: Final[dict[int, tuple[Reason, str]]] = {
 }
 _MATRIX: Final = 1  # mnum: number of the matrix of a handle, here the only one
 _PHASE, _COLUMNS, _ERROR = 3, 5, 7  # positions among the integer arguments
-_LARGEST_NARROW: Final = int(np.iinfo(np.int32).max)  # number of entries from which 64-bit integers are needed
+_LEAST_WIDE: Final = int(np.iinfo(np.int32).max)  # number of entries from which 64-bit integers are needed
 _PROBES: Final = 2
 _SINGULAR: Final = 0.1 / float(np.finfo(np.float64).eps)
 
@@ -222,7 +222,7 @@ class _Handle:
         mkl = library()
         if mkl is None:
             raise FactorisationError("backend", "pardiso", "MKL does not load")
-        size, is_wide = len(starts) - 1, len(columns) >= _LARGEST_NARROW
+        size, is_wide = len(starts) - 1, len(columns) >= _LEAST_WIDE
         integer: type[np.signedinteger[Any]] = np.int64 if is_wide else np.int32
         self._mkl, self._threads, self._pardiso = mkl, threads, mkl.pardiso_64 if is_wide else mkl.pardiso
         self.values = np.ascontiguousarray(values)

@@ -163,7 +163,7 @@ class FrictionQVI(PicklesFields):
         traces: TractionFactor | None = None,
         places: Matrix | None = None,
     ) -> FrictionQVI:
-        """The problem with these arrays and matrices, dense or sparse; the parts have their meaning.
+        """The problem with these arrays and matrices, dense or sparse, which the classes of the parts describe.
 
         They are checked, with `InputError`, and converted to float64 (sparse matrices to csc).
         """

@@ -24,7 +24,7 @@ _SOLVED, _FAILED = 0, 4
 _NOTHING: Vector = np.zeros(0)
 _LONGEST: Final = 300.0  # seconds
 _LARGEST_SIMPLEX: Final = 4000  # rows up to which the simplex method is faster
-_MOST_STEPS: Final = 2000  # of the interior point method with crossover; 11 to 250 are usual, more mean cycling
+_MOST_STEPS: Final = 2000  # of the interior point method with crossover; 11 to 250 are usual, cycling has no end
 
 
 class Answer(NamedTuple):
