@@ -97,7 +97,7 @@ class Discretization(PicklesFields):
         ]
         temperatures = self.problem.temperature, *(region.temperature or 0.0 for region in self.problem.regions)
         if any(map(acts, temperatures)) and not any(material.expansion for material in self.problem.materials):
-            remarks.append("The temperature has no effect: no material has an expansion. Give it, or no temperature.")
+            remarks.append("The temperature has no effect: no material has an expansion. Give one, or no temperature.")
         remarks += [
             f"The potential of the body force {name!r} is a constant, {field:g} [stress]: it has no force. The "
             "potential of a weight is ρ g y."

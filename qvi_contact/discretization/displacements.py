@@ -416,7 +416,7 @@ def supports(
 
     Data disagree if they differ by more than `least` times their size. Edges of one line, bent by rounded coordinates,
     count as parallel: two slightly different normals would hold the vertices of an oblique side in both directions.
-    So do sides of contacts with friction that a support meets: in the corner it holds all of their slip, or none.
+    So do sides of contacts with friction beside a support, which then holds all of their slip in the corner, or none.
     """
     p, unit, reasons, jumps = space.degree, scales.displacement, list[str](), list[str]()
     width = 2 * (p + 1)  # entries of a row: the coefficients on an edge

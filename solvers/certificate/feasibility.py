@@ -6,7 +6,7 @@ Every solution of (D2) has σ_N ≤ 0 at unilateral points, hence mu |σ_N| = �
       = { z : A z = b,  G z ≤ h }.
 
 At bilateral points the first row is missing, and, if mu > 0, the second too, as it is not convex there. If C is empty,
-the QVI has no solution. The proof are multipliers (Farkas) y ≥ 0, ν with Gᵀy + Aᵀν = 0 and hᵀy + bᵀν < 0, which this
+the QVI has no solution. Its proof: multipliers (Farkas) y ≥ 0, ν with Gᵀy + Aᵀν = 0 and hᵀy + bᵀν < 0, which this
 module checks on the data. They are the multipliers of a linear program, the least t ≥ 0 with A z = b and G z ≤ h + t,
 if t > 0. Otherwise, or if the program is not solved, a quadratic program looks for the point of C with the least
 Σ K_ii (z_i − (z_b)_i)², z_b the bonded state. On large meshes that takes a hundredth of the time of the point of least
