@@ -40,7 +40,7 @@ error. Slips count up to the same limit: an error ε S of σ_T then weighs at mo
 
 **Rounding.** On strongly graded meshes the rounding of z itself, ε|R||z| in stresses, may exceed the tolerance. If |ρ|
 is above 1e-9 √(2 E_b), this rounding is subtracted from |ρ|, up to 1e-6 √(2 E_b), and reported as the scale "rounding"
-in units of √(2 E_b). The energy is then accurate to the square of it; single stresses in the smallest cells are not.
+in units of √(2 E_b). The energy is then accurate to its square; single stresses in the smallest cells are not.
 
 **Signs and dual energy.** σ_N > 0 is tension, m_N = W λ_N ≥ 0 an open gap, m_T has the sign of σ_T where the point
 slips. The dual energy is taken at max(m_N, 0):

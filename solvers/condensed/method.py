@@ -160,7 +160,7 @@ class CondensedRun:
         """Two iterations from the state `initial`, if it is given; back to the usual start if their steps are short."""
         start = self.options.initial
         if not (isinstance(start, Start) and start.fits(self.qvi) and self.problem.weights.size):
-            return
+            return  # without bounds all starts are alike
         interior, usual_y = self.interior, self.interior.point.y
         start_near(interior, self.problem.restricted(self.space.coordinates(start.z)), start)
         self.near = self.is_warm = all(self._warm_step() >= least for least in _LEAST_WARM_STEPS)

@@ -157,9 +157,9 @@ def nested_dissection(places: Matrix | None, starts: IntVector, columns: IntVect
     The second array has the starts in it of all undivided parts and separators, and n. Without places graph distances
     from a few unknowns take their role.
 
-    A part is halved across the longer side of its bounding box. The separator consists of the unknowns of one half with
-    links to the other half, of the half with fewer of these. It comes last; on a grid it is a line. Then each half is
-    halved again, all parts of a level at once.
+    A part is halved across the longer side of its bounding box. In each half some unknowns have links to the other one;
+    the half with fewer of these gives them to the separator, which comes last; on a grid it is a line. Then each half
+    is halved again, all parts of a level at once.
 
     Source: A. George, Nested dissection of a regular finite element mesh, SIAM J. Numer. Anal. 10 (1973).
     """
