@@ -5,8 +5,7 @@ On an arc from a to b, of length ℓ and with the turning tangent τ, the tracti
     d∇Φ/ds = Φ_ττ τ + Φ_τμ μ,   σ_N = Φ_ττ,   σ_T = −(n·μ) Φ_τμ,   μ = (−τ_y, τ_x)
 
 N_k, Q_k are the Legendre coefficients of Φ_ττ and Φ_τμ over the arc's length, as on straight edges: a constant
-pressure has one coefficient. N_0, Q_0 and N_1 are set so that the polynomials have the resultant force and moment that
-follow from ∇Φ and Φ in the corners,
+pressure has one coefficient. N_0, Q_0, N_1 give the polynomials the resultant force and moment of Φ, ∇Φ in the corners,
 
     ℓ ∫ (N τ + Q μ) dt = ∇Φ_b − ∇Φ_a,   ℓ ∫ (N τ + Q μ)·(x_m − x) dt = Φ_b − Φ_a − (b − a)·(∇Φ_a + ∇Φ_b)/2
 

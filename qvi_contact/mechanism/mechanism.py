@@ -74,9 +74,8 @@ class ContactMotion:
 class Mechanism(PicklesFields):
     """Small rigid motions of the blocks that the contact laws admit; the largest displacement is 1 [length].
 
-    Slip opens a contact with friction by at least μ times the slip (the associated law). On such a motion admissible
-    tractions do at most the work `resistance` against it. If the loads do more work, no stress in equilibrium with them
-    obeys the contact laws, on any mesh.
+    Slip opens a contact with friction by at least μ times the slip (associated law). Admissible tractions do the work
+    `resistance` against it at most. If the loads do more, no stress in equilibrium, on any mesh, obeys the laws.
     """
 
     blocks: IntArray

@@ -320,8 +320,7 @@ def contact_line(
 def between_points(rows: ContactRows, normal: FloatArray, tangential: FloatArray) -> tuple[float, float]:
     """Largest (|σ_T| − bound)⁺ and (σ_N')⁺ along a contact, from σ_N' and σ_T at its Gauss points (m,), dimensionless.
 
-    The bound is that of the pressure at each place; tension on a unilateral contact counts as zero pressure, and is the
-    second number. Both are zero for a tied contact.
+    The bound is that of the pressure there; tension on a unilateral contact is no pressure. Both are 0 if tied.
     """
     if rows.law == "tied":
         return 0.0, 0.0
