@@ -207,9 +207,7 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
 
 def _toml_line(table: Mapping[str, Any]) -> str:
     """Keys and values on one line, inner tables in braces, as in a problem file."""
-    inner = {
-        name: f"{{ {_toml_line(value)} }}" if isinstance(value, Mapping) else value for name, value in table.items()
-    }
+    inner = {key: f"{{ {_toml_line(value)} }}" if isinstance(value, Mapping) else value for key, value in table.items()}
     return ", ".join(f"{name} = {value}" for name, value in inner.items())
 
 

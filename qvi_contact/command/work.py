@@ -203,10 +203,8 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     lines, units, reasons = report.limit_lines(loads, limit_load, refinement), problem_file.units, {}
     remarks = _time_remark(problem_file)
     if limit_load.upper == math.inf:
-        small = (
-            "Smaller multiples, even 1, may be too small to hold the body, and under Coulomb friction it may slide at"
-        )
-        remarks.append(f"{small} any multiple: check a load by qvi-contact solve.")
+        small = "Smaller multiples, even 1, may be too small to hold the body, and under Coulomb friction it may slide"
+        remarks.append(f"{small} at any multiple: check a load by qvi-contact solve.")
     lines += remarks
     if limit_load.mechanism is None and limit_load.collapse is None:
         reasons["plot"] = "there is no mechanism to draw in"

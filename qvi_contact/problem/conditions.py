@@ -262,7 +262,7 @@ class Contact(Checked):
     resultants of the total stress: contact pressure plus fluid pressure: `plate = { force_y = -10.0 }`."""
     pore_pressure: Field = field(default=0.0, metadata=key(kind=Varying(0.0), tied=False, symbol="p_w", unit="stress"))
     """Given pressure p_w ≥ 0 of a fluid in the contact [stress], such as uplift under a dam. It acts whether the
-    contact is open or closed, but not on a tied contact: `pore_pressure = "0.01 * (40 - y)"`."""
+    contact is open or closed. A tied contact takes none: `pore_pressure = "0.01 * (40 - y)"`."""
     normal_stiffness: Field | None = field(default=None, metadata=key(kind=_STIFF, symbol="k_N", unit="stiffness"))
     tangential_stiffness: Field | None = field(default=None, metadata=key(kind=_STIFF, symbol="k_T", unit="stiffness"))
     """Stiffness k_N or k_T of springs along the edges [stress/length], such as a bed or a compliant joint. The law,

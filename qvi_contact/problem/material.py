@@ -173,8 +173,8 @@ class Material(Checked):
     plane: Plane = "stress"
     """Plane stress or plane strain, κ = 0 or 1 in the compliance: `plane = "strain"`."""
     strength: Strength | None = None
-    """Yield criterion for limit analysis; without it the material carries any stress. `solve` ignores it: `strength = {
-    law = "tresca", c = 1.0 }`."""
+    """Yield criterion for limit analysis; without it the material carries any stress. `solve` stays elastic:
+    `strength = { law = "tresca", c = 1.0 }`."""
     expansion: Annotated[float, Scalar()] = 0.0
     """Coefficient of thermal expansion α [1/temperature], see `ContactProblem.temperature`: `expansion = 1.2e-5`."""
     shrinkage: Field = 0.0
