@@ -97,8 +97,7 @@ class BodyForces(PicklesFields):
     """Several body forces by name: a potential φ = Σ φ_name [stress] whose parts limit loads and sweeps can multiply.
 
     Each part is a number or a function of (x, y): the weight has the potential ρ g y, an acceleration a along x the
-    potential −ρ a x. `InputError` if there is no part, a name is not a text or is taken, or a part is no number and no
-    function.
+    potential −ρ a x. `InputError` if there is no part, a name is no text or is taken, or a part is anything else.
     """
 
     parts: Mapping[str, Any] = field(hash=False)

@@ -77,8 +77,7 @@ class ContactProblem(PicklesFields):
     conditions: Sequence[Condition]
     """One condition for every component of every boundary edge."""
     body_potential: Field = 0.0
-    """Potential φ of the body force b = −∇φ [stress]; under gravity φ = ρ g y. `BodyForces` hold several potentials by
-    name."""
+    """Potential φ of the body force b = −∇φ [stress]; φ = ρ g y under gravity. `BodyForces` hold several by name."""
     regions: Sequence[Region] = ()
     """Parts of the body with another material; where two overlap, the later one counts."""
     temperature: Field = 0.0
