@@ -160,9 +160,8 @@ def _check_given(result: object, units: object) -> None:
 
 
 def element_of(discretization: Discretization) -> dict[str, Any]:
-    """Name, degree and contact rows of the element, for documents."""
-    space = discretization.space
-    return {"name": FAMILY, "degree": space.degree, "law_on": discretization.rule.law_on}
+    """Name and degree of the element, and where the contact law holds, for documents."""
+    return {"name": FAMILY, "degree": discretization.space.degree, "law_on": discretization.rule.law_on}
 
 
 def _quantity(value: float | np.floating[Any], unit: str) -> dict[str, Any]:

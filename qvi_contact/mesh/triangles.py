@@ -372,8 +372,7 @@ class TriangleMesh(MeshParts, PicklesFields):
             chosen = checked_set(name, where, self.topology, self.vertices)
         if not len(chosen) or not allowed[chosen].all():
             raise InputError(name, where, f"no {'interior' if inside else 'boundary'} edge lies there: check the set")
-        pairs = ends[chosen]
-        return self._renamed({**self.edge_sets, name: pairs}, self.regions)
+        return self._renamed({**self.edge_sets, name: ends[chosen]}, self.regions)
 
     def _renamed(self, edge_sets: Mapping[str, IntArray], regions: Mapping[str, IntArray]) -> TriangleMesh:
         """The same mesh with other edge sets and regions; nothing is checked again."""

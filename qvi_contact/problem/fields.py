@@ -67,8 +67,7 @@ class Polynomial:
             raise InputError("Polynomial", self.coefficients, remedy)
         if max([len(rows), *map(len, rows)]) > _MAX_POWERS:
             raise InputError("Polynomial", self.coefficients, f"give powers of x and y below {_MAX_POWERS}")
-        coefficients = tuple(tuple(row.tolist()) for row in rows)
-        object.__setattr__(self, "coefficients", coefficients)
+        object.__setattr__(self, "coefficients", tuple(tuple(row.tolist()) for row in rows))
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y)."""

@@ -205,9 +205,8 @@ class ContactProblem(PicklesFields):
             title, edges = type(condition).__name__, self.mesh.edges(condition.edges)
             index = self.mesh.topology.outer.searchsorted(edges.number)
             for (kind, name), value in data.items():
-                direction = direction_of(name, edges)
-                description = f"{title}.{name}", index, edges, direction, name in LOCAL, value
-                prescribed[kind].append(Prescribed(condition, *description))
+                frame = direction_of(name, edges), name in LOCAL
+                prescribed[kind].append(Prescribed(condition, f"{title}.{name}", index, edges, *frame, value))
         return {kind: tuple(each) for kind, each in prescribed.items()}
 
 
