@@ -160,9 +160,8 @@ def _check_given(result: object, units: object) -> None:
 
 
 def element_of(discretization: Discretization) -> dict[str, Any]:
-    """Name, degree and contact rows of the element, for documents."""
-    space = discretization.space
-    return {"name": FAMILY, "degree": space.degree, "law_on": discretization.rule.law_on}
+    """Name and degree of the element, and where the contact law holds, for documents."""
+    return {"name": FAMILY, "degree": discretization.space.degree, "law_on": discretization.rule.law_on}
 
 
 def _quantity(value: float | np.floating[Any], unit: str) -> dict[str, Any]:
@@ -249,7 +248,7 @@ def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | N
     _check_given(result, units)
     if not result.contacts:
         raise InputError("vtk", str(path), "there is no contact to write")
-    parts, segments, contact_numbers, n_points = list[_Data](), [], [], 0
+    parts, segments, segment_contacts, n_points = list[_Data](), [], [], 0
     for index, (rows, line) in enumerate(zip(result.discretization.contacts, result.contacts.values(), strict=True)):
         normal, tangent = rows.points.normals, rows.points.tangents  # they turn along arcs
         bound = np.where(np.isfinite(line.friction_bound), line.friction_bound, np.nan)
@@ -270,11 +269,12 @@ def write_contacts_vtu(path: str | Path, result: ContactResult, units: Units | N
         is_continued = (stops == starts[next_edge]).all(axis=1)
         segments.append(n_points + np.column_stack([order[:, :-1].ravel(), order[:, 1:].ravel()]))
         segments.append(n_points + np.column_stack([order[is_continued, -1], order[next_edge[is_continued], 0]]))
-        contact_numbers.append(np.full(len(segments[-2]) + len(segments[-1]), index))
+        segment_contacts.append(np.full(len(segments[-2]) + len(segments[-1]), index))
         n_points += len(line.x)
     points = np.concatenate([np.column_stack([line.x, line.y]) for line in result.contacts.values()])
     data = {name: (np.concatenate([part[name][0] for part in parts]), of) for name, (_, of) in parts[0].items()}
-    _write_grid(path, points, np.concatenate(segments), data, {"contact": (np.concatenate(contact_numbers), "")}, units)
+    cell_data: _Data = {"contact": (np.concatenate(segment_contacts), "")}
+    _write_grid(path, points, np.concatenate(segments), data, cell_data, units)
 
 
 def write_collapse_vtu(
@@ -282,14 +282,13 @@ def write_collapse_vtu(
 ) -> None:
     """Write the collapse of a yielding body at its limit load, for ParaView.
 
-    The problem has the mesh of the analysis, as `LimitRefinement.problem`; the limit is the result of
-    `limit_load_factor`. Path, units and errors are those of `write_vtu`; `InputError` too if the body does not yield or
-    has no limit load.
+    The problem has the mesh of the analysis, as `LimitRefinement.problem`. Path, units and errors are those of
+    `write_vtu`; `InputError` too if the body does not yield or has no limit load.
 
     Each of the three parts of a triangle is cut into 9. Point data: "stress" at `LimitLoad.lower`, with xx, yy, 0, xy,
-    0, 0 as components of VTK's symmetric tensors; "velocity", x, y, 0, of the mechanism that proves `LimitLoad.upper`,
-    with a largest coefficient of 1. Cell data: "dissipation" per area of each triangle, with a maximum of 1, "gap", its
-    contribution to upper − lower, "material", and "cell", its number.
+    0, 0 as components of VTK's symmetric tensors; "velocity", x, y, 0, of the plastic flow that proves
+    `LimitLoad.upper`, with a largest coefficient of 1. Cell data: "dissipation" per area of each triangle, with a
+    maximum of 1, "gap", its contribution to upper − lower, "material", and "cell", its number.
     """
     _check_vtu(path)
     from qvi_contact.limit.split import part_corners  # only needed for bodies that yield

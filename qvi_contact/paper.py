@@ -1,11 +1,9 @@
 """The plate between two rough rigid plates of Więckowski (1992), section 5, as the algebraic problem (D2).
 
-This module follows the paper. For your own bodies take `qvi_contact.solve`: its triangles are far more accurate with
-the same number of unknowns.
+For your own bodies take `qvi_contact.solve`: its triangles are far more accurate with as many unknowns.
 
 The quarter [0, a] × [0, h] has symmetry on x = 0 and y = 0, a free side x = a, and contact on y = h with a rigid plate
-that is moved down by U. Stresses are those of an Airy function of Bogner-Fox-Schmit elements, (3.1) without volume
-forces:
+that is moved down by U. An Airy function of Bogner-Fox-Schmit elements has, without volume forces, the stresses (3.1)
 
     σ_xx = Φ_yy,    σ_yy = Φ_xx,    σ_xy = −Φ_xy.
 
@@ -177,8 +175,7 @@ class QuarterPlate:
     def tractions(self, z: FloatArray, t: FloatArray = GAUSS_POINTS) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Arrays x, σ_N, σ_T at the points t (q,) in [0, 1] of every edge of the contact, shape (nx, q) each.
 
-        Lengths and stresses are in the units of the data. σ_N is linear and σ_T quadratic on an edge; σ_T acts on the
-        body along +x.
+        They are in units of the data. On an edge σ_N is linear, and σ_T, which acts on the body along +x, quadratic.
         """
         x = self._splines[0].points(t) * self.length_unit
         normal, shear = ((self._contact(t, component) @ z).reshape(x.shape) for component in (1, 2))

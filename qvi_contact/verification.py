@@ -246,8 +246,7 @@ def verify_result(result: ContactResult, tolerance: float | None = None) -> Veri
 
     A proof that the load cannot be carried is checked too; any other result without stresses fails. The tolerance of
     the certificate, in (0, 1), is by default that of the solve, which must not be looser than
-    `solvers.solution.LOOSEST`. Claimed numbers must agree with recomputed ones to `AGREEMENT`, up to rounding of the
-    unknowns.
+    `solvers.solution.LOOSEST`. Numbers must agree with recomputed ones to `AGREEMENT` and rounding of the unknowns.
 
     `InputError` if the argument is not a result, the tolerance is out of range, or the shape of the multipliers does
     not fit the problem. The steps of a `History` are verified one by one.
@@ -300,11 +299,11 @@ def verify_file(path: str | Path, tolerance: float | None = None) -> Verificatio
 
 
 def _rows(
-    result: ContactResult, recomputed: ContactResult, claims: Mapping[str, Any] | None, given_tolerance: float | None
+    result: ContactResult, remade: ContactResult, claims: Mapping[str, Any] | None, given_tolerance: float | None
 ) -> Iterator[Check]:
     """All checks but the first: of a result and the fields it claims, against the recomputed result."""
-    yield _status(result, recomputed)
-    certificate, tolerance, solution = recomputed.certificate, recomputed.certificate.tolerance, recomputed.solution
+    yield _status(result, remade)
+    certificate, tolerance, solution = remade.certificate, remade.certificate.tolerance, remade.solution
     if given_tolerance is None:
         yield _limit_check(
             "tolerance", tolerance, LOOSEST, "Tolerance of the certificate: the one of the solve.",
@@ -312,7 +311,7 @@ def _rows(
         )  # fmt: skip
     if result.status.impossible:
         farkas = solution.farkas
-        is_proved = _evidence(recomputed) is not None and (farkas is None or is_farkas(solution.problem, *farkas))
+        is_proved = _evidence(remade) is not None and (farkas is None or is_farkas(solution.problem, *farkas))
         yield Check(
             "proof", "holds" if is_proved else "does not", None, is_proved,
             "A mechanism, computed again: rigid motions of the blocks on which the loads do more work than contacts "
@@ -333,7 +332,7 @@ def _rows(
     if not result.has_state:
         return
     if claims is not None:
-        yield from _agreements(claims, recomputed)
+        yield from _agreements(claims, remade)
     stress = certificate.scales.get("stress", 1.0)
     stored, bound = result.solution.threshold, solution.problem.threshold(solution.problem.pressure(solution.z))
     change = np.abs(stored - bound) if np.shape(stored) == bound.shape else np.inf
@@ -342,12 +341,12 @@ def _rows(
         "Difference of the stored friction bound from that of the computed pressure, over the largest traction.",
     )  # fmt: skip
     yield _limit_check(
-        "prescribed resultants", missed_tractions(recomputed), AGREEMENT,
+        "prescribed resultants", missed_tractions(remade), AGREEMENT,
         "Forces of the prescribed tractions on their edges: equilibrium with the loads.",
     )  # fmt: skip
 
-    if recomputed.discretization.rule.law_on == "edges":  # the law must hold along whole edges
-        lines, unit = recomputed.contacts.values(), stress * recomputed.discretization.scales.stress
+    if remade.discretization.rule.law_on == "edges":  # the law must hold along whole edges
+        lines, unit = remade.contacts.values(), stress * remade.discretization.scales.stress
         excess = max((max(line.excess_between_points, line.pull_between_points) for line in lines), default=0.0)
         yield _limit_check(
             "between points", excess / unit if excess else 0.0, _BOUND_FACTOR * tolerance,
@@ -360,9 +359,9 @@ def _limit_check(name: str, value: float, limit: float, meaning: str, worry: str
     return Check(name, float(value), limit, bool(value <= limit), meaning, worry)
 
 
-def _agreements(claims: Mapping[str, Any], recomputed: ContactResult) -> Iterator[Check]:
+def _agreements(claims: Mapping[str, Any], remade: ContactResult) -> Iterator[Check]:
     """Number of fields that are only claimed or only computed, and the largest difference in each group of fields."""
-    computed_fields, units = field_arrays(recomputed), _units(recomputed)
+    computed_fields, units = field_arrays(remade), _units(remade)
     names = sorted(claims.keys() ^ computed_fields.keys())
     listed = ", ".join(names[:_NAMES_SHOWN]) + (", …" if len(names) > _NAMES_SHOWN else "")
     yield _limit_check(
@@ -370,7 +369,7 @@ def _agreements(claims: Mapping[str, Any], recomputed: ContactResult) -> Iterato
         f"Not as expected: {listed}.",
     )  # fmt: skip
     worst: dict[str, tuple[float, str]] = {}  # by group: the largest difference and its field
-    frictionless = {f"{contact.name}.state" for contact in recomputed.problem.contacts if is_frictionless(contact)}
+    frictionless = {f"{contact.name}.state" for contact in remade.problem.contacts if is_frictionless(contact)}
     for name in (name for name in computed_fields if name in claims):
         claimed, computed = np.asarray(claims[name]), np.asarray(computed_fields[name])
         contact, _, field = name.rpartition(".")
@@ -382,7 +381,7 @@ def _agreements(claims: Mapping[str, Any], recomputed: ContactResult) -> Iterato
             close = claimed <= computed + _BETWEEN_POINTS * unit
             claimed = np.where((claimed > computed) & close, computed, claimed)
         if quantity == "length" and claimed.shape == computed.shape and claimed.dtype.kind == "f":
-            coordinates = recomputed.problem.mesh.vertices[:, int(field.endswith("y"))]  # taken from their minimum
+            coordinates = remade.problem.mesh.vertices[:, int(field.endswith("y"))]  # taken from their minimum
             corner, rounding = coordinates.min(), _COORDINATE_ROUNDING * float(np.abs(coordinates).max())
             claimed, computed = claimed - corner, computed - corner
         label = f"{contact}: {group}" if contact else group
@@ -396,16 +395,16 @@ def _agreements(claims: Mapping[str, Any], recomputed: ContactResult) -> Iterato
         yield _limit_check(label, value, 0.0 if is_count else AGREEMENT, meaning)
 
 
-def _units(again: ContactResult) -> dict[str, tuple[float, float]]:
+def _units(remade: ContactResult) -> dict[str, tuple[float, float]]:
     """Unit of each quantity, 0 to scale by its entries only, and the effect of the unknowns' rounding on it."""
-    scales, certified, qvi = again.discretization.scales, again.certificate.scales, again.solution.problem
+    scales, certified, qvi = remade.discretization.scales, remade.certificate.scales, remade.solution.problem
     stress = certified.get("stress", 1.0) * scales.stress
-    z = np.abs(again.solution.z)
+    z = np.abs(remade.solution.z)
     largest = max(float((abs(rows) @ z).max(initial=0.0)) for rows in (qvi.N, qvi.T))
     rounding = _TRACTION_ROUNDING * scales.stress * largest
     return {
         "": (0.0, 0.0),
-        "length": (again.problem.mesh.length, 0.0),  # longer side of the body's box
+        "length": (remade.problem.mesh.length, 0.0),  # longer side of the body's box
         "stress": (stress, rounding),
         "force": (stress * scales.length, rounding * scales.length),
         "displacement": (certified.get("displacement", 1.0) * scales.displacement, 0.0),
@@ -413,14 +412,14 @@ def _units(again: ContactResult) -> dict[str, tuple[float, float]]:
     }
 
 
-def _status(result: ContactResult, recomputed: ContactResult) -> Check:
+def _status(result: ContactResult, remade: ContactResult) -> Check:
     """Check that the status follows from the certificate at the tolerance of the solve."""
     claimed, status, word = result.certificate, result.status, result.status.words
     valid = {name: value for name, value in claimed.measures.items() if value >= 0.0}  # not NaN
     claimed = replace(claimed, measures=dict.fromkeys(EXPONENTS, np.inf) | valid)
-    certificates = claimed, replace(recomputed.certificate, tolerance=claimed.tolerance)
+    certificates = claimed, replace(remade.certificate, tolerance=claimed.tolerance)
     if status.impossible:
-        is_consistent = _evidence(recomputed) is not None
+        is_consistent = _evidence(remade) is not None
     elif status is Status.SOLVED:
         is_consistent = all(each.passed for each in certificates)
     else:
@@ -435,6 +434,6 @@ def _status(result: ContactResult, recomputed: ContactResult) -> Check:
     )  # fmt: skip
 
 
-def _evidence(recomputed: ContactResult) -> object:
+def _evidence(remade: ContactResult) -> object:
     """The proof of an impossible status: a mechanism, computed again; for the mesh only, Farkas' multipliers."""
-    return recomputed.mechanism if recomputed.status is Status.INFEASIBLE else recomputed.solution.farkas
+    return remade.mechanism if remade.status is Status.INFEASIBLE else remade.solution.farkas

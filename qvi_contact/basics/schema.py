@@ -530,7 +530,7 @@ def in_toml(remedy: str) -> str:
 
 @contextmanager
 def located(path: str, known: Iterable[str] | None = None) -> Iterator[None]:
-    """Put `path` before the path of errors raised in the block; with `known`, the latter is its last part if known."""
+    """Put `path` before the field of errors in the block; with `known`, only the field's last part stays, if known."""
     try:
         yield
     except InputError as error:

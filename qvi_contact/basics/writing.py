@@ -1,7 +1,6 @@
 """Files written completely or not at all, archives of arrays read within limits, and templates of HTML pages.
 
-A regular file is replaced by renaming and keeps its mode. Links are followed; devices and pipes are written to. Pages
-load no other files.
+A regular file is replaced by renaming and keeps its mode; links are followed, devices and pipes are written to.
 """
 
 from __future__ import annotations

@@ -68,7 +68,7 @@ def _option(name: str, text: str = "") -> _Decorator:
     else:
         declared = Settings if name in keys_of(Settings) else RefineOptions
         kind, default = keys_of(declared)[name].kind, defaults_of(declared)[name]
-        help_text = described(declared).get(name, "").rpartition(": `")[0]  # empty under python -OO
+        help_text = described(declared).get(name, "").rpartition(": `")[0]  # empty without source code
         help_text += "." if help_text else ""
         if default is not None:
             help_text += f"  [default: {default}]"
@@ -167,16 +167,14 @@ def _put_off(*names: str) -> None:
 def solve() -> None:
     """Solve the problem in FILE: forces, states, certificate.
 
-    Options override [solve] in the file. After --time-limit seconds the result is the best state found so far, with the
-    status time_limit.
+    Options override [solve] in the file. After --time-limit seconds the result is the best state, status time_limit.
 
     A file with a [history] is solved step by step. The picture shows forces and loops, other files the last step. With
     --store each step is kept as soon as it is done.
 
     --set, or a [sweep] in the file, solves for several values; files are written for the last one. A single value of a
     constant replaces that in the file, also together with a history or another --set. For thousands of values give
-    --store: each value becomes a row of forces and states as soon as it is done. --workers or --dask solve values in
-    parallel.
+    --store: each value becomes a row of forces and states as soon as it is done. --workers or --dask work in parallel.
 
     --report writes one page. The energy bounds on it, and the displacements in the file of --vtk, need a second solve
     by displacement elements, which takes at most --time-limit seconds. The bounds of a load step hold for that step
@@ -329,7 +327,9 @@ def limit() -> None:
     click.option(
         "--of", metavar="NAME", multiple=True, help='Contact, region or "body" to weaken; may be given several times.'
     ),
-    click.option("--accuracy", type=float, default=1e-3, show_default=True, help="Relative width at which each search ends."),
+    click.option(
+        "--accuracy", type=float, default=1e-3, show_default=True, help="Relative width at which each search ends."
+    ),
     "degree time_limit verbose json",
 )
 def safety() -> None:

@@ -177,7 +177,7 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
         yield (
             f"material: E = {material['young']:g} {units.stress}, ν = {material['poisson']:g}, "
             f"plane {material['plane']}, {material['cells']} cells"
-            + "".join(f", {_toml_line({name: value})}" for name, value in material.items() if name not in _ELASTIC)
+            + "".join(f", {_toml({name: value})}" for name, value in material.items() if name not in _ELASTIC)
         )
     if outline["temperature"] != 0.0:
         yield f"temperature: {outline['temperature']}"
@@ -185,7 +185,7 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
         data = {name: value for name, value in condition.items() if name not in _HIDDEN and value != "unilateral"}
         data |= data.pop("plate", {})
         place = f"{condition['kind']} on {condition['edges']} ({condition['length']:g} {units.length})"
-        yield f"{place}: {_toml_line(data)}" if data else place
+        yield f"{place}: {_toml(data)}" if data else place
     for name in outline["whole"]:
         yield f"inner line {name}: no contact, so the body holds together there"
     for load in outline["loads"]:
@@ -205,10 +205,10 @@ def outline_lines(outline: Mapping[str, Any], units: Units) -> Iterator[str]:
     yield from (f"remark: {remark}" for remark in outline["remarks"])
 
 
-def _toml_line(table: Mapping[str, Any]) -> str:
+def _toml(table: Mapping[str, Any]) -> str:
     """Keys and values on one line, inner tables in braces, as in a problem file."""
-    inner = {key: f"{{ {_toml_line(value)} }}" if isinstance(value, Mapping) else value for key, value in table.items()}
-    return ", ".join(f"{name} = {value}" for name, value in inner.items())
+    texts = {name: f"{{ {_toml(value)} }}" if isinstance(value, Mapping) else value for name, value in table.items()}
+    return ", ".join(f"{name} = {value}" for name, value in texts.items())
 
 
 def shares(share_of: Mapping[str, float], states: Iterable[str]) -> list[str]:

@@ -11,7 +11,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from functools import cache
+from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -203,8 +203,10 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     lines, units, reasons = report.limit_lines(loads, limit_load, refinement), problem_file.units, {}
     remarks = _time_remark(problem_file)
     if limit_load.upper == math.inf:
-        small = "Smaller multiples, even 1, may be too small to hold the body, and under Coulomb friction it may slide"
-        remarks.append(f"{small} at any multiple: check a load by qvi-contact solve.")
+        small = (
+            "Multiples such as 1 may be too small to hold the body. Under Coulomb friction it may slide at any multiple"
+        )
+        remarks.append(f"{small}: check a load by qvi-contact solve.")
     lines += remarks
     if limit_load.mechanism is None and limit_load.collapse is None:
         reasons["plot"] = "there is no mechanism to draw in"
@@ -221,10 +223,8 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
 
         write_text(path, limit_page(problem_file, problem, limit_load, lines))
 
-    def flow(path: str) -> None:
-        export.write_collapse_vtu(path, problem, limit_load, units)
-
-    complete = _write_files(targets, {"plot": plot, "vtk": flow, "report": page}, reasons)
+    vtk = partial(export.write_collapse_vtu, problem=problem, limit=limit_load, units=units)
+    complete = _write_files(targets, {"plot": plot, "vtk": vtk, "report": page}, reasons)
     document = {"loads": list(loads), **report.limit_document(limit_load, refinement), "remarks": remarks}
     click.echo(_json_text(document) if as_json else "\n".join([*lines, *proof_lines]))
     is_missed = refinement is not None and refinement.status != "reached"
@@ -558,9 +558,9 @@ def _write_all(
 def _write_files(
     targets: Mapping[str, str], writers: Mapping[str, Callable[[str], None]], reasons: Mapping[str, str]
 ) -> bool:
-    """Write files by option, with a message for each that cannot be written; returns whether all others were.
+    """Write files by option, with a message for each that is not written; returns whether no writing failed.
 
-    `reasons` has the options for which there is nothing to write, and why; they count as no failure.
+    `reasons` has the options for which there is nothing to write, and why: that is no failure.
     """
     complete = True
     for option, path in targets.items():

@@ -250,8 +250,7 @@ def _interpolations(points: int) -> tuple[FloatArray, ...]:
 def adapted(function: Function, count: int, points: int = 8, rounding: FloatArray | None = None) -> EdgeQuadrature:
     """Quadrature of a function on `count` edges with `points` Gauss points on each part.
 
-    A polynomial of degree below `points` needs one part per edge. `rounding` (n,) is the rounding error of t on each
-    edge, 0 by default.
+    A polynomial of degree below `points` needs one part per edge. `rounding` (n,), 0 by default: error of t on edges.
     """
     if not count:
         return constant(0.0, 0, points)

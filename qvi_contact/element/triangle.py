@@ -61,10 +61,7 @@ def gradient(degree: int, slopes: FloatArray) -> FloatArray:
 
 @cache
 def quadrature(degree: int) -> tuple[FloatArray, FloatArray]:
-    """Points λ (n, 3) and weights (n,) with sum 1, exact for polynomials up to the degree.
-
-    Product of Gauss-Legendre and Gauss-Jacobi points; the latter by Golub and Welsch (1969).
-    """
+    """Points λ (n, 3), weights (n,) of sum 1, exact to the degree: Gauss-Legendre × -Jacobi (Golub and Welsch 1969)."""
     count = degree // 2 + 1
     along, weights_along = leggauss(count)
     k = np.arange(1.0, count + 1.0)

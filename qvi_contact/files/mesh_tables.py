@@ -285,12 +285,10 @@ class ArcTable:
         """The curve that the edges of this table follow in the mesh."""
         if self.bends is not None:
             edges = np.array(self.edges, dtype=np.int64).reshape(-1, 2)
-            curve = Curve(edges, checked_bends("bends", self.bends, len(edges)))
-            return curve.checked("", mesh.topology)
+            return Curve(edges, checked_bends("bends", self.bends, len(edges))).checked("", mesh.topology)
         if self.name is not None:
             return self.curve(mesh.pairs(self.name), mesh.vertices)
-        edge_numbers = checked_set("edges", self.edges or [], mesh.topology)
-        return self.curve(mesh.topology.ends[edge_numbers], mesh.vertices)
+        return self.curve(mesh.topology.ends[checked_set("edges", self.edges or [], mesh.topology)], mesh.vertices)
 
     def curve(self, pairs: IntArray, vertices: FloatArray) -> Curve:
         """The circle or ellipse of this table along edges, given by pairs of vertices (k, 2)."""

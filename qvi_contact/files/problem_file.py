@@ -156,7 +156,7 @@ class Document:
     edges: tuple[EdgesTable, ...] = ()
     """Named parts of the boundary, see `[[edges]]`: `edges = [{ name = "base", side = "bottom", stop = 0.5 }]`."""
     joints: tuple[JointTable, ...] = ()
-    """Lines inside with a contact, see `[[joints]]`: `joints = [{ name = "a", segment = [[0, 1], [2, 1]] }]`."""
+    """Lines inside, each with a contact, see `[[joints]]`: `joints = [{ name = "a", segment = [[0, 1], [2, 1]] }]`."""
     material: Material
     """The body's material, see `[material]`: `material = { young = 2.1e5, poisson = 0.3 }`."""
     regions: Annotated[tuple[Region, ...], schema.Tables(Region, None)] = ()

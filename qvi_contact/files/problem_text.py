@@ -177,7 +177,7 @@ def keys(table: type) -> Iterator[Key]:
         defaults |= schema.defaults_of(kind)
         texts |= schema.described(kind)
     for name, field in file_keys(table).items():
-        match = re.fullmatch(r"(.+): `\w+ = ([^`]+)`\.", texts.get(name, ""))  # no match under python -OO
+        match = re.fullmatch(r"(.+): `\w+ = ([^`]+)`\.", texts.get(name, ""))  # no match without source code
         meaning, example = (match[1], f"{name} = {match[2]}") if match is not None else ("", "")
         value = defaults.get(name)
         shown = str(value).lower() if isinstance(value, bool) else list(value) if isinstance(value, tuple) else value

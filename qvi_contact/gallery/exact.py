@@ -325,8 +325,7 @@ def jointed_slope(
 
     `rows` is the number of bedding planes, and of blocks along the face. `crest` is the length of the crest in columns,
     below `rows`; a column is as wide as the run of the face between two bedding planes. The angle β [°] is `dip`, from
-    5 to 60. The water weighs `crack_water` times 10 kN/m³; with 0 the crack is dry. `friction` and `cohesion` [kPa] are
-    those of all joints.
+    5 to 60. The water weighs `crack_water` times 10 kN/m³. All joints have this `friction` and `cohesion` [kPa].
 
     With the weight W above the lowest plane, its length L, the depth z of the crack, and the thrust V = γ_w z²/2 of the
     water, everything above that plane slides at the multiple α of V with

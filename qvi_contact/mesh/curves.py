@@ -205,9 +205,9 @@ _POINTS: Final = 32  # Gauss points of an edge, and coefficients of its bend bef
 _COMPARED: Final[FloatArray] = np.linspace(0.03, 0.97, 21)  # fractions of an edge where it is compared with the curve
 _NEWTON_STEPS: Final = 8  # for the parameter as a function of the arc length
 _CLOSED: Final = 1e-9  # a curve is closed if its ends are this close, relative to its size
-_EXACT: Final = 1e-12  # distance of an edge from its curve, relative to the chord, that is rounding
-_RESOLVED: Final = 1e-2  # × `_EXACT`: smaller coefficients of a curve are rounding; derivatives enlarge it
-_KEPT_COEFFICIENT: Final = 0.2  # × `_EXACT`: trailing coefficients of a bend that are smaller are dropped
+_EXACT: Final = 1e-12  # least tolerance: distance of an edge from its curve, relative to the chord, that is rounding
+_RESOLVED: Final = 1e-2  # × tolerance × chord: smaller coefficients of a curve are rounding; derivatives enlarge it
+_KEPT_COEFFICIENT: Final = 0.2  # × tolerance: trailing coefficients of a bend that are smaller are dropped
 _ROUNDING: Final = 64.0 * np.finfo(float).eps  # × coordinates: rounding of the differences behind an angle
 
 

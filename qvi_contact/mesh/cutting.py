@@ -197,8 +197,8 @@ def fanned(mesh: MeshParts, vertices: IntArray, angle: float, layers: int) -> Me
         n_layers = 0
         while n_layers < layers or angles_at(mesh, vertex)[1].max() > angle:
             mesh = _cut_across(mesh, vertex)
-            opposite, angles = angles_at(mesh, vertex)
-            mesh = _halved(mesh, np.unique(mesh.topology.number(opposite[angles > angle])))
+            opposite, at_vertex = angles_at(mesh, vertex)
+            mesh = _halved(mesh, np.unique(mesh.topology.number(opposite[at_vertex > angle])))
             n_layers += 1
     return divided_at_arcs(mesh)
 
@@ -235,7 +235,7 @@ def _bisected(mesh: MeshParts, marked: IntArray) -> MeshParts:
     is_halved[sides[marked]] = True
     is_longest = lengths >= (1.0 - _EQUAL) * lengths.max(axis=1, keepdims=True)
     is_alone, count = is_longest.sum(axis=1, keepdims=True) == 1, 0
-    while count < (count := int(is_halved.sum())):
+    while count < (count := int(is_halved.sum())):  # it only grows
         halved_sides = is_halved[sides]
         to_halve = np.where(is_alone, is_longest, (halved_sides & is_longest).sum(axis=1, keepdims=True) != 1)
         is_halved[sides[to_halve & halved_sides.any(axis=1, keepdims=True)]] = True

@@ -350,7 +350,7 @@ def closes(edges: Edges) -> bool:
 
 
 def led_around(edges: Edges) -> Edges:
-    """Edges of a joint; on a closed joint every t becomes n turned clockwise, so that t runs around the block."""
+    """Edges of a joint; on a closed joint t is n turned clockwise, so that one slip all around turns the block."""
     return _reversed(edges, closes(edges) & (cross(edges.normal, edges.tangent) > 0.0))
 
 

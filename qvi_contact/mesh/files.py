@@ -5,9 +5,9 @@ elements such as T3D2 for curves, and groups in .med files. VTK files have no na
 and points without a triangle are left out, so sides are straight.
 
 Files of Gmsh, formats 2.2 and 4.1, text or binary, and of Abaqus are read here, the others by meshio. In Abaqus files
-meshio keeps only the last of several blocks of nodes, may assign sets of elements to the wrong block, and loses
-included files and sets. Every count in a Gmsh file is compared with the bytes that are left, so no wrong count makes a
-large array. Sections that a mesh does not need (periodic nodes, fields, views) are skipped.
+meshio keeps only the last of several blocks of nodes, may assign sets of elements to the wrong block, and loses what
+included files, and sets within sets, hold. Every count in a Gmsh file is compared with the bytes that are left, so that
+no wrong count makes a large array. Sections that a mesh does not need (periodic nodes, fields, views) are skipped.
 """
 
 import io
@@ -50,8 +50,7 @@ _VERSIONS: Final = {"2": "2.2", "2.1": "2.2", "2.2": "2.2", "4.1": "4.1"}  # kno
 def read_mesh(path: str | Path) -> MeshParts:
     """Vertices, triangles, and named curves and surfaces of a mesh file.
 
-    `InputError` if meshio is missing, the file cannot be read, it has cells other than triangles and quadrilaterals, or
-    the body is not plane.
+    `InputError` if meshio is missing, or the file cannot be read, is not plane or has other than 3- and 4-sided cells.
     """
     path = given_path("mesh", path)
     mesh = _read(path)

@@ -293,8 +293,7 @@ _LIBRARIES: Final = "apt-get install libgl1 libglu1-mesa libxcursor1 libxfixes3 
 def meshed(shape: Polygons) -> MeshParts:
     """The body as triangles, with edge sets by the names of its lines and regions.
 
-    `InputError` if gmsh or a system library it needs is missing, gmsh cannot divide the body, or an inner line leaves
-    it.
+    `InputError` if gmsh or a library it needs is missing, gmsh cannot divide the body, or an inner line leaves it.
     """
     try:
         gmsh = load("gmsh")

@@ -181,7 +181,7 @@ def between(start: IntArray, stop: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def in_circles(points: FloatArray, centres: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
-    """All pairs (circle (k,), point (k,)) of a circle and a point in it, in order; `ASLANT` gives candidates."""
+    """Pairs (circle (k,), point (k,)) of a circle and a point in it, in order; candidates by projection on `ASLANT`."""
     position, centre = ((each - points[0]) @ ASLANT for each in (points, centres))
     order = position.argsort()
     ordered = position[order]

@@ -136,8 +136,7 @@ class TriangleMesh(MeshParts, PicklesFields):
 
         `edges` names parts of the boundary, `joints` lines inside the body along which a `Contact` may hold. Each is a
         pair of grid nodes ((x, y), (x, y)) between which the edges lie, or a function of (x, y) for midpoints of edges,
-        as in `with_edges`. A region consists of the cells between two lines (x₁, x₂) and two lines (y₁, y₂); None is
-        the whole range.
+        as in `with_edges`. A region is the cells between two lines (x₁, x₂) and two lines (y₁, y₂); None is all.
 
         Diagonals run away from the middle of the grid: from lower left to upper right in the lower left and upper right
         quarters, from upper left to lower right in the others. So the triangles of a symmetric body are symmetric if
@@ -171,8 +170,7 @@ class TriangleMesh(MeshParts, PicklesFields):
 
         Arcs must be declared in both bodies, see `with_arc`; otherwise their sides are chords and the bodies overlap.
         The vertices of the two sides need not match: those of each side are put into the other, and triangles are cut.
-        Sets with the same name are united. A named part of the boundary loses its edges in the joint, unless all of
-        them are in the joint.
+        Sets with the same name are united. A named part of the boundary loses its edges in the joint, unless all are.
         """
         if not (isinstance(meshes, Sequence) and meshes and all(isinstance(mesh, TriangleMesh) for mesh in meshes)):
             raise InputError("meshes", meshes, "give a list of TriangleMesh")
@@ -209,8 +207,7 @@ class TriangleMesh(MeshParts, PicklesFields):
 
         Each hole has its corners; `Corner.circle` makes a round one. `joints` are lines inside the body by name, along
         which a `Contact` may hold. A line ends at its last corner. It is closed if its last corner repeats the first,
-        or if an arc begins at the last corner, as in `Corner.circle`. The triangles inside a closed line in `regions`
-        are a region.
+        or if an arc begins at the last corner, as in `Corner.circle`. `regions` are triangles inside closed lines.
         """
         parts = meshed(polygons(corners, size, holes, joints, regions, sizes))
         try:
@@ -375,8 +372,7 @@ class TriangleMesh(MeshParts, PicklesFields):
             chosen = checked_set(name, where, self.topology, self.vertices)
         if not len(chosen) or not allowed[chosen].all():
             raise InputError(name, where, f"no {'interior' if inside else 'boundary'} edge lies there: check the set")
-        pairs = ends[chosen]
-        return self._renamed({**self.edge_sets, name: pairs}, self.regions)
+        return self._renamed({**self.edge_sets, name: ends[chosen]}, self.regions)
 
     def _renamed(self, edge_sets: Mapping[str, IntArray], regions: Mapping[str, IntArray]) -> TriangleMesh:
         """The same mesh with other edge sets and regions; nothing is checked again."""
@@ -440,7 +436,7 @@ class TriangleMesh(MeshParts, PicklesFields):
     def _boxes(self) -> tuple[FloatArray, FloatArray]:
         """Lower left and upper right corners (m, 2) of boxes around the triangles, with their arcs [length]."""
         arc_lengths = self.chords * np.where(self.bends.any(axis=1), stretches(self.bends), 0.0)
-        margin = arc_lengths[self.topology.of_cells].max(axis=1, keepdims=True) / 2.0  # from an end of an arc
+        margin = arc_lengths[self.topology.of_cells].max(axis=1, keepdims=True) / 2.0  # largest distance from an end
         return self.corners.min(axis=1) - margin, self.corners.max(axis=1) + margin
 
     def locate(self, points: ArrayLike) -> IntArray:
@@ -460,7 +456,7 @@ class TriangleMesh(MeshParts, PicklesFields):
         outside it whose `reference` coordinates are at least −`beyond`.
         """
         low, high = self._boxes
-        margin = 2.0 * beyond * (high - low)  # how far coordinates of at least −β may lie outside
+        margin = 2.0 * beyond * (high - low)  # points with coordinates of at least −`beyond` are no farther outside
         (left, below), (right, above) = (low - margin).T, (high + margin).T
         finite = np.flatnonzero(np.isfinite(points).all(axis=1))
         order = finite[points[finite, 0].argsort()]
@@ -522,7 +518,7 @@ class TriangleMesh(MeshParts, PicklesFields):
     def refined(self, marked: ArrayLike | None = None) -> TriangleMesh:
         """The same body with marked triangles, numbers (k,) or a mask (m,), halved in size, and neighbours as needed.
 
-        By default all are marked. A triangle that is too flat for its arc is divided further. Names are kept.
+        All are marked by default. A marked triangle is cut in four, further if too flat for its arc. Names are kept.
         """
         return TriangleMesh(*cutting.bisected(self, marked).given)
 

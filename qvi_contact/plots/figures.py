@@ -290,9 +290,9 @@ def history_figure(
     abscissa = None if times is None else real_array("times", times)
     forces: dict[str, list[tuple[float, float]]] = {}
     last = None
-    for last_number, step in enumerate(history.steps, 1):
+    for number, step in enumerate(history.steps, 1):
         if step.has_state:
-            last = last_number, step
+            last = number, step
             for name, line in step.contacts.items():
                 forces.setdefault(name, []).append(line.forces)
     loops = {} if last is None else _loops(history, last[1].problem)

@@ -302,8 +302,7 @@ class _Sketch:
 
     def condition(self, condition: Condition) -> None:
         """Draw the symbols of one condition, by the method of its class."""
-        drawn = getattr(self, type(condition).__name__.lower())
-        drawn(condition, self._runs(condition))
+        getattr(self, type(condition).__name__.lower())(condition, self._runs(condition))
 
     def traction(self, condition: Traction, pieces: Sequence[Run]) -> None:
         values, ranges = self._ranges(condition, pieces)

@@ -83,7 +83,7 @@ class Piece:
 
     @property
     def with_ends(self) -> FloatArray:
-        """Places of the points between those of both ends (k + 2,)."""
+        """Places (k + 2,) of one end, the points in order, and the other end."""
         return np.concatenate([self.ends[:1], self.s, self.ends[1:]])
 
     def extended(self, values: FloatArray) -> FloatArray:

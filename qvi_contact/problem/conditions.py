@@ -76,8 +76,7 @@ class Traction(_ByComponents):
     """Name of an edge set of the mesh: `edges = "right"`."""
     x: Field | None = None
     y: Field | None = None
-    """Cartesian component of the traction that acts on the body [stress]; without it another condition has to give the
-    component: `x = 0.0`."""
+    """Cartesian component of the traction on the body [stress]; if left out, another condition gives it: `x = 0.0`."""
     name: Name = field(default="", metadata=key(like="edges"))
     """Name of this load in a limit analysis; the edge set's name by default: `name = "thrust"`."""
     normal: Field | None = field(default=None, kw_only=True)
@@ -94,8 +93,7 @@ class Displacement(_ByComponents):
     """Name of an edge set of the mesh: `edges = "top"`."""
     x: Field | None = None
     y: Field | None = None
-    """Cartesian component of the displacement [length]; without it another condition has to give the component:
-    `x = "-1e-3 * t"`."""
+    """Cartesian component of the displacement [length]; if left out, another condition gives it: `x = "-1e-3 * t"`."""
     normal: Field | None = field(default=None, kw_only=True)
     tangential: Field | None = field(default=None, kw_only=True)
     """Component u_N or u_T instead [length], with the same tangent as for tractions: `normal = 0.0`."""
@@ -151,8 +149,7 @@ class RigidPlate(Checked):
 
     force_x: Driven | None = field(default=None, metadata=key(symbol="F_x", unit="force"))
     force_y: Driven | None = field(default=None, metadata=key(symbol="F_y", unit="force"))
-    """Force on the body along x or y per unit of thickness [stress × length]; force_y < 0 presses down:
-    `force_x = -10.0`."""
+    """Force on the body per unit of thickness [stress × length]; force_y < 0 presses down: `force_x = -10.0`."""
     moment: Driven | None = field(default=None, metadata=key(symbol="M", unit="moment"))
     """Moment on the body about the pivot, counterclockwise [stress × length²]: `moment = 0.0`."""
     pivot: tuple[float, float] = (0.0, 0.0)
@@ -226,12 +223,10 @@ class Contact(Checked):
         u_T = w                                                             tied
 
     A fluid of pressure p_w in the contact presses the sides apart. The law then holds for the effective normal stress
-    σ_N' = σ_N + p_w instead of σ_N: σ_N' ≤ 0, (u_N − g) σ_N' = 0, |σ_T| ≤ min(c + μ|σ_N'|, t_max). An open contact
-    carries σ_N = −p_w.
+    σ_N' = σ_N + p_w: σ_N' ≤ 0, (u_N − g) σ_N' = 0, |σ_T| ≤ min(c + μ|σ_N'|, t_max). An open contact has σ_N = −p_w.
 
     On a joint (an edge set made by the mesh's `with_joint`) u is the displacement of the lower or left block minus that
-    of the upper or right block, n points from the first block to the second, and g is the opening of the joint without
-    load.
+    of the upper or right block, n points from the first block to the second, and g is the opening without load.
     """
 
     edges: str

@@ -67,8 +67,7 @@ class Polynomial:
             raise InputError("Polynomial", self.coefficients, remedy)
         if max([len(rows), *map(len, rows)]) > _MAX_POWERS:
             raise InputError("Polynomial", self.coefficients, f"give powers of x and y below {_MAX_POWERS}")
-        coefficients = tuple(tuple(row.tolist()) for row in rows)
-        object.__setattr__(self, "coefficients", coefficients)
+        object.__setattr__(self, "coefficients", tuple(tuple(row.tolist()) for row in rows))
 
     def __call__(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Values at (x, y)."""
@@ -97,8 +96,7 @@ class BodyForces(PicklesFields):
     """Several body forces by name: a potential φ = Σ φ_name [stress] whose parts limit loads and sweeps can multiply.
 
     Each part is a number or a function of (x, y): the weight has the potential ρ g y, an acceleration a along x the
-    potential −ρ a x. `InputError` if there is no part, a name is not a text or is taken, or a part is no number and no
-    function.
+    potential −ρ a x. `InputError` if there is no part, a name is no text or is taken, or a part is anything else.
     """
 
     parts: Mapping[str, Any] = field(hash=False)

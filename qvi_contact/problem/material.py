@@ -103,8 +103,7 @@ class MohrCoulomb(Checked):
     """Cohesion and friction: |τ| ≤ c − σ tan φ on every plane, and no tension above the cut-off.
 
     Where φ varies within a part of a triangle, the lower bound of a limit load satisfies the criterion of every angle
-    there, and the upper bound uses one cone that contains all of them. That cone is unbounded where φ begins at zero
-    without a cut-off.
+    there, and the upper bound uses a cone that contains all, which is unbounded if φ begins at 0 without a cut-off.
     """
 
     c: Annotated[Field, Varying(0.0)]

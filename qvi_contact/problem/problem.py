@@ -77,8 +77,7 @@ class ContactProblem(PicklesFields):
     conditions: Sequence[Condition]
     """One condition for every component of every boundary edge."""
     body_potential: Field = 0.0
-    """Potential φ of the body force b = −∇φ [stress]; under gravity φ = ρ g y. `BodyForces` hold several potentials by
-    name."""
+    """Potential φ of the body force b = −∇φ [stress]; φ = ρ g y under gravity. `BodyForces` hold several by name."""
     regions: Sequence[Region] = ()
     """Parts of the body with another material; where two overlap, the later one counts."""
     temperature: Field = 0.0
@@ -206,9 +205,8 @@ class ContactProblem(PicklesFields):
             title, edges = type(condition).__name__, self.mesh.edges(condition.edges)
             index = self.mesh.topology.outer.searchsorted(edges.number)
             for (kind, name), value in data.items():
-                direction = direction_of(name, edges)
-                description = f"{title}.{name}", index, edges, direction, name in LOCAL, value
-                prescribed[kind].append(Prescribed(condition, *description))
+                frame = direction_of(name, edges), name in LOCAL
+                prescribed[kind].append(Prescribed(condition, f"{title}.{name}", index, edges, *frame, value))
         return {kind: tuple(each) for kind, each in prescribed.items()}
 
 

@@ -170,14 +170,17 @@ class TestRefined:
         assert np.isin(fine.parents(mesh)[fine.regions["foot"]], mesh.regions["foot"]).all()
 
     def test_numbers_do_not_choose_one_of_equal_sides(self):
-        """Sectors of a disc, which have two longest ones."""
+        """Sectors of a disc, which have two longest ones. Angles become no smaller than half of the smallest one."""
         mesh, found = half_disc().mesh, []
         for order in (np.arange(14), np.random.default_rng(0).permutation(14)):
             fine = TriangleMesh(mesh.vertices[order], np.argsort(order)[mesh.cells])
-            for _ in range(3):
+            for _ in range(8):
                 fine = fine.refined(fine.locate(mesh.corners[0].mean(axis=0)[None]))
             found.append(np.sort(fine.corners.mean(axis=1) @ [1.0, 1j]))
         assert found[0] == pytest.approx(found[1])
+        a, b, c = (np.concatenate([mesh.corners, fine.corners]) @ [1.0, 1j]).T
+        angles = np.abs(np.angle([(b - a) / (c - a), (c - b) / (a - b), (a - c) / (b - c)])).min(axis=0)
+        assert angles.min() > 0.5 * angles[: len(mesh.cells)].min()
 
     def test_grading_halves_the_triangles_at_a_point(self):
         mesh = TriangleMesh.rectangle((2, 2))

@@ -55,8 +55,7 @@ def result_page(
 ) -> str:
     """The page of a result: of a solve, of a refinement, or of the last result of a series.
 
-    `bracketed` returns the bracket of this result, or the reason why there is none. Contacts in `panels` have charts,
-    by default all.
+    `bracketed` returns the bracket of this result, or why there is none. Contacts in `panels`, or all, have charts.
     """
     steps = (result,) if series is None else series.results.steps
     bracket, missing = bracketed()
