@@ -327,9 +327,7 @@ def limit() -> None:
     click.option(
         "--of", metavar="NAME", multiple=True, help='Contact, region or "body" to weaken; may be given several times.'
     ),
-    click.option(
-        "--accuracy", type=float, default=1e-3, show_default=True, help="Relative width at which each search ends."
-    ),
+    click.option("--accuracy", type=float, default=1e-3, show_default=True, help="Relative width where searches end."),
     "degree time_limit verbose json",
 )
 def safety() -> None:

@@ -203,10 +203,10 @@ def limit(file: str, loads: tuple[str, ...], target: float | None, verbose: bool
     lines, units, reasons = report.limit_lines(loads, limit_load, refinement), problem_file.units, {}
     remarks = _time_remark(problem_file)
     if limit_load.upper == math.inf:
-        small = (
-            "Multiples such as 1 may be too small to hold the body. Under Coulomb friction it may slide at any multiple"
+        remarks.append(
+            "Smaller multiples, even 1, may be too small to hold the body, and under Coulomb friction it may slide at any "
+            "multiple: check a load by qvi-contact solve."
         )
-        remarks.append(f"{small}: check a load by qvi-contact solve.")
     lines += remarks
     if limit_load.mechanism is None and limit_load.collapse is None:
         reasons["plot"] = "there is no mechanism to draw in"

@@ -39,8 +39,8 @@ class Settings(Method):
     degree: int | None = None
     """Degree of the element, from 3 to 12; 4 by default: `degree = 5`."""
     law_on: LawOn | None = None
-    """Where the contact law holds: on whole edges, or at points. By default it holds on edges, but at points if friction
-    varies along an edge, on bilateral contacts with friction, and for uzawa: `law_on = "points"`."""
+    """Where the contact law holds: on whole edges, or at points. By default it holds on edges, but at points if
+    friction varies along an edge, on bilateral contacts with friction, and for uzawa: `law_on = "points"`."""
     initial: Any = None
     """An earlier result to start from, such as that of a smaller load. On the same mesh and element the condensed
     method starts from its state, if two iterations show that it is near. On the same contact points the fixed point
