@@ -270,7 +270,7 @@ def bracket(
     instance_of(ContactResult, "result", result)
     if not 0.0 < finite_number("tolerance", tolerance) <= LOOSEST:
         raise InputError("tolerance", tolerance, f"give a number above 0, at most {LOOSEST:g}")
-    default = min(result.discretization.space.degree, HIGHEST)
+    default = min(result.discretization.space.degree, HIGHEST)  # one degree less would double the gap
     degree = checked(result.problem, default if degree is None else degree, tolerance).degree
     result, earlier = after_earlier_slip(with_numbers(result))
     rough = ", ".join(repr(contact.name) for contact in result.problem.contacts if has_coulomb(contact))

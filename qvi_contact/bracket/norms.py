@@ -242,10 +242,10 @@ def _divergence_constant(problem: ContactProblem, held_vectors: list[FloatArray]
 
     negative_rho = np.array([0.0, 0.0, 0.0, -1.0]).dot
     optimum = np.asarray(fmin_slsqp(negative_rho, np.array([0.0, 0.0, 1.0, -1.0]), f_ieqcons=margins, iprint=0))
-    centre = optimum[:2] / optimum[2]
-    ratio = float((rows[:, :3] @ np.append(centre, 1.0)).min() / np.linalg.norm(corners - centre, axis=1).max())
+    y, t = optimum[:2], optimum[2]  # every centre y/t gives a bound, also one that is not the best
+    ratio = float((rows[:, :3] @ optimum[:3]).min() / max(np.linalg.norm(t * corners - y, axis=1).max(), 1e-300))
     inf_sup = float(np.sin(0.5 * np.arcsin(max(ratio, 0.0))))  # ≤ β
-    if inf_sup == 0.0 or mesh.hole_edges.any():
+    if not inf_sup > 0.0 or mesh.hole_edges.any():
         return np.inf
     # ψ_h minimises ‖∇ψ‖² + ‖1 − div ψ‖²/β² and is then scaled to the mean divergence 1
     space = DisplacementSpace.of(problem, triangle(_FIELD_DEGREE), problem.mesh.length)

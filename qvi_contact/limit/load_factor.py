@@ -40,7 +40,7 @@ _FARTHEST: Final = math.log(1e4)  # larger factors of strength count as infinite
 _STEP: Final = math.log(2.0)  # between the factors of strength that are tried first
 _MOST: Final = 1e6  # load factors above this or below its inverse count as this or its inverse
 _LEAST: Final = 1e-15  # least logarithm of a load factor ≥ 1, so that a search never meets zero
-_FAR: Final = 1e5  # times the least strength: parts stronger than this stay rigid, if the stresses from below are small
+_FAR: Final = 1e5  # ratio of strengths from which very strong parts stay rigid, if the stresses from below are small
 _SPARED: Final = 3e1  # times the least strength: stresses below this are small
 _CLOSE: Final = 1e-6  # logarithm of the factor's width at which a search may end without the accuracy asked for
 
@@ -133,7 +133,7 @@ def limit_load_factor(
         Names of the loads to multiply: of `Traction` conditions, of contacts whose `RigidPlate` prescribes forces, or
         "body" for the body force, or names of `BodyForces`.
     time_limit : float, optional
-        Seconds for the programs together; each has at most 300.
+        Seconds for all programs together; a linear program has at most 300.
     degree : int, optional
         Degree of the element, see `discretize`.
     verbose : bool
@@ -265,7 +265,7 @@ class Collapse:
 
 
 def _checked(carried: Carried, upper: float, straight: bool) -> float:
-    """The lower side, or the upper one if only rounding makes it smaller; `SolveError` on straight sides otherwise."""
+    """The lower side; the upper one if that is less by rounding. −∞, or `SolveError`, if they contradict each other."""
     lower = carried.factor
     if upper < lower <= upper + _MET * (1.0 + abs(upper)) + WIDER * carried.farthest:
         return upper
@@ -327,9 +327,9 @@ class StrengthReduction:
     """Both sides of the factor of safety on strength."""
 
     lower: float
-    """Strengths over this factor carry the loads, as stresses of the mesh show. Zero if no factor was found."""
+    """Strengths divided by this carry the loads, as stresses of the mesh show. Zero if no factor was found."""
     upper: float
-    """Strengths over this factor do not carry the loads, as a mechanism or a flow shows. Infinity if none was found."""
+    """Strengths divided by this do not on any mesh, as a mechanism or a flow shows. Infinity if no factor was found."""
     in_time: bool = True
     """Whether the searches ended within the time limit. If not, both bounds hold all the same."""
 
