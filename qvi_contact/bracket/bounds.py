@@ -71,8 +71,7 @@ class EarlierSlip:
 def after_earlier_slip(result: ContactResult) -> tuple[ContactResult, tuple[str, ...]]:
     """A step of a history as the result of a single problem, with the earlier slip in the offsets, and a reason.
 
-    The slip is made continuous, as displacements are, where edges go on straight. `InputError` if there is slip along
-    arcs.
+    The slip is made continuous where edges go on straight. `InputError` if there is slip along arcs.
     """
     known, slipped, mesh = result.discretization, dict[str, Contact](), result.problem.mesh
     rough = [rows.name for rows in known.contacts if rows.law != "tied" and rows.bound(np.ones_like(rows.gap)).any()]

@@ -289,8 +289,7 @@ class _Zones(NamedTuple):
     # (n,): coefficients of edges that touch the obstacle somewhere, or stick somewhere (only with friction)
     closed: BoolArray
     stuck: BoolArray
-    # (e,): edges without pressure somewhere, where ζ_N = 0; these, edges at the friction bound somewhere and edges
-    # without friction, where ζ_T = 0
+    # (e,): ζ_N = 0, on edges without pressure somewhere; ζ_T = 0, also on edges at the bound somewhere, or frictionless
     loose: BoolArray
     smooth: BoolArray
 

@@ -147,8 +147,7 @@ def rectangle_norm(problem: ContactProblem, shares: Mapping[str, Share]) -> floa
 def _slope_factor(spans_of_edges: FloatArray, theta: FloatArray, slopes: FloatArray, zeros: FloatArray) -> FloatArray:
     """H with ‖∂_aθ v_a‖ ≤ H ‖∂_a v_a‖ on one side: H² = ∫ (∂_aθ)² |a − a₀| da, for each a₀ in `zeros`, where v_a = 0.
 
-    The edges of the side are in order, with θ at their ends and bounds of its slopes on equal parts; θ is linear
-    across the gaps between edges.
+    Edges are in order, with θ at their ends and bounds of its slopes on equal parts; θ is linear between edges.
     """
     # gaps: start, end, change of θ. Where edges meet, a jump of θ, which springs across a contact allow, has no bound
     gaps = np.stack([spans_of_edges[:-1, 1], spans_of_edges[1:, 0], np.abs(theta[1:, 0] - theta[:-1, 1])])
@@ -320,8 +319,7 @@ def defect_bound(residual: float, defect: float, r: float) -> float:
 class FrictionNorm:
     """A bound of |R|; infinite where none is known.
 
-    It is `proved`, or was computed by finite elements on one mesh; `reason` says which. Where contacts alone stop rigid
-    motions (`stopped`), it is the norm on displacements without these motions.
+    It is `proved`, or was computed by finite elements, see `reason`; on displacements without motions `stopped`.
     """
 
     value: float
@@ -330,10 +328,7 @@ class FrictionNorm:
     stopped: Stopped | None = None
 
     def work(self, problem: ContactProblem, shares: Mapping[str, Share], error: float, defect: float) -> float:
-        """A bound of ∫ (σ − τ) : ε(Re) for the R of the given shares, from F and a bound of Σ; infinite without a norm.
-
-        The norm of this R is proved if `self` is.
-        """
+        """A bound of ∫ (σ − τ) : ε(Re) for the R of the given shares, from F and a bound of Σ; proved if `self` is."""
         if not any(share.values.any() for share in shares.values()):
             return 0.0
         if self.proved:

@@ -101,8 +101,7 @@ class Bracket:
     def certainty(self) -> Certainty:
         """Whether the bounds hold for the problem stated, up to rounding and the tolerance: "guaranteed" or "estimate".
 
-        With Coulomb friction these are the bounds of `coulomb`, else those of the energies. Where they are estimates,
-        `coulomb` or `reasons` says why.
+        With Coulomb friction these are the bounds of `coulomb`, else those of the energies. Both have `reasons`.
         """
         coulomb = self._under_friction
         is_guaranteed = not self.reasons if coulomb is None else coulomb.guaranteed

@@ -228,8 +228,7 @@ def edge_parts(
 ) -> tuple[dict[str, EdgeParts], float]:  # fmt: skip
     """Parts of the gap by contact that is not tied or has springs, for a friction bound s (e, q); and the slack.
 
-    The slack is twice the work of violations that a solver left, see `EdgeTractions.violations`, with v in the place of
-    the unknown u: an estimate of what they cost.
+    The slack estimates the cost of violations that a solver left: twice their work, with v in the place of u.
     """
     problem, unit, (t, weights) = discretization.problem, discretization.scales.stress, gauss_legendre(EDGE_POINTS)
     nodes, to_bernstein = lobatto_points(companion.degree), bernstein_from_values(companion.degree)

@@ -59,8 +59,7 @@ class Body:
 def bodies_of(problem: ContactProblem) -> tuple[Body, ...]:
     """The bodies of a problem, each alone; a joint between two bodies becomes a contact with an obstacle on each.
 
-    Tied joints do not divide. The same problem object gives the same bodies again. `InputError` if a joint that is not
-    tied has one body on both sides.
+    Tied joints do not divide. `InputError` if a joint that is not tied has one body on both sides.
     """
     joints = tuple(joint for joint in problem.joints if joint.law != "tied")
     if problem not in _PARTED:
@@ -311,8 +310,7 @@ def joined(
 ) -> tuple[dict[str, Share], tuple[str, ...]]:
     """Shares made continuous, with 0 at the vertices `zeros`, and a sentence for each place where that 0 costs much.
 
-    At a vertex the share is that of the edges whose sense is `given`, else of edges that slip, else of open edges, else
-    the mean of all edges.
+    At a vertex it is that of edges whose sense is `given`, else that slip, else that are open, else the mean of all.
     """
     edges_of = {name: problem.mesh.edges(share.contact.edges) for name, share in raw.items()}
     raw = {name: _turned(problem, share) for name, share in raw.items()}

@@ -269,8 +269,7 @@ class Contacts:
     # (n,): ±1 where slip has one direction, slipping (c_T − w) ≥ 0; 0 where c_T = w; NaN where slip is free
     slipping: FloatArray
     moved: FloatArray  # (2 n,): c of the plates themselves under their given motions
-    # (2 n,): ∫ p_w B_i ds of fluids, 0 for tangential coefficients; their work is −Σ fluid c. Tractions are effective
-    # ones, σ_N + p_w
+    # (2 n,): ∫ p_w B_i ds of fluids, 0 for tangential coefficients, of work −Σ fluid c; tractions are σ_N + p_w, σ_T
     fluid: FloatArray
     reasons: tuple[str, ...]  # why the laws are not met exactly
 

@@ -84,8 +84,7 @@ class LimitLoad(float):
     def to_frame(self) -> DataFrame:
         """One row as a pandas table: "lower", "upper", "bound", "violation", "slides" and "opens".
 
-        "slides" and "opens" are the names of the contacts that slide or open in the mechanism, joined by ", ". Needs
-        the extra ``frame`` (pandas); without it an `InputError` says so.
+        The last two are names of contacts of the mechanism, joined by ", ". `InputError` without pandas (``frame``).
         """
         motions = {} if self.mechanism is None else self.mechanism.contacts
         numbers = {name: [getattr(self, name)] for name in ("lower", "upper", "bound", "violation")}

@@ -79,8 +79,7 @@ class Carried:
     violation: float = 0.0  # largest violation of a row, relative to the size of the rows
     tractions: FloatArray | None = None  # (2 m,) rows [σ_N; σ_T] of the contacts; None if α is not finite
     bound: float = np.inf  # the dual bound of α; where bodies yield, by the solver's own multipliers
-    # (2 m,): multipliers of tractions, where no body yields: moments of the opening w and of the slip −[v]_T of the
-    # collapse motion of the mesh, with unit work of the loads
+    # (2 m,) where no body yields: multipliers, moments of w and −[v]_T of the mesh's collapse, with unit work of loads
     motion: FloatArray | None = None
     unknowns: FloatArray | None = None  # (n,): (z, y, α); None if α is not finite
     # (cells, 3, count, 3) where bodies yield: coefficients of (σ_xx, σ_yy, σ_xy), with the body potential φ
@@ -182,7 +181,7 @@ def _below(problem: ContactProblem, edges: Edges, name: str, field: Field) -> Fl
 class YieldCones:
     """Rows |(γ S, σ_xx − σ_yy, 2σ_xy)| ≤ a − β S on coefficients, S = σ_xx + σ_yy, for one side of the limit load.
 
-    "Friction that varies" in `docs/theory.md` has the cones for angles of friction that vary.
+    The cones of a friction angle that varies are in `docs/theory.md`, "Bodies that yield".
     """
 
     mesh: TriangleMesh
@@ -474,8 +473,7 @@ class StressProgram:
         forces = np.tile(weights.max() / weights, 2)
         largest = abs(H @ sparse.diags_array(forces)).max(axis=1).toarray().ravel()
         H, limit = sparse.csr_array(sparse.diags_array(1.0 / largest) @ H), limit / largest
-        # G x ≤ h and E x = b in the unknowns (z, α), with columns of norm 1, for which tolerances are made; columns of
-        # rounding, and of α, keep their size
+        # G x ≤ h and E x = b in (z, α), with columns of norm 1, as tolerances suppose, but for α and rounding
         (N, n), (A, b), kept = self._tractions, self._equations, np.append(np.arange(self.low.qvi.n), -1)
         unknowns, N = np.zeros(N.shape[1]), N[:, kept]
         rows, h = sparse.csr_array(H @ N), limit - H @ n
