@@ -65,9 +65,8 @@ class EdgeParts:
 class EdgeTractions:
     """Tractions on the edges of all contacts that are not tied, and their friction bound by the law; dimensionless."""
 
-    # (e, q): Bernstein coefficients of the effective σ_N, with the pressure of fluids added, and of σ_T
-    normal: FloatArray
-    shear: FloatArray
+    normal: FloatArray  # (e, q): Bernstein coefficients of the effective σ_N, with the pressure of fluids added
+    shear: FloatArray  # (e, q): Bernstein coefficients of σ_T
     # (e, q): coefficients of a bound s ≥ 0 of |σ_T|: min(c + μ|σ_N|, t_max), coefficient by coefficient. This is below
     # the law's bound where t_max begins to act inside an edge, and where c or t_max would have negative coefficients
     bound: FloatArray

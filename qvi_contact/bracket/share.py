@@ -173,8 +173,7 @@ class SharedStress:
 
     result: ContactResult  # it carries the stress τ + η
     shares: Mapping[str, Share]  # s, by contact with Coulomb friction
-    # a sentence for each vertex where s must vanish although the contact slips or is open there
-    places: tuple[str, ...]
+    places: tuple[str, ...]  # a sentence for each vertex where s must vanish although the contact slips or is open
     before: ContactResult  # it carries τ
 
     @property

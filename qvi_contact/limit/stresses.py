@@ -531,8 +531,7 @@ class StressProgram:
         parts: list[tuple[Any, FloatArray]] = [t_rows, (yy - xx, c_xx - c_yy), (-2.0 * xy, 2.0 * c_xy)]
         if cones.mean.any():
             parts.append((sparse.diags_array(-cones.mean) @ trace, cones.mean * constant))
-        # max α, with strong cones and rows relative to their own strength
-        q = np.append(np.zeros(S.shape[1] - 1), -1.0)
+        q = np.append(np.zeros(S.shape[1] - 1), -1.0)  # max α; strong cones and rows relative to their own strength
         least = min(cones.least / self.low.scales.stress, self.most)
         edge_scale, cone_scale = (sparse.diags_array(1.0 / beside(each, least)) for each in (limit, limits))
         edges = edge_scale @ H @ N, np.asarray(edge_scale @ (limit - H @ n))
