@@ -370,8 +370,7 @@ class Branches:
 
     `results` are all solutions that were found, first the one nearest to the displacement model. `distances` are their
     distances d, see `other_solutions`: an indication, no proof; NaN without a displacement model. `companion` is that
-    model; None if there is only one solution, or if the model has no answer. If there are several solutions, `message`
-    and a remark of each result say so.
+    model; None if there is only one solution, or if the model has no answer. Several have `message` as a remark.
     """
 
     results: tuple[ContactResult, ...]

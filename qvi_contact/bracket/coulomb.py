@@ -236,8 +236,7 @@ def coulomb_force_bounds(errors: CoulombBounds) -> dict[str, Bounds]:
     """T3: bounds of "NAME.normal_force" and "NAME.tangential_force" [stress × length] of contacts that are not tied.
 
     A force without a dual pair is left out: friction on a contact that ends where a support holds its tangential
-    displacement, and all forces if a contact has Tresca's law. Where the norm for s is proved, the norms of the dual
-    problems must be proved too.
+    displacement, and all forces if a contact has Tresca's law. If the norm for s is proved, the dual one must be, too.
     """
     stress, companion = errors.stress, errors.displacement
     problem, known, state, found = stress.problem, stress.discretization, companion.state, dict[str, Bounds]()

@@ -60,11 +60,9 @@ class Bracket:
     contacts: Mapping[str, EdgeParts]
     """The parts on the edges of each contact that is not tied, or has springs."""
     cell_gaps: FloatArray
-    """(cells,): all parts by cell, ≥ 0; the part of an edge goes to its cell, on a joint half to each side; 0 without a
-    displacement."""
+    """(cells,): all parts by cell, ≥ 0, with the parts of its edges, of a joint half; 0 without a displacement."""
     slack: float
-    """By how much the lower bound was lowered for violations of the contact law that the solver left: twice their work
-    with v in the place of u, an estimate."""
+    """What violations that the solver left take off the lower bound: an estimate, twice their work with v for u."""
     driven: Mapping[str, Bounds]
     """If a single prescribed displacement drives the problem: bounds of the force there, from the energies."""
     result: ContactResult

@@ -458,8 +458,7 @@ def spans(directions: FloatArray, wanted: FloatArray) -> bool:
 def _sides(problem: ContactProblem) -> Iterator[tuple[Edges, IntArray, Contact | None]]:
     """Edges, the bodies (e,) they belong to, and their contact law; first the whole boundary without a law.
 
-    Joints come once for each side. A joint with the same body on both sides is a crack: then all bodies count as one,
-    and joints have one side.
+    Joints come once for each side. If a joint has one body on both sides, all bodies are one, and joints have one side.
     """
     mesh, body = problem.mesh, blocks_of_cells(problem)
     laws = [(each, mesh.edges(each.edges)) for each in problem.contacts if each.law != "tied"]

@@ -167,8 +167,7 @@ class ConicProgram:
     def falls(self) -> bool:
         """Whether q·x falls without end along some direction, by more than rounding; False if no direction is found.
 
-        The direction sought has b = 0, q·x ≥ −1, and heads of the cones and slacks of the inequalities that sum up to
-        at most 1: its size is bounded.
+        The direction has b = 0, q·x ≥ −1, and heads of cones and slacks of inequalities with a sum of at most 1.
         """
         rows, program = [-self.q, -self.A[self._heads].sum(axis=0)], replace(self, b=np.zeros_like(self.b))
         program = program._extended(self.q, sparse.csr_array((len(self.b), 0)), np.vstack(rows), np.ones(2))

@@ -62,8 +62,7 @@ class LimitLoad(float):
     itself. Infinity if every multiple is carried, minus infinity if no multiple is."""
     upper: float
     """No stress of the body carries a larger multiple, on any mesh. Infinity if the loads can grow without limit, that
-    is, if their work on mechanisms is below 1e-7 of their work on other motions; minus infinity if no multiple can be
-    carried."""
+    is, if their work on mechanisms is below 1e-7 of their work on other motions; −∞ if no multiple is carried."""
     mechanism: Mechanism | None
     """The motion of rigid blocks that proves `upper`; None if `upper` is infinite or proved by flow."""
     bound: float
@@ -117,8 +116,7 @@ def limit_load_factor(
     Bernstein coefficients of stresses lie in the yield cones; from above, velocities may jump on the contacts. Each
     number is computed from the stresses or velocities found, not taken from the solver. Without any strength, bodies
     are infinitely strong: `lower` is a linear program in the Airy coefficients, with the contact law on whole edges,
-    and `upper` comes from the work of the loads on rigid motions of the blocks, see `Mechanism`: the limit itself on
-    any mesh.
+    and `upper` comes from the work of the loads on rigid motions of the blocks, see `Mechanism`: the exact limit.
 
     No solution carries more than `upper`. Below the limit a solution need not exist for Coulomb's law, whose slip is
     not associated: only `solve` can tell. Displacements, gaps and elastic constants do not enter. Bilateral contacts
@@ -255,8 +253,7 @@ class Collapse:
     motion: BodyMotion
     """The velocities that prove `LimitLoad.upper` if rigid blocks do not, and their dissipation."""
     stress: FloatArray
-    """(cells, 3, count, 3): Bernstein coefficients of (σ_xx, σ_yy, σ_xy) at `LimitLoad.lower` on the three parts of
-    each triangle [stress]."""
+    """(cells, 3, count, 3): coefficients of (σ_xx, σ_yy, σ_xy) at `lower` on the parts of each triangle [stress]."""
     gap: FloatArray
     """(cells,): the parts of upper − lower by (D38), ≥ 0; the part of a contact edge is shared by its triangles."""
     guaranteed: bool

@@ -443,8 +443,7 @@ class StressProgram:
         """The largest factor where no body yields: max α  s.t.  G z ≤ h + α h',  A z = b + α b'.
 
         The simplex method solves it. Its multipliers d ≥ 0 and ν with Gᵀd + Aᵀν = 0 give a bound: from Σ d (h + α h' −
-        G z) ≥ 0 follows α ≤ (h·d + b·ν) / −(h'·d + b'·ν), with rounding added. `SolveError` if the linear program is
-        not solved, or not in time.
+        G z) ≥ 0 follows α ≤ (h·d + b·ν) / −(h'·d + b'·ν), with rounding added. `SolveError` if it is not solved.
         """
         return self._with_signs(self._by_simplex)
 
